@@ -1,0 +1,1 @@
+"""Mechanics on paper: models, momentum conditions, counter-masses. Nothing here knows a sensor or a measured file."""

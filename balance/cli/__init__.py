@@ -1,0 +1,25 @@
+"""The command ``balance``."""
+
+from .console import LazyGroup, run
+
+COMMANDS = {
+    "conditions": "Which conditions balance this mechanism, found from its model.",
+    "size": "Which counter-masses balance it, exactly or from stock plates.",
+    "check": "What given counter-masses leave unbalanced.",
+    "simulate": "Shaking force, shaking moment and drive torque of a motion.",
+}
+
+
+def main() -> None:
+    """Run ``balance``."""
+    import click
+
+    group = LazyGroup(
+        "balance",
+        package=__name__,
+        lazy=COMMANDS,
+        help="Model a mechanism with closed loops, find its balance conditions, size its counter-masses.",
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    click.version_option(package_name="counterpoise")(group)
+    run(group, "balance")

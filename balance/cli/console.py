@@ -1,0 +1,86 @@
+"""What both commands share at the face: lazy subcommands, JSON or tables on stdout, messages on stderr, exit codes."""
+
+import json
+import sys
+from importlib import import_module
+from typing import Any, NoReturn
+
+import click
+
+from ..errors import CounterpoiseError
+
+EXIT_REFUSED = 1
+"""Refused or failed once a file or model was read; nothing half-written."""
+EXIT_WITH_FINDINGS = 3
+"""Done, with findings or losses that are listed."""
+
+json_option = click.option(
+    "--json", "as_json", is_flag=True, help="Print one JSON document on stdout, units in the keys."
+)
+
+
+class LazyGroup(click.Group):
+    """A group that imports the module of a subcommand only when it is called, so that ``--help`` is quick."""
+
+    def __init__(self, *args: Any, package: str, lazy: dict[str, str], **kwargs: Any) -> None:  # noqa: ANN401
+        super().__init__(*args, **kwargs)
+        self._package, self._lazy = package, lazy
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of the subcommands, in the order in which they are used."""
+        return list(self._lazy)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The subcommand, its module imported now."""
+        if cmd_name not in self._lazy:
+            return None
+        command = getattr(import_module(f"{self._package}.{cmd_name}"), cmd_name)
+        assert isinstance(command, click.Command)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the subcommands with their one line, without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(self._lazy.items()))
+
+
+def run(group: click.Group, name: str) -> NoReturn:
+    """Run a command; errors of the user's input become one message and an exit code, without a traceback."""
+    try:
+        code = group.main(prog_name=name, standalone_mode=False)
+    except click.ClickException as error:
+        error.show()
+        code = error.exit_code
+    except click.Abort:
+        click.echo(f"{name}: interrupted", err=True)
+        code = 130
+    except CounterpoiseError as error:
+        click.echo(f"{name}: {error}", err=True)
+        code = EXIT_REFUSED
+    except BrokenPipeError:
+        sys.stderr.close()
+        code = 0
+    except OSError as error:
+        click.echo(f"{name}: {error.filename or ''}: {error.strerror or error}", err=True)
+        code = EXIT_REFUSED
+    sys.exit(code or 0)
+
+
+def emit_json(document: dict[str, Any]) -> None:
+    """Print the one JSON document of a command. Non-finite numbers have no JSON form and must be None."""
+    click.echo(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def emit_table(title: str, header: list[str], rows: list[list[str]], note: str = "") -> None:
+    """Print a table for people on stdout; columns after the first are right-aligned."""
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(title=escape(title), title_justify="left", title_style="bold", caption=escape(note) or None,
+                  caption_justify="left")  # fmt: skip
+    for i, column in enumerate(header):
+        table.add_column(escape(column), justify="left" if i == 0 else "right")
+    for row in rows:
+        table.add_row(*(escape(cell) for cell in row))
+    Console(width=None if sys.stdout.isatty() else 160).print(table)

@@ -1,0 +1,29 @@
+"""Where the shipped data lie: in the wheel ``balance/_datasets``, in a checkout ``datasets``."""
+
+from pathlib import Path
+
+from .errors import DataError
+
+_HERE = Path(__file__).parent
+ROOT = _HERE / "_datasets" if (_HERE / "_datasets").is_dir() else _HERE.parent / "datasets"
+
+
+def names(folder: str, suffix: str) -> list[str]:
+    """Names, without ending, of the shipped files of one kind, such as ``names("mechanisms", ".xml")``."""
+    return sorted(path.stem for path in (ROOT / folder).glob(f"*{suffix}"))
+
+
+def find(name: str | Path, folder: str, *suffixes: str) -> Path:
+    """The file that ``name`` means: a file of the user's, or else a shipped one of ``folder``.
+
+    Raises DataError, listing the shipped names, if there is neither.
+    """
+    path = Path(name)
+    if path.is_file():
+        return path
+    for suffix in suffixes:
+        shipped = ROOT / folder / f"{name}{suffix}"
+        if path.name == str(name) and shipped.is_file():
+            return shipped
+    known = ", ".join(n for suffix in suffixes for n in names(folder, suffix))
+    raise DataError(f"{name}: no such file, and no shipped one of that name in {folder} (there are: {known})")

@@ -1,0 +1,25 @@
+"""Error types. Every message says what was found, what was expected, and what to do."""
+
+
+class CounterpoiseError(Exception):
+    """An error in what the user supplied, as opposed to a defect of the program: shown without a traceback."""
+
+
+class UnitError(CounterpoiseError):
+    """A text that is not a quantity of the expected dimension."""
+
+
+class ModelError(CounterpoiseError):
+    """A mechanism file, body, joint or site that cannot be used as asked."""
+
+
+class ClosureError(CounterpoiseError):
+    """A mechanism that cannot be closed at the asked state, or that is singular there."""
+
+
+class SizingError(CounterpoiseError):
+    """Counter-masses that cannot be found for the asked mechanism and stock."""
+
+
+class DataError(CounterpoiseError):
+    """A file of motion, stock or results that does not hold what it should."""

@@ -1,0 +1,101 @@
+"""Text with unit <-> SI. Everything inside the packages is SI; this is the edge.
+
+``g0`` is 9.81 m/s2, the value of the source (see CONVENTIONS.md), not the standard 9.80665 m/s2.
+"""
+
+import re
+from functools import cache
+from typing import TYPE_CHECKING
+
+from .errors import UnitError
+
+if TYPE_CHECKING:
+    import pint
+
+G0 = 9.81
+"""Acceleration of gravity of the source [m/s2]."""
+
+SI_UNITS = {
+    "mass": "kg",
+    "length": "m",
+    "time": "s",
+    "acceleration": "m/s^2",
+    "velocity": "m/s",
+    "angle": "rad",
+    "angular velocity": "rad/s",
+    "frequency": "Hz",
+    "force": "N",
+    "moment": "N m",
+    "first moment": "kg m",
+    "inertia": "kg m^2",
+    "voltage": "V",
+    "stiffness": "N/m",
+    "damping": "N s/m",
+}
+"""Dimensions that a quantity may be asked to have, and the unit in which it is returned."""
+
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
+_UNIT_TEXT = re.compile(r"[A-Za-zµμ°Ω%·⋅*/^²³⁻¹0-9.() _-]{1,40}")
+_SPELLINGS = {
+    "Nm": "N*m", "Nmm": "N*mm", "kNm": "kN*m", "kgm": "kg*m", "kgm2": "kg*m^2", "kgm^2": "kg*m^2", "Newtons": "N",
+    "Newton": "N", "volts": "V", "Volts": "V", "sec": "s", "°C": "degC",
+}  # fmt: skip
+
+
+def parse(text: str, dimension: str) -> float:
+    """Read ``text`` such as ``37.55mm`` or ``3 g0`` as a quantity of ``dimension``, in SI.
+
+    Raises UnitError if the text is no number with a unit, or the unit is of another dimension.
+    """
+    expected = SI_UNITS[dimension]
+    match = _QUANTITY.fullmatch(text)
+    if match is None:
+        raise UnitError(
+            f"{text!r} is not a {dimension}: expected a number and a unit, such as '1 {expected}'"
+        )
+    if not match[2]:
+        raise UnitError(f"{text!r} has no unit: write for example '{match[1]} {expected}'")
+    return float(match[1]) * factor_to_si(match[2], dimension)
+
+
+def factor_to_si(unit: str, dimension: str) -> float:
+    """Factor that turns a value in ``unit`` into the SI unit of ``dimension``."""
+    parsed = parse_unit(unit)
+    if parsed is None:
+        raise UnitError(
+            f"{unit!r} is not a known unit: expected a {dimension}, such as '{SI_UNITS[dimension]}'"
+        )
+    registry = _registry()
+    expected = registry.parse_units(_spelled(SI_UNITS[dimension]))
+    if parsed.dimensionality != expected.dimensionality:
+        raise UnitError(
+            f"{unit!r} is not a unit of {dimension}: expected one such as '{SI_UNITS[dimension]}'"
+        )
+    return float(registry.Quantity(1.0, parsed).to(expected).magnitude)
+
+
+def parse_unit(text: str) -> "pint.Unit | None":
+    """The unit that ``text`` names, as pint understands it, or None if it names none."""
+    import pint
+
+    if not text.strip() or _UNIT_TEXT.fullmatch(text) is None:
+        return None
+    try:
+        return _registry().parse_units(_spelled(text.strip()))
+    except (pint.errors.PintError, ValueError, TypeError, AttributeError, AssertionError, ArithmeticError):
+        return None  # pint raises any of these on text that is no unit
+
+
+def _spelled(unit: str) -> str:
+    """Loggers' spellings in the form that pint reads: ``m/s2`` -> ``m/s^2``, ``N·m`` -> ``N*m``."""
+    unit = _SPELLINGS.get(unit, unit).replace("·", "*").replace("⋅", "*")
+    return re.sub(r"(?<=[A-Za-z])([23])(?![0-9])", r"^\1", unit)
+
+
+@cache
+def _registry() -> "pint.UnitRegistry":
+    import pint
+
+    registry: pint.UnitRegistry = pint.UnitRegistry()
+    registry.define(f"g0 = {G0} * meter / second ** 2")
+    return registry

@@ -1,0 +1,29 @@
+"""The command ``testbench``."""
+
+from balance.cli.console import LazyGroup, run
+
+COMMANDS = {
+    "simulate": "Make the logs that a test bench would write, marked as simulated.",
+    "info": "What a log file holds, and what is odd in it.",
+    "formats": "Which formats can be read.",
+    "ingest": "Read logs into HDF5, one file a run, losing nothing.",
+    "list": "The runs of a campaign.",
+    "verify": "Check every stored run against its digest.",
+    "analyze": "How much the vibration amplitude fell.",
+    "compare": "Analysed from logs, simulated and published, side by side.",
+}
+
+
+def main() -> None:
+    """Run ``testbench``."""
+    import click
+
+    group = LazyGroup(
+        "testbench",
+        package=__name__,
+        lazy=COMMANDS,
+        help="Read test-bench logs into HDF5, find how much the vibration fell, compare with simulation and print.",
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    click.version_option(package_name="counterpoise")(group)
+    run(group, "testbench")
