@@ -1,0 +1,100 @@
+"""What may be odd in a recording: one code each, how grave it is, and what it means.
+
+``error``: what cannot be told apart from loss; refused until a person accepts it.
+``warning``: kept and flagged. ``note``: said, and no reason to stop.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class Severity(IntEnum):
+    """How grave a finding is."""
+
+    NOTE = 0
+    WARNING = 1
+    ERROR = 2
+
+
+_ERRORS = {
+    "empty_file": "The file has no content.",
+    "no_data": "There is a header, and no row of numbers under it.",
+    "not_text": "The content is no text: an archive, a spreadsheet, a binary file.",
+    "nul_bytes": "NUL bytes inside the text, as a logger leaves them when its power fails.",
+    "line_too_long": "A line longer than any logger writes.",
+    "unknown_encoding": "The text is in no encoding that can be told.",
+    "unknown_dialect": "Delimiter and decimal mark cannot be told.",
+    "decimal_mark_changes": "Some numbers carry another decimal mark than the first lines.",
+    "ambiguous_number": "A number with two kinds of marks, or with marks that may be of thousands.",
+    "ragged_row": "A row with more or fewer fields than the header; its values are NaN if accepted.",
+    "time_not_increasing": "Time that falls or stands still.",
+    "origin_contradiction": "The log says simulated, the sheet says otherwise.",
+    "count_contradiction": "The header declares another number of samples than the file holds.",
+    "rig_contradiction": "The rig names channels that the recording does not hold.",
+}
+_WARNINGS = {
+    "cut_last_row": "The file ends inside a row, or in one that may be cut. That row is left out.",
+    "not_a_number": "Cells that are no finite number. Kept as inf where so written, otherwise as NaN.",
+    "text_channel": "A column of text; its cells are not kept as data.",
+    "repeated_header": "The header comes again inside the file: several recordings, kept as separate groups.",
+    "encoding_inferred": "The encoding was inferred from typical letters; it is declared nowhere.",
+    "no_header": "The first row is data; the columns are named col0, col1, ...",
+    "duplicate_names": "Several channels of one name.",
+    "time_unit_assumed": "The time column carries no unit; seconds were assumed for the rate alone.",
+    "time_unit_unknown": "The unit of the time column is no unit of time; there is no rate.",
+    "time_unreadable": "Times that are no finite number; the steps beside them are not counted.",
+    "time_gap": "A step of time much longer than the others.",
+    "time_irregular": "Steps of time too scattered for a sampling rate.",
+    "event_times": "A column of times alone: events, such as edges, and no sampled signal.",
+    "no_clock": "Neither a time column nor a declared rate.",
+    "rate_contradiction": "The rate in the header and the steps of the time column differ.",
+    "clipping": "Samples at the limit of the sensor's range.",
+    "clipping_suspected": "Flat tops at the largest or smallest value, as a saturated sensor leaves them.",
+    "constant_channel": "A channel of one single value: a dead, stuck or unused one.",
+    "not_in_sheet": "The sheet of run conditions does not name this file.",
+}
+_NOTES = {
+    "dialect": "Delimiter, decimal mark and encoding as detected in the first lines.",
+    "unit_missing": "Channels without a unit.",
+    "no_final_newline": "The last line has no end, but every number of it is as long as those above.",
+    "comment_inside": "Comment lines between the rows.",
+    "blank_lines": "Blank lines between the rows.",
+    "time_jitter": "Steps of time that scatter.",
+    "already_stored": "The campaign holds this recording already; nothing was written.",
+}
+
+MEANING = {**_ERRORS, **_WARNINGS, **_NOTES}
+"""Every code, and what it means."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something odd: its code, the channel and place (``line 62``) where there is one, and a message."""
+
+    code: str
+    channel: str | None
+    where: str | None
+    message: str
+
+    @property
+    def severity(self) -> Severity:
+        """How grave findings of this code are."""
+        if self.code in _ERRORS:
+            return Severity.ERROR
+        return Severity.WARNING if self.code in _WARNINGS else Severity.NOTE
+
+    def as_dict(self) -> dict[str, str | None]:
+        """The finding as it is printed and stored."""
+        return {"code": self.code, "channel": self.channel, "where": self.where, "message": self.message}
+
+
+def worst(findings: Iterable[Finding]) -> Severity:
+    """The gravest severity among ``findings``; a note if there are none."""
+    return max((f.severity for f in findings), default=Severity.NOTE)
+
+
+def refused(findings: Iterable[Finding], accepted: Iterable[str] = ()) -> list[Finding]:
+    """The findings for which a recording is refused, unless a person accepts their codes."""
+    allowed = frozenset(accepted)
+    return [f for f in findings if f.severity is Severity.ERROR and f.code not in allowed]

@@ -1,0 +1,114 @@
+"""What a reader gives: groups of channels with their clock, then the data in blocks."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .findings import Finding as Finding
+
+Origin = Literal["measured", "simulated", "unstated"]
+Samples = NDArray[np.float64]
+Report = Callable[[Finding], None]
+
+
+class Conditions(TypedDict, total=False):
+    """What a run was made with, from the sheet; what the sheet leaves empty is absent."""
+
+    payload_kg: float
+    counter_masses: dict[str, float]
+    motion: str
+    peak_acceleration_g: float
+    repeat: int
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One column, with its name and unit exactly as the logger wrote them, and the name without the unit."""
+
+    name: str
+    unit: str | None = None
+    label: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.label:
+            object.__setattr__(self, "label", self.name)
+
+
+@dataclass(frozen=True)
+class UniformClock:
+    """A declared rate: sample ``i`` was taken at ``start_s + i / rate_hz``."""
+
+    rate_hz: float
+    start_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class TimeColumn:
+    """A recorded time: the channel of this index, the seconds in one of its units (None: unknown unit).
+
+    ``assumed`` says that the column carries no unit and seconds were taken.
+    """
+
+    index: int
+    seconds_per_unit: float | None = 1.0
+    assumed: bool = False
+
+
+Clock = UniformClock | TimeColumn
+
+
+@dataclass(frozen=True)
+class Group:
+    """Channels sampled together; the time column, if there is one, is among them."""
+
+    name: str
+    channels: tuple[Channel, ...]
+    clock: Clock | None = None
+
+
+@dataclass(frozen=True)
+class Block:
+    """Successive samples of one group: one float64 column a channel, all (n,).
+
+    ``lines`` holds the file's line of each sample where the file has lines.
+    """
+
+    group: Group
+    columns: tuple[Samples, ...]
+    start: int
+    lines: "range | NDArray[np.int64] | None" = None
+
+    def __len__(self) -> int:
+        return len(self.columns[0])
+
+    def where(self, i: int) -> str:
+        """The place of the block's sample ``i``, for a person to find."""
+        return f"sample {self.start + i}" if self.lines is None else f"line {self.lines[i]}"
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A log file, its header read and its data not yet.
+
+    ``read`` yields the data and reports what it finds on the way; a later block may bring a group that the
+    header did not announce (a second recording appended to the file).
+    """
+
+    path: Path
+    format: str
+    reader: str
+    groups: tuple[Group, ...]
+    read: Callable[[Report], Iterator[Block]]
+    origin: Origin = "unstated"
+    settings: Mapping[str, str] = field(default_factory=dict)
+    metadata: Mapping[str, str] = field(default_factory=dict)
+    comments: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+    def blocks(self, report: Report) -> Iterator[Block]:
+        """The data in blocks of bounded size; findings on the way go to ``report``."""
+        return self.read(report)

@@ -1,0 +1,6 @@
+"""Runs in HDF5: one immutable file a run, its digest beside it; a campaign is a folder of runs."""
+
+from .campaign import Campaign, open_campaign
+from .run import Run, StoredGroup, open_run
+
+__all__ = ["Campaign", "Run", "StoredGroup", "open_campaign", "open_run"]

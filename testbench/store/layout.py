@@ -1,0 +1,29 @@
+"""Names inside a run's HDF5 file, in one place for writing and reading."""
+
+import re
+import unicodedata
+
+LAYOUT = 1
+"""Version of this layout, in the attribute ``counterpoise_layout`` of the file."""
+
+ENTRY = "entry"
+CONDITIONS = f"{ENTRY}/conditions"
+COUNTER_MASSES = f"{CONDITIONS}/counter_masses"
+PROVENANCE = f"{ENTRY}/provenance"
+FINDINGS = f"{ENTRY}/notes/findings"
+RIG = f"{ENTRY}/notes/rig"
+
+_LETTERS = str.maketrans({"ı": "i", "ß": "ss", "ø": "o", "Ø": "O", "æ": "ae", "µ": "u", "μ": "u", "°": "deg"})
+
+
+def safe_name(written: str, taken: set[str]) -> str:
+    """An HDF5 name that NeXus allows, near to ``written``, not among ``taken``; it is added there."""
+    plain = unicodedata.normalize("NFKD", written.translate(_LETTERS))
+    plain = "".join(c for c in plain if not unicodedata.combining(c))
+    base = re.sub(r"[^A-Za-z0-9]+", "_", plain).strip("_")[:60] or "channel"
+    name, n = base, 1
+    while name in taken:
+        n += 1
+        name = f"{base}_{n}"
+    taken.add(name)
+    return name

@@ -1,0 +1,185 @@
+"""A stored run, read back: names, units, time, conditions, findings."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from ..errors import StoreError
+from ..findings import Finding
+from ..recording import Channel, Conditions, Group, Origin, Samples, TimeColumn, UniformClock
+from . import layout, safe
+
+if TYPE_CHECKING:
+    import h5py
+
+
+@dataclass(frozen=True)
+class StoredGroup(Group):
+    """A group of a stored run: its samples, its rate [Hz] and where that came from, its place in the file."""
+
+    samples: int = 0
+    rate_hz: float | None = None
+    rate_source: str | None = None
+    path: str = ""
+    keys: tuple[str, ...] = ()
+
+    def index(self, name: str) -> int | None:
+        """The channel of this name as written; else of this name without its unit; else of this HDF5 name."""
+        for names in ([c.name for c in self.channels], [c.label for c in self.channels], list(self.keys)):
+            if names.count(name) == 1:
+                return names.index(name)
+        return None
+
+
+@dataclass(frozen=True)
+class Run:
+    """One stored run. The file is opened for each read only, so nothing need be closed."""
+
+    path: Path
+    groups: tuple[StoredGroup, ...]
+    origin: Origin
+    conditions: Conditions
+    rig: str | None
+    findings: tuple[Finding, ...]
+    provenance: dict[str, Any]
+
+    @property
+    def name(self) -> str:
+        """The run's name: that of its file without ending."""
+        return self.path.stem
+
+    def group(self, name: str | None = None) -> StoredGroup:
+        """The group of this name; the only one if no name is given."""
+        if name is None and len(self.groups) == 1:
+            return self.groups[0]
+        for group in self.groups:
+            if group.name == name:
+                return group
+        raise StoreError(
+            f"{self.path.name}: no group {name!r}; there are {_listed(g.name for g in self.groups)}"
+        )
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Sampling rate of the only group [Hz]: declared, or 1 / median step; None if there is none."""
+        return self.group().rate_hz
+
+    def find(self, channel: str, group: str | None = None) -> tuple[StoredGroup, int]:
+        """Where a channel is: its group and its index there. It must be in one group only."""
+        among = self.groups if group is None else (self.group(group),)
+        found = [(g, i) for g in among if (i := g.index(channel)) is not None]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            groups = _listed(g.name for g, _ in found)
+            raise StoreError(
+                f"{self.path.name}: channel {channel!r} is in several groups, {groups}; name one"
+            )
+        known = _listed(c.name for g in among for c in g.channels)
+        raise StoreError(f"{self.path.name}: no channel {channel!r}, or not only one; there are {known}")
+
+    def channel(self, name: str, group: str | None = None) -> Samples:
+        """The values of a channel as recorded, in its unit as written, (n,)."""
+        where, i = self.find(name, group)
+        return self._read(f"{where.path}/{where.keys[i]}")
+
+    def time(self, group: str | None = None) -> Samples:
+        """Time of each sample on its logger's own clock, (n,) [s]."""
+        where = self.group(group)
+        if isinstance(where.clock, UniformClock):
+            return where.clock.start_s + np.arange(where.samples) / where.clock.rate_hz
+        if where.clock is None or where.clock.seconds_per_unit is None:
+            raise StoreError(
+                f"{self.path.name}: group {where.name!r} has no time column in a unit of time, and no rate"
+            )
+        recorded = self._read(f"{where.path}/{where.keys[where.clock.index]}")
+        return recorded if where.clock.seconds_per_unit == 1.0 else recorded * where.clock.seconds_per_unit
+
+    def _read(self, path: str) -> Samples:
+        with safe.open_for_reading(self.path) as file:
+            return np.asarray(safe.member(file, path)[()], dtype=np.float64)
+
+
+def open_run(path: str | Path) -> Run:
+    """Open a stored run; its data are read when asked for."""
+    path = Path(path)
+    with safe.open_for_reading(path) as file:
+        if file.attrs.get("counterpoise_layout") != layout.LAYOUT:
+            raise StoreError(f"{path.name}: not a run stored by this version (layout {layout.LAYOUT})")
+        entry = safe.member(file, layout.ENTRY)
+        return Run(
+            path=path,
+            groups=tuple(_group(entry, key) for key in entry.attrs["groups"]),
+            origin=cast(Origin, str(entry.attrs["origin"])),
+            conditions=_conditions(file),
+            rig=_texts(file, layout.RIG)[0] if safe.has(file, layout.RIG) else None,
+            findings=_findings(file),
+            provenance=json.loads(str(safe.member(file, layout.PROVENANCE).attrs["json"])),
+        )
+
+
+def _group(entry: "h5py.Group", key: str) -> StoredGroup:
+    node = safe.member(entry, key)
+    keys = tuple(str(k) for k in node.attrs["channels"])
+    datasets = [safe.member(node, k) for k in keys]
+    clock: UniformClock | TimeColumn | None = None
+    if node.attrs["clock"] == "uniform":
+        clock = UniformClock(float(node.attrs["rate_hz"]), float(node.attrs["start_s"]))
+    elif node.attrs["clock"] == "recorded":
+        factor = node.attrs.get("seconds_per_unit")
+        clock = TimeColumn(
+            keys.index("time"), None if factor is None else float(factor), bool(node.attrs["unit_assumed"])
+        )
+    return StoredGroup(
+        name=str(node.attrs["name"]),
+        channels=tuple(_channel(d) for d in datasets),
+        clock=clock,
+        samples=int(node.attrs["samples"]),
+        rate_hz=float(node.attrs["rate_hz"]) if "rate_hz" in node.attrs else None,
+        rate_source=str(node.attrs["rate_source"]) if "rate_source" in node.attrs else None,
+        path=f"{layout.ENTRY}/{key}",
+        keys=keys,
+    )
+
+
+def _channel(dataset: "h5py.Dataset") -> Channel:
+    attrs = dataset.attrs
+    return Channel(
+        str(attrs["long_name"]), str(attrs["units"]) if "units" in attrs else None, str(attrs["label"])
+    )
+
+
+def _conditions(file: "h5py.File") -> Conditions:
+    attrs = safe.member(file, layout.CONDITIONS).attrs
+    conditions = Conditions()
+    if "payload_kg" in attrs:
+        conditions["payload_kg"] = float(attrs["payload_kg"])
+    if "motion" in attrs:
+        conditions["motion"] = str(attrs["motion"])
+    if "peak_acceleration_g" in attrs:
+        conditions["peak_acceleration_g"] = float(attrs["peak_acceleration_g"])
+    if "repeat" in attrs:
+        conditions["repeat"] = int(attrs["repeat"])
+    if safe.has(file, layout.COUNTER_MASSES):
+        masses = safe.member(file, layout.COUNTER_MASSES).attrs
+        conditions["counter_masses"] = {
+            str(site): float(mass) for site, mass in masses.items() if site != "NX_class"
+        }
+    return conditions
+
+
+def _findings(file: "h5py.File") -> tuple[Finding, ...]:
+    if not safe.has(file, layout.FINDINGS):
+        return ()
+    return tuple(Finding(**json.loads(text)) for text in _texts(file, layout.FINDINGS))
+
+
+def _texts(file: "h5py.File", path: str) -> list[str]:
+    return [bytes(text).decode("utf-8") for text in safe.member(file, path)[()]]
+
+
+def _listed(names: Any) -> str:  # noqa: ANN401
+    return ", ".join(repr(str(name)) for name in names) or "none"

@@ -1,0 +1,70 @@
+"""Opening HDF5 without letting the file make us open another one, loop, or read what was never written."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import StoreError
+
+if TYPE_CHECKING:
+    import h5py
+
+_FILTERS = frozenset({"fletcher32", "shuffle", "gzip"})
+
+
+@contextmanager
+def open_for_reading(path: Path) -> Iterator["h5py.File"]:
+    """The HDF5 file at ``path``; whatever HDF5 finds wrong in it becomes a StoreError."""
+    import h5py
+
+    if not path.is_file():
+        raise StoreError(f"{path}: no such file; expected a stored run (.h5)")
+    try:
+        with h5py.File(path, "r") as file:
+            yield file
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError, UnicodeDecodeError) as error:
+        raise StoreError(f"{path.name}: not a stored run, or damaged: {error}") from error
+
+
+def member(group: "h5py.Group", path: str) -> Any:  # noqa: ANN401
+    """The object at ``path`` below ``group``; links to elsewhere on the way are refused by name."""
+    import h5py
+
+    node = group
+    for name in path.split("/"):
+        link = node.get(name, getlink=True)
+        if link is None:
+            raise StoreError(f"{group.file.filename}: holds no {path}; it is not a stored run, or damaged")
+        if not isinstance(link, h5py.HardLink):
+            raise StoreError(
+                f"{group.file.filename}: {node.name}/{name} is a link to elsewhere, which is refused"
+            )
+        node = node[name]
+    if isinstance(node, h5py.Dataset):
+        _refuse_outside(node)
+    return node
+
+
+def has(group: "h5py.Group", path: str) -> bool:
+    """Whether there is an object at ``path`` below ``group``, without following any link to find out."""
+    import h5py
+
+    node: Any = group
+    for name in path.split("/"):
+        if not isinstance(node, h5py.Group) or not isinstance(node.get(name, getlink=True), h5py.HardLink):
+            return False
+        node = node[name]
+    return True
+
+
+def _refuse_outside(dataset: "h5py.Dataset") -> None:
+    """Refuse data that lie in another file, that need a foreign filter, or that were never written."""
+    plist = dataset.id.get_create_plist()
+    if dataset.is_virtual or plist.get_external_count():
+        raise StoreError(f"{dataset.file.filename}: {dataset.name} lies in another file, which is refused")
+    filters = {dataset.compression, "fletcher32" if dataset.fletcher32 else None} - {None}
+    if not filters <= _FILTERS:
+        raise StoreError(f"{dataset.file.filename}: {dataset.name} needs a filter that is not a standard one")
+    if dataset.compression is None and dataset.id.get_storage_size() < dataset.nbytes:
+        raise StoreError(f"{dataset.file.filename}: {dataset.name} declares more values than the file holds")
