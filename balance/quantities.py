@@ -23,6 +23,7 @@ SI_UNITS = {
     "velocity": "m/s",
     "angle": "rad",
     "angular velocity": "rad/s",
+    "angular acceleration": "rad/s^2",
     "frequency": "Hz",
     "force": "N",
     "moment": "N m",
@@ -93,9 +94,9 @@ def _spelled(unit: str) -> str:
 
 
 @cache
-def _registry() -> "pint.UnitRegistry":
+def _registry() -> "pint.UnitRegistry[float]":
     import pint
 
-    registry: pint.UnitRegistry = pint.UnitRegistry()
+    registry: pint.UnitRegistry[float] = pint.UnitRegistry()
     registry.define(f"g0 = {G0} * meter / second ** 2")
     return registry

@@ -1,0 +1,136 @@
+"""What a motion drives: joints, or a point of a body along axes of the base."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import kinematics
+from .kinematics import Motion, Pose
+from .mechanism import Mechanism
+from .tree import Tree
+
+Floats = NDArray[np.float64]
+
+AXES = {"x": 0, "y": 1, "z": 2}
+
+
+class Drive(Protocol):
+    """Driven coordinates u(q), with their Jacobian and acceleration bias; samples on the last axis."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the driven coordinates."""
+        ...
+
+    @property
+    def size(self) -> int:
+        """Number of driven coordinates."""
+        ...
+
+    def position(self, at: Pose, q: Floats) -> Floats:
+        """Driven coordinates, (size, n) [rad, m]."""
+        ...
+
+    def jacobian(self, tree: Tree, at: Pose) -> Floats:
+        """Their rates per joint rate, (size, nv, n)."""
+        ...
+
+    def bias(self, at: Pose, moving: Motion) -> Floats:
+        """Their second rates where ``moving`` has zero joint accelerations, (size, n) [rad/s2, m/s2]."""
+        ...
+
+    def scale(self, length: float) -> float:
+        """What a step of one radian amounts to in these coordinates, for a mechanism of ``length`` [rad, m]."""
+        ...
+
+    def value(self, mechanism: Mechanism, q: Floats) -> Floats:
+        """Driven coordinates of one configuration (nv,), (size,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class JointDrive:
+    """Joints that are driven directly."""
+
+    names: tuple[str, ...]
+    indices: tuple[int, ...]
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, joints: tuple[str, ...]) -> "JointDrive":
+        """Drive joints by name. Raises ModelError for a joint that the mechanism does not have."""
+        return cls(joints, tuple(mechanism.coordinate_index(joint) for joint in joints))
+
+    @property
+    def size(self) -> int:
+        """Number of driven joints."""
+        return len(self.indices)
+
+    def position(self, at: Pose, q: Floats) -> Floats:
+        """Joint positions, (size, n)."""
+        return q[list(self.indices)]
+
+    def jacobian(self, tree: Tree, at: Pose) -> Floats:
+        """Rows of the identity, (size, nv, n)."""
+        rows = np.eye(tree.size)[list(self.indices)]
+        return np.repeat(rows[:, :, None], at.axis[0].shape[1], axis=2)
+
+    def bias(self, at: Pose, moving: Motion) -> Floats:
+        """Zero: joint coordinates are linear."""
+        return np.zeros((self.size, at.axis[0].shape[1]))
+
+    def scale(self, length: float) -> float:
+        """One radian."""
+        return 1.0
+
+    def value(self, mechanism: Mechanism, q: Floats) -> Floats:
+        """Joint positions of one configuration."""
+        return q[list(self.indices)]
+
+
+@dataclass(frozen=True)
+class PointDrive:
+    """A point fixed in a body's frame, driven along axes of the base."""
+
+    names: tuple[str, ...]
+    joint: int
+    offset: Floats
+    axes: tuple[int, ...]
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, place: str, axes: tuple[str, ...]) -> "PointDrive":
+        """Drive a body's own centre of mass, or a site, by name, along ``axes`` such as ("x", "y")."""
+        if place in mechanism.own_mass:
+            body, offset = mechanism.body_index(place), mechanism.centre(place)
+        else:
+            site = mechanism.site(place)
+            body, offset = site.body, site.position
+        names = tuple(f"{place}.{axis}" for axis in axes)
+        return cls(names, mechanism.tree.bodies[body], offset, tuple(AXES[axis] for axis in axes))
+
+    @property
+    def size(self) -> int:
+        """Number of driven axes."""
+        return len(self.axes)
+
+    def position(self, at: Pose, q: Floats) -> Floats:
+        """Base coordinates of the point, (size, n) [m]."""
+        return at.point(self.joint, self.offset)[list(self.axes)]
+
+    def jacobian(self, tree: Tree, at: Pose) -> Floats:
+        """Rows of the point's Jacobian, (size, nv, n)."""
+        point = at.point(self.joint, self.offset)
+        return kinematics.point_jacobian(tree, at, self.joint, point)[list(self.axes)]
+
+    def bias(self, at: Pose, moving: Motion) -> Floats:
+        """Acceleration of the point at zero joint accelerations, (size, n) [m/s2]."""
+        return kinematics.point_motion(at, moving, self.joint, self.offset)[1][list(self.axes)]
+
+    def scale(self, length: float) -> float:
+        """A length of the mechanism."""
+        return length
+
+    def value(self, mechanism: Mechanism, q: Floats) -> Floats:
+        """Base coordinates of the point at one configuration."""
+        return self.position(kinematics.pose(mechanism.tree, q[:, None]), q[:, None])[:, 0]
