@@ -9,17 +9,15 @@ mechanisms are redundant; a fixed set of independent rows is solved, all rows ar
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from . import constraints, kinematics
+from .arrays import Floats, Indices
 from .drive import Drive
 from .errors import ClosureError
 from .kinematics import Pose
 from .mechanism import Mechanism
 from .motion import Samples
-
-Floats = NDArray[np.float64]
 
 BLOCK = 2048
 """Samples worked on at once: what stays in the processor's cache."""
@@ -156,7 +154,7 @@ class Closure:
             f"({', '.join(loop.name for loop in self.mechanism.loops)}) stay {np.abs(gap).max():.3g} m apart"
         )
 
-    def _continuation(self, system: "_System", samples: Samples) -> tuple[NDArray[np.intp], Floats, Floats]:
+    def _continuation(self, system: "_System", samples: Samples) -> tuple[Indices, Floats, Floats]:
         """Coarse samples, their closed configurations (k, nv) and rates per drive (k, nv, dof)."""
         start = system.drive.value(self.mechanism, self.home)
         nodes = _nodes(samples.position, COARSE_STEP * system.drive.scale(self.length))
@@ -242,12 +240,12 @@ class _System:
         at = ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.drive.names, target, strict=True))
         got = ", ".join(f"{value:.6g}" for value in reached)
         return ClosureError(
-            f"{self.closure.mechanism.name} cannot be closed at {at} (t = {time:.6g} s): it gets as far as {got} on the "
-            f"branch of {self.closure.mechanism.branch!r}; the position is out of reach or singular"
+            f"{self.closure.mechanism.name} cannot be closed at {at} (t = {time:.6g} s): it gets as far as {got} on "
+            f"the branch of {self.closure.mechanism.branch!r}; the position is out of reach or singular"
         )
 
 
-def independent_rows(matrix: Floats) -> NDArray[np.intp]:
+def independent_rows(matrix: Floats) -> Indices:
     """Indices of a largest set of independent rows, found by pivoted QR."""
     if not matrix.size:
         return np.empty(0, dtype=np.intp)
@@ -270,7 +268,7 @@ def _length(mechanism: Mechanism) -> float:
     return float(max(steps, default=0.0)) or 1.0
 
 
-def _nodes(position: Floats, step: float) -> NDArray[np.intp]:
+def _nodes(position: Floats, step: float) -> Indices:
     """Indices of samples at most about ``step`` of travel apart, the first and the last among them."""
     travel = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(position, axis=0), axis=1))])
     marks = np.arange(0.0, travel[-1] + step, step)
@@ -278,18 +276,14 @@ def _nodes(position: Floats, step: float) -> NDArray[np.intp]:
     return np.unique(np.concatenate([nodes, [0, len(position) - 1]]))
 
 
-def _assemble(
-    system: _System, samples: Samples, nodes: NDArray[np.intp], q_nodes: Floats, rates: Floats
-) -> Trajectory:
+def _assemble(system: _System, samples: Samples, nodes: Indices, q_nodes: Floats, rates: Floats) -> Trajectory:
     count, size, dof = len(samples.time), system.closure.mechanism.tree.size, system.drive.size
     q, v, a = np.empty((3, count, size))
     per_drive = np.empty((count, size, dof))
     worst, condition = 0.0, 1.0
     for start in range(0, count, BLOCK):
         part = slice(start, start + BLOCK)
-        guess = _guess(
-            samples.position[part], np.arange(count)[part], nodes, q_nodes, rates, samples.position[nodes]
-        )
+        guess = _guess(samples.position[part], np.arange(count)[part], nodes, q_nodes, rates, samples.position[nodes])
         solved = _solve_block(system, samples, part, guess)
         q[part], v[part], a[part], per_drive[part] = solved[:4]
         worst, condition = max(worst, solved[4]), max(condition, solved[5])
@@ -297,9 +291,7 @@ def _assemble(
     return Trajectory(name, samples.time, q, v, a, per_drive, worst, condition, branch)
 
 
-def _guess(
-    u: Floats, index: NDArray[np.intp], nodes: NDArray[np.intp], q: Floats, rates: Floats, u_nodes: Floats
-) -> Floats:
+def _guess(u: Floats, index: Indices, nodes: Indices, q: Floats, rates: Floats, u_nodes: Floats) -> Floats:
     """Configurations between coarse samples, to third order, (nv, n).
 
     The mean of the chord and of the two tangents: their errors, +h2 t (1 - t) / 2 of the second derivative, cancel.
@@ -323,9 +315,7 @@ def _solve_block(
     system: _System, samples: Samples, part: slice, guess: Floats
 ) -> tuple[Floats, Floats, Floats, Floats, float, float]:
     mechanism = system.closure.mechanism
-    target, rate, rate_of_rate = (
-        x[part].T for x in (samples.position, samples.velocity, samples.acceleration)
-    )
+    target, rate, rate_of_rate = (x[part].T for x in (samples.position, samples.velocity, samples.acceleration))
     try:
         q = system.newton(guess, target)
         at, loops, driven = system.evaluate(q, target)

@@ -8,14 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Floats
 from .closure import Closure
 from .errors import ModelError
 from .mechanism import Mechanism
 from .regressor import momentum_regressor
-
-Floats = NDArray[np.float64]
 
 MOMENTA = {"linear": [0, 1, 2], "planar": [0, 1, 2, 5], "all": [0, 1, 2, 3, 4, 5]}
 """Linear momentum; with the angular one about z; with all three angular ones."""

@@ -4,16 +4,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from . import kinematics
+from .arrays import Floats
 from .kinematics import Motion, Pose
 from .tree import Tree
 
 if TYPE_CHECKING:
     import pinocchio
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -43,9 +41,7 @@ class Loop:
 
     def residual(self, at: Pose) -> Floats:
         """First minus second: origins [m], for a weld also orientation [rad], (3 or 6, n)."""
-        gap = at.point(self.first.joint, self.first.position) - at.point(
-            self.second.joint, self.second.position
-        )
+        gap = at.point(self.first.joint, self.first.position) - at.point(self.second.joint, self.second.position)
         return np.concatenate([gap, self._turn(at)]) if self.weld else gap
 
     def jacobian(self, tree: Tree, at: Pose) -> Floats:
@@ -61,10 +57,7 @@ class Loop:
 
     def bias(self, at: Pose, moving: Motion) -> Floats:
         """Second rate of the residual where ``moving`` has zero joint accelerations, (3 or 6, n) [m/s2, rad/s2]."""
-        ends = [
-            kinematics.point_motion(at, moving, end.joint, end.position)[1]
-            for end in (self.first, self.second)
-        ]
+        ends = [kinematics.point_motion(at, moving, end.joint, end.position)[1] for end in (self.first, self.second)]
         if not self.weld:
             return ends[0] - ends[1]
         turns = [moving.alpha[end.joint] if end.joint >= 0 else 0.0 for end in (self.first, self.second)]

@@ -4,14 +4,12 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from . import kinematics
+from .arrays import Floats
 from .kinematics import Motion, Pose
 from .mechanism import Mechanism
 from .tree import Tree
-
-Floats = NDArray[np.float64]
 
 AXES = {"x": 0, "y": 1, "z": 2}
 

@@ -7,16 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from . import kinematics
+from .arrays import Floats
 from .closure import BLOCK, Trajectory
 from .errors import ModelError
 from .kinematics import cross, rotate
 from .kinematics import motion as moving_at
 from .mechanism import Mechanism
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -94,8 +92,8 @@ def _loads(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> _Loads:
     tree, gravity = mechanism.tree, mechanism.gravity[:, None]
     at = kinematics.pose(tree, q)
     moving = moving_at(tree, at, v, a)
-    inertial = [np.zeros((2, 3, q.shape[1])) for _ in range(tree.size)]
-    weight = [np.zeros((2, 3, q.shape[1])) for _ in range(tree.size)]
+    inertial: list[Floats] = [np.zeros((2, 3, q.shape[1])) for _ in range(tree.size)]
+    weight: list[Floats] = [np.zeros((2, 3, q.shape[1])) for _ in range(tree.size)]
     for row, joint in zip(mechanism.parameters, tree.bodies, strict=True):
         first = rotate(at.rotation[joint], row[1:4])
         inertial[joint] = _rate_of_momentum(row, first, at, moving, joint)
@@ -114,9 +112,7 @@ def _loads(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> _Loads:
     return _Loads(total[0], total[1], total_weight[1], torque)
 
 
-def _rate_of_momentum(
-    row: Floats, first: Floats, at: kinematics.Pose, moving: kinematics.Motion, joint: int
-) -> Floats:
+def _rate_of_momentum(row: Floats, first: Floats, at: kinematics.Pose, moving: kinematics.Motion, joint: int) -> Floats:
     """Force and moment about the base origin that move one body, (2, 3, n). Newton-Euler about the joint's origin o:
 
     F = m a_o + al x h + w x (w x h),   M = o x F + h x a_o + I al + w x (I w),   h the first moment of mass.

@@ -6,11 +6,9 @@ Samples lie on the last axis, so that every step is one long vector operation. A
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Floats
 from .tree import Joint, Tree
-
-Floats = NDArray[np.float64]
 
 
 def cross(a: Floats, b: Floats) -> Floats:
@@ -102,10 +100,7 @@ def motion(tree: Tree, at: Pose, v: Floats, a: Floats) -> Motion:
     moving = Motion([], [], [], [])
     for i, joint in enumerate(tree.joints):
         p = joint.parent
-        if p < 0:
-            before = (rest, rest, rest, rest, rest)
-        else:
-            before = (*(values[p] for values in _fields(moving)), at.position[i] - at.position[p])
+        before = [rest] * 5 if p < 0 else [*(values[p] for values in _fields(moving)), at.position[i] - at.position[p]]
         for values, value in zip(_fields(moving), _step(joint, at.axis[i], v[i], a[i], *before), strict=True):
             values.append(value)
     return moving
@@ -143,9 +138,7 @@ def point_motion(at: Pose, moving: Motion, joint: int, offset: Floats) -> tuple[
         return np.zeros((3, 1)), np.zeros((3, 1))
     arm = rotate(at.rotation[joint], offset)
     swept = cross(moving.omega[joint], arm)
-    acceleration = (
-        moving.acceleration[joint] + cross(moving.alpha[joint], arm) + cross(moving.omega[joint], swept)
-    )
+    acceleration = moving.acceleration[joint] + cross(moving.alpha[joint], arm) + cross(moving.omega[joint], swept)
     return moving.velocity[joint] + swept, acceleration
 
 

@@ -3,12 +3,12 @@
 import os
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from . import datasets, mjcf
+from .arrays import Floats
 from .constraints import Anchor, Loop
 from .errors import ModelError
 from .mechanism import Mechanism, Site, _frozen
@@ -17,7 +17,9 @@ from .tree import tree_of
 if TYPE_CHECKING:
     import pinocchio
 
-Floats = NDArray[np.float64]
+
+_Constraints = tuple[list[Any], list[Any]]
+"""Point anchors and frame anchors, as Pinocchio returns them."""
 
 
 def load(name: str | Path) -> Mechanism:
@@ -50,7 +52,7 @@ def pinocchio_model(mechanism: Mechanism) -> "pinocchio.Model":
     return model
 
 
-def _pinocchio() -> "pinocchio":  # type: ignore[valid-type]
+def _pinocchio() -> "Any":  # noqa: ANN401
     try:
         import pinocchio
     except ImportError as error:
@@ -60,9 +62,9 @@ def _pinocchio() -> "pinocchio":  # type: ignore[valid-type]
     return pinocchio
 
 
-def _read(path: Path) -> "tuple[pinocchio.Model, tuple[list[object], list[object]], mjcf.Extras]":
+def _read(path: Path) -> "tuple[pinocchio.Model, _Constraints, mjcf.Extras]":
     pin = _pinocchio()
-    none: tuple[list[object], list[object]] = ([], [])
+    none: _Constraints = ([], [])
     if path.suffix.lower() == ".urdf":
         return _quietly(pin.buildModelFromUrdf, path), none, _bare(path)
     if path.suffix.lower() == ".sdf":
@@ -83,12 +85,10 @@ def _quietly(reader: object, path: Path, *args: object) -> "pinocchio.Model":
     try:
         return reader(os.fspath(path), *args)  # type: ignore[operator]
     except (ValueError, RuntimeError, TypeError, IndexError) as error:
-        raise ModelError(
-            f"{path.name}: Pinocchio cannot read this mechanism: {str(error).strip()}"
-        ) from error
+        raise ModelError(f"{path.name}: Pinocchio cannot read this mechanism: {str(error).strip()}") from error
 
 
-def _mechanism(path: Path, model: "pinocchio.Model", constraints: object, extras: mjcf.Extras) -> Mechanism:
+def _mechanism(path: Path, model: "pinocchio.Model", constraints: _Constraints, extras: mjcf.Extras) -> Mechanism:
     tree = tree_of(model, path.name)
     if not tree.joints:
         raise ModelError(f"{path.name}: no moving body; joints belong to the bodies under the base")
@@ -98,9 +98,7 @@ def _mechanism(path: Path, model: "pinocchio.Model", constraints: object, extras
     home, branch = _home(model)
     unknown = [joint for joint in extras.driven if joint not in coordinates]
     if unknown:
-        raise ModelError(
-            f"{path.name}: <actuator> drives joint {unknown[0]!r}: there are {', '.join(coordinates)}"
-        )
+        raise ModelError(f"{path.name}: <actuator> drives joint {unknown[0]!r}: there are {', '.join(coordinates)}")
     return Mechanism(
         name=path.stem,
         text=path.read_text(encoding="utf-8"),
@@ -151,9 +149,7 @@ def _bodies(model: "pinocchio.Model") -> tuple[str, ...]:
     return tuple(names.get(i, model.names[i]) for i in range(1, model.njoints))
 
 
-def _own_masses(
-    model: "pinocchio.Model", bodies: tuple[str, ...], parameters: Floats
-) -> dict[str, tuple[int, Floats]]:
+def _own_masses(model: "pinocchio.Model", bodies: tuple[str, ...], parameters: Floats) -> dict[str, tuple[int, Floats]]:
     """Rows of the bodies that carry a joint, and of those fixed to them, each with its own share of the row."""
     import pinocchio
 
@@ -191,8 +187,8 @@ def _home(model: "pinocchio.Model") -> tuple[Floats, str]:
     return configurations.get("qpos0", np.zeros(model.nq)), "zero configuration"
 
 
-def _loops(constraints: object, bodies: tuple[int, ...], extras: mjcf.Extras) -> tuple[Loop, ...]:
-    connects, welds = constraints  # type: ignore[misc]
+def _loops(constraints: _Constraints, bodies: tuple[int, ...], extras: mjcf.Extras) -> tuple[Loop, ...]:
+    connects, welds = constraints
     models = [(c, False) for c in connects] + [(c, True) for c in welds]
     if len(models) != len(extras.loops):
         raise ModelError(f"the file has {len(extras.loops)} loop constraints, Pinocchio read {len(models)}")

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Floats
 from .constraints import Loop
 from .errors import ModelError
 from .tree import Tree
@@ -16,7 +16,6 @@ from .tree import Tree
 if TYPE_CHECKING:
     import pinocchio
 
-Floats = NDArray[np.float64]
 
 PARAMETERS = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 """Inertial parameters of a body in Pinocchio's order, inertia about the origin of the joint's frame."""
@@ -155,15 +154,11 @@ class Mechanism:
             raise ModelError(f"payload of body {body!r} is {mass:g} kg: expected a positive mass")
         own = self.own_mass[body][1]
         if own[0] <= 0.0:
-            raise ModelError(
-                f"body {body!r} of {self.name} has no mass of its own to set: give it one in the file"
-            )
+            raise ModelError(f"body {body!r} of {self.name} has no mass of its own to set: give it one in the file")
         changed = own * (mass / own[0])
         parameters = self.parameters.copy()
         parameters[index] += changed - own
-        return replace(
-            self, parameters=_frozen(parameters), own_mass={**self.own_mass, body: (index, changed)}
-        )
+        return replace(self, parameters=_frozen(parameters), own_mass={**self.own_mass, body: (index, changed)})
 
     def with_counter_mass(self, masses: Mapping[str, float]) -> "Mechanism":
         """Mount counter-masses at sites [kg]; zero mounts nothing, what is mounted already stays."""
@@ -171,9 +166,7 @@ class Mechanism:
         for name, mass in masses.items():
             site = self.site(name)
             if site.body < 0:
-                raise ModelError(
-                    f"site {name!r} of {self.name} is on the base: a counter-mass there moves nothing"
-                )
+                raise ModelError(f"site {name!r} of {self.name} is on the base: a counter-mass there moves nothing")
             if not 0.0 <= mass < np.inf:
                 raise ModelError(f"counter-mass at {name!r} is {mass:g} kg: expected zero or a positive mass")
             parameters[site.body] += mass * site.unit_mass()

@@ -51,9 +51,7 @@ def read_extras(path: Path) -> Extras:
     return Extras(
         gravity=(gravity[0], gravity[1], gravity[2]),
         loops=[_loop_name(e) for kind in ("connect", "weld") for e in root.iterfind(f"equality/{kind}")],
-        driven=tuple(
-            dict.fromkeys(e.get("joint", "") for e in root.iterfind("actuator/*") if e.get("joint"))
-        ),
+        driven=tuple(dict.fromkeys(e.get("joint", "") for e in root.iterfind("actuator/*") if e.get("joint"))),
         payload_bodies=_payload_bodies(root),
         radius_of_gyration=_radii(root, path),
         joints=_joints_by_body(root),
@@ -77,14 +75,10 @@ def _refuse_what_is_not_understood(root: ElementTree.Element, path: Path) -> Non
         if element.tag in {"include", "replicate", "attach", "frame", "composite", "flexcomp"}:
             raise ModelError(f"{path.name}: <{element.tag}> is not read; write the mechanism out in one file")
         if element.tag == "joint" and element.get("stiffness") not in _HARMLESS_JOINT_SPRING:
-            raise ModelError(
-                f"{path.name}: joint {element.get('name')!r} has a spring (stiffness), not modelled yet"
-            )
+            raise ModelError(f"{path.name}: joint {element.get('name')!r} has a spring (stiffness), not modelled yet")
     for element in root.iterfind("equality/*"):
         if element.get("active", "true") != "true":
-            raise ModelError(
-                f"{path.name}: <{element.tag} {_label(element)}> is not active; remove it from the file"
-            )
+            raise ModelError(f"{path.name}: <{element.tag} {_label(element)}> is not active; remove it from the file")
 
 
 def _loop_name(element: ElementTree.Element) -> str:

@@ -1,4 +1,4 @@
-"""Motions of the platform or of joints, as in ``datasets/motions``: moves of limited jerk, polygons, samples of a file."""
+"""Motions of the platform or of joints (``datasets/motions``): moves of limited jerk, polygons, samples of a file."""
 
 import tomllib
 from collections.abc import Mapping
@@ -6,20 +6,20 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from . import datasets
+from .arrays import Floats
 from .drive import AXES, Drive, JointDrive, PointDrive
 from .errors import DataError, UnitError
 from .mechanism import Mechanism
 from .quantities import parse
 
-Floats = NDArray[np.float64]
-
 _KEYS = {
     "driven", "point", "axes", "joints", "start", "peak_acceleration", "ramp", "rest", "moves", "samples",
 }  # fmt: skip
 _MAX_SAMPLES = 50_000_000
+DEFAULT_RATE_HZ = 10_000.0
+"""Sampling of a motion where none is asked for [Hz]: 15 samples in the shortest ramp of the test motions."""
 
 
 @dataclass(frozen=True)
@@ -103,9 +103,7 @@ class Motion:
         start = np.array([parse(text, kind) for text in _texts(table, "start")])
         if len(start) != len(names):
             raise DataError(f"start has {len(start)} values: expected one for each of {', '.join(names)}")
-        acceleration = parse(
-            str(_required(table, "peak_acceleration")), f"{'angular ' if joints else ''}acceleration"
-        )
+        acceleration = parse(str(_required(table, "peak_acceleration")), f"{'angular ' if joints else ''}acceleration")
         if not acceleration > 0:
             raise DataError(f"peak_acceleration is {table['peak_acceleration']!r}: expected a positive one")
         ramp, rest = table.get("ramp", 0.25), parse(str(table.get("rest", "0 s")), "time")
@@ -136,9 +134,7 @@ class Motion:
         if self.recorded is not None:
             return self.recorded
         if not 0 < rate_hz * self.duration < _MAX_SAMPLES:
-            raise DataError(
-                f"{rate_hz:g} Hz for {self.duration:g} s: expected fewer than {_MAX_SAMPLES} samples"
-            )
+            raise DataError(f"{rate_hz:g} Hz for {self.duration:g} s: expected fewer than {_MAX_SAMPLES} samples")
         time = np.arange(int(np.ceil(self.duration * rate_hz)) + 1) / rate_hz
         return Samples(time, *self._at(time), self.joints, self.point, self.axes)
 
@@ -191,9 +187,7 @@ def read_samples(path: Path, joints: tuple[str, ...], point: str | None, axes: t
     except FileNotFoundError as error:
         raise DataError(f"samples: no such file {path.name!r}") from error
     except (KeyError, ValueError) as error:
-        raise DataError(
-            f"samples: {path.name} must hold the columns {', '.join(columns)} of numbers"
-        ) from error
+        raise DataError(f"samples: {path.name} must hold the columns {', '.join(columns)} of numbers") from error
     time = values[:, 0]
     if len(time) < 6 or not np.isfinite(values).all() or not (np.diff(time) > 0).all():
         raise DataError(f"samples: {path.name} must hold at least 6 finite rows with increasing time")
@@ -235,20 +229,11 @@ def _polygon(move: Mapping[str, object], kind: str) -> list[Floats]:
     corners = move["polygon"]
     if corners == "triangle":
         width, height = (parse(str(_required(move, key)), kind) for key in ("width", "height"))
-        at = [
-            np.array([x, y])
-            for x, y in ((-width / 2, -height / 2), (width / 2, -height / 2), (0.0, height / 2))
-        ]
-    elif (
-        isinstance(corners, list)
-        and len(corners) > 2
-        and all(isinstance(c, list) and len(c) == 2 for c in corners)
-    ):
+        at = [np.array([x, y]) for x, y in ((-width / 2, -height / 2), (width / 2, -height / 2), (0.0, height / 2))]
+    elif isinstance(corners, list) and len(corners) > 2 and all(isinstance(c, list) and len(c) == 2 for c in corners):
         at = [np.array([parse(str(text), kind) for text in corner]) for corner in corners]
     else:
-        raise DataError(
-            f"polygon is {corners!r}: expected 'triangle' with width and height, or a list of [x, y]"
-        )
+        raise DataError(f"polygon is {corners!r}: expected 'triangle' with width and height, or a list of [x, y]")
     return [*at, at[0], np.zeros(2)]
 
 
@@ -261,9 +246,7 @@ def _required(table: Mapping[str, object], key: str) -> object:
 def _texts(table: Mapping[str, object], key: str) -> list[str]:
     values = _required(table, key)
     if not isinstance(values, list) or not values or not all(isinstance(value, str) for value in values):
-        raise DataError(
-            f"{key} is {values!r}: expected a list of texts, each with its unit where it is a quantity"
-        )
+        raise DataError(f"{key} is {values!r}: expected a list of texts, each with its unit where it is a quantity")
     return [str(value) for value in values]
 
 

@@ -51,9 +51,7 @@ def parse(text: str, dimension: str) -> float:
     expected = SI_UNITS[dimension]
     match = _QUANTITY.fullmatch(text)
     if match is None:
-        raise UnitError(
-            f"{text!r} is not a {dimension}: expected a number and a unit, such as '1 {expected}'"
-        )
+        raise UnitError(f"{text!r} is not a {dimension}: expected a number and a unit, such as '1 {expected}'")
     if not match[2]:
         raise UnitError(f"{text!r} has no unit: write for example '{match[1]} {expected}'")
     return float(match[1]) * factor_to_si(match[2], dimension)
@@ -63,15 +61,11 @@ def factor_to_si(unit: str, dimension: str) -> float:
     """Factor that turns a value in ``unit`` into the SI unit of ``dimension``."""
     parsed = parse_unit(unit)
     if parsed is None:
-        raise UnitError(
-            f"{unit!r} is not a known unit: expected a {dimension}, such as '{SI_UNITS[dimension]}'"
-        )
+        raise UnitError(f"{unit!r} is not a known unit: expected a {dimension}, such as '{SI_UNITS[dimension]}'")
     registry = _registry()
     expected = registry.parse_units(_spelled(SI_UNITS[dimension]))
     if parsed.dimensionality != expected.dimensionality:
-        raise UnitError(
-            f"{unit!r} is not a unit of {dimension}: expected one such as '{SI_UNITS[dimension]}'"
-        )
+        raise UnitError(f"{unit!r} is not a unit of {dimension}: expected one such as '{SI_UNITS[dimension]}'")
     return float(registry.Quantity(1.0, parsed).to(expected).magnitude)
 
 

@@ -4,14 +4,12 @@ Columns are the mechanism's ``parameter_names``. States need not be closed: what
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from . import kinematics
+from .arrays import Floats
 from .kinematics import cross
 from .kinematics import motion as moving_at
 from .mechanism import Mechanism
-
-Floats = NDArray[np.float64]
 
 _INERTIA = np.zeros((6, 3, 3))
 for _k, (_i, _j) in enumerate([(0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2)]):
@@ -75,9 +73,7 @@ def driven_torque_regressor(mechanism: Mechanism, q: Floats, v: Floats, a: Float
     return np.einsum("nij,nik->njk", rates, torque_regressor(mechanism, q, v, a))
 
 
-def _states(
-    mechanism: Mechanism, q: Floats, v: Floats, a: Floats
-) -> tuple[kinematics.Pose, kinematics.Motion]:
+def _states(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> tuple[kinematics.Pose, kinematics.Motion]:
     at = kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
     return at, moving_at(mechanism.tree, at, np.ascontiguousarray(v.T), np.ascontiguousarray(a.T))
 

@@ -1,20 +1,18 @@
-"""The tree of a mechanism as elementary joints, each revolute or prismatic about one axis, in Pinocchio's frames.
+"""The tree of a mechanism as elementary joints, revolute or prismatic about one axis, in Pinocchio's frames.
 
-A joint of several axes (two slides on one body, say) becomes several elementary joints with massless bodies between.
+A joint of several axes (two slides on a body) becomes several elementary joints with massless bodies between.
 """
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Floats
 from .errors import ModelError
 
 if TYPE_CHECKING:
     import pinocchio
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -77,20 +75,17 @@ def _elementary(joint: object, label: str, name: str) -> list[tuple[object, "pin
 
     if isinstance(joint, pinocchio.JointModelComposite):
         return [
-            (part.extract(), placement)
-            for part, placement in zip(joint.joints, joint.jointPlacements, strict=True)
+            (part.extract(), placement) for part, placement in zip(joint.joints, joint.jointPlacements, strict=True)
         ]
     return [(joint, pinocchio.SE3.Identity())]
 
 
 def _axis(joint: object, label: str, name: str) -> tuple[bool, Floats]:
-    """Kind and axis of a joint from the class names of Pinocchio: RX, RY, RZ, PX, ..., or with an axis of its own."""
+    """Kind and axis of a joint, from Pinocchio's class names: RX, RY, RZ, PX, ..., or with an axis of its own."""
     kind = type(joint).__name__.removeprefix("JointModel")
     letters = {"X": 0, "Y": 1, "Z": 2}
     if kind in {"RX", "RY", "RZ", "PX", "PY", "PZ"}:
         return kind[0] == "R", np.eye(3)[letters[kind[1]]]
     if kind in {"RevoluteUnaligned", "PrismaticUnaligned"}:
-        return kind.startswith("R"), np.array(joint.axis, dtype=float)  # type: ignore[attr-defined]
-    raise ModelError(
-        f"{name}: joint {label!r} is of kind {kind}; supported are revolute and prismatic joints"
-    )
+        return kind.startswith("R"), np.asarray(joint.axis, dtype=np.float64)  # type: ignore[attr-defined]
+    raise ModelError(f"{name}: joint {label!r} is of kind {kind}; supported are revolute and prismatic joints")

@@ -1,0 +1,187 @@
+"""``balance size``."""
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from . import options
+from .console import emit_json, emit_table, json_option
+from .tables import first_moment, mass, per_cent
+
+if TYPE_CHECKING:
+    from ..dynamics import Response
+    from ..mechanism import Mechanism
+    from ..sizing import Sizing
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  balance size parallelogram-6bar --payload platform=5kg
+  balance size parallelogram-6bar --payload platform=3.4116kg --stock kiper2019
+  balance size parallelogram-6bar --payload platform=5kg --motion x --json"""
+)
+@options.mechanism_argument
+@options.payload_option
+@options.site_option
+@click.option(
+    "--stock", metavar="CSV", help="Make them from these plates: columns name,mass_kg,quantity, or kiper2019."
+)
+@click.option(
+    "--limit", type=options.NamedMass("SITE"), multiple=True, metavar="SITE=M", help="Largest counter-mass at a site."
+)
+@click.option("--motion", metavar="TOML", help="Also compare force, moment and torque of this motion before and after.")
+@click.option("--closed-form", is_flag=True, help="parallelogram-6bar by its printed formula, without Pinocchio.")
+@options.figure_option
+@json_option
+def size(
+    mechanism: str,
+    payload: tuple[tuple[str, float], ...],
+    site: tuple[str, ...],
+    stock: str | None,
+    limit: tuple[tuple[str, float], ...],
+    motion: str | None,
+    closed_form: bool,
+    figure: str | None,
+    as_json: bool,
+) -> None:
+    """Size the counter-masses that balance MECH: of any mass, or from stock plates to a proven optimum.
+
+    Force balance alone raises the shaking moment and the drive torque: --motion shows by how much.
+    """
+    if stock and limit:
+        raise click.UsageError("--limit is for counter-masses of any mass, --stock has its quantities")
+    if closed_form:
+        _closed_form(mechanism, payload, as_json)
+        return
+    result = _sized(options.load(mechanism, payload), site, stock, options.once(limit, "--limit"), payload)
+    responses = _responses(result, motion) if motion else {}
+    if figure:
+        from ..figures.drawing import draw_mechanism, save
+
+        save(draw_mechanism(result.after, result.counter_masses), figure)
+    if as_json:
+        emit_json(_document(result) | {name: summary(response) for name, response in responses.items()})
+        return
+    _print(result, stock)
+    if responses:
+        _print_responses(responses)
+
+
+def _sized(
+    model: "Mechanism",
+    sites: tuple[str, ...],
+    stock: str | None,
+    limits: dict[str, float],
+    payload: tuple[tuple[str, float], ...],
+) -> "Sizing":
+    from dataclasses import replace
+
+    from .. import sizing
+    from ..conditions import find
+    from ..stock import load
+
+    for name in limits:
+        model.site(name)
+    found = find(model)
+    plates = load(stock) if stock else []
+    result = sizing.from_stock(found, model, plates, sites) if plates else sizing.exact(found, model, sites, limits)
+    return replace(result, payload_bodies=options.payload_bodies(model, payload))
+
+
+def _responses(result: "Sizing", motion: str) -> "dict[str, Response]":
+    from ..closure import Closure
+    from ..dynamics import simulate
+    from ..motion import DEFAULT_RATE_HZ, Motion
+
+    trajectory = Closure(result.before).follow(Motion.load(motion).sample(DEFAULT_RATE_HZ))
+    return {"before": simulate(result.before, trajectory), "after": simulate(result.after, trajectory)}
+
+
+def summary(response: "Response") -> dict[str, Any]:
+    """RMS and peak values for JSON, the torques apart by joint."""
+    return {"rms": _grouped(response.rms()), "peak": _grouped(response.peak())}
+
+
+def _grouped(values: dict[str, float]) -> dict[str, Any]:
+    wrench = {name: value for name, value in values.items() if not name.startswith("torque_")}
+    torque = {k.removeprefix("torque_").removesuffix("_Nm"): v for k, v in values.items() if k not in wrench}
+    return wrench | {"torque_Nm": torque}
+
+
+def _document(result: "Sizing") -> dict[str, Any]:
+    return {
+        "mechanism": result.before.name,
+        "counter_masses": [
+            {
+                "site": c.site,
+                "mass_kg": c.mass,
+                "position_m": [float(x) for x in c.position],
+                "first_moment_kgm": [float(x) for x in c.first_moment],
+                "plates": list(c.plates),
+            }
+            for c in result.counter_masses
+        ],
+        "residual_first_moment_kgm": result.residual(),
+        "residual_percent": result.residual_percent(),
+        "balanced_payload_kg": result.balanced_payloads(),
+        "added_mass_kg": result.added_mass,
+        "added_inertia_kgm2": result.added_inertia,
+    }
+
+
+def _print(result: "Sizing", stock: str | None) -> None:
+    rows = [
+        [c.site, mass(c.mass), f"{c.position[0] * 1e3:.2f}", f"{c.first_moment[0]:.5f}", " + ".join(c.plates) or "-"]
+        for c in result.counter_masses
+    ]
+    emit_table(
+        f"Counter-masses for {result.before.name}" + (f" from {stock}" if stock else ""),
+        ["site", "mass [kg]", "x in its body [mm]", "first moment [kg m]", "plates"],
+        rows,
+    )
+    click.echo(f"First-moment residual  {first_moment(result.residual())}  ({per_cent(result.residual_percent())} of that "
+               "without counter-masses)")  # fmt: skip
+    for body, value in result.balanced_payloads().items():
+        click.echo(f"Balanced payload       {body} = {'none' if value is None else mass(value) + ' kg'}")
+    click.echo(f"Added                  {result.added_mass:.4f} kg, {result.added_inertia:.5f} kg m2 about the joints")
+
+
+def _print_responses(responses: "dict[str, Response]") -> None:
+    before, after = responses["before"], responses["after"]
+    rows = []
+    for name, peak in before.peak().items():
+        if max(peak, after.peak()[name]) > 1e-9:
+            values = [before.rms()[name], after.rms()[name], peak, after.peak()[name]]
+            rows.append([_label(name), *(f"{value:.4g}" for value in values)])
+    emit_table("Simulated motion", ["component", "RMS before", "RMS after", "peak before", "peak after"], rows)
+
+
+def _label(name: str) -> str:
+    stem, _, unit = name.rpartition("_")
+    return f"{stem.replace('_', ' ')} [{unit.replace('Nm', 'N m')}]"
+
+
+def _closed_form(mechanism: str, payload: tuple[tuple[str, float], ...], as_json: bool) -> None:
+    """Size the manipulator by the printed formula from the printed inputs."""
+    import json
+
+    from .. import closed_forms, datasets
+
+    if mechanism != "parallelogram-6bar" or [name for name, _ in payload] != ["platform"]:
+        raise click.UsageError("--closed-form is for parallelogram-6bar with --payload platform=M")
+    text = datasets.find("kiper2019", "published", ".json").read_text(encoding="utf-8")
+    sheet = json.loads(text)["sizing_sheet_A_as_built"]
+    inputs = [sheet[key] for key in ("m1_kg", "p1_m", "m2_kg", "p2_m", "r_m")]
+    m1, p1, m2, p2, r = inputs
+    first = closed_forms.manipulator_first_moment(m1, p1, m2, p2, r, payload[0][1])
+    counter = closed_forms.manipulator_counter_mass(first, sheet["p_cm_m"])
+    if as_json:
+        sites = [
+            {"site": site, "mass_kg": counter, "position_m": [sheet["p_cm_m"], 0.0, 0.0], "plates": []}
+            for site in ("counter_A0A", "counter_B0B")
+        ]
+        emit_json({"mechanism": mechanism, "method": "closed form, printed", "counter_masses": sites})
+        return
+    click.echo(f"{mass(counter)} kg on each arm at {sheet['p_cm_m'] * 1e3:.2f} mm, by the printed closed form "
+               "m_cm p_cm = -(m1 p1 + (m2 + m5) r + m2 p2); no model was evaluated.")  # fmt: skip
