@@ -180,11 +180,12 @@ def _lightest(columns: Floats, target: Floats, upper: Floats) -> Floats:
     first = linprog(np.r_[np.zeros(count), 1.0], sides, np.r_[target, -target], bounds=bounds)
     if not first.success:
         raise SizingError(f"counter-masses did not converge: {first.message}")
-    bounds[-1] = (0.0, first.x[-1] * (1 + 1e-9) + 1e-12)
+    bounds[-1] = (0.0, float(np.asarray(first.x)[-1]) * (1 + 1e-9) + 1e-12)
     second = linprog(np.r_[np.ones(count), 0.0], sides, np.r_[target, -target], bounds=bounds)
     if not second.success:
         raise SizingError(f"counter-masses did not converge: {second.message}")
-    return _polished(columns, target, np.where(second.x[:-1] < 1e-12, 0.0, second.x[:-1]), upper)
+    lightest = np.asarray(second.x)
+    return _polished(columns, target, lightest[:-1].clip(0.0), upper)
 
 
 def _programme(
@@ -208,8 +209,7 @@ def _programme(
     )
     if not solution.success:
         raise SizingError(f"no proven best set of plates: {solution.message}")
-    counts: Floats = solution.x  # type: ignore[assignment]
-    return np.rint(counts[:-1]).astype(np.int64).reshape(sites, len(plates))
+    return np.rint(np.asarray(solution.x)[:-1]).astype(np.int64).reshape(sites, len(plates))
 
 
 def _inertia_about_joint(mechanism: Mechanism, name: str) -> float:

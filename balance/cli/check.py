@@ -56,11 +56,17 @@ def check(
     emit_table(f"Counter-masses of {model.name}", ["site", "mass [kg]", "x in its body [mm]"], rows)
     rows = [[found.text(i), f"{value:+.6g}"] for i, value in enumerate(found.values(result.after))]
     emit_table("Conditions", ["condition", "left-hand side [kg m]"], rows)
-    click.echo(f"First-moment residual  {first_moment(result.residual())}  ({per_cent(result.residual_percent())} of that "
-               f"without counter-masses, {first_moment(found.residual(model))})")  # fmt: skip
+    click.echo(
+        f"First-moment residual  {first_moment(result.residual())}  ({per_cent(result.residual_percent())} of that "
+        f"without counter-masses, {first_moment(found.residual(model))})"
+    )
     for body, value in balanced.items():
-        click.echo(f"Balanced payload       {body} = {'none' if value is None else mass(value) + ' kg'} "
-                   f"(asked: {mass(model.mass(body))} kg)")  # fmt: skip
+        click.echo(
+            f"Balanced payload       {body} = {'none' if value is None else mass(value) + ' kg'} "
+            f"(asked: {mass(model.mass(body))} kg)"
+        )
     if per_g["after"] is not None:
-        click.echo(f"Shaking force          {per_g['after']:.4g} N per g0 of {bodies[0]} acceleration, "
-                   f"{per_g['before']:.4g} N without counter-masses (g0 = {G0} m/s2)")  # fmt: skip
+        click.echo(
+            f"Shaking force          {per_g['after']:.4g} N per g0 of {bodies[0]} acceleration, "
+            f"{per_g['before']:.4g} N without counter-masses (g0 = {G0} m/s2)"
+        )

@@ -67,8 +67,10 @@ def conditions(
     )
     for i, value in enumerate(values):
         click.echo(f"  {found.text(i):<70}  now {value:+.6g} kg m")
-    click.echo(f"\n{'Balanced' if found.is_balanced(BALANCED_KGM) else 'Not balanced'}: largest first-moment residual "
-               f"{found.residual():.4g} kg m (balanced means at most {BALANCED_KGM:g} kg m).")  # fmt: skip
+    click.echo(
+        f"\n{'Balanced' if found.is_balanced(BALANCED_KGM) else 'Not balanced'}: largest first-moment residual "
+        f"{found.residual():.4g} kg m (balanced means at most {BALANCED_KGM:g} kg m)."
+    )
 
 
 def document(found: Any, model: Any) -> list[dict[str, Any]]:  # noqa: ANN401

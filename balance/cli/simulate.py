@@ -64,8 +64,10 @@ def simulate(
     peak = response.peak()
     rows = [[_label(name), f"{value:.4g}", f"{peak[name]:.4g}"] for name, value in response.rms().items()]
     emit_table(f"{model.name}, motion {motion}", ["component", "RMS", "peak"], rows)
-    click.echo(f"{len(samples.time)} samples over {samples.time[-1]:.4g} s; loops closed to {trajectory.residual:.2g} m "
-               f"on the branch of {trajectory.branch!r}; weight excluded from force and moment.")  # fmt: skip
+    click.echo(
+        f"{len(samples.time)} samples over {samples.time[-1]:.4g} s; loops closed to {trajectory.residual:.2g} m "
+        f"on the branch of {trajectory.branch!r}; weight excluded from force and moment."
+    )
     if not response.torque:
         click.echo("No drive torque: the file has no <actuator> that says which joints are driven.")
 

@@ -140,8 +140,10 @@ def _print(result: "Sizing", stock: str | None) -> None:
         ["site", "mass [kg]", "x in its body [mm]", "first moment [kg m]", "plates"],
         rows,
     )
-    click.echo(f"First-moment residual  {first_moment(result.residual())}  ({per_cent(result.residual_percent())} of that "
-               "without counter-masses)")  # fmt: skip
+    click.echo(
+        f"First-moment residual  {first_moment(result.residual())}  ({per_cent(result.residual_percent())} of that "
+        "without counter-masses)"
+    )
     for body, value in result.balanced_payloads().items():
         click.echo(f"Balanced payload       {body} = {'none' if value is None else mass(value) + ' kg'}")
     click.echo(f"Added                  {result.added_mass:.4f} kg, {result.added_inertia:.5f} kg m2 about the joints")
@@ -183,5 +185,7 @@ def _closed_form(mechanism: str, payload: tuple[tuple[str, float], ...], as_json
         ]
         emit_json({"mechanism": mechanism, "method": "closed form, printed", "counter_masses": sites})
         return
-    click.echo(f"{mass(counter)} kg on each arm at {sheet['p_cm_m'] * 1e3:.2f} mm, by the printed closed form "
-               "m_cm p_cm = -(m1 p1 + (m2 + m5) r + m2 p2); no model was evaluated.")  # fmt: skip
+    click.echo(
+        f"{mass(counter)} kg on each arm at {sheet['p_cm_m'] * 1e3:.2f} mm, by the printed closed form "
+        "m_cm p_cm = -(m1 p1 + (m2 + m5) r + m2 p2); no model was evaluated."
+    )
