@@ -7,6 +7,7 @@ import numpy as np
 
 from . import kinematics
 from .arrays import Floats
+from .components import ZERO, Matrix, Vector, cross, dense, matrix, minus, plus, product, scale
 from .kinematics import Motion, Pose
 from .tree import Tree
 
@@ -41,55 +42,59 @@ class Loop:
 
     def residual(self, at: Pose) -> Floats:
         """First minus second: origins [m], for a weld also orientation [rad], (3 or 6, n)."""
-        gap = at.point(self.first.joint, self.first.position) - at.point(self.second.joint, self.second.position)
-        return np.concatenate([gap, self._turn(at)]) if self.weld else gap
+        gap = minus(at.point(self.first.joint, self.first.position), at.point(self.second.joint, self.second.position))
+        return self._rows(at, gap, self._turn(at) if self.weld else ZERO)
 
     def jacobian(self, tree: Tree, at: Pose) -> Floats:
         """Rate of the residual per joint rate, (3 or 6, nv, n)."""
-        ends = [
-            kinematics.point_jacobian(tree, at, end.joint, at.point(end.joint, end.position))
-            for end in (self.first, self.second)
-        ]
-        if not self.weld:
-            return ends[0] - ends[1]
-        turns = [kinematics.angular_jacobian(tree, at, end.joint) for end in (self.first, self.second)]
-        return np.concatenate([ends[0] - ends[1], turns[0] - turns[1]])
+        rows = np.zeros((self.size, tree.size, at.count))
+        for end, sign in ((self.first, 1.0), (self.second, -1.0)):
+            point = at.point(end.joint, end.position)
+            kinematics.add_point_jacobian(tree, at, end.joint, point, rows[:3], sign)
+            if self.weld:
+                kinematics.add_angular_jacobian(tree, at, end.joint, rows[3:], sign)
+        return rows
 
     def bias(self, at: Pose, moving: Motion) -> Floats:
         """Second rate of the residual where ``moving`` has zero joint accelerations, (3 or 6, n) [m/s2, rad/s2]."""
-        ends = [kinematics.point_motion(at, moving, end.joint, end.position)[1] for end in (self.first, self.second)]
-        if not self.weld:
-            return ends[0] - ends[1]
-        turns = [moving.alpha[end.joint] if end.joint >= 0 else 0.0 for end in (self.first, self.second)]
-        return np.concatenate([ends[0] - ends[1], turns[0] - turns[1]])
+        ends = [kinematics.point_acceleration(at, moving, end.joint, end.position) for end in (self.first, self.second)]
+        turns = [moving.alpha[end.joint] if end.joint >= 0 else ZERO for end in (self.first, self.second)]
+        return self._rows(at, minus(*ends), minus(*turns))
 
-    def _turn(self, at: Pose) -> Floats:
-        """Small rotation from the second anchor to the first, base frame: vee of (R1 R2' - R2 R1') / 2."""
-        first, second = (self._rotation(at, end) for end in (self.first, self.second))
-        turn = np.einsum("ijn,kjn->ikn", first, second)
-        return 0.5 * np.stack([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return 6 if self.weld else 3
+
+    def _rows(self, at: Pose, gap: Vector, turn: Vector) -> Floats:
+        parts = [gap, turn] if self.weld else [gap]
+        return np.concatenate([dense(part, at.count) for part in parts])
+
+    def _turn(self, at: Pose) -> Vector:
+        """Small rotation from the second anchor to the first: half the sum of second x first over the axes."""
+        axes = zip(self._axes(at, self.second), self._axes(at, self.first), strict=True)
+        x, y, z = (cross(second, first) for second, first in axes)
+        return scale(0.5, plus(plus(x, y), z))
 
     @staticmethod
-    def _rotation(at: Pose, end: Anchor) -> Floats:
-        samples = at.axis[0].shape[1]
-        if end.joint < 0:
-            return np.broadcast_to(end.rotation[:, :, None], (3, 3, samples))
-        return np.einsum("ijn,jk->ikn", at.rotation[end.joint], end.rotation)
+    def _axes(at: Pose, end: Anchor) -> Matrix:
+        own = matrix(end.rotation)
+        return product(at.rotation[end.joint], own) if end.joint >= 0 else own
 
 
 def residual(loops: tuple[Loop, ...], at: Pose) -> Floats:
     """Residuals of all loops stacked, (rows, n) [m, rad]; no rows for an open chain."""
-    return _stack([loop.residual(at) for loop in loops], (at.axis[0].shape[1],))
+    return _stack([loop.residual(at) for loop in loops], (at.count,))
 
 
 def jacobian(loops: tuple[Loop, ...], tree: Tree, at: Pose) -> Floats:
     """Jacobians of all loops stacked, (rows, nv, n)."""
-    return _stack([loop.jacobian(tree, at) for loop in loops], (tree.size, at.axis[0].shape[1]))
+    return _stack([loop.jacobian(tree, at) for loop in loops], (tree.size, at.count))
 
 
 def bias(loops: tuple[Loop, ...], at: Pose, moving: Motion) -> Floats:
     """Acceleration bias of all loops stacked, (rows, n) [m/s2, rad/s2]."""
-    return _stack([loop.bias(at, moving) for loop in loops], (at.axis[0].shape[1],))
+    return _stack([loop.bias(at, moving) for loop in loops], (at.count,))
 
 
 def _stack(parts: list[Floats], shape: tuple[int, ...]) -> Floats:

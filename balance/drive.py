@@ -7,6 +7,7 @@ import numpy as np
 
 from . import kinematics
 from .arrays import Floats
+from .components import dense
 from .kinematics import Motion, Pose
 from .mechanism import Mechanism
 from .tree import Tree
@@ -72,11 +73,11 @@ class JointDrive:
     def jacobian(self, tree: Tree, at: Pose) -> Floats:
         """Rows of the identity, (size, nv, n)."""
         rows = np.eye(tree.size)[list(self.indices)]
-        return np.repeat(rows[:, :, None], at.axis[0].shape[1], axis=2)
+        return np.repeat(rows[:, :, None], at.count, axis=2)
 
     def bias(self, at: Pose, moving: Motion) -> Floats:
         """Zero: joint coordinates are linear."""
-        return np.zeros((self.size, at.axis[0].shape[1]))
+        return np.zeros((self.size, at.count))
 
     def scale(self, length: float) -> float:
         """One radian."""
@@ -114,16 +115,17 @@ class PointDrive:
 
     def position(self, at: Pose, q: Floats) -> Floats:
         """Base coordinates of the point, (size, n) [m]."""
-        return at.point(self.joint, self.offset)[list(self.axes)]
+        return dense(at.point(self.joint, self.offset), at.count)[list(self.axes)]
 
     def jacobian(self, tree: Tree, at: Pose) -> Floats:
         """Rows of the point's Jacobian, (size, nv, n)."""
-        point = at.point(self.joint, self.offset)
-        return kinematics.point_jacobian(tree, at, self.joint, point)[list(self.axes)]
+        rows = np.zeros((3, tree.size, at.count))
+        kinematics.add_point_jacobian(tree, at, self.joint, at.point(self.joint, self.offset), rows)
+        return rows[list(self.axes)]
 
     def bias(self, at: Pose, moving: Motion) -> Floats:
         """Acceleration of the point at zero joint accelerations, (size, n) [m/s2]."""
-        return kinematics.point_motion(at, moving, self.joint, self.offset)[1][list(self.axes)]
+        return dense(kinematics.point_acceleration(at, moving, self.joint, self.offset), at.count)[list(self.axes)]
 
     def scale(self, length: float) -> float:
         """A length of the mechanism."""

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import kinematics
+from . import body, kinematics
 from .arrays import Floats
-from .closure import BLOCK, Trajectory
+from .body import Load
+from .components import ZERO, Entry, add, dense, fill, minus, mul, sub
 from .errors import ModelError
-from .kinematics import cross, rotate
-from .kinematics import motion as moving_at
 from .mechanism import Mechanism
+from .trajectory import BLOCK, Trajectory
 
 
 @dataclass(frozen=True)
@@ -58,9 +58,12 @@ def simulate(mechanism: Mechanism, trajectory: Trajectory) -> Response:
     for start in range(0, count, BLOCK):
         part = slice(start, start + BLOCK)
         q, v, a = (np.ascontiguousarray(x[part].T) for x in (trajectory.q, trajectory.v, trajectory.a))
-        loads = _loads(mechanism, q, v, a)
-        force[part], moment[part], weight[part] = -loads.force.T, -loads.moment.T, loads.weight_moment.T
-        joint_torque[part] = loads.joint_torque.T
+        rate, load, torques = _loads(mechanism, q, v, a)
+        fill(force[part].T, minus(ZERO, rate.force))
+        fill(moment[part].T, minus(ZERO, rate.moment))
+        fill(weight[part].T, load.moment)
+        for column, entry in zip(joint_torque[part].T, torques, strict=True):
+            column[...] = entry
     torque = _drive_torque(mechanism, trajectory, joint_torque)
     return Response(trajectory.time, force, moment, torque, weight)
 
@@ -68,78 +71,38 @@ def simulate(mechanism: Mechanism, trajectory: Trajectory) -> Response:
 def momentum(mechanism: Mechanism, q: Floats, v: Floats) -> Floats:
     """Linear momentum [kg m/s], then angular about the base frame's origin [kg m2/s], for (n, nv) states, (n, 6)."""
     at = kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
-    moving = moving_at(mechanism.tree, at, np.ascontiguousarray(v.T), np.zeros_like(v.T))
-    linear, angular = np.zeros((2, 3, len(q)))
+    moving = kinematics.motion(mechanism.tree, at, np.ascontiguousarray(v.T))
+    total = Load()
     for row, joint in zip(mechanism.parameters, mechanism.tree.bodies, strict=True):
-        first = rotate(at.rotation[joint], row[1:4])
-        p = row[0] * moving.velocity[joint] + cross(moving.omega[joint], first)
-        linear += p
-        angular += cross(at.position[joint], p) + cross(first, moving.velocity[joint])
-        angular += _inertia_times(at.rotation[joint], row, moving.omega[joint])
-    return np.concatenate([linear, angular]).T
+        total = total.plus(body.momentum(row, at, moving, joint))
+    return np.concatenate([dense(total.force, at.count), dense(total.moment, at.count)]).T
 
 
-@dataclass(frozen=True)
-class _Loads:
-    force: Floats
-    moment: Floats
-    weight_moment: Floats
-    joint_torque: Floats
-
-
-def _loads(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> _Loads:
-    """Rate of momentum (3, n), weight's moment, and the torque of every joint of the open tree (nv, n)."""
-    tree, gravity = mechanism.tree, mechanism.gravity[:, None]
+def _loads(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> tuple[Load, Load, list[Entry]]:
+    """Rate of momentum, weight, and the torque of every joint of the open tree."""
+    tree = mechanism.tree
     at = kinematics.pose(tree, q)
-    moving = moving_at(tree, at, v, a)
-    inertial: list[Floats] = [np.zeros((2, 3, q.shape[1])) for _ in range(tree.size)]
-    weight: list[Floats] = [np.zeros((2, 3, q.shape[1])) for _ in range(tree.size)]
+    moving = kinematics.motion(tree, at, v, a)
+    inertial, weight = [Load()] * tree.size, [Load()] * tree.size
     for row, joint in zip(mechanism.parameters, tree.bodies, strict=True):
-        first = rotate(at.rotation[joint], row[1:4])
-        inertial[joint] = _rate_of_momentum(row, first, at, moving, joint)
-        centre = row[0] * at.position[joint] + first
-        weight[joint] = np.stack([np.broadcast_to(row[0] * gravity, centre.shape), cross(centre, gravity)])
-    torque = mechanism.armature[:, None] * a + mechanism.viscous[:, None] * v
-    torque += mechanism.coulomb[:, None] * np.sign(v)
-    total, total_weight = np.zeros((2, 2, 3, q.shape[1]))
+        inertial[joint] = body.rate_of_momentum(row, at, moving, joint)
+        weight[joint] = body.weight(row, at, mechanism.gravity, joint)
+    torque: list[Entry] = [0.0] * tree.size
+    total, total_weight = Load(), Load()
     for i in reversed(range(tree.size)):
-        torque[i] += _along(at, i, inertial[i] - weight[i], tree.joints[i].revolute)
-        parent = tree.joints[i].parent
+        revolute, parent = tree.joints[i].revolute, tree.joints[i].parent
+        torque[i] = sub(inertial[i].along(at, i, revolute), weight[i].along(at, i, revolute))
         if parent >= 0:
-            inertial[parent], weight[parent] = inertial[parent] + inertial[i], weight[parent] + weight[i]
+            inertial[parent], weight[parent] = inertial[parent].plus(inertial[i]), weight[parent].plus(weight[i])
         else:
-            total, total_weight = total + inertial[i], total_weight + weight[i]
-    return _Loads(total[0], total[1], total_weight[1], torque)
+            total, total_weight = total.plus(inertial[i]), total_weight.plus(weight[i])
+    return total, total_weight, [add(t, _joint_losses(mechanism, i, v, a)) for i, t in enumerate(torque)]
 
 
-def _rate_of_momentum(row: Floats, first: Floats, at: kinematics.Pose, moving: kinematics.Motion, joint: int) -> Floats:
-    """Force and moment about the base origin that move one body, (2, 3, n). Newton-Euler about the joint's origin o:
-
-    F = m a_o + al x h + w x (w x h),   M = o x F + h x a_o + I al + w x (I w),   h the first moment of mass.
-    """
-    omega, alpha, acceleration = moving.omega[joint], moving.alpha[joint], moving.acceleration[joint]
-    force = row[0] * acceleration + cross(alpha, first) + cross(omega, cross(omega, first))
-    moment = cross(at.position[joint], force) + cross(first, acceleration)
-    moment += _inertia_times(at.rotation[joint], row, alpha)
-    moment += cross(omega, _inertia_times(at.rotation[joint], row, omega))
-    return np.stack([force, moment])
-
-
-def _inertia_times(rotation: Floats, row: Floats, vector: Floats) -> Floats:
-    """Inertia about the joint's origin times a base-frame vector, (3, n)."""
-    xx, xy, yy, xz, yz, zz = row[4:]
-    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    local = inertia @ np.einsum("jin,jn->in", rotation, vector)
-    return np.einsum("ijn,jn->in", rotation, local)
-
-
-def _along(at: kinematics.Pose, joint: int, load: Floats, revolute: bool) -> Floats:
-    """Share of a load (force, moment about the base origin) along a joint's axis, (n,)."""
-    force, moment = load
-    if revolute:
-        moment = moment - cross(at.position[joint], force)
-        return np.einsum("in,in->n", at.axis[joint], moment)
-    return np.einsum("in,in->n", at.axis[joint], force)
+def _joint_losses(mechanism: Mechanism, i: int, v: Floats, a: Floats) -> Entry:
+    """Torque of a joint's drive inertia, viscous and dry friction."""
+    armature, viscous, coulomb = (float(x[i]) for x in (mechanism.armature, mechanism.viscous, mechanism.coulomb))
+    return add(add(mul(armature, a[i]), mul(viscous, v[i])), mul(coulomb, np.sign(v[i]) if coulomb else 0.0))
 
 
 def _drive_torque(mechanism: Mechanism, trajectory: Trajectory, joint_torque: Floats) -> dict[str, Floats]:
@@ -147,6 +110,8 @@ def _drive_torque(mechanism: Mechanism, trajectory: Trajectory, joint_torque: Fl
     driven = mechanism.driven or (mechanism.coordinates if not mechanism.loops else ())
     if not driven:
         return {}
+    if not mechanism.loops and len(driven) == len(mechanism.coordinates):
+        return {joint: joint_torque[:, mechanism.coordinate_index(joint)] for joint in driven}
     projection = driven_rates(mechanism, trajectory.per_drive, driven)
     torque = np.einsum("nij,ni->nj", projection, joint_torque)
     return {joint: torque[:, i] for i, joint in enumerate(driven)}

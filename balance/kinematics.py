@@ -1,160 +1,141 @@
-"""Positions, velocities and accelerations of all bodies for many states at once, in the base frame.
-
-Samples lie on the last axis, so that every step is one long vector operation. All vectors are base-frame components.
-"""
+"""Positions, velocities and accelerations of all bodies for many states at once, in the base frame."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from .arrays import Floats
+from .components import (
+    IDENTITY,
+    ZERO,
+    Entry,
+    Matrix,
+    Vector,
+    apply,
+    cross,
+    matrix,
+    minus,
+    mul,
+    plus,
+    product,
+    scale,
+    vector,
+)
 from .tree import Joint, Tree
-
-
-def cross(a: Floats, b: Floats) -> Floats:
-    """Cross product along the first axis, (3, n)."""
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    np.subtract(a[1] * b[2], a[2] * b[1], out=out[0])
-    np.subtract(a[2] * b[0], a[0] * b[2], out=out[1])
-    np.subtract(a[0] * b[1], a[1] * b[0], out=out[2])
-    return out
-
-
-def rotate(rotation: Floats, vector: Floats) -> Floats:
-    """Constant body vector (3,) into the base frame, (3, n); zero components cost nothing."""
-    out = np.zeros((3, rotation.shape[-1]))
-    for k in np.flatnonzero(vector):
-        out += rotation[:, k] * vector[k]
-    return out
 
 
 @dataclass(frozen=True)
 class Pose:
-    """Where every elementary joint's frame is."""
+    """Where every elementary joint's frame is, at ``count`` samples."""
 
-    rotation: list[Floats]
-    """Rotation from the joint's frame to the base, a joint (3, 3, n)."""
-    position: list[Floats]
-    """Origin of the joint's frame, a joint (3, n) [m]."""
-    axis: list[Floats]
-    """Unit axis of the joint, a joint (3, n)."""
+    count: int
+    rotation: list[Matrix]
+    """Rotation from each joint's frame to the base."""
+    position: list[Vector]
+    """Origin of each joint's frame [m]."""
+    axis: list[Vector]
+    """Unit axis of each joint."""
 
-    def point(self, joint: int, offset: Floats) -> Floats:
-        """A point fixed in a joint's frame (the base for joint -1), (3, n) or (3, 1) [m]."""
-        if joint < 0:
-            return offset[:, None]
-        return self.position[joint] + rotate(self.rotation[joint], offset)
+    def arm(self, joint: int, offset: Floats) -> Vector:
+        """A vector fixed in a joint's frame (the base for joint -1), given there as (3,)."""
+        return apply(self.rotation[joint], vector(offset)) if joint >= 0 else vector(offset)
+
+    def point(self, joint: int, offset: Floats) -> Vector:
+        """A point fixed in a joint's frame (the base for joint -1), given there as (3,) [m]."""
+        return plus(self.position[joint], self.arm(joint, offset)) if joint >= 0 else vector(offset)
 
 
 @dataclass(frozen=True)
 class Motion:
-    """How every elementary joint's frame moves: angular (3, n) [rad/s, rad/s2], origin (3, n) [m/s, m/s2]."""
+    """How every elementary joint's frame moves: angular velocity [rad/s], its origin's [m/s], and the rates of both."""
 
-    omega: list[Floats]
-    velocity: list[Floats]
-    alpha: list[Floats]
-    acceleration: list[Floats]
+    omega: list[Vector]
+    velocity: list[Vector]
+    alpha: list[Vector]
+    acceleration: list[Vector]
 
 
 def pose(tree: Tree, q: Floats) -> Pose:
     """Poses at joint positions ``q`` (nv, n) [rad, m]."""
-    rotation: list[Floats] = []
-    position: list[Floats] = []
-    axis: list[Floats] = []
+    at = Pose(q.shape[1], [], [], [])
     for i, joint in enumerate(tree.joints):
-        if joint.parent < 0:
-            frame, origin = (
-                np.broadcast_to(joint.rotation[:, :, None], (3, 3, q.shape[1])),
-                joint.position[:, None],
-            )
-        else:
-            frame = _turned(rotation[joint.parent], joint.rotation)
-            origin = position[joint.parent] + rotate(rotation[joint.parent], joint.position)
-        axis.append(rotate(frame, joint.axis))
-        rotation.append(_spun(frame, joint.axis, q[i]) if joint.revolute else frame)
-        position.append(origin + np.zeros_like(axis[i]) if joint.revolute else origin + axis[i] * q[i])
-    return Pose(rotation, position, axis)
+        parent = at.rotation[joint.parent] if joint.parent >= 0 else IDENTITY
+        frame = parent if np.array_equal(joint.rotation, np.eye(3)) else product(parent, matrix(joint.rotation))
+        origin = at.point(joint.parent, joint.position)
+        axis = apply(frame, vector(joint.axis))
+        at.axis.append(axis)
+        at.rotation.append(_spun(frame, joint.axis, q[i]) if joint.revolute else frame)
+        at.position.append(origin if joint.revolute else plus(origin, scale(q[i], axis)))
+    return at
 
 
-def _turned(rotation: Floats, constant: Floats) -> Floats:
-    return rotation if np.array_equal(constant, np.eye(3)) else np.einsum("ijn,jk->ikn", rotation, constant)
-
-
-def _spun(rotation: Floats, axis: Floats, angle: Floats) -> Floats:
+def _spun(frame: Matrix, axis: Floats, angle: Floats) -> Matrix:
     """Rotation times a turn about ``axis``. Rodrigues: R + R K sin + R K K (1 - cos); short for a z axis."""
     c, s = np.cos(angle), np.sin(angle)
     if axis[2] == 1.0:
-        out = np.empty((3, 3, angle.size))
-        out[:, 0] = rotation[:, 0] * c + rotation[:, 1] * s
-        out[:, 1] = rotation[:, 1] * c - rotation[:, 0] * s
-        out[:, 2] = rotation[:, 2]
-        return out
-    k = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
-    first = np.einsum("ijn,jk->ikn", rotation, k)
-    return rotation + first * s + np.einsum("ijn,jk->ikn", first, k) * (1.0 - c)
+        return plus(scale(c, frame[0]), scale(s, frame[1])), minus(scale(c, frame[1]), scale(s, frame[0])), frame[2]
+    k = matrix(np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]]))
+    first = product(frame, k)
+    second = product(first, k)
+    x, y, z = (plus(plus(frame[j], scale(s, first[j])), scale(1.0 - c, second[j])) for j in range(3))
+    return x, y, z
 
 
-def motion(tree: Tree, at: Pose, v: Floats, a: Floats) -> Motion:
-    """Velocities and accelerations at joint rates ``v`` and ``a`` (nv, n) [rad/s, m/s; rad/s2, m/s2]."""
-    rest = np.zeros((3, v.shape[1]))
+def motion(tree: Tree, at: Pose, v: Floats, a: Floats | None = None) -> Motion:
+    """Velocities and accelerations at joint rates ``v`` and ``a`` (nv, n) [rad/s, m/s; rad/s2, m/s2]; None is zero."""
     moving = Motion([], [], [], [])
     for i, joint in enumerate(tree.joints):
-        p = joint.parent
-        before = [rest] * 5 if p < 0 else [*(values[p] for values in _fields(moving)), at.position[i] - at.position[p]]
-        for values, value in zip(_fields(moving), _step(joint, at.axis[i], v[i], a[i], *before), strict=True):
+        for values, value in zip(
+            (moving.omega, moving.velocity, moving.alpha, moving.acceleration),
+            _step(joint, at, i, moving, v[i], 0.0 if a is None else a[i]),
+            strict=True,
+        ):
             values.append(value)
     return moving
 
 
-def _fields(moving: Motion) -> tuple[list[Floats], ...]:
-    return moving.omega, moving.velocity, moving.alpha, moving.acceleration
-
-
 def _step(
-    joint: Joint,
-    axis: Floats,
-    rate: Floats,
-    rate_of_rate: Floats,
-    omega: Floats,
-    velocity: Floats,
-    alpha: Floats,
-    acceleration: Floats,
-    arm: Floats,
-) -> tuple[Floats, Floats, Floats, Floats]:
+    joint: Joint, at: Pose, i: int, moving: Motion, rate: Entry, rate_of_rate: Entry
+) -> tuple[Vector, Vector, Vector, Vector]:
     """One joint outwards. Rigid body: v = v0 + w x d, a = a0 + al x d + w x (w x d), plus what the joint adds."""
-    if joint.parent >= 0:
+    p, axis = joint.parent, at.axis[i]
+    omega, alpha, velocity, acceleration = ZERO, ZERO, ZERO, ZERO
+    if p >= 0:
+        omega, alpha = moving.omega[p], moving.alpha[p]
+        arm = minus(at.position[i], at.position[p])
         swept = cross(omega, arm)
-        velocity = velocity + swept
-        acceleration = acceleration + cross(alpha, arm) + cross(omega, swept)
-    along = axis * rate
+        velocity = plus(moving.velocity[p], swept)
+        acceleration = plus(moving.acceleration[p], plus(cross(alpha, arm), cross(omega, swept)))
+    along, faster = scale(rate, axis), scale(rate_of_rate, axis)
     if joint.revolute:
-        return omega + along, velocity, alpha + axis * rate_of_rate + cross(omega, along), acceleration
-    return omega, velocity + along, alpha, acceleration + axis * rate_of_rate + 2.0 * cross(omega, along)
+        return plus(omega, along), velocity, plus(plus(alpha, faster), cross(omega, along)), acceleration
+    coriolis = scale(2.0, cross(omega, along))
+    return omega, plus(velocity, along), alpha, plus(plus(acceleration, faster), coriolis)
 
 
-def point_motion(at: Pose, moving: Motion, joint: int, offset: Floats) -> tuple[Floats, Floats]:
-    """Velocity and acceleration of a point fixed in a joint's frame, (3, n) [m/s, m/s2]; zero on the base."""
+def point_acceleration(at: Pose, moving: Motion, joint: int, offset: Floats) -> Vector:
+    """Acceleration of a point fixed in a joint's frame [m/s2]; zero on the base."""
     if joint < 0:
-        return np.zeros((3, 1)), np.zeros((3, 1))
-    arm = rotate(at.rotation[joint], offset)
-    swept = cross(moving.omega[joint], arm)
-    acceleration = moving.acceleration[joint] + cross(moving.alpha[joint], arm) + cross(moving.omega[joint], swept)
-    return moving.velocity[joint] + swept, acceleration
+        return ZERO
+    arm, omega = at.arm(joint, offset), moving.omega[joint]
+    return plus(moving.acceleration[joint], plus(cross(moving.alpha[joint], arm), cross(omega, cross(omega, arm))))
 
 
-def point_jacobian(tree: Tree, at: Pose, joint: int, point: Floats) -> Floats:
-    """Velocity of a point (3, n) carried by ``joint`` per joint rate, (3, nv, n)."""
-    jacobian = np.zeros((3, tree.size, at.axis[0].shape[1]))
+def add_point_jacobian(tree: Tree, at: Pose, joint: int, point: Vector, out: Floats, sign: float = 1.0) -> None:
+    """Add to ``out`` (3, nv, n) the velocity, times ``sign``, of a point carried by ``joint`` per joint rate."""
     for i in tree.path(joint):
-        axis = at.axis[i]
-        jacobian[:, i] = cross(axis, point - at.position[i]) if tree.joints[i].revolute else axis
-    return jacobian
+        column = cross(at.axis[i], minus(point, at.position[i])) if tree.joints[i].revolute else at.axis[i]
+        _add(out[:, i], column, sign)
 
 
-def angular_jacobian(tree: Tree, at: Pose, joint: int) -> Floats:
-    """Angular velocity of a joint's frame per joint rate, (3, nv, n)."""
-    jacobian = np.zeros((3, tree.size, at.axis[0].shape[1]))
+def add_angular_jacobian(tree: Tree, at: Pose, joint: int, out: Floats, sign: float = 1.0) -> None:
+    """Add to ``out`` (3, nv, n) the angular velocity, times ``sign``, of a joint's frame per joint rate."""
     for i in tree.path(joint):
         if tree.joints[i].revolute:
-            jacobian[:, i] = at.axis[i]
-    return jacobian
+            _add(out[:, i], at.axis[i], sign)
+
+
+def _add(out: Floats, column: Vector, sign: float) -> None:
+    for row, entry in zip(out, column, strict=True):
+        if not (isinstance(entry, float) and entry == 0.0):
+            row += mul(sign, entry)

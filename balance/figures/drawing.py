@@ -9,6 +9,7 @@ import numpy as np
 from .. import kinematics
 from ..arrays import Floats
 from ..closure import Closure
+from ..components import Vector, dense
 from ..errors import DataError
 from ..mechanism import Mechanism
 from ..sizing import CounterMass
@@ -48,10 +49,10 @@ def draw_on(axes: "Axes", mechanism: Mechanism, counter_masses: Sequence[Counter
     for joint, elementary in enumerate(mechanism.tree.joints):
         if elementary.revolute:
             ground = elementary.parent < 0
-            axes.plot(*at.position[joint][:2, 0], "^" if ground else "o", ms=11 if ground else 6, mfc="white",
+            axes.plot(*_flat(at.position[joint]), "^" if ground else "o", ms=11 if ground else 6, mfc="white",
                       mec=GROUND, mew=1.6, zorder=5)  # fmt: skip
     for loop in mechanism.loops:
-        axes.plot(*at.point(loop.first.joint, loop.first.position)[:2, 0], "o", ms=6, mfc="white", mec=GROUND, mew=1.6,
+        axes.plot(*_flat(at.point(loop.first.joint, loop.first.position)), "o", ms=6, mfc="white", mec=GROUND, mew=1.6,
                   zorder=5)  # fmt: skip
     for counter in counter_masses:
         _draw_counter_mass(axes, mechanism, at, counter)
@@ -67,15 +68,20 @@ def save(figure: "Figure", path: str | Path) -> None:
 
 def _corners(mechanism: Mechanism, at: kinematics.Pose, body: int, joint: int) -> Floats:
     """Points of a link worth joining: its joint, its children's joints, the sites where loops close, (k, 2) [m]."""
-    points = [at.position[child][:, 0] for child, j in enumerate(mechanism.tree.joints) if j.parent == joint]
+    points = [_flat(at.position[child]) for child, j in enumerate(mechanism.tree.joints) if j.parent == joint]
     if mechanism.tree.joints[joint].revolute:
-        points.append(at.position[joint][:, 0])
+        points.append(_flat(at.position[joint]))
     ends = [end for loop in mechanism.loops for end in (loop.first, loop.second) if end.joint == joint]
-    points += [at.point(end.joint, end.position)[:, 0] for end in ends]
+    points += [_flat(at.point(end.joint, end.position)) for end in ends]
     if len(points) < 2:
         sites = [site for site in mechanism.sites.values() if site.body == body and not site.name.startswith("counter")]
-        points += [at.point(joint, site.position)[:, 0] for site in sites]
-    return np.array(points or [at.position[joint][:, 0]])[:, :2]
+        points += [_flat(at.point(joint, site.position)) for site in sites]
+    return np.array(points or [_flat(at.position[joint])])
+
+
+def _flat(point: Vector) -> Floats:
+    """In the plane x-y, (2,) [m]."""
+    return dense(point, 1)[:2, 0]
 
 
 def _draw_link(axes: "Axes", points: Floats, name: str, colour: str) -> None:
@@ -100,7 +106,7 @@ def _draw_counter_mass(axes: "Axes", mechanism: Mechanism, at: kinematics.Pose, 
     from matplotlib.patches import Circle
 
     joint = mechanism.tree.bodies[mechanism.site(counter.site).body]
-    pivot, place = at.position[joint][:2, 0], at.point(joint, counter.position)[:2, 0]
+    pivot, place = _flat(at.position[joint]), _flat(at.point(joint, counter.position))
     axes.plot(*np.array([pivot, place]).T, color=COUNTER, lw=3, zorder=2)
     radius = np.sqrt(counter.mass / (np.pi * STEEL_KG_PER_M2))
     axes.add_patch(Circle((float(place[0]), float(place[1])), radius, color=COUNTER, alpha=0.55, lw=0, zorder=2))

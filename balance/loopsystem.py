@@ -1,0 +1,97 @@
+"""Loops and driven coordinates solved together by Newton's method, one configuration or many at once."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import constraints, kinematics
+from .arrays import Floats, Indices
+from .drive import Drive
+from .errors import ClosureError
+from .kinematics import Pose
+from .mechanism import Mechanism
+
+RESIDUAL_LIMIT = 1e-10
+"""Largest loop residual that counts as closed, relative to the mechanism's length."""
+ITERATIONS = 30
+"""Newton steps after which an iteration counts as lost."""
+
+
+@dataclass(frozen=True)
+class LoopSystem:
+    """Independent loop constraints and driven coordinates as one square system of equations."""
+
+    mechanism: Mechanism
+    rows: Indices
+    """Independent rows of the loop constraints."""
+    length: float
+    """A length of the mechanism, to which residuals are compared [m]."""
+    drive: Drive
+
+    def evaluate(self, q: Floats, target: Floats) -> tuple[Pose, Floats, Floats]:
+        """Pose, residual of the loops (rows, n) and of the driven coordinates (dof, n)."""
+        at = kinematics.pose(self.mechanism.tree, q)
+        return at, constraints.residual(self.mechanism.loops, at), self.drive.position(at, q) - target
+
+    def matrix(self, at: Pose, q: Floats) -> Floats:
+        """Jacobian of independent loop rows and driven coordinates, (n, nv, nv)."""
+        loops = constraints.jacobian(self.mechanism.loops, self.mechanism.tree, at)[self.rows]
+        rows = np.concatenate([loops, self.drive.jacobian(self.mechanism.tree, at)])
+        return np.ascontiguousarray(np.broadcast_to(rows, (*rows.shape[:2], q.shape[1])).transpose(2, 0, 1))
+
+    def linearise(self, q: Floats) -> tuple[Floats, Floats]:
+        """Inverse of the matrix (n, nv, nv), and its columns that belong to the drive (n, nv, dof)."""
+        at = kinematics.pose(self.mechanism.tree, q)
+        inverse = np.linalg.inv(self.matrix(at, q))
+        return inverse, inverse[:, :, -self.drive.size :]
+
+    def newton(self, q: Floats, target: Floats) -> Floats:
+        """Iterate to rounding error on all samples at once; what does not converge is left for the check."""
+        limit = 1e-14 * self.length
+        for _ in range(ITERATIONS):
+            at, loops, driven = self.evaluate(q, target)
+            residual = np.concatenate([loops[self.rows], driven])
+            size = np.abs(residual).max()
+            if not size > limit:
+                break
+            change = np.linalg.solve(self.matrix(at, q), residual.T[:, :, None])[:, :, 0].T
+            q = q - change
+            if size < 1e-7 * self.length:
+                break  # quadratic convergence: the next residual is below rounding
+        return q
+
+    def march(self, q: Floats, start: Floats, target: Floats, time: float) -> Floats:
+        """Continuation of one configuration from one driven position to another, in steps halved as needed."""
+        done, step = 0.0, 1.0
+        while done < 1.0:
+            step = min(step, 1.0 - done)
+            trial = self._step(q, start + (done + step) * (target - start))
+            if trial is None:
+                step /= 2.0
+                if step < 1e-4:
+                    raise self._stuck(start + done * (target - start), target, time)
+                continue
+            q, done, step = trial, done + step, step * 2.0
+        return q
+
+    def _step(self, q: Floats, target: Floats) -> Floats | None:
+        try:
+            trial = self.newton(q[:, None], target[:, None])[:, 0]
+            _, loops, driven = self.evaluate(trial[:, None], target[:, None])
+        except np.linalg.LinAlgError:
+            return None
+        gap = max(np.abs(loops).max(initial=0.0), np.abs(driven).max(initial=0.0))
+        if not gap < RESIDUAL_LIMIT * self.length or np.abs(trial - q).max() > self._reach():
+            return None
+        return trial
+
+    def _reach(self) -> float:
+        return 0.5 * max(1.0, self.length)
+
+    def _stuck(self, reached: Floats, target: Floats, time: float) -> ClosureError:
+        at = ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.drive.names, target, strict=True))
+        got = ", ".join(f"{value:.6g}" for value in reached)
+        return ClosureError(
+            f"{self.mechanism.name} cannot be closed at {at} (t = {time:.6g} s): it gets as far as {got} on "
+            f"the branch of {self.mechanism.branch!r}; the position is out of reach or singular"
+        )
