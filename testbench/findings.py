@@ -8,6 +8,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 
+from .errors import RecordingError
+
 
 class Severity(IntEnum):
     """How grave a finding is."""
@@ -21,6 +23,8 @@ _ERRORS = {
     "empty_file": "The file has no content.",
     "no_data": "There is a header, and no row of numbers under it.",
     "not_text": "The content is no text: an archive, a spreadsheet, a binary file.",
+    "other_format": "A format that no installed reader reads.",
+    "text_row": "A row of text between the rows of numbers, such as another header.",
     "nul_bytes": "NUL bytes inside the text, as a logger leaves them when its power fails.",
     "line_too_long": "A line longer than any logger writes.",
     "unknown_encoding": "The text is in no encoding that can be told.",
@@ -52,7 +56,8 @@ _WARNINGS = {
     "clipping": "Samples at the limit of the sensor's range.",
     "clipping_suspected": "Flat tops at the largest or smallest value, as a saturated sensor leaves them.",
     "constant_channel": "A channel of one single value: a dead, stuck or unused one.",
-    "not_in_sheet": "The sheet of run conditions does not name this file.",
+    "already_stored": "The campaign holds this recording already; nothing was written.",
+    "unit_unknown": "Brackets in a header that hold no unit that is known; kept as written.",
 }
 _NOTES = {
     "dialect": "Delimiter, decimal mark and encoding as detected in the first lines.",
@@ -61,7 +66,6 @@ _NOTES = {
     "comment_inside": "Comment lines between the rows.",
     "blank_lines": "Blank lines between the rows.",
     "time_jitter": "Steps of time that scatter.",
-    "already_stored": "The campaign holds this recording already; nothing was written.",
 }
 
 MEANING = {**_ERRORS, **_WARNINGS, **_NOTES}
@@ -98,3 +102,12 @@ def refused(findings: Iterable[Finding], accepted: Iterable[str] = ()) -> list[F
     """The findings for which a recording is refused, unless a person accepts their codes."""
     allowed = frozenset(accepted)
     return [f for f in findings if f.severity is Severity.ERROR and f.code not in allowed]
+
+
+class Refusal(RecordingError):
+    """A file that cannot be read at all, with the finding that says why."""
+
+    def __init__(self, name: str, finding: Finding) -> None:
+        place = f", {finding.where}" if finding.where else ""
+        super().__init__(f"{name}{place}: {finding.message}")
+        self.finding = finding

@@ -62,6 +62,15 @@ Clock = UniformClock | TimeColumn
 
 
 @dataclass(frozen=True)
+class SensorRange:
+    """A range from -limit to +limit in ``unit``, digitised to ``bits``; channels of that unit lie within it."""
+
+    limit: float
+    unit: str
+    bits: int | None = None
+
+
+@dataclass(frozen=True)
 class Group:
     """Channels sampled together; the time column, if there is one, is among them."""
 
@@ -107,6 +116,8 @@ class Recording:
     settings: Mapping[str, str] = field(default_factory=dict)
     metadata: Mapping[str, str] = field(default_factory=dict)
     comments: tuple[str, ...] = ()
+    ranges: tuple[SensorRange, ...] = ()
+    stated_rate_hz: float | None = None
     findings: tuple[Finding, ...] = ()
 
     def blocks(self, report: Report) -> Iterator[Block]:

@@ -1,0 +1,124 @@
+"""Cells that are no plain number: found again in the text, named with their line, never guessed."""
+
+from bisect import insort
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...findings import Finding
+from ...recording import Report, Samples
+from . import marks
+from .parse import Form
+from .rows import SHOWN, Piece, listed
+
+_KINDS = {
+    "decimal_mark_changes": "the decimal mark changes: the first lines have a decimal {mark}, and {n} numbers here "
+    "have the other one, the first is {first}",
+    "ambiguous_number": "{n} numbers whose marks may be of thousands or of decimals, the first is {first}; "
+    "export without marks of thousands",
+    "nul_bytes": "{n} cells hold NUL bytes, as after a power failure of the logger, the first is {first}",
+}
+
+
+@dataclass
+class _Places:
+    """The first cells of a kind, line and text, and how many there are."""
+
+    cells: list[tuple[int, str]] = field(default_factory=list)
+    total: int = 0
+
+    def add(self, line: int, token: str) -> None:
+        self.total += 1
+        if len(self.cells) < SHOWN or line < self.cells[-1][0]:
+            insort(self.cells, (line, token))
+            del self.cells[SHOWN:]
+
+
+@dataclass
+class CellFilter:
+    """Judges every cell that did not parse to a finite number."""
+
+    form: Form
+    names: tuple[str, ...]
+    encoding: str
+    by_channel: dict[int, _Places] = field(default_factory=dict)
+    by_kind: dict[str, _Places] = field(default_factory=dict)
+
+    def judge(self, piece: Piece, columns: list[Samples], examined: list[int]) -> None:
+        """Look at the cells of the ``examined`` columns that are not finite; fill in those that are a number.
+
+        ``piece`` must be regular: a separator or a line feed ends each cell.
+        """
+        data = np.frombuffer(piece.text, dtype=np.uint8)
+        ends = np.flatnonzero((data == ord(self.form.separator)) | (data == ord("\n")))
+        begins = np.concatenate(([0], ends[:-1] + 1))
+        for j in examined:
+            rows = np.flatnonzero(~np.isfinite(columns[j]))
+            cells = rows * self.form.fields + j
+            empty = (ends[cells] == begins[cells]) | (data[begins[cells]] == ord("\r"))
+            self._count_empty(j, [int(piece.lines[row]) for row in rows[empty][:SHOWN]], int(empty.sum()))
+            for row, cell in zip(rows[~empty], cells[~empty], strict=True):
+                token = self._text(piece.text[begins[cell] : ends[cell]])
+                value = self._judge(j, int(piece.lines[row]), token)
+                if value is not None:
+                    columns[j] = _writable(columns[j])
+                    columns[j][row] = value
+
+    def _judge(self, column: int, line: int, token: str) -> float | None:
+        """Note the cell under its kind; the value of one that is a number between blanks."""
+        mark = marks.mark_of(token)
+        if mark in ("", self.form.dialect.decimal) and np.isfinite(value := float(token.replace(",", "."))):
+            return value
+        if "\0" in token:
+            self._note("nul_bytes", line, token)
+        elif mark in (".", ",") and mark != self.form.dialect.decimal:
+            thousands = marks.may_be_thousands(token)
+            self._note("ambiguous_number" if thousands else "decimal_mark_changes", line, token)
+        elif marks.is_ambiguous(token):
+            self._note("ambiguous_number", line, token)
+        self.by_channel.setdefault(column, _Places()).add(line, token)
+        return None
+
+    def _count_empty(self, column: int, first_lines: list[int], total: int) -> None:
+        """Note empty cells; there may be very many, as of a slow sensor beside a fast one."""
+        if total:
+            places = self.by_channel.setdefault(column, _Places())
+            for line in first_lines:
+                places.add(line, "")
+            places.total += total - len(first_lines)
+
+    def _note(self, kind: str, line: int, token: str) -> None:
+        self.by_kind.setdefault(kind, _Places()).add(line, token)
+
+    def _text(self, token: bytes) -> str:
+        return token.strip(b" \t\r").decode(self.encoding, "backslashreplace")
+
+    def report(self, report: Report) -> None:
+        """Report what was found: once for each kind of contradiction, and once for each channel."""
+        other = "comma" if self.form.dialect.decimal == "," else "point"
+        for kind, message in _KINDS.items():
+            if places := self.by_kind.get(kind):
+                text = message.format(n=places.total, first=shown(places.cells[0][1]), mark=other)
+                report(Finding(kind, None, listed(_lines(places), places.total), text))
+        for column, places in sorted(self.by_channel.items()):
+            seen = ", ".join(f"{shown(token)} in line {line}" for line, token in places.cells)
+            more = ", ..." if places.total > len(places.cells) else ""
+            message = f"{places.total} cells are no finite number: {seen}{more}"
+            where = listed(_lines(places), places.total)
+            report(Finding("not_a_number", self.names[column], where, message))
+
+
+def shown(token: str) -> str:
+    """A cell's text for a message: short, without control characters."""
+    if not token:
+        return "an empty cell"
+    plain = "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in token[:40])
+    return f"'{plain}{'...' if len(token) > 40 else ''}'"
+
+
+def _lines(places: _Places) -> list[str]:
+    return list(dict.fromkeys(str(line) for line, _ in places.cells))
+
+
+def _writable(column: Samples) -> Samples:
+    return column if column.flags.writeable else column.copy()

@@ -1,0 +1,125 @@
+"""Delimiter and decimal mark, detected once from the first lines; never guessed from one cell."""
+
+import csv
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from . import marks
+
+COMMENT_SIGNS = ("#", "%", "//")
+_DELIMITERS = ("\t", ";", "|", ",", " ")
+_NAMES = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma", " ": "blanks", "": "none (one column)"}
+
+
+class UnclearDialect(Exception):
+    """First lines that allow more than one reading; the text says which."""
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """Delimiter (``" "``: any run of blanks, ``""``: one column), decimal mark, quotes round numbers.
+
+    ``doubt`` holds a reason why the decimal mark may be another one.
+    """
+
+    delimiter: str
+    decimal: str
+    quoted: bool = False
+    doubt: str = ""
+
+    def __str__(self) -> str:
+        mark = "comma" if self.decimal == "," else "point"
+        return f"delimiter {_NAMES.get(self.delimiter, repr(self.delimiter))}, decimal {mark}"
+
+    def split(self, line: str) -> list[str]:
+        """The cells of a line, blanks round them and quotes removed."""
+        return split(line, self.delimiter)
+
+
+def split(line: str, delimiter: str) -> list[str]:
+    """The cells of a line at ``delimiter``, blanks round them and quotes removed."""
+    if delimiter == "":
+        return [line.strip().strip('"')]
+    if delimiter == " ":
+        return line.split()
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [""])]
+
+
+def is_comment(line: str) -> bool:
+    """Whether the line is a comment."""
+    return line.lstrip().startswith(COMMENT_SIGNS)
+
+
+def is_data(cells: Sequence[str]) -> bool:
+    """Whether cells are a row of data: a number among them, and at least half of them numbers or missing."""
+    numbers = sum(map(marks.is_numberish, cells))
+    return numbers > 0 and numbers + sum(map(marks.is_missing, cells)) >= 0.5 * len(cells)
+
+
+def detect(lines: Sequence[str], delimiter: str | None = None, decimal: str | None = None) -> Dialect:
+    """The dialect of a file that begins with ``lines``; what the caller gives is not detected."""
+    lines = [line for line in lines if line.strip() and not is_comment(line)]
+    if delimiter is None:
+        delimiter = _delimiter(lines, decimal)
+    rows = [cells for line in lines if is_data(cells := split(line, delimiter))]
+    quoted = any(line.lstrip().startswith('"') and is_data(split(line, delimiter)) for line in lines)
+    if decimal is not None:
+        return Dialect(delimiter, decimal, quoted)
+    if delimiter == "," and not quoted:
+        return Dialect(delimiter, ".", quoted)
+    mark, doubt = _decimal(rows)
+    return Dialect(delimiter, mark, quoted, doubt)
+
+
+def _delimiter(lines: Sequence[str], decimal: str | None) -> str:
+    for delimiter in _DELIMITERS:
+        rows = [split(line, delimiter) for line in lines]
+        data = [cells for cells in rows if len(cells) > 1 and is_data(cells)]
+        if len(data) <= 0.5 * (len(rows) - _first_data(rows)):
+            continue
+        if delimiter == ",":
+            return _comma_or_one_column(lines, rows, data, decimal)
+        return delimiter
+    return ""
+
+
+def _first_data(rows: Sequence[Sequence[str]]) -> int:
+    """Index of the first row of data; lines above it are header and preamble and have no say."""
+    return next((i for i, cells in enumerate(rows) if is_data(cells)), len(rows) - 1)
+
+
+def _comma_or_one_column(
+    lines: Sequence[str], rows: Sequence[Sequence[str]], data: Sequence[Sequence[str]], decimal: str | None
+) -> str:
+    """Commas between numbers: between columns, or the decimal comma of one column? The header decides."""
+    if any(line.lstrip().startswith('"') for line in lines):
+        return ","
+    fields = Counter(map(len, data)).most_common(1)[0][0]
+    first = _first_data(rows)
+    header = len(rows[first - 1]) if first else 0
+    if fields == 2 and (decimal == "," or header == 1):
+        return ""
+    if header in (fields, fields - 1, fields + 1) or any("." in cell for cells in data for cell in cells):
+        return ","
+    if header == 0 and fields % 2:
+        return ","
+    raise UnclearDialect(
+        f"commas may part the columns or be decimal marks (row {','.join(data[0])!r}, {header} names above it); "
+        "say --delimiter and --decimal"
+    )
+
+
+def _decimal(rows: Sequence[Sequence[str]]) -> tuple[str, str]:
+    """The mark of the first number that leaves no doubt, and what doubt there is."""
+    numbers = [cell for cells in rows for cell in cells if marks.is_numberish(cell)]
+    for cell in numbers:
+        if (mark := marks.mark_of(cell)) and not marks.may_be_thousands(cell):
+            return mark, ""
+    for cell in numbers:
+        if marks.is_ambiguous(cell) and {".", ","} <= set(cell):
+            return max(".,", key=cell.rfind), ""
+    for cell in numbers:
+        if mark := marks.mark_of(cell):
+            return mark, f"{cell!r} and all other numbers have exactly three digits behind the mark"
+    return ".", ""

@@ -1,0 +1,108 @@
+"""Where the header of a text ends and the data begin, and which rows of it are names and units."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from ... import units
+from ...recording import Channel
+from . import marks, names
+from .dialect import Dialect, UnclearDialect, is_comment, is_data
+
+
+@dataclass(frozen=True)
+class Header:
+    """The header: channels, number of fields a row, and the lines (from 1) of names, units and first data.
+
+    ``fields`` is one more than the channels where every row ends with a delimiter. ``lines`` holds the texts
+    that may come again inside the file.
+    """
+
+    channels: tuple[Channel, ...]
+    fields: int
+    first_data_line: int
+    named: bool
+    lines: tuple[str, ...] = ()
+    preamble: tuple[str, ...] = field(default=())
+
+
+def parse(lines: Sequence[str], dialect: Dialect, has_header: bool | None = None) -> Header:
+    """The header of a file that begins with ``lines``.
+
+    Raises UnclearDialect if names and columns do not fit together, LookupError if there is no row of data.
+    """
+    rows = [[] if is_comment(line) or not line.strip() else dialect.split(line) for line in lines]
+    first = next((i for i, cells in enumerate(rows) if _begins_data(rows, i)), None)
+    if first is None:
+        raise LookupError
+    fields = len(rows[first])
+    above = [i for i in range(first) if rows[i]]
+    if has_header is False:
+        above = []
+    elif has_header and not above:
+        above, first = [first], first + 1
+    if not above and (found := _names_in_comment(lines[:first], dialect, fields)):
+        return Header(names.channels(found, [""] * fields), fields, first + 1, True, (), _texts(lines[:first]))
+    named = _name_rows(rows, above, fields)
+    labels, row_of_units = _labels(rows, named, fields)
+    kept = tuple(lines[i] for i in named)
+    preamble = tuple(text for i, text in enumerate(lines[:first]) if text.strip() and i not in named)
+    return Header(names.channels(labels, row_of_units), fields, first + 1, bool(named), kept, preamble)
+
+
+def _begins_data(rows: Sequence[Sequence[str]], i: int) -> bool:
+    """A row of data, with another of as many fields below it or nothing more to compare with."""
+    if not rows[i] or not is_data(rows[i]) or any(map(names.is_time, rows[i])):
+        return False
+    below = next((cells for cells in rows[i + 1 :] if cells), None)
+    return below is None or len(below) == len(rows[i]) or not is_data(below)
+
+
+def _name_rows(rows: Sequence[Sequence[str]], above: Sequence[int], fields: int) -> list[int]:
+    """Which rows above the data are names and units: none, one or two."""
+    if not above:
+        return []
+    last = above[-1]
+    if len(rows[last]) == 1 and fields > 1:
+        return []
+    if not fields - 1 <= len(rows[last]) <= fields + 1:
+        raise UnclearDialect(
+            f"line {last + 1} has {len(rows[last])} names, the rows below it have {fields} fields; quote names that "
+            "hold the delimiter, or say --delimiter and --decimal"
+        )
+    if len(above) > 1 and len(rows[above[-2]]) == len(rows[last]) and _are_units(rows[last]):
+        return [above[-2], last]
+    return [last]
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    """Whether a row holds units: each cell a unit, in brackets or not, or empty, and not all empty."""
+    texts = [cell.strip().strip("()[]").strip() for cell in cells]
+    return any(texts) and all(not text or units.is_unit(text) for text in texts)
+
+
+def _labels(rows: Sequence[Sequence[str]], named: Sequence[int], fields: int) -> tuple[list[str], list[str]]:
+    """Names and second-row units of the columns; a last column without name and values is no column."""
+    if not named:
+        return [f"col{i}" for i in range(fields)], [""] * fields
+    labels = list(rows[named[0]])
+    given = list(rows[named[-1]]) if len(named) > 1 else []
+    below = [cells for cells in rows[named[-1] + 1 :] if len(cells) == fields]
+    ends_empty = fields > 1 and not any(cells[-1] for cells in below)
+    if not labels[-1] and (len(labels) > fields or ends_empty):
+        labels.pop()
+    if len(labels) > fields or (len(labels) < fields and not ends_empty):
+        raise UnclearDialect(f"line {named[0] + 1} has {len(labels)} names, the rows below it have {fields} fields")
+    return [label or f"col{i}" for i, label in enumerate(labels)], (given + [""] * fields)[: len(labels)]
+
+
+def _names_in_comment(lines: Sequence[str], dialect: Dialect, fields: int) -> list[str]:
+    """Names that stand in the last comment above the data, as ``numpy.savetxt`` writes them."""
+    if not lines or not is_comment(lines[-1]) or fields < 2 or re.search("[:=]", lines[-1]):
+        return []
+    found = dialect.split(lines[-1].lstrip().lstrip("#%/").strip())
+    return found if len(found) == fields and not any(map(marks.is_numberish, found)) else []
+
+
+def _texts(lines: Sequence[str]) -> tuple[str, ...]:
+    return tuple(line for line in lines if line.strip())

@@ -1,0 +1,68 @@
+"""A text file in blocks of whole lines, as ASCII-compatible bytes with line feeds."""
+
+import codecs
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...findings import Finding, Refusal
+from .encoding import Encoding
+
+BLOCK_BYTES = 8 << 20
+"""Size of a block: large enough to parse on all cores, small enough for many blocks in memory [bytes]."""
+LONGEST_LINE = 4 << 20
+"""A line longer than this is no row of a log [bytes]."""
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Whole lines, each with its line feed; the file's line of the first; the rest after the last line feed.
+
+    ``rest`` is empty but in the file's last block, and there only if the last line has no end.
+    """
+
+    text: bytes
+    first: int
+    rest: bytes = b""
+
+
+def in_blocks(path: Path, encoding: Encoding, first_line: int, block_bytes: int = BLOCK_BYTES) -> Iterator[Lines]:
+    """The lines from ``first_line`` (counted from 1) on, in blocks."""
+    line, rest = 1, b""
+    for raw in _chunks(path, encoding, block_bytes):
+        data = rest + raw
+        end = data.rfind(b"\n") + 1
+        whole, rest = data[:end], data[end:]
+        if len(rest) > LONGEST_LINE:
+            raise too_long(path, line + whole.count(b"\n"))
+        skipped = 0
+        while line < first_line and (at := whole.find(b"\n", skipped)) >= 0:
+            line, skipped = line + 1, at + 1
+        if skipped < len(whole):
+            text = whole[skipped:] if skipped else whole
+            yield Lines(text, line)
+            line += text.count(b"\n")
+    if rest:
+        yield Lines(b"", line, rest)
+
+
+def too_long(path: Path, line: int) -> Refusal:
+    """The refusal of a file with a line that no logger writes."""
+    message = f"a line longer than {LONGEST_LINE >> 20} MiB; this is no log with one row a line"
+    return Refusal(path.name, Finding("line_too_long", None, f"line {line}", message))
+
+
+def _chunks(path: Path, encoding: Encoding, size: int) -> Iterator[bytes]:
+    """The file's content after its mark; other encodings than ASCII's kin as UTF-8, line ends as line feeds."""
+    decoder = None if encoding.keeps_ascii else codecs.getincrementaldecoder(encoding.name)("replace")
+    returns_only: bool | None = None
+    with path.open("rb") as stream:
+        stream.seek(encoding.mark)
+        while raw := stream.read(size):
+            if decoder is not None:
+                raw = decoder.decode(raw).encode("utf-8", "replace")
+            if returns_only is None:
+                returns_only = b"\r" in raw and b"\n" not in raw
+            yield raw.replace(b"\r", b"\n") if returns_only else raw
+    if decoder is not None and (tail := decoder.decode(b"", final=True)):
+        yield tail.encode("utf-8", "replace")

@@ -1,0 +1,42 @@
+"""What a cell may be: a number with a decimal point or comma, one with doubtful marks, a missing value, a text."""
+
+import re
+
+_POINT = re.compile(r"[+-]?(?:\d+\.\d*|\.\d+)(?:[eE][+-]?\d+)?")
+_COMMA = re.compile(r"[+-]?(?:\d+,\d*|,\d+)(?:[eE][+-]?\d+)?")
+_INTEGER = re.compile(r"[+-]?\d+(?:[eE][+-]?\d+)?")
+_LOOSE = re.compile(r"[+-]?[\d.,'’\u00a0\u202f ]*\d[\d.,'’\u00a0\u202f ]*(?:[eE][+-]?\d+)?")
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
+_MISSING_WORDS = "nan +nan -nan inf +inf -inf infinity -infinity na n/a #n/a null none - -- --- ? *"
+_MISSING = frozenset(_MISSING_WORDS.split())
+
+
+def mark_of(cell: str) -> str | None:
+    """``.`` or ``,`` if the cell is a number with that decimal mark; ``""`` for an integer; None otherwise."""
+    cell = cell.strip()
+    if _INTEGER.fullmatch(cell):
+        return ""
+    if _POINT.fullmatch(cell):
+        return "."
+    return "," if _COMMA.fullmatch(cell) else None
+
+
+def may_be_thousands(cell: str) -> bool:
+    """Whether the one mark of ``1.234`` may be of thousands: one to three digits, then exactly three."""
+    return _THOUSANDS.fullmatch(cell.strip()) is not None
+
+
+def is_ambiguous(cell: str) -> bool:
+    """Digits with several marks, such as ``1.234,5``, ``1'234`` or ``1 234``: no number in any dialect."""
+    return mark_of(cell) is None and _LOOSE.fullmatch(cell.strip()) is not None
+
+
+def is_numberish(cell: str) -> bool:
+    """Whether the cell has the look of a number, in whatever dialect."""
+    return _LOOSE.fullmatch(cell.strip()) is not None
+
+
+def is_missing(cell: str) -> bool:
+    """Whether the cell is empty or a usual word for no value."""
+    cell = cell.strip().casefold()
+    return not cell or cell in _MISSING or cell.startswith(("1.#", "-1.#"))

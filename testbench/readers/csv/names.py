@@ -1,0 +1,49 @@
+"""Channels from header cells: the name as written, the unit beside it; which of them is time."""
+
+import re
+from collections.abc import Sequence
+
+from ... import units
+from ...recording import Channel, TimeColumn
+
+_BRACKETS = re.compile(r"\(([^()]*)\)|\[([^][]*)\]")
+_TIME_SUFFIX = re.compile(r"(.*?)[_ ](s|sec|ms|us|µs|ns|min)", re.IGNORECASE)
+_TIME_NAMES = frozenset({
+    "t", "time", "timestamp", "time stamp", "elapsed", "elapsed time", "relative time", "test time",
+    "zaman", "süre", "sure", "geçen süre", "zaman damgası", "zeit", "temps", "tiempo", "tempo",
+})  # fmt: skip
+
+
+def channels(names: Sequence[str], second_row: Sequence[str]) -> tuple[Channel, ...]:
+    """The channels of these header cells, with the units of a second row where there is one."""
+    return tuple(_channel(name, below) for name, below in zip(names, second_row, strict=True))
+
+
+def _channel(name: str, below: str) -> Channel:
+    """A channel of this header cell; its unit from the second row, from brackets, or the suffix of a time."""
+    if below:
+        return Channel(name, below.strip("()[] ") or None, name)
+    for match in reversed(list(_BRACKETS.finditer(name))):
+        text = (match[1] or match[2] or "").strip()
+        if units.is_unit(text) or (match[2] is not None and text and not text.isdecimal()):
+            label = (name[: match.start()].rstrip() + " " + name[match.end() :].lstrip()).strip()
+            return Channel(name, text, label or name)
+    suffixed = _TIME_SUFFIX.fullmatch(name)
+    if suffixed is not None and suffixed[1].casefold() in _TIME_NAMES:
+        return Channel(name, suffixed[2], suffixed[1])
+    return Channel(name, None, name)
+
+
+def is_time(name: str) -> bool:
+    """Whether a header cell names time."""
+    return _channel(name, "").label.strip().replace("İ", "i").casefold() in _TIME_NAMES
+
+
+def time_column(channels: Sequence[Channel]) -> TimeColumn | None:
+    """The column of time, recognised by its name; seconds are assumed, and said so, where it has no unit."""
+    for i, channel in enumerate(channels):
+        if is_time(channel.label):
+            if channel.unit is None:
+                return TimeColumn(i, 1.0, assumed=True)
+            return TimeColumn(i, units.seconds_per(channel.unit))
+    return None

@@ -1,0 +1,71 @@
+"""Text of regular rows into float64 columns, in the bits that ``float()`` gives."""
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...recording import Samples
+from .dialect import Dialect
+
+if TYPE_CHECKING:
+    import polars
+
+_ONE_COLUMN = "\x1f"  # a separator that no log holds, so that a mark in the number is never taken for one
+_NO_NUMBER = b"\x1a"
+
+
+@dataclass(frozen=True)
+class Form:
+    """How rows are cut into cells once :meth:`plain` has made them plain: by one byte, with one decimal mark."""
+
+    dialect: Dialect
+    fields: int
+    padded: bool = False
+
+    @property
+    def separator(self) -> str:
+        """The one byte between cells of plain text."""
+        if self.dialect.delimiter == "," and self.dialect.decimal == ",":
+            return ";"
+        return self.dialect.delimiter or _ONE_COLUMN
+
+    def plain(self, text: bytes) -> bytes:
+        """The same rows without quotes round numbers and without blanks that only fill up."""
+        if self.dialect.quoted:
+            if self.separator != self.dialect.delimiter:
+                text = text.replace(b'","', b'";"')
+            text = text.replace(b'"', b"")
+        if self.separator == " ":
+            return re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", text))
+        if self.padded:
+            text = re.sub(rb"[ \t]+(?=[%b\r\n])" % re.escape(self.separator.encode()), b"", text)
+        return text
+
+    def columns(self, plain: bytes) -> list[Samples] | None:
+        """The columns of rows, cells that are no number as NaN; None if a row has too many cells or too few."""
+        comma = self.dialect.decimal == ","
+        if comma and b"." in plain:
+            plain = plain.replace(b".", _NO_NUMBER)  # else 1.5 would pass for one and a half
+        frame = _frame(plain, self.separator, self.fields, comma)
+        if frame is None or frame.height != plain.count(b"\n"):
+            return None
+        return [np.asarray(frame.to_series(i).to_numpy(), dtype=np.float64) for i in range(self.fields)]
+
+
+def _frame(plain: bytes, separator: str, fields: int, decimal_comma: bool) -> "polars.DataFrame | None":
+    import polars
+
+    try:
+        return polars.read_csv(
+            plain,
+            has_header=False,
+            schema={str(i): polars.Float64 for i in range(fields)},
+            separator=separator,
+            decimal_comma=decimal_comma,
+            quote_char=None,
+            ignore_errors=True,  # a cell that is no number is null, and looked at by itself
+        )
+    except polars.exceptions.PolarsError:
+        return None

@@ -1,0 +1,59 @@
+"""What comments and the lines above the header say: origin, sensor range, sampling rate."""
+
+import re
+from collections.abc import Iterable
+
+from ... import units
+from ...recording import Origin, SensorRange
+
+_ORIGIN = re.compile(r"\borigin\s*[:=]\s*(\w+)", re.IGNORECASE)
+_RANGE = re.compile(
+    r"(?:range|full scale|aralı[kğ]\w*|messbereich)\s*[:=]?\s*(?:±|\+-|\+/-|-\+)\s*(\d+(?:[.,]\d+)?)\s*([^\s,;]+)",
+    re.IGNORECASE,
+)
+_BITS = re.compile(r"\b(\d{1,2})[ -]?bits?\b", re.IGNORECASE)
+_RATE = re.compile(
+    r"(?:sampl\w*|rate|örnekleme|abtast\w*|fs)[^\d,;]*?(\d+(?:[.,]\d+)?)\s*(k?)Hz\b|"
+    r"\brate_hz\s*[:=]\s*(\d+(?:\.\d+)?)",
+    re.IGNORECASE,
+)
+_PAIR = re.compile(r"\s*([^:=]{1,60}?)\s*[:=]\s*(.*?)\s*")
+
+
+def strip(line: str) -> str:
+    """A comment without its sign."""
+    return line.strip().lstrip("#%/").strip().strip('"')
+
+
+def origin(texts: Iterable[str]) -> Origin:
+    """``simulated`` if the log says so; that a log calls itself measured counts for nothing."""
+    found = {match[1].casefold() for text in texts for match in _ORIGIN.finditer(text)}
+    return "simulated" if "simulated" in found else "unstated"
+
+
+def ranges(texts: Iterable[str]) -> tuple[SensorRange, ...]:
+    """Ranges such as ``range +-16 g, 16 bit``."""
+    found = []
+    for text in texts:
+        bits = _BITS.search(text)
+        for match in _RANGE.finditer(text):
+            if units.is_unit(match[2]):
+                limit = float(match[1].replace(",", "."))
+                found.append(SensorRange(limit, match[2], int(bits[1]) if bits else None))
+    return tuple(found)
+
+
+def stated_rate_hz(texts: Iterable[str]) -> float | None:
+    """The sampling rate that the texts state [Hz], if it is only one."""
+    found = set()
+    for text in texts:
+        for match in _RATE.finditer(text):
+            value = float((match[1] or match[3]).replace(",", "."))
+            found.add(value * (1000.0 if match[2] else 1.0))
+    return found.pop() if len(found) == 1 else None
+
+
+def pairs(texts: Iterable[str]) -> dict[str, str]:
+    """Lines of the form ``key: value`` or ``key = value``."""
+    matches = (_PAIR.fullmatch(strip(text)) for text in texts)
+    return {match[1]: match[2] for match in matches if match}

@@ -1,0 +1,118 @@
+"""Reader of text with delimiters: comma, semicolon, tab, bar or blanks; decimal point or comma."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from ...findings import Finding, Refusal
+from ...recording import Channel, Group, Recording, UniformClock
+from ..registry import Reader, ReadOptions
+from . import dialect as dialects
+from . import encoding as encodings
+from . import header as headers
+from . import marks, names, preamble
+from .dialect import Dialect, UnclearDialect
+from .header import Header
+from .parse import Form
+from .sample import Sample, take
+from .table import Table
+
+
+def open_text(path: Path, options: ReadOptions) -> Recording:
+    """Read the first lines of a text; its rows are read when asked for."""
+    sample = take(path, options.encoding)
+    dialect, header = _understood(path, sample, options)
+    rows = [dialect.split(line) for line in sample.lines[header.first_data_line - 1 :]]
+    texts = _text_fields(rows, header)
+    kept = tuple(i for i in range(len(header.channels)) if i not in texts)
+    channels = tuple(header.channels[i] for i in kept)
+    if not channels:
+        raise Refusal(path.name, Finding("no_data", None, None, "no column of numbers; expected rows of numbers"))
+    said = tuple(preamble.strip(text) for text in header.preamble)
+    group = Group(path.stem, channels, names.time_column(channels))
+    if group.clock is None and (rate := preamble.stated_rate_hz(said)) is not None:
+        group = Group(path.stem, channels, UniformClock(rate))
+    form = Form(dialect, header.fields, padded=_is_padded(sample, header))
+    table = Table(path, sample.encoding, form, group, kept, header.first_data_line,
+                  header.lines[0] if header.lines else None, (*header.lines[1:], *header.preamble))  # fmt: skip
+    return Recording(
+        path=path,
+        format="CSV",
+        reader="testbench.readers.csv",
+        groups=(group,),
+        read=table.blocks,
+        origin=preamble.origin(said),
+        settings={
+            "encoding": sample.encoding.name,
+            "delimiter": dialect.delimiter,
+            "decimal": dialect.decimal,
+            "first_data_line": str(header.first_data_line),
+        },
+        metadata=preamble.pairs(said),
+        comments=said,
+        ranges=preamble.ranges(said),
+        stated_rate_hz=preamble.stated_rate_hz(said),
+        findings=(
+            *_said(sample, dialect, header),
+            *_texts_left_out([header.channels[i] for i in sorted(texts)]),
+        ),
+    )
+
+
+def _understood(path: Path, sample: Sample, options: ReadOptions) -> tuple[Dialect, Header]:
+    try:
+        dialect = dialects.detect(sample.lines, options.delimiter, options.decimal)
+        return dialect, headers.parse(sample.lines, dialect, options.header)
+    except UnclearDialect as error:
+        raise Refusal(path.name, Finding("unknown_dialect", None, None, str(error))) from error
+    except LookupError as error:
+        message = f"no row of numbers in its first {len(sample.lines)} lines"
+        raise Refusal(path.name, Finding("no_data", None, None, message)) from error
+
+
+def _text_fields(rows: Sequence[Sequence[str]], header: Header) -> set[int]:
+    """Columns that hold text in every row of the sample."""
+    data = [cells for cells in rows if len(cells) == header.fields]
+    return {
+        i
+        for i in range(len(header.channels))
+        if any(not marks.is_missing(cells[i]) for cells in data)
+        and not any(marks.is_numberish(cells[i]) for cells in data)
+    }
+
+
+def _is_padded(sample: Sample, header: Header) -> bool:
+    """Whether blanks fill up the cells, before a delimiter or at a line's end."""
+    lines = sample.lines[header.first_data_line - 1 :][:20]
+    return any(text in line for line in lines for text in (" ,", " ;", " |", " \t")) or any(
+        line.endswith(" ") for line in lines
+    )
+
+
+def _said(sample: Sample, dialect: Dialect, header: Header) -> list[Finding]:
+    """What was detected, and what of it was inferred."""
+    message = f"{dialect}, encoding {sample.encoding.name}, first row of data in line {header.first_data_line}"
+    findings = [Finding("dialect", None, None, message)]
+    if sample.encoding.inferred:
+        message = f"read as {sample.encoding.name}: {sample.encoding.inferred}; --encoding says it otherwise"
+        findings.append(Finding("encoding_inferred", None, None, message))
+    if dialect.doubt:
+        message = f"{dialect.doubt}: decimals, or thousands? say --decimal"
+        findings.append(Finding("ambiguous_number", None, f"line {header.first_data_line}", message))
+    if not header.named:
+        message = "the first row is data: the columns are named col0, col1, ... and have no units"
+        findings.append(Finding("no_header", None, f"line {header.first_data_line}", message))
+    return findings
+
+
+def _texts_left_out(channels: Sequence[Channel]) -> list[Finding]:
+    return [
+        Finding("text_channel", channel.name, None, "holds text, not numbers; it is not kept") for channel in channels
+    ]
+
+
+READER = Reader(
+    name="CSV",
+    extensions=(".csv", ".txt", ".tsv", ".dat", ".asc"),
+    identify=lambda head: encodings.detect(head) is not None,
+    open=open_text,
+)

@@ -1,0 +1,125 @@
+"""Lines that are no rows: blank ones, comments, a second header, text, too many or too few fields."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...findings import Finding
+from ...recording import Report, Samples
+from . import marks
+from .dialect import COMMENT_SIGNS
+from .parse import Form
+
+SHOWN = 10
+"""How many places a finding lists."""
+_BEGINS_NUMBER = np.frombuffer(b"0123456789+-.,; \tnNiI", dtype=np.uint8)
+_COMMENTS = tuple(sign.encode() for sign in COMMENT_SIGNS)
+_MESSAGES = {
+    "blank_lines": "{n} blank lines between the rows, passed over",
+    "comment_inside": "{n} comment lines between the rows, passed over",
+    "repeated_header": "the header comes again; what follows it is kept as a recording of its own",
+    "text_row": "{n} lines of text between the rows of numbers",
+    "ragged_row": "{n} rows have more or fewer fields than {fields}",
+}
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Regular rows, the file's line of each, whether a new recording begins, their columns if parsed already."""
+
+    text: bytes
+    lines: "range | NDArray[np.int64]"
+    new_recording: bool = False
+    columns: list[Samples] | None = None
+
+
+@dataclass
+class RowFilter:
+    """Makes rows regular, and remembers which were not.
+
+    ``names`` is the header line, ``above`` the other lines that came before the data, all as plain text.
+    """
+
+    form: Form
+    names: bytes | None
+    above: frozenset[bytes] = frozenset()
+    places: dict[str, list[str]] = field(default_factory=dict)
+    counts: Counter[str] = field(default_factory=Counter)
+    _after_header: bool = False
+
+    def pieces(self, text: bytes, first_line: int) -> Iterator[Piece]:
+        """Plain ``text`` as regular rows: other lines left out, ragged rows emptied, parted at each header."""
+        data = np.frombuffer(text, dtype=np.uint8)
+        ends = np.flatnonzero(data == ord("\n")) + 1
+        starts = np.concatenate(([0], ends[:-1]))
+        separators = np.flatnonzero(data == ord(self.form.separator))
+        fields = 1 + np.diff(np.searchsorted(separators, np.append(starts, len(data))))
+        suspects = (fields != self.form.fields) | ~np.isin(data[starts], _BEGINS_NUMBER)
+        odd: dict[int, str] = {}
+        for i in map(int, np.flatnonzero(suspects)):
+            kind = self._kind(text[starts[i] : ends[i]].strip(), int(fields[i]))
+            if kind:
+                odd[i] = kind
+                self._count(kind, first_line + i)
+        headers = [i for i, kind in odd.items() if kind == "repeated_header"]
+        for begin, end in pairwise([0, *headers, len(ends)]):
+            self._after_header |= begin in headers
+            piece = self._piece(text, ends, range(begin, end), odd, first_line)
+            if len(piece.lines):
+                self._after_header = False
+                yield piece
+
+    def _piece(
+        self, text: bytes, ends: NDArray[np.int64], rows: range, odd: Mapping[int, str], first_line: int
+    ) -> Piece:
+        """The regular rows among ``rows``, those that are ragged as rows of empty cells."""
+        here = [i for i in odd if i in rows]
+        offset = np.concatenate(([0], ends))
+        parts, done, keep = [], int(offset[rows.start]), np.ones(len(rows), dtype=bool)
+        for i in here:
+            parts.append(text[done : offset[i]])
+            done = int(offset[i + 1])
+            if odd[i] == "ragged_row":
+                parts.append(self.form.separator.encode() * (self.form.fields - 1) + b"\n")
+            else:
+                keep[i - rows.start] = False
+        parts.append(text[done : offset[rows.stop]])
+        lines = first_line + rows.start + np.flatnonzero(keep)
+        return Piece(b"".join(parts), lines, self._after_header)
+
+    def _kind(self, line: bytes, fields: int) -> str:
+        """What a line is; empty if it is a row."""
+        if not line.strip(b"\x1a"):
+            return "blank_lines"
+        if self.names is not None and line == self.names:
+            return "repeated_header"
+        if line in self.above:
+            return "header_rest"
+        if line.startswith(_COMMENTS):
+            return "comment_inside"
+        cells = [cell.decode("latin-1") for cell in line.split(self.form.separator.encode())]
+        if not any(marks.is_numberish(cell) or marks.is_missing(cell) for cell in cells):
+            return "text_row"
+        return "" if fields == self.form.fields else "ragged_row"
+
+    def _count(self, kind: str, line: int) -> None:
+        self.counts[kind] += 1
+        if len(self.places.setdefault(kind, [])) < SHOWN:
+            self.places[kind].append(str(line))
+
+    def report(self, report: Report) -> None:
+        """Report what was not regular."""
+        for kind, message in _MESSAGES.items():
+            if n := self.counts[kind]:
+                text = message.format(n=n, fields=self.form.fields)
+                report(Finding(kind, None, listed(self.places[kind], n), text))
+
+
+def listed(lines: Sequence[str], total: int) -> str:
+    """``line 62``, or ``lines 22, 82`` and how many more."""
+    more = f" and {total - len(lines)} more" if total > len(lines) else ""
+    return f"line{'s' if len(lines) > 1 else ''} {', '.join(lines)}{more}"

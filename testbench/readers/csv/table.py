@@ -1,0 +1,98 @@
+"""The rows of a text as blocks of columns, the same for every format whose data are rows of numbers."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ...recording import Block, Group, Report, Samples
+from .cells import CellFilter
+from .encoding import Encoding
+from .lines import in_blocks
+from .parse import Form
+from .rows import Piece, RowFilter
+from .tail import last_row
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of numbers below a header.
+
+    ``kept`` holds the field of each channel of ``group``; ``above`` the lines over the data, ``names`` the one of
+    names among them.
+    """
+
+    path: Path
+    encoding: Encoding
+    form: Form
+    group: Group
+    kept: tuple[int, ...]
+    first_data_line: int
+    names: str | None = None
+    above: tuple[str, ...] = ()
+
+    def blocks(self, report: Report) -> Iterator[Block]:
+        """The rows in blocks; what is odd in them is reported at the end."""
+        rows = RowFilter(self.form, self._plain(self.names), frozenset(filter(None, map(self._plain, self.above))))
+        cells = CellFilter(self.form, self._field_names(), self.encoding.name)
+        group, start = self.group, 0
+        for piece in self._pieces(rows, report):
+            columns = self._columns(piece, cells)
+            if piece.new_recording:
+                group, start = self._next(group), 0
+            yield Block(group, tuple(columns[j] for j in self.kept), start, piece.lines)
+            start += len(columns[0])
+        rows.report(report)
+        cells.report(report)
+
+    def _pieces(self, rows: RowFilter, report: Report) -> Iterator[Piece]:
+        """Regular rows: as they stand where the whole block parses to finite numbers."""
+        before = b""
+        for block in in_blocks(self.path, self.encoding, self.first_data_line):
+            plain = self.form.plain(block.text)
+            if block.rest:
+                plain, finding = last_row(self.form, self.form.plain(block.rest), before, block.first)
+                if finding is not None:
+                    report(finding)
+            before = plain or before
+            if plain:
+                yield from self._regular(plain, block.first, rows)
+
+    def _regular(self, plain: bytes, first: int, rows: RowFilter) -> Iterator[Piece]:
+        columns = self.form.columns(plain)
+        if columns is not None and all(_finite(columns[j]) for j in self.kept):
+            yield Piece(plain, range(first, first + len(columns[0])), columns=columns)
+        else:
+            yield from rows.pieces(plain, first)
+
+    def _columns(self, piece: Piece, cells: CellFilter) -> list[Samples]:
+        if piece.columns is not None:
+            return piece.columns
+        columns = self.form.columns(piece.text)
+        if columns is None:
+            raise RuntimeError(f"{self.path.name}: rows from line {piece.lines[0]} on are regular, but do not parse")
+        cells.judge(piece, columns, list(self.kept))
+        return columns
+
+    def _next(self, group: Group) -> Group:
+        """The group of the next recording in this file: ``NAME part 2``, ``NAME part 3``, ..."""
+        number = int(group.name.rpartition(" part ")[2]) + 1 if group is not self.group else 2
+        return replace(group, name=f"{self.group.name} part {number}")
+
+    def _field_names(self) -> tuple[str, ...]:
+        names = [f"col{i}" for i in range(self.form.fields)]
+        for j, channel in zip(self.kept, self.group.channels, strict=True):
+            names[j] = channel.name
+        return tuple(names)
+
+    def _plain(self, line: str | None) -> bytes | None:
+        if line is None:
+            return None
+        name = self.encoding.name if self.encoding.keeps_ascii else "utf-8"
+        return self.form.plain(line.encode(name, "replace") + b"\n").strip()
+
+
+def _finite(column: Samples) -> bool:
+    """Whether all values are finite; a sum that overflows is looked at closer."""
+    return bool(np.isfinite(column.sum()) or np.isfinite(column).all())

@@ -1,0 +1,81 @@
+"""The one registry of readers."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.metadata import entry_points
+from pathlib import Path
+
+from ..errors import RecordingError
+from ..findings import Finding, Refusal
+from ..recording import Recording
+from .magic import known_as
+
+ENTRY_POINTS = "counterpoise.readers"
+BUILT_IN = ("testbench.readers.csv.reader",)
+HEAD_BYTES = 4096
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """What a person says about a file, where the reader is not to detect it; None: detect."""
+
+    encoding: str | None = None
+    delimiter: str | None = None
+    decimal: str | None = None
+    header: bool | None = None
+
+
+@dataclass(frozen=True)
+class Reader:
+    """One format.
+
+    ``identify`` judges the file's first bytes; ``open`` reads the header and returns the recording; ``needs`` says
+    what must be installed.
+    """
+
+    name: str
+    extensions: tuple[str, ...]
+    identify: Callable[[bytes], bool]
+    open: Callable[[Path, ReadOptions], Recording]
+    needs: str = ""
+
+
+def readers() -> list[Reader]:
+    """All readers, those of other packages first."""
+    others = [entry.load() for entry in sorted(entry_points(group=ENTRY_POINTS), key=lambda e: e.name)]
+    return [*others, *(import_module(name).READER for name in BUILT_IN)]
+
+
+def find_reader(path: Path) -> Reader:
+    """The reader of the file at ``path``: by its content, else by its extension."""
+    head = _head(path)
+    if not head:
+        raise Refusal(path.name, Finding("empty_file", None, None, "the file is empty (0 bytes)"))
+    known = readers()
+    for reader in known:
+        if reader.identify(head):
+            return reader
+    if (kind := known_as(head)) is None:
+        for reader in known:
+            if path.suffix.lower() in reader.extensions:
+                return reader
+    formats = ", ".join(reader.name for reader in known)
+    found = f"the content is {kind or 'of no format that is known'}; can be read: {formats}"
+    raise Refusal(path.name, Finding("not_text" if kind is None else "other_format", None, None, found))
+
+
+def open_recording(path: str | Path, options: ReadOptions | None = None) -> Recording:
+    """Open a log file of any known format: its header is read, its data are not yet."""
+    path = Path(path)
+    return find_reader(path).open(path, options or ReadOptions())
+
+
+def _head(path: Path) -> bytes:
+    if path.is_dir():
+        raise RecordingError(f"{path}: is a folder; expected a log file")
+    try:
+        with path.open("rb") as stream:
+            return stream.read(HEAD_BYTES)
+    except FileNotFoundError as error:
+        raise RecordingError(f"{path}: no such file; expected a log file") from error

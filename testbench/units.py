@@ -1,0 +1,67 @@
+"""Units as loggers write them: which text is a unit, which two are the same, how long a unit of time is.
+
+A small grammar rather than a unit library: reading a header must take a millisecond, and a text that it does not
+know stays a text. Quantities that people type are read by ``balance.quantities``.
+"""
+
+import re
+
+_SUPERSCRIPTS = str.maketrans("²³⁴⁻¹·⋅×*", "234-1    ")
+_PREFIXES = ("da", *"yzafpnumcdhkMGTPEµμ")
+_PREFIXED_WORDS = "m g s N Nm Pa V A W J Hz bar rad sec eps ε Ω ohm F C T strain lbf volt Volt cps"
+_PLAIN_WORDS = (
+    "min h hr rpm RPM deg degree degrees ° °C °F degC degF K % ‰ dB lb lbs in inch ft psi ksi kp kgf g0 gn gee rev"
+    " U turn cycles count counts cnt bit bits digit digits LSB ADC EU Newton Newtons newton newtons meter meters"
+    " metre metres second seconds saniye sn dk volts Volts amps ampere Ampere Amps gram grams radian radians"
+    " Celsius Kelvin Pascal Grad grad tr rps st N.m Nmm kgm px frames -"
+)
+_PREFIXED, _PLAIN = frozenset(_PREFIXED_WORDS.split()), frozenset(_PLAIN_WORDS.split())
+_SECONDS = {
+    "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "saniye": 1.0, "sn": 1.0, "sek": 1.0,
+    "ms": 1e-3, "msec": 1e-3, "millisecond": 1e-3, "milliseconds": 1e-3, "us": 1e-6, "usec": 1e-6,
+    "microsecond": 1e-6, "microseconds": 1e-6, "ns": 1e-9, "nsec": 1e-9, "nanoseconds": 1e-9,
+    "min": 60.0, "minutes": 60.0, "dk": 60.0, "h": 3600.0, "hr": 3600.0, "hours": 3600.0,
+}  # fmt: skip
+_FACTOR = re.compile(r"([^\d^\s/-][^\d^\s/-]*|-)(?:\^?[({]?(-?\d)[)}]?)?")
+
+
+def seconds_per(unit: str) -> float | None:
+    """Seconds in one ``unit`` of time; None if it is not known as one."""
+    return _SECONDS.get(unit.strip().casefold().replace("µ", "u").replace("μ", "u"))
+
+
+def is_unit(text: str) -> bool:
+    """Whether ``text`` is a unit, such as ``m/s^2``, ``N·m`` or ``°/s``."""
+    return _factors(text) is not None
+
+
+def same(one: str | None, other: str | None) -> bool:
+    """Whether two texts are one unit in different spelling, such as ``m/s²`` and ``m/s^2``."""
+    if one is None or other is None:
+        return False
+    factors = _factors(one)
+    return one.strip() == other.strip() or (factors is not None and factors == _factors(other))
+
+
+def _factors(text: str) -> dict[str, int] | None:
+    """``m/s²`` as {"m": 1, "s": -2}; None if any factor is no known unit."""
+    plain = re.sub(r"\s+", " ", text.translate(_SUPERSCRIPTS).replace("**", "^")).strip()
+    if not plain or len(plain) > 40:
+        return None
+    factors: dict[str, int] = {}
+    for i, part in enumerate([plain] if plain == "-" else re.sub(r"[()]", " ", plain).split("/")):
+        for word in part.split() or [""]:
+            match = _FACTOR.fullmatch(word)
+            if word == "1" and i == 0:
+                continue
+            if match is None or not _is_atom(match[1]):
+                return None
+            unit = match[1].replace("μ", "µ")
+            factors[unit] = factors.get(unit, 0) + int(match[2] or 1) * (-1 if i else 1)
+    return factors or None
+
+
+def _is_atom(word: str) -> bool:
+    if word in _PLAIN or word in _PREFIXED or word.casefold() in _SECONDS:
+        return True
+    return any(word.startswith(p) and word[len(p) :] in _PREFIXED for p in _PREFIXES)
