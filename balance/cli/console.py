@@ -1,6 +1,7 @@
 """What both commands share at the face: lazy subcommands, JSON or tables on stdout, messages on stderr, exit codes."""
 
 import json
+import re
 import sys
 from importlib import import_module
 from typing import Any, NoReturn
@@ -72,15 +73,21 @@ def emit_json(document: dict[str, Any]) -> None:
 
 
 def emit_table(title: str, header: list[str], rows: list[list[str]], note: str = "") -> None:
-    """Print a table for people on stdout; columns after the first are right-aligned."""
+    """Print a table for people on stdout; columns of numbers are right-aligned."""
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
-    table = Table(title=escape(title), title_justify="left", title_style="bold", caption=escape(note) or None,
-                  caption_justify="left")  # fmt: skip
-    for i, column in enumerate(header):
-        table.add_column(escape(column), justify="left" if i == 0 else "right")
+    table = Table(
+        title=escape(title),
+        title_justify="left",
+        title_style="bold",
+        caption=escape(note) or None,
+        caption_justify="left",
+    )
+    for column, cells in zip(header, zip(*rows, strict=True) if rows else [()] * len(header), strict=True):
+        numeric = bool(cells) and all(re.match(r"[+-]?[\d.]|-?$", cell) for cell in cells)
+        table.add_column(escape(column), justify="right" if numeric else "left")
     for row in rows:
         table.add_row(*(escape(cell) for cell in row))
     Console(width=None if sys.stdout.isatty() else 160).print(table)

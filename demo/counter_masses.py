@@ -1,0 +1,69 @@
+"""Step 1: the counter-masses for the three payloads: exact, the best from stock, as built, as printed."""
+
+import json
+from pathlib import Path
+
+from balance import datasets, sizing, stock
+from balance.cli.console import emit_table
+from balance.conditions import Conditions, find
+from balance.figures.drawing import draw_mechanism, save
+from balance.mechanism import Mechanism
+from balance.sizing import Sizing
+
+from .console import heading, saved
+
+
+def run(out: Path) -> None:
+    """Print the table of counter-masses and draw the balanced mechanism."""
+    heading("1. Counter-masses of the parallelogram 6-bar manipulator")
+    mechanism = Mechanism.load("parallelogram-6bar")
+    conditions = find(mechanism)
+    for row in range(conditions.rank):
+        print(f"   {conditions.text(row)}")
+    sheet = json.loads(datasets.find("kiper2019", "published", ".json").read_text(encoding="utf-8"))
+    sheet = sheet["sizing_sheet_A_as_built"]
+    rows = [
+        row for payload in sheet["built_counter_mass_kg_per_arm"] for row in _payload_rows(conditions, sheet, payload)
+    ]
+    emit_table(
+        "On each arm, 37.55 mm behind its pivot",
+        ["payload", "counter-mass", "kg", "balances [kg]", "leaves [kg m]", "of unbalanced"],
+        rows,
+        note="Printed masses are the source's (Kiper 2019); all else is computed. The printed 17.1064 kg does not follow "
+        "from the printed inputs: those ask for 17.931 kg.",
+    )
+    balanced = sizing.exact(conditions, mechanism.with_payload({"platform": 5.0}))
+    figure = draw_mechanism(balanced.after, balanced.counter_masses, title="Balanced for a payload of 5 kg")
+    save(figure, out / "mechanism.png")
+    saved(out / "mechanism.png", "the manipulator with its counter-masses")
+
+
+def _payload_rows(conditions: Conditions, sheet: dict, payload: str) -> list[list[str]]:
+    mechanism = conditions.mechanism.with_payload({"platform": float(payload)})
+    plates = stock.load("kiper2019")
+    built = next(s for label, s in sheet["built_sets"].items() if abs(float(label.split()[0]) - float(payload)) < 0.01)
+    variants = {
+        "exact": sizing.exact(conditions, mechanism),
+        "best from stock": sizing.from_stock(conditions, mechanism, plates),
+        f"built ({' + '.join(built)})": _given(conditions, mechanism, stock.mass_of(built, plates)),
+        "printed": _given(conditions, mechanism, sheet["printed_counter_mass_kg_per_arm"][payload]),
+    }
+    return [_row(f"{payload} kg" if name == "exact" else "", name, result) for name, result in variants.items()]
+
+
+def _given(conditions: Conditions, mechanism: Mechanism, mass: float) -> Sizing:
+    return sizing.given(conditions, mechanism, dict.fromkeys(mechanism.counter_sites, mass))
+
+
+def _row(payload: str, name: str, result: Sizing) -> list[str]:
+    counter = result.counter_masses[0]
+    plates = f" ({' + '.join(counter.plates)})" if counter.plates else ""
+    balanced = result.balanced_payloads()["platform"]
+    return [
+        payload,
+        name + plates,
+        f"{counter.mass:.4f}",
+        "-" if balanced is None else f"{balanced:.4f}",
+        f"{result.residual():.2e}",
+        f"{result.residual_percent():.3f} %",
+    ]
