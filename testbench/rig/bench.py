@@ -1,0 +1,71 @@
+"""The bench that stands on mounts, and the loggers: what the simulated bench needs and a real one may leave out.
+
+The defaults are assumptions, with their reasons, and nothing that the source of the manipulator tests prints. A rig
+that is simulated should state its own.
+"""
+
+from typing import Literal
+
+from pydantic import Field
+
+from . import fields
+from .fields import Table
+
+DEFAULT_RATE_HZ = 2000.0
+"""Of a logger whose rate the rig does not state [Hz]: ten times the vibration that the motions excite."""
+DEFAULT_START_S = -0.2
+"""When a logger is started, from the start of the motion [s]."""
+
+
+class Logger(Table):
+    """A logger: its clock, and how it writes text. Its own time is (1 + drift) (t - start)."""
+
+    clock: Literal["uniform", "recorded"] = "recorded"
+    """``uniform``: the rate stands in the head of the log; ``recorded``: the log has a column of time."""
+    rate: fields.Frequency = DEFAULT_RATE_HZ
+    """Samples per second of its own clock [Hz]."""
+    start: fields.Time = DEFAULT_START_S
+    """When it is started, from the start of the motion [s]."""
+    drift_ppm: float = Field(default=0.0, ge=-1e5, le=1e5)
+    """How much too fast its clock runs, in millionths."""
+    delimiter: Literal[",", ";", "\t"] = ","
+    decimal: Literal[".", ","] = "."
+    decimals: int = Field(default=6, ge=0, le=15)
+    """Digits written after the decimal mark."""
+
+
+class Mount(Table):
+    """A spring and a damper along each axis of the base, at a point of it."""
+
+    position: fields.Point
+    stiffness: fields.Stiffnesses
+    damping: fields.Dampings
+
+
+def _feet() -> tuple[Mount, ...]:
+    """Rubber feet under the corners of a frame 0.8 m wide and 0.5 m deep, stiffer upright (y) than sideways."""
+    return tuple(
+        Mount.model_validate(
+            {
+                "position": (f"{x} m", "-0.5 m", f"{z} m"),
+                "stiffness": ("250 kN/m", "400 kN/m", "250 kN/m"),
+                "damping": ("400 N s/m", "600 N s/m", "400 N s/m"),
+            }
+        )
+        for x in (-0.4, 0.4)
+        for z in (-0.4, 0.1)
+    )
+
+
+class Bench(Table):
+    """The base as a rigid body on mounts, without the mechanism; the defaults are a steel frame on four feet."""
+
+    mass: fields.Mass = 150.0
+    """[kg]"""
+    centre: fields.Point = (0.03, -0.2, -0.12)
+    """Centre of mass in the base frame [m]: below and behind the mechanism, its cabinet to one side."""
+    inertia: fields.Inertias = (13.0, 11.0, 18.0)
+    """About the centre of mass, principal axes along the base frame's [kg m2]: a box of 0.8 x 0.9 x 0.5 m."""
+    mounts: tuple[Mount, ...] = Field(default_factory=_feet, min_length=1)
+    settling: fields.Time = 0.5
+    """How long the loggers go on after the motion [s]."""

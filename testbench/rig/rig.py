@@ -1,0 +1,110 @@
+"""The rig file: which logger records which channel of which sensor, where it sits, in which unit it writes."""
+
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import Field, ValidationError
+
+from balance import datasets
+from balance.errors import DataError
+
+from ..errors import RigError
+from . import sensors as kinds
+from .bench import Bench, Logger, Mount
+from .columns import Column
+from .fields import Table
+from .messages import explain, suggestion
+
+S = TypeVar("S", bound=Table)
+
+
+class Rig(Table):
+    """A test bench. Lengths in the base frame; everything in SI; ``text`` is the file as written."""
+
+    name: str = ""
+    mechanism: str
+    """A shipped mechanism by name, or a file beside the rig."""
+    loggers: dict[str, Logger] = Field(min_length=1)
+    sensors: dict[str, kinds.Sensor] = Field(min_length=1)
+    bench: Bench = Bench()
+    text: str = Field(default="", exclude=True)
+
+    def columns(self, logger: str | None = None) -> Iterator[Column]:
+        """The channels of one logger, or of all, in the order of the file."""
+        for name, sensor in self.sensors.items():
+            if logger in {None, sensor.logger}:
+                yield from sensor.columns(name)
+
+    def of_kind(self, kind: type[S]) -> dict[str, S]:
+        """The sensors of a kind, by name."""
+        return {name: sensor for name, sensor in self.sensors.items() if isinstance(sensor, kind)}
+
+    @property
+    def supports(self) -> dict[str, kinds.Support]:
+        """The sensors through which the mechanism stands on the base."""
+        return self.of_kind(kinds.Wrench) | self.of_kind(kinds.ForceSensor)
+
+    @property
+    def base_accelerometers(self) -> dict[str, kinds.Accelerometer]:
+        """The accelerometers on the base."""
+        return {n: s for n, s in self.of_kind(kinds.Accelerometer).items() if s.attached_to == "base"}
+
+
+def load(path_or_text: str | Path) -> Rig:
+    """Load a rig: a file, a shipped one by name, or the text of one. Raises RigError, naming the key that is wrong."""
+    if isinstance(path_or_text, str) and "\n" in path_or_text:
+        return from_text(path_or_text)
+    try:
+        path = datasets.find(path_or_text, "rigs", ".toml")
+        return from_text(path.read_text(encoding="utf-8"), path.name)
+    except DataError as error:
+        raise RigError(str(error)) from error
+    except UnicodeDecodeError as error:
+        raise RigError(f"{path_or_text}: not a rig file: its text is not UTF-8") from error
+
+
+def from_text(text: str, source: str = "rig") -> Rig:
+    """Read a rig from its text; ``source`` is what messages call it."""
+    try:
+        table = tomllib.loads(text)
+        if "text" in table:
+            raise RigError(f"{source}: text: unknown key")
+        rig = Rig.model_validate(table | {"text": text})
+    except tomllib.TOMLDecodeError as error:
+        raise RigError(f"{source}: not TOML: {error}") from error
+    except ValidationError as error:
+        raise RigError(explain(source, error, _table_of)) from error
+    _check_names(source, rig)
+    return rig
+
+
+def _check_names(source: str, rig: Rig) -> None:
+    """Loggers that exist, channels of one name only, units where there is no usual one, a bench that stands."""
+    seen: dict[str, str] = {}
+    for name, sensor in rig.sensors.items():
+        if sensor.logger not in rig.loggers:
+            known = ", ".join(rig.loggers)
+            raise RigError(
+                f"{source}: sensors.{name}.logger: no logger {sensor.logger!r}: expected {known}"
+                f"{suggestion(sensor.logger, rig.loggers)}"
+            )
+        for column in sensor.columns(name):
+            if column.channel in seen:
+                raise RigError(
+                    f"{source}: sensors.{name}: channel {column.channel!r} is also that of "
+                    f"sensors.{seen[column.channel]}: expected one sensor a channel"
+                )
+            seen[column.channel] = name
+
+
+def _table_of(path: tuple[str | int, ...]) -> type[Table]:
+    """The table that the keys ``path`` lead to; the kind of a sensor is among them."""
+    if path and path[0] == "sensors":
+        return next((kinds.KINDS[str(part)] for part in path if part in kinds.KINDS), Rig)
+    if path[:2] == ("bench", "mounts"):
+        return Mount
+    if path[:1] == ("loggers",):
+        return Logger
+    return Bench if path[:1] == ("bench",) else Rig

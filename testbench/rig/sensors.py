@@ -1,0 +1,192 @@
+"""The kinds of sensors, and the channels that each writes."""
+
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from . import fields
+from .columns import Column
+from .fields import Table
+
+Axis = Literal["x", "y", "z"]
+WrenchAxis = Literal["Fx", "Fy", "Fz", "Mx", "My", "Mz"]
+AXES: tuple[Axis, ...] = ("x", "y", "z")
+STIFFNESS = 1e8
+"""Of a support along each axis that its sensor measures, where the rig states none [N/m]: that of a load cell."""
+TURNING_STIFFNESS = 1e6
+"""Of a support with a six-axis sensor about each axis, where the rig states none [N m/rad]."""
+
+
+class _Sensor(Table):
+    logger: str
+    model: str = ""
+
+    def columns(self, name: str) -> Iterator[Column]:
+        """The channels of the sensor called ``name``."""
+        raise NotImplementedError
+
+
+class Accelerometer(_Sensor):
+    """Acceleration of a point of a body, weight not included; axes of that body."""
+
+    kind: Literal["accelerometer"]
+    channels: dict[Axis, str] = Field(min_length=1)
+    unit: fields.AccelerationUnit | None = None
+    range: fields.Accelerations | None = None
+    noise: fields.Accelerations | None = None
+    resolution: fields.Accelerations | None = None
+    position: fields.Point
+    """In the frame of the body [m]."""
+    attached_to: str = "base"
+
+    def columns(self, name: str) -> Iterator[Column]:
+        """One channel an axis."""
+        for axis, channel in self.channels.items():
+            i = AXES.index(axis)
+            yield Column(channel, name, axis, self.logger, self.unit or "", ("acceleration",),
+                         _at(self.range, i), _at(self.noise, i) or 0.0, _at(self.resolution, i) or 0.0)  # fmt: skip
+
+
+class _ForceAndMoment(Table):
+    F: fields.Forces | None = None
+    M: fields.Moments | None = None
+
+    def of(self, component: str) -> float | None:
+        """The value of ``Fx`` ... ``Mz`` [N, N m]."""
+        return _at(self.F if component[0] == "F" else self.M, AXES.index(_axis(component)))
+
+
+class _WrenchUnits(Table):
+    F: fields.ForceUnit = "N"
+    M: fields.MomentUnit = "N m"
+
+
+class Wrench(_Sensor):
+    """Force and moment about the sensor's position, that the mechanism exerts on the base through this support."""
+
+    kind: Literal["wrench"]
+    channels: dict[WrenchAxis, str] = Field(min_length=1)
+    unit: _WrenchUnits = _WrenchUnits()
+    range: _ForceAndMoment = _ForceAndMoment()
+    noise: _ForceAndMoment = _ForceAndMoment()
+    resolution: _ForceAndMoment = _ForceAndMoment()
+    position: fields.Point
+    between: tuple[str, str] = ("mechanism", "base")
+    stiffness: fields.Stiffness = STIFFNESS
+    turning_stiffness: fields.TurningStiffness = TURNING_STIFFNESS
+
+    def columns(self, name: str) -> Iterator[Column]:
+        """One channel a component."""
+        for component, channel in self.channels.items():
+            unit, dimension = (self.unit.F, "force") if component[0] == "F" else (self.unit.M, "moment")
+            yield Column(channel, name, component, self.logger, unit, (dimension,), self.range.of(component),
+                         self.noise.of(component) or 0.0, self.resolution.of(component) or 0.0)  # fmt: skip
+
+    @property
+    def axis_stiffness(self) -> tuple[float, ...]:
+        """Stiffness of the support along and about x, y, z [N/m, N m/rad]; zero where the sensor measures nothing."""
+        along = (self.stiffness if f"F{axis}" in self.channels else 0.0 for axis in AXES)
+        about = (self.turning_stiffness if f"M{axis}" in self.channels else 0.0 for axis in AXES)
+        return (*along, *about)
+
+
+class ForceSensor(_Sensor):
+    """Force along one or three axes, that the mechanism exerts on the base through this support."""
+
+    kind: Literal["force"]
+    channel: str | None = None
+    axis: Axis | None = None
+    channels: dict[Axis, str] | None = None
+    unit: fields.ForceUnit = "N"
+    range: fields.Forces | None = None
+    noise: fields.Forces | None = None
+    resolution: fields.Forces | None = None
+    position: fields.Point
+    between: tuple[str, str] = ("mechanism", "base")
+    stiffness: fields.Stiffness = STIFFNESS
+
+    @model_validator(mode="after")
+    def _one_or_several(self) -> "ForceSensor":
+        if bool(self.channels) == (self.channel is not None and self.axis is not None):
+            raise ValueError("expected either channel and axis, or channels = { x = ..., y = ..., z = ... }")
+        return self
+
+    @property
+    def by_axis(self) -> dict[Axis, str]:
+        """The channel of each measured axis."""
+        return self.channels or {self.axis or "z": self.channel or ""}
+
+    def columns(self, name: str) -> Iterator[Column]:
+        """One channel an axis."""
+        for axis, channel in self.by_axis.items():
+            i = AXES.index(axis)
+            yield Column(channel, name, f"F{axis}", self.logger, self.unit, ("force",),
+                         _at(self.range, i), _at(self.noise, i) or 0.0, _at(self.resolution, i) or 0.0)  # fmt: skip
+
+    @property
+    def axis_stiffness(self) -> tuple[float, ...]:
+        """Stiffness of the support along and about x, y, z [N/m, N m/rad]; zero where the sensor measures nothing."""
+        return (*(self.stiffness if axis in self.by_axis else 0.0 for axis in AXES), 0.0, 0.0, 0.0)
+
+
+class Encoder(_Sensor):
+    """Position of a joint."""
+
+    kind: Literal["encoder"]
+    channel: str
+    joint: str
+    unit: fields.JointUnit = "rad"
+    noise: fields.Angle | None = None
+    resolution: fields.Angle | None = None
+
+    def columns(self, name: str) -> Iterator[Column]:
+        """Its one channel."""
+        yield Column(self.channel, name, self.joint, self.logger, self.unit, ("angle", "length"),
+                     None, self.noise or 0.0, self.resolution or 0.0)  # fmt: skip
+
+
+class Torque(_Sensor):
+    """Torque of a drive on its joint, as the drive reports it."""
+
+    kind: Literal["torque"]
+    channel: str
+    joint: str
+    unit: fields.DriveUnit = "N m"
+    range: fields.Moment | None = None
+    noise: fields.Moment | None = None
+    resolution: fields.Moment | None = None
+
+    def columns(self, name: str) -> Iterator[Column]:
+        """Its one channel."""
+        yield Column(self.channel, name, self.joint, self.logger, self.unit, ("moment", "force"),
+                     self.range, self.noise or 0.0, self.resolution or 0.0)  # fmt: skip
+
+
+class Target(_Sensor):
+    """Commanded acceleration of what is driven, base axes, as the controller writes it."""
+
+    kind: Literal["target"]
+    channels: dict[Axis, str] = Field(min_length=1)
+    unit: fields.AccelerationUnit = "m/s^2"
+
+    def columns(self, name: str) -> Iterator[Column]:
+        """One channel an axis."""
+        for axis, channel in self.channels.items():
+            yield Column(channel, name, axis, self.logger, self.unit, ("acceleration",))
+
+
+Support = Wrench | ForceSensor
+Sensor = Annotated[Accelerometer | Wrench | ForceSensor | Encoder | Torque | Target, Field(discriminator="kind")]
+KINDS: dict[str, type[Table]] = {
+    "accelerometer": Accelerometer, "wrench": Wrench, "force": ForceSensor, "encoder": Encoder, "torque": Torque,
+    "target": Target,
+}  # fmt: skip
+
+
+def _at(values: tuple[float, float, float] | None, i: int) -> float | None:
+    return None if values is None else values[i]
+
+
+def _axis(component: str) -> Axis:
+    return AXES["xyz".index(component[1])]
