@@ -1,0 +1,118 @@
+"""A campaign's plan: which runs, with which payload, counter-masses, motion and acceleration (``datasets/plans``)."""
+
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BeforeValidator, Field, ValidationError
+
+from balance import datasets
+from balance.errors import DataError
+from balance.quantities import G0
+
+from .errors import RigError
+from .recording import Conditions
+from .rig import fields
+from .rig.fields import Table
+from .rig.messages import KeyPath, explain
+
+
+@dataclass(frozen=True)
+class PlannedRun:
+    """One run: what a person sets up at the bench, or what is simulated."""
+
+    name: str
+    payload: float
+    """Everything that the platform carries, itself included [kg]."""
+    counter_masses: dict[str, float]
+    """By site [kg]; empty without counter-masses."""
+    motion: str
+    peak_acceleration: float
+    """[m/s2]"""
+    repeat: int
+
+    @property
+    def conditions(self) -> Conditions:
+        """The run's conditions as they are stored with a run."""
+        return Conditions(
+            payload_kg=self.payload,
+            counter_masses=self.counter_masses,
+            motion=self.motion,
+            peak_acceleration_g=round(self.peak_acceleration / G0, 12),
+            repeat=self.repeat,
+        )
+
+
+def _listed(value: object) -> object:
+    return value if isinstance(value, list) else [value]
+
+
+_ONE_OR_MORE = (BeforeValidator(_listed), Field(min_length=1))
+
+
+class Condition(Table):
+    """Runs in every combination of what is listed, each also without counter-masses unless the plan says no."""
+
+    payload: Annotated[list[fields.Mass], *_ONE_OR_MORE]
+    counter_masses: dict[str, fields.Mass] = Field(default_factory=dict)
+    motion: Annotated[list[str], *_ONE_OR_MORE]
+    peak_acceleration: Annotated[list[fields.Acceleration], *_ONE_OR_MORE]
+    also_without: bool = True
+
+    def combinations(self) -> Iterator[tuple[float, dict[str, float], str, float]]:
+        """Payload [kg], counter-masses [kg], motion, peak acceleration [m/s2]; with counter-masses before without."""
+        sets = [self.counter_masses] + [{}] * (self.also_without and bool(self.counter_masses))
+        for payload, motion, acceleration in product(self.payload, self.motion, self.peak_acceleration):
+            for masses in sets:
+                yield payload, masses, motion, acceleration
+
+
+class Plan(Table):
+    """A campaign of runs of one mechanism."""
+
+    mechanism: str
+    payload_body: str | None = None
+    """The body whose mass is the payload; the mechanism's own payload body where none is named."""
+    repeats: int = Field(default=1, ge=1, le=1000)
+    seed: int = Field(default=0, ge=0)
+    """Of the noise in simulated logs."""
+    conditions: list[Condition] = Field(min_length=1)
+
+    def runs(self) -> list[PlannedRun]:
+        """All runs in order, named ``r001``, ``r002``, ...; what several conditions ask for is run once a repeat."""
+        distinct: dict[object, tuple[float, dict[str, float], str, float]] = {}
+        for condition in self.conditions:
+            for payload, masses, motion, acceleration in condition.combinations():
+                key = (payload, tuple(sorted(masses.items())), motion, acceleration)
+                distinct.setdefault(key, (payload, masses, motion, acceleration))
+        each = [(repeat, run) for run in distinct.values() for repeat in range(1, self.repeats + 1)]
+        digits = max(3, len(str(len(each))))
+        return [PlannedRun(f"r{i:0{digits}d}", *run, repeat) for i, (repeat, run) in enumerate(each, 1)]
+
+
+def load(name: str | Path) -> Plan:
+    """Load a plan: a file, or a shipped one by name. Raises RigError, naming the key that is wrong."""
+    try:
+        path = datasets.find(name, "plans", ".toml")
+        return from_text(path.read_text(encoding="utf-8"), path.name)
+    except DataError as error:
+        raise RigError(str(error)) from error
+    except UnicodeDecodeError as error:
+        raise RigError(f"{name}: not a plan: its text is not UTF-8") from error
+
+
+def from_text(text: str, source: str = "plan") -> Plan:
+    """Read a plan from its text; ``source`` is what messages call it."""
+    try:
+        return Plan.model_validate(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise RigError(f"{source}: not TOML: {error}") from error
+    except ValidationError as error:
+        raise RigError(explain(source, error, _table_of)) from error
+
+
+def _table_of(path: KeyPath) -> type[Table]:
+    return Condition if path[:1] == ("conditions",) else Plan
