@@ -83,13 +83,15 @@ class Group:
 class Block:
     """Successive samples of one group: one float64 column a channel, all (n,).
 
-    ``lines`` holds the file's line of each sample where the file has lines.
+    ``lines`` holds the file's line of each sample where the file has lines; ``bytes_read`` how far in the file
+    the block ends, for a progress bar.
     """
 
     group: Group
     columns: tuple[Samples, ...]
     start: int
     lines: "range | NDArray[np.int64] | None" = None
+    bytes_read: int = 0
 
     def __len__(self) -> int:
         return len(self.columns[0])

@@ -10,8 +10,13 @@ ENTRY = "entry"
 CONDITIONS = f"{ENTRY}/conditions"
 COUNTER_MASSES = f"{CONDITIONS}/counter_masses"
 PROVENANCE = f"{ENTRY}/provenance"
-FINDINGS = f"{ENTRY}/notes/findings"
-RIG = f"{ENTRY}/notes/rig"
+NOTES = f"{ENTRY}/notes"
+FINDINGS = f"{NOTES}/findings"
+RIG = f"{NOTES}/rig"
+TIME = "time"
+"""The dataset of time in each group that has one."""
+SAMPLE = "sample"
+"""The dimension of a group without time."""
 
 _LETTERS = str.maketrans({"ı": "i", "ß": "ss", "ø": "o", "Ø": "O", "æ": "ae", "µ": "u", "μ": "u", "°": "deg"})
 

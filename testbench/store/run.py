@@ -58,9 +58,7 @@ class Run:
         for group in self.groups:
             if group.name == name:
                 return group
-        raise StoreError(
-            f"{self.path.name}: no group {name!r}; there are {_listed(g.name for g in self.groups)}"
-        )
+        raise StoreError(f"{self.path.name}: no group {name!r}; there are {_listed(g.name for g in self.groups)}")
 
     @property
     def rate_hz(self) -> float | None:
@@ -75,9 +73,7 @@ class Run:
             return found[0]
         if found:
             groups = _listed(g.name for g, _ in found)
-            raise StoreError(
-                f"{self.path.name}: channel {channel!r} is in several groups, {groups}; name one"
-            )
+            raise StoreError(f"{self.path.name}: channel {channel!r} is in several groups, {groups}; name one")
         known = _listed(c.name for g in among for c in g.channels)
         raise StoreError(f"{self.path.name}: no channel {channel!r}, or not only one; there are {known}")
 
@@ -147,9 +143,7 @@ def _group(entry: "h5py.Group", key: str) -> StoredGroup:
 
 def _channel(dataset: "h5py.Dataset") -> Channel:
     attrs = dataset.attrs
-    return Channel(
-        str(attrs["long_name"]), str(attrs["units"]) if "units" in attrs else None, str(attrs["label"])
-    )
+    return Channel(str(attrs["long_name"]), str(attrs["units"]) if "units" in attrs else None, str(attrs["label"]))
 
 
 def _conditions(file: "h5py.File") -> Conditions:
@@ -165,9 +159,7 @@ def _conditions(file: "h5py.File") -> Conditions:
         conditions["repeat"] = int(attrs["repeat"])
     if safe.has(file, layout.COUNTER_MASSES):
         masses = safe.member(file, layout.COUNTER_MASSES).attrs
-        conditions["counter_masses"] = {
-            str(site): float(mass) for site, mass in masses.items() if site != "NX_class"
-        }
+        conditions["counter_masses"] = {str(site): float(mass) for site, mass in masses.items() if site != "NX_class"}
     return conditions
 
 

@@ -37,9 +37,7 @@ def member(group: "h5py.Group", path: str) -> Any:  # noqa: ANN401
         if link is None:
             raise StoreError(f"{group.file.filename}: holds no {path}; it is not a stored run, or damaged")
         if not isinstance(link, h5py.HardLink):
-            raise StoreError(
-                f"{group.file.filename}: {node.name}/{name} is a link to elsewhere, which is refused"
-            )
+            raise StoreError(f"{group.file.filename}: {node.name}/{name} is a link to elsewhere, which is refused")
         node = node[name]
     if isinstance(node, h5py.Dataset):
         _refuse_outside(node)

@@ -103,7 +103,7 @@ class CellFilter:
         for column, places in sorted(self.by_channel.items()):
             seen = ", ".join(f"{shown(token)} in line {line}" for line, token in places.cells)
             more = ", ..." if places.total > len(places.cells) else ""
-            message = f"{places.total} cells are no finite number: {seen}{more}"
+            message = f"no finite number in {places.total} of its cells: {seen}{more}"
             where = listed(_lines(places), places.total)
             report(Finding("not_a_number", self.names[column], where, message))
 

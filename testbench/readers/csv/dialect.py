@@ -43,7 +43,11 @@ def split(line: str, delimiter: str) -> list[str]:
         return [line.strip().strip('"')]
     if delimiter == " ":
         return line.split()
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [""])]
+    try:
+        cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [""])
+    except csv.Error:  # a cell longer than any number or name
+        return [line]
+    return [cell.strip() for cell in cells]
 
 
 def is_comment(line: str) -> bool:

@@ -24,13 +24,15 @@ class Lines:
     text: bytes
     first: int
     rest: bytes = b""
+    bytes_read: int = 0
 
 
 def in_blocks(path: Path, encoding: Encoding, first_line: int, block_bytes: int = BLOCK_BYTES) -> Iterator[Lines]:
     """The lines from ``first_line`` (counted from 1) on, in blocks."""
-    line, rest = 1, b""
+    line, rest, bytes_read = 1, b"", 0
     for raw in _chunks(path, encoding, block_bytes):
         data = rest + raw
+        bytes_read += len(raw)
         end = data.rfind(b"\n") + 1
         whole, rest = data[:end], data[end:]
         if len(rest) > LONGEST_LINE:
@@ -40,10 +42,10 @@ def in_blocks(path: Path, encoding: Encoding, first_line: int, block_bytes: int 
             line, skipped = line + 1, at + 1
         if skipped < len(whole):
             text = whole[skipped:] if skipped else whole
-            yield Lines(text, line)
+            yield Lines(text, line, bytes_read=bytes_read)
             line += text.count(b"\n")
     if rest:
-        yield Lines(b"", line, rest)
+        yield Lines(b"", line, rest, bytes_read)
 
 
 def too_long(path: Path, line: int) -> Refusal:

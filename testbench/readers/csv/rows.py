@@ -21,7 +21,6 @@ _COMMENTS = tuple(sign.encode() for sign in COMMENT_SIGNS)
 _MESSAGES = {
     "blank_lines": "{n} blank lines between the rows, passed over",
     "comment_inside": "{n} comment lines between the rows, passed over",
-    "repeated_header": "the header comes again; what follows it is kept as a recording of its own",
     "text_row": "{n} lines of text between the rows of numbers",
     "ragged_row": "{n} rows have more or fewer fields than {fields}",
 }
@@ -29,12 +28,16 @@ _MESSAGES = {
 
 @dataclass(frozen=True)
 class Piece:
-    """Regular rows, the file's line of each, whether a new recording begins, their columns if parsed already."""
+    """Regular rows and the file's line of each; their columns if parsed already.
+
+    ``header_line`` is the line of a header that came again above them, 0 if none did.
+    """
 
     text: bytes
     lines: "range | NDArray[np.int64]"
-    new_recording: bool = False
+    header_line: int = 0
     columns: list[Samples] | None = None
+    bytes_read: int = 0
 
 
 @dataclass
@@ -49,7 +52,7 @@ class RowFilter:
     above: frozenset[bytes] = frozenset()
     places: dict[str, list[str]] = field(default_factory=dict)
     counts: Counter[str] = field(default_factory=Counter)
-    _after_header: bool = False
+    _header_line: int = 0
 
     def pieces(self, text: bytes, first_line: int) -> Iterator[Piece]:
         """Plain ``text`` as regular rows: other lines left out, ragged rows emptied, parted at each header."""
@@ -67,10 +70,11 @@ class RowFilter:
                 self._count(kind, first_line + i)
         headers = [i for i, kind in odd.items() if kind == "repeated_header"]
         for begin, end in pairwise([0, *headers, len(ends)]):
-            self._after_header |= begin in headers
+            if begin in headers:
+                self._header_line = first_line + begin
             piece = self._piece(text, ends, range(begin, end), odd, first_line)
             if len(piece.lines):
-                self._after_header = False
+                self._header_line = 0
                 yield piece
 
     def _piece(
@@ -89,7 +93,7 @@ class RowFilter:
                 keep[i - rows.start] = False
         parts.append(text[done : offset[rows.stop]])
         lines = first_line + rows.start + np.flatnonzero(keep)
-        return Piece(b"".join(parts), lines, self._after_header)
+        return Piece(b"".join(parts), lines, self._header_line)
 
     def _kind(self, line: bytes, fields: int) -> str:
         """What a line is; empty if it is a row."""

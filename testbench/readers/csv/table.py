@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ...recording import Block, Group, Report, Samples
+from ...findings import Finding
+from ...recording import Block, Group, Report, Samples, TimeColumn
 from .cells import CellFilter
 from .encoding import Encoding
 from .lines import in_blocks
@@ -39,9 +40,10 @@ class Table:
         group, start = self.group, 0
         for piece in self._pieces(rows, report):
             columns = self._columns(piece, cells)
-            if piece.new_recording:
+            if piece.header_line:
                 group, start = self._next(group), 0
-            yield Block(group, tuple(columns[j] for j in self.kept), start, piece.lines)
+                report(self._repeated(group, piece.header_line, columns))
+            yield Block(group, tuple(columns[j] for j in self.kept), start, piece.lines, piece.bytes_read)
             start += len(columns[0])
         rows.report(report)
         cells.report(report)
@@ -57,9 +59,11 @@ class Table:
                     report(finding)
             before = plain or before
             if plain:
-                yield from self._regular(plain, block.first, rows)
+                for piece in self._regular(plain, block.first, rows):
+                    yield replace(piece, bytes_read=block.bytes_read)
 
     def _regular(self, plain: bytes, first: int, rows: RowFilter) -> Iterator[Piece]:
+        """The rows with their columns if every cell is a finite number, else row by row made regular."""
         columns = self.form.columns(plain)
         if columns is not None and all(_finite(columns[j]) for j in self.kept):
             yield Piece(plain, range(first, first + len(columns[0])), columns=columns)
@@ -79,6 +83,13 @@ class Table:
         """The group of the next recording in this file: ``NAME part 2``, ``NAME part 3``, ..."""
         number = int(group.name.rpartition(" part ")[2]) + 1 if group is not self.group else 2
         return replace(group, name=f"{self.group.name} part {number}")
+
+    def _repeated(self, group: Group, line: int, columns: list[Samples]) -> Finding:
+        """That the header came again in ``line``, and where time goes on."""
+        clock = group.clock
+        time = f"; time starts again at {columns[self.kept[clock.index]][0]:g}" if isinstance(clock, TimeColumn) else ""
+        message = f"the header comes again{time}; what follows is kept as a recording of its own, {group.name!r}"
+        return Finding("repeated_header", None, f"line {line}", message)
 
     def _field_names(self) -> tuple[str, ...]:
         names = [f"col{i}" for i in range(self.form.fields)]

@@ -1,0 +1,114 @@
+"""Flat tops: samples at the limit of a sensor's range, or at a channel's own largest value."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..recording import Samples, SensorRange
+
+LONG_RUN = 3
+"""Successive equal samples at the extreme that a smooth peak does not leave."""
+_LIMIT_TOLERANCE = 1e-4
+_MOST_EDGES = 1000
+
+
+def code_below(limit: SensorRange) -> float:
+    """The largest value that a converter gives for ``limit``: +16 g of 16 bits is 16 - 16 / 2**15 = 15.99951 g."""
+    step = limit.limit * 2.0 ** (1 - limit.bits) if limit.bits else 0.0
+    return limit.limit - step - limit.limit * (_LIMIT_TOLERANCE if not limit.bits else 2.0 ** -(limit.bits + 3))
+
+
+@dataclass
+class Plateau:
+    """Samples at or above a level: how many, how many long runs, the longest run, the steps up to long runs.
+
+    The level is fixed, or follows the largest sample seen (``follow``).
+    """
+
+    level: float = -np.inf
+    follow: bool = False
+    count: int = 0
+    longest: int = 0
+    long_runs: int = 0
+    edges: list[float] = field(default_factory=list)
+    _run: int = 0
+    _before: float = np.nan
+
+    def update(self, samples: Samples) -> None:
+        """Take in the next samples; what is not finite is below any level."""
+        top = float(samples.max())
+        if self.follow and top > self.level:
+            self.level, self.count, self.longest, self.long_runs, self._run = top, 0, 0, 0, 0
+            self.edges.clear()
+        at = np.flatnonzero(samples >= self.level) if not top < self.level else np.empty(0, dtype=np.int64)
+        if not len(at):
+            self._run = 0
+        else:
+            self._take(samples, at)
+        self._before = float(samples[-1])
+
+    def _take(self, samples: Samples, at: NDArray[np.int64]) -> None:
+        """Count the runs among the indices ``at``; the first may continue the last run of the block before."""
+        self.count += len(at)
+        cuts = np.flatnonzero(np.diff(at) > 1) + 1
+        starts, lengths = at[np.concatenate(([0], cuts))], np.diff(np.concatenate(([0], cuts, [len(at)])))
+        carried = self._run if starts[0] == 0 else 0
+        counted = carried >= LONG_RUN
+        lengths[0] += carried
+        self.longest = max(self.longest, int(lengths.max()))
+        self.long_runs += int((lengths >= LONG_RUN).sum()) - counted
+        self._run = int(lengths[-1]) if at[-1] == len(samples) - 1 else 0
+        inner = starts[(lengths >= LONG_RUN) & (starts > 0)][: _MOST_EDGES - len(self.edges)]
+        self.edges.extend(map(float, self.level - samples[inner - 1]))
+
+
+@dataclass
+class Clipping:
+    """Both flat tops of a channel: at the limits of a stated range, or at its own extremes if none is stated."""
+
+    limit: SensorRange | None
+    above: Plateau = field(init=False)
+    below: Plateau = field(init=False)
+    moves: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.limit is None:
+            self.above, self.below = Plateau(follow=True), Plateau(follow=True)
+        else:
+            self.above, self.below = Plateau(code_below(self.limit)), Plateau(code_below(self.limit))
+
+    def update(self, samples: Samples) -> None:
+        """Take in the next samples."""
+        if not self.moves and len(samples) > 1:
+            moves = np.abs(np.diff(samples))
+            self.moves = float(np.median(moves[np.isfinite(moves)])) if np.isfinite(moves).any() else 0.0
+        self.above.update(samples)
+        self.below.update(-samples)
+
+    def message(self, unit: str | None) -> str | None:
+        """What is clipped; None if nothing is."""
+        if self.limit is not None:
+            if not self.above.count + self.below.count:
+                return None
+            at = f"at the limits of the stated range of ±{self.limit.limit:g} {self.limit.unit}"
+        else:
+            if not self._looks_flat():
+                return None
+            at = f"at {self.above.level:g} and {-self.below.level:g} {unit or ''}".rstrip()
+        top, bottom = self.above, self.below
+        runs = f"the longest run has {max(top.longest, bottom.longest)} samples"
+        return f"{top.count} samples at the top and {bottom.count} at the bottom lie {at}; {runs}"
+
+    def _looks_flat(self) -> bool:
+        """Flat tops without a stated range: alike on both sides, or entered by jumps as a cut signal enters them."""
+        top, bottom = self.above, self.below
+        alike = abs(top.level - bottom.level) < 0.01 * abs(top.level)
+        if alike and min(top.long_runs, bottom.long_runs) >= 2:
+            return True
+        return any(self._entered_by_jumps(side) for side in (top, bottom))
+
+    def _entered_by_jumps(self, side: Plateau) -> bool:
+        if side.long_runs < 3 or side.level == 0 or not side.edges or not self.moves:
+            return False
+        return float(np.median(side.edges)) >= 2 * self.moves

@@ -1,0 +1,112 @@
+"""Steps of a recorded time column, gathered block by block in bounded memory."""
+
+import math
+from dataclasses import dataclass, field
+from heapq import heappush, heappushpop
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..recording import Block, Samples
+
+SHOWN = 10
+"""How many places a finding lists."""
+_MOST_STEPS = 1 << 20
+
+
+@dataclass
+class Steps:
+    """The distribution of steps: exact while there are at most 2**20 different ones, then to a part in 2**20."""
+
+    values: Samples = field(default_factory=lambda: np.empty(0))
+    counts: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    _new: list[Samples] = field(default_factory=list)
+    _waiting: int = 0
+
+    def add(self, steps: Samples) -> None:
+        """Take in the next steps."""
+        self._new.append(steps)
+        self._waiting += len(steps)
+        if self._waiting >= _MOST_STEPS:
+            self._merge()
+
+    def _merge(self) -> None:
+        values, counts = np.unique(np.concatenate([*self._new, np.empty(0)]), return_counts=True)
+        self.values, self.counts = _merged(np.concatenate([self.values, values]), np.concatenate([self.counts, counts]))
+        dropped = 32
+        while len(self.values) > _MOST_STEPS:
+            coarse = (self.values.view(np.int64) >> dropped << dropped).view(np.float64)
+            self.values, self.counts = _merged(coarse, self.counts)
+            dropped += 2
+        self._new, self._waiting = [], 0
+
+    def quantile(self, q: float) -> float:
+        """The step below which a share ``q`` of all lies; NaN if there are none. 0.5 is the median."""
+        self._merge()
+        total = int(self.counts.sum())
+        if not total:
+            return math.nan
+        position, upto = q * (total - 1), np.cumsum(self.counts)
+        low = self.values[np.searchsorted(upto, math.floor(position), side="right")]
+        high = self.values[np.searchsorted(upto, math.ceil(position), side="right")]
+        return float(low if low == high else (low + high) / 2)
+
+    def above(self, limit: float) -> int:
+        """How many steps are longer than ``limit``."""
+        self._merge()
+        return int(self.counts[self.values > limit].sum())
+
+
+def _merged(values: Samples, counts: NDArray[np.int64]) -> tuple[Samples, NDArray[np.int64]]:
+    unique, inverse = np.unique(values, return_inverse=True)
+    return unique, np.bincount(inverse, weights=counts, minlength=len(unique)).astype(np.int64)
+
+
+@dataclass
+class ClockStats:
+    """A recorded time column, in its unit as written."""
+
+    first: float = math.nan
+    last: float = math.nan
+    dt_min: float = math.inf
+    dt_max: float = -math.inf
+    non_increasing: int = 0
+    unreadable: int = 0
+    falls: list[tuple[str, float]] = field(default_factory=list)
+    longest: list[tuple[float, str]] = field(default_factory=list)
+    steps: Steps = field(default_factory=Steps)
+
+    def update(self, block: Block, times: Samples) -> None:
+        """Take in the times of the next block."""
+        finite = np.isfinite(times)
+        index = np.arange(len(times))
+        if not finite.all():
+            self.unreadable += int(len(times) - finite.sum())
+            times, index = times[finite], index[finite]
+        if not len(times):
+            return
+        steps = np.diff(times, prepend=self.last)
+        if math.isnan(self.last):
+            self.first, steps, index = float(times[0]), steps[1:], index[1:]
+        self.last = float(times[-1])
+        if len(steps):
+            self._take(block, steps, index)
+
+    def _take(self, block: Block, steps: Samples, index: NDArray[np.int64]) -> None:
+        self.steps.add(steps)
+        smallest, largest = float(steps.min()), float(steps.max())
+        self.dt_min, self.dt_max = min(self.dt_min, smallest), max(self.dt_max, largest)
+        if smallest <= 0:
+            falling = np.flatnonzero(steps <= 0)
+            self.non_increasing += len(falling)
+            for i in falling[: max(0, SHOWN - len(self.falls))]:
+                self.falls.append((block.where(int(index[i])), float(steps[i])))
+        if len(self.longest) < SHOWN or largest > self.longest[0][0]:
+            for i in np.argpartition(steps, -min(SHOWN, len(steps)))[-SHOWN:]:
+                self._keep_longest(float(steps[i]), block.where(int(index[i])))
+
+    def _keep_longest(self, step: float, where: str) -> None:
+        if len(self.longest) < SHOWN:
+            heappush(self.longest, (step, where))
+        else:
+            heappushpop(self.longest, (step, where))

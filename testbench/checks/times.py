@@ -1,0 +1,97 @@
+"""Findings about a recorded time column, and the rate that it gives."""
+
+import math
+
+from ..findings import Finding
+from ..recording import Group, TimeColumn
+from .clock import ClockStats
+
+GAP = 1.5
+"""A step longer than this many medians is a gap."""
+IRREGULAR = 0.1
+"""Steps whose middle half spreads over more than this share of the median are those of no sampled signal."""
+RATE_TOLERANCE = 0.005
+"""A header's rate and 1 / median step may differ by this share: rates are often printed in three digits."""
+
+
+def rate_hz(group: Group, clock: ClockStats) -> float | None:
+    """1 / median step [Hz], where the steps are those of a sampled signal in a unit of time."""
+    median = clock.steps.quantile(0.5)
+    if len(group.channels) == 1 or not median > 0 or _spread(clock) > IRREGULAR:
+        return None
+    assert isinstance(group.clock, TimeColumn)
+    factor = group.clock.seconds_per_unit
+    return None if factor is None else 1.0 / (median * factor)
+
+
+def seconds(group: Group, clock: ClockStats) -> dict[str, float | int | None]:
+    """The clock's numbers as they are printed, in seconds; without a known unit as written."""
+    assert isinstance(group.clock, TimeColumn)
+    factor = group.clock.seconds_per_unit or 1.0
+    values = {
+        "t_first_s": clock.first,
+        "t_last_s": clock.last,
+        "dt_min_s": clock.dt_min,
+        "dt_median_s": clock.steps.quantile(0.5),
+        "dt_max_s": clock.dt_max,
+    }
+    finite = {key: value * factor if math.isfinite(value) else None for key, value in values.items()}
+    return {**finite, "non_increasing": clock.non_increasing}
+
+
+def findings(group: Group, clock: ClockStats, stated_rate_hz: float | None) -> list[Finding]:
+    """What a time column shows."""
+    assert isinstance(group.clock, TimeColumn)
+    name, unit = group.channels[group.clock.index].name, group.channels[group.clock.index].unit or "s"
+    found = []
+    if group.clock.assumed:
+        message = "carries no unit; seconds were assumed for the rate and the clock, the column is kept as written"
+        found.append(Finding("time_unit_assumed", name, None, message))
+    if group.clock.seconds_per_unit is None:
+        message = f"{unit!r} is no unit of time: there is no rate, and the clock is given as written"
+        found.append(Finding("time_unit_unknown", name, None, message))
+    if clock.unreadable:
+        found.append(Finding("time_unreadable", name, None, f"no finite number: {clock.unreadable} times"))
+    if clock.non_increasing:
+        found.append(_not_increasing(name, unit, clock))
+    return found + _steps(group, clock, name, unit, stated_rate_hz)
+
+
+def _not_increasing(name: str, unit: str, clock: ClockStats) -> Finding:
+    steps = ", ".join(f"{step:.10g} {unit} at {where}" for where, step in clock.falls)
+    more = ", ..." if clock.non_increasing > len(clock.falls) else ""
+    message = f"time falls or stands still {clock.non_increasing} times: {steps}{more}"
+    return Finding("time_not_increasing", name, ", ".join(where for where, _ in clock.falls), message)
+
+
+def _steps(group: Group, clock: ClockStats, name: str, unit: str, stated: float | None) -> list[Finding]:
+    """Findings about the lengths of the steps."""
+    median, spread = clock.steps.quantile(0.5), _spread(clock)
+    if len(group.channels) == 1:
+        message = "a column of times and nothing else: events such as edges, no signal; there is no rate"
+        return [Finding("event_times", name, None, message)]
+    if not median > 0:
+        return []
+    if spread > IRREGULAR:
+        message = f"the middle half of the steps spreads over {spread:.0%} of their median {median:g} {unit}: no rate"
+        return [Finding("time_irregular", name, None, message)]
+    found = []
+    if gaps := clock.steps.above(GAP * median):
+        longest = sorted((step, where) for step, where in clock.longest if step > GAP * median)[::-1]
+        shown = ", ".join(f"{step:.6g} {unit} before {where}" for step, where in longest)
+        message = f"steps longer than {GAP:g} times the median {median:.6g} {unit}: {gaps} ({shown})"
+        found.append(Finding("time_gap", name, ", ".join(where for _, where in longest), message))
+    if (jitter := clock.steps.quantile(0.95) - clock.steps.quantile(0.05)) > 0.01 * median:
+        message = f"nine steps in ten lie within {jitter / median:.1%} of the median {median:.6g} {unit}"
+        found.append(Finding("time_jitter", name, None, message))
+    rate = rate_hz(group, clock)
+    if rate and stated and abs(rate / stated - 1) > RATE_TOLERANCE:
+        message = f"the header states {stated:g} Hz, the steps of time give {rate:.6g} Hz"
+        found.append(Finding("rate_contradiction", name, None, message))
+    return found
+
+
+def _spread(clock: ClockStats) -> float:
+    """Spread of the middle half of the steps, as a share of their median."""
+    median = clock.steps.quantile(0.5)
+    return (clock.steps.quantile(0.75) - clock.steps.quantile(0.25)) / median if median > 0 else 0.0

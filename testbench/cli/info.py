@@ -1,0 +1,75 @@
+"""``testbench info``."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from balance.cli.console import EXIT_REFUSED, emit_json, emit_table, json_option
+
+from . import reading
+
+if TYPE_CHECKING:
+    from ..checks import GroupCheck
+    from ..describe import Description
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  testbench info run_001.csv
+  testbench info run_001.csv --stats
+  testbench info olcum.txt --encoding cp1254 --decimal comma --json
+\b
+Exit codes: 0 nothing odd, 3 findings, 1 would be refused or cannot be read."""
+)
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--stats", is_flag=True, help="Also count, min, max, mean, first and last of each channel.")
+@reading.text_options
+@json_option
+def info(file: Path, stats: bool, as_json: bool, **text: Any) -> int:  # noqa: ANN401
+    """What a log file holds, and what is odd in it. Reads the whole file, keeps nothing."""
+    from ..describe import describe
+    from ..findings import Refusal
+
+    try:
+        found = describe(file, reading.read_options(**text))
+    except Refusal as refusal:
+        if as_json:
+            emit_json({"format": None, "origin": None, "groups": [], "findings": [refusal.finding.as_dict()]})
+            click.echo(f"testbench: {reading.plain(str(refusal))}", err=True)
+            return EXIT_REFUSED
+        raise
+    if as_json:
+        emit_json(found.as_dict(stats))
+    else:
+        _print(found, stats)
+    return reading.exit_code(found.findings)
+
+
+def _print(found: "Description", stats: bool) -> None:
+    recording = found.recording
+    marked = " - SIMULATED" if recording.origin == "simulated" else ""
+    click.echo(f"{reading.plain(recording.path.name)}: {recording.format}{marked}")
+    for check in found.groups:
+        header = ["channel", "unit", *(["n", "nan", "min", "max", "mean", "first", "last"] if stats else [])]
+        emit_table(_title(check), header, [_row(check, i, stats) for i in range(len(check.stats))])
+    rows = reading.finding_rows(found.findings)
+    emit_table("Findings", ["", "code", "channel", "where", "what"], rows)
+
+
+def _title(check: "GroupCheck") -> str:
+    from ..describe import clock
+
+    rate = f", {check.rate_hz:.6g} Hz ({check.rate_source})" if check.rate_hz else ", no rate"
+    times = clock(check)
+    span = f", {times['t_first_s']:g} to {times['t_last_s']:g} s" if times and times["t_last_s"] is not None else ""
+    return f"{reading.plain(check.group.name)}: {check.samples} samples{rate}{span}"
+
+
+def _row(check: "GroupCheck", index: int, stats: bool) -> list[str]:
+    channel, numbers = check.group.channels[index], check.stats[index].as_dict()
+    cells = [reading.plain(channel.name), reading.plain(channel.unit or "-")]
+    if stats:
+        cells += ["-" if v is None else str(v) if isinstance(v, int) else f"{v:.9g}" for v in numbers.values()]
+    return cells

@@ -1,0 +1,118 @@
+"""``testbench ingest``."""
+
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from balance.cli.console import EXIT_REFUSED, emit_json, emit_table, json_option
+
+from . import reading
+
+if TYPE_CHECKING:
+    from ..ingest import Outcome, Progress
+    from ..rig import Rig
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  testbench ingest logs/*.csv --rig rig.toml --runs runs.csv -o campaign
+  testbench ingest run_001.csv -o campaign --json
+  testbench ingest torn.csv -o campaign --accept ragged_row
+\b
+Exit codes: 0 all stored, 3 stored with findings, 1 some file was refused (the others are stored)."""
+)
+@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--rig", metavar="RIG", help="What is measured where: a rig file, kept with each run.")
+@click.option("--runs", "sheet", type=click.Path(path_type=Path), help="The sheet of run conditions.")
+@click.option(
+    "-o", "--output", "campaign", required=True, type=click.Path(path_type=Path), help="The campaign's folder."
+)
+@click.option("--accept", multiple=True, metavar="CODE", help="Store in spite of findings of this code.")
+@reading.text_options
+@json_option
+def ingest(
+    files: tuple[Path, ...],
+    rig: str | None,
+    sheet: Path | None,
+    campaign: Path,
+    accept: tuple[str, ...],
+    as_json: bool,
+    **text: Any,  # noqa: ANN401
+) -> int:
+    """Read logs into HDF5, one file a run. A run is stored whole or not at all, and never changes."""
+    from ..findings import MEANING
+
+    if unknown := [code for code in accept if code not in MEANING]:
+        raise click.UsageError(f"--accept {unknown[0]}: no such code; `testbench info FILE` names those of a file")
+    outcomes = _ingest(files, _rig(rig), sheet, campaign, accept, text)
+    if as_json:
+        emit_json({"runs": [outcome.as_dict() for outcome in outcomes]})
+    else:
+        _print(outcomes)
+    for message in dict.fromkeys(outcome.message for outcome in outcomes if outcome.status == "refused"):
+        click.echo(f"testbench: {reading.plain(message)}", err=True)
+    if any(outcome.status == "refused" for outcome in outcomes):
+        return EXIT_REFUSED
+    return reading.exit_code([f for outcome in outcomes for f in outcome.findings], accept)
+
+
+def _rig(name: str | None) -> "Rig | None":
+    if name is None:
+        return None
+    from .. import rig
+
+    return rig.load(name)
+
+
+def _ingest(
+    files: Sequence[Path],
+    rig: "Rig | None",
+    sheet: Path | None,
+    campaign: Path,
+    accept: Sequence[str],
+    text: dict[str, Any],
+) -> "list[Outcome]":
+    from ..ingest import Ingest
+    from ..runsheet import plan
+
+    runs = plan(files, sheet)
+    campaign.mkdir(parents=True, exist_ok=True)
+    total = sum(path.stat().st_size for run in runs for path in run.files if path.is_file())
+    with _progress(total) as progress:
+        work = Ingest(campaign, rig, reading.read_options(**text), frozenset(accept), progress)
+        return [outcome for run in runs for outcome in work.run(run)]
+
+
+@contextmanager
+def _progress(total_bytes: int) -> Iterator["Progress"]:
+    """A bar on stderr with rate and time left, only on a terminal and only where it is worth it."""
+    if not sys.stderr.isatty() or total_bytes < 20 << 20:
+        yield lambda count: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn, TransferSpeedColumn
+
+    columns = (BarColumn(), DownloadColumn(), TransferSpeedColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("reading", total=total_bytes)
+        yield lambda count: bar.advance(task, count)
+
+
+def _print(outcomes: "Sequence[Outcome]") -> None:
+    rows = [
+        [reading.plain(o.source), o.file or "-", o.origin, o.status, str(sum(f.severity > 0 for f in o.findings))]
+        for o in outcomes
+    ]
+    emit_table("Runs", ["log", "run", "origin", "status", "findings"], rows)
+    found = [
+        [reading.plain(outcome.source), *row]
+        for outcome in outcomes
+        for row in reading.finding_rows(f for f in outcome.findings if f.severity > 0)
+    ]
+    if found:
+        emit_table("Findings", ["log", "", "code", "channel", "where", "what"], found)

@@ -1,0 +1,66 @@
+"""What the commands that read logs share: their options, findings for people, exit codes."""
+
+import unicodedata
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from balance.cli.console import EXIT_REFUSED, EXIT_WITH_FINDINGS
+
+if TYPE_CHECKING:
+    from ..findings import Finding
+    from ..readers import ReadOptions
+
+_DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "bar": "|", "blanks": " "}
+_DECIMALS = {"point": ".", "comma": ","}
+
+
+def text_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """What a person may say about a text instead of having it detected."""
+    for option in reversed((
+        click.option("--encoding", metavar="NAME", help="Encoding of texts, such as cp1254; else detected."),
+        click.option("--delimiter", type=click.Choice([*_DELIMITERS]), help="Delimiter of texts; else detected."),
+        click.option("--decimal", type=click.Choice([*_DECIMALS]), help="Decimal mark of texts; else detected."),
+        click.option("--header/--no-header", default=None, help="Whether texts begin with names; else detected."),
+    )):  # fmt: skip
+        command = option(command)
+    return command
+
+
+def read_options(
+    encoding: str | None, delimiter: str | None, decimal: str | None, header: bool | None
+) -> "ReadOptions":
+    """The options as the readers take them."""
+    from ..readers import ReadOptions
+
+    return ReadOptions(
+        encoding,
+        None if delimiter is None else _DELIMITERS[delimiter],
+        None if decimal is None else _DECIMALS[decimal],
+        header,
+    )
+
+
+def exit_code(findings: Iterable["Finding"], accepted: Iterable[str] = ()) -> int:
+    """0 without findings that matter, 3 with some, 1 with one for which a recording is refused."""
+    from ..findings import Severity, refused, worst
+
+    findings = list(findings)
+    if refused(findings, accepted):
+        return EXIT_REFUSED
+    return EXIT_WITH_FINDINGS if worst(findings) > Severity.NOTE else 0
+
+
+def finding_rows(findings: Iterable["Finding"]) -> list[list[str]]:
+    """Findings as rows of a table, the gravest first."""
+    ordered = sorted(findings, key=lambda finding: -finding.severity)
+    return [
+        [f.severity.name.lower(), f.code, plain(f.channel or ""), plain(f.where or ""), plain(f.message)]
+        for f in ordered
+    ]
+
+
+def plain(text: str) -> str:
+    """Text from a file without what would steer a terminal."""
+    return "".join(c if unicodedata.category(c)[0] != "C" else f"\\x{ord(c):02x}" for c in text)

@@ -1,0 +1,168 @@
+"""Log files into stored runs: read, check, write, in one pass and bounded memory; nothing half-written."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import cached_property
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from . import prefetch
+from .checks import RecordingCheck, against_rig
+from .errors import RecordingError, StoreError
+from .findings import Finding, Refusal, refused
+from .readers import ReadOptions, open_recording
+from .recording import Origin
+from .runsheet import PlannedRun
+from .source import Source
+from .store import Campaign
+from .store.writer import RunWriter
+
+if TYPE_CHECKING:
+    from .rig import Rig
+
+Progress = Callable[[int], None]
+"""Called with the bytes that were read since the last call."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one log file: ``stored``, ``already_stored`` or ``refused``; and the run's file."""
+
+    file: str | None
+    source: str
+    sha256: str | None
+    origin: Origin
+    status: str
+    findings: tuple[Finding, ...]
+    message: str = ""
+
+    def as_dict(self) -> dict[str, Any]:
+        """The outcome as it is printed."""
+        return {
+            "file": self.file,
+            "source": self.source,
+            "sha256": self.sha256,
+            "origin": self.origin,
+            "status": self.status,
+            "message": self.message,
+            "findings": [finding.as_dict() for finding in self.findings],
+        }
+
+
+@dataclass(frozen=True)
+class Ingest:
+    """How log files become runs of the campaign in ``folder``.
+
+    ``accepted`` are codes of findings that a person accepts; the decision is stored with the run.
+    """
+
+    folder: Path
+    rig: "Rig | None" = None
+    options: ReadOptions | None = None
+    accepted: frozenset[str] = frozenset()
+    progress: Progress = lambda count: None
+
+    def run(self, planned: PlannedRun) -> list[Outcome]:
+        """Ingest one run; one outcome for each of its files. The run is stored whole or not at all."""
+        sources: list[Source] = []
+        try:
+            for path in planned.files:
+                sources.append(Source(path, open_recording(path, self.options)))
+            return self._already(sources) or self._store(planned, sources)
+        except (RecordingError, StoreError) as error:
+            return _not_stored(planned, sources, error)
+
+    @cached_property
+    def _stored(self) -> dict[tuple[int, str], str]:
+        """The stored run of each source, by the source's size and SHA-256."""
+        return {
+            (source["size_bytes"], source["sha256"]): run.path.name
+            for run in Campaign(self.folder).runs
+            for source in run.provenance["sources"]
+        }
+
+    def _already(self, sources: Sequence[Source]) -> list[Outcome]:
+        """The outcomes if the campaign holds these recordings already; none if it holds none of them."""
+        sizes = {size for size, _ in self._stored}
+        if not sizes & {source.size for source in sources}:
+            return []
+        held = [self._stored.get((source.size, source.digested())) for source in sources]
+        if None in held and any(held):
+            known = ", ".join(s.path.name for s, run in zip(sources, held, strict=True) if run)
+            raise StoreError(f"{known}: stored already, but not with the other files of this run; stored runs stay")
+        return [_there(source, run) for source, run in zip(sources, held, strict=True) if run]
+
+    def _store(self, planned: PlannedRun, sources: Sequence[Source]) -> list[Outcome]:
+        origin = _origin(planned, sources)
+        with RunWriter(self.folder, planned.name) as writer:
+            for source in sources:
+                self._copy(source, writer)
+            if self.rig is not None:
+                recordings = [source.recording for source in sources]
+                sources[0].findings.extend(against_rig.findings(self.rig, recordings))
+            everything = [finding for source in sources for finding in source.findings]
+            if grave := refused(everything, self.accepted):
+                codes = ", ".join(dict.fromkeys(finding.code for finding in grave))
+                raise RecordingError(f"{planned.name}: refused for {codes}; --accept CODE stores it nevertheless")
+            for source in sources:
+                source.digested()
+            rig = None if self.rig is None else self.rig.text
+            writer.describe(origin, planned.conditions or {}, everything, self._provenance(sources), rig)
+            target = writer.commit().name
+        self._stored.update({(source.size, source.sha256): target for source in sources})
+        return [Outcome(target, s.path.name, s.sha256, origin, "stored", tuple(s.findings)) for s in sources]
+
+    def _copy(self, source: Source, writer: RunWriter) -> None:
+        """Read one file to its end, checking and writing each block."""
+        check = RecordingCheck(source.recording, against_rig.ranges(self.rig))
+        source.findings += source.recording.findings
+        done = 0
+        with prefetch.ahead(lambda: source.recording.blocks(source.findings.append)) as blocks:
+            for block in blocks:
+                check.update(block)
+                writer.group(block.group).append(block.columns)
+                self.progress(block.bytes_read - done)
+                done = block.bytes_read
+        source.findings += check.findings()
+        for name, group in check.groups.items():
+            if not group.samples:
+                raise Refusal(source.path.name, Finding("no_data", None, None, f"group {name!r} has no samples"))
+            writer.group(group.group).finish(group.rate_hz, group.rate_source)
+
+    def _provenance(self, sources: Sequence[Source]) -> dict[str, Any]:
+        return {
+            "software": {name: version(name) for name in ("counterpoise", "h5py", "numpy", "polars")},
+            "written": datetime.now(UTC).isoformat(timespec="seconds"),
+            "accepted_findings": sorted(self.accepted),
+            "sources": [source.provenance() for source in sources],
+        }
+
+
+def _origin(planned: PlannedRun, sources: Sequence[Source]) -> Origin:
+    """Simulated if a log says so, which the sheet must not contradict; measured if the sheet alone says so."""
+    simulated = [source for source in sources if source.recording.origin == "simulated"]
+    if simulated and planned.origin == "measured":
+        message = "the log says that it is simulated, the sheet says measured; mend the sheet"
+        raise Refusal(simulated[0].path.name, Finding("origin_contradiction", None, None, message))
+    return "simulated" if simulated else planned.origin or "unstated"
+
+
+def _there(source: Source, run: str) -> Outcome:
+    finding = Finding("already_stored", None, None, f"is stored already as {run}; nothing was written")
+    origin = source.recording.origin
+    return Outcome(run, source.path.name, source.sha256, origin, "already_stored", (finding,), finding.message)
+
+
+def _not_stored(planned: PlannedRun, sources: Sequence[Source], error: Exception) -> list[Outcome]:
+    """One outcome for each file of a run that was not stored; the reason stands with the file that it names."""
+    outcomes = []
+    for i, path in enumerate(planned.files):
+        findings = tuple(sources[i].findings) if i < len(sources) else ()
+        if isinstance(error, Refusal) and str(error).startswith(path.name):
+            findings = (*findings, error.finding)
+        sha256 = sources[i].sha256 or None if i < len(sources) else None
+        origin = planned.origin or "unstated"
+        outcomes.append(Outcome(None, path.name, sha256, origin, "refused", findings, str(error)))
+    return outcomes

@@ -1,0 +1,179 @@
+"""The sheet of run conditions, ``runs.csv``: which file was recorded with what."""
+
+import csv
+import io
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import cast, get_args
+
+from .errors import RigError
+from .recording import Conditions, Origin
+
+COLUMNS = ("file", "run", "origin", "payload_kg", "counter_masses", "motion", "peak_acceleration_g", "repeat")
+"""Columns of a sheet; ``file`` alone must be there. Files of one ``run`` are stored together."""
+
+
+_NAME = re.compile(r"[\w+(#@][\w+()#@,=~ .-]{0,119}")
+
+
+@dataclass(frozen=True)
+class SheetRow:
+    """One line of the sheet."""
+
+    line: int
+    file: str
+    run: str | None
+    origin: Origin
+    conditions: Conditions
+
+
+@dataclass(frozen=True)
+class PlannedRun:
+    """A run to be: its name, its log files, and what the sheet says of it (None: there is no sheet)."""
+
+    name: str
+    files: tuple[Path, ...]
+    origin: Origin | None = None
+    conditions: Conditions | None = None
+
+
+def plan(files: Sequence[Path], sheet: Path | None) -> list[PlannedRun]:
+    """Which files make which runs: those that the sheet puts together, else each file its own.
+
+    Raises RigError if files and sheet do not name the same.
+    """
+    if sheet is None:
+        runs = [PlannedRun(path.stem, (path,)) for path in files]
+    else:
+        files = [path for path in files if not _same_file(path, sheet)]
+        runs = _from_sheet(read(sheet), files, sheet)
+    names = [run.name for run in runs]
+    for name in names:
+        if _NAME.fullmatch(name) is None:
+            raise RigError(f"{name!r} is no name for a stored run; expected letters, digits and - _ . + blanks")
+        if names.count(name) > 1:
+            same = ", ".join(str(run.files[0]) for run in runs if run.name == name)
+            raise RigError(f"{same}: would all be stored as run {name!r}; name them apart by a column 'run' of a sheet")
+    return runs
+
+
+def read(sheet: Path) -> list[SheetRow]:
+    """The rows of a sheet. Raises RigError, with line and column, for what it does not understand."""
+    try:
+        text = sheet.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise RigError(f"{sheet.name}: not UTF-8; save the sheet as UTF-8") from error
+    first = text.partition("\n")[0]
+    table = csv.DictReader(io.StringIO(text), delimiter=";" if ";" in first else "\t" if "\t" in first else ",")
+    columns = [name.strip() for name in table.fieldnames or []]
+    table.fieldnames = columns
+    if "file" not in columns:
+        raise RigError(f"{sheet.name}: no column 'file'; expected a sheet of run conditions with {', '.join(COLUMNS)}")
+    if unknown := [name for name in columns if name not in COLUMNS]:
+        raise RigError(f"{sheet.name}: unknown column {unknown[0]!r}; expected some of {', '.join(COLUMNS)}")
+    try:
+        rows = [_row(sheet, table.line_num, cells) for cells in table if any(cells.values())]
+    except csv.Error as error:
+        raise RigError(f"{sheet.name}, line {table.line_num}: {error}") from error
+    if not rows:
+        raise RigError(f"{sheet.name}: names no file")
+    return rows
+
+
+def _row(sheet: Path, line: int, cells: Mapping[str | None, str | None]) -> SheetRow:
+    if None in cells or None in cells.values():
+        raise RigError(f"{sheet.name}, line {line}: more or fewer cells than columns")
+    text = {str(name): (cell or "").strip() for name, cell in cells.items()}
+    place = f"{sheet.name}, line {line}"
+    if not text["file"]:
+        raise RigError(f"{place}: column 'file' is empty; expected the name of a log file")
+    origin = text.get("origin") or "unstated"
+    if origin not in get_args(Origin):
+        raise RigError(f"{place}: origin {origin!r}; expected {', '.join(get_args(Origin))}, or nothing")
+    run = text.get("run") or None
+    return SheetRow(line, text["file"], run, cast(Origin, origin), _conditions(place, text))
+
+
+def _conditions(place: str, text: Mapping[str, str]) -> Conditions:
+    found = Conditions()
+    if payload := text.get("payload_kg"):
+        found["payload_kg"] = _number(place, "payload_kg", payload)
+    if "counter_masses" in text:
+        found["counter_masses"] = _masses(place, text["counter_masses"])
+    if motion := text.get("motion"):
+        found["motion"] = motion
+    if peak := text.get("peak_acceleration_g"):
+        found["peak_acceleration_g"] = _number(place, "peak_acceleration_g", peak)
+    if repeat := text.get("repeat"):
+        if not repeat.isdecimal():
+            raise RigError(f"{place}: repeat {repeat!r}; expected a whole number")
+        found["repeat"] = int(repeat)
+    return found
+
+
+def _masses(place: str, text: str) -> dict[str, float]:
+    """``SITE=KG;SITE=KG`` as masses [kg] by site; nothing: no counter-masses."""
+    masses: dict[str, float] = {}
+    for part in filter(None, (part.strip() for part in text.split(";"))):
+        site, equals, mass = (word.strip() for word in part.partition("="))
+        if not site or not equals:
+            raise RigError(f"{place}: counter_masses {part!r}; expected SITE=KG;SITE=KG")
+        if site in masses:
+            raise RigError(f"{place}: counter_masses name the site {site!r} twice")
+        masses[site] = _number(place, f"counter_masses {site}", mass)
+    return masses
+
+
+def _number(place: str, column: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and value >= 0):
+        raise RigError(f"{place}: {column} {text!r}; expected a number such as 1.451, not negative")
+    return value
+
+
+def _from_sheet(rows: Sequence[SheetRow], files: Sequence[Path], sheet: Path) -> list[PlannedRun]:
+    """The runs of a sheet, after a check that it names the given files, each once, and no others."""
+    paths = {row.line: _given(row, files, sheet) for row in rows}
+    named = list(paths.values())
+    for row in rows:
+        if named.count(paths[row.line]) > 1:
+            raise RigError(f"{sheet.name}, line {row.line}: names {row.file} a second time")
+    if left := [path.name for path in files if path not in named]:
+        raise RigError(f"{sheet.name}: does not name {', '.join(left)}; add a line for it, or do not give it")
+    runs: dict[str, list[SheetRow]] = {}
+    for row in rows:
+        runs.setdefault(row.run or paths[row.line].stem, []).append(row)
+    return [_run(name, together, paths, sheet) for name, together in runs.items()]
+
+
+def _run(name: str, rows: Sequence[SheetRow], paths: Mapping[int, Path], sheet: Path) -> PlannedRun:
+    first = rows[0]
+    for row in rows[1:]:
+        if row.run is None:
+            raise RigError(
+                f"{sheet.name}, line {row.line}: {row.file} would be stored as {name!r}, as line {first.line}"
+            )
+        if (row.conditions, row.origin) != (first.conditions, first.origin):
+            raise RigError(f"{sheet.name}, line {row.line}: run {name!r} has other conditions in line {first.line}")
+    return PlannedRun(name, tuple(paths[row.line] for row in rows), first.origin, first.conditions)
+
+
+def _given(row: SheetRow, files: Iterable[Path], sheet: Path) -> Path:
+    """The given file that a row means: the one at that place beside the sheet, else the only one of that name."""
+    beside = sheet.parent / row.file
+    exact = [path for path in files if _same_file(path, beside)]
+    matches = exact or [path for path in files if path.name == row.file]
+    if len(matches) == 1:
+        return matches[0]
+    problem = "several of the given files have" if matches else "none of the given files has"
+    raise RigError(f"{sheet.name}, line {row.line}: {problem} the name {row.file!r}; give the file, or mend the line")
+
+
+def _same_file(one: Path, other: Path) -> bool:
+    return one.resolve() == other.resolve()

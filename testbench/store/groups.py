@@ -1,0 +1,114 @@
+"""Writing one group: a dataset a channel, in whole chunks, with its checksum, unit, written name and clock."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..recording import Channel, Group, Samples, TimeColumn, UniformClock
+from . import layout
+
+if TYPE_CHECKING:
+    import h5py
+
+CHUNK = 1 << 15
+"""Samples a chunk."""
+GATHERED = 4 * CHUNK
+"""Samples that are gathered before whole chunks are written."""
+_NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable. %10d"
+
+
+class GroupWriter:
+    """The samples of one group, gathered to whole chunks and written."""
+
+    def __init__(self, node: "h5py.Group", group: Group) -> None:
+        self.node, self.group, self.samples = node, group, 0
+        self.key = node.name.rpartition("/")[2]
+        taken = {layout.TIME, layout.SAMPLE}
+        self.keys = [
+            layout.TIME if _is_time(group, i) else layout.safe_name(channel.label, taken)
+            for i, channel in enumerate(group.channels)
+        ]
+        self._waiting: list[list[Samples]] = [[] for _ in group.channels]
+        self._datasets: list[h5py.Dataset] = []
+        self._written = 0
+
+    def append(self, columns: Sequence[Samples]) -> None:
+        """Take in the next samples, one column a channel."""
+        for waiting, column in zip(self._waiting, columns, strict=True):
+            waiting.append(column)
+        self.samples += len(columns[0])
+        if self.samples - self._written >= GATHERED:
+            self._write((self.samples - self._written) // CHUNK * CHUNK)
+
+    def _write(self, count: int) -> None:
+        """Write ``count`` of the waiting samples of each channel."""
+        if not self._datasets:
+            chunk = CHUNK if count >= CHUNK else max(1, count)
+            self._datasets = [_dataset(self.node, key, chunk) for key in self.keys]
+        for dataset, waiting in zip(self._datasets, self._waiting, strict=True):
+            samples = waiting[0] if len(waiting) == 1 else np.concatenate(waiting)
+            dataset.resize((self._written + count,))
+            dataset[self._written : self._written + count] = samples[:count]
+            waiting[:] = [samples[count:]]
+        self._written += count
+
+    def finish(self, rate_hz: float | None, rate_source: str | None) -> None:
+        """Write what waits, then names, units and clock."""
+        self._write(self.samples - self._written)
+        clock = self.group.clock
+        self.node.attrs.update({"NX_class": "NXdata", "name": self.group.name, "samples": self.samples})
+        self.node.attrs["channels"] = self.keys
+        if rate_hz is not None:
+            self.node.attrs.update({"rate_hz": rate_hz, "rate_source": rate_source})
+        if isinstance(clock, UniformClock):
+            self.node.attrs.update({"clock": "uniform", "rate_hz": clock.rate_hz, "start_s": clock.start_s})
+        elif clock is not None:
+            self.node.attrs.update({"clock": "recorded", "unit_assumed": clock.assumed})
+            if clock.seconds_per_unit is not None:
+                self.node.attrs["seconds_per_unit"] = clock.seconds_per_unit
+        else:
+            self.node.attrs["clock"] = "none"
+        for dataset, channel in zip(self._datasets, self.group.channels, strict=True):
+            _name(dataset, channel)
+        self._attach(self._dimension(clock))
+
+    def _dimension(self, clock: UniformClock | TimeColumn | None) -> "h5py.Dataset":
+        """The scale of the samples: recorded time, time by index and rate, or a length without values."""
+        if isinstance(clock, TimeColumn):
+            return self._datasets[clock.index]
+        if isinstance(clock, UniformClock):
+            time = _dataset(self.node, layout.TIME, CHUNK if self.samples >= CHUNK else max(1, self.samples))
+            time.resize((self.samples,))
+            for begin in range(0, self.samples, GATHERED):
+                index = np.arange(begin, min(begin + GATHERED, self.samples))
+                time[begin : begin + len(index)] = clock.start_s + index / clock.rate_hz
+            _name(time, Channel(layout.TIME, "s"))
+            return time
+        scale = self.node.create_dataset(layout.SAMPLE, shape=(self.samples,), dtype=">f4")
+        scale.make_scale(_NO_VARIABLE % self.samples)
+        return scale
+
+    def _attach(self, scale: "h5py.Dataset") -> None:
+        """Make ``scale`` the dimension of all channels, and say to NeXus what to plot."""
+        if scale.name.endswith(layout.TIME):
+            scale.make_scale(layout.TIME)
+        others = [(key, d) for key, d in zip(self.keys, self._datasets, strict=True) if d.name != scale.name]
+        for _, dataset in others:
+            dataset.dims[0].attach_scale(scale)
+        self.node.attrs["signal"] = others[0][0] if others else layout.TIME
+        self.node.attrs["axes"] = [layout.TIME if scale.name.endswith(layout.TIME) and others else "."]
+
+
+def _is_time(group: Group, index: int) -> bool:
+    return isinstance(group.clock, TimeColumn) and group.clock.index == index
+
+
+def _dataset(node: "h5py.Group", key: str, chunk: int) -> "h5py.Dataset":
+    return node.create_dataset(key, shape=(0,), maxshape=(None,), dtype=np.float64, chunks=(chunk,), fletcher32=True)
+
+
+def _name(dataset: "h5py.Dataset", channel: Channel) -> None:
+    dataset.attrs.update({"long_name": channel.name, "label": channel.label})
+    if channel.unit is not None:
+        dataset.attrs["units"] = channel.unit
