@@ -1,0 +1,52 @@
+"""The mechanism as the base feels it and as sensors on its bodies move with it."""
+
+import numpy as np
+
+from balance import kinematics
+from balance.arrays import Floats
+from balance.components import dense
+from balance.kinematics import Pose
+from balance.mechanism import Mechanism
+from balance.trajectory import Trajectory
+
+from .base import rigid_body, skew
+
+
+def locked_inertia(mechanism: Mechanism, q: Floats) -> Floats:
+    """Mass matrix of the mechanism, locked at ``q`` (nv,), about the base frame's origin, (6, 6) [kg, kg m, kg m2].
+
+    For a body with first moment h and inertia I about its joint's origin o, all in base axes:
+    I_0 = I - S(o) S(h) - S(h) S(o) - m S(o) S(o).
+    """
+    at = kinematics.pose(mechanism.tree, q[:, None])
+    total = np.zeros((6, 6))
+    for row, joint in zip(mechanism.parameters, mechanism.tree.bodies, strict=True):
+        turn = _rotation(at, joint)[:, :, 0]
+        origin, first, mass = dense(at.position[joint], 1)[:, 0], turn @ row[1:4], float(row[0])
+        xx, xy, yy, xz, yz, zz = row[4:]
+        own = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.T
+        s, h = skew(origin), skew(first)
+        total += rigid_body(mass, mass * origin + first, own - s @ h - h @ s - mass * s @ s)
+    return total
+
+
+def acceleration_in_body(
+    mechanism: Mechanism, trajectory: Trajectory, base: Floats, body: str, position: Floats
+) -> Floats:
+    """Acceleration of a point of a body, in the body's axes, (n, 3) [m/s2].
+
+    ``base`` (n, 6) are the base's accelerations u'', phi'' [m/s2, rad/s2]: R' (a + u'' + phi'' x p).
+    """
+    q, v, a = (np.ascontiguousarray(x.T) for x in (trajectory.q, trajectory.v, trajectory.a))
+    at = kinematics.pose(mechanism.tree, q)
+    moving = kinematics.motion(mechanism.tree, at, v, a)
+    joint = mechanism.tree.bodies[mechanism.body_index(body)]
+    point = dense(at.point(joint, position), at.count).T
+    relative = dense(kinematics.point_acceleration(at, moving, joint, position), at.count).T
+    absolute = relative + base[:, :3] + np.cross(base[:, 3:], point)
+    return np.einsum("ijn,ni->nj", _rotation(at, joint), absolute)
+
+
+def _rotation(at: Pose, joint: int) -> Floats:
+    """Rotation from a joint's frame to the base, (3, 3, n)."""
+    return np.stack([dense(at.arm(joint, unit), at.count) for unit in np.eye(3)], axis=1)
