@@ -53,9 +53,9 @@ def _print(found: "Description", stats: bool) -> None:
     click.echo(f"{reading.plain(recording.path.name)}: {recording.format}{marked}")
     for check in found.groups:
         header = ["channel", "unit", *(["n", "nan", "min", "max", "mean", "first", "last"] if stats else [])]
-        emit_table(_title(check), header, [_row(check, i, stats) for i in range(len(check.stats))])
-    rows = reading.finding_rows(found.findings)
-    emit_table("Findings", ["", "code", "channel", "where", "what"], rows)
+        click.echo(_title(check))
+        emit_table("", header, [_row(check, i, stats) for i in range(len(check.stats))])
+    reading.print_findings("Findings", found.findings)
 
 
 def _title(check: "GroupCheck") -> str:

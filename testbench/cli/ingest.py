@@ -109,10 +109,5 @@ def _print(outcomes: "Sequence[Outcome]") -> None:
         for o in outcomes
     ]
     emit_table("Runs", ["log", "run", "origin", "status", "findings"], rows)
-    found = [
-        [reading.plain(outcome.source), *row]
-        for outcome in outcomes
-        for row in reading.finding_rows(f for f in outcome.findings if f.severity > 0)
-    ]
-    if found:
-        emit_table("Findings", ["log", "", "code", "channel", "where", "what"], found)
+    for outcome in outcomes:
+        reading.print_findings(outcome.source, (f for f in outcome.findings if f.severity > 0))

@@ -1,6 +1,7 @@
 """``testbench list``."""
 
 from pathlib import Path
+
 import click
 
 from balance.cli.console import emit_json, emit_table, json_option

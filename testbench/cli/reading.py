@@ -52,13 +52,15 @@ def exit_code(findings: Iterable["Finding"], accepted: Iterable[str] = ()) -> in
     return EXIT_WITH_FINDINGS if worst(findings) > Severity.NOTE else 0
 
 
-def finding_rows(findings: Iterable["Finding"]) -> list[list[str]]:
-    """Findings as rows of a table, the gravest first."""
+def print_findings(title: str, findings: Iterable["Finding"]) -> None:
+    """Findings as lines for people, the gravest first."""
     ordered = sorted(findings, key=lambda finding: -finding.severity)
-    return [
-        [f.severity.name.lower(), f.code, plain(f.channel or ""), plain(f.where or ""), plain(f.message)]
-        for f in ordered
-    ]
+    if ordered:
+        click.echo(plain(title))
+    for finding in ordered:
+        place = ", ".join(filter(None, (finding.channel, finding.where)))
+        text = f"{place}: {finding.message}" if place else finding.message
+        click.echo(f"  {finding.severity.name.lower():7} {finding.code}: {plain(text)}")
 
 
 def plain(text: str) -> str:

@@ -12,7 +12,7 @@ from ..recording import Recording
 from .magic import known_as
 
 ENTRY_POINTS = "counterpoise.readers"
-BUILT_IN = ("testbench.readers.csv.reader",)
+BUILT_IN = ("testbench.readers.cortex", "testbench.readers.csv.reader")
 HEAD_BYTES = 4096
 
 

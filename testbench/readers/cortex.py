@@ -1,0 +1,64 @@
+"""Reader of Cortex ``.forces`` text: rate and number of samples above tab-separated forces of each plate.
+
+The file names no units. By Cortex's convention they are N, mm and N mm, with Y upright, which is left to the rig.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from ..findings import Finding, Refusal
+from ..recording import Block, Channel, Group, Recording, Report, UniformClock
+from .csv import preamble
+from .csv.dialect import Dialect
+from .csv.parse import Form
+from .csv.sample import take
+from .csv.table import Table
+from .registry import Reader, ReadOptions
+
+_MARK = "[Force Data]"
+_NAMES = "#Sample\t"
+
+
+def open_forces(path: Path, options: ReadOptions) -> Recording:
+    """Read the head of a ``.forces`` file; its rows are read when asked for."""
+    sample = take(path, options.encoding)
+    named = next((i for i, line in enumerate(sample.lines) if line.startswith(_NAMES)), None)
+    if named is None:
+        message = f"expected a line of names that begins with {_NAMES.strip()!r}"
+        raise Refusal(path.name, Finding("no_data", None, None, message))
+    said = preamble.pairs(sample.lines[:named])
+    names = sample.lines[named].rstrip("\t").split("\t")
+    rate, declared = _number(path, said, "SampleRate"), int(_number(path, said, "NumberOfSamples"))
+    group = Group(path.stem, tuple(Channel(name) for name in names), UniformClock(rate))
+    form = Form(Dialect("\t", "."), len(names))
+    table = Table(path, sample.encoding, form, group, tuple(range(len(names))), named + 2, sample.lines[named])
+
+    def read(report: Report) -> Iterator[Block]:
+        found = 0
+        for block in table.blocks(report):
+            found += len(block)
+            yield block
+        if found != declared:
+            message = f"the header declares {declared} samples, the file holds {found}"
+            report(Finding("count_contradiction", None, None, message))
+
+    return Recording(path, "Cortex forces", __name__, (group,), read, metadata=said)
+
+
+def _number(path: Path, said: dict[str, str], key: str) -> float:
+    try:
+        value = float(said[key])
+    except (KeyError, ValueError):
+        value = 0.0
+    if not 0.0 < value < float("inf"):
+        message = f"{key} is {said.get(key, 'missing')!r}; expected a positive number above the names"
+        raise Refusal(path.name, Finding("no_data", None, None, message))
+    return value
+
+
+READER = Reader(
+    name="Cortex forces",
+    extensions=(".forces",),
+    identify=lambda head: head.startswith(_MARK.encode()),
+    open=open_forces,
+)
