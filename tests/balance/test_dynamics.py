@@ -1,0 +1,213 @@
+"""Shaking wrench and drive torque against two independent engines, and against the laws of mechanics."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import cumulative_trapezoid
+
+from balance.closure import Closure, Trajectory
+from balance.dynamics import Response, momentum, simulate
+from balance.errors import ModelError
+from balance.mechanism import Mechanism
+from balance.motion import Motion, Samples
+
+from . import models, referees
+
+OTHERS = {
+    "skew arm": models.skew_arm(),
+    "spatial four-bar": models.spatial_four_bar(),
+    "Bennett": models.bennett(),
+    "parallelogram four-bar": models.four_bar(0.3, 0.2, 0.3, 0.2, 1.0),
+    "kite four-bar": models.four_bar(0.2, 0.2, 0.35, 0.35, 1.2),
+    "driven by its rocker": models.four_bar(0.25, 0.1, 0.26, 0.2, 1.0, driven="rocker"),
+}
+
+
+def both(response: Response, k: int) -> np.ndarray:
+    """Wrench at one sample."""
+    return np.r_[response.force[k], response.moment[k]]
+
+
+def assert_mujoco_agrees(mechanism: Mechanism, text: str) -> None:
+    """Every sample of a random motion: the loops closed, their rates allowed, wrench and torque equal to 1e-10."""
+    motion = referees.random_motion(mechanism)
+    mine, referee = simulate(mechanism, motion), referees.MujocoReferee(text, mechanism)
+    for k, (q, v, a) in enumerate(zip(motion.q, motion.v, motion.a, strict=True)):
+        rows, rate = referee.loop_jacobian(q), referee.loop_jacobian(q, v)
+        assert referee.gap(q) < 1e-12
+        assert np.abs(rows @ v).max(initial=0.0) < 1e-11 * np.abs(v).max()
+        assert np.abs(rows @ a + rate @ v).max(initial=0.0) < 1e-11 * np.abs(a).max()
+        wrench, torque = referee.response(q, v, a)
+        assert referees.relative(both(mine, k), wrench) < 1e-10
+        assert referees.relative([values[k] for values in mine.torque.values()], torque) < 1e-10
+
+
+@pytest.mark.parametrize("name", models.BUILT_IN)
+def test_built_in_mechanisms_agree_with_mujoco(name: str) -> None:
+    """Shaking wrench and drive torque of every built-in mechanism are MuJoCo's on the same file."""
+    assert_mujoco_agrees(models.load(name), models.load(name).text)
+
+
+@pytest.mark.parametrize("name", models.BUILT_IN)
+def test_loads_agree_with_mujoco(name: str) -> None:
+    """A payload is a mass, a counter-mass a disc at its site: MuJoCo agrees when they are written in the file."""
+    mechanism, (payload, counters) = models.loaded(name), models.LOADS[name]
+    gyration = {site: mechanism.site(site).radius_of_gyration for site in counters}
+    assert_mujoco_agrees(mechanism, referees.with_loads(mechanism.text, payload, counters, gyration))
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_spatial_and_special_mechanisms_agree_with_mujoco(name: str) -> None:
+    """Skew axes, slides, losses, universal joints, overconstrained welds, special four-bars: MuJoCo agrees."""
+    assert_mujoco_agrees(models.model(OTHERS[name]), OTHERS[name])
+
+
+@pytest.mark.parametrize("name", [*models.BUILT_IN, *OTHERS])
+def test_pinocchio_agrees(name: str) -> None:
+    """Pinocchio's rnea, its root forces summed in the base frame, gives the same wrench and joint torques."""
+    mechanism = models.model(OTHERS[name]) if name in OTHERS else models.loaded(name)
+    motion = referees.random_motion(mechanism, seed=11)
+    mine = simulate(mechanism, motion)
+    wrench, torque = referees.pinocchio_response(mechanism, motion)
+    assert referees.relative(np.hstack([mine.force, mine.moment]), wrench) < 1e-10
+    if not mechanism.loops:
+        assert referees.relative(np.array(list(mine.torque.values())).T, torque) < 1e-10
+
+
+def along_x(mechanism: Mechanism, rate_hz: float = 2000.0) -> Trajectory:
+    """The published motion along x."""
+    return Closure(mechanism).follow(Motion.load("x").sample(rate_hz))
+
+
+@pytest.mark.parametrize("name", models.MANIPULATORS)
+@pytest.mark.parametrize("motion", ["x", "y", "triangle"])
+def test_no_momentum_when_balanced(name: str, motion: str) -> None:
+    """With the counter-masses of the closed form the linear momentum of both models stays below 1e-12 kg m/s."""
+    counter = (1.04642 * 0.05943 + (0.58909 + 5.0) * 0.15 + 0.58909 * 0.0187) / 0.03755
+    mechanism = models.load(name).with_payload({"platform": 5.0})
+    balanced = mechanism.with_counter_mass({"counter_A0A": counter, "counter_B0B": counter})
+    trajectory = Closure(balanced).follow(Motion.load(motion).sample(500.0))
+    assert np.abs(momentum(balanced, trajectory.q, trajectory.v)[:, :3]).max() < 1e-12
+    assert np.abs(momentum(mechanism, trajectory.q, trajectory.v)[:, :3]).max() > 1.0
+    assert np.abs(simulate(balanced, trajectory).force).max() < 1e-10
+
+
+def integral(values: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Integral over time from the first sample, by trapezia."""
+    return cumulative_trapezoid(values, time, axis=0, initial=0.0)
+
+
+@pytest.mark.parametrize("name", models.MANIPULATORS)
+def test_wrench_is_minus_the_rate_of_momentum(name: str) -> None:
+    """F = -dL/dt and M = -dH/dt: what the wrench adds up to is the momentum, to the order of the sum."""
+    mechanism = models.loaded(name)
+    trajectory = along_x(mechanism, 20000.0)
+    response = simulate(mechanism, trajectory)
+    gained = -integral(np.hstack([response.force, response.moment]), trajectory.time)
+    assert referees.relative(gained, momentum(mechanism, trajectory.q, trajectory.v)) < 1e-5
+
+
+def test_power_of_the_drives_is_the_rate_of_energy() -> None:
+    """Drive torque times rate adds up to kinetic and potential energy, gravity along a general direction."""
+    text = models.load("parallelogram-6bar").text.replace('gravity="0 -9.81 0"', 'gravity="2 -9.81 1"')
+    mechanism = models.model(text)
+    trajectory = along_x(mechanism, 20000.0)
+    response = simulate(mechanism, trajectory)
+    rows = [mechanism.coordinate_index(joint) for joint in response.torque]
+    power = sum(torque * trajectory.v[:, row] for torque, row in zip(response.torque.values(), rows, strict=True))
+    energy = referees.pinocchio_energy(mechanism, trajectory)
+    assert np.ptp(energy) > 1.0
+    assert referees.relative(integral(power, trajectory.time), energy - energy[0]) < 1e-5
+
+
+def test_losses_cost_what_they_dissipate() -> None:
+    """Viscous and dry friction and the drives' inertia add b v, c sign(v) and J a to a joint's torque, nothing else."""
+    text = models.load("serial-2r").text
+    lossy = text.replace('name="J1"', 'name="J1" damping="0.4" frictionloss="0.7" armature="0.05"')
+    plain, mechanism = models.load("serial-2r"), models.model(lossy)
+    motion = referees.random_motion(plain)
+    one, other = simulate(plain, motion), simulate(mechanism, motion)
+    added = 0.4 * motion.v[:, 0] + 0.7 * np.sign(motion.v[:, 0]) + 0.05 * motion.a[:, 0]
+    np.testing.assert_allclose(other.torque["J1"] - one.torque["J1"], added, rtol=1e-10, atol=1e-12)
+    np.testing.assert_array_equal(other.torque["J2"], one.torque["J2"])
+    np.testing.assert_array_equal(other.force, one.force)
+
+
+@pytest.mark.parametrize("name", models.BUILT_IN)
+def test_at_rest_nothing_shakes(name: str) -> None:
+    """Zero in, zero out: at rest no wrench but the weight, whose moment is that of the centre of mass."""
+    mechanism = models.loaded(name)
+    motion = referees.random_motion(mechanism)
+    still = replace(motion, v=0 * motion.v, a=0 * motion.a)
+    response = simulate(mechanism, still)
+    assert not np.any(response.force)
+    assert not np.any(response.moment)
+    assert np.abs(np.array(list(response.torque.values()))).max() > 0.1
+
+
+@pytest.mark.parametrize("name", models.MANIPULATORS)
+def test_twice_as_fast_shakes_four_times_as_much(name: str) -> None:
+    """The same path in half the time: wrench four times as large, and the same weight."""
+    mechanism = models.loaded(name)
+    motion = along_x(mechanism, 500.0)
+    one = simulate(mechanism, motion)
+    four = simulate(mechanism, replace(motion, v=2 * motion.v, a=4 * motion.a))
+    np.testing.assert_allclose(four.force, 4 * one.force, rtol=1e-12, atol=1e-10)
+    np.testing.assert_allclose(four.moment, 4 * one.moment, rtol=1e-12, atol=1e-10)
+    np.testing.assert_array_equal(four.weight_moment, one.weight_moment)
+
+
+def test_weight_moment_is_that_of_the_centre_of_mass() -> None:
+    """The moment of the moving weight is centre of mass x total weight; Pinocchio finds the centre."""
+    import pinocchio
+
+    mechanism = models.model(models.skew_arm())
+    motion = referees.random_motion(mechanism)
+    model = mechanism.pinocchio_model()
+    centres = np.array([pinocchio.centerOfMass(model, model.createData(), q) for q in motion.q])
+    expected = np.cross(centres, mechanism.total_mass * mechanism.gravity)
+    np.testing.assert_allclose(simulate(mechanism, motion).weight_moment, expected, rtol=1e-10, atol=1e-10)
+
+
+def test_summaries_are_those_of_the_series() -> None:
+    """RMS and peak of a sine of amplitude 3 are 3/sqrt(2) and 3; columns carry joint and unit."""
+    time = np.arange(1000) / 1000.0
+    sine, none = 3.0 * np.sin(2 * np.pi * 5 * time), np.zeros((1000, 3))
+    response = Response(time, none, none, {"A0": sine}, none)
+    assert response.rms()["torque_A0_Nm"] == pytest.approx(3 / np.sqrt(2))
+    assert response.peak()["torque_A0_Nm"] == pytest.approx(3.0)
+    assert list(response.columns()) == ["Fx_N", "Fy_N", "Fz_N", "Mx_Nm", "My_Nm", "Mz_Nm", "torque_A0_Nm"]
+    assert response.rms()["Fx_N"] == 0.0
+
+
+def test_the_drive_torque_does_not_depend_on_what_the_motion_is_given_in() -> None:
+    """The manipulator driven by its platform or by its two joints along one path needs the same torques."""
+    mechanism = models.loaded("parallelogram-6bar")
+    by_platform = along_x(mechanism, 500.0)
+    rows = [mechanism.coordinate_index(joint) for joint in mechanism.driven]
+    q, v, a = (values[:, rows] for values in (by_platform.q, by_platform.v, by_platform.a))
+    by_joints = Closure(mechanism).follow(Samples(by_platform.time, q, v, a, joints=mechanism.driven))
+    one, other = simulate(mechanism, by_platform), simulate(mechanism, by_joints)
+    for joint in mechanism.driven:
+        np.testing.assert_allclose(other.torque[joint], one.torque[joint], rtol=1e-9, atol=1e-9)
+
+
+def test_too_few_motors_are_refused() -> None:
+    """One motor on a mechanism of two degrees of freedom leaves its torque undetermined: said, with both numbers."""
+    text = models.load("parallelogram-6bar").text.replace('<motor name="motor_B0" joint="B0"/>', "")
+    mechanism = models.model(text)
+    with pytest.raises(ModelError, match="2 degrees of freedom and 1 driven joint"):
+        simulate(mechanism, along_x(mechanism, 500.0))
+
+
+def test_without_motors_a_loop_has_no_torque_to_report() -> None:
+    """A file without <actuator> gives the wrench and no torques; an open chain then drives every joint."""
+    text = models.load("four-bar").text
+    four_bar = models.model(text.replace('<motor name="motor_A0" joint="A0"/>', ""))
+    motion = referees.random_motion(models.load("four-bar"))
+    assert not simulate(four_bar, motion).torque
+    chain = models.model(models.load("serial-2r").text.replace('<motor name="motor_J2" joint="J2"/>', "").replace(
+        '<motor name="motor_J1" joint="J1"/>', ""
+    ))  # fmt: skip
+    assert list(simulate(chain, referees.random_motion(chain)).torque) == ["J1", "J2"]

@@ -1,0 +1,89 @@
+"""Momentum, wrench and torque are linear in the inertial parameters, and W @ pi is what the summed bodies give."""
+
+import numpy as np
+import pytest
+
+from balance import regressor
+from balance.dynamics import driven_rates, momentum, simulate
+from balance.mechanism import Mechanism
+
+from . import models, referees
+
+EVERY = [*models.BUILT_IN, "skew arm", "spatial four-bar", "Bennett"]
+
+
+def mechanism_of(name: str) -> Mechanism:
+    """A built-in mechanism with loads, or one of the spatial ones."""
+    texts = {"skew arm": models.skew_arm, "spatial four-bar": models.spatial_four_bar, "Bennett": models.bennett}
+    return models.model(texts[name]()) if name in texts else models.loaded(name)
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_regressors_times_parameters_are_the_dynamics(name: str) -> None:
+    """W @ pi is the summed momentum, the shaking wrench and the torque of the driven joints."""
+    mechanism = mechanism_of(name)
+    motion = referees.random_motion(mechanism)
+    q, v, a = motion.q, motion.v, motion.a
+    response = simulate(mechanism, motion)
+    wrench = regressor.wrench_regressor(mechanism, q, v, a) @ mechanism.pi
+    assert referees.relative(wrench, np.hstack([response.force, response.moment])) < 1e-12
+    carried = regressor.momentum_regressor(mechanism, q, v) @ mechanism.pi
+    assert referees.relative(carried, momentum(mechanism, q, v)) < 1e-12
+    driven = tuple(response.torque)
+    rates = driven_rates(mechanism, motion.per_drive, driven)
+    torque = regressor.driven_torque_regressor(mechanism, q, v, a, rates) @ mechanism.pi
+    losses = mechanism.armature * a + mechanism.viscous * v + mechanism.coulomb * np.sign(v)
+    torque += np.einsum("nij,ni->nj", rates, losses)
+    assert referees.relative(torque, np.array(list(response.torque.values())).T) < 1e-12
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_torque_regressor_is_pinocchios(name: str) -> None:
+    """The torque regressor of the open tree equals Pinocchio's, column by column."""
+    import pinocchio
+
+    mechanism = mechanism_of(name)
+    motion = referees.random_motion(mechanism, count=6)
+    model = mechanism.pinocchio_model()
+    data = model.createData()
+    mine = regressor.torque_regressor(mechanism, motion.q, motion.v, motion.a)
+    for k, (q, v, a) in enumerate(zip(motion.q, motion.v, motion.a, strict=True)):
+        other = np.atleast_2d(pinocchio.computeJointTorqueRegressor(model, data, q, v, a))
+        np.testing.assert_allclose(mine[k], other, rtol=1e-10, atol=1e-10 * np.abs(other).max())
+
+
+def test_wrench_regressor_is_the_rate_of_the_momentum_regressor() -> None:
+    """Column by column, the wrench is minus the rate of momentum: central differences along a smooth motion."""
+    mechanism, step = models.model(models.skew_arm()), 1e-5
+    time = np.linspace(0.0, 1.0, 5)[:, None]
+    phase = np.arange(mechanism.tree.size)
+
+    def states(at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return np.sin(3 * at + phase), 3 * np.cos(3 * at + phase), -9 * np.sin(3 * at + phase)
+
+    before, after = (regressor.momentum_regressor(mechanism, *states(time + s)[:2]) for s in (-step, step))
+    wrench = regressor.wrench_regressor(mechanism, *states(time))
+    np.testing.assert_allclose(wrench, -(after - before) / (2 * step), rtol=1e-6, atol=1e-7 * np.abs(wrench).max())
+
+
+def test_momentum_is_linear_in_the_rates_and_zero_at_rest() -> None:
+    """Twice the rates, twice the momentum regressor; no rates, none."""
+    mechanism = models.load("parallelogram-6bar-full")
+    motion = referees.random_motion(mechanism)
+    once = regressor.momentum_regressor(mechanism, motion.q, motion.v)
+    np.testing.assert_allclose(
+        regressor.momentum_regressor(mechanism, motion.q, -2 * motion.v), -2 * once, rtol=1e-12, atol=1e-12
+    )
+    assert not regressor.momentum_regressor(mechanism, motion.q, 0 * motion.v).any()
+
+
+def test_columns_are_named_by_parameter() -> None:
+    """A column is the effect of one unit of the parameter that names it: here 1 kg more at the origin of link 2."""
+    mechanism = models.load("serial-2r")
+    motion = referees.random_motion(mechanism)
+    w = regressor.wrench_regressor(mechanism, motion.q, motion.v, motion.a)
+    assert w.shape == (24, 6, 20)
+    column = w[:, :, mechanism.parameter_names.index("m[link_2]")]
+    t1, w1, a1 = motion.q[:, 0], motion.v[:, 0], motion.a[:, 0]
+    acceleration = 0.3 * (a1 * 1j - w1**2) * np.exp(1j * t1)  # of the joint between the links, 0.3 m from the first
+    np.testing.assert_allclose(column[:, 0] + 1j * column[:, 1], -acceleration, rtol=1e-12)
