@@ -1,0 +1,146 @@
+"""Public recordings: found without the network where they are at hand, fetched whole, refused when they differ."""
+
+import hashlib
+import http.server
+import io
+import os
+import threading
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from testbench import recordings
+from testbench.errors import RecordingError
+
+CONTENT = b"time,pos1\n0.0,0.1\n"
+
+
+class _Repository(http.server.BaseHTTPRequestHandler):
+    """Serves ``files`` by path; anything else is not found."""
+
+    files: dict[str, bytes]
+
+    def do_GET(self):
+        content = self.files.get(self.path)
+        self.send_response(404 if content is None else 200)
+        self.end_headers()
+        self.wfile.write(content or b"")
+
+    def log_message(self, *args):
+        """Say nothing."""
+
+
+@pytest.fixture
+def repository(monkeypatch, tmp_path):
+    """A repository on the loopback interface, an empty cache, and one recording in it."""
+    _Repository.files = {"/someone/arm/abc/logs/run%20%231.csv": CONTENT}
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), _Repository)
+    threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
+    monkeypatch.setattr(recordings, "RAW", f"http://127.0.0.1:{server.server_port}")
+    monkeypatch.setattr(recordings, "registry", lambda: {RECORDING.file: RECORDING})
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("LOCALAPPDATA", str(tmp_path))
+    monkeypatch.delenv(recordings.FOLDER_VARIABLE, raising=False)
+    yield _Repository.files
+    server.shutdown()
+    server.server_close()
+
+
+RECORDING = recordings.PublicRecording(
+    "run.csv", "a log", "someone/arm", "logs/run #1.csv", "abc", "MIT", "LICENSE",
+    hashlib.sha256(CONTENT).hexdigest(), len(CONTENT),
+)  # fmt: skip
+
+
+def test_fetched_once_then_from_the_cache(repository):
+    """A recording is fetched, its name quoted, kept whole, and found again when the repository is gone."""
+    assert recordings.at_hand("run.csv") is None
+    path = recordings.find("run.csv")
+    repository.clear()
+    assert path.read_bytes() == CONTENT
+    assert recordings.find("run.csv") == recordings.at_hand("run.csv") == path
+    assert [p.name for p in path.parent.iterdir()] == ["run.csv"]
+
+
+@pytest.mark.parametrize("served", [CONTENT[:-1], CONTENT + b"x" * 100, b"?" * len(CONTENT)])
+def test_other_content_is_refused(repository, served):
+    """A shorter, longer or changed file is refused with both digests, and nothing is kept."""
+    repository["/someone/arm/abc/logs/run%20%231.csv"] = served
+    with pytest.raises(RecordingError, match=f"expected {len(CONTENT)} with {RECORDING.sha256[:12]}"):
+        recordings.find("run.csv")
+    assert recordings.at_hand("run.csv") is None
+
+
+def test_a_changed_file_of_the_cache_is_refused(repository):
+    """The cache is not trusted: a changed file is refused, with its place."""
+    path = recordings.find("run.csv")
+    path.write_bytes(CONTENT + b"1,2\n")
+    with pytest.raises(RecordingError, match="expected 18 with"):
+        recordings.find("run.csv")
+
+
+def test_missing_says_where_from_and_what_else(repository):
+    """A file that is not there: its address, and the variable that names a folder instead."""
+    repository.clear()
+    with pytest.raises(RecordingError, match=r"127\.0\.0\.1.*404.*COUNTERPOISE_RECORDINGS"):
+        recordings.find("run.csv")
+
+
+def test_a_folder_takes_the_place_of_the_network(repository, monkeypatch, tmp_path):
+    """With the variable set nothing is fetched: the file is found there, or the message says to put it there."""
+    monkeypatch.setenv(recordings.FOLDER_VARIABLE, str(tmp_path))
+    with pytest.raises(RecordingError, match="put it there"):
+        recordings.find("run.csv")
+    (tmp_path / "run.csv").write_bytes(CONTENT)
+    assert recordings.find("run.csv") == tmp_path / "run.csv"
+    monkeypatch.setenv(recordings.FOLDER_VARIABLE, str(tmp_path / "nowhere"))
+    with pytest.raises(RecordingError, match="no folder"):
+        recordings.find("run.csv")
+
+
+def test_member_of_an_archive(repository, monkeypatch):
+    """Where the repository holds an archive, its member is what is kept and whose digest counts."""
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("run.csv", CONTENT * 1000)
+    inside = replace(
+        RECORDING, path="run.zip", member="run.csv", sha256=hashlib.sha256(CONTENT * 1000).hexdigest(),
+        bytes=len(CONTENT) * 1000,
+    )  # fmt: skip
+    repository["/someone/arm/abc/run.zip"] = packed.getvalue()
+    assert recordings.fetch(inside).read_bytes() == CONTENT * 1000
+    repository["/someone/arm/abc/run.zip"] = b"no archive"
+    with pytest.raises(RecordingError, match="not a zip archive"):
+        recordings.fetch(inside)
+
+
+def test_redirection_to_plain_http_is_refused():
+    """A redirection that leaves https is not followed."""
+    with pytest.raises(OSError, match="not https"):
+        recordings._OnlyHttps().redirect_request(None, None, 302, "", {}, "http://example.org/run.csv")
+
+
+def test_registry_is_complete():
+    """Fourteen recordings, each of one commit, with licence, size and digest; a name may be shortened while unique."""
+    known = recordings.registry()
+    assert len(known) == 14
+    for recording in known.values():
+        assert len(recording.commit) == 40
+        assert len(recording.sha256) == 64
+        assert recording.bytes > 0
+        assert recording.licence
+        assert recording.url.startswith(f"https://raw.githubusercontent.com/{recording.repository}/{recording.commit}/")
+    assert recordings.named("09") is known["09_double_pendulum_A0_061705.csv"]
+    for wrong in ("", "0", "no such"):
+        with pytest.raises(RecordingError, match="there are 01_loadcell_wagon55"):
+            recordings.named(wrong)
+
+
+def test_recordings_at_hand_are_those_of_the_registry():
+    """Every recording in the folder that the environment names has the registered content."""
+    if recordings.FOLDER_VARIABLE not in os.environ:
+        pytest.skip(f"{recordings.FOLDER_VARIABLE} is not set: no real recordings at hand")
+    for name in recordings.registry():
+        assert recordings.find(name) == Path(os.environ[recordings.FOLDER_VARIABLE]) / name
