@@ -1,6 +1,6 @@
 """What is measured where on a test bench: the rig file, checked once, in SI."""
 
 from .columns import Column
-from .rig import Rig, load
+from .rig import Rig, from_text, load
 
-__all__ = ["Column", "Rig", "load"]
+__all__ = ["Column", "Rig", "from_text", "load"]

@@ -25,6 +25,8 @@ class Column:
     """Standard deviation of one sample [SI]."""
     resolution: float = 0.0
     """Step between two values [SI]."""
+    commanded: bool = False
+    """Computed by the controller and not measured: flat tops and constant values are no fault of it."""
 
     @property
     def factor(self) -> float:

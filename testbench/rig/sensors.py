@@ -173,7 +173,7 @@ class Target(_Sensor):
     def columns(self, name: str) -> Iterator[Column]:
         """One channel an axis."""
         for axis, channel in self.channels.items():
-            yield Column(channel, name, axis, self.logger, self.unit, ("acceleration",))
+            yield Column(channel, name, axis, self.logger, self.unit, ("acceleration",), commanded=True)
 
 
 Support = Wrench | ForceSensor

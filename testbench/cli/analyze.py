@@ -1,0 +1,65 @@
+"""``testbench analyze``."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from balance.cli.console import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+
+from . import measuring
+
+if TYPE_CHECKING:
+    from ..reductions import Analysis, Reduction
+    from ..signals import Band
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  testbench analyze campaign
+  testbench analyze campaign --metric rms --band 1..100 --json
+\b
+Exit codes: 0 done, 3 done with findings (runs without a partner, doubtful channels), 1 nothing to compare."""
+)
+@click.argument("campaign", type=click.Path(path_type=Path))
+@measuring.measure_options
+@json_option
+def analyze(campaign: Path, metric: str, band: "Band | None", as_json: bool) -> int:
+    """How much the vibration amplitude of the base fell, runs with counter-masses against runs without.
+
+    Runs of one payload, motion, acceleration and origin are compared. Intervals (95 %) come from repeats: Welch's t on
+    the logarithms of the amplitudes; without repeats on both sides there are none.
+    """
+    from ..reductions import analyze as analyzed
+    from ..store import open_campaign
+
+    measure = measuring.measure(metric, band)
+    analysis = analyzed(open_campaign(campaign).runs, measure)
+    if as_json:
+        emit_json({
+            "reductions": [reduction.as_dict() for reduction in analysis.reductions],
+            "definition": str(measure),
+            "findings": [finding.as_dict() for finding in analysis.findings],
+        })  # fmt: skip
+    else:
+        _print(campaign, analysis, str(measure))
+    return EXIT_WITH_FINDINGS if analysis.findings else 0
+
+
+def _print(campaign: Path, analysis: "Analysis", definition: str) -> None:
+    rows = [
+        [*map(str, (f"{r.key.payload_kg:g}", r.key.motion, f"{r.key.peak_acceleration_g:g}", r.sensor, r.axis)),
+         measuring.per_cent(r.percent), _interval(r), r.key.origin, " ".join(r.runs)]
+        for r in analysis.reductions
+    ]  # fmt: skip
+    header = ["payload kg", "motion", "peak g0", "sensor", "axis", "fell by %", "95 % interval", "origin", "runs"]
+    emit_table(f"Reduction of the base's vibration, {campaign.name}", header, rows, definition)
+    click.echo(measuring.origins(analysis.origins))
+    measuring.print_findings(analysis.findings)
+
+
+def _interval(reduction: "Reduction") -> str:
+    if reduction.interval is None:
+        return "-"
+    return " .. ".join(measuring.per_cent(value) for value in reduction.interval)

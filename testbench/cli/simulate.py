@@ -1,0 +1,63 @@
+"""``testbench simulate``."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from ..rig import Rig
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  testbench simulate --plan kiper2019 --rig parallelogram-6bar -o logs
+  testbench ingest logs/r*.csv --rig parallelogram-6bar --runs logs/runs.csv -o campaign"""
+)
+@click.option("--plan", required=True, metavar="PLAN", help="Which runs: a plan file, or a shipped one: kiper2019.")
+@click.option("--rig", required=True, metavar="RIG", help="A rig file, or a shipped one: parallelogram-6bar.")
+@click.option("-o", "--output", "folder", required=True, type=click.Path(path_type=Path), help="A new or empty folder.")
+def simulate(plan: str, rig: str, folder: Path) -> None:
+    """Make the logs that a test bench would write, each marked as simulated, and the sheet of runs.
+
+    What really happened lies apart in FOLDER/truth, which no analysis reads. The same plan and rig give the same logs.
+    """
+    from .. import plan as plans
+    from .. import rig as rigs
+    from ..bench.campaign import SHEET
+    from ..bench.campaign import simulate as simulated
+
+    planned, bench = plans.load(plan), rigs.load(rig)
+    with _progress(len(planned.runs())) as progress:
+        logs = simulated(planned, bench, folder, progress)
+    size = sum(path.stat().st_size for path in logs) / 1e6
+    click.echo(f"{len(planned.runs())} simulated runs, {len(logs)} logs, {size:.1f} MB in {folder}; sheet {SHEET}.")
+    for line in _assumed(bench):
+        click.echo(line)
+
+
+def _assumed(rig: "Rig") -> Iterator[str]:
+    """What the rig leaves out and was assumed."""
+    if "bench" not in rig.model_fields_set:
+        yield "The rig has no [bench]: a steel frame of 150 kg on four rubber feet was assumed."
+    if silent := [name for name, logger in rig.loggers.items() if "rate" not in logger.model_fields_set]:
+        yield f"The rig states no rate for {', '.join(silent)}: {rig.loggers[silent[0]].rate:g} Hz was assumed."
+
+
+@contextmanager
+def _progress(runs: int) -> Iterator[Callable[[int, int], None]]:
+    """A bar on stderr with time left, only on a terminal."""
+    if not sys.stderr.isatty():
+        yield lambda done, total: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+
+    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("simulating", total=runs)
+        yield lambda done, total: bar.update(task, completed=done)

@@ -1,0 +1,117 @@
+"""Which runs of a campaign are compared with which: all conditions alike but the counter-masses."""
+
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+from .errors import AnalysisError
+from .findings import Finding, Severity
+
+if TYPE_CHECKING:
+    from .rig import Rig
+    from .store import Run
+
+_NEEDED = ("payload_kg", "motion", "peak_acceleration_g")
+
+
+@dataclass(frozen=True)
+class Key:
+    """What two runs must have alike to be compared."""
+
+    payload_kg: float
+    motion: str
+    peak_acceleration_g: float
+    origin: str
+
+    @classmethod
+    def of(cls, run: "Run") -> "Key":
+        """The key of a run whose conditions are complete."""
+        c = run.conditions
+        return cls(c["payload_kg"], c["motion"], round(c["peak_acceleration_g"], 9), run.origin)
+
+    def __str__(self) -> str:
+        return f"{self.payload_kg:g} kg, motion {self.motion}, {self.peak_acceleration_g:g} g0"
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Runs of one condition with one set of counter-masses, and without; several are repeats."""
+
+    key: Key
+    counter_masses: dict[str, float]
+    """By site [kg]."""
+    balanced: tuple["Run", ...]
+    unbalanced: tuple["Run", ...]
+
+    @property
+    def runs(self) -> tuple["Run", ...]:
+        """All runs, those with counter-masses first."""
+        return (*self.balanced, *self.unbalanced)
+
+
+def pairs(runs: Iterable["Run"]) -> tuple[list[Pair], list[Finding]]:
+    """The pairs of a campaign, and what each run that is in none of them lacks."""
+    groups: dict[Key, dict[tuple[tuple[str, float], ...], list[Run]]] = defaultdict(lambda: defaultdict(list))
+    findings: list[Finding] = []
+    for run in runs:
+        if missing := [name for name in _NEEDED if name not in run.conditions]:
+            lack = f"its conditions lack {', '.join(missing)}; put them into the sheet and ingest with --runs"
+            findings.append(_about(run, "conditions_missing", lack))
+        else:
+            groups[Key.of(run)][_mounted(run)].append(run)
+    found: list[Pair] = []
+    for key, sets in groups.items():
+        without = tuple(sets.pop((), ()))
+        if sets and without:
+            found += [Pair(key, dict(masses), tuple(some), without) for masses, some in sets.items()]
+            continue
+        lack = f"no {key.origin} run {'without' if sets else 'with'} counter-masses at {key} to compare it with"
+        alone = [*without, *(run for some in sets.values() for run in some)]
+        findings += [_about(run, "no_partner", lack) for run in alone]
+    return found, findings
+
+
+def rig_of(run: "Run") -> "Rig":
+    """The rig that was stored with a run. Raises AnalysisError if there is none."""
+    if run.rig is None:
+        raise AnalysisError(
+            f"{run.name}: stored without a rig, so that nothing says which channel is the base's acceleration; "
+            "ingest with --rig"
+        )
+    return _rig(run.rig)
+
+
+def doubts(run: "Run") -> list[Finding]:
+    """What was found wrong with the accelerometers of the base when the run was ingested."""
+    used = {
+        column.channel for name, sensor in rig_of(run).base_accelerometers.items() for column in sensor.columns(name)
+    }
+    found = []
+    for finding in run.findings:
+        if finding.severity >= Severity.WARNING and _label(run, finding.channel) in used:
+            found.append(Finding(finding.code, finding.channel, run.name, f"{run.name}: {finding.message}"))
+    return found
+
+
+def _label(run: "Run", channel: str | None) -> str | None:
+    """A channel's name without its unit."""
+    labels = {c.name: c.label for group in run.groups for c in group.channels}
+    return labels.get(channel or "", channel)
+
+
+@cache
+def _rig(text: str) -> "Rig":
+    from .rig import from_text
+
+    return from_text(text, "stored rig")
+
+
+def _mounted(run: "Run") -> tuple[tuple[str, float], ...]:
+    """Counter-masses that are on; a sheet that names none means none."""
+    return tuple(sorted((site, mass) for site, mass in run.conditions.get("counter_masses", {}).items() if mass > 0.0))
+
+
+def _about(run: "Run", code: str, message: str) -> Finding:
+    return Finding(code, None, run.name, f"{run.name}: {message}")
