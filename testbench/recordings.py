@@ -18,14 +18,11 @@ import zipfile
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import IO
 
 from balance import datasets
 
 from .errors import RecordingError
-
-if TYPE_CHECKING:
-    from email.message import Message as HTTPMessage
 
 FOLDER_VARIABLE = "COUNTERPOISE_RECORDINGS"
 """Environment variable: a folder that holds the recordings and takes the place of the network."""
@@ -133,7 +130,13 @@ class _OnlyHttps(urllib.request.HTTPRedirectHandler):
     """Follows redirections to https alone."""
 
     def redirect_request(
-        self, req: urllib.request.Request, fp: IO[bytes], code: int, msg: str, headers: "HTTPMessage", newurl: str
+        self,
+        req: urllib.request.Request,
+        fp: IO[bytes],
+        code: int,
+        msg: str,
+        headers: http.client.HTTPMessage,
+        newurl: str,
     ) -> urllib.request.Request | None:
         if not newurl.startswith("https://"):
             raise urllib.error.URLError(f"redirected to {newurl}, which is not https")
