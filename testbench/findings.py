@@ -35,6 +35,9 @@ _ERRORS = {
     "time_not_increasing": "Time that falls or stands still.",
     "origin_contradiction": "The log says simulated, the sheet says otherwise.",
     "count_contradiction": "The header declares another number of samples than the file holds.",
+    "cut_file": "The file ends before its own structure says: samples that were recorded are missing.",
+    "damaged_file": "A structure that contradicts itself; nothing of it can be trusted.",
+    "too_large": "More declared or unpacked than such a file can hold; refused to protect the machine.",
     "rig_contradiction": "The rig names channels that the recording does not hold.",
 }
 _WARNINGS = {
@@ -56,6 +59,15 @@ _WARNINGS = {
     "clipping": "Samples at the limit of the sensor's range.",
     "clipping_suspected": "Flat tops at the largest or smallest value, as a saturated sensor leaves them.",
     "constant_channel": "A channel of one single value: a dead, stuck or unused one.",
+    "appended_blocks": "More samples than declared, in whole blocks: each is a group of its own.",
+    "duplicate_dof": "Several channels of one node and direction.",
+    "unit_doubtful": "A unit that does not go with the channel's name, such as a force in g; kept as written.",
+    "invalid_samples": "Samples that the file itself marks as invalid; NaN.",
+    "not_exact": "Integers beyond 2**53, which do not fit float64 to the last digit.",
+    "left_out": "Something that is no series of numbers; it is not kept as data.",
+    "outside_reference": "An object that lies in another file, which is never opened; left out.",
+    "broken_link": "A link inside the file that leads nowhere; left out.",
+    "cyclic_link": "A link inside the file that leads back to where it comes from; left out.",
     "already_stored": "The campaign holds this recording already; nothing was written.",
     "unit_unknown": "Brackets in a header that hold no unit that is known; kept as written.",
 }
@@ -66,6 +78,9 @@ _NOTES = {
     "comment_inside": "Comment lines between the rows.",
     "blank_lines": "Blank lines between the rows.",
     "time_jitter": "Steps of time that scatter.",
+    "rate_rounded": "Rate or step of time is written in few digits, or differs a little from the time column.",
+    "time_resolution": "Timestamps are finer than float64 seconds since 1970, which resolve 0.24 µs.",
+    "calibration_applied": "Values are in physical units by the calibration that the file itself carries.",
 }
 
 MEANING = {**_ERRORS, **_WARNINGS, **_NOTES}
