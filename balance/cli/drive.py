@@ -1,0 +1,267 @@
+"""``balance drive``."""
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from . import options
+from .console import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+
+if TYPE_CHECKING:
+    from ..drives.drivefile import DriveFile
+    from ..drives.machine import Machine
+    from ..drives.steady import Steady
+
+
+class Share(click.ParamType[float]):
+    """A share without unit, such as 0.05 or 5%."""
+
+    name = "share"
+
+    def convert(self, value: str | float, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Read the text; a wrong one fails as a wrong command line."""
+        if isinstance(value, float):
+            return value
+        try:
+            share = float(value.removesuffix("%")) / (100.0 if value.endswith("%") else 1.0)
+        except ValueError:
+            share = -1.0
+        if not 0.0 < share < 2.0:
+            self.fail(f"{value!r}: expected a share above zero, such as 0.05 or 5%", param, ctx)
+        return share
+
+
+@click.command(
+    epilog="""\b
+A drive file (TOML; unknown keys are refused, quantities carry units):
+  mechanism = "four-bar"            # shipped name, or a file beside this one
+  crank = "A0"                      # joint that turns; default: the one with the motor
+  direction = 1                     # -1: clockwise
+  start_angle = "0 deg"             # of start-up
+  speeds = ["900 rpm"]              # nominal speeds of the motor
+  [motor]                           # kind = induction | dc | constant | table
+  kind = "dc"                       #   dc: stall_torque, no_load_speed; nominal sets the voltage
+  stall_torque = "1.2 N m"          #   induction: peak_torque, peak_slip, a, b, synchronous_speed,
+  no_load_speed = "3000 rpm"        #     slip_base, braking; constant: torque; table: speed, torque
+  [gearbox]
+  ratio = 6.0                       # motor turns per crank turn
+  reading = "geared"                # or "ungeared"; left out: both are shown
+  [[inertia]]                       # side = crank | motor
+  inertia = "0.4 kg cm2"
+  side = "motor"
+  [[load]]                          # kind = constant | dry | viscous | quadratic | table
+  kind = "quadratic"                #   joint (default: crank); torque or force; at_speed; angle
+  joint = "B0"
+  torque = "0.4 N m"
+  at_speed = "10 rad/s"
+  [[printed]]                       # what a source prints, shown beside: speed, fluctuation,
+                                    #   fastest, slowest
+
+\b
+Examples:
+  balance drive inverted-slider-crank
+  balance drive inverted-slider-crank --start-up 8 --convergence --figure drive.png
+  balance drive inverted-slider-crank -c counter_A0A=1.80288kg --flywheel-for 0.05 --json"""
+)
+@click.argument("drive", metavar="DRIVE")
+@options.payload_option
+@options.counter_option
+@click.option("--speed", multiple=True, metavar="N", help="Nominal speed of the motor, such as 828rpm [default: file].")
+@click.option("--reading", type=click.Choice(["geared", "ungeared"]), help="Whether the gearbox multiplies the torque.")
+@click.option("--flywheel-for", type=Share(), multiple=True, metavar="SHARE", help="Flywheel for this fluctuation.")
+@click.option("--flywheel-side", type=click.Choice(["crank", "motor"]), default="crank", help="Its shaft.")
+@click.option("--start-up", type=click.IntRange(1, 200), metavar="TURNS", help="Also start from standstill.")
+@click.option("--convergence", is_flag=True, help="Also the answer of looser and tighter solvers.")
+@options.figure_option
+@json_option
+@click.pass_context
+def drive(
+    ctx: click.Context,
+    drive: str,
+    payload: tuple[tuple[str, float], ...],
+    counter: tuple[tuple[str, float], ...],
+    speed: tuple[str, ...],
+    reading: str | None,
+    flywheel_for: tuple[float, ...],
+    flywheel_side: str,
+    start_up: int | None,
+    convergence: bool,
+    figure: str | None,
+    as_json: bool,
+) -> None:
+    """Steady rotation of a machine of one degree of freedom, and how much its speed fluctuates over a turn.
+
+    The equation of motion I(phi) phi'' + I'(phi) phi'^2 / 2 + V'(phi) = Q comes from the mechanism's file. DRIVE is a
+    drive file or a shipped one: inverted-slider-crank, four-bar-dc. The coefficient of speed fluctuation is
+    (n_max - n_min) / n_nominal.
+    """
+    from ..drives import document as documents
+
+    study = _asked(drive, speed, reading)
+    machines = _machines(study, options.once(payload, "--payload"), options.once(counter, "--counter"))
+    result = documents.head(study, [machine for machine, _ in machines])
+    result["reduced"] = documents.reduced(machines[0][0])
+    if counter:
+        result["reduced_with_counter_masses"] = documents.reduced(machines[-1][0])
+    _fill(result, study, machines, flywheel_for, flywheel_side, start_up, convergence)
+    if figure:
+        from ..figures.drawing import save
+        from ..figures.drives import draw_drive
+
+        save(draw_drive(result), figure)
+    emit_json(result) if as_json else _print(result)
+    if result["findings"]:
+        ctx.exit(EXIT_WITH_FINDINGS)
+
+
+def _asked(drive: str, speeds: tuple[str, ...], reading: str | None) -> "DriveFile":
+    from dataclasses import replace
+
+    from ..drives import fields
+    from ..drives.drivefile import DriveFile
+
+    study = DriveFile.load(drive)
+    if reading:
+        study = replace(study, reading=reading)
+    if speeds:
+        study = replace(study, speeds=tuple(fields.speed(text, "--speed") for text in speeds))
+    return study
+
+
+def _machines(study: "DriveFile", payload: dict[str, float], counter: dict[str, float]) -> list[tuple["Machine", bool]]:
+    """Machines without, then with the counter-masses."""
+    mechanism = study.load_mechanism().with_payload(payload)
+    plain = [(machine, False) for machine in study.machines(mechanism)]
+    if not counter:
+        return plain
+    return plain + [(machine, True) for machine in study.machines(mechanism.with_counter_mass(counter))]
+
+
+def _fill(
+    result: dict[str, Any],
+    study: "DriveFile",
+    machines: list[tuple["Machine", bool]],
+    wanted: tuple[float, ...],
+    side: str,
+    turns: int | None,
+    convergence: bool,
+) -> None:
+    from ..drives import document as documents
+    from ..drives.errors import DriveError
+    from ..drives.flywheel import flywheel_for
+    from ..drives.startup import start_up
+    from ..drives.steady import steady
+
+    result |= {"steady": [], "findings": [], "start_up": [], "flywheel": [], "convergence": []}
+    for machine, balanced in machines:
+        solution: Steady = steady(machine)
+        row = documents.steady(solution, study.printed_at(machine.nominal), balanced)
+        result["steady"].append(row)
+        result["findings"] += documents.findings(solution, row)
+        for share in wanted:
+            wheel = flywheel_for(machine, share, side=side)
+            result["flywheel"].append(documents.flywheel(machine, wheel, balanced))
+        try:
+            if turns:
+                run = start_up(machine, turns, machine.reduced.direction * study.start_angle)
+                result["start_up"].append(documents.start_up(machine, run, solution, balanced))
+            if convergence:
+                needed = int(min(60, max(4, -(-solution.turns_to(1e-4) // 1) + 2)))
+                result["convergence"].append(documents.solver_trials(solution, needed, balanced))
+        except DriveError as error:
+            result["findings"].append(f"{row['nominal_rpm']:g} rpm, {row['reading']}: {error}")
+
+
+def _print(result: dict[str, Any]) -> None:
+    _print_reduced(result)
+    _print_steady(result)
+    _print_flywheels(result)
+    _print_start_up(result)
+    _print_convergence(result)
+    for finding in result["findings"]:
+        click.echo(f"Finding: {finding}")
+
+
+def _print_reduced(result: dict[str, Any]) -> None:
+    rows = []
+    for key, label in (("reduced", "mechanism"), ("reduced_with_counter_masses", "with counter-masses")):
+        for extreme in result.get(key, {}).get("mechanism_inertia_extremes", []):
+            total = extreme["inertia_kgm2"] + result[key]["constant_inertia_kgm2"]
+            values = [extreme["inertia_kgm2"], total]
+            rows.append([label, extreme["kind"], f"{extreme['angle_deg']:.2f}", *(f"{v:.5f}" for v in values)])
+    emit_table(
+        f"Reduced inertia of {result['mechanism']} at the crank {result['reduced']['crank']}",
+        ["", "extreme", "angle [deg]", "mechanism [kg m2]", "with shafts [kg m2]"],
+        rows,
+        f"{result['reduced']['closed_positions']} closed positions, harmonics down to "
+        f"{result['reduced']['highest_harmonics']:.0e}; potential energy swings by "
+        f"{result['reduced']['potential_swing_J']:.3f} J",
+    )
+
+
+def _print_steady(result: dict[str, Any]) -> None:
+    rows = []
+    for row in result["steady"]:
+        printed = row["printed"] or {}
+        rows.append([
+            *_setting(row), f"{row['fastest_rpm']:.3f} at {row['fastest_at_deg']:.1f}",
+            f"{row['slowest_rpm']:.3f} at {row['slowest_at_deg']:.1f}", f"{row['mean_rpm']:.3f}",
+            f"{row['fluctuation']['nominal']:.4f}", _printed(printed.get("fluctuation")),
+            f"{row['floquet_factor']:.3g}", f"{row['periodicity']:.0e}",
+        ])  # fmt: skip
+    emit_table(
+        "Steady rotation of the crank",
+        [*_SETTING, "n_max [rpm] at [deg]", "n_min [rpm] at [deg]", "mean [rpm]", "fluctuation", "printed", "Floquet",
+         "periodicity"],
+        rows,
+        "Fluctuation = (n_max - n_min) / n_nominal; periodicity: change of speed over one turn integrated apart.",
+    )  # fmt: skip
+    for name, meaning in result["readings"].items():
+        click.echo(f"{name}: {meaning}.")
+
+
+_SETTING = ["nominal [rpm]", "torque", "counter-masses"]
+
+
+def _setting(row: dict[str, Any]) -> list[str]:
+    return [f"{row['nominal_rpm']:.4g}", row["reading"], "with" if row["counter_masses"] else "without"]
+
+
+def _printed(value: float | None) -> str:
+    return "-" if value is None else f"{value:g}"
+
+
+def _print_flywheels(result: dict[str, Any]) -> None:
+    rows = [
+        [*_setting(row), f"{row['wanted_fluctuation']:g}", row["side"], f"{row['inertia_kgm2']:.5f}",
+         f"{row['estimate_of_whole_inertia_kgm2']:.4f}"]
+        for row in result["flywheel"]
+    ]  # fmt: skip
+    if rows:
+        header = [*_SETTING, "wanted", "shaft", "flywheel [kg m2]", "estimate, whole [kg m2]"]
+        note = "The estimate dE / (omega^2 delta) is of the whole inertia, from weight alone, without the motor."
+        emit_table("Flywheel for a wanted fluctuation", header, rows, note)
+
+
+def _print_start_up(result: dict[str, Any]) -> None:
+    for run in result["start_up"]:
+        rows = [
+            [str(t["turn"]), f"{t['end_s']:.4f}", f"{t['fastest_rpm']:.3f}", f"{t['slowest_rpm']:.3f}"]
+            for t in run["turns"]
+        ]
+        settled = run["settled_in_turn"]
+        note = f"Steady within 0.1 rpm from turn {settled}." if settled else "Not yet steady within 0.1 rpm."
+        title = f"Start-up, {', '.join(_setting(run)[:2])}, {_setting(run)[2]} counter-masses"
+        emit_table(title, ["turn", "ends at [s]", "n_max [rpm]", "n_min [rpm]"], rows, note)
+
+
+def _print_convergence(result: dict[str, Any]) -> None:
+    for study in result["convergence"]:
+        rows = [
+            [t["solver"], t["setting"], f"{t['fluctuation']:.6f}", f"{t['off_percent']:+.2g}",
+             "-" if t["evaluations"] is None else str(t["evaluations"])]
+            for t in study["trials"]
+        ]  # fmt: skip
+        title = f"Solvers, {', '.join(_setting(study)[:2])}: {study['converged_fluctuation']:.6f} converged"
+        header = ["solver", "setting", "fluctuation", "off [%]", "evaluations"]
+        emit_table(title, header, rows, f"Integrated from standstill over {study['turns_integrated']} turns.")

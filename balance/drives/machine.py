@@ -1,0 +1,108 @@
+"""A machine: mechanism, motor, gearbox, loads. Its torques on the crank, and its equation of motion."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..arrays import Floats
+from .loads import Load
+from .motors import Motor, Values
+from .reduced import Reduced
+
+READINGS = {
+    "geared": "Q = ratio x M: the gearbox multiplies the torque, as physics asks for",
+    "ungeared": "Q = M: the motor's torque acts on the crank unmultiplied, speeds geared; nearest to the source",
+}
+"""The two readings of a source that leaves open whether the motor's torque is multiplied by the gear ratio."""
+
+
+@dataclass(frozen=True)
+class Inertia:
+    """Inertia that turns with the crank's or with the motor's shaft."""
+
+    name: str
+    value: float
+    """About its own shaft [kg m2]."""
+    side: str
+    """``crank`` or ``motor``."""
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A machine of one degree of freedom at one setting of its motor."""
+
+    reduced: Reduced
+    motor: Motor
+    ratio: float
+    """Turns of the motor per turn of the crank."""
+    reading: str
+    """One of READINGS."""
+    nominal: float
+    """Nominal speed of the motor [rad/s]."""
+    inertias: tuple[Inertia, ...] = ()
+    loads: tuple[Load, ...] = ()
+
+    @property
+    def nominal_crank(self) -> float:
+        """Nominal speed of the crank [rad/s]."""
+        return self.nominal / self.ratio
+
+    @property
+    def constant_inertia(self) -> float:
+        """Inertias of the shafts, at the crank: J_crank + ratio^2 J_motor [kg m2]."""
+        return sum(i.value * (self.ratio**2 if i.side == "motor" else 1.0) for i in self.inertias)
+
+    def with_flywheel(self, inertia: float, side: str = "crank") -> "Machine":
+        """With one more inertia on a shaft [kg m2]."""
+        return replace(self, inertias=(*self.inertias, Inertia("flywheel", inertia, side)))
+
+    def inertia(self, u: Values) -> Floats:
+        """Whole inertia at the crank [kg m2]."""
+        return self.reduced.inertia(u) + self.constant_inertia
+
+    def motor_torque(self, rate: Values) -> Values:
+        """Torque of the motor at the crank [N m]."""
+        return self._gearing * self.motor.torque(self.ratio * rate, self.nominal)
+
+    def torque(self, u: Values, rate: Values, gains: Floats | None = None) -> Values:
+        """Q: motor, joint friction and loads at the crank, weight left out [N m]."""
+        total = self.motor_torque(rate)
+        if not self._resisted:
+            return total
+        gains = self.reduced.gains(u) if gains is None else gains
+        total = total - self._viscous(gains) * rate - self._dry(gains) * np.sign(rate)
+        phi = self.reduced.direction * np.asarray(u)
+        return total + sum(load.torque(phi, gains[load.joint], rate) for load in self.loads)
+
+    def torque_slope(self, u: Values, rate: Values) -> Values:
+        """dQ/du' [N m s]."""
+        total = self._gearing * self.ratio * self.motor.slope(self.ratio * rate, self.nominal)
+        if not self._resisted:
+            return total
+        gains = self.reduced.gains(u)
+        return total - self._viscous(gains) + sum(load.slope(gains[load.joint], rate) for load in self.loads)
+
+    def acceleration(self, u: float, rate: float) -> float:
+        """u'' = (Q - V' - I' u'^2 / 2) / I [rad/s2], at one state."""
+        reduced = self.reduced
+        inertia_slope, potential_slope = reduced.slopes(u)[:2]
+        values = reduced.functions(u)
+        torque = self.torque(u, rate, values[2:])
+        return float(
+            (torque - potential_slope - 0.5 * inertia_slope * rate * rate) / (values[0] + self.constant_inertia)
+        )
+
+    @property
+    def _gearing(self) -> float:
+        return self.ratio if self.reading == "geared" else 1.0
+
+    @property
+    def _resisted(self) -> bool:
+        model = self.reduced.mechanism
+        return bool(self.loads or model.viscous.any() or model.coulomb.any())
+
+    def _viscous(self, gains: Floats) -> Floats:
+        return np.tensordot(self.reduced.mechanism.viscous, gains * gains, 1)
+
+    def _dry(self, gains: Floats) -> Floats:
+        return np.tensordot(self.reduced.mechanism.coulomb, np.abs(gains), 1)
