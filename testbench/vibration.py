@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from balance.arrays import Floats
-from balance.errors import UnitError
 
-from . import units
+from .channels import in_si
 from .errors import AnalysisError
 from .signals import Band, without_offset
 
 if TYPE_CHECKING:
-    from .rig import Column, Rig
+    from .rig import Rig
     from .store import Run
 
 Metric = Literal["peak", "peak_to_peak", "rms"]
@@ -64,38 +63,7 @@ def base_accelerations(run: "Run", rig: "Rig") -> dict[tuple[str, str], tuple[Fl
             "judge; add the sensor to the rig and ingest again"
         )
     return {
-        (name, column.component): acceleration(run, column)
+        (name, column.component): in_si(run, column)
         for name, sensor in sensors.items()
         for column in sensor.columns(name)
     }
-
-
-def acceleration(run: "Run", column: "Column") -> tuple[Floats, float]:
-    """One channel of a run, (n,) [m/s2], and its rate [Hz]. In an acceleration, ``g`` is g0 = 9.81 m/s2."""
-    group, index = run.find(column.channel)
-    factor = _to_si(run.name, column, group.channels[index].unit)
-    if group.rate_hz is None:
-        raise AnalysisError(f"{run.name}: channel {column.channel!r} has no sampling rate: expected a regular clock")
-    values = run.channel(column.channel)
-    if not np.isfinite(values).all():
-        where = int(np.flatnonzero(~np.isfinite(values))[0])
-        raise AnalysisError(
-            f"{run.name}: channel {column.channel!r} holds no number at sample {where}; cut or repair it"
-        )
-    return values * factor, group.rate_hz
-
-
-def _to_si(run: str, column: "Column", written: str | None) -> float:
-    """SI per unit; the log's unit and the rig's must agree where both are given."""
-    from .rig.fields import unit_factor
-
-    where = f"{run}: channel {column.channel!r}"
-    if written and column.unit and not units.same(written, column.unit):
-        raise AnalysisError(f"{where} is in {written!r} by its log and in {column.unit!r} by the rig: correct one")
-    unit = written or column.unit
-    if not unit:
-        raise AnalysisError(f"{where} has no unit, neither in its log nor in the rig: say sensors.{column.sensor}.unit")
-    try:
-        return unit_factor(unit, *column.dimensions)
-    except UnitError as error:
-        raise AnalysisError(f"{where}: {error}") from error

@@ -1,0 +1,73 @@
+"""Reductions: analysed from logs, simulated, published."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..comparison import Comparison, Row
+from . import style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_LOOKS: tuple[tuple[str, str, dict[str, Any]], ...] = (
+    ("published", "published, as printed", {"marker": "D", "color": style.PUBLISHED, "ms": 5.5, "mfc": "none"}),
+    ("simulated", "simulated, without noise",
+     {"marker": "o", "color": style.SIMULATED, "ms": 8.5, "mfc": "none", "mew": 1.8}),
+    ("analyzed", "analysed from {} logs", {"marker": "x", "color": style.ANALYSED, "ms": 5.5, "mew": 1.8}),
+)  # fmt: skip
+
+
+def reductions(comparison: Comparison) -> "Figure":
+    """A panel for each motion and axis, in it the conditions by payload and acceleration; intervals if any."""
+    rows = comparison.rows
+    motions = list(dict.fromkeys(row.analyzed.key.motion for row in rows))
+    axes_of = list(dict.fromkeys(row.analyzed.axis for row in rows))
+    with style.styled():
+        figure, panels = style.grid(len(motions), len(axes_of), 2.7, sharey=True)
+        for line, motion in zip(panels, motions, strict=True):
+            for panel, axis in zip(line, axes_of, strict=True):
+                _panel(panel, [r for r in rows if r.analyzed.key.motion == motion and r.analyzed.axis == axis])
+                panel.set_title(f"motion {motion}, base along {axis}")
+            line[0].set_ylabel("amplitude falls by [%]")
+        for panel in panels[-1]:
+            panel.set_xlabel("peak acceleration [g0], by payload")
+        _legend(figure, panels[0, 0], comparison)
+        measure = rows[0].analyzed.measure
+        origin = "Simulated campaign: reduction" if set(comparison.origins) == {"simulated"} else "Reduction"
+        band = f"band {measure.band}" if measure.band else "all frequencies"
+        figure.suptitle(f"{origin} of base acceleration, {measure.metric.replace('_', '-')}, {band}", x=0.01, ha="left",
+                        fontweight="bold")  # fmt: skip
+    return figure
+
+
+def _panel(panel: "Axes", rows: Sequence[Row]) -> None:
+    """Conditions of one motion and axis, payload after payload, a gap between two."""
+    rows = sorted(rows, key=lambda r: (r.analyzed.key.payload_kg, r.analyzed.key.peak_acceleration_g))
+    payloads = list(dict.fromkeys(row.analyzed.key.payload_kg for row in rows))
+    at = np.array([i + payloads.index(row.analyzed.key.payload_kg) for i, row in enumerate(rows)], dtype=float)
+    for name, _, look in _LOOKS:
+        values = [row.analyzed.percent if name == "analyzed" else getattr(row, name) for row in rows]
+        panel.plot(at, np.array(values, dtype=float), ls="none", **look)
+    for x, row in zip(at, rows, strict=True):
+        if row.analyzed.interval:
+            panel.vlines(x, *row.analyzed.interval, color=style.ANALYSED, lw=1.2)
+    panel.set_xticks(at, [f"{row.analyzed.key.peak_acceleration_g:g}" for row in rows])
+    for payload in payloads:
+        here = [x for x, row in zip(at, rows, strict=True) if row.analyzed.key.payload_kg == payload]
+        panel.text(float(np.mean(here)), 0.02, f"{payload:g} kg", transform=panel.get_xaxis_transform(), ha="center",
+                   color="#555555")  # fmt: skip
+    panel.margins(x=0.08)
+    panel.set_ylim(min(0.0, panel.get_ylim()[0]), 105.0)
+    panel.grid(axis="x", visible=False)
+
+
+def _legend(figure: "Figure", panel: "Axes", comparison: Comparison) -> None:
+    kinds = " and ".join(comparison.origins)
+    handles = [
+        panel.plot([], [], ls="none", label=label.format(kinds), **look)[0]
+        for _, label, look in _LOOKS
+    ]  # fmt: skip
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))

@@ -1,0 +1,82 @@
+"""One look for all figures: colours that colour-blind eyes tell apart, units on axes, origin in the title."""
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING, Any
+
+from balance.arrays import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from ..store import Run
+
+WITHOUT, WITH = "#d55e00", "#0072b2"
+TARGET, ENCODERS, ACCELEROMETER = "#000000", "#009e73", "#cc79a7"
+PUBLISHED, SIMULATED, ANALYSED = "#000000", "#56b4e9", "#0072b2"
+WIDTH = 9.0
+"""Of a figure [inch]."""
+_RC: Any = {
+    "font.size": 9.5,
+    "axes.titlesize": 10.0,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.alpha": 0.25,
+    "lines.linewidth": 1.2,
+    "legend.frameon": False,
+    "figure.titlesize": 12.0,
+    "svg.hashsalt": "counterpoise",
+}
+
+
+def styled() -> "AbstractContextManager[None]":
+    """The look, as a context."""
+    from matplotlib import rc_context
+
+    return rc_context(_RC)
+
+
+def grid(rows: int, columns: int, height: float, **shared: Any) -> "tuple[Figure, Any]":  # noqa: ANN401
+    """A figure and its axes (rows, columns), each row ``height`` inch high."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, height * rows + 1.0), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **shared)
+
+
+def title(figure: "Figure", text: str, runs: Sequence["Run"]) -> None:
+    """Title of a figure: what it shows, in which condition, and that it is simulated where it is."""
+    figure.suptitle(f"{origin_of(runs)}{text}, {condition_of(runs[0])}", x=0.01, ha="left", fontweight="bold")
+
+
+def origin_of(runs: Sequence["Run"]) -> str:
+    """``Simulated: `` and the like; nothing before what was measured."""
+    origins = sorted({str(run.origin) for run in runs})
+    words = {"simulated": "Simulated", "unstated": "Origin unstated", "measured": "Measured"}
+    return "" if origins == ["measured"] else " and ".join(words[origin] for origin in origins) + ": "
+
+
+def condition_of(run: "Run") -> str:
+    """Payload, motion, acceleration."""
+    c = run.conditions
+    parts = (
+        f"payload {c['payload_kg']:g} kg" if "payload_kg" in c else "",
+        f"motion {c['motion']}" if "motion" in c else "",
+        f"peak {c['peak_acceleration_g']:g} g0" if "peak_acceleration_g" in c else "",
+    )
+    return ", ".join(part for part in parts if part) or run.name
+
+
+def two_runs(axes: "Axes", without: tuple[Floats, Floats], balanced: tuple[Floats, Floats]) -> None:
+    """Draw (time, values) of a run without counter-masses, and with."""
+    axes.plot(*without, color=WITHOUT, label="without counter-masses")
+    axes.plot(*balanced, color=WITH, label="with counter-masses")
+
+
+def legend(figure: "Figure", axes: "Axes") -> None:
+    """One legend for all axes, below them."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(handles))
