@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from . import prefetch
 from .checks import GroupCheck, RecordingCheck, times
 from .findings import Finding
 from .readers import ReadOptions, open_recording
@@ -34,9 +33,8 @@ def describe(path: str | Path, options: ReadOptions | None = None) -> Descriptio
     recording = open_recording(path, options)
     check = RecordingCheck(recording)
     findings = list(recording.findings)
-    with prefetch.ahead(lambda: recording.blocks(findings.append)) as blocks:
-        for block in blocks:
-            check.update(block)
+    for block in recording.blocks(findings.append):
+        check.update(block)
     return Description(recording, tuple(check.groups.values()), (*findings, *check.findings()))
 
 

@@ -8,7 +8,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from . import prefetch
 from .checks import RecordingCheck, against_rig
 from .errors import RecordingError, StoreError
 from .findings import Finding, Refusal, refused
@@ -119,12 +118,11 @@ class Ingest:
         check = RecordingCheck(source.recording, against_rig.ranges(self.rig))
         source.findings += source.recording.findings
         done = 0
-        with prefetch.ahead(lambda: source.recording.blocks(source.findings.append)) as blocks:
-            for block in blocks:
-                check.update(block)
-                writer.group(block.group).append(block.columns)
-                self.progress(block.bytes_read - done)
-                done = block.bytes_read
+        for block in source.recording.blocks(source.findings.append):
+            check.update(block)
+            writer.group(block.group).append(block.columns)
+            self.progress(block.bytes_read - done)
+            done = block.bytes_read
         source.findings += check.findings()
         for name, group in check.groups.items():
             if not group.samples:

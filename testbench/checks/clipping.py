@@ -11,6 +11,7 @@ LONG_RUN = 3
 """Successive equal samples at the extreme that a smooth peak does not leave."""
 _LIMIT_TOLERANCE = 1e-4
 _MOST_EDGES = 1000
+_MOVES = 10_000
 
 
 def code_below(limit: SensorRange) -> float:
@@ -21,11 +22,13 @@ def code_below(limit: SensorRange) -> float:
 
 @dataclass
 class Plateau:
-    """Samples at or above a level: how many, how many long runs, the longest run, the steps up to long runs.
+    """Samples at or beyond a level: how many, how many long runs, the longest run, the steps up to long runs.
 
-    The level is fixed, or follows the largest sample seen (``follow``).
+    ``side`` is +1 for the top and -1 for the bottom of a channel; ``level`` is that of ``side * samples``. The level
+    is fixed, or follows the extreme that was seen (``follow``).
     """
 
+    side: int
     level: float = -np.inf
     follow: bool = False
     count: int = 0
@@ -33,20 +36,17 @@ class Plateau:
     long_runs: int = 0
     edges: list[float] = field(default_factory=list)
     _run: int = 0
-    _before: float = np.nan
 
-    def update(self, samples: Samples) -> None:
-        """Take in the next samples; what is not finite is below any level."""
-        top = float(samples.max())
-        if self.follow and top > self.level:
-            self.level, self.count, self.longest, self.long_runs, self._run = top, 0, 0, 0, 0
+    def update(self, samples: Samples, extreme: float) -> None:
+        """Take in the next samples, of which ``extreme`` is the one furthest to this side."""
+        if self.follow and extreme > self.level:
+            self.level, self.count, self.longest, self.long_runs, self._run = extreme, 0, 0, 0, 0
             self.edges.clear()
-        at = np.flatnonzero(samples >= self.level) if not top < self.level else np.empty(0, dtype=np.int64)
-        if not len(at):
+        if extreme < self.level:
             self._run = 0
-        else:
-            self._take(samples, at)
-        self._before = float(samples[-1])
+            return
+        beyond = samples >= self.level if self.side > 0 else samples <= -self.level
+        self._take(samples, np.flatnonzero(beyond))
 
     def _take(self, samples: Samples, at: NDArray[np.int64]) -> None:
         """Count the runs among the indices ``at``; the first may continue the last run of the block before."""
@@ -54,13 +54,12 @@ class Plateau:
         cuts = np.flatnonzero(np.diff(at) > 1) + 1
         starts, lengths = at[np.concatenate(([0], cuts))], np.diff(np.concatenate(([0], cuts, [len(at)])))
         carried = self._run if starts[0] == 0 else 0
-        counted = carried >= LONG_RUN
         lengths[0] += carried
         self.longest = max(self.longest, int(lengths.max()))
-        self.long_runs += int((lengths >= LONG_RUN).sum()) - counted
+        self.long_runs += int((lengths >= LONG_RUN).sum()) - (carried >= LONG_RUN)
         self._run = int(lengths[-1]) if at[-1] == len(samples) - 1 else 0
         inner = starts[(lengths >= LONG_RUN) & (starts > 0)][: _MOST_EDGES - len(self.edges)]
-        self.edges.extend(map(float, self.level - samples[inner - 1]))
+        self.edges.extend(map(float, self.level - self.side * samples[inner - 1]))
 
 
 @dataclass
@@ -74,17 +73,20 @@ class Clipping:
 
     def __post_init__(self) -> None:
         if self.limit is None:
-            self.above, self.below = Plateau(follow=True), Plateau(follow=True)
+            self.above, self.below = Plateau(+1, follow=True), Plateau(-1, follow=True)
         else:
-            self.above, self.below = Plateau(code_below(self.limit)), Plateau(code_below(self.limit))
+            self.above, self.below = (Plateau(side, code_below(self.limit)) for side in (+1, -1))
 
     def update(self, samples: Samples) -> None:
         """Take in the next samples."""
+        least, most = np.fmin.reduce(samples), np.fmax.reduce(samples)
+        if np.isnan(most):
+            return
         if not self.moves and len(samples) > 1:
-            moves = np.abs(np.diff(samples))
+            moves = np.abs(np.diff(samples[:_MOVES]))
             self.moves = float(np.median(moves[np.isfinite(moves)])) if np.isfinite(moves).any() else 0.0
-        self.above.update(samples)
-        self.below.update(-samples)
+        self.above.update(samples, float(most))
+        self.below.update(samples, -float(least))
 
     def message(self, unit: str | None) -> str | None:
         """What is clipped; None if nothing is."""

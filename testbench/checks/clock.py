@@ -11,12 +11,12 @@ from ..recording import Block, Samples
 
 SHOWN = 10
 """How many places a finding lists."""
-_MOST_STEPS = 1 << 20
+_MOST_STEPS = 1 << 18
 
 
 @dataclass
 class Steps:
-    """The distribution of steps: exact while there are at most 2**20 different ones, then to a part in 2**20."""
+    """The distribution of steps: exact while there are at most 2**18 different ones, then to a part in 2**18."""
 
     values: Samples = field(default_factory=lambda: np.empty(0))
     counts: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))

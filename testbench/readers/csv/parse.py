@@ -8,6 +8,7 @@ import numpy as np
 
 from ...recording import Samples
 from .dialect import Dialect
+from .lines import count_lines
 
 if TYPE_CHECKING:
     import polars
@@ -49,7 +50,7 @@ class Form:
         if comma and b"." in plain:
             plain = plain.replace(b".", _NO_NUMBER)  # else 1.5 would pass for one and a half
         frame = _frame(plain, self.separator, self.fields, comma)
-        if frame is None or frame.height != plain.count(b"\n"):
+        if frame is None or frame.height != count_lines(plain):
             return None
         return [np.asarray(frame.to_series(i).to_numpy(), dtype=np.float64) for i in range(self.fields)]
 

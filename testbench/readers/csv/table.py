@@ -8,9 +8,10 @@ import numpy as np
 
 from ...findings import Finding
 from ...recording import Block, Group, Report, Samples, TimeColumn
+from ..ahead import in_order
 from .cells import CellFilter
 from .encoding import Encoding
-from .lines import in_blocks
+from .lines import Lines, in_blocks
 from .parse import Form
 from .rows import Piece, RowFilter
 from .tail import last_row
@@ -49,26 +50,29 @@ class Table:
         cells.report(report)
 
     def _pieces(self, rows: RowFilter, report: Report) -> Iterator[Piece]:
-        """Regular rows: as they stand where the whole block parses to finite numbers."""
+        """Regular rows: as they stand where the whole block parses to finite numbers, else made regular."""
         before = b""
-        for block in in_blocks(self.path, self.encoding, self.first_data_line):
-            plain = self.form.plain(block.text)
+        blocks = in_blocks(self.path, self.encoding, self.first_data_line)
+        for block, plain, columns in in_order(self._parse, blocks):
             if block.rest:
                 plain, finding = last_row(self.form, self.form.plain(block.rest), before, block.first)
+                columns = None
                 if finding is not None:
                     report(finding)
             before = plain or before
-            if plain:
-                for piece in self._regular(plain, block.first, rows):
+            if columns is not None:
+                lines = range(block.first, block.first + len(columns[0]))
+                yield Piece(plain, lines, columns=columns, bytes_read=block.bytes_read)
+            elif plain:
+                for piece in rows.pieces(plain, block.first):
                     yield replace(piece, bytes_read=block.bytes_read)
 
-    def _regular(self, plain: bytes, first: int, rows: RowFilter) -> Iterator[Piece]:
-        """The rows with their columns if every cell is a finite number, else row by row made regular."""
-        columns = self.form.columns(plain)
-        if columns is not None and all(_finite(columns[j]) for j in self.kept):
-            yield Piece(plain, range(first, first + len(columns[0])), columns=columns)
-        else:
-            yield from rows.pieces(plain, first)
+    def _parse(self, block: Lines) -> tuple[Lines, bytes, list[Samples] | None]:
+        """The block as plain text, and its columns if every cell that is kept is a finite number."""
+        plain = self.form.plain(block.text)
+        columns = self.form.columns(plain) if plain else None
+        regular = columns is not None and all(_finite(columns[j]) for j in self.kept)
+        return block, plain, columns if regular else None
 
     def _columns(self, piece: Piece, cells: CellFilter) -> list[Samples]:
         if piece.columns is not None:
