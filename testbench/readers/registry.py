@@ -12,7 +12,11 @@ from ..recording import Recording
 from .magic import known_as
 
 ENTRY_POINTS = "counterpoise.readers"
-BUILT_IN = ("testbench.readers.cortex", "testbench.readers.csv.reader")
+BUILT_IN = (
+    "testbench.readers.cortex",
+    "testbench.readers.lvm.reader",
+    "testbench.readers.csv.reader",  # any other text, so that it comes last
+)
 HEAD_BYTES = 4096
 
 

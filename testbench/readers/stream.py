@@ -35,7 +35,7 @@ class ByteSource:
 
     def read(self, offset: int, count: int, what: str) -> bytes:
         """``count`` bytes from ``offset`` on, which are ``what``."""
-        if not (0 <= offset and 0 <= count and offset + count <= self.size):
+        if not (offset >= 0 and count >= 0 and offset + count <= self.size):
             raise cut(self.path, f"{what}, {count} bytes at byte {offset}, lies beyond the end at byte {self.size}")
         self._stream.seek(offset)
         data = self._stream.read(count)

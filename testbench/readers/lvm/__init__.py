@@ -1,0 +1,1 @@
+"""LabVIEW measurement files (``.lvm``). ``scan`` finds the headers, ``header`` reads them, ``rows`` the data."""

@@ -1,0 +1,142 @@
+"""Headers of LVM files: the file's settings, and channels, samples, units and abscissa of each segment."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...findings import Finding
+from ...recording import Channel, Clock, Group, TimeColumn, UniformClock
+from .. import doubt
+from ..csv.dialect import Dialect
+from ..csv.parse import Form
+from ..stream import damaged
+from .scan import Head
+
+_COMMENT = "Comment"
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the file's header says of the text: separator, decimal mark, where the abscissae are."""
+
+    dialect: Dialect
+    x_columns: str
+    pairs: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Part:
+    """Channels of one segment that share abscissa and number of samples; ``fields`` are their fields in a row."""
+
+    group: Group
+    fields: tuple[int, ...]
+    declared: int | None
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One header with the data below it: file lines ``first`` to before ``end``."""
+
+    form: Form
+    parts: tuple[Part, ...]
+    first: int
+    end: int
+    names: tuple[str, ...]
+    pairs: dict[str, str]
+    findings: tuple[Finding, ...]
+
+    @property
+    def declared(self) -> int | None:
+        """Samples that the header declares: the most of any channel; None if it does not say."""
+        return max((part.declared for part in self.parts if part.declared is not None), default=None)
+
+
+def settings(path: Path, head: Head) -> Settings:
+    """The settings in the header of the file."""
+    separator = "\t" if "\t" in "".join(head.lines) else ","
+    pairs = {key: cells[0] for key, *cells in (line.split(separator) for line in head.lines) if cells and cells[0]}
+    if pairs.get("Separator", "Tab") not in ("Tab", "Comma"):
+        raise damaged(path, f"Separator is {pairs['Separator']!r}; expected Tab or Comma")
+    decimal = pairs.get("Decimal_Separator", ".") or "."
+    if decimal not in ".,":
+        raise damaged(path, f"Decimal_Separator is {decimal!r}; expected a point or a comma")
+    return Settings(Dialect(separator, decimal), pairs.get("X_Columns", "No"), pairs)
+
+
+def segment(path: Path, head: Head, settings: Settings, name: str) -> Segment:
+    """The segment below ``head``; its groups are called ``name``, and by their channel where there are several."""
+    split = settings.dialect.delimiter
+    rows = {line.split(split)[0]: [cell.strip() for cell in line.split(split)[1:]] for line in head.lines}
+    names = [cell.strip() for cell in head.lines[-1].split(split)]
+    while names and names[-1] in ("", _COMMENT):
+        names.pop()
+    if "Channels" not in rows or not head.lines[-1].startswith("X_Value"):
+        raise damaged(path, f"line {head.first - 1}: no Channels, or no line of names that begins with X_Value")
+    pairs = _columns(settings.x_columns, len(names))
+    if str(len(pairs)) != rows["Channels"][0]:
+        message = f"{rows['Channels'][0]} channels are declared, {len(pairs)} are named"
+        raise damaged(path, f"line {head.first - 1}: {message}")
+    parts, findings = _parts(path, name, rows, names, pairs, settings)
+    said = {key: "; ".join(filter(None, cells)) for key, cells in rows.items() if any(cells) and key != "X_Value"}
+    form = Form(settings.dialect, len(names))
+    return Segment(form, parts, head.first, head.end, tuple(names), said, tuple(findings))
+
+
+def _columns(x_columns: str, fields: int) -> list[tuple[int | None, int]]:
+    """For each channel the field of its abscissa, if it is recorded, and of its value."""
+    if x_columns == "Multi":
+        return [(i, i + 1) for i in range(0, fields - 1, 2)]
+    return [(0 if x_columns == "One" else None, i) for i in range(1, fields)]
+
+
+def _parts(
+    path: Path,
+    name: str,
+    rows: dict[str, list[str]],
+    names: Sequence[str],
+    columns: Sequence[tuple[int | None, int]],
+    settings: Settings,
+) -> tuple[tuple[Part, ...], list[Finding]]:
+    """Channels gathered by abscissa and number of samples."""
+    gathered: dict[tuple[int | None, tuple[str, ...]], list[int]] = {}
+    keys = ("Samples", "X0", "Delta_X", "X_Dimension", "X_Unit_Label")
+    for i, (x, _) in enumerate(columns):
+        gathered.setdefault((x, tuple(_cell(rows, key, i) for key in keys)), []).append(i)
+    parts, findings = [], []
+    for (x, texts), members in gathered.items():
+        said = dict(zip(keys, texts, strict=True))
+        channels = [Channel(names[columns[i][1]], _cell(rows, "Y_Unit_Label", i) or None) for i in members]
+        clock = _clock(path, said, settings.dialect.decimal, x)
+        fields = [columns[i][1] for i in members]
+        if x is not None:
+            channels, fields = [Channel(names[x], said["X_Unit_Label"] or None), *channels], [x, *fields]
+        elif isinstance(clock, UniformClock):
+            findings += doubt.step_as_text(said["Delta_X"], "Delta_X")
+        title = name if len(gathered) == 1 else f"{name} {names[columns[members[0]][1]]}"
+        declared = _count(path, said["Samples"]) if said["Samples"] else None
+        parts.append(Part(Group(title, tuple(channels), clock), tuple(fields), declared))
+        findings += doubt.units_of(channels)
+    return tuple(parts), list(dict.fromkeys(findings))
+
+
+def _cell(rows: dict[str, list[str]], key: str, i: int) -> str:
+    cells = rows.get(key, [])
+    return cells[i] if i < len(cells) else ""
+
+
+def _clock(path: Path, said: dict[str, str], decimal: str, x: int | None) -> Clock | None:
+    if said["X_Dimension"] not in ("", "Time"):
+        return None
+    if x is not None:
+        return TimeColumn(0, 1.0, assumed=not said["X_Unit_Label"])
+    try:
+        start, step = (float((said[key] or "0").replace(decimal, ".")) for key in ("X0", "Delta_X"))
+    except ValueError as error:
+        raise damaged(path, f"X0 {said['X0']!r} or Delta_X {said['Delta_X']!r} is no number") from error
+    return UniformClock(1.0 / step, start) if 0.0 < step < float("inf") and abs(start) < float("inf") else None
+
+
+def _count(path: Path, text: str) -> int:
+    if not text.isascii() or not text.isdecimal() or len(text) > 15:
+        raise damaged(path, f"Samples is {text!r}; expected a number of samples")
+    return int(text)

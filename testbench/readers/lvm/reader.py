@@ -1,0 +1,147 @@
+"""Reader of LabVIEW measurement files: both styles of header, several segments, blocks appended without a header."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ...findings import Finding
+from ...recording import Block, Recording, Report, TimeColumn
+from ..csv import encoding as encodings
+from ..csv.encoding import Encoding
+from ..csv.lines import in_blocks
+from ..csv.parse import Form
+from ..csv.sample import take
+from ..csv.tail import last_row
+from ..registry import Reader, ReadOptions
+from ..stream import damaged
+from .header import Segment, segment, settings
+from .rows import SegmentRows
+from .scan import heads
+
+_MAGIC = b"LabVIEW Measurement"
+_MOST_BLOCKS = 100
+"""More blocks without header than this are no triggered recordings, but writes in pieces."""
+
+
+def open_lvm(path: Path, options: ReadOptions) -> Recording:
+    """Find and read all headers; the rows are read when asked for."""
+    encoding = Encoding(options.encoding) if options.encoding else _encoding(path)
+    found = heads(path, encoding)
+    stated = settings(path, found[0])
+    if len(found) == 1:
+        raise damaged(path, "the header of the file stands alone: no segment with channels below it")
+    names = [path.stem, *(f"{path.stem} segment {i}" for i in range(2, len(found)))]
+    segments = [segment(path, head, stated, name) for head, name in zip(found[1:], names, strict=True)]
+    file = _File(path, encoding, tuple(map(_in_pieces, segments)))
+    metadata = dict(stated.pairs)
+    for i, each in enumerate(segments, 1):
+        metadata |= {key if len(segments) == 1 else f"segment {i}: {key}": text for key, text in each.pairs.items()}
+    return Recording(
+        path=path,
+        format="LabVIEW LVM",
+        reader="testbench.readers.lvm",
+        groups=tuple(part.group for each in file.segments for part in each.parts),
+        read=file.blocks,
+        settings={"encoding": encoding.name, "decimal": stated.dialect.decimal},
+        metadata=metadata,
+        findings=tuple(finding for each in file.segments for finding in each.findings),
+    )
+
+
+def _encoding(path: Path) -> Encoding:
+    with path.open("rb") as stream:
+        head = stream.read(1 << 16)
+    return encodings.detect(head.replace(_MAGIC, b"LVM", 1)) or take(path).encoding
+
+
+def _in_pieces(segment: Segment) -> Segment:
+    """A segment with very many blocks under one header was written in pieces: one group, and no rate is known."""
+    declared, rows = segment.declared, segment.end - segment.first
+    if not declared or rows <= _MOST_BLOCKS * declared or _recorded(segment):
+        return segment
+    parts = tuple(replace(p, group=replace(p.group, clock=None), declared=None) for p in segment.parts)
+    message = (
+        f"{declared} samples are declared, about {rows} follow under one header: they were written in pieces, and are "
+        "kept as one group; whether time passed between the pieces cannot be told, so that there is no rate"
+    )
+    finding = Finding("appended_blocks", None, f"line {segment.first}", message)
+    return replace(segment, parts=parts, findings=(*segment.findings, finding))
+
+
+def _recorded(segment: Segment) -> bool:
+    return any(isinstance(part.group.clock, TimeColumn) for part in segment.parts)
+
+
+@dataclass(frozen=True)
+class _File:
+    """The segments of one file, read in turn."""
+
+    path: Path
+    encoding: Encoding
+    segments: tuple[Segment, ...]
+
+    def blocks(self, report: Report) -> Iterator[Block]:
+        """The rows of all segments in blocks; what is odd in them is reported at the end."""
+        todo = [SegmentRows(s, self.encoding.name, not _recorded(s)) for s in self.segments]
+        before = b""
+        for lines in in_blocks(self.path, self.encoding, self.segments[0].first):
+            if lines.rest:
+                text, finding = _last_row(todo[-1].segment.form, lines.rest, before, lines.first)
+                if finding is not None:
+                    report(finding)
+            else:
+                text, before = lines.text, lines.text[-65536:]
+            if text:
+                yield from _blocks_of(text, lines.first, todo, lines.bytes_read)
+        for rows in todo:
+            rows.report(report)
+            _report_count(rows, report)
+
+
+def _last_row(form: Form, rest: bytes, before: bytes, line: int) -> tuple[bytes, Finding | None]:
+    """A last row without line end; one with a comment is whole, one that ends empty is not."""
+    plain, separator = form.plain(rest), form.separator.encode()
+    cells = plain.split(separator)
+    whole = len(cells) > form.fields
+    return last_row(
+        form, separator.join(cells[: form.fields]) + b"\r" if whole else plain.rstrip(separator), before, line
+    )
+
+
+def _blocks_of(text: bytes, first: int, todo: Sequence[SegmentRows], bytes_read: int) -> Iterator[Block]:
+    """The part of a block of lines that lies in each segment."""
+    offsets = np.concatenate(([0], np.flatnonzero(np.frombuffer(text, dtype=np.uint8) == ord("\n")) + 1))
+    for rows in todo:
+        begin, end = max(rows.segment.first, first), min(rows.segment.end, first + len(offsets) - 1)
+        if begin < end:
+            yield from rows.blocks(text[offsets[begin - first] : offsets[end - first]], begin, bytes_read)
+
+
+def _report_count(rows: SegmentRows, report: Report) -> None:
+    """The number of rows against the number that the header declares."""
+    declared, found = rows.segment.declared, rows.rows
+    if not declared or found == declared:
+        return
+    where = f"line {rows.segment.first}"
+    if found % declared or found < declared:
+        message = f"declared {declared} samples, found {found}"
+        report(Finding("count_contradiction", None, where, message))
+    elif rows.split:
+        message = (
+            f"declared {declared} samples, found {found}: {found // declared} blocks, the later ones appended without "
+            "a header; each is a group of its own, the time between them is not known"
+        )
+        report(Finding("appended_blocks", None, where, message))
+    else:
+        message = f"declared {declared} samples, found {found}; their abscissae are recorded, so they are one group"
+        report(Finding("appended_blocks", None, where, message))
+
+
+READER = Reader(
+    name="LabVIEW LVM",
+    extensions=(".lvm",),
+    identify=lambda head: head.removeprefix(b"\xef\xbb\xbf").startswith(_MAGIC),
+    open=open_lvm,
+)

@@ -1,0 +1,127 @@
+"""What the tests of readers share: a recording read to its end, the public recordings, and their known values."""
+
+import csv
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from testbench.checks import RecordingCheck
+from testbench.readers import open_recording
+from testbench.recording import Group, Recording, TimeColumn
+
+VARIABLE = "COUNTERPOISE_RECORDINGS"
+
+
+@dataclass
+class Read:
+    """A recording read to its end: data by group and channel, findings, clocks as checked."""
+
+    recording: Recording
+    groups: dict[str, Group]
+    data: dict[str, list[np.ndarray]]
+    findings: list
+    checks: dict
+
+    @property
+    def codes(self):
+        """The codes of all findings."""
+        return {finding.code for finding in self.findings}
+
+    def message(self, code):
+        """The message of the first finding of this code."""
+        return next(str(finding.message) for finding in self.findings if finding.code == code)
+
+    def group(self, name=None):
+        """The group of this name, or the first one."""
+        return self.groups[name] if name else next(iter(self.groups.values()))
+
+    def column(self, channel, group=None):
+        """The samples of the one channel of this name."""
+        found = [
+            self.data[g.name][i]
+            for g in self.groups.values()
+            if group in (None, g.name)
+            for i, c in enumerate(g.channels)
+            if c.name == channel
+        ]
+        assert len(found) == 1, f"{len(found)} channels are named {channel!r}"
+        return found[0]
+
+    def unit(self, channel):
+        """The unit of the channels of this name."""
+        return {c.unit for g in self.groups.values() for c in g.channels if c.name == channel}.pop()
+
+    def time(self, group=None):
+        """The recorded time of a group."""
+        where = self.group(group)
+        assert isinstance(where.clock, TimeColumn)
+        return self.data[where.name][where.clock.index]
+
+
+def read(path, options=None) -> Read:
+    """Read a file to its end, checking that blocks follow one another."""
+    recording = open_recording(path, options)
+    check = RecordingCheck(recording)
+    findings = list(recording.findings)
+    groups, parts = {g.name: g for g in recording.groups}, {g.name: [] for g in recording.groups}
+    for block in recording.blocks(findings.append):
+        groups.setdefault(block.group.name, block.group)
+        so_far = parts.setdefault(block.group.name, [])
+        assert block.start == sum(len(b) for b in so_far), "blocks follow one another"
+        so_far.append(block)
+        check.update(block)
+    data = {
+        name: [
+            np.concatenate([b.columns[i] for b in blocks] or [np.empty(0)]) for i in range(len(groups[name].channels))
+        ]
+        for name, blocks in parts.items()
+    }
+    return Read(recording, groups, data, findings + check.findings(), check.groups)
+
+
+def real(name) -> Path:
+    """A public recording; the test is skipped where they are not at hand."""
+    if VARIABLE not in os.environ:
+        pytest.skip(f"{VARIABLE} is not set: the public recordings are not at hand")
+    return Path(os.environ[VARIABLE]) / name
+
+
+def malformed(name) -> Path:
+    """A malformed recording, which lie beside the public ones."""
+    path = real(".").parent / "bad" / name
+    if not path.is_file():
+        pytest.skip(f"{name} is not beside the public recordings")
+    return path
+
+
+def known(name):
+    """The known values of a public recording, by what they are of."""
+    manifest = real("manifest.csv")
+    if not manifest.is_file():
+        pytest.skip("the public recordings come without their manifest")
+    with manifest.open(encoding="utf-8", newline="") as stream:
+        return json.loads(next(row["checks"] for row in csv.DictReader(stream) if row["file"] == name))
+
+
+def assert_values(column, expected, exact=True):
+    """Counts, extremes and ends exactly, or to 1e-9 where a unit was converted; the mean to 1e-9."""
+    finite = column[np.isfinite(column)]
+    assert len(column) == expected["n"]
+    assert len(column) - len(finite) == expected["nan"]
+    values = {"min": finite.min(), "max": finite.max(), "first": column[0], "last": column[-1]}
+    for key, value in values.items():
+        assert value == (expected[key] if exact else pytest.approx(expected[key], rel=1e-9)), key
+    assert finite.mean() == pytest.approx(expected["mean"], rel=1e-9, abs=1e-15)
+
+
+def assert_clock(time, expected):
+    """First and last time and the steps between, in the unit of the column."""
+    steps = np.diff(time)
+    found = {"t_first": time[0], "t_last": time[-1], "dt_min": steps.min(), "dt_median": np.median(steps)}
+    found |= {"dt_max": steps.max(), "non_increasing": int((steps <= 0).sum())}
+    for key, value in found.items():
+        assert value == pytest.approx(expected[key], rel=1e-9), key
