@@ -32,14 +32,14 @@ def reductions(comparison: Comparison) -> "Figure":
                 _panel(panel, [r for r in rows if r.analyzed.key.motion == motion and r.analyzed.axis == axis])
                 panel.set_title(f"motion {motion}, base along {axis}")
             line[0].set_ylabel("amplitude falls by [%]")
+        panels[0, 0].set_ylim(min(0.0, *(_lowest(row) - 10.0 for row in rows)), 105.0)
         for panel in panels[-1]:
             panel.set_xlabel("peak acceleration [g0], by payload")
         _legend(figure, panels[0, 0], comparison)
         measure = rows[0].analyzed.measure
         origin = "Simulated campaign: reduction" if set(comparison.origins) == {"simulated"} else "Reduction"
         band = f"band {measure.band}" if measure.band else "all frequencies"
-        figure.suptitle(f"{origin} of base acceleration, {measure.metric.replace('_', '-')}, {band}", x=0.01, ha="left",
-                        fontweight="bold")  # fmt: skip
+        style.headline(figure, f"{origin} of base acceleration\n{measure.metric.replace('_', '-')}, {band}")
     return figure
 
 
@@ -54,14 +54,17 @@ def _panel(panel: "Axes", rows: Sequence[Row]) -> None:
     for x, row in zip(at, rows, strict=True):
         if row.analyzed.interval:
             panel.vlines(x, *row.analyzed.interval, color=style.ANALYSED, lw=1.2)
-    panel.set_xticks(at, [f"{row.analyzed.key.peak_acceleration_g:g}" for row in rows])
+    panel.set_xticks(at, [f"{row.analyzed.key.peak_acceleration_g:g}" for row in rows], fontsize=8)
     for payload in payloads:
         here = [x for x, row in zip(at, rows, strict=True) if row.analyzed.key.payload_kg == payload]
         panel.text(float(np.mean(here)), 0.02, f"{payload:g} kg", transform=panel.get_xaxis_transform(), ha="center",
                    color="#555555")  # fmt: skip
     panel.margins(x=0.08)
-    panel.set_ylim(min(0.0, panel.get_ylim()[0]), 105.0)
     panel.grid(axis="x", visible=False)
+
+
+def _lowest(row: Row) -> float:
+    return min((v for v in (row.analyzed.percent, row.simulated, row.published) if v is not None), default=0.0)
 
 
 def _legend(figure: "Figure", panel: "Axes", comparison: Comparison) -> None:

@@ -27,7 +27,7 @@ _RC: Any = {
     "grid.alpha": 0.25,
     "lines.linewidth": 1.2,
     "legend.frameon": False,
-    "figure.titlesize": 12.0,
+    "figure.titlesize": 11.0,
     "svg.hashsalt": "counterpoise",
 }
 
@@ -49,7 +49,12 @@ def grid(rows: int, columns: int, height: float, **shared: Any) -> "tuple[Figure
 
 def title(figure: "Figure", text: str, runs: Sequence["Run"]) -> None:
     """Title of a figure: what it shows, in which condition, and that it is simulated where it is."""
-    figure.suptitle(f"{origin_of(runs)}{text}, {condition_of(runs[0])}", x=0.01, ha="left", fontweight="bold")
+    headline(figure, f"{origin_of(runs)}{text}\n{condition_of(runs[0])}")
+
+
+def headline(figure: "Figure", text: str) -> None:
+    """Text above a figure, at its left."""
+    figure.suptitle(text, x=0.01, ha="left", fontweight="bold")
 
 
 def origin_of(runs: Sequence["Run"]) -> str:
