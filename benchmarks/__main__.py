@@ -1,0 +1,32 @@
+"""List the benchmarks, or run all of them: ``python -m benchmarks [--list] [--brief]``."""
+
+import argparse
+import subprocess
+import sys
+
+BENCHMARKS = {
+    "dynamics": ("closure, wrench and torque of a trajectory against a loop over Pinocchio", ["--samples", "20000",
+                 "--peer-samples", "500", "--rounds", "3"]),
+    "ingest": ("CSV into HDF5 against pandas and h5py", ["--mb", "20", "--rounds", "1"]),
+}  # fmt: skip
+"""Module of each benchmark, what it measures, and the options of a brief run."""
+
+
+def main() -> int:
+    """Run the benchmarks one after the other, each in its own process; 1 where any falls short."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description="Run the benchmarks.")
+    parser.add_argument("--list", action="store_true", help="list them and stop")
+    parser.add_argument("--brief", action="store_true", help="little work, rough ratios")
+    options = parser.parse_args()
+    short = 0
+    for name, (what, brief) in BENCHMARKS.items():
+        print(f"benchmarks.{name}: {what}", flush=True)
+        if not options.list:
+            command = [sys.executable, "-m", f"benchmarks.{name}", *(brief if options.brief else [])]
+            short |= subprocess.run(command, check=False).returncode
+            print(flush=True)
+    return int(short != 0)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
