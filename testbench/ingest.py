@@ -124,9 +124,9 @@ class Ingest:
             self.progress(block.bytes_read - done)
             done = block.bytes_read
         source.findings += check.findings()
-        for name, group in check.groups.items():
-            if not group.samples:
-                raise Refusal(source.path.name, Finding("no_data", None, None, f"group {name!r} has no samples"))
+        if not any(group.samples for group in check.groups.values()):
+            raise Refusal(source.path.name, Finding("no_data", None, None, "holds no sample that can be kept"))
+        for group in check.groups.values():
             writer.group(group.group).finish(group.rate_hz, group.rate_source)
 
     def _provenance(self, sources: Sequence[Source]) -> dict[str, Any]:

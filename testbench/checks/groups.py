@@ -64,6 +64,8 @@ class GroupCheck:
 
     def findings(self) -> list[Finding]:
         """What the data of the group show."""
+        if not self.samples:
+            return [Finding("no_data", None, None, f"group {self.group.name!r} holds no sample")]
         found = []
         if isinstance(self.group.clock, TimeColumn):
             found += times.findings(self.group, self.clock, self.stated_rate_hz)

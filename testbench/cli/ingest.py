@@ -81,7 +81,6 @@ def _ingest(
     from ..runsheet import plan
 
     runs = plan(files, sheet)
-    campaign.mkdir(parents=True, exist_ok=True)
     total = sum(path.stat().st_size for run in runs for path in run.files if path.is_file())
     with _progress(total) as progress:
         work = Ingest(campaign, rig, reading.read_options(**text), frozenset(accept), progress)

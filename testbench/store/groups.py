@@ -47,7 +47,7 @@ class GroupWriter:
             chunk = CHUNK if count >= CHUNK else max(1, count)
             self._datasets = [_dataset(self.node, key, chunk) for key in self.keys]
         for dataset, waiting in zip(self._datasets, self._waiting, strict=True):
-            samples = waiting[0] if len(waiting) == 1 else np.concatenate(waiting)
+            samples = waiting[0] if len(waiting) == 1 else np.concatenate([np.empty(0), *waiting])
             dataset.resize((self._written + count,))
             dataset[self._written : self._written + count] = samples[:count]
             waiting[:] = [samples[count:]]

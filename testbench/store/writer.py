@@ -4,6 +4,7 @@ import contextlib
 import json
 import os
 from collections.abc import Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -30,12 +31,15 @@ class RunWriter:
         self._groups: dict[str, GroupWriter] = {}
         self._taken: set[str] = {"conditions", "provenance", "notes"}
         self._file: h5py.File | None = None
+        self._made_folder = False
         if self.target.exists():
             raise StoreError(f"{self.target}: there is a run of this name already; stored runs never change")
 
     def __enter__(self) -> "RunWriter":
         import h5py
 
+        self._made_folder = not self.target.parent.exists()
+        self.target.parent.mkdir(parents=True, exist_ok=True)
         self._part.unlink(missing_ok=True)
         self._file = h5py.File(self._part, "w-", libver=("v108", "v110"))
         self._file.attrs.update({"NX_class": "NXroot", "default": layout.ENTRY, "creator": "counterpoise"})
@@ -80,8 +84,10 @@ class RunWriter:
         assert self._file is not None
         self._file.close()
         self._file = None
-        _sync(self._part)
-        line = digest.line_for(self.target.name, digest.sha256_of(self._part))
+        with ThreadPoolExecutor(1) as pool:
+            synced = pool.submit(_sync, self._part)  # the disk writes while the digest is computed
+            line = digest.line_for(self.target.name, digest.sha256_of(self._part))
+            synced.result()
         _place_digest(digest.beside(self.target), line)
         _move_without_replacing(self._part, self.target)
         _sync(self.target.parent)
@@ -94,6 +100,9 @@ class RunWriter:
             with contextlib.suppress(OSError, RuntimeError):  # a full disk shows again at closing
                 self._file.close()
         self._part.unlink(missing_ok=True)
+        if self._made_folder:
+            with contextlib.suppress(OSError):  # the run is in it
+                self.target.parent.rmdir()
 
 
 def _write_conditions(file: "h5py.File", conditions: Conditions) -> None:

@@ -14,9 +14,9 @@ from .rows import SHOWN, Piece, listed
 _KINDS = {
     "decimal_mark_changes": "the decimal mark changes: the first lines have a decimal {mark}, and {n} numbers here "
     "have the other one, the first is {first}",
-    "ambiguous_number": "{n} numbers whose marks may be of thousands or of decimals, the first is {first}; "
+    "ambiguous_number": "marks that may be of thousands or of decimals in {n} numbers, the first is {first}; "
     "export without marks of thousands",
-    "nul_bytes": "{n} cells hold NUL bytes, as after a power failure of the logger, the first is {first}",
+    "nul_bytes": "NUL bytes in {n} cells, as after a power failure of the logger, the first is {first}",
 }
 
 
@@ -53,7 +53,9 @@ class CellFilter:
         ends = np.flatnonzero((data == ord(self.form.separator)) | (data == ord("\n")))
         begins = np.concatenate(([0], ends[:-1] + 1))
         for j in examined:
-            rows = np.flatnonzero(~np.isfinite(columns[j]))
+            odd = ~np.isfinite(columns[j])
+            odd[list(piece.emptied)] = False
+            rows = np.flatnonzero(odd)
             cells = rows * self.form.fields + j
             empty = (ends[cells] == begins[cells]) | (data[begins[cells]] == ord("\r"))
             self._count_empty(j, [int(piece.lines[row]) for row in rows[empty][:SHOWN]], int(empty.sum()))

@@ -67,7 +67,7 @@ def detect(lines: Sequence[str], delimiter: str | None = None, decimal: str | No
     if delimiter is None:
         delimiter = _delimiter(lines, decimal)
     rows = [cells for line in lines if is_data(cells := split(line, delimiter))]
-    quoted = any(line.lstrip().startswith('"') and is_data(split(line, delimiter)) for line in lines)
+    quoted = any('"' in line and is_data(split(line, delimiter)) for line in lines)
     if decimal is not None:
         return Dialect(delimiter, decimal, quoted)
     if delimiter == "," and not quoted:
@@ -97,7 +97,7 @@ def _comma_or_one_column(
     lines: Sequence[str], rows: Sequence[Sequence[str]], data: Sequence[Sequence[str]], decimal: str | None
 ) -> str:
     """Commas between numbers: between columns, or the decimal comma of one column? The header decides."""
-    if any(line.lstrip().startswith('"') for line in lines):
+    if any('"' in line and is_data(split(line, ",")) for line in lines):
         return ","
     fields = Counter(map(len, data)).most_common(1)[0][0]
     first = _first_data(rows)

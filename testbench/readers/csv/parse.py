@@ -28,16 +28,17 @@ class Form:
     @property
     def separator(self) -> str:
         """The one byte between cells of plain text."""
-        if self.dialect.delimiter == "," and self.dialect.decimal == ",":
-            return ";"
+        if self.dialect.delimiter == "," and self.dialect.quoted:
+            return ";"  # so that a comma inside quotes is never taken for one between cells
         return self.dialect.delimiter or _ONE_COLUMN
 
     def plain(self, text: bytes) -> bytes:
         """The same rows without quotes round numbers and without blanks that only fill up."""
         if self.dialect.quoted:
+            parts = text.split(b'"')  # every other part is inside quotes
             if self.separator != self.dialect.delimiter:
-                text = text.replace(b'","', b'";"')
-            text = text.replace(b'"', b"")
+                parts[::2] = [part.replace(b",", b";") for part in parts[::2]]
+            text = b"".join(parts)
         if self.separator == " ":
             return re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", text))
         if self.padded:

@@ -19,10 +19,10 @@ SHOWN = 10
 _BEGINS_NUMBER = np.frombuffer(b"0123456789+-.,; \tnNiI", dtype=np.uint8)
 _COMMENTS = tuple(sign.encode() for sign in COMMENT_SIGNS)
 _MESSAGES = {
-    "blank_lines": "{n} blank lines between the rows, passed over",
-    "comment_inside": "{n} comment lines between the rows, passed over",
-    "text_row": "{n} lines of text between the rows of numbers",
-    "ragged_row": "{n} rows have more or fewer fields than {fields}",
+    "blank_lines": "blank lines between the rows, passed over: {n}",
+    "comment_inside": "comment lines between the rows, passed over: {n}",
+    "text_row": "lines of text between the rows of numbers: {n}",
+    "ragged_row": "rows with more or fewer fields than {fields}, their values left out: {n}",
 }
 
 
@@ -30,12 +30,14 @@ _MESSAGES = {
 class Piece:
     """Regular rows and the file's line of each; their columns if parsed already.
 
-    ``header_line`` is the line of a header that came again above them, 0 if none did.
+    ``header_line`` is the line of a header that came again above them, 0 if none did; ``emptied`` are the rows
+    whose cells were replaced by empty ones.
     """
 
     text: bytes
     lines: "range | NDArray[np.int64]"
     header_line: int = 0
+    emptied: tuple[int, ...] = ()
     columns: list[Samples] | None = None
     bytes_read: int = 0
 
@@ -93,7 +95,9 @@ class RowFilter:
                 keep[i - rows.start] = False
         parts.append(text[done : offset[rows.stop]])
         lines = first_line + rows.start + np.flatnonzero(keep)
-        return Piece(b"".join(parts), lines, self._header_line)
+        row_of = np.cumsum(keep) - 1
+        emptied = tuple(int(row_of[i - rows.start]) for i in here if odd[i] == "ragged_row")
+        return Piece(b"".join(parts), lines, self._header_line, emptied)
 
     def _kind(self, line: bytes, fields: int) -> str:
         """What a line is; empty if it is a row."""

@@ -21,6 +21,9 @@ def last_row(form: Form, rest: bytes, before: bytes, line: int) -> tuple[bytes, 
     if not text.strip():
         return b"", None
     where = f"line {line}"
+    if b"\0" in text:
+        message = f"the file ends in {text.count(0)} NUL bytes, as after a power failure of the logger"
+        return b"", Finding("nul_bytes", None, where, message)
     cells = text.split(form.separator.encode())
     if len(cells) != form.fields:
         message = f"has {len(cells)} of {form.fields} fields and no line end: the file ends inside it; it is left out"
