@@ -1,0 +1,76 @@
+"""``balance drive``."""
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from balance.cli.drive import drive
+
+
+def run(*arguments: str) -> tuple[int, str]:
+    """Exit code and output of the command."""
+    result = CliRunner().invoke(drive, arguments, catch_exceptions=False)
+    return result.exit_code, result.output
+
+
+@pytest.fixture(scope="module")
+def document(tmp_path_factory):
+    """The JSON of a whole study, and its figure."""
+    figure = tmp_path_factory.mktemp("drive") / "drive.svg"
+    code, output = run(
+        "inverted-slider-crank", "-c", "counter_B0C=2.96932kg", "--flywheel-for", "5%", "--start-up", "2",
+        "--reading", "ungeared", "--convergence", "--figure", str(figure), "--json",
+    )  # fmt: skip
+    assert code == 0
+    assert figure.read_text(encoding="utf-8").count("<path") > 20
+    return json.loads(output)
+
+
+def test_both_readings_stand_beside_the_printed_values():
+    """0.2232 and 0.1136, 0.0767 and 0.1003, and the printed 0.201 and 0.116, each named."""
+    code, output = run("inverted-slider-crank")
+    assert code == 0
+    for text in ("0.2232", "0.1136", "0.0767", "0.1003", "0.201", "0.116", "geared", "ungeared", "n_nominal"):
+        assert text in output
+
+
+def test_json_holds_every_number(document):
+    """Speeds, places, periodicity, Floquet factor; turn, start-up, flywheel and solver trials; units in the keys."""
+    plain = document["steady"][0]
+    assert plain["fluctuation"]["nominal"] == pytest.approx(0.22321449, abs=5e-5)
+    assert plain["periodicity"] < 1e-8
+    assert plain["printed"]["fluctuation"] == 0.201
+    assert len(plain["turn"]["speed_rpm"]) == len(plain["turn"]["angle_deg"]) == 361
+    assert document["start_up"][0]["turns"][1]["end_s"] == pytest.approx(2.2943351, abs=1e-4)
+    assert document["flywheel"][0]["inertia_kgm2"] == pytest.approx(2.7960584, rel=1e-4)
+    assert document["convergence"][1]["loose_solver_scatter_percent"] > 5
+    assert document["reduced"]["mechanism_inertia_extremes"][1]["angle_deg"] == pytest.approx(72.542397, abs=1e-4)
+    assert document["findings"] == []
+
+
+def test_counterweights_are_compared(document):
+    """That of link 4 makes it worse at 828: 0.149 against 0.114."""
+    at_828 = {row["counter_masses"]: row["fluctuation"]["nominal"] for row in document["steady"]
+              if round(row["nominal_rpm"]) == 828}  # fmt: skip
+    assert at_828[True] == pytest.approx(0.14925, abs=5e-5)
+    assert at_828[False] == pytest.approx(0.11358, abs=5e-5)
+
+
+def test_what_is_odd_is_listed(tmp_path):
+    """A motor too weak to start: the steady rotation is shown, the start-up named, exit code 3."""
+    path = tmp_path / "weak.toml"
+    path.write_text(
+        'mechanism = "inverted-slider-crank"\nspeeds = ["276 rpm"]\n[motor]\nkind = "dc"\nstall_torque = "1 N m"\n'
+        'no_load_speed = "276 rpm"\n[[inertia]]\ninertia = "3 kg m2"\nside = "crank"\n',
+        encoding="utf-8",
+    )
+    code, output = run(str(path), "--reading", "geared", "--start-up", "2")
+    assert code == 3
+    assert "does not start at 0 deg" in output
+
+
+def test_wrong_command_lines():
+    """A share that is none, a number of turns that is none."""
+    assert run("inverted-slider-crank", "--flywheel-for", "none")[0] == 2
+    assert run("inverted-slider-crank", "--start-up", "0")[0] == 2

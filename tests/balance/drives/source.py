@@ -1,0 +1,30 @@
+"""The source's drive, as the tests set it up, and reference values worked out with independent code."""
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from balance.drives.drivefile import DriveFile
+from balance.drives.machine import Machine
+from balance.mechanism import Mechanism
+
+REFERENCE = json.loads((Path(__file__).parent / "reference.json").read_text(encoding="utf-8"))
+RPM = np.pi / 30.0
+
+
+@cache
+def mechanism() -> Mechanism:
+    """The inverted slider-crank."""
+    return Mechanism.load("inverted-slider-crank")
+
+
+@cache
+def machine(nominal_rpm: float, reading: str = "ungeared") -> Machine:
+    """The source's machine at a nominal speed."""
+    drive = DriveFile.load("inverted-slider-crank")
+    return next(
+        m for m in replace(drive, reading=reading).machines(mechanism()) if abs(m.nominal - nominal_rpm * RPM) < 1e-6
+    )
