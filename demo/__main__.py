@@ -4,7 +4,7 @@ import shutil
 import time
 from pathlib import Path
 
-from . import counter_masses
+from . import campaign, counter_masses
 
 
 def main() -> None:
@@ -14,6 +14,7 @@ def main() -> None:
     out.mkdir()
     started = time.perf_counter()
     counter_masses.run(out)
+    campaign.run(out)
     print(f"\nDone in {time.perf_counter() - started:.0f} s.")
 
 
