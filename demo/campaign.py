@@ -17,6 +17,7 @@ from testbench.store.run import Run
 from testbench.vibration import Measure
 
 from .console import command, heading, saved
+from .overview import overview
 
 SHOWN = {"payload_kg": 5.0, "motion": "x", "peak_acceleration_g": 3.0}
 """The condition whose time series the source shows."""
@@ -55,6 +56,7 @@ def _draw(out: Path) -> None:
     runs = open_campaign(out / "campaign").runs
     balanced, unbalanced = _shown(runs, with_counter_masses=True), _shown(runs, with_counter_masses=False)
     figures = {
+        "overview": overview(balanced, unbalanced),
         "base-acceleration": base_acceleration(balanced, unbalanced),
         "motor-torques": motor_torques(balanced, unbalanced),
         "force-sensors": force_sensors(balanced, unbalanced),

@@ -29,8 +29,8 @@ def run(out: Path) -> None:
         "On each arm, 37.55 mm behind its pivot",
         ["payload", "counter-mass", "kg", "balances [kg]", "leaves [kg m]", "of unbalanced"],
         rows,
-        note="Printed masses are the source's (Kiper 2019); all else is computed. The printed 17.1064 kg does not follow "
-        "from the printed inputs: those ask for 17.931 kg.",
+        note="Printed masses are the source's (Kiper 2019); all else is computed. The printed 17.1064 kg does not "
+        "follow from the printed inputs: those ask for 17.931 kg.",
     )
     balanced = sizing.exact(conditions, mechanism.with_payload({"platform": 5.0}))
     figure = draw_mechanism(balanced.after, balanced.counter_masses, title="Balanced for a payload of 5 kg")
