@@ -1,0 +1,135 @@
+"""Which combinations of parameters a record determines, found from the regressor before any solving.
+
+Parameters are determined up to W's null space: exactly the combinations in the row space of W are observable. They
+are given in reduced row echelon form, masses last, so that they read as balance conditions do:
+``mcx[link_1] + 0.3 m[link_2]``.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .arrays import Floats
+from .conditions import echelon
+from .errors import DataError
+
+RANK_LIMIT = 1e-9
+"""Singular value, relative to the largest, of columns scaled to unit length, below which a direction is not excited.
+
+Identities of the mechanics hold for measured states too, to rounding: what lies above is excitation, however weak.
+"""
+_OUTSIDE = 1e-7
+"""Part of a combination outside the row space, relative to it, that is rounding."""
+
+
+class NotObservable(DataError):
+    """A combination of parameters that the record does not determine."""
+
+
+@dataclass(frozen=True)
+class Observability:
+    """What a regressor determines of its parameters."""
+
+    names: tuple[str, ...]
+    """Names of all parameters, (p)."""
+    combinations: Floats
+    """The base parameters, an observable combination a row, in reduced row echelon form, (r, p)."""
+    pivots: tuple[int, ...]
+    """The column of each row's leading 1: these columns of the regressor are its base, W = W[pivots] @ combinations."""
+    singular_values: tuple[float, float]
+    """Smallest kept and largest dropped singular value, relative to the largest, of columns of unit length."""
+    condition: float
+    """Condition number of the base columns, each of unit length: how well the motion tells them apart."""
+
+    @property
+    def rank(self) -> int:
+        """Number of base parameters."""
+        return len(self.pivots)
+
+    def coefficients(self, row: int) -> dict[str, float]:
+        """Coefficients of one base parameter by name, zeros left out."""
+        return {self.names[k]: float(self.combinations[row, k]) for k in np.flatnonzero(self.combinations[row])}
+
+    def text(self, row: int) -> str:
+        """One base parameter, such as ``mcx[link_1] + 0.3 m[link_2]``."""
+        return text_of(self.coefficients(row))
+
+    def vector(self, coefficients: Mapping[str, float]) -> Floats:
+        """A combination given by names, over all parameters, (p,). Raises DataError for an unknown name."""
+        vector = np.zeros(len(self.names))
+        for name, value in coefficients.items():
+            if name not in self.names:
+                raise DataError(f"no parameter {name!r}: there are {', '.join(self.names)}")
+            vector[self.names.index(name)] = value
+        return vector
+
+    def share(self, vector: Floats) -> Floats:
+        """Coefficients (r,) over the base parameters that make up a combination of all parameters (p,).
+
+        Raises NotObservable, naming the combination and what is observable instead.
+        """
+        share = vector[list(self.pivots)]
+        outside = np.abs(vector - share @ self.combinations).max()
+        if not outside <= _OUTSIDE * np.abs(vector).max(initial=0.0):
+            wanted = {self.names[k]: float(vector[k]) for k in np.flatnonzero(vector)}
+            base = ", ".join(self.text(row) for row in range(self.rank) if self.coefficients(row).keys() & wanted)
+            raise NotObservable(
+                f"{text_of(wanted)} is not observable from this record: of these parameters it determines "
+                f"{base or 'none'}"
+            )
+        return share
+
+    def is_observable(self, vector: Floats) -> bool:
+        """Whether a combination of all parameters (p,) is determined."""
+        try:
+            self.share(vector)
+        except NotObservable:
+            return False
+        return True
+
+
+def observe(regressor: Floats, names: Sequence[str]) -> Observability:
+    """Find what a regressor (n, rows, p) determines of the parameters ``names`` (p).
+
+    Raises NotObservable if nothing moves it at all.
+    """
+    stacked = regressor.reshape(-1, regressor.shape[-1])
+    length = np.linalg.norm(stacked, axis=0)
+    present = np.flatnonzero(length > RANK_LIMIT * length.max(initial=0.0))
+    if not len(present):
+        raise NotObservable("this record determines no parameter: every column of its regressor is zero")
+    values, rows = np.linalg.svd(np.linalg.qr(stacked[:, present] / length[present], mode="r"))[1:]
+    relative = values / values[0]
+    rank = int(np.count_nonzero(relative > RANK_LIMIT))
+    basis = np.zeros((rank, len(names)))
+    basis[:, present] = np.linalg.qr((rows[:rank] * length[present]).T)[0].T
+    order = pivot_order(names)
+    combinations = echelon(basis, order)
+    pivots = tuple(next(k for k in order if row[k] != 0.0) for row in combinations)
+    dropped = float(relative[rank]) if rank < len(relative) else 0.0
+    kept = stacked[:, list(pivots)] / length[list(pivots)]
+    return Observability(
+        tuple(names), combinations, pivots, (float(relative[rank - 1]), dropped), float(np.linalg.cond(kept))
+    )
+
+
+def pivot_order(names: Sequence[str]) -> list[int]:
+    """Columns in the order in which they lead a combination: first moments, inertias, terms of joints, masses."""
+    return sorted(range(len(names)), key=lambda k: (_place(names[k].partition("[")[0]), k))
+
+
+def text_of(coefficients: Mapping[str, float]) -> str:
+    """A combination as a sum, such as ``mcx[link_1] + 0.3 m[link_2]``."""
+    terms: list[str] = []
+    for name, value in coefficients.items():
+        size = "" if abs(abs(value) - 1.0) < 1e-12 else f"{abs(value):.6g} "
+        sign = ("- " if value < 0 else "+ ") if terms else ("-" if value < 0 else "")
+        terms.append(f"{sign}{size}{name}")
+    return " ".join(terms) or "0"
+
+
+def _place(parameter: str) -> int:
+    if parameter == "m":
+        return 3
+    return 0 if parameter.startswith("mc") else 1 if parameter.startswith("I") else 2
