@@ -11,6 +11,7 @@ COMMANDS = {
     "verify": "Check every stored run against its digest.",
     "analyze": "How much the vibration amplitude fell.",
     "compare": "Analysed from logs, simulated and published, side by side.",
+    "identify": "Inertial parameters and friction of a mechanism from the torques of runs.",
 }
 
 
