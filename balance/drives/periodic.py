@@ -1,7 +1,7 @@
 """Functions of the crank angle with period 2 pi, as Fourier series: of smooth ones exact to rounding error."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -65,6 +65,7 @@ def odd_grid(harmonics: int) -> Floats:
     return 2.0 * np.pi * np.arange(2 * harmonics + 1) / (2 * harmonics + 1)
 
 
+@lru_cache(maxsize=8)
 def differentiation(harmonics: int) -> Floats:
     """Matrix that takes samples on ``odd_grid`` to samples of the derivative of their series, (n, n).
 
@@ -75,4 +76,5 @@ def differentiation(harmonics: int) -> Floats:
     first = np.r_[0.0, 0.5 * (-1.0) ** steps / np.sin(-np.pi * steps / count)]
     rows, columns = np.ogrid[:count, :count]
     matrix: Floats = first[(columns - rows) % count]
+    matrix.setflags(write=False)
     return matrix

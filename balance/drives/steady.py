@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import brentq
 
 from ..arrays import Floats
 from .errors import DriveError
@@ -68,8 +67,7 @@ class Steady:
     @cached_property
     def period(self) -> float:
         """Time of a turn [s]: the integral of du / u'."""
-        u = odd_grid(2 * self.harmonics)
-        return float(2.0 * np.pi * np.mean(1.0 / self.rate(u)))
+        return float(2.0 * np.pi * np.mean(1.0 / self._course[1]))
 
     @property
     def mean_speed(self) -> float:
@@ -79,8 +77,7 @@ class Steady:
     @cached_property
     def floquet(self) -> float:
         """Factor by which a small disturbance of the energy shrinks in a turn: exp of the integral of dQ/dT over u."""
-        u = odd_grid(2 * self.harmonics)
-        rate = self.rate(u)
+        u, rate = self._course
         per_energy = self.machine.torque_slope(u, rate) / (self.machine.inertia(u) * rate)
         return float(np.exp(2.0 * np.pi * np.mean(per_energy)))
 
@@ -114,18 +111,35 @@ class Steady:
         """Crank angle of a travel, from 0 to 2 pi [rad]."""
         return float(np.mod(self.machine.reduced.direction * u, 2.0 * np.pi))
 
-    def _extreme(self, sign: float) -> tuple[float, float]:
-        """The extreme on a grid, then the zero of the acceleration beside it."""
-        u = np.linspace(0.0, 2.0 * np.pi, 4 * (2 * self.harmonics + 1), endpoint=False)
-        rate = sign * self.rate(u)
-        best = float(u[int(np.argmax(rate))])
-        left, right = best - u[1], best + u[1]
-        if self._slope(left) * self._slope(right) < 0.0:
-            best = float(brentq(self._slope, left, right, xtol=1e-13))
-        return best, float(self.rate(best))
+    @cached_property
+    def _course(self) -> tuple[Floats, Floats]:
+        """Travel and speed on a grid twice as fine as the solution's."""
+        u = odd_grid(2 * self.harmonics)
+        return u, self.rate(u)
 
-    def _slope(self, u: float) -> float:
-        return self.machine.acceleration(u, float(self.rate(u)))
+    @cached_property
+    def _stack(self) -> Periodic:
+        """T and I with their first two derivatives."""
+        inertia = Periodic(self.machine.reduced.functions.coefficients[:1])
+        parts = [s.coefficients for f in (self.energy, inertia) for s in (f, f.slope(), f.slope().slope())]
+        width = max(part.shape[1] for part in parts)
+        return Periodic(np.vstack([np.pad(part, ((0, 0), (0, width - part.shape[1]))) for part in parts]))
+
+    def _extreme(self, sign: float) -> tuple[float, float]:
+        """The extreme on a grid, polished by Newton's method: u'^2 = 2 T / I is extreme where T' I = T I'."""
+        u, rate = self._course
+        first = best = float(u[int(np.argmax(sign * rate))])
+        for _ in range(12):
+            t, t1, t2, i, i1, i2 = self._stack(best)
+            i += self.machine.constant_inertia
+            bend = t2 * i - t * i2
+            step = float((t1 * i - t * i1) / bend) if bend else 0.0
+            best -= step
+            if abs(step) < 1e-12:
+                break
+        if abs(best - first) > u[1]:
+            best = first
+        return best, float(self.rate(best))
 
 
 def steady(machine: Machine, harmonics: tuple[int, ...] = HARMONICS) -> Steady:
@@ -166,8 +180,8 @@ def _balance(machine: Machine, guess: Periodic, harmonics: int) -> tuple[Periodi
 
 def _first_guess(machine: Machine) -> Complexes:
     """Constant kinetic energy at the highest speed where the torque, averaged over a turn, falls through zero."""
-    u = odd_grid(32)
-    speeds = machine.nominal_crank * np.linspace(3.0, 0.01, 300)
+    u = odd_grid(8)
+    speeds = machine.nominal_crank * np.linspace(3.0, 0.01, 120)
     mean = np.mean(machine.torque(u[:, None], speeds + 0.0 * u[:, None]), axis=0)
     rising = np.flatnonzero((mean[:-1] < 0.0) & (mean[1:] >= 0.0))
     if not len(rising):
