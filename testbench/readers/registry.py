@@ -15,6 +15,7 @@ ENTRY_POINTS = "counterpoise.readers"
 BUILT_IN = (
     "testbench.readers.cortex",
     "testbench.readers.lvm.reader",
+    "testbench.readers.uff.reader",
     "testbench.readers.csv.reader",  # any other text, so that it comes last
 )
 HEAD_BYTES = 4096

@@ -1,0 +1,73 @@
+import pytest
+
+from testbench.readers.csv import dialect as dialects
+from testbench.readers.csv import names
+from testbench.readers.csv.dialect import UnclearDialect
+from testbench.readers.csv.header import Header, parse
+
+
+def header(text: str, has_header: bool | None = None) -> Header:
+    """The header of a text whose dialect is detected."""
+    lines = text.split("\n")
+    return parse(lines, dialects.detect(lines), has_header)
+
+
+def test_names_stay_as_written_and_units_stand_beside() -> None:
+    """The name is the header cell, the unit what its brackets hold, the label the rest."""
+    found = header("Time (s),Acc X [m/s²],Force (filtered) (N),Angle (X)\n0.1,1.5,2.5,3.5\n0.2,1,2,3")
+    assert [(c.name, c.unit, c.label) for c in found.channels] == [
+        ("Time (s)", "s", "Time"),
+        ("Acc X [m/s²]", "m/s²", "Acc X"),
+        ("Force (filtered) (N)", "N", "Force (filtered)"),
+        ("Angle (X)", None, "Angle (X)"),
+    ]
+
+
+def test_units_in_a_second_row() -> None:
+    """A row of units under the names is no data and no name."""
+    found = header("t;AccX;n\ns;[m/s²];\n0,1;2,5;1\n0,2;2,6;2")
+    assert [(c.name, c.unit) for c in found.channels] == [("t", "s"), ("AccX", "m/s²"), ("n", None)]
+    assert found.first_data_line == 3
+
+
+def test_no_header_loses_no_row() -> None:
+    """Without names the first row is data and the columns are numbered."""
+    found = header("1.5,2,3,\n1.6,2,3,\n1.7,2,3,")
+    assert [c.name for c in found.channels] == ["col0", "col1", "col2", "col3"]
+    assert (found.first_data_line, found.named) == (1, False)
+
+
+def test_a_delimiter_at_the_end_of_each_row_is_no_column() -> None:
+    """Where names stand above, an empty last field is not a channel."""
+    for text in ("a,b,\n1.5,2,\n2.5,3,", "a,b\n1.5,2,\n2.5,3,"):
+        found = header(text)
+        assert ([c.name for c in found.channels], found.fields) == (["a", "b"], 3)
+
+
+def test_names_with_the_delimiter_in_them_are_refused() -> None:
+    """Three names over two columns: none is moved to another column silently."""
+    with pytest.raises(UnclearDialect, match="3 names, the rows below it have 2 fields"):
+        header("Time (s),Force, N\n0.1,2.5\n0.2,2.6")
+
+
+def test_names_in_a_comment() -> None:
+    """The header that numpy.savetxt writes is one; a sentence with a colon is not."""
+    assert [c.name for c in header("# t, a\n0.1,2.5\n0.2,2.6").channels] == ["t", "a"]
+    assert header("# Sensor: 16 g, 3 axes\n0.1,2.5\n0.2,2.6").named is False
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "assumed"),
+    [("Time (s)", 1.0, False), ("t_us", 1e-6, False), ("Zaman [ms]", 1e-3, False), ("ZAMAN", 1.0, True),
+     ("timestamp", 1.0, True), ("t (ticks)", None, False), ("Time [ticks]", None, False)],
+)  # fmt: skip
+def test_time_is_known_by_name_and_its_unit_is_not_guessed(name: str, factor: float | None, assumed: bool) -> None:
+    """The time column's unit is read; if there is none, that seconds were assumed is marked."""
+    column = names.time_column(names.channels(["AccX (g)", name], ["", ""]))
+    assert column is not None
+    assert (column.index, column.seconds_per_unit, column.assumed) == (1, factor, assumed)
+
+
+def test_no_time_column() -> None:
+    """A channel that is not called time is not taken for it."""
+    assert names.time_column(names.channels(["timer", "Temperature (s)"], ["", ""])) is None

@@ -1,0 +1,245 @@
+"""Texts as loggers write them, and as they should not."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from testbench.findings import Refusal
+from testbench.readers import ReadOptions
+
+from .. import reading
+
+HEADER = "Time (s),AccX (g),AccY (g)\n"
+ROWS = [f"{i / 1000:.4f},{0.5 * i % 7 - 3:.4f},{1.25 * (i % 11):.4f}\n" for i in range(400)]
+
+
+@pytest.fixture
+def log(tmp_path):
+    """Write a text or bytes as a log and read it to its end."""
+
+    def write_and_read(content, options=None):
+        path = tmp_path / "log.csv"
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return reading.read(path, options)
+
+    return write_and_read
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    values=st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=2, max_size=30),
+    form=st.sampled_from(["{!r}", "{:.3f}", "{:.18e}", "{:.7E}", "{:+.10g}"]),
+    comma=st.booleans(),
+)
+def test_numbers_have_the_bits_of_float(tmp_path_factory, values, form, comma):
+    """Every number has the bits that Python's float() gives its text, with decimal point and with comma."""
+    texts = [form.format(value) for value in values]
+    written = [text.replace(".", ",") if comma else text for text in texts]
+    path = tmp_path_factory.mktemp("bits") / "log.csv"
+    path.write_text("i;value\n" + "".join(f"{i};{text}\n" for i, text in enumerate(written)))
+    column = reading.read(path, ReadOptions(decimal="," if comma else ".")).column("value")
+    assert column.tobytes() == np.array([float(text) for text in texts]).tobytes()
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-be", "cp1254"])
+def test_every_encoding_gives_the_same_recording(log, encoding):
+    """The same text in any encoding has the same names, units and numbers."""
+    text = "Zaman (s);İvme X (m/s²);Şaft (°)\n" + "".join(r.replace(",", ";").replace(".", ",") for r in ROWS)
+    mark = b"\xfe\xff" if encoding == "utf-16-be" else b""
+    found = log(mark + text.encode(encoding))
+    assert [(c.name, c.unit) for c in found.group().channels] == [
+        ("Zaman (s)", "s"), ("İvme X (m/s²)", "m/s²"), ("Şaft (°)", "°"),
+    ]  # fmt: skip
+    assert found.column("İvme X (m/s²)")[:3] == pytest.approx([-3, -2.5, -2])
+    assert len(found.time()) == len(ROWS)
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_line_ends_of_all_systems(log, end):
+    """LF, CRLF and CR end a line alike."""
+    found = log((HEADER + "".join(ROWS)).replace("\n", end).encode())
+    assert (len(found.time()), found.time()[-1]) == (len(ROWS), 0.399)
+
+
+@pytest.mark.parametrize(
+    ("token", "kept"),
+    [("NaN", math.nan), ("", math.nan), ("---", math.nan), ("#N/A", math.nan), ("1.#QNAN", math.nan),
+     ("Overload", math.nan), ("1_000", math.nan), ("0x1F", math.nan), ("1D5", math.nan), ("\uff11", math.nan),
+     ("\u22122", math.nan), ("inf", math.inf), ("-Infinity", -math.inf), ("1e999", math.inf), (" 2.5 ", 2.5)],
+)  # fmt: skip
+def test_a_cell_is_the_number_that_it_spells_or_none(log, token, kept):
+    """A cell that spells no finite number is NaN or inf, and named with its line; it never becomes another number."""
+    rows = [*ROWS[:100], f"0.1000,{token},1.0\n", *ROWS[101:]]
+    found = log(HEADER + "".join(rows))
+    value = found.column("AccX (g)")[100]
+    assert value == kept or (math.isnan(value) and math.isnan(kept))
+    wrong = [f for f in found.findings if f.code == "not_a_number"]
+    assert [(f.channel, f.where) for f in wrong] == ([] if kept == 2.5 else [("AccX (g)", "line 102")])
+    assert found.column("AccY (g)")[100] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("row", "code"),
+    [
+        ("0.1000,1.0\n", "ragged_row"),
+        ("0.1000,1.0,2.0,3.0\n", "ragged_row"),
+        ("Stop by operator\n", "text_row"),
+        ("a,b,c\n", "text_row"),
+        ("0.1\x00000,1,2\n", "nul_bytes"),
+    ],
+)
+def test_rows_that_may_hide_a_loss_are_refused(log, row, code):
+    """A row of another length, a line of text, a NUL byte: an error with its line, and no other row changed."""
+    found = log(HEADER + "".join([*ROWS[:100], row, *ROWS[101:]]))
+    (finding,) = [f for f in found.findings if f.severity == 2]
+    assert (finding.code, finding.where) == (code, "line 102")
+    assert found.column("AccX (g)")[-1] == float(ROWS[-1].split(",")[1])
+
+
+def test_a_mark_that_changes_is_an_error(log):
+    """Numbers with the other decimal mark, or with two marks, are never converted."""
+    found = log("t;F\n0,1;2,5\n0,2;1.234,5\n0,3;2,75\n0.4;2.25\n0,5;7,04\n")
+    errors = {f.code: f.where for f in found.findings if f.severity == 2}
+    assert errors == {"decimal_mark_changes": "line 5", "ambiguous_number": "line 3"}
+    assert np.isnan(found.column("F")).tolist() == [False, True, False, True, False]
+    assert found.column("F")[4] == 7.04
+
+
+def test_thousands_are_not_decimals(log):
+    """1,234.50 in quotes, far below the sample of first lines, is refused and not read as 1.234 or 123450."""
+    rows = [f'{i / 10},"{900 + i / 10:,.2f}"\n' for i in range(2000)]
+    found = log("t (s),F (N)\n" + "".join(rows))
+    assert "ambiguous_number" in found.codes
+    assert np.nanmax(found.column("F (N)")) < 1000.0
+
+
+@pytest.mark.parametrize(
+    ("ending", "kept", "code"),
+    [
+        ("0.5000,1.0000,2.0000", True, "no_final_newline"),
+        ("0.5000,1.0000,2.000", False, "cut_last_row"),
+        ("0.5000,1.0000,2", False, "cut_last_row"),
+        ("0.5000,1.0000,", False, "cut_last_row"),
+        ("0.5000,1.0", False, "cut_last_row"),
+        ("0.5000,1.0000,2.0000\r", True, None),
+        ("\0\0\0\0", False, "nul_bytes"),
+        ("\x1a", False, None),
+    ],
+)
+def test_a_last_number_that_may_be_cut_is_never_used(log, ending, kept, code):
+    """A last line without an end counts only if its last number has as many decimals as all above."""
+    found = log(HEADER + "".join(ROWS) + ending)
+    assert len(found.time()) == len(ROWS) + kept
+    assert found.codes - {"dialect"} == ({code} if code else set()) | ({"time_gap"} if kept else set())
+
+
+def test_integers_may_be_cut_too(log):
+    """123 may be the rest of 1234: without a line end the row is left out."""
+    found = log("t (s),n\n" + "".join(f"{i / 10:.1f},{i + 100}\n" for i in range(50)) + "5.0,15")
+    assert len(found.time()) == 50
+    assert "line 52" in found.message("cut_last_row")
+
+
+def test_every_cut_gives_a_prefix_of_the_rows(log):
+    """Wherever a file is cut, what is read are whole rows of the original."""
+    text = HEADER + "".join(ROWS[:20])
+    whole = log(text)
+    for cut in range(len(HEADER) + len(ROWS[0]) + 1, len(text)):
+        found = log(text[:cut])
+        n = len(found.time())
+        assert n in (text[:cut].count("\n") - 1, text[:cut].count("\n"))
+        for name in ("Time (s)", "AccX (g)", "AccY (g)"):
+            assert found.column(name).tobytes() == whole.column(name)[:n].tobytes()
+
+
+def test_a_second_header_begins_a_second_recording(log):
+    """Two recordings in one file stay two, each with its own clock."""
+    found = log("# cal 7\n" + HEADER + "".join(ROWS) + "# cal 7\n" + HEADER + "".join(ROWS[:50]))
+    assert [len(found.time(name)) for name in found.groups] == [400, 50]
+    assert list(found.groups) == ["log", "log part 2"]
+    assert found.message("repeated_header").startswith("the header comes again; time starts again at 0;")
+    assert not [f for f in found.findings if f.severity == 2]
+
+
+def test_comments_and_blank_lines_between_the_rows(log):
+    """They are passed over and said; lines are still counted right below them."""
+    found = log(HEADER + "".join(ROWS[:10]) + "# trigger\n\n" + ROWS[10] + "0.0110,x,1\n")
+    assert len(found.time()) == 12
+    assert found.codes == {"dialect", "comment_inside", "blank_lines", "not_a_number"}
+    assert next(f.where for f in found.findings if f.code == "not_a_number") == "line 15"
+
+
+def test_slow_sensors_leave_empty_cells(log):
+    """Most cells of a slow channel are empty: counted, not listed one by one, and the others are kept."""
+    rows = [f"{i / 1000:.3f},1.5,{i if i % 100 == 0 else ''}\n" for i in range(3000)]
+    found = log("Time (s),AccX (g),Speed (m/s)\n" + "".join(rows))
+    assert np.nanmax(found.column("Speed (m/s)")) == 2900
+    assert "2970 of its cells" in found.message("not_a_number")
+
+
+def test_columns_of_text_are_named_and_left_out(log):
+    """A column of words is no channel; the others are read as if it were not there."""
+    found = log(
+        "Time (s),phase,AccX (g)\n" + "".join(f"{i / 10},{'run' if i % 2 else 'stop'},{i}\n" for i in range(30))
+    )
+    assert [c.name for c in found.group().channels] == ["Time (s)", "AccX (g)"]
+    assert next(f.channel for f in found.findings if f.code == "text_channel") == "phase"
+    assert found.column("AccX (g)")[-1] == 29
+
+
+def test_metadata_above_the_header(log):
+    """Origin, range and rate are read from comments; a declared rate is the clock where there is no time column."""
+    found = log("# origin: simulated\n# rate: 2000 Hz, range +-16 g, 16 bit\nAccX (g)\n1.5\n2.5\n3.5\n")
+    assert found.recording.origin == "simulated"
+    assert found.group().clock.rate_hz == 2000.0
+    assert (found.recording.ranges[0].limit, found.recording.ranges[0].bits) == (16.0, 16)
+
+
+def test_a_log_does_not_make_itself_measured(log):
+    """Only a person says that data are measured."""
+    assert log("# origin: measured\n" + HEADER + "".join(ROWS)).recording.origin == "unstated"
+
+
+def test_odd_blocks_far_inside(log):
+    """What is odd in a later block is found with its line; the blocks round it are read as ever."""
+    rows = ROWS * 600
+    rows[200_000] = "0.0000,oops,1.0000\n"
+    found = log(HEADER + "".join(rows))
+    assert next(f.where for f in found.findings if f.code == "not_a_number") == "line 200002"
+    expected = np.array([float(r.split(",")[2]) for r in ROWS] * 600)
+    assert found.column("AccY (g)")[:200_000].tobytes() == expected[:200_000].tobytes()
+    assert found.column("AccY (g)")[200_001:].tobytes() == expected[200_001:].tobytes()
+
+
+@pytest.mark.parametrize(
+    ("content", "code"),
+    [
+        (b"", "empty_file"),
+        (HEADER.encode(), "no_data"),
+        (b"\n\n\n", "no_data"),
+        (b"hello\nworld\n", "no_data"),
+        (b"PK\x03\x04" + b"\0" * 200, "other_format"),
+        (b"1" * 6_000_000, "line_too_long"),
+        (HEADER.encode() + b"1," * 3_000_000, "line_too_long"),
+        (b"10,13\n11,14\n12,15\n", "unknown_dialect"),
+        (b"Time (s),Force, N\n0.1,2.5\n0.2,2.6\n", "unknown_dialect"),
+    ],
+)
+def test_files_that_cannot_be_read_are_refused_by_name(log, content, code):
+    """One message with the file's name and what was expected."""
+    with pytest.raises(Refusal, match=r"log\.csv") as refusal:
+        log(content)
+    assert refusal.value.finding.code == code
+
+
+def test_a_person_overrides_what_is_detected(log):
+    """Encoding, delimiter, decimal mark and header as given."""
+    found = log("10,13\n11,14\n12,15\n", ReadOptions(delimiter=",", header=False))
+    assert [c.name for c in found.group().channels] == ["col0", "col1"]
+    found = log("10,13\n11,14\n12,15\n", ReadOptions(delimiter="", decimal=","))
+    assert found.column("col0").tolist() == [10.13, 11.14, 12.15]
+    found = log("t,\u011f\n1.5,2\n2.5,3\n".encode("cp1254"), ReadOptions(encoding="cp1254"))
+    assert found.group().channels[1].name == "\u011f"
