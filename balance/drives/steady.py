@@ -16,7 +16,7 @@ from .periodic import Complexes, Periodic, differentiation, odd_grid
 
 TAIL = 1e-12
 """Size of the highest harmonics of T, relative to the largest, at which the series counts as converged."""
-HARMONICS = (32, 64, 128, 256, 512)
+HARMONICS = (16, 32, 64, 128, 256, 512)
 """Harmonics tried in turn."""
 _ITERATIONS = 50
 
