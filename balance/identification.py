@@ -19,6 +19,8 @@ from .observability import Observability
 
 CONFIDENCE = 0.95
 """Of intervals."""
+_EXACT = 1e-4
+"""Residual of a joint, as a part of its torque's rms, below which it earns no more weight."""
 _REWEIGHTINGS = 20
 _SETTLED = 1e-6
 """Relative change of the weights at which they count as found."""
@@ -135,7 +137,7 @@ class BlockSums:
         for _ in range(_REWEIGHTINGS):
             parameters = _solved(matrix, vector, weights)
             left = square - 2 * vector @ parameters + np.einsum("i,jik,k->j", parameters, matrix, parameters)
-            before, weights = weights, samples / np.maximum(left, 1e-24 * square)
+            before, weights = weights, samples / np.maximum(left, _EXACT**2 * square)
             if np.abs(weights / before - 1.0).max() < _SETTLED:
                 break
         return weights, _solved(matrix, vector, weights)
