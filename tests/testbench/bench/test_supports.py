@@ -1,0 +1,64 @@
+"""The load of the mechanism is shared among its supports, and nothing of it is lost."""
+
+import numpy as np
+import pytest
+
+from testbench.bench.supports import shares, transport
+from testbench.errors import RigError
+from testbench.rig import load
+
+SUPPORTS = load("parallelogram-6bar").supports
+WRENCHES = np.random.default_rng(3).normal(size=(50, 6))
+
+
+def total(loads: dict[str, np.ndarray]) -> np.ndarray:
+    """Wrench about the origin of what all supports carry, (n, 6)."""
+    return sum(load @ transport(np.array(SUPPORTS[name].position)).T for name, load in loads.items())
+
+
+def test_sum():
+    """Over all sensors the wrench is the whole wrench, whatever it is."""
+    loads = {name: WRENCHES @ share.T for name, share in shares(SUPPORTS).items()}
+    assert total(loads) == pytest.approx(WRENCHES, abs=1e-12)
+
+
+def test_only_what_is_measured():
+    """A one-axis cell carries along its axis and nothing else; a three-axis one carries no moment."""
+    loads = {name: WRENCHES @ share.T for name, share in shares(SUPPORTS).items()}
+    assert not np.any(loads["futek_1"][:, [0, 1, 3, 4, 5]])
+    assert not np.any(loads["kistler"][:, 3:])
+
+
+def test_least_energy():
+    """Any other distribution that adds up to the same wrench stores more elastic energy."""
+    found = shares(SUPPORTS)
+    rng = np.random.default_rng(5)
+
+    def energy(loads):
+        rates = {name: np.array(SUPPORTS[name].axis_stiffness) for name in loads}
+        return sum((load[rates[n] > 0] ** 2 / rates[n][rates[n] > 0]).sum() for n, load in loads.items())
+
+    for wrench in WRENCHES[:10]:
+        loads = {name: share @ wrench for name, share in found.items()}
+        push = {name: rng.normal(size=6) * (np.array(SUPPORTS[name].axis_stiffness) > 0) for name in loads}
+        excess = total({name: value[None] for name, value in push.items()})[0]
+        other = {name: loads[name] + push[name] - found[name] @ excess for name in loads}
+        assert total({n: v[None] for n, v in other.items()})[0] == pytest.approx(wrench)
+        assert energy(other) > energy(loads)
+
+
+def test_stiffer_carries_more():
+    """Of two supports side by side the stiffer carries more, in the ratio of their stiffness."""
+    stiff = SUPPORTS["kistler"].model_copy(update={"stiffness": 3e8})
+    soft = SUPPORTS["kistler"].model_copy(update={"stiffness": 1e8})
+    rest = SUPPORTS["k6d40"].model_copy(update={"stiffness": 1.0, "position": stiff.position})
+    found = shares({"stiff": stiff, "soft": soft, "rest": rest})
+    force = np.array([1.0, 0.0, 0.0, *np.cross(stiff.position, [1.0, 0.0, 0.0])])
+    assert (found["stiff"] @ force)[0] == pytest.approx(0.75, rel=1e-6)
+    assert (found["soft"] @ force)[0] == pytest.approx(0.25, rel=1e-6)
+
+
+def test_too_few():
+    """Supports that leave a force uncarried are refused."""
+    with pytest.raises(RigError, match="cannot carry"):
+        shares({name: SUPPORTS[name] for name in ("futek_1", "futek_2")})

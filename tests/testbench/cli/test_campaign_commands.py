@@ -1,0 +1,123 @@
+"""``testbench simulate``, ``analyze`` and ``compare`` as a person calls them."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from testbench.vibration import DEFAULT_BAND, DEFAULT_METRIC
+
+PLAN = """
+mechanism = "parallelogram-6bar"
+[[conditions]]
+payload = "5 kg"
+counter_masses = { counter_A0A = "24.2626 kg", counter_B0B = "24.2626 kg" }
+motion = "y"
+peak_acceleration = "4 g0"
+"""
+
+
+def command(*words: object) -> subprocess.CompletedProcess[str]:
+    """Run the command ``testbench``."""
+    call = "from testbench.cli import main; main()"
+    return subprocess.run([sys.executable, "-c", call, *map(str, words)], capture_output=True, text=True, check=False)
+
+
+def test_from_plan_to_comparison(tmp_path):
+    """simulate, ingest, analyze, compare: each does its part and the last knows all three values."""
+    plan, logs, campaign = tmp_path / "plan.toml", tmp_path / "logs", tmp_path / "campaign"
+    plan.write_text(PLAN, encoding="utf-8")
+    made = command("simulate", "--plan", plan, "--rig", "parallelogram-6bar", "-o", logs)
+    assert (made.returncode, made.stderr) == (0, "")
+    assert "2 simulated runs, 6 logs" in made.stdout
+    files = sorted(logs.glob("r*_*.csv"))
+    stored = command("ingest", *files, "--rig", "parallelogram-6bar", "--runs", logs / "runs.csv", "-o", campaign)
+    assert stored.returncode in {0, 3}
+    analyzed = command("analyze", campaign, "--json", "--metric", "rms", "--band", "1..100")
+    assert analyzed.returncode == 0
+    first = json.loads(analyzed.stdout)["reductions"][1]
+    assert (first["axis"], first["metric"], first["band_hz"], first["origin"]) == (
+        "y",
+        "rms",
+        [1.0, 100.0],
+        "simulated",
+    )
+    assert first["reduction_percent"] > 95.0
+    assert first["interval_percent"] is None
+    compared = command("compare", campaign, "--published", "kiper2019")
+    assert compared.returncode == 0
+    assert "original logs of the manipulator tests are not available" in compared.stdout
+    assert "2 of 2 runs are simulated." in compared.stdout
+
+
+def test_text_of_analyze(brief):
+    """People read the metric, the band and the origin beside the numbers."""
+    said = command("analyze", brief.campaign)
+    assert said.returncode == 0
+    assert f"{DEFAULT_METRIC} (" in said.stdout
+    assert f"band {DEFAULT_BAND}" in said.stdout
+    assert "8 of 8 runs are simulated." in said.stdout
+
+
+def test_defaults_of_the_commands_are_those_of_the_module(brief):
+    """What the help shows as default is what the analysis has as default."""
+    said = json.loads(command("compare", brief.campaign, "--published", "kiper2019", "--json").stdout)
+    assert said["rows"][0]["metric"] == DEFAULT_METRIC
+    assert said["rows"][0]["band_hz"] == [DEFAULT_BAND.low_hz, DEFAULT_BAND.high_hz]
+
+
+def test_a_run_without_partner_is_a_finding(brief, tmp_path):
+    """A campaign that lost a run is analysed all the same, and the run that is left over is listed: exit 3."""
+    campaign = Path(shutil.copytree(brief.campaign, tmp_path / "campaign"))
+    (campaign / "r002.h5").unlink()
+    (campaign / "r002.h5.sha256").unlink()
+    said = command("analyze", campaign, "--json")
+    assert said.returncode == 3
+    document = json.loads(said.stdout)
+    assert [finding["where"] for finding in document["findings"]] == ["r001"]
+    assert len(document["reductions"]) == 9
+
+
+def test_no_band(brief):
+    """``--band none`` keeps all frequencies and says null."""
+    said = json.loads(command("analyze", brief.campaign, "--json", "--band", "none").stdout)
+    assert said["reductions"][0]["band_hz"] is None
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (["analyze", "{campaign}", "--band", "200..1"], 2, "low < high"),
+        (["analyze", "{campaign}", "--band", "slow"], 2, "1..200"),
+        (["analyze", "{campaign}", "--metric", "mean"], 2, "peak_to_peak"),
+        (["analyze", "{campaign}", "--band", "0..4000"], 1, "8000 samples a second"),
+        (["analyze", "{tmp}"], 1, "holds no run"),
+        (["compare", "{campaign}", "--published", "kiper2020"], 1, "kiper2019"),
+        (["compare", "{campaign}"], 2, "--published"),
+        (["simulate", "--plan", "nothing", "--rig", "parallelogram-6bar", "-o", "{tmp}/x"], 1, "kiper2019-brief"),
+        (["simulate", "--plan", "kiper2019", "--rig", "parallelogram-6bar", "-o", "{campaign}"], 1, "not empty"),
+    ],
+)
+def test_refusals(brief, tmp_path, words, code, said):
+    """What cannot be done is refused in one message without a traceback."""
+    found = command(*(w.format(campaign=brief.campaign, tmp=tmp_path) for w in words))
+    assert found.returncode == code
+    assert said in found.stderr
+    assert "Traceback" not in found.stderr
+    assert not found.stdout
+
+
+def test_no_rig(brief, tmp_path):
+    """Without a rig it is said what is needed."""
+    files = sorted(brief.logs.glob("r00[12]_daq.csv"))
+    (tmp_path / "runs.csv").write_text(
+        "file,payload_kg,counter_masses,motion,peak_acceleration_g\nr001_daq.csv,5,counter_A0A=1,x,3\nr002_daq.csv,5,,x,3\n"
+    )
+    command("ingest", *files, "--runs", tmp_path / "runs.csv", "-o", tmp_path / "campaign")
+    said = command("analyze", tmp_path / "campaign")
+    assert said.returncode == 1
+    assert "stored without a rig" in said.stderr
+    assert "--rig" in said.stderr

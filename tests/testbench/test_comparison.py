@@ -1,0 +1,104 @@
+"""Analysed, simulated and published side by side."""
+
+import pytest
+
+from testbench.bench import truth
+from testbench.comparison import compare
+from testbench.errors import AnalysisError
+from testbench.pairing import pairs
+from testbench.prediction import Prediction
+from testbench.published import ORIGINAL_LOGS, load
+from testbench.rig import load as load_rig
+from testbench.store import open_campaign
+from testbench.vibration import Measure
+
+RIG = load_rig("parallelogram-6bar")
+
+
+@pytest.fixture(scope="module")
+def comparison(brief):
+    """The brief campaign beside the printed table."""
+    return compare(open_campaign(brief.campaign).runs, load("kiper2019"), Measure())
+
+
+def test_printed_values(comparison):
+    """Each row has the printed value of its own condition and axis."""
+    rows = {(r.analyzed.key.payload_kg, r.analyzed.key.motion, r.analyzed.axis): r for r in comparison.rows}
+    assert len(rows) == 12
+    assert rows[5.0, "x", "x"].published == 62.76
+    assert rows[1.451, "y", "z"].published == 34.99
+
+
+def test_simulation_agrees_with_strong_signals(comparison):
+    """Where the base moves ten times more than the noise even when balanced, logs and simulation agree to a point."""
+    strong = [r for r in comparison.rows if r.analyzed.key.motion == "x" and r.analyzed.axis in "xy"]
+    assert len(strong) == 4
+    for row in strong:
+        assert row.analyzed.percent == pytest.approx(row.simulated, abs=1.0)
+
+
+def test_force_falls_where_the_published_amplitude_does_not(comparison):
+    """The shaking force falls by more than 99.9 % along the motion; across it there is none to fall."""
+    for row in comparison.rows:
+        if row.analyzed.axis == row.analyzed.key.motion:
+            assert row.shaking_force > 99.9
+        else:
+            assert row.shaking_force is None
+
+
+def test_the_moment_remains(comparison):
+    """Along y nothing but force acts and the base falls still; along x the shaking moment goes on rocking it."""
+    for row in comparison.rows:
+        if row.analyzed.key.motion == "y":
+            assert row.simulated > 99.0
+        else:
+            assert row.simulated < 95.0
+
+
+def test_notes(comparison):
+    """It is said that the original logs are not available, and how many runs are simulated."""
+    assert ORIGINAL_LOGS in comparison.notes
+    assert comparison.origins == {"simulated": 8}
+    assert {row.as_dict()["origin"] for row in comparison.rows} == {"simulated"}
+
+
+def test_rows_have_every_key(comparison):
+    """A row has all that readers of the JSON expect."""
+    needed = {"payload_kg", "motion", "peak_acceleration_g", "axis", "metric", "analyzed_percent", "simulated_percent",
+              "published_percent", "origin"}  # fmt: skip
+    assert all(needed <= set(row.as_dict()) for row in comparison.rows)
+
+
+def test_prediction_is_made_anew(brief, monkeypatch):
+    """The prediction rests on rig and conditions alone: neither channels nor truth are read for it."""
+    runs = open_campaign(brief.campaign).runs
+    pair = pairs(runs)[0][0]
+    monkeypatch.setattr(type(runs[0]), "channel", lambda *_: pytest.fail("a channel was read"))
+    monkeypatch.setattr(truth, "write_run", lambda *_: pytest.fail("truth was touched"))
+    base, force = Prediction.of(RIG, Measure()).reductions(pair)
+    assert set(base) == {("base_acc", axis) for axis in "xyz"}
+    assert force[pair.key.motion] > 99.0
+
+
+def test_another_bench_another_prediction(brief):
+    """The prediction depends on the bench that the rig describes."""
+    pair = pairs(open_campaign(brief.campaign).runs)[0][0]
+    wide = RIG.bench.model_copy(update={"inertia": (50.0, 50.0, 200.0)})
+    other = Prediction.of(RIG.model_copy(update={"bench": wide}), Measure()).reductions(pair)[0]
+    base = Prediction.of(RIG, Measure()).reductions(pair)[0]
+    assert abs(other["base_acc", "y"] - base["base_acc", "y"]) > 1.0
+    assert abs(other["base_acc", "z"] - base["base_acc", "z"]) > 1.0
+
+
+def test_a_stored_rig_opens_no_file():
+    """A stored rig that names a file as its mechanism does not make the program open it."""
+    with pytest.raises(AnalysisError, match="--mechanism"):
+        Prediction.of(RIG.model_copy(update={"mechanism": "../secret.xml"}), Measure())
+
+
+def test_unpublished_conditions_stay(brief):
+    """A condition that is not printed keeps its row, without a published value."""
+    table = load("kiper2019")
+    table.rows.clear()
+    rows = compare(open_campaign(brief.campaign).runs, table, Measure()).rows
+    assert [row.published for row in rows] == [None] * 12

@@ -1,0 +1,81 @@
+"""Figures: every panel has its unit, and what is simulated says so."""
+
+import io
+
+import pytest
+
+from testbench import figures
+from testbench.comparison import compare
+from testbench.figures.style import origin_of
+from testbench.published import load
+from testbench.store import open_campaign
+from testbench.vibration import Measure
+
+
+@pytest.fixture(scope="module")
+def runs(brief):
+    """The 5 kg runs along x at 3 g0: with counter-masses, without."""
+    return open_campaign(brief.campaign).runs[4:6]
+
+
+def drawn(figure) -> None:
+    """Lay the figure out and write it, as a user would."""
+    figure.savefig(io.BytesIO(), format="png", dpi=50)
+
+
+@pytest.mark.parametrize(
+    ("name", "panels", "unit"),
+    [("base_acceleration", 3, "[g0]"), ("motor_torques", 2, "[N m]"), ("force_sensors", 11, "[N")],
+)
+def test_two_runs(runs, name, panels, unit):
+    """A panel for each channel, two lines in each, unit and condition stated, marked as simulated."""
+    figure = getattr(figures, name)(*runs)
+    drawn(figure)
+    visible = [axes for axes in figure.axes if axes.get_visible()]
+    assert len(visible) == panels
+    assert all(len(axes.lines) == 2 for axes in visible)
+    assert all(unit in axes.get_ylabel() + axes.get_title(loc="left") for axes in visible)
+    assert figure.get_suptitle().startswith("Simulated: ")
+    assert "payload 5 kg, motion x, peak 3 g0" in figure.get_suptitle()
+
+
+def test_base_acceleration_states_the_reduction(brief, runs):
+    """The title of each panel states the reduction that the analysis finds."""
+    from testbench.reductions import analyze
+
+    found = {r.axis: r.percent for r in analyze(runs, Measure()).reductions}
+    figure = figures.base_acceleration(*runs)
+    for axis, axes in zip("xyz", figure.axes, strict=True):
+        assert f"{found[axis]:.1f} %" in axes.get_title(loc="left")
+
+
+def test_command_performance(runs):
+    """The moved axis alone: accelerometer, encoders and target above, what is missing below."""
+    figure = figures.command_performance(runs[0])
+    drawn(figure)
+    assert [len(axes.lines) for axes in figure.axes] == [3, 2]
+    assert figure.get_suptitle().startswith("Simulated: ")
+
+
+def test_reductions(brief):
+    """A panel for each motion and axis; the analysed, simulated and published values are those of the rows."""
+    comparison = compare(open_campaign(brief.campaign).runs, load("kiper2019"), Measure())
+    figure = figures.reductions(comparison)
+    drawn(figure)
+    assert len(figure.axes) == 6
+    published, simulated, analyzed = (list(line.get_ydata()) for line in figure.axes[0].lines[:3])
+    rows = [r for r in comparison.rows if (r.analyzed.key.motion, r.analyzed.axis) == ("x", "x")]
+    assert published == [r.published for r in rows]
+    assert simulated == [r.simulated for r in rows]
+    assert analyzed == [r.analyzed.percent for r in rows]
+    assert figure.get_suptitle().startswith("Simulated")
+
+
+def test_origin(runs):
+    """Measured runs carry no mark; a mixture names both."""
+    from dataclasses import replace
+
+    measured = replace(runs[0], origin="measured")
+    assert origin_of([measured]) == ""
+    assert origin_of([measured, runs[1]]) == "Measured and Simulated: "
+    assert origin_of([replace(runs[0], origin="unstated")]) == "Origin unstated: "

@@ -1,0 +1,100 @@
+"""Which runs are compared with which, and what those lack that are in no pair."""
+
+from dataclasses import dataclass, field
+
+import pytest
+
+from testbench.errors import AnalysisError
+from testbench.findings import Finding
+from testbench.pairing import doubts, pairs, rig_of
+from testbench.recording import Channel, Group
+
+BUILT = {"counter_A0A": 24.2626, "counter_B0B": 24.2626}
+RIG = """
+mechanism = "parallelogram-6bar"
+[loggers.daq]
+[sensors.acc]
+kind = "accelerometer"
+logger = "daq"
+channels = { x = "AccX" }
+position = ["0 m", "0 m", "0 m"]
+"""
+
+
+@dataclass
+class FakeRun:
+    """What pairing looks at."""
+
+    name: str
+    conditions: dict
+    origin: str = "simulated"
+    rig: str | None = RIG
+    findings: tuple[Finding, ...] = ()
+    groups: tuple[Group, ...] = field(default=(Group("daq", (Channel("AccX (g)", "g", "AccX"),)),))
+
+
+def run(name: str, masses: dict | None, acceleration: float = 3.0, **more) -> FakeRun:
+    """A run at 5 kg along x."""
+    conditions = {"payload_kg": 5.0, "motion": "x", "peak_acceleration_g": acceleration}
+    return FakeRun(name, conditions | ({} if masses is None else {"counter_masses": masses}), **more)
+
+
+def test_pairs():
+    """Runs of one condition pair, repeats together; another acceleration is another pair."""
+    runs = [run("a", BUILT), run("b", {}), run("c", BUILT), run("d", BUILT, 1.0), run("e", {}, 1.0)]
+    found, findings = pairs(runs)
+    assert [[r.name for r in pair.runs] for pair in found] == [["a", "c", "b"], ["d", "e"]]
+    assert found[0].counter_masses == BUILT
+    assert not findings
+
+
+def test_none_named_is_none_mounted():
+    """A sheet that names no counter-masses, or masses of zero, means none."""
+    for masses in (None, {}, {"counter_A0A": 0.0}):
+        found, _ = pairs([run("a", BUILT), run("b", masses)])
+        assert [r.name for r in found[0].unbalanced] == ["b"]
+
+
+def test_two_sets():
+    """Two sets of counter-masses are two pairs with the same run without."""
+    found, _ = pairs([run("a", BUILT), run("b", {"counter_A0A": 20.0}), run("c", {})])
+    assert [[r.name for r in pair.runs] for pair in found] == [["a", "c"], ["b", "c"]]
+
+
+def test_no_partner():
+    """A run alone is named with what it lacks; the others are compared all the same."""
+    found, findings = pairs([run("a", BUILT), run("b", {}), run("c", BUILT, 1.0), run("d", {}, 2.0)])
+    assert len(found) == 1
+    assert [(f.code, f.where) for f in findings] == [("no_partner", "c"), ("no_partner", "d")]
+    assert "no simulated run without counter-masses at 5 kg, motion x, 1 g0" in findings[0].message
+    assert "no simulated run with counter-masses at 5 kg, motion x, 2 g0" in findings[1].message
+
+
+def test_origins_do_not_mix():
+    """A measured run is never compared with a simulated one."""
+    found, findings = pairs([run("a", BUILT, origin="measured"), run("b", {})])
+    assert not found
+    assert [f.where for f in findings] == ["a", "b"]
+
+
+def test_conditions_missing():
+    """A run without payload is named, with what to do."""
+    lacking = run("a", BUILT)
+    del lacking.conditions["payload_kg"]
+    _, findings = pairs([lacking])
+    assert findings[0].code == "conditions_missing"
+    assert "a: its conditions lack payload_kg" in findings[0].message
+
+
+def test_no_rig():
+    """A run without a rig is refused with what is needed."""
+    with pytest.raises(AnalysisError, match=r"a: stored without a rig.*--rig"):
+        rig_of(run("a", BUILT, rig=None))
+
+
+def test_doubts():
+    """What was found at ingest in a channel of the base is said again; what was found elsewhere is not."""
+    clipped = Finding("clipping", "AccX (g)", None, "12 samples")
+    other = Finding("clipping", "PlatX (g)", None, "12 samples")
+    note = Finding("time_jitter", "AccX (g)", None, "a little")
+    assert [d.channel for d in doubts(run("a", BUILT, findings=(clipped, other, note)))] == ["AccX (g)"]
