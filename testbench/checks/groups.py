@@ -3,6 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from .. import units
 from ..findings import Finding
 from ..recording import Block, Channel, Group, Recording, SensorRange, TimeColumn, UniformClock
@@ -98,7 +100,8 @@ class RecordingCheck:
 
     def update(self, block: Block) -> None:
         """Take in the next block."""
-        (self.groups.get(block.group.name) or self._add(block.group)).update(block)
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is counted, not warned of
+            (self.groups.get(block.group.name) or self._add(block.group)).update(block)
 
     def findings(self) -> list[Finding]:
         """What the header and the data show."""

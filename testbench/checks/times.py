@@ -48,7 +48,7 @@ def findings(group: Group, clock: ClockStats, stated_rate_hz: float | None) -> l
         message = "carries no unit; seconds were assumed for the rate and the clock, the column is kept as written"
         found.append(Finding("time_unit_assumed", name, None, message))
     if group.clock.seconds_per_unit is None:
-        message = f"{unit!r} is no unit of time: there is no rate, and the clock is given as written"
+        message = "names no unit of time that is known: there is no rate, and the clock is given as written"
         found.append(Finding("time_unit_unknown", name, None, message))
     if clock.unreadable:
         found.append(Finding("time_unreadable", name, None, f"no finite number: {clock.unreadable} times"))

@@ -101,12 +101,12 @@ class CellFilter:
         for kind, message in _KINDS.items():
             if places := self.by_kind.get(kind):
                 text = message.format(n=places.total, first=shown(places.cells[0][1]), mark=other)
-                report(Finding(kind, None, listed(_lines(places), places.total), text))
+                report(Finding(kind, None, _where(places), text))
         for column, places in sorted(self.by_channel.items()):
             seen = ", ".join(f"{shown(token)} in line {line}" for line, token in places.cells)
             more = ", ..." if places.total > len(places.cells) else ""
             message = f"no finite number in {places.total} of its cells: {seen}{more}"
-            where = listed(_lines(places), places.total)
+            where = _where(places)
             report(Finding("not_a_number", self.names[column], where, message))
 
 
@@ -118,8 +118,9 @@ def shown(token: str) -> str:
     return f"'{plain}{'...' if len(token) > 40 else ''}'"
 
 
-def _lines(places: _Places) -> list[str]:
-    return list(dict.fromkeys(str(line) for line, _ in places.cells))
+def _where(places: _Places) -> str:
+    lines = list(dict.fromkeys(str(line) for line, _ in places.cells))
+    return listed(lines, places.total - len(places.cells))
 
 
 def _writable(column: Samples) -> Samples:

@@ -82,10 +82,16 @@ def _delimiter(lines: Sequence[str], decimal: str | None) -> str:
         data = [cells for cells in rows if len(cells) > 1 and is_data(cells)]
         if len(data) <= 0.5 * (len(rows) - _first_data(rows)):
             continue
+        if delimiter == "," and not _all_numbers(data) and _all_numbers([row.split() for row in map(",".join, data)]):
+            continue  # 0,1  2,5: blanks between decimal commas
         if delimiter == ",":
             return _comma_or_one_column(lines, rows, data, decimal)
         return delimiter
     return ""
+
+
+def _all_numbers(rows: Sequence[Sequence[str]]) -> bool:
+    return all(marks.is_numberish(cell) or marks.is_missing(cell) for cells in rows for cell in cells)
 
 
 def _first_data(rows: Sequence[Sequence[str]]) -> int:

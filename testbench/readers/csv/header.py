@@ -1,6 +1,7 @@
 """Where the header of a text ends and the data begin, and which rows of it are names and units."""
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -32,9 +33,7 @@ def parse(lines: Sequence[str], dialect: Dialect, has_header: bool | None = None
     Raises UnclearDialect if names and columns do not fit together, LookupError if there is no row of data.
     """
     rows = [[] if is_comment(line) or not line.strip() else dialect.split(line) for line in lines]
-    first = next((i for i, cells in enumerate(rows) if _begins_data(rows, i)), None)
-    if first is None:
-        raise LookupError
+    first = _first_data(rows)
     fields = len(rows[first])
     above = [i for i in range(first) if rows[i]]
     if has_header is False:
@@ -50,12 +49,25 @@ def parse(lines: Sequence[str], dialect: Dialect, has_header: bool | None = None
     return Header(names.channels(labels, row_of_units), fields, first + 1, bool(named), kept, preamble)
 
 
-def _begins_data(rows: Sequence[Sequence[str]], i: int) -> bool:
-    """A row of data, with another of as many fields below it or nothing more to compare with."""
-    if not rows[i] or not is_data(rows[i]) or any(map(names.is_time, rows[i])):
-        return False
-    below = next((cells for cells in rows[i + 1 :] if cells), None)
-    return below is None or len(below) == len(rows[i]) or not is_data(below)
+def _first_data(rows: Sequence[Sequence[str]]) -> int:
+    """Index of the first row of data: of as many fields as most such rows have, and with no name of time in it.
+
+    Raises LookupError if there is none.
+    """
+    data = [i for i, cells in enumerate(rows) if is_data(cells) and not any(map(names.is_time, cells))]
+    lengths = Counter(len(rows[i]) for i in data)
+    if not lengths:
+        raise LookupError
+    fields = lengths.most_common(1)[0][0]
+    first = next(i for i in data if len(rows[i]) == fields)
+    while first and len(rows[first - 1]) == fields and _is_all_missing(rows[first - 1]):
+        first -= 1
+    return first
+
+
+def _is_all_missing(cells: Sequence[str]) -> bool:
+    """A row of words for no value, as a logger writes before its sensors are ready; no row of units such as ``-``."""
+    return all(map(marks.is_missing, cells)) and not all(cell in ("", "-") for cell in cells)
 
 
 def _name_rows(rows: Sequence[Sequence[str]], above: Sequence[int], fields: int) -> list[int]:

@@ -36,14 +36,19 @@ def _channel(name: str, below: str) -> Channel:
 
 def is_time(name: str) -> bool:
     """Whether a header cell names time."""
-    return _channel(name, "").label.strip().replace("İ", "i").casefold() in _TIME_NAMES
+    label = _BRACKETS.sub("", _channel(name, "").label)
+    return label.strip().replace("İ", "i").casefold() in _TIME_NAMES
 
 
 def time_column(channels: Sequence[Channel]) -> TimeColumn | None:
-    """The column of time, recognised by its name; seconds are assumed, and said so, where it has no unit."""
+    """The column of time, recognised by its name; seconds are assumed, and said so, where it has no unit.
+
+    Brackets that hold something else than a unit of time leave the unit unknown.
+    """
     for i, channel in enumerate(channels):
         if is_time(channel.label):
-            if channel.unit is None:
-                return TimeColumn(i, 1.0, assumed=True)
-            return TimeColumn(i, units.seconds_per(channel.unit))
+            if channel.unit is not None:
+                return TimeColumn(i, units.seconds_per(channel.unit))
+            bare = _BRACKETS.search(channel.label) is None
+            return TimeColumn(i, 1.0, assumed=True) if bare else TimeColumn(i, None)
     return None

@@ -124,10 +124,9 @@ class RowFilter:
         for kind, message in _MESSAGES.items():
             if n := self.counts[kind]:
                 text = message.format(n=n, fields=self.form.fields)
-                report(Finding(kind, None, listed(self.places[kind], n), text))
+                report(Finding(kind, None, listed(self.places[kind], n - len(self.places[kind])), text))
 
 
-def listed(lines: Sequence[str], total: int) -> str:
+def listed(lines: Sequence[str], more: int) -> str:
     """``line 62``, or ``lines 22, 82`` and how many more."""
-    more = f" and {total - len(lines)} more" if total > len(lines) else ""
-    return f"line{'s' if len(lines) > 1 else ''} {', '.join(lines)}{more}"
+    return f"line{'s' if len(lines) > 1 else ''} {', '.join(lines)}{f' and {more} more' if more else ''}"

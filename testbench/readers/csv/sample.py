@@ -38,10 +38,10 @@ def take(path: Path, given: str | None = None) -> Sample:
         kind = known_as(head) or "binary"
         raise Refusal(path.name, Finding("not_text", None, None, f"expected text, the content is {kind}"))
     lines = _decoded(path, head[encoding.mark :], encoding).replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    if more and len(lines) < 2:
-        raise too_long(path, 1)
-    if (more or len(lines) > 3) and lines:
-        lines.pop()
+    if more and len(lines[-1]) > LONGEST_LINE // 2:
+        raise too_long(path, len(lines))
+    if more or len(lines) > 2:
+        lines.pop()  # it may be cut
     return Sample(encoding, tuple(lines[:MOST_LINES]))
 
 

@@ -110,4 +110,6 @@ class Table:
 
 def _finite(column: Samples) -> bool:
     """Whether all values are finite; a sum that overflows is looked at closer."""
-    return bool(np.isfinite(column.sum()) or np.isfinite(column).all())
+    with np.errstate(over="ignore", invalid="ignore"):
+        total = column.sum()
+    return bool(np.isfinite(total) or np.isfinite(column).all())

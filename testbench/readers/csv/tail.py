@@ -31,7 +31,7 @@ def last_row(form: Form, rest: bytes, before: bytes, line: int) -> tuple[bytes, 
     if text.endswith(b"\r"):
         return text + b"\n", None
     rows = [row.split(form.separator.encode()) for row in before.split(b"\n")[-1 - _ROWS_COMPARED : -1]]
-    if not cells[-1].strip() or _same_shape(cells[-1], [row[-1] for row in rows if len(row) == form.fields]):
+    if _same_shape(cells[-1], [row[-1] for row in rows if len(row) == form.fields]):
         message = "has no line end; it is whole, since its last number has as many decimals as those above"
         return text + b"\n", Finding("no_final_newline", None, where, f"line {line} {message}")
     message = "has no line end, so that its last number may be cut; the row is left out"
@@ -39,11 +39,13 @@ def last_row(form: Form, rest: bytes, before: bytes, line: int) -> tuple[bytes, 
 
 
 def _same_shape(cell: bytes, above: Sequence[bytes]) -> bool:
-    """Whether a number has as many decimals, and digits of the exponent, as all those above it."""
+    """Whether a number has as many decimals, and digits of the exponent, as all those above it; or all are empty."""
     shapes = {_shape(other) for other in above}
     return len(shapes) == 1 and None not in shapes and _shape(cell) in shapes
 
 
 def _shape(cell: bytes) -> tuple[int, int] | None:
     match = _SHAPE.fullmatch(cell.strip())
+    if not cell.strip():
+        return (0, 0)
     return None if match is None else (len(match[1]), len(match[2] or b""))

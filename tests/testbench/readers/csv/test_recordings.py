@@ -72,7 +72,8 @@ def test_tokens_that_are_no_numbers():
     facts = malformed_facts("b04_nan_inf_tokens.csv")
     messages = {f.channel: f.message for f in found.findings if f.code == "not_a_number"}
     for line, (channel, token) in facts["line_to_token"].items():
-        assert f"{f"'{token}'" if token else 'an empty cell'} in line {line}" in messages[channel]
+        shown = f"'{token}'" if token else "an empty cell"
+        assert f"{shown} in line {line}" in messages[channel]
     counts = [int(messages[name].split()[4]) for name in sorted(messages)]
     assert counts == list(facts["per_channel"].values())
     check = next(iter(found.checks.values()))
