@@ -1,0 +1,201 @@
+"""Influence coefficients: what a weight in a plane does to a reading, and the weights that make readings small.
+
+A reading v (a vibration at running speed, as a complex number) is v = v0 + sum_j alpha_j w_j with the weights w_j on
+the rotor. Any number of planes, sensors and speeds: each sensor at each speed is a row. Angles of weights and phases
+count in one sense, phase as lead (see CONVENTIONS.md); nothing here has a unit but that of the arrays handed in.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import minimize
+
+from .arrays import Floats
+from .errors import SizingError
+from .rotors.moduli import Complexes, least, within
+
+METHODS = ("least-squares", "robust", "min-max")
+"""Least sum of squares; least sum of moduli, which a single wrong reading moves little; least largest modulus."""
+LEAST_EFFECT = 0.25
+"""Smallest change of a reading by a trial weight, of the reading before: less is within what readings scatter."""
+_SMALL_READING = 0.1
+"""Share of the largest reading below which a reading is not compared with itself."""
+_PROVEN = 1e-6
+
+
+@dataclass(frozen=True)
+class Coefficients:
+    """Influence coefficients and the readings without weights."""
+
+    initial: Complexes
+    """Readings with no weight on, (rows,)."""
+    matrix: Complexes
+    """Influence coefficients alpha, (rows, planes): reading per weight."""
+    misfit: float
+    """Root mean square of what the runs leave unexplained; zero where there are just as many as needed."""
+
+    @property
+    def condition(self) -> float:
+        """Condition number of the coefficients, columns as they are: large where planes act alike."""
+        return float(np.linalg.cond(self.matrix))
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Correction weights, what they leave, and how far from the best they may be."""
+
+    coefficients: Coefficients
+    weights: Complexes
+    """All weights in each plane, with no other weight on, (planes,)."""
+    method: str
+    factors: Floats
+    """Factor of each row's reading in what is made small, (rows,)."""
+    bound: float
+    """Proven lower bound of what is made small."""
+
+    @property
+    def residual(self) -> Complexes:
+        """Predicted readings with the weights on, (rows,)."""
+        return self.coefficients.initial + self.coefficients.matrix @ self.weights
+
+    @property
+    def cost(self) -> float:
+        """What is made small: root of the sum of squares, sum, or largest of the readings times their factors."""
+        return _cost(self.residual * self.factors, self.method)
+
+    def is_optimal(self, tol: float) -> bool:
+        """Whether the cost is within ``tol`` of its bound, relative to the cost with no weight on."""
+        return self.cost - self.bound <= tol * _cost(self.coefficients.initial * self.factors, self.method)
+
+
+def identify(weights: Complexes, readings: Complexes) -> Coefficients:
+    """Coefficients from runs: weights on the rotor (runs, planes) and readings (runs, rows).
+
+    Least squares of v = v0 + alpha w over the runs; a weight that stayed on is in the rows of all runs that it was on.
+    Raises SizingError where the runs do not tell every plane's effect apart.
+    """
+    runs, planes = weights.shape
+    scale = np.abs(weights).max(axis=0, initial=0.0)
+    scale[scale == 0.0] = 1.0
+    known = np.hstack([np.ones((runs, 1)), weights / scale])
+    rank = int(np.linalg.matrix_rank(known))
+    if rank < planes + 1:
+        raise SizingError(
+            f"{runs} run{'s' * (runs != 1)} tell {max(rank - 1, 0)} of {planes} planes apart: expected a run without "
+            "weights and one trial weight in each plane"
+        )
+    found = np.linalg.lstsq(known, readings, rcond=None)[0]
+    misfit = float(np.sqrt(np.mean(np.abs(readings - known @ found) ** 2)))
+    return Coefficients(found[0], found[1:].T / scale, misfit if runs > planes + 1 else 0.0)
+
+
+def effect(before: Complexes, after: Complexes) -> float:
+    """Largest change of a reading by a trial weight, relative to the reading before; over rows (rows,) of one unit.
+
+    A reading below a tenth of the largest is compared with that tenth: small readings scatter without a trial weight.
+    Infinite where all readings before were zero.
+    """
+    size = np.abs(before)
+    floor = _SMALL_READING * float(size.max(initial=0.0))
+    change = np.abs(after - before)
+    return float(np.max(change / np.maximum(size, floor))) if floor > 0.0 else float("inf")
+
+
+def solve(
+    coefficients: Coefficients,
+    method: str = "least-squares",
+    factors: Floats | None = None,
+    limits: Sequence[float] | None = None,
+) -> Solution:
+    """The weights that make the readings small, each reading times its factor, each weight within its limit.
+
+    Raises SizingError where readings are fewer than planes, planes act alike, or the optimum cannot be proven.
+    """
+    rows, planes = coefficients.matrix.shape
+    weighting = np.ones(rows) if factors is None else factors
+    bounds = np.full(planes, np.inf) if limits is None else np.asarray(limits, dtype=float)
+    matrix, initial = coefficients.matrix * weighting[:, None], coefficients.initial * weighting
+    norms = np.linalg.norm(matrix, axis=0)
+    if (norms == 0.0).any():
+        raise SizingError(f"a weight in plane number {int(np.argmin(norms)) + 1} moves no reading")
+    if np.linalg.matrix_rank(matrix / norms, tol=1e-9) < planes:
+        raise SizingError(
+            f"{rows} reading{'s' * (rows != 1)} do not determine the weights of {planes} planes: use more sensors or "
+            "speeds, or fewer planes"
+        )
+    if method == "least-squares":
+        weights, bound = _least_squares(matrix, initial, bounds)
+    elif method in METHODS:
+        weights, bound = least(matrix, initial, bounds, total=method == "robust")
+    else:
+        raise SizingError(f"method is {method!r}: expected one of {', '.join(METHODS)}")
+    return Solution(coefficients, weights, method, weighting, bound)
+
+
+def _cost(readings: Complexes, method: str) -> float:
+    moduli = np.abs(readings)
+    if method == "least-squares":
+        return float(np.linalg.norm(moduli))
+    return float(moduli.sum() if method == "robust" else moduli.max())
+
+
+def _least_squares(matrix: Complexes, initial: Complexes, limits: Floats) -> tuple[Complexes, float]:
+    """Weights of least squares; where a limit binds, by SLSQP, with the bound of the dual problem."""
+    weights = np.linalg.lstsq(matrix, -initial, rcond=None)[0]
+    if (np.abs(weights) <= limits).all():
+        return weights, float(np.linalg.norm(initial + matrix @ weights))
+    weights = _limited(matrix, initial, limits, weights)
+    reached, bound = float(np.linalg.norm(initial + matrix @ weights)), _dual_bound(matrix, initial, limits, weights)
+    if reached - bound > _PROVEN * float(np.linalg.norm(initial)):
+        raise SizingError(f"correction weights: optimum not proven, reached {reached:.6g}, bound {bound:.6g}")
+    return weights, bound
+
+
+def _limited(matrix: Complexes, initial: Complexes, limits: Floats, start: Complexes) -> Complexes:
+    """Least squares with |w_j| <= limit_j, in units in which the limits or else the free solution are one."""
+    planes = matrix.shape[1]
+    unit = np.where(np.isfinite(limits), limits, np.maximum(np.abs(start), 1e-300))
+    size = np.linalg.norm(initial)
+    scaled, target = matrix * unit / size, initial / size
+    bound = np.flatnonzero(np.isfinite(limits))
+
+    def objective(x: Floats) -> tuple[float, Floats]:
+        residual = target + scaled @ (x[:planes] + 1j * x[planes:])
+        slope = scaled.conj().T @ residual
+        return 0.5 * float(np.vdot(residual, residual).real), np.r_[slope.real, slope.imag]
+
+    def room(x: Floats) -> Floats:
+        return 1.0 - x[bound] ** 2 - x[planes + bound] ** 2
+
+    def room_slope(x: Floats) -> Floats:
+        one = -2.0 * np.eye(planes)[bound]
+        return np.hstack([one * x[:planes], one * x[planes:]])
+
+    constraint: Any = {"type": "ineq", "fun": room, "jac": room_slope}
+    precise: Any = {"ftol": 1e-16, "maxiter": 1000}
+    first = within(start, limits) / unit
+    found = minimize(
+        objective,
+        np.concatenate([first.real, first.imag]),
+        jac=True,
+        method="SLSQP",
+        constraints=constraint,
+        options=precise,
+    )
+    x = np.asarray(found.x)
+    return within((x[:planes] + 1j * x[planes:]) * unit, limits)
+
+
+def _dual_bound(matrix: Complexes, initial: Complexes, limits: Floats, weights: Complexes) -> float:
+    """Lower bound: min over w of |v0 + A w|^2 + sum mu_j (|w_j|^2 - limit_j^2), with the multipliers mu >= 0 at w."""
+    slope = matrix.conj().T @ (initial + matrix @ weights)
+    at_limit = np.abs(weights) >= limits * (1.0 - 1e-9)
+    safe = np.where(at_limit, np.abs(weights) ** 2, 1.0)
+    mu = np.where(at_limit, np.maximum(0.0, -(weights.conj() * slope).real / safe), 0.0)
+    normal = matrix.conj().T @ matrix + np.diag(mu)
+    free = -np.linalg.solve(normal, matrix.conj().T @ initial)
+    squares = float(np.linalg.norm(initial + matrix @ free) ** 2)
+    penalty = mu[at_limit] * (np.abs(free[at_limit]) ** 2 - limits[at_limit] ** 2)
+    return float(np.sqrt(max(0.0, squares + float(penalty.sum()))))

@@ -1,0 +1,1 @@
+"""Rigid rotors: correction planes, bearing reactions, trial weights, holes and stock weights, permissible unbalance."""

@@ -1,0 +1,115 @@
+"""Trial runs, and the correction weights that they give.
+
+Inside, phase counts as lead of the vibration and weight angles with the sense of rotation, whatever the sheet counts.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import influence
+from ..arrays import Floats
+from ..errors import DataError
+from .moduli import Complexes
+
+
+@dataclass(frozen=True)
+class TrialPlane:
+    """A plane that carries weights."""
+
+    name: str
+    limit: float = np.inf
+    """Largest weight that may be mounted [kg or kg m]."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of the machine."""
+
+    name: str
+    weights: Complexes
+    """All weights that were on, (planes,) [kg or kg m]."""
+    trial: Complexes
+    """Those of them that were put on for this run, (planes,)."""
+    stayed_on: bool | None
+    """Whether they stayed on after it; None where nothing was put on."""
+    readings: Complexes
+    """Readings, (rows,) [m, m/s or m/s2]."""
+
+
+@dataclass(frozen=True)
+class Runs:
+    """A sheet of trial runs, in the sense of lead and with rotation."""
+
+    name: str
+    source: str
+    phase: str
+    """What the sheet's phases count: ``lead`` or ``lag``."""
+    angles: str
+    """How the sheet counts weight angles: ``with rotation`` or ``against rotation``."""
+    amplitude: str
+    """Metric of the readings, such as ``peak_to_peak``."""
+    planes: tuple[TrialPlane, ...]
+    rows: tuple[tuple[str, str], ...]
+    """Sensor and speed of each row."""
+    factors: Floats
+    """Factor of each row in what is made small, (rows,)."""
+    reading: str
+    """Dimension of the readings; ``mixed`` where sensors differ and each has its scale."""
+    weight: str
+    """Dimension of the weights: ``mass`` or ``first moment``."""
+    runs: tuple[Run, ...]
+    """Empty where the sheet gives the coefficients."""
+    given: influence.Coefficients | None
+    """Coefficients where the sheet gives them."""
+    least_effect: float
+    published: Mapping[str, complex]
+    """Weights by plane that the source prints, in the sheet's own sense [kg or kg m]."""
+    note: str
+
+    @property
+    def on_now(self) -> Complexes:
+        """Weights that are still on after the last run, (planes,)."""
+        on = np.zeros(len(self.planes), dtype=complex)
+        for run in self.runs:
+            on = on + (run.trial if run.stayed_on else 0.0)
+        return on
+
+    def coefficients(self) -> influence.Coefficients:
+        """Influence coefficients; a trial weight with too little effect is refused by name."""
+        if self.given is not None:
+            return self.given
+        for run, effect in self.effects().items():
+            if effect < self.least_effect:
+                raise DataError(
+                    f"{self.name}: the trial weight of run {run!r} changed no reading by more than "
+                    f"{100 * effect:.1f} % (expected {100 * self.least_effect:g} %): too little effect to compute "
+                    "from; repeat the run with a larger trial weight, or state a smaller least_effect in the sheet"
+                )
+        stacked = np.array([run.weights for run in self.runs]), np.array([run.readings for run in self.runs])
+        return influence.identify(*stacked)
+
+    def effects(self) -> dict[str, float]:
+        """Largest change of a reading by each trial weight, relative to the last run with the same other weights."""
+        found = {}
+        for i, run in enumerate(self.runs):
+            if run.stayed_on is None:
+                continue
+            others = run.weights - run.trial
+            before = [r for r in self.runs[:i] if np.allclose(r.weights, others, rtol=1e-12, atol=0.0)]
+            found[run.name] = influence.effect(before[-1].readings * self.factors, run.readings * self.factors)
+        return found
+
+    def solve(self, method: str) -> influence.Solution:
+        """Correction weights, in the sense of lead and with rotation."""
+        limits = [plane.limit for plane in self.planes]
+        return influence.solve(self.coefficients(), method, self.factors, limits)
+
+    def in_sheet_sense(self, weights: Complexes) -> Complexes:
+        """Weights with their angles counted as the sheet counts them."""
+        return weights if self.angles == "with rotation" else weights.conj()
+
+    def as_sheet_phase(self, readings: Complexes) -> Complexes:
+        """Readings with their phases counted as the sheet counts them."""
+        return readings if self.phase == "lead" else readings.conj()

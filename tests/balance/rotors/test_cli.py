@@ -1,0 +1,125 @@
+"""``balance rotor`` at its face."""
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from balance.cli.rotor import rotor
+from balance.errors import DataError
+
+
+def _json(*arguments):
+    result = CliRunner().invoke(rotor, [*arguments, "--json"], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return json.loads(result.output)
+
+
+def test_correct_gives_corrections_polygons_and_bearing_loads(tmp_path):
+    """Every number of table and figure is in the document, the published beside ours."""
+    picture = tmp_path / "polygons.svg"
+    found = _json("correct", "three-masses", "--figure", str(picture))
+    left, right = found["corrections"]
+    assert right["magnitude_kgmm"] == pytest.approx(177.412, abs=1e-3)
+    assert right["angle_deg"] == pytest.approx(261.105, abs=1e-3)
+    assert right["mass_kg"] == pytest.approx(1.77412, abs=1e-5)
+    assert left["published"]["magnitude_kgmm"] == pytest.approx(133.77)
+    assert found["bearing_loads"]["before"][1]["magnitude_N"] == pytest.approx(1609.4057)
+    assert found["polygons"][0]["sides"] == ["1", "2", "3", "R"]
+    assert picture.stat().st_size > 1000
+
+
+def test_correct_from_a_table_with_planes_and_bearings_given():
+    """A table and places on the command line give what the sheet gives."""
+    places = [
+        "--plane",
+        "L=0mm",
+        "--plane",
+        "R=0.8m",
+        "--bearing",
+        "-100mm",
+        "--bearing",
+        "900mm",
+        "--speed",
+        "100rad/s",
+    ]
+    found, sheet = _json("correct", "three-masses-table", *places), _json("correct", "three-masses")
+    assert found["bearing_loads"] == sheet["bearing_loads"]
+    text = CliRunner().invoke(rotor, ["correct", "three-masses-table", "--plane", "m=0mm"], catch_exceptions=False)
+    assert "the couple stays" in text.output
+
+
+def test_influence_prints_weights_and_whether_the_trial_stayed_on(tmp_path):
+    """Text names the trial's effect and whether it stayed on; JSON holds coefficients and readings."""
+    text = CliRunner().invoke(rotor, ["influence", "feese-2004"], catch_exceptions=False).output
+    assert "it stayed on" in text
+    assert "phase counts as lead" in text
+    found = _json("influence", "goodman-1964", "--method", "min-max", "--figure", str(tmp_path / "v.png"))
+    largest = max(row["after"]["magnitude_um"] for row in found["readings"])
+    assert largest * 1e-6 == pytest.approx(found["cost_lower_bound_SI"], rel=1e-6)
+    assert largest < 0.47619
+
+
+def test_ill_conditioned_planes_are_a_finding(tmp_path):
+    """Two planes that act alike: computed, listed, exit code 3."""
+    sheet = """
+phase = "lead"
+angles = "with rotation"
+per = "g"
+planes = [ { name = "a" }, { name = "b" } ]
+initial.unstated = { A = "1 um @ 0 deg", B = "2 um @ 0 deg" }
+coefficients.unstated = { A = ["1 um @ 0 deg", "1.01 um @ 0 deg"], B = ["1 um @ 0 deg", "1.02 um @ 0 deg"] }
+"""
+    path = tmp_path / "alike.toml"
+    path.write_text(sheet, encoding="utf-8")
+    result = CliRunner().invoke(rotor, ["influence", str(path), "--json"], catch_exceptions=False)
+    assert result.exit_code == 3
+    assert "condition number" in json.loads(result.output)["findings"][0]
+
+
+def test_split_of_any_weight_and_from_stock():
+    """Two neighbouring holes, and the proven set of stock weights."""
+    free = _json("split", "30 g @ 100 deg", "--holes", "12")
+    assert [h["hole"] for h in free["holes"]] == ["4", "5"]
+    weights = [word for m in ("5g", "10g", "20g") for word in ("--weight", m)]
+    stock = _json("split", "30 g @ 100 deg", "--holes", "12", "--most-holes", "3", *weights)
+    assert stock["residual_g"] == pytest.approx(0.53695602, abs=1e-6)
+    assert stock["least_possible_residual_g"] == pytest.approx(stock["residual_g"], rel=1e-6)
+    removed = _json("split", "3000 g mm @ 100 deg", "--holes", "12", "--radius", "100mm", "--remove")
+    assert [h["hole"] for h in removed["holes"]] == ["10", "11"]
+
+
+def test_tolerance_has_its_scope_and_refuses_linkages():
+    """The scope is part of the answer; a mechanism is refused with the reason."""
+    found = _json("tolerance", "--grade", "G6.3", "--mass", "40kg", "--speed", "3000rpm", "--residual", "900gmm")
+    assert found["U_per_gmm"] == pytest.approx(802.14091)
+    assert found["within_tolerance"] is False
+    assert "rigid" in found["scope"]
+    with pytest.raises(DataError, match="rigid rotors only"):
+        CliRunner().invoke(rotor, ["tolerance", "four-bar", "--grade", "G6.3"], catch_exceptions=False)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["tolerance", "--grade", "fine", "--mass", "1kg", "--speed", "3000rpm"],
+        ["tolerance", "--grade", "G1", "--mass", "1kg", "--speed", "50Hz"],
+        ["tolerance", "--grade", "G1", "--mass", "1kg"],
+        ["split", "30 g", "--holes", "4"],
+        ["split", "30 g mm @ 0 deg", "--holes", "4"],
+        ["split", "30 g @ 0 deg"],
+        ["split", "30 g @ 0 deg", "--holes", "4", "--taken", "5"],
+        ["trial", "--mass", "1kg", "--radius", "10mm"],
+        ["correct", "three-masses", "--plane", "left"],
+    ],
+)
+def test_wrong_command_lines(arguments):
+    """A missing or wrong option is a wrong command line."""
+    assert CliRunner().invoke(rotor, arguments).exit_code == 2
+
+
+def test_trial_mass():
+    """The rule of practice at the face."""
+    found = _json("trial", "--mass", "40kg", "--speed", "3000rpm", "--radius", "100mm")
+    assert found["trial_mass_g"] == pytest.approx(3.9758432)
+    assert found["force_N"] == pytest.approx(0.1 * 40 * 9.81)

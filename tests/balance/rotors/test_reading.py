@@ -1,0 +1,98 @@
+"""Rotor sheets and tables: what is missing is named."""
+
+import pytest
+
+from balance.errors import DataError
+from balance.rotors import reading
+
+SHEET = """
+[[planes]]
+name = "L"
+at = "0 mm"
+[[masses]]
+name = "A"
+mass = "3 kg"
+radius = "80 mm"
+angle = "60 deg"
+at = "0.6 m"
+[[masses]]
+name = "B"
+unbalance = "160 g mm"
+{angle}
+at = "300 mm"
+"""
+
+
+def _write(tmp_path, text, name="rotor.toml"):
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_sheet_in_si(tmp_path):
+    """Masses times radii and products of them come in kg m, places in m."""
+    rotor = reading.load(_write(tmp_path, SHEET.format(angle='angle = "90 deg"')))
+    assert abs(rotor.unbalances[0].vector) == pytest.approx(0.24)
+    assert rotor.unbalances[1].vector == pytest.approx(160e-6j)
+    assert [u.at for u in rotor.unbalances] == pytest.approx([0.6, 0.3])
+
+
+def test_a_mass_without_its_angle_is_named(tmp_path):
+    """A sheet with one mass missing its angle is refused, mass and key named."""
+    with pytest.raises(DataError, match=r"rotor.toml, masses\[1\] B: angle is missing"):
+        reading.load(_write(tmp_path, SHEET.format(angle="")))
+
+
+@pytest.mark.parametrize("row", ["B,2,80,,300", "B,2,80"])
+def test_a_table_row_without_its_angle_is_named(tmp_path, row):
+    """A table with an empty or cut cell is refused, line, mass and column named."""
+    text = f"name,mass (kg),radius (mm),angle (deg),at (mm)\nA,3,80,60,600\n{row}\n"
+    with pytest.raises(DataError, match=r"masses.csv, line 3: mass 'B' has no angle"):
+        reading.load(_write(tmp_path, text, "masses.csv"))
+
+
+def test_shipped_table_is_the_shipped_sheet():
+    """The same three masses as TOML and as CSV."""
+    sheet, table = reading.load("three-masses"), reading.load("three-masses-table")
+    assert [u.vector for u in table.unbalances] == pytest.approx([u.vector for u in sheet.unbalances])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("name,mass (kg),radius,angle (deg),at (mm)\nA,1,1,1,1\n", "column 'radius' has no unit"),
+        ("name,mass (kg),radius (mm),at (mm)\nA,1,1,1\n", "no column 'angle'"),
+        ("name,mass (kg),radius (kg),angle (deg),at (mm)\nA,1,1,1,1\n", "not a unit of length"),
+        ("mass (kg),radius (mm),angle (deg),at (mm),colour (deg)\n1,1,1,1,1\n", "'colour"),
+        ("name,mass (kg),radius (mm),angle (deg),at (mm)\nA,1,1,x,1\n", "angle of mass 'A' is 'x'"),
+        ("name,mass (kg),radius (mm),angle (deg),at (mm)\nA,1,1,nan,1\n", "angle of mass 'A' is 'nan'"),
+        ("name,mass (kg),radius (mm),angle (deg),at (mm)\n", "holds no masses"),
+    ],
+)
+def test_wrong_tables_are_named(tmp_path, text, message):
+    """Header and cells that cannot be understood are refused by name."""
+    with pytest.raises(DataError, match=message):
+        reading.load(_write(tmp_path, text, "masses.csv"))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (('at = "0 mm"', 'at = "0 mm"\nradius = "1 mm"\nmass = "1 kg"'), "both radius and mass"),
+        (('"3 kg"', "3"), "mass is 3: expected a text with a unit"),
+        (('"80 mm"', '"80 kg"'), "radius is"),
+        (('mass = "3 kg"', 'mass = "3 kg"\ncolour = "red"'), "unknown key 'colour'"),
+        (("[[planes]]", 'speed = "50 Hz"\n[[planes]]'), "turns or radians"),
+    ],
+)
+def test_wrong_sheets_are_named(tmp_path, change, message):
+    """Keys, units and unknown names are refused where they stand."""
+    with pytest.raises(DataError, match=message):
+        reading.load(_write(tmp_path, SHEET.format(angle='angle = "90 deg"').replace(*change, 1)))
+
+
+def test_a_linkage_is_no_rotor():
+    """A mechanism, shipped or a file, is refused: a linkage's force does not turn with a shaft."""
+    for name in ("four-bar", "elsewhere/own.xml"):
+        with pytest.raises(DataError, match="rigid rotors only"):
+            reading.load(name)
