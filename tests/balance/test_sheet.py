@@ -53,5 +53,5 @@ def test_unread_keys_are_refused():
 )
 def test_wrong_values_are_named(table, read):
     """The key that holds the wrong thing is in the message, with what was expected."""
-    with pytest.raises(DataError, match="sheet.toml: n"):
+    with pytest.raises(DataError, match=r"sheet.toml: n"):
         read(Sheet(table, "sheet.toml"))
