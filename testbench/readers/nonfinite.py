@@ -5,15 +5,15 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from ..findings import Finding
-from ..recording import Block, Report
+from ..recording import Block, Group, Report
 
 
-def watched(blocks: Iterable[Block], report: Report) -> Iterator[Block]:
-    """The same blocks; at their end, channels with samples that are not finite are reported."""
+def watched(blocks: Iterable[Block], report: Report, but: Group | None = None) -> Iterator[Block]:
+    """The same blocks; at their end, channels with samples that are not finite are reported, ``but`` those of one."""
     counts: dict[tuple[str, int], int] = {}
     first: dict[tuple[str, int], tuple[str, str]] = {}
     for block in blocks:
-        for i, column in enumerate(block.columns):
+        for i, column in enumerate(block.columns if block.group is not but else ()):
             if number := int(np.count_nonzero(~np.isfinite(column))):
                 key = (block.group.name, i)
                 counts[key] = counts.get(key, 0) + number

@@ -14,6 +14,7 @@ from .magic import known_as
 ENTRY_POINTS = "counterpoise.readers"
 BUILT_IN = (
     "testbench.readers.cortex",
+    "testbench.readers.c3d.reader",
     "testbench.readers.lvm.reader",
     "testbench.readers.uff.reader",
     "testbench.readers.csv.reader",  # any other text, so that it comes last
