@@ -11,7 +11,8 @@ LONG_RUN = 3
 """Successive equal samples at the extreme that a smooth peak does not leave."""
 _LIMIT_TOLERANCE = 1e-4
 _MOST_EDGES = 1000
-_MOVES = 10_000
+_STEPS = 10_000
+_JUMP = 3.0
 
 
 def code_below(limit: SensorRange) -> float:
@@ -69,7 +70,7 @@ class Clipping:
     limit: SensorRange | None
     above: Plateau = field(init=False)
     below: Plateau = field(init=False)
-    moves: float = 0.0
+    smallest_step: float = 0.0
 
     def __post_init__(self) -> None:
         if self.limit is None:
@@ -82,9 +83,10 @@ class Clipping:
         least, most = np.fmin.reduce(samples), np.fmax.reduce(samples)
         if np.isnan(most):
             return
-        if not self.moves and len(samples) > 1:
-            moves = np.abs(np.diff(samples[:_MOVES]))
-            self.moves = float(np.median(moves[np.isfinite(moves)])) if np.isfinite(moves).any() else 0.0
+        if not self.smallest_step:
+            steps = np.abs(np.diff(samples[:_STEPS]))
+            steps = steps[(steps > 0) & np.isfinite(steps)]
+            self.smallest_step = float(steps.min()) if len(steps) else 0.0
         self.above.update(samples, float(most))
         self.below.update(samples, -float(least))
 
@@ -103,14 +105,15 @@ class Clipping:
         return f"{top.count} samples at the top and {bottom.count} at the bottom lie {at}; {runs}"
 
     def _looks_flat(self) -> bool:
-        """Flat tops without a stated range: alike on both sides, or entered by jumps as a cut signal enters them."""
-        top, bottom = self.above, self.below
-        alike = abs(top.level - bottom.level) < 0.01 * abs(top.level)
-        if alike and min(top.long_runs, bottom.long_runs) >= 2:
-            return True
-        return any(self._entered_by_jumps(side) for side in (top, bottom))
+        """Whether flat tops without a stated range are those of a cut signal.
 
-    def _entered_by_jumps(self, side: Plateau) -> bool:
-        if side.long_runs < 3 or side.level == 0 or not side.edges or not self.moves:
-            return False
-        return float(np.median(side.edges)) >= 2 * self.moves
+        A cut signal jumps onto its flat top; one that is only quantised, or at rest, arrives by its smallest step.
+        Zero is where unloaded sensors rest.
+        """
+        return any(
+            side.long_runs >= LONG_RUN
+            and side.level != 0
+            and len(side.edges) > 0
+            and float(np.median(side.edges)) >= _JUMP * self.smallest_step > 0
+            for side in (self.above, self.below)
+        )
