@@ -1,0 +1,95 @@
+"""``testbench identify``: one JSON document with units, tables for people, exit codes."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from balance import datasets
+from testbench import rig as rigs
+from testbench.cli.identify import identify
+from testbench.errors import AnalysisError
+from testbench.ingest import Ingest
+from testbench.runsheet import PlannedRun
+
+ARM = "two-joint-arm-a0"
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A stored run of a simulated arm: a swing of both joints, torques of the shipped parameters without friction."""
+    from balance.mechanism import Mechanism
+    from balance.regressor import torque_regressor
+
+    folder = tmp_path_factory.mktemp("campaign")
+    time = np.arange(0.0, 6.0, 0.005)
+    omega = 2 * np.pi * np.array([0.7, 1.1])
+    wave = np.array([[0.9, 0.5], [0.4, 1.3]])
+    q = np.sin(np.outer(time, omega)) @ wave
+    v = (np.cos(np.outer(time, omega)) * omega) @ wave
+    a = (-np.sin(np.outer(time, omega)) * omega**2) @ wave
+    model = Mechanism.load(ARM)
+    torque = torque_regressor(model, q, v, a) @ model.pi + np.random.default_rng(0).normal(0, 0.05, q.shape)
+    log = folder / "swing.csv"
+    table = np.column_stack([time, q, torque])
+    np.savetxt(log, table, "%.9f", ",", header="# origin: simulated\ntime,pos1,pos2,tau1,tau2", comments="")
+    assert Ingest(folder, rigs.load(ARM)).run(PlannedRun("swing", (log,)))[0].status == "stored"
+    return folder / "swing.h5"
+
+
+def invoke(*arguments: object, expected: int = 0) -> str:
+    """Run the command; its standard output."""
+    done = CliRunner().invoke(identify, [str(a) for a in arguments], standalone_mode=False, catch_exceptions=False)
+    assert done.return_value == expected
+    return done.stdout
+
+
+def test_document(run):
+    """Keys and units of the JSON document; masses are not observable, first moments are near the truth."""
+    found = json.loads(invoke(ARM, run, "--json"))
+    assert {"parameters", "base_parameters", "validation", "verdict", "counter_masses", "cutoff"} <= set(found)
+    by_name = {row["name"]: row for row in found["parameters"]}
+    assert by_name["m[link_2]"] == {"name": "m[link_2]", "value": None, "interval": None, "observable": False}
+    assert by_name["mcx[link_2]"]["observable"]
+    assert by_name["mcx[link_2]"]["value"] == pytest.approx(0.11106, rel=0.03)
+    first = found["first_moments"][0]
+    assert first["name"] == "mcx[link_1] + 0.3 m[link_2]"
+    assert first["unit"] == "kg m"
+    assert first["interval"][0] < first["value"] < first["interval"][1]
+    assert set(found["validation"]["rms_ratio"]) == {"J1", "J2"}
+    assert found["origin"] == "simulated"
+    assert found["counter_masses"][1]["first_moment_kgm"] == pytest.approx(0.1 * found["counter_masses"][1]["mass_kg"])
+    assert found["verdict"] == "usable"
+    assert "held-out" in found["cutoff"]["rule"]
+
+
+def test_tables_and_figure(run, tmp_path):
+    """People read the combination, its interval, the unexplained torque, the verdict; the figure is written."""
+    text = invoke(ARM, run, "--figure", tmp_path / "torque.svg")
+    for words in ("mcx[link_1] + 0.3 m[link_2]", "origin simulated", "unexplained on held-out", "Verdict: usable"):
+        assert words in text
+    assert (tmp_path / "torque.svg").read_text("utf-8").startswith("<?xml")
+
+
+def test_doubtful_results_exit_with_3(run, tmp_path):
+    """Torque that the mechanism does not explain is listed as a doubt, and the exit code says so."""
+    rig = datasets.find(ARM, "rigs", ".toml").read_text("utf-8")
+    swapped = tmp_path / "swapped.toml"
+    swapped.write_text(rig.replace('"tau1"', '"x"').replace('"tau2"', '"tau1"').replace('"x"', '"tau2"'), "utf-8")
+    found = json.loads(invoke(ARM, run, "--rig", swapped, "--json", expected=3))
+    assert found["verdict"] == "doubtful"
+    assert any("stays unexplained" in doubt for doubt in found["doubts"])
+
+
+def test_a_rig_without_its_joints_is_refused(run):
+    """A run of another mechanism is refused, naming the joint that its rig lacks."""
+    with pytest.raises(AnalysisError, match="on joint 'A0'"):
+        invoke("parallelogram-6bar", run)
+
+
+def test_no_run_is_a_wrong_command_line():
+    """Without a run the command line is wrong."""
+    done = CliRunner().invoke(identify, [ARM])
+    assert done.exit_code == 2
+    assert "RUN..." in done.stderr

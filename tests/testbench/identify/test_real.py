@@ -1,0 +1,83 @@
+"""The two real recordings of a two-joint arm, from log file to first moments and counter-masses.
+
+What is asked of them was fixed before: within 10 % of the published first moments is the aim, a larger difference is
+shown; intervals contain half and double the cut-off.
+"""
+
+import pytest
+
+from balance.mechanism import Mechanism
+from testbench import rig as rigs
+from testbench.identify import identify_run
+from testbench.identify.figure import draw
+from testbench.ingest import Ingest
+from testbench.runsheet import PlannedRun
+from testbench.store import open_run
+
+from . import arms
+
+RECORDINGS = {
+    "two-joint-arm-a0": "09_double_pendulum_A0_061705.csv",
+    "two-joint-arm-c1": "10_double_pendulum_C1_154548.csv",
+}
+
+
+@pytest.fixture(scope="module", params=list(RECORDINGS))
+def result(request, tmp_path_factory):
+    """A recording ingested with its rig, and identified."""
+    folder = tmp_path_factory.mktemp("campaign")
+    log = arms.real(RECORDINGS[request.param])
+    Ingest(folder, rigs.load(request.param)).run(PlannedRun(log.stem, (log,)))
+    return identify_run(open_run(folder / f"{log.stem}.h5"), Mechanism.load(request.param))
+
+
+def test_first_moments(result):
+    """Both first moments along the links: positive, known to a quarter, their intervals hold half and double."""
+    first, _, second, _ = result.first_moments()
+    for value in (first, second):
+        low, high = value.interval
+        assert 0.0 < low < value.value < high
+        assert high - low < 0.25 * value.value
+        assert len(value.variants) == 3
+        assert all(low <= other <= high for other in value.variants.values())
+
+
+def test_beside_the_published(result):
+    """Beside what the authors published, 15 % at most; for A.0, the sum of link 1 and elbow is within 10 %."""
+    first, _, second, _ = result.first_moments()
+    assert first.value == pytest.approx(first.in_file, rel=0.10)
+    assert second.value == pytest.approx(second.in_file, rel=0.15)
+    if result.mechanism.name == "two-joint-arm-a0":
+        assert first.in_file == pytest.approx(0.3491, abs=5e-5)
+        assert second.in_file == pytest.approx(0.1111, abs=5e-5)
+        assert all(value.interval[0] < value.in_file < value.interval[1] for value in (first, second))
+
+
+def test_unexplained_torque(result):
+    """Some torque stays unexplained, and more of it as recorded than below the cut-off; less than half in all."""
+    assert (result.rms_ratio_in_band > 0.02).all()
+    assert (result.rms_ratio_in_band < result.rms_ratio).all()
+    assert (result.rms_ratio < 0.5).all()
+    assert result.verdict == "usable"
+
+
+def test_counter_masses(result):
+    """The counter-masses follow from the two first moments and the length of link 1."""
+    first, _, second, _ = result.first_moments()
+    length = {"two-joint-arm-a0": 0.3, "two-joint-arm-c1": 0.2}[result.mechanism.name]
+    inner, outer = result.counter_masses()
+    assert outer.mass.value == pytest.approx(second.value / 0.1)
+    assert inner.mass.value == pytest.approx((first.value + length * outer.mass.value) / 0.1)
+    assert inner.mass.interval[0] < inner.mass.value < inner.mass.interval[1]
+
+
+def test_figure(result):
+    """A panel a joint, each with the torque as recorded, low-passed and predicted; origin and run in the title."""
+    figure = draw(result)
+    panels = figure.axes
+    assert len(panels) == 2
+    labels = [line.get_label() for line in panels[0].get_lines()[:3]]
+    assert labels[0] == "as recorded"
+    assert labels[2] == "model, each stretch predicted from the others"
+    assert figure.get_suptitle().startswith("Origin unstated: two-joint-arm")
+    assert panels[0].get_ylabel() == "torque of J1 [N m]"
