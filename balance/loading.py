@@ -2,6 +2,8 @@
 
 import os
 import tempfile
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +14,7 @@ from .arrays import Floats
 from .constraints import Anchor, Loop
 from .errors import ModelError
 from .mechanism import Mechanism, Site, _frozen
+from .refusals import refuse_mimics
 from .tree import tree_of
 
 if TYPE_CHECKING:
@@ -27,29 +30,39 @@ def load(name: str | Path) -> Mechanism:
     path = datasets.find(name, "mechanisms", ".xml")
     if path.suffix.lower() not in {".xml", ".mjcf", ".urdf", ".sdf"}:
         raise ModelError(f"{path.name}: expected a MJCF (.xml, .mjcf), URDF (.urdf) or SDF (.sdf) file")
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise ModelError(f"{path.name}: not in UTF-8: {error}") from error
     model, loops, extras = _read(path)
-    return _mechanism(path, model, loops, extras)
+    return _mechanism(path, text, model, loops, extras)
 
 
 def load_text(text: str, name: str) -> Mechanism:
-    """Load a mechanism from the text of a MJCF file."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"{Path(name).name}.xml"
-        path.write_text(text, encoding="utf-8")
+    """Load a mechanism from the text of a file."""
+    with _written(text, name) as path:
         return load(path)
 
 
 def pinocchio_model(mechanism: Mechanism) -> "pinocchio.Model":
-    """The Pinocchio model of a mechanism loaded from MJCF, with its present masses."""
+    """The Pinocchio model of a mechanism, with its present masses."""
     pin = _pinocchio()
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"{mechanism.name}.xml"
-        path.write_text(mechanism.text, encoding="utf-8")
+    with _written(mechanism.text, mechanism.name) as path:
         model = _read(path)[0]
     for i, row in enumerate(mechanism.parameters):
         model.inertias[i + 1] = pin.Inertia.FromDynamicParameters(row)
     model.gravity.linear = mechanism.gravity
     return model
+
+
+@contextmanager
+def _written(text: str, name: str) -> Iterator[Path]:
+    """A file of this text for as long as it is read, with the ending that its root element asks for."""
+    ending = ".urdf" if "<robot" in text else ".sdf" if "<sdf" in text else ".xml"
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"{Path(name).name}{ending}"
+        path.write_text(text, encoding="utf-8")
+        yield path
 
 
 def _pinocchio() -> "Any":  # noqa: ANN401
@@ -66,12 +79,16 @@ def _read(path: Path) -> "tuple[pinocchio.Model, _Constraints, mjcf.Extras]":
     pin = _pinocchio()
     none: _Constraints = ([], [])
     if path.suffix.lower() == ".urdf":
+        refuse_mimics(path)
         return _quietly(pin.buildModelFromUrdf, path), none, _bare(path)
     if path.suffix.lower() == ".sdf":
+        if not hasattr(pin, "buildModelFromSdf"):
+            raise ModelError(f"{path.name}: this Pinocchio was built without SDF; convert the file to MJCF or URDF")
         model, *_ = _quietly(pin.buildModelFromSdf, path, True)
         return model, none, _bare(path)
     extras = mjcf.read_extras(path)
-    model, connects, welds = _quietly(pin.buildModelAndConstraintsFromMJCF, path)
+    with _written(extras.prepared, path.stem) as prepared:
+        model, connects, welds = _quietly(pin.buildModelAndConstraintsFromMJCF, prepared)
     return model, (list(connects), list(welds)), extras
 
 
@@ -85,30 +102,34 @@ def _quietly(reader: object, path: Path, *args: object) -> "pinocchio.Model":
     try:
         return reader(os.fspath(path), *args)  # type: ignore[operator]
     except (ValueError, RuntimeError, TypeError, IndexError) as error:
-        raise ModelError(f"{path.name}: Pinocchio cannot read this mechanism: {str(error).strip()}") from error
+        what = str(error).split("message:")[-1].strip()
+        raise ModelError(f"{path.name}: Pinocchio cannot read this mechanism: {what}") from error
 
 
-def _mechanism(path: Path, model: "pinocchio.Model", constraints: _Constraints, extras: mjcf.Extras) -> Mechanism:
+def _mechanism(
+    path: Path, text: str, model: "pinocchio.Model", constraints: _Constraints, extras: mjcf.Extras
+) -> Mechanism:
     tree = tree_of(model, path.name)
     if not tree.joints:
         raise ModelError(f"{path.name}: no moving body; joints belong to the bodies under the base")
     coordinates = _coordinates(model, extras)
     bodies = _bodies(model)
     parameters = np.array([model.inertias[i].toDynamicParameters() for i in range(1, model.njoints)])
-    home, branch = _home(model)
-    unknown = [joint for joint in extras.driven if joint not in coordinates]
-    if unknown:
-        raise ModelError(f"{path.name}: <actuator> drives joint {unknown[0]!r}: there are {', '.join(coordinates)}")
+    home, branch = _home(model, extras)
+    sites, own_mass = _sites(model, extras), _own_masses(model, bodies, parameters)
+    _known(path, "<actuator> drives joint", extras.driven, coordinates)
+    _known(path, "<text name='payload'> names body", extras.payload_bodies, own_mass)
+    _known(path, "<numeric name='....radius_of_gyration'> names site", extras.radius_of_gyration, sites)
     return Mechanism(
         name=path.stem,
-        text=path.read_text(encoding="utf-8"),
+        text=text,
         tree=tree,
         loops=_loops(constraints, tree.bodies, extras),
         bodies=bodies,
         coordinates=coordinates,
         parameters=_frozen(parameters),
-        own_mass=_own_masses(model, bodies, parameters),
-        sites=_sites(model, extras),
+        own_mass=own_mass,
+        sites=sites,
         gravity=_frozen(np.array(extras.gravity)),
         home=_frozen(home),
         branch=branch,
@@ -118,6 +139,13 @@ def _mechanism(path: Path, model: "pinocchio.Model", constraints: _Constraints, 
         coulomb=_frozen(np.array(_dry_friction(model))),
         payload_bodies=extras.payload_bodies,
     )
+
+
+def _known(path: Path, what: str, names: Iterable[str], known: Collection[str]) -> None:
+    """Raise ModelError for the first of ``names`` that is not among the known."""
+    for name in names:
+        if name not in known:
+            raise ModelError(f"{path.name}: {what} {name!r}: there are {', '.join(known) or 'none'}")
 
 
 def _dry_friction(model: "pinocchio.Model") -> Floats:
@@ -156,7 +184,8 @@ def _own_masses(model: "pinocchio.Model", bodies: tuple[str, ...], parameters: F
     own = {name: (i, parameters[i].copy()) for i, name in enumerate(bodies)}
     for frame in model.frames:
         if frame.type == pinocchio.FrameType.BODY and frame.parentJoint > 0 and frame.name not in own:
-            share = frame.placement.act(frame.inertia).toDynamicParameters()
+            fixed = model.frames[frame.parentFrame]  # of the fixed joint: it keeps the inertia, the body's own is zero
+            share = fixed.placement.act(fixed.inertia).toDynamicParameters()
             row = frame.parentJoint - 1
             own[frame.name] = (row, share)
             own[bodies[row]] = (row, own[bodies[row]][1] - share)
@@ -178,13 +207,11 @@ def _sites(model: "pinocchio.Model", extras: mjcf.Extras) -> dict[str, Site]:
     }
 
 
-def _home(model: "pinocchio.Model") -> tuple[Floats, str]:
+def _home(model: "pinocchio.Model", extras: mjcf.Extras) -> tuple[Floats, str]:
     configurations = {entry.key(): np.array(entry.data()) for entry in model.referenceConfigurations}
-    names = [name for name in configurations if name != "qpos0"]
-    if "home" in names or names:
-        name = "home" if "home" in names else names[0]
-        return configurations[name], name
-    return configurations.get("qpos0", np.zeros(model.nq)), "zero configuration"
+    if extras.keyframe is not None:
+        return configurations[extras.keyframe], extras.keyframe
+    return configurations.get("qpos0", np.zeros(model.nv)), "zero configuration"
 
 
 def _loops(constraints: _Constraints, bodies: tuple[int, ...], extras: mjcf.Extras) -> tuple[Loop, ...]:

@@ -5,18 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from .errors import ModelError
-
-_REFUSED = {
-    "equality/joint": "a coupling between joints (gears)",
-    "equality/tendon": "a coupling between tendons",
-    "equality/flex": "a flexible body",
-    "equality/distance": "a fixed distance",
-    "tendon/fixed": "a tendon",
-    "tendon/spatial": "a tendon",
-    "deformable/flex": "a flexible body",
-    "deformable/skin": "a skin",
-}
-_HARMLESS_JOINT_SPRING = {None, "0", "0.0"}
+from .refusals import numbers, refuse
 
 
 @dataclass(frozen=True)
@@ -35,6 +24,10 @@ class Extras:
     """Radius of gyration of a counter-mass about its own centre, by site [m]; a point mass where absent."""
     joints: dict[str, tuple[str, ...]] = field(default_factory=dict)
     """Names of the joints of each body, in the order of the file."""
+    keyframe: str | None = None
+    """The keyframe to start from: ``home``, or else the first that has a configuration."""
+    prepared: str = ""
+    """The file as Pinocchio is to read it."""
 
 
 def read_extras(path: Path) -> Extras:
@@ -45,9 +38,9 @@ def read_extras(path: Path) -> Extras:
         raise ModelError(f"{path.name}: not well-formed XML: {error}") from error
     if root.tag != "mujoco":
         raise ModelError(f"{path.name}: expected a MJCF file with root <mujoco>, found <{root.tag}>")
-    _refuse_what_is_not_understood(root, path)
-    option = root.find("option[@gravity]")
-    gravity = (0.0, 0.0, -9.81) if option is None else _numbers(option.get("gravity", ""), 3, path, "gravity")
+    refuse(root, path.name)
+    options = root.findall("option[@gravity]")
+    gravity = _numbers(options[-1].get("gravity", ""), 3, path, "gravity") if options else (0.0, 0.0, -9.81)
     return Extras(
         gravity=(gravity[0], gravity[1], gravity[2]),
         loops=[_loop_name(e) for kind in ("connect", "weld") for e in root.iterfind(f"equality/{kind}")],
@@ -55,39 +48,14 @@ def read_extras(path: Path) -> Extras:
         payload_bodies=_payload_bodies(root),
         radius_of_gyration=_radii(root, path),
         joints=_joints_by_body(root),
+        keyframe=_keyframe(root, path),
+        prepared=_prepared(root),  # last: it changes the tree
     )
-
-
-def _refuse_what_is_not_understood(root: ElementTree.Element, path: Path) -> None:
-    trees = root.findall("worldbody/body")
-    if len(trees) != 1:
-        raise ModelError(
-            f"{path.name}: expected one <body name='base'> under <worldbody> that holds the whole mechanism, "
-            f"found {len(trees)}: {', '.join(b.get('name', '?') for b in trees) or 'none'}"
-        )
-    for where, what in _REFUSED.items():
-        for element in root.iterfind(where):
-            raise ModelError(
-                f"{path.name}: <{where.replace('/', '><')} {_label(element)}> is {what}, which is not understood "
-                f"here and would change the motion; understood are <connect> and <weld>"
-            )
-    for element in root.iter():
-        if element.tag in {"include", "replicate", "attach", "frame", "composite", "flexcomp"}:
-            raise ModelError(f"{path.name}: <{element.tag}> is not read; write the mechanism out in one file")
-        if element.tag == "joint" and element.get("stiffness") not in _HARMLESS_JOINT_SPRING:
-            raise ModelError(f"{path.name}: joint {element.get('name')!r} has a spring (stiffness), not modelled yet")
-    for element in root.iterfind("equality/*"):
-        if element.get("active", "true") != "true":
-            raise ModelError(f"{path.name}: <{element.tag} {_label(element)}> is not active; remove it from the file")
 
 
 def _loop_name(element: ElementTree.Element) -> str:
     ends = [element.get(k) or "" for k in ("site1", "site2", "body1", "body2") if element.get(k)]
     return element.get("name") or f"{element.tag} {'-'.join(ends)}"
-
-
-def _label(element: ElementTree.Element) -> str:
-    return " ".join(f'{key}="{value}"' for key, value in element.attrib.items())[:120]
 
 
 def _payload_bodies(root: ElementTree.Element) -> tuple[str, ...]:
@@ -96,12 +64,14 @@ def _payload_bodies(root: ElementTree.Element) -> tuple[str, ...]:
 
 
 def _radii(root: ElementTree.Element, path: Path) -> dict[str, float]:
-    ending = ".radius_of_gyration"
-    return {
-        e.get("name", "").removesuffix(ending): _numbers(e.get("data", ""), 1, path, e.get("name", ""))[0]
-        for e in root.iterfind("custom/numeric")
-        if e.get("name", "").endswith(ending)
-    }
+    ending, radii = ".radius_of_gyration", {}
+    for element in root.iterfind("custom/numeric"):
+        if (name := element.get("name", "")).endswith(ending):
+            (radius,) = _numbers(element.get("data", ""), 1, path, name)
+            if radius < 0.0:
+                raise ModelError(f"{path.name}: {name} is {radius:g}: expected zero or more")
+            radii[name.removesuffix(ending)] = radius
+    return radii
 
 
 def _joints_by_body(root: ElementTree.Element) -> dict[str, tuple[str, ...]]:
@@ -111,11 +81,36 @@ def _joints_by_body(root: ElementTree.Element) -> dict[str, tuple[str, ...]]:
     }
 
 
+def _keyframe(root: ElementTree.Element, path: Path) -> str | None:
+    keys = [key for key in root.iterfind("keyframe/key") if "qpos" in key.attrib]
+    for key in keys:
+        if not key.get("name") or not numbers(key.get("qpos", "")):
+            raise ModelError(f"{path.name}: <key name={key.get('name')!r}>: expected a name, and numbers in qpos")
+    names = [key.get("name") for key in keys]
+    return "home" if "home" in names else next(iter(names), None)
+
+
+def _prepared(root: ElementTree.Element) -> str:
+    """The file with two bodies round the world's, for Pinocchio leaves out the pose and the sites of the outermost.
+
+    Loops get names that sort in the order of the file: Pinocchio returns them by name.
+    """
+    world = root.find("worldbody")
+    assert world is not None  # refuse() has seen the tree in it
+    held = list(world)
+    for child in held:
+        world.remove(child)
+    inner = ElementTree.SubElement(
+        ElementTree.SubElement(world, "body", name="world_frame"), "body", name="world_sites"
+    )
+    inner.extend(held)
+    for number, loop in enumerate(root.iterfind("equality/*")):
+        loop.set("name", f"{number:06d}")
+    return ElementTree.tostring(root, encoding="unicode")
+
+
 def _numbers(text: str, count: int, path: Path, name: str) -> list[float]:
-    try:
-        values = [float(word) for word in text.split()]
-    except ValueError:
-        values = []
+    values = numbers(text)
     if len(values) != count:
         raise ModelError(f"{path.name}: {name} is {text!r}: expected {count} number{'s' * (count > 1)}")
     return values

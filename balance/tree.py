@@ -65,8 +65,6 @@ def tree_of(model: "pinocchio.Model", name: str) -> Tree:
             joints.append(Joint(parent, frame.rotation.copy(), frame.translation.copy(), axis, revolute))
             parent, placement = len(joints) - 1, frame.Identity()
         last[i] = parent
-    if len(joints) != model.nv or model.nq != model.nv:
-        raise ModelError(f"{name}: joints with more coordinates than velocities are not supported")
     return Tree(tuple(joints), tuple(last[i] for i in range(1, model.njoints)))
 
 
@@ -81,8 +79,11 @@ def _elementary(joint: object, label: str, name: str) -> list[tuple[object, "pin
 
 
 def _axis(joint: object, label: str, name: str) -> tuple[bool, Floats]:
-    """Kind and axis of a joint, from Pinocchio's class names: RX, RY, RZ, PX, ..., or with an axis of its own."""
-    kind = type(joint).__name__.removeprefix("JointModel")
+    """Kind and axis of a joint, from Pinocchio's class names: RX, RY, RZ, PX, ..., or with an axis of its own.
+
+    A joint without limits (RUB..., URDF's continuous) is a revolute one: its angle is the coordinate here.
+    """
+    kind = type(joint).__name__.removeprefix("JointModel").replace("RUB", "R").replace("Unbounded", "")
     letters = {"X": 0, "Y": 1, "Z": 2}
     if kind in {"RX", "RY", "RZ", "PX", "PY", "PZ"}:
         return kind[0] == "R", np.eye(3)[letters[kind[1]]]
