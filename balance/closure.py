@@ -18,19 +18,21 @@ from .trajectory import Trajectory, follow
 RANK_LIMIT = 1e-9
 """Size of a constraint row, relative to the largest, below which it counts as redundant."""
 
+HOME_LIMIT = 0.2
+"""How far the closed configuration may lie from the keyframe that it is closed from [rad, m]."""
+
 
 class Closure:
     """Closes a mechanism's loops; knows its degrees of freedom and independent constraint rows."""
 
     def __init__(self, mechanism: Mechanism) -> None:
-        """Close the home configuration. Raises ClosureError if that cannot be done."""
+        """Close the home configuration. Raises ClosureError if that cannot be done, or if it is singular."""
         self.mechanism = mechanism
         self.length = _length(mechanism)
         self.home = self._closed(mechanism.home)
-        at = kinematics.pose(mechanism.tree, self.home[:, None])
-        rows = constraints.jacobian(mechanism.loops, mechanism.tree, at)[:, :, 0]
-        self.rows = independent_rows(rows)
+        self.rows = independent_rows(self._jacobian(self.home))
         self.dof = mechanism.tree.size - len(self.rows)
+        self._refuse_a_doubtful_home()
 
     def follow(self, samples: Samples, drive: Drive | None = None) -> Trajectory:
         """Close the mechanism at every sample of a motion of its driven coordinates.
@@ -95,6 +97,23 @@ class Closure:
         """Largest loop residual, all rows, at each of the configurations ``q`` (n, nv), (n,) [m, rad]."""
         at = kinematics.pose(self.mechanism.tree, np.ascontiguousarray(q.T))
         return np.abs(constraints.residual(self.mechanism.loops, at)).max(axis=0, initial=0.0)
+
+    def _refuse_a_doubtful_home(self) -> None:
+        """Home must be about where the file has it, and have as many independent rows as its neighbours."""
+        name, branch = self.mechanism.name, self.mechanism.branch
+        far = float(np.abs(self.home - self.mechanism.home).max(initial=0.0))
+        if far > HOME_LIMIT:
+            raise ClosureError(
+                f"{name}: {branch!r} is not closed: the nearest closed configuration lies {far:.3g} rad or m from it, "
+                "on a branch that is not sure; give a closed one as <keyframe><key name='home' qpos='...'/>"
+            )
+        free = _null_space(self._jacobian(self.home)[self.rows])
+        near = self._walked(self.home, 0.02 * free @ np.random.default_rng(0).normal(size=free.shape[1]))
+        if near is not None and len(independent_rows(self._jacobian(near))) > len(self.rows):
+            raise ClosureError(
+                f"{name} is singular at {branch!r}: its branches meet there; give another closed configuration as "
+                "<keyframe><key name='home' qpos='...'/>"
+            )
 
     def _jacobian(self, q: Floats) -> Floats:
         at = kinematics.pose(self.mechanism.tree, q[:, None])

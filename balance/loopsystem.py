@@ -1,6 +1,6 @@
 """Loops and driven coordinates solved together by Newton's method, one configuration or many at once."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,10 +39,19 @@ class LoopSystem:
         rows = np.concatenate([loops, self.drive.jacobian(self.mechanism.tree, at)])
         return np.ascontiguousarray(np.broadcast_to(rows, (*rows.shape[:2], q.shape[1])).transpose(2, 0, 1))
 
+    @property
+    def redundant(self) -> bool:
+        """Whether rows are left out."""
+        return len(self.rows) < sum(loop.size for loop in self.mechanism.loops)
+
+    def with_all_rows(self) -> "LoopSystem":
+        """The same with no row left out: more equations than unknowns, met all the same where the loops are closed."""
+        return replace(self, rows=np.arange(sum(loop.size for loop in self.mechanism.loops)))
+
     def linearise(self, q: Floats) -> tuple[Floats, Floats]:
         """Inverse of the matrix (n, nv, nv), and its columns that belong to the drive (n, nv, dof)."""
         at = kinematics.pose(self.mechanism.tree, q)
-        inverse = np.linalg.inv(self.matrix(at, q))
+        inverse = inverse_of(self.matrix(at, q))
         return inverse, inverse[:, :, -self.drive.size :]
 
     def newton(self, q: Floats, target: Floats) -> Floats:
@@ -54,10 +63,10 @@ class LoopSystem:
             size = np.abs(residual).max()
             if not size > limit:
                 break
-            change = np.linalg.solve(self.matrix(at, q), residual.T[:, :, None])[:, :, 0].T
+            change = _solution(self.matrix(at, q), residual.T[:, :, None])[:, :, 0].T
             q = q - change
-            if size < 1e-7 * self.length:
-                break  # quadratic convergence: the next residual is below rounding
+            if np.abs(change).max() < 1e-8 * min(1.0, self.length):
+                break  # quadratic convergence: the next change is below rounding
         return q
 
     def march(self, q: Floats, start: Floats, target: Floats, time: float) -> Floats:
@@ -95,3 +104,17 @@ class LoopSystem:
             f"{self.mechanism.name} cannot be closed at {at} (t = {time:.6g} s): it gets as far as {got} on "
             f"the branch of {self.mechanism.branch!r}; the position is out of reach or singular"
         )
+
+
+def inverse_of(matrix: Floats) -> Floats:
+    """Inverse of each square matrix (n, nv, nv); of least squares where there are more rows than columns."""
+    if matrix.shape[1] == matrix.shape[2]:
+        return np.linalg.inv(matrix)
+    left, size, right = np.linalg.svd(matrix, full_matrices=False)
+    return (right.transpose(0, 2, 1) / np.maximum(size, 1e-300)[:, None, :]) @ left.transpose(0, 2, 1)
+
+
+def _solution(matrix: Floats, right: Floats) -> Floats:
+    if matrix.shape[1] == matrix.shape[2]:
+        return np.linalg.solve(matrix, right)
+    return inverse_of(matrix) @ right

@@ -11,15 +11,18 @@ import numpy as np
 from . import constraints, kinematics
 from .arrays import Floats, Indices
 from .errors import ClosureError
-from .loopsystem import RESIDUAL_LIMIT, LoopSystem
+from .loopsystem import RESIDUAL_LIMIT, LoopSystem, inverse_of
 from .motion import Samples
 
 BLOCK = 4096
 """Samples worked on at once: what stays in the processor's cache."""
 COARSE_STEP = 0.1
 """Travel of the driven coordinates between two steps of continuation [rad, or lengths of the mechanism]."""
-SINGULAR_LIMIT = 1e9
-"""Condition number of loops and driven coordinates above which a state counts as singular."""
+SINGULAR_LIMIT = 1e6
+"""Condition number of loops and driven coordinates above which a state counts as singular: rates lose as many of their
+16 digits as it has, accelerations twice as many."""
+POOR_LIMIT = 1e4
+"""Condition number above which the rows that were left out are taken in: those chosen at home may serve badly here."""
 BRANCH_LIMIT = 0.1
 """How far a configuration may lie from its guess between coarse samples [rad, m]."""
 
@@ -108,15 +111,20 @@ def _solve_block(
         q = system.newton(guess, target)
         at, loops, driven = system.evaluate(q, target)
         matrix = system.matrix(at, q)
-        inverse = np.linalg.inv(matrix)
+        inverse = inverse_of(matrix)
     except np.linalg.LinAlgError as error:
+        if system.redundant:
+            return _solve_block(system.with_all_rows(), samples, part, guess)
         time = samples.time[part]
         raise ClosureError(
             f"{mechanism.name} is singular between t = {time[0]:.6g} s and {time[-1]:.6g} s of this motion"
         ) from error
+    number = np.linalg.norm(matrix, axis=(1, 2)) * np.linalg.norm(inverse, axis=(1, 2))
+    if system.redundant and not number.max() < POOR_LIMIT:
+        return _solve_block(system.with_all_rows(), samples, part, guess)
     worst = _checked(system, samples, part, loops, driven)
     _same_branch(system, samples, part, q - guess)
-    condition = _condition(system, samples, part, matrix, inverse)
+    condition = _condition(system, samples, part, number)
     per_drive = inverse[:, :, -system.drive.size :]
     v = np.einsum("nij,jn->in", per_drive, rate)
     still = kinematics.motion(mechanism.tree, at, v)
@@ -148,9 +156,8 @@ def _same_branch(system: LoopSystem, samples: Samples, part: slice, moved: Float
         )
 
 
-def _condition(system: LoopSystem, samples: Samples, part: slice, matrix: Floats, inverse: Floats) -> float:
+def _condition(system: LoopSystem, samples: Samples, part: slice, number: Floats) -> float:
     """Largest condition number (Frobenius). Raises ClosureError where a state is singular."""
-    number = np.linalg.norm(matrix, axis=(1, 2)) * np.linalg.norm(inverse, axis=(1, 2))
     worst = int(np.argmax(number))
     if not number[worst] < SINGULAR_LIMIT:
         raise ClosureError(

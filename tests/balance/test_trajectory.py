@@ -1,0 +1,173 @@
+"""Whole trajectories: closed at every sample, on one branch, rates and second rates those of the path."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from balance.closure import Closure
+from balance.errors import ClosureError
+from balance.motion import Motion, Samples
+from balance.trajectory import BLOCK, Trajectory
+
+from . import models
+
+
+def smooth(joints: tuple[str, ...], start: list[float], travel: list[float], count: int = 4001) -> Samples:
+    """Sine sweeps of the driven joints about their start, over 1 s, phases apart."""
+    time = np.linspace(0.0, 1.0, count)[:, None]
+    phase, w = np.arange(len(joints)) * 0.7, 2 * np.pi * np.arange(1, len(joints) + 1)
+    offset = np.asarray(start) - np.asarray(travel) * np.sin(phase)
+    position = offset + np.asarray(travel) * np.sin(w * time + phase)
+    velocity = np.asarray(travel) * w * np.cos(w * time + phase)
+    return Samples(time[:, 0], position, velocity, -(w**2) * (position - offset), joints=joints)
+
+
+def turn(joint: str, start: float, angle: float, count: int) -> Samples:
+    """A joint that turns at 1 rad/s."""
+    u = np.linspace(start, start + angle, count)
+    return Samples(np.abs(u - start), u[:, None], np.full((count, 1), np.sign(angle)), np.zeros((count, 1)), (joint,))
+
+
+SWEEPS: dict[str, Callable[[], tuple[str, Samples]]] = {
+    "four-bar": lambda: (models.load("four-bar").text, smooth(("A0",), [1.0], [2.5])),
+    "parallelogram-6bar": lambda: (
+        models.load("parallelogram-6bar").text, smooth(("A0", "B0"), [2.356, 0.785], [0.4, 0.5])
+    ),
+    "parallelogram-6bar-full": lambda: (
+        models.load("parallelogram-6bar-full").text, smooth(("A0", "B0"), [2.356, 0.785], [0.4, 0.5])
+    ),
+    "spatial four-bar": lambda: (models.spatial_four_bar(), smooth(("crank",), [0.8868958594656499], [0.6])),
+    "Bennett": lambda: (models.bennett(), smooth(("j1",), [0.8], [0.9])),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module", params=SWEEPS)
+def swept(request: pytest.FixtureRequest) -> tuple[Closure, Samples, Trajectory]:
+    """A mechanism, a motion of its driven joints, and the trajectory that follows it."""
+    text, samples = SWEEPS[request.param]()
+    closure = Closure(models.model(text))
+    return closure, samples, closure.follow(samples)
+
+
+def test_every_row_stays_closed(swept: tuple[Closure, Samples, Trajectory]) -> None:
+    """All loop rows, the redundant ones too, close to rounding at every sample, and the report says so."""
+    closure, samples, trajectory = swept
+    assert closure.residual(trajectory.q).max() <= trajectory.residual < 1e-13
+    assert trajectory.is_closed()
+    assert not trajectory.is_closed(0.0)
+    assert trajectory.branch == "home"
+    driven = [closure.mechanism.coordinate_index(joint) for joint in samples.joints]
+    np.testing.assert_allclose(trajectory.q[:, driven], samples.position, atol=1e-13)
+
+
+def test_rates_are_those_of_the_path(swept: tuple[Closure, Samples, Trajectory]) -> None:
+    """v is the derivative of q and a that of v: central differences, to their second order."""
+    _, samples, trajectory = swept
+    for values, rate in ((trajectory.q, trajectory.v), (trajectory.v, trajectory.a)):
+        difference = np.gradient(values, samples.time, axis=0)[1:-1]
+        np.testing.assert_allclose(rate[1:-1], difference, atol=2e-4 * np.abs(rate).max())
+
+
+def test_rates_per_drive_give_the_rates(swept: tuple[Closure, Samples, Trajectory]) -> None:
+    """v = per_drive @ driven rates at every sample."""
+    _, samples, trajectory = swept
+    v = (trajectory.per_drive @ samples.velocity[:, :, None])[:, :, 0]
+    np.testing.assert_allclose(v, trajectory.v, atol=1e-10 * np.abs(v).max())
+
+
+def test_blocks_do_not_show() -> None:
+    """A trajectory longer than a block, sampled anew at every third instant, is the same at those instants."""
+    closure = Closure(models.load("parallelogram-6bar"))
+    fine = smooth(("A0", "B0"), [2.356, 0.785], [0.4, 0.5], 3 * BLOCK + 1)
+    coarse = Samples(*(x[::3] for x in (fine.time, fine.position, fine.velocity, fine.acceleration)), fine.joints)
+    one, other = closure.follow(fine), closure.follow(coarse)
+    assert np.abs(one.q[::3] - other.q).max() < 1e-13
+    assert np.abs(one.a[::3] - other.a).max() < 1e-10 * np.abs(one.a).max()
+
+
+def test_the_home_keyframe_chooses_the_branch() -> None:
+    """The crossed four-bar stays crossed for a whole turn of its crank, the open one open."""
+    text = models.load("four-bar").text
+    crossed_text = text.replace("-0.5542843118878877 1.376430622392165", "-2.38 -2.27")
+    for sign, branch in ((1.0, text), (-1.0, crossed_text)):
+        closure = Closure(models.model(branch))
+        trajectory = closure.follow(turn("A0", closure.home[0], 2 * np.pi, 500))
+        a = 0.1 * np.exp(1j * trajectory.q[:, 0])
+        b = 0.25 + 0.2 * np.exp(1j * trajectory.q[:, 2])
+        assert (sign * ((b - a) * np.conj(0.25 - a)).imag > 0.0).all()
+
+
+def test_a_crank_may_turn_many_times() -> None:
+    """After 20 turns the rocker is where it was, the coupler's angle has wound with the crank."""
+    closure = Closure(models.load("four-bar"))
+    trajectory = closure.follow(turn("A0", closure.home[0], 40 * np.pi, 8001))
+    np.testing.assert_allclose(trajectory.q[-1] - trajectory.q[0], [40 * np.pi, -40 * np.pi, 0.0], atol=1e-9)
+    assert trajectory.residual < 1e-12
+
+
+def test_coarse_samples_stay_on_the_branch() -> None:
+    """Samples half a radian apart are reached by smaller steps between them: same branch, same answer as fine ones."""
+    closure = Closure(models.load("four-bar"))
+    coarse = closure.follow(turn("A0", closure.home[0], -6 * np.pi, 37))
+    fine = closure.follow(turn("A0", closure.home[0], -6 * np.pi, 36 * 40 + 1))
+    np.testing.assert_allclose(coarse.q, fine.q[::40], atol=1e-11)
+
+
+def test_a_motion_may_start_far_from_home() -> None:
+    """The first sample is reached from the keyframe on its branch, two turns on."""
+    closure = Closure(models.load("four-bar"))
+    trajectory = closure.follow(turn("A0", closure.home[0] + 4 * np.pi, 0.1, 5))
+    np.testing.assert_allclose(trajectory.q[0] - closure.home, [4 * np.pi, -4 * np.pi, 0.0], atol=1e-10)
+
+
+def test_beyond_a_dead_point_is_out_of_reach() -> None:
+    """A rocker driven past the point where crank and coupler are in line: refused, with time and how far it got."""
+    closure = Closure(models.model(models.four_bar(0.25, 0.1, 0.26, 0.2, 1.0, driven="rocker"), "rocker-driven"))
+    stretched = np.pi - np.arccos(
+        (0.25**2 + 0.2**2 - (0.26 + 0.1) ** 2) / (2 * 0.25 * 0.2)
+    )  # crank and coupler in line
+    with pytest.raises(ClosureError, match=r"rocker-driven cannot be closed at rocker = .* \(t = .* s\)") as caught:
+        closure.follow(turn("rocker", closure.home[2], -0.6, 200))
+    assert f"as far as {stretched:.3f}" in str(caught.value)
+
+
+def test_an_arm_stretched_beyond_its_reach_is_refused() -> None:
+    """The tip of a 2R arm of 0.55 m sent to 0.7 m: refused with the position it reached on the way."""
+    closure = Closure(models.load("serial-2r"))
+    x = np.linspace(0.4, 0.7, 100)
+    position = np.stack([x, 0 * x], axis=1)
+    samples = Samples(x, position, np.ones_like(position), 0 * position, point="tip")
+    with pytest.raises(ClosureError, match=r"tip\.x = .*out of reach or singular"):
+        closure.follow(samples)
+
+
+def test_an_arm_stretched_is_singular() -> None:
+    """At full stretch the tip's position does not determine the joints: refused as singular or out of reach."""
+    closure = Closure(models.load("serial-2r"))
+    position = np.array([[0.4, 0.0], [0.5, 0.0], [0.55, 0.0]])
+    samples = Samples(np.arange(3.0), position, 0 * position, 0 * position, point="tip")
+    with pytest.raises(ClosureError, match="singular"):
+        closure.follow(samples)
+
+
+def test_a_parallelogram_laid_flat_is_singular() -> None:
+    """A parallelogram four-bar at its change point, sampled exactly: refused with the time."""
+    closure = Closure(models.model(models.four_bar(0.3, 0.2, 0.3, 0.2, 1.0)))
+    with pytest.raises(ClosureError, match=r"singular at t = 2\.14159 s"):
+        closure.follow(turn("crank", 1.0, np.pi - 1.0, 201))
+
+
+@pytest.mark.parametrize("name", models.MANIPULATORS)
+@pytest.mark.parametrize("motion", ["x", "y", "triangle"])
+def test_shipped_motions_close_both_manipulators(name: str, motion: str) -> None:
+    """The platform goes where the motion sends it, without turning, well apart from singular states."""
+    mechanism = models.load(name)
+    samples = Motion.load(motion).sample(1000.0)
+    trajectory = Closure(mechanism).follow(samples)
+    q = dict(zip(mechanism.coordinates, trajectory.q.T, strict=True))
+    theta2 = q["A0"] + q["A"]
+    path = 0.15 * (np.exp(1j * q["A0"]) + np.exp(1j * theta2))
+    np.testing.assert_allclose(path, samples.position[:, 0] + 1j * samples.position[:, 1], atol=1e-13)
+    np.testing.assert_allclose(q["B0"], theta2, atol=1e-12)
+    assert trajectory.condition < 1e4
