@@ -7,6 +7,7 @@ COMMANDS = {
     "size": "Which counter-masses balance it, exactly or from stock plates.",
     "check": "What given counter-masses leave unbalanced.",
     "simulate": "Shaking force, shaking moment and drive torque of a motion.",
+    "linkage": "Planar linkages balanced completely, by counter-masses and gears.",
     "rotor": "Rigid rotors: correction planes, trial runs, holes and stock weights, permissible unbalance.",
     "drive": "Speed of a motor-driven machine over a turn: steady, start-up, flywheel.",
 }

@@ -1,0 +1,224 @@
+"""A planar linkage as described: bodies of rigidly joined links, joints, places for counter-masses, gears."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ..errors import ModelError
+from .expressions import Expression, Point, Symbol
+
+GROUND = "ground"
+
+
+@dataclass(frozen=True)
+class Part:
+    """A link as a part of its body."""
+
+    link: str
+    centre: Point
+    """Centre of mass in the body's frame."""
+    turns: bool = True
+    """Whether an inertia is given; a link that only translates needs none."""
+
+    @property
+    def mass(self) -> str:
+        """Symbol of its mass [kg]."""
+        return f"m{self.link}"
+
+    @property
+    def inertia(self) -> str:
+        """Symbol of its inertia about its own centre of mass [kg m2]."""
+        return f"I{self.link}"
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a counter-mass may go: at a point, or at a radius about the body's joint on whatever side is needed."""
+
+    name: str
+    point: Point | None
+    """In the body's frame; None for a place at a radius."""
+    radius: Expression | None = None
+    bar: Expression | None = None
+    """Length of the homogeneous bar that the counter-mass is made as."""
+    gyration: Expression | None = None
+    """Its radius of gyration about its own centre; a point mass where neither is given."""
+    printed_inertia: bool = False
+    """Whether its inertia is given as a number, under the symbol ``I<name>*``, whatever the mass."""
+
+    def inertia(self, mass: float, values: Mapping[str, float]) -> float:
+        """Inertia about its own centre [kg m2]: m l^2 / 12 of a bar, m k^2, or as given."""
+        if self.printed_inertia:
+            return values[f"I{self.name}*"] if mass > 0 else 0.0
+        if self.bar is not None:
+            return mass * self.bar.at(values) ** 2 / 12.0
+        return mass * self.gyration.at(values) ** 2 if self.gyration is not None else 0.0
+
+    def inertia_text(self) -> str | None:
+        """How its inertia follows from its mass, in symbols; None where it does not."""
+        if self.printed_inertia or (self.bar is None and self.gyration is None):
+            return None
+        length = self.bar or self.gyration
+        assert length is not None
+        return f"I{self.name}* = m{self.name}* {length.power_text()}^2{'/12' if self.bar is not None else ''}"
+
+
+@dataclass(frozen=True)
+class Body:
+    """Rigidly joined links that move as one; its frame is that of the link that is fixed to no other."""
+
+    name: str
+    parts: tuple[Part, ...]
+    places: tuple[Place, ...]
+    """Where counter-masses against its own and received masses may go."""
+    gear_places: tuple[Place, ...]
+    """Where counter-masses against the masses of gears may go."""
+
+
+@dataclass(frozen=True)
+class End:
+    """One side of a joint."""
+
+    body: str
+    point: Point | None
+    """The pin, or a point of the line of sliding, in the body's frame; None where it is not given (ground only)."""
+    along: float = 0.0
+    """Direction of sliding in the body's frame [rad]."""
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A revolute or prismatic joint between two bodies."""
+
+    name: str
+    revolute: bool
+    ends: tuple[End, End]
+    both: bool = False
+    """Sliding in both directions: what is between bodies that turn together without a joint, as in a parallelogram."""
+
+    def end(self, body: str) -> End:
+        """The side of ``body``."""
+        return self.ends[0] if self.ends[0].body == body else self.ends[1]
+
+    def other(self, body: str) -> str:
+        """The body on the other side."""
+        return self.ends[1].body if self.ends[0].body == body else self.ends[0].body
+
+    def joins(self, body: str) -> bool:
+        """Whether ``body`` is one of the two."""
+        return body in (self.ends[0].body, self.ends[1].body)
+
+
+@dataclass(frozen=True)
+class Wheel:
+    """What is known of a real gear: mass and inertia, or a disc whose mass grows with the square of its diameter."""
+
+    mass: float
+    """Its mass, or that of a disc of ``diameter`` [kg]."""
+    inertia: float = 0.0
+    """About its own axis, where ``diameter`` is None [kg m2]."""
+    diameter: float | None = None
+    """[m]."""
+
+
+@dataclass(frozen=True)
+class Gear:
+    """A gear pair: Z teeth, fixed to a body at a revolute joint, drive a counter-gear of Z* teeth the other way.
+
+    On the ground the pair is fixed; on a carrier, the body across the joint, the counter-gear is a planet.
+    """
+
+    name: str
+    body: str
+    joint: str | None
+    """The revolute joint that it sits at; None for the body's reduction joint."""
+    teeth: tuple[int, int]
+    """Z on the body, Z* of the counter-gear."""
+    wheel: Wheel | None
+    """The real gear on the body; None for one whose mass is left out."""
+    pivot: Point | None
+    """Pivot of the counter-gear in the carrier's frame; None for the carrier's own reduction joint."""
+    counter_mass: float | None
+    """Mass of the counter-gear and what gives it its inertia [kg]; None where it is not given."""
+    counter_gyration: float | None
+    """Or its radius of gyration [m]: its mass then follows from its inertia."""
+
+    @property
+    def ratio(self) -> float:
+        """Z / Z*: the counter-gear turns, relative to the carrier, so much faster than the body, the other way."""
+        return self.teeth[0] / self.teeth[1]
+
+
+@dataclass(frozen=True)
+class TwoPoint:
+    """A body shaped so that two point masses at two of its joints replace it: I = m_A m_B L^2 / (m_A + m_B)."""
+
+    joints: tuple[str, str]
+    """The first is the body's reduction joint."""
+    reshaped: str
+    """Link whose own inertia is made what the condition asks for."""
+
+
+@dataclass(frozen=True)
+class Linkage:
+    """A planar linkage and what may be done to balance it."""
+
+    name: str
+    title: str
+    symbols: Mapping[str, Symbol]
+    """Named lengths, masses ``m<link>`` and inertias ``I<link>``, ``I<place>*``."""
+    bodies: Mapping[str, Body]
+    """Moving bodies by name: that of their links, joined by +."""
+    joints: Mapping[str, Joint]
+    reduction: Mapping[str, str] = field(default_factory=dict)
+    """Reduction joint of bodies where the description says so."""
+    two_point: Mapping[str, TwoPoint] = field(default_factory=dict)
+    gears: Mapping[str, Gear] = field(default_factory=dict)
+    turns_with: tuple[tuple[str, str], ...] = ()
+    """Pairs of bodies that always turn together without a prismatic joint, as in a parallelogram."""
+    drive: str | None = None
+    """Driven joint."""
+    speed: float | None = None
+    """Mean speed of the driven joint [rad/s]."""
+    swing: tuple[float, float] | None = None
+    """Ends of the driven joint's motion where it makes no full turns [rad]."""
+    gravity: tuple[float, float] = (0.0, 0.0)
+    """[m/s2]."""
+    start: Mapping[str, float] = field(default_factory=dict)
+    """About how every body stands in one position, which chooses the assembly branch [rad]."""
+    printed: Mapping[str, object] = field(default_factory=dict)
+    """What a source prints for it, to be compared with."""
+
+    @classmethod
+    def load(cls, name: str | Path) -> "Linkage":
+        """Load a shipped linkage by name, or a TOML file. Raises DataError or ModelError, naming the key."""
+        from .reading import load
+
+        return load(name)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The symbols at their stated values, SI."""
+        return {name: symbol.value for name, symbol in self.symbols.items()}
+
+    @property
+    def is_placed(self) -> bool:
+        """Whether the places of all joints on the ground are given, so that it can be simulated."""
+        return all(end.point is not None for joint in self.joints.values() for end in joint.ends)
+
+    def body(self, name: str) -> Body:
+        """A moving body by the name of one of its links. Raises ModelError, listing the bodies, if there is none."""
+        for body in self.bodies.values():
+            if name == body.name or name in (part.link for part in body.parts):
+                return body
+        raise ModelError(f"{self.name} has no moving link {name!r}: there are {', '.join(self.bodies)}")
+
+    def joint(self, name: str) -> Joint:
+        """A joint by name. Raises ModelError, listing the joints, if there is none."""
+        if name not in self.joints:
+            raise ModelError(f"{self.name} has no joint {name!r}: there are {', '.join(self.joints)}")
+        return self.joints[name]
+
+    def joints_of(self, body: str, revolute: bool = True) -> list[Joint]:
+        """Revolute or prismatic joints of a body."""
+        return [joint for joint in self.joints.values() if joint.revolute is revolute and joint.joins(body)]

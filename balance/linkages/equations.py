@@ -1,0 +1,116 @@
+"""The method's equations in symbols, as the source prints them: counter-masses, inertias, gears, two-point masses."""
+
+from dataclasses import dataclass
+
+from .expressions import Expression, Point
+from .loads import CounterMass, ForceBalance, pin
+from .method import Balance
+from .moment import BodyMoment, GearResult
+
+
+@dataclass(frozen=True)
+class Equation:
+    """One equation of a body."""
+
+    body: str
+    text: str
+    value: float | None = None
+    """Of its left-hand side, in SI; None where it is a condition."""
+
+
+def equations(result: Balance) -> list[Equation]:
+    """All equations, in the order in which they are solved."""
+    found: list[Equation] = []
+    for balance in result.force.values():
+        found += _force(result, balance)
+    if result.moment is None:
+        return found
+    gears = {gear.gear.body: gear for gear in result.moment.gears.values()}
+    for name, body in result.moment.bodies.items():
+        found += _force(result, body.extra)
+        if name in result.linkage.two_point:
+            found += _two_point(result, body)
+        elif body.terms:
+            total = " + ".join(term.text for term in body.terms)
+            found.append(Equation(name, f"I[{name}] = {total}", body.inertia))
+        if name in gears:
+            found += _gear(gears[name])
+    return found
+
+
+def _force(result: Balance, balance: ForceBalance) -> list[Equation]:
+    """sum(m r) + sum(m* p) = 0 about the reduction joint, an axis a line; solved where one counter-mass is in it."""
+    if not balance.counters:
+        return []
+    if balance.counters[0].place.radius is not None:
+        return [_at_radius(balance)]
+    lines = [_axis(result, balance, axis) for axis in ("x", "y")]
+    rules = [_rule(balance.body, counter) for counter in balance.counters]
+    return [line for line in (*lines, *rules) if line is not None]
+
+
+def _axis(result: Balance, balance: ForceBalance, axis: str) -> Equation | None:
+    loads = [
+        f"{load.text} {_on(load.at, axis).factor_text()}" for load in balance.loads if not _on(load.at, axis).is_zero
+    ]
+    origin = pin(result.linkage, balance.joint, balance.body)
+    arms = [(c, _on(c.place.point.plus(origin, -1.0), axis)) for c in balance.counters if c.place.point is not None]
+    arms = [(counter, arm) for counter, arm in arms if not arm.is_zero]
+    if len(arms) != 1 or balance.body in result.linkage.two_point:
+        terms = [*loads, *(f"{counter.symbol} {arm.factor_text()}" for counter, arm in arms)]
+        if balance.body in result.linkage.two_point or not terms:
+            return None
+        return Equation(balance.body, f"{axis}: {' + '.join(terms)} = 0")
+    counter, arm = arms[0]
+    sum_text = " + ".join(loads) if len(loads) == 1 else f"({' + '.join(loads)})"
+    divisor = arm.times(-1.0).factor_text()
+    return Equation(balance.body, f"{counter.symbol} = {sum_text or '0'} / {divisor}", counter.mass)
+
+
+def _at_radius(balance: ForceBalance) -> Equation:
+    counter = balance.counters[0]
+    assert counter.place.radius is not None
+    loads = " + ".join(f"{load.text} r[{load.source}]" for load in balance.loads if not load.at.is_zero)
+    text = f"{counter.symbol} = |{loads}| / {counter.place.radius.factor_text()}, on the other side"
+    return Equation(balance.body, text, counter.mass)
+
+
+def _rule(body: str, counter: CounterMass) -> Equation | None:
+    text = counter.place.inertia_text()
+    return None if text is None else Equation(body, text, counter.inertia)
+
+
+def _gear(gear: GearResult) -> list[Equation]:
+    """I_z = (Z*/Z) I; a real gear's disc goes with the square of its pitch diameter d."""
+    z, z_star = gear.gear.teeth
+    name, body = gear.gear.name, gear.gear.body
+    found = [Equation(body, f"I_{name} = (Z*/Z) I[{body}], Z = {z}, Z* = {z_star}", gear.inertia)]
+    wheel = gear.gear.wheel
+    if wheel is not None and wheel.diameter is not None:
+        disc = f"m_{name} = {wheel.mass:g} kg (d / {wheel.diameter:g} m)^2, d = 2 a Z / (Z + Z*)"
+        found.append(Equation(body, disc, gear.wheel_mass))
+        found.append(Equation(body, f"I_m_{name} = m_{name} d^2 / 8", gear.wheel_inertia))
+    if gear.gear.counter_gyration is not None:
+        found.append(Equation(body, f"m_{name}* = I_{name} / ({gear.gear.counter_gyration:g} m)^2", gear.counter_mass))
+    return found
+
+
+def _two_point(result: Balance, body: BodyMoment) -> list[Equation]:
+    """m_B = S / L, m_A = m - m_B, and the inertia that the reshaped link must have."""
+    assert result.moment is not None
+    shaped = result.linkage.two_point[body.body]
+    first, second = shaped.joints
+    shares = result.force[body.body].shares
+    link = f"I{shaped.reshaped}"
+    others = " - ".join(term.text for term in body.terms if term.text != link)
+    b = f"m[{body.body} at {second}]"
+    total = " + ".join(result.force[body.body].symbols)
+    return [
+        Equation(body.body, f"{b} = |sum(m r)| / L, L from {first} to {second}", shares[second]),
+        Equation(body.body, f"m[{body.body} at {first}] = {total} - {b}", shares[first]),
+        Equation(body.body, f"{link} = {b} L^2 - {others}", result.moment.reshaped[shaped.reshaped]),
+    ]
+
+
+def _on(point: Point, axis: str) -> Expression:
+    return point.x if axis == "x" else point.y

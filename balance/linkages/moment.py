@@ -1,0 +1,236 @@
+"""Moment balance: inertias about the reduction joints, and the gears that cancel them, leaves to root.
+
+A gear Z on a body of inertia I about its joint drives a counter-gear of inertia I_z = (Z*/Z) I the other way. On a
+carrier, omega* = (1 + Z/Z*) omega_c - (Z/Z*) omega: the carrier gains I_z (1 + Z/Z*). (Ye and Smith's method; the
+source's equations 3.14 to 3.19.)
+"""
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
+
+from ..errors import ModelError, SizingError
+from .description import GROUND, Gear, Linkage
+from .expressions import Point
+from .force import balanced, received
+from .gearing import Gearing, gearing
+from .loads import CounterMass, ForceBalance, Load, pin
+from .reduction import parents
+from .translation import check_point_mass
+from .turning import translating
+from .twopoint import span
+from .wheels import wheel
+
+
+@dataclass(frozen=True)
+class Term:
+    """One term of a body's inertia."""
+
+    text: str
+    """In symbols."""
+    value: float
+    """[kg m2]."""
+
+
+@dataclass(frozen=True)
+class BodyMoment:
+    """What gears put on a body, and its inertia about its reduction joint with everything that it carries."""
+
+    body: str
+    extra: ForceBalance
+    """Masses of gears, its own and received, and the counter-masses against them."""
+    terms: tuple[Term, ...]
+
+    @property
+    def inertia(self) -> float:
+        """About the reduction joint [kg m2]."""
+        return sum(term.value for term in self.terms)
+
+
+@dataclass(frozen=True)
+class GearResult:
+    """A gear pair, sized."""
+
+    gear: Gear
+    joint: str
+    carrier: str
+    inertia: float
+    """Of the counter-gear, I_z = (Z*/Z) I [kg m2]."""
+    wheel_mass: float
+    """Of the real gear on the body [kg]."""
+    wheel_inertia: float
+    """About its own axis [kg m2]."""
+    counter_mass: float | None
+    """Of the counter-gear [kg]; None where it is not given, and stands still."""
+
+
+@dataclass(frozen=True)
+class MomentBalance:
+    """All bodies and gears of a complete balance."""
+
+    bodies: Mapping[str, BodyMoment]
+    gears: Mapping[str, GearResult]
+    reshaped: Mapping[str, float]
+    """Own inertia that a reshaped link of a two-point body must have [kg m2]."""
+
+
+def moment_balance(
+    linkage: Linkage,
+    tree: Mapping[str, str],
+    values: Mapping[str, float],
+    force: Mapping[str, ForceBalance],
+    omit: Mapping[str, Collection[str]],
+) -> MomentBalance:
+    """Size the gears; ``omit`` leaves terms, as they are printed, out of a body's inertia, as a source may have done.
+
+    Raises ModelError or SizingError, naming the body, where the method cannot balance it.
+    """
+    step = _Step(linkage, tree, values, force, omit, gearing(linkage, tree))
+    for body in step.order():
+        step.visit(body)
+    return MomentBalance(step.bodies, step.gears, step.reshaped)
+
+
+class _Step:
+    """Visits bodies one by one, each after all that it depends on."""
+
+    def __init__(
+        self,
+        linkage: Linkage,
+        tree: Mapping[str, str],
+        values: Mapping[str, float],
+        force: Mapping[str, ForceBalance],
+        omit: Mapping[str, Collection[str]],
+        pairs: Gearing,
+    ) -> None:
+        self.linkage, self.tree, self.values, self.force, self.omit, self.pairs = (
+            linkage, tree, values, force, omit, pairs,
+        )  # fmt: skip
+        self.bodies: dict[str, BodyMoment] = {}
+        self.gears: dict[str, GearResult] = {}
+        self.reshaped: dict[str, float] = {}
+        self.still = translating(linkage)
+
+    def order(self) -> Iterable[str]:
+        """Bodies after those that they carry, whose gears they carry, or whose inertia passes to them."""
+        before: dict[str, set[str]] = {body: set() for body in self.linkage.bodies}
+        for body in self.linkage.bodies:
+            for _, parent in parents(self.linkage, self.tree, body):
+                before.get(parent, set()).add(body)
+        for gear in self.linkage.gears.values():
+            before.get(self.pairs.carrier[gear.name], set()).add(gear.body)
+        for body, target in self.pairs.passes_to.items():
+            before[target].add(body)
+        try:
+            return list(TopologicalSorter(before).static_order())
+        except CycleError as error:
+            raise ModelError(
+                f"{self.linkage.name}: bodies {', '.join(error.args[1])} carry each other's gears in a circle: put a "
+                "gear at another joint, or reduce one of them elsewhere"
+            ) from error
+
+    def visit(self, body: str) -> None:
+        """Balance the gear masses on a body, sum its inertia, size its gear."""
+        extra = self._extra(body)
+        if body not in self.still:
+            terms = [term for term in self._terms(body, extra) if term.text not in self.omit.get(body, ())]
+        else:
+            check_point_mass(self.linkage, self.force[body], extra)
+            terms = []
+        self.bodies[body] = BodyMoment(body, extra, tuple(terms))
+        if shaped := self.linkage.two_point.get(body):
+            self.reshaped[shaped.reshaped] = self._reshaped(body, shaped.reshaped, shaped.joints)
+        elif body not in self.still and body not in self.pairs.passes_to:
+            self._size(self.pairs.own[body])
+
+    def _extra(self, body: str) -> ForceBalance:
+        linkage, tree, values = self.linkage, self.tree, self.values
+        extras = {name: done.extra for name, done in self.bodies.items()}
+        loads = [load for load in received(linkage, tree, extras, body) if load.mass]
+        origin = pin(linkage, tree[body], body)
+        for done in self.gears.values():
+            if done.carrier == body:
+                at = pin(linkage, done.joint, body).plus(origin, -1.0)
+                loads += self._load(f"m_{done.gear.name}", done.wheel_mass, at)
+                pivot = done.gear.pivot.plus(origin, -1.0) if done.gear.pivot is not None else Point()
+                loads += self._load(f"m_{done.gear.name}*", self._carried(done, pivot), pivot)
+        places = linkage.bodies[body].gear_places
+        return balanced(linkage, tree, values, linkage.bodies[body], loads, places, body in self.still and not places)
+
+    @staticmethod
+    def _load(symbol: str, mass: float, at: Point) -> list[Load]:
+        return [Load((symbol,), mass, at, "gear")] if mass else []
+
+    def _carried(self, done: GearResult, pivot: Point) -> float:
+        """Mass of a counter-gear that rides on a carrier. Raises ModelError where it moves and is not given."""
+        if done.counter_mass is not None:
+            return done.counter_mass
+        rides = GROUND not in (parent for _, parent in parents(self.linkage, self.tree, done.carrier))
+        if rides or not pivot.is_zero:
+            raise ModelError(
+                f"gear {done.gear.name}: its counter-gear rides on {done.carrier}, whose pivot moves: give "
+                "counter = { mass = '...' } or { radius_of_gyration = '...' }"
+            )
+        return 0.0
+
+    def _terms(self, body: str, extra: ForceBalance) -> list[Term]:
+        """I = sum(I_cg + m r^2) + received m r^2 + counter-masses' I* + m* p^2 + gears."""
+        balance, found = self.force[body], []
+        for part in self.linkage.bodies[body].parts:
+            found.append(Term(part.inertia, self.values.get(part.inertia, 0.0)))
+        for load in (*balance.loads, *extra.loads):
+            if not load.at.is_zero:
+                r2 = float(load.at.at(self.values) @ load.at.at(self.values))
+                found.append(Term(f"{load.text} {load.at.squared_text()}", load.mass * r2))
+        for counter in (*balance.counters, *extra.counters):
+            found += self._counter_terms(counter, body)
+        for source, target in self.pairs.passes_to.items():
+            if target == body:
+                found.append(Term(f"I[{source}]", self.bodies[source].inertia))
+        for done in self.gears.values():
+            if done.carrier == body:
+                found.append(Term(f"I_{done.gear.name}", done.inertia))
+                found.append(Term(f"I_{done.gear.name} Z/Z*", done.inertia * done.gear.ratio))
+        own = self.pairs.own.get(body)
+        if own is not None and own.wheel is not None:
+            found.append(Term(f"I_m_{own.name}", self._wheel(own)[1]))
+        return found
+
+    def _counter_terms(self, counter: CounterMass, body: str) -> list[Term]:
+        """Its own inertia, and its mass at its place."""
+        squared = float(counter.position @ counter.position)
+        place = counter.place
+        if place.point is not None:
+            text = place.point.plus(pin(self.linkage, self.tree[body], body), -1.0).squared_text()
+        else:
+            assert place.radius is not None
+            text = f"{place.radius.power_text()}^2"
+        own = [Term(f"I{place.name}*", counter.inertia)] if counter.inertia else []
+        return [*own, Term(f"{counter.symbol} {text}", counter.mass * squared)]
+
+    def _size(self, gear: Gear) -> None:
+        """I_z = (Z*/Z) I, and what it weighs."""
+        inertia = self.bodies[gear.body].inertia / gear.ratio
+        mass, own = self._wheel(gear)
+        weight = gear.counter_mass
+        if gear.counter_gyration is not None:
+            weight = inertia / gear.counter_gyration**2
+        joint, carrier = self.pairs.joint[gear.name], self.pairs.carrier[gear.name]
+        self.gears[gear.name] = GearResult(gear, joint, carrier, inertia, mass, own, weight)
+
+    def _wheel(self, gear: Gear) -> tuple[float, float]:
+        joint, carrier = self.pairs.joint[gear.name], self.pairs.carrier[gear.name]
+        return wheel(self.linkage, self.tree, self.values, gear, joint, carrier)
+
+    def _reshaped(self, body: str, link: str, joints: tuple[str, str]) -> float:
+        """Own inertia of the link that makes the body's I about A equal to m_B L^2."""
+        arm = span(self.linkage, self.values, body)
+        share = self.force[body].shares[joints[1]] + self.bodies[body].extra.shares[joints[1]]
+        others = self.bodies[body].inertia - self.values.get(f"I{link}", 0.0)
+        inertia = share * float(arm @ arm) - others
+        if not inertia > 0:
+            raise SizingError(
+                f"two_point of {body}: link {link} would need an inertia of {inertia:.4g} kg m2: its other parts alone "
+                "have more than two point masses at its joints may"
+            )
+        return inertia

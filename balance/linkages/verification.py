@@ -1,0 +1,139 @@
+"""Check by dynamics: force, moment and drive torque of every stage, at constant and at varying input speed.
+
+Not by the method's own sums: every stage is a mechanism of the core, and F = -dp/dt, M = -dL/dt over all its bodies. At
+constant speed some errors of gears on the driven crank are invisible, so both are always run.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Floats
+from ..closure import Closure
+from ..dynamics import Response, simulate
+from ..errors import ModelError
+from ..mechanism import Mechanism
+from ..motion import Samples
+from ..trajectory import Trajectory
+from .coupling import Couplings
+from .description import Linkage
+from .lumps import lumps
+from .method import Balance
+from .model import mjcf
+from .moment import GearResult
+from .printed import COLUMNS, STAGES
+from .together import check_turns
+
+VARIATION = 0.3
+"""Amplitude of the varying speed, as a share of its mean."""
+SAMPLES = 720
+"""Instants of one turn."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """All stages along one motion of the driven joint."""
+
+    trajectory: Trajectory
+    """Of the linkage without gears."""
+    drive: str
+    responses: Mapping[str, Response]
+    """By stage: before, force, complete."""
+
+    def series(self, stage: str) -> dict[str, Floats]:
+        """FX, FY [N], M about the base origin and drive torque [N m] over time, each (n,)."""
+        response = self.responses[stage]
+        columns = response.force[:, 0], response.force[:, 1], response.moment[:, 2], response.torque[self.drive]
+        return dict(zip(COLUMNS, columns, strict=True))
+
+    def rms(self, stage: str) -> dict[str, float]:
+        """Root mean squares [N, N m]."""
+        return {name: float(np.sqrt(np.mean(values**2))) for name, values in self.series(stage).items()}
+
+    def residual(self, stage: str) -> dict[str, float]:
+        """Largest force and moment as a share of before, the same way round."""
+        before, after = self.responses["before"], self.responses[stage]
+        shares = {}
+        for name in ("force", "moment"):
+            old, new = (float(np.linalg.norm(getattr(r, name), axis=1).max()) for r in (before, after))
+            shares[name] = new / old if old else float(new > 0)
+        return shares
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What dynamics says of a balanced linkage."""
+
+    constant: Run
+    varying: Run
+    mass: Mapping[str, float]
+    """Moving mass by stage, of the counter-gears only what is given [kg]."""
+
+    def penalty(self, stage: str) -> dict[str, float]:
+        """Mass and RMS drive torque at constant and varying speed, as multiples of before."""
+        runs = {"torque_constant_speed": self.constant, "torque_varying_speed": self.varying}
+        torque = {
+            name: run.rms(stage)["torque_Nm"] / run.rms("before")["torque_Nm"]
+            for name, run in runs.items()
+            if run.rms("before")["torque_Nm"]
+        }
+        return {"mass": self.mass[stage] / self.mass["before"], **torque}
+
+
+def verify(
+    result: Balance, speed: float | None = None, variation: float = VARIATION, count: int = SAMPLES
+) -> Verification:
+    """Simulate a balanced linkage; ``speed`` of the driven joint [rad/s] defaults to the described one.
+
+    Raises ModelError or ClosureError where it cannot be simulated, or bodies said to turn together do not.
+    """
+    linkage = result.linkage
+    speed = speed or linkage.speed
+    if not speed or linkage.drive is None:
+        raise ModelError(f"{linkage.name}: say which joint is driven, and how fast: drive = 'A0', speed = '50 rpm'")
+    stages = STAGES if result.moment is not None else STAGES[:2]
+    check_turns(result)
+    models = {stage: Mechanism.from_text(mjcf(result, stage), linkage.name) for stage in stages}
+    closure = Closure(models["before"])
+    start = float(closure.home[models["before"].coordinate_index(linkage.drive)])
+    runs = []
+    for share in (0.0, variation):
+        trajectory = closure.follow(samples(linkage, speed, share, start, count))
+        runs.append(Run(trajectory, linkage.drive, _responses(result, models, trajectory)))
+    return Verification(runs[0], runs[1], {stage: moving_mass(result, stage) for stage in stages})
+
+
+def samples(linkage: Linkage, speed: float, variation: float, start: float, count: int) -> Samples:
+    """One turn at speed w (1 + variation sin(w t)), or one swing to and fro, which is never of constant speed."""
+    assert linkage.drive is not None
+    time = np.arange(count) * 2 * np.pi / abs(speed) / count
+    phase = speed * time
+    turn = phase + variation * (1 - np.cos(phase))
+    rate = speed * (1 + variation * np.sin(phase))
+    rate_of_rate = speed**2 * variation * np.cos(phase)
+    if linkage.swing is None:
+        motion = start + turn, rate, rate_of_rate
+    else:
+        middle, half = sum(linkage.swing) / 2, (linkage.swing[1] - linkage.swing[0]) / 2
+        swept = half * np.cos(turn) * rate_of_rate - half * np.sin(turn) * rate**2
+        motion = middle + half * np.sin(turn), half * np.cos(turn) * rate, swept
+    position, velocity, acceleration = (x[:, None] for x in motion)
+    return Samples(time, position, velocity, acceleration, joints=(linkage.drive,))
+
+
+def moving_mass(result: Balance, stage: str) -> float:
+    """Mass of the linkage in a stage, of the counter-gears what is given [kg]."""
+    total = sum(piece.mass for pieces in lumps(result, stage).values() for piece in pieces)
+    gears: list[GearResult] = list(result.moment.gears.values()) if result.moment and stage == "complete" else []
+    return float(total + sum(gear.counter_mass or 0.0 for gear in gears))
+
+
+def _responses(result: Balance, models: Mapping[str, Mechanism], trajectory: Trajectory) -> dict[str, Response]:
+    found = {}
+    for stage, model in models.items():
+        path = trajectory
+        if stage == "complete":
+            path = Couplings.of(result).extend(trajectory, models["before"], model)
+        found[stage] = simulate(model, path)
+    return found
