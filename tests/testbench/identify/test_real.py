@@ -43,7 +43,7 @@ def test_first_moments(result):
 
 
 def test_beside_the_published(result):
-    """Link 1 with the elbow is within 10 % of what the authors published; link 2 of A.0 is not (12 %), its interval is."""
+    """Link 1 with elbow is within 10 % of the published; link 2 of A.0 is not (12 %), but its interval holds it."""
     first, _, second, _ = result.first_moments()
     assert first.value == pytest.approx(first.in_file, rel=0.10)
     assert second.value == pytest.approx(second.in_file, rel=0.15)
