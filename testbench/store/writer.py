@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
+from uuid import uuid4
 
 from ..errors import StoreError
 from ..findings import Finding
@@ -27,7 +28,8 @@ class RunWriter:
 
     def __init__(self, campaign: Path, name: str) -> None:
         self.target = campaign / f"{name}.h5"
-        self._part = campaign / f".{name}.{os.getpid()}{PART}"
+        self._tag = f"{uuid4().hex[:12]}{PART}"
+        self._part = campaign / f".{name}.{self._tag}"
         self._groups: dict[str, GroupWriter] = {}
         self._taken: set[str] = {"conditions", "provenance", "notes"}
         self._file: h5py.File | None = None
@@ -40,7 +42,6 @@ class RunWriter:
 
         self._made_folder = not self.target.parent.exists()
         self.target.parent.mkdir(parents=True, exist_ok=True)
-        self._part.unlink(missing_ok=True)
         self._file = h5py.File(self._part, "w-", libver=("v108", "v110"))
         self._file.attrs.update({"NX_class": "NXroot", "default": layout.ENTRY, "creator": "counterpoise"})
         self._file.attrs["counterpoise_layout"] = layout.LAYOUT
@@ -88,10 +89,25 @@ class RunWriter:
             synced = pool.submit(_sync, self._part)  # the disk writes while the digest is computed
             line = digest.line_for(self.target.name, digest.sha256_of(self._part))
             synced.result()
-        _place_digest(digest.beside(self.target), line)
-        _move_without_replacing(self._part, self.target)
+        beside = digest.beside(self.target)
+        part = beside.with_name(f".{beside.name}.{self._tag}")
+        part.write_text(line, encoding="utf-8")
+        _sync(part)
+        try:
+            _place(part, beside)
+            self._place_run(beside)
+        finally:
+            part.unlink(missing_ok=True)
         _sync(self.target.parent)
         return self.target
+
+    def _place_run(self, beside: Path) -> None:
+        """The run at its place; if that fails, its digest leaves again."""
+        try:
+            _place(self._part, self.target)
+        except (StoreError, OSError):
+            beside.unlink()
+            raise
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -130,23 +146,20 @@ def _write_texts(file: "h5py.File", path: str, texts: list[str]) -> None:
     node.make_scale(path.rpartition("/")[2])
 
 
-def _place_digest(path: Path, line: str) -> None:
-    part = path.with_name(f".{path.name}.{os.getpid()}{PART}")
-    part.write_text(line, encoding="utf-8")
-    _sync(part)
-    os.replace(part, path)
-
-
-def _move_without_replacing(part: Path, target: Path) -> None:
-    """Give the file its name; if another process was quicker, its run stays."""
+def _place(part: Path, target: Path) -> None:
+    """Give a synced file its name; what has that name already stays, whoever was quicker."""
     try:
         os.link(part, target)
     except FileExistsError as error:
-        raise StoreError(f"{target}: another run of this name was stored meanwhile; this one was not") from error
-    except OSError:  # a file system without hard links
+        raise StoreError(
+            f"{target}: is there already, from another ingest at this moment or one that was stopped; "
+            "`testbench verify` tells which"
+        ) from error
+    except OSError as error:  # a file system without hard links
         if target.exists():
-            raise StoreError(f"{target}: another run of this name was stored meanwhile; this one was not") from None
+            raise StoreError(f"{target}: is there already; nothing was replaced") from error
         os.rename(part, target)
+    part.unlink(missing_ok=True)
 
 
 def _sync(path: Path) -> None:

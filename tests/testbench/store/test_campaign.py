@@ -1,0 +1,81 @@
+"""A campaign: every flipped bit is found, what is missing or does not belong as well."""
+
+import random
+
+import numpy as np
+import pytest
+
+from testbench.errors import StoreError
+from testbench.recording import Channel, Group
+from testbench.store import digest, open_campaign
+
+from .test_writer import store
+
+
+@pytest.fixture
+def campaign(tmp_path):
+    """A campaign of two runs."""
+    group = Group("log", (Channel("AccX (g)", "g"),))
+    for name in ("r001", "r002"):
+        store(tmp_path, group, [np.arange(300.0)], name=name)
+    return open_campaign(tmp_path)
+
+
+def states(campaign):
+    """What verify says of each file."""
+    return {file.name: file.status for file in campaign.verify()}
+
+
+def test_intact_runs(campaign):
+    """What was written and not touched is intact."""
+    assert states(campaign) == {"r001.h5": "intact", "r002.h5": "intact"}
+    assert [run.name for run in campaign.runs] == ["r001", "r002"]
+
+
+def test_every_flipped_bit_is_found(campaign):
+    """500 random bits, metadata included, each flipped alone: all are found, in the run that was hit."""
+    path = campaign.run_paths[0]
+    whole = bytearray(path.read_bytes())
+    chance = random.Random(17)
+    for _ in range(500):
+        at, bit = chance.randrange(len(whole)), 1 << chance.randrange(8)
+        whole[at] ^= bit
+        path.write_bytes(whole)
+        assert states(campaign) == {"r001.h5": "damaged", "r002.h5": "intact"}
+        whole[at] ^= bit
+
+
+def test_flipped_bits_of_the_digest_are_found(campaign):
+    """A digest that was hit does not pass for that of its run."""
+    path = digest.beside(campaign.run_paths[0])
+    whole = path.read_bytes()
+    for at in range(len(whole) - 1):
+        path.write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
+        assert states(campaign)["r001.h5"] == "damaged"
+
+
+def test_what_is_missing_or_does_not_belong(campaign):
+    """A run without digest, a digest without run, a part, another file: each is named for what it is."""
+    digest.beside(campaign.run_paths[0]).unlink()
+    campaign.run_paths[1].unlink()
+    (campaign.path / ".r003.abc.part").write_text("")
+    (campaign.path / "notes.txt").write_text("")
+    (campaign.path / "r004.h5").write_bytes(b"no run")
+    assert states(campaign) == {
+        "r001.h5": "damaged", "r002.h5": "missing", "r004.h5": "damaged", ".r003.abc.part": "unfinished",
+        "notes.txt": "extra",
+    }  # fmt: skip
+
+
+def test_a_digest_is_that_of_sha256sum(campaign):
+    """The digest beside a run is in the form that sha256sum -c reads."""
+    path = campaign.run_paths[0]
+    assert digest.beside(path).read_text() == f"{digest.sha256_of(path)}  r001.h5\n"
+
+
+def test_other_folders_are_no_campaigns(tmp_path):
+    """A missing folder and one without runs: clear messages."""
+    with pytest.raises(StoreError, match="no such folder"):
+        open_campaign(tmp_path / "nowhere")
+    with pytest.raises(StoreError, match="holds no run"):
+        open_campaign(tmp_path)

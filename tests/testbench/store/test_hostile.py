@@ -1,0 +1,115 @@
+"""Files that were made to deceive: nothing of another file is ever read, nothing endless is walked."""
+
+import h5py
+import numpy as np
+import pytest
+
+from testbench.errors import StoreError
+from testbench.recording import Channel, Group, TimeColumn
+from testbench.store import open_run
+
+from .test_writer import store
+
+SECRET = 424242.0
+
+
+@pytest.fixture
+def run(tmp_path):
+    """A stored run, beside it files with numbers that must not be read."""
+    with h5py.File(tmp_path / "secret.h5", "w") as file:
+        file["x"] = np.full(4, SECRET)
+    (tmp_path / "secret.bin").write_bytes(np.full(4, SECRET).tobytes())
+    group = Group("log", (Channel("Time (s)", "s", "Time"), Channel("AccX (g)", "g", "AccX")), TimeColumn(0))
+    return store(tmp_path, group, [np.arange(4.0), np.ones(4)]).path
+
+
+def replaced(path, make):
+    """Replace the channel of a run by something else."""
+    with h5py.File(path, "r+") as file:
+        node = file["entry/log"]
+        attrs = dict(node["AccX"].attrs)
+        del node["AccX"]
+        make(node, path.parent)
+        link = node.get("AccX", getlink=True)
+        if isinstance(link, h5py.HardLink) and isinstance(node["AccX"], h5py.Dataset):
+            node["AccX"].attrs.update({k: v for k, v in attrs.items() if k in ("long_name", "label", "units")})
+    return path
+
+
+def external_link(node, folder):
+    """A link to a dataset in another file."""
+    node["AccX"] = h5py.ExternalLink(str(folder / "secret.h5"), "/x")
+
+
+def soft_link(node, folder):
+    """A link to another name in this file."""
+    node["AccX"] = h5py.SoftLink("/entry/log/time")
+
+
+def dangling_link(node, folder):
+    """A link to nothing."""
+    node["AccX"] = h5py.SoftLink("/nothing")
+
+
+def external_storage(node, folder):
+    """A dataset whose bytes lie in another file."""
+    node.create_dataset("AccX", (4,), "f8", external=[(str(folder / "secret.bin"), 0, 32)])
+
+
+def virtual(node, folder):
+    """A dataset made of another file's."""
+    layout = h5py.VirtualLayout((4,), "f8")
+    layout[:] = h5py.VirtualSource(str(folder / "secret.h5"), "x", shape=(4,))
+    node.create_virtual_dataset("AccX", layout)
+
+
+def never_written(node, folder):
+    """A dataset of petabytes that was never written: it would read as zeros."""
+    node.create_dataset("AccX", (10**14,), "f8", chunks=(1 << 20,))
+
+
+def cycle(node, folder):
+    """A group that holds itself in place of a channel."""
+    node["AccX"] = node
+
+
+def objects(node, folder):
+    """Text in place of numbers."""
+    node.create_dataset("AccX", data=np.array(["a", "b"], dtype=object), dtype=h5py.string_dtype())
+
+
+@pytest.mark.parametrize(
+    "make", [external_link, soft_link, dangling_link, external_storage, virtual, never_written, cycle, objects]
+)
+def test_what_leads_elsewhere_is_refused(run, make):
+    """One clear error, and no number of another file, whichever way it is asked for."""
+    with pytest.raises(StoreError):
+        open_run(replaced(run, make)).channel("AccX")
+
+
+@pytest.mark.parametrize("content", [b"", b"no HDF5 at all", b"\x89HDF\r\n\x1a\n" + b"\0" * 500])
+def test_other_files_are_no_runs(tmp_path, content):
+    """Anything that is no stored run is refused as such."""
+    path = tmp_path / "x.h5"
+    path.write_bytes(content)
+    with pytest.raises(StoreError, match="not a stored run, or damaged"):
+        open_run(path)
+
+
+def test_other_hdf5_is_no_run(tmp_path):
+    """HDF5 of other people, a missing file and a folder: clear messages."""
+    with h5py.File(tmp_path / "x.h5", "w") as file:
+        file["a"] = 1.0
+    with pytest.raises(StoreError, match="not a run stored by this version"):
+        open_run(tmp_path / "x.h5")
+    with pytest.raises(StoreError, match="no such file"):
+        open_run(tmp_path / "y.h5")
+
+
+def test_a_cut_run_does_not_open(run):
+    """Cut anywhere, a run gives an error and never fewer samples."""
+    whole = run.read_bytes()
+    for cut in range(0, len(whole), 997):
+        run.write_bytes(whole[:cut])
+        with pytest.raises(StoreError):
+            open_run(run).channel("AccX")

@@ -1,0 +1,206 @@
+"""Logs into runs: whole or not at all, once each, with what is known of them."""
+
+import hashlib
+import os
+
+import numpy as np
+import pytest
+
+from testbench import rig as rigs
+from testbench.ingest import Ingest
+from testbench.runsheet import PlannedRun, plan
+from testbench.store import open_campaign, open_run
+
+HEADER = "Time (s),AccX (g),AccY (g),AccZ (g)\n"
+ROWS = [f"{i / 1000:.4f},{0.5 * (i % 7) - 3:.4f},{1.25 * (i % 11):.4f},{i % 5:.4f}\n" for i in range(400)]
+RIG = """
+name = "bench"
+mechanism = "parallelogram-6bar"
+[loggers.daq]
+[loggers.forces]
+[sensors.base_acc]
+kind = "accelerometer"
+logger = "daq"
+channels = { x = "AccX", y = "AccY", z = "AccZ" }
+unit = "g"
+range = "%s"
+position = ["0.20 m", "-0.10 m", "0 m"]
+attached_to = "base"
+[sensors.futek_1]
+kind = "force"
+logger = "forces"
+channel = "Fz3"
+axis = "z"
+range = "1112 N"
+position = ["0.15 m", "0.10 m", "0 m"]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder with one log."""
+    (tmp_path / "r001.csv").write_text(HEADER + "".join(ROWS))
+    return tmp_path
+
+
+def ingested(folder, planned=None, **options):
+    """Ingest one run of the folder; the outcomes."""
+    planned = planned or PlannedRun("r001", (folder / "r001.csv",))
+    return Ingest(folder / "campaign", **options).run(planned)
+
+
+def test_a_log_becomes_a_run(folder):
+    """The numbers to the bit, the source by name, size and digest only, nothing of where it lay."""
+    (outcome,) = ingested(folder)
+    assert (outcome.status, outcome.file, outcome.origin) == ("stored", "r001.h5", "unstated")
+    run = open_run(folder / "campaign" / "r001.h5")
+    expected = np.array([[float(c) for c in row.split(",")] for row in ROWS]).T
+    for name, column in zip(["Time (s)", "AccX", "AccY", "AccZ"], expected, strict=True):
+        assert run.channel(name).tobytes() == column.tobytes()
+    (source,) = run.provenance["sources"]
+    log = folder / "r001.csv"
+    assert source["sha256"] == outcome.sha256 == hashlib.sha256(log.read_bytes()).hexdigest()
+    assert (source["name"], source["size_bytes"]) == ("r001.csv", log.stat().st_size)
+    assert str(folder).encode() not in run.path.read_bytes()
+    assert run.rate_hz == pytest.approx(1000.0)
+
+
+def test_the_same_log_is_stored_once(folder):
+    """Under another name it is still the same recording: reported, and nothing is written or changed."""
+    ingested(folder)
+    before = {p.name: p.read_bytes() for p in (folder / "campaign").iterdir()}
+    os.rename(folder / "r001.csv", folder / "again.csv")
+    (outcome,) = ingested(folder, PlannedRun("again", (folder / "again.csv",)))
+    assert (outcome.status, outcome.file) == ("already_stored", "r001.h5")
+    assert {p.name: p.read_bytes() for p in (folder / "campaign").iterdir()} == before
+
+
+def test_another_log_of_the_same_name_is_refused(folder):
+    """A stored run is never replaced."""
+    ingested(folder)
+    (folder / "r001.csv").write_text(HEADER + "".join(ROWS[:100]))
+    (outcome,) = ingested(folder)
+    assert outcome.status == "refused"
+    assert "stored runs never change" in outcome.message
+    assert open_run(folder / "campaign" / "r001.h5").group().samples == 400
+
+
+def test_logs_of_one_run_are_groups_of_one_file(folder):
+    """Two loggers, two clocks, one run; conditions and origin from the sheet."""
+    (folder / "r001_forces.csv").write_text(
+        "t;Fz3\ns;N\n" + "".join(f"{i / 50:.2f};{i}\n".replace(".", ",") for i in range(99))
+    )
+    planned = PlannedRun("r001", (folder / "r001.csv", folder / "r001_forces.csv"), "measured", {"payload_kg": 5.0})
+    outcomes = ingested(folder, planned)
+    assert [(o.status, o.file) for o in outcomes] == [("stored", "r001.h5")] * 2
+    (run,) = open_campaign(folder / "campaign").runs
+    assert [(g.name, g.samples) for g in run.groups] == [("r001", 400), ("r001_forces", 99)]
+    assert (run.origin, run.conditions) == ("measured", {"payload_kg": 5.0})
+    assert run.channel("Fz3")[-1] == 98
+    assert run.time("r001_forces")[-1] == 1.96
+
+
+def test_one_bad_log_keeps_the_whole_run_out(folder):
+    """A run is stored whole or not at all, and the folder is not even made."""
+    (folder / "torn.csv").write_text(HEADER + "".join(ROWS[:50]) + "1,2\n" + "".join(ROWS[50:]))
+    outcomes = ingested(folder, PlannedRun("r001", (folder / "r001.csv", folder / "torn.csv")))
+    assert [o.status for o in outcomes] == ["refused", "refused"]
+    assert [f.code for f in outcomes[1].findings if f.severity == 2] == ["ragged_row"]
+    assert not (folder / "campaign").exists()
+
+
+def test_a_decision_of_a_person_is_stored(folder):
+    """What was accepted stands with the run, and the finding with it."""
+    (folder / "r001.csv").write_text(HEADER + "".join(ROWS[:50]) + "1,2\n" + "".join(ROWS[50:]))
+    (outcome,) = ingested(folder, accepted=frozenset({"ragged_row"}))
+    run = open_run(folder / "campaign" / "r001.h5")
+    assert outcome.status == "stored"
+    assert run.provenance["accepted_findings"] == ["ragged_row"]
+    assert "ragged_row" in {f.code for f in run.findings}
+    assert np.isnan(run.channel("AccX")[50])
+    assert np.isfinite(np.delete(run.channel("AccX"), 50)).all()
+
+
+@pytest.mark.parametrize(
+    ("comment", "stated", "origin"),
+    [("", None, "unstated"), ("", "measured", "measured"), ("# origin: simulated\n", None, "simulated"),
+     ("# origin: simulated\n", "unstated", "simulated"), ("# origin: measured\n", None, "unstated")],
+)  # fmt: skip
+def test_nothing_becomes_measured_by_itself(folder, comment, stated, origin):
+    """Simulated if the log says so; measured only if the sheet does."""
+    (folder / "r001.csv").write_text(comment + HEADER + "".join(ROWS))
+    (outcome,) = ingested(folder, PlannedRun("r001", (folder / "r001.csv",), stated, {}))
+    assert outcome.origin == open_run(folder / "campaign" / "r001.h5").origin == origin
+
+
+def test_a_simulated_log_cannot_be_called_measured(folder):
+    """The contradiction is refused."""
+    (folder / "r001.csv").write_text("# origin: simulated\n" + HEADER + "".join(ROWS))
+    (outcome,) = ingested(folder, PlannedRun("r001", (folder / "r001.csv",), "measured", {}))
+    assert outcome.status == "refused"
+    assert [f.code for f in outcome.findings] == ["origin_contradiction"]
+
+
+def test_a_log_that_grows_meanwhile_is_refused(folder):
+    """A logger still at work: no half recording is stored as a whole one."""
+    log = folder / "r001.csv"
+
+    def grow(_):
+        with log.open("a") as stream:
+            stream.write(ROWS[-1])
+
+    (outcome,) = ingested(folder, progress=grow)
+    assert outcome.status == "refused"
+    assert "changed while it was read" in outcome.message
+    assert not (folder / "campaign").exists()
+
+
+def test_the_rig_is_kept_and_its_ranges_are_used(folder):
+    """The rig's text is in the run to the byte; its 12 g range finds what no header states."""
+    rig = rigs.load(RIG % "12 g")
+    (outcome,) = ingested(folder, rig=rig)
+    assert open_run(folder / "campaign" / "r001.h5").rig == RIG % "12 g"
+    assert {f.channel for f in outcome.findings if f.code == "clipping"} == {"AccY (g)"}
+    assert not [f for f in outcome.findings if f.code == "rig_contradiction"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "channel"),
+    [("AccZ (g)", "AccQ (g)", "AccZ"), ("AccY (g)", "AccY (m/s^2)", "AccY (m/s^2)"), ("Acc", "Beschl", None)],
+)
+def test_a_rig_that_does_not_fit_is_refused(folder, old, new, channel):
+    """A channel that the log does not hold, a unit that differs, no common channel at all: named and refused."""
+    (folder / "r001.csv").write_text(HEADER.replace(old, new) + "".join(ROWS))
+    (outcome,) = ingested(folder, rig=rigs.load(RIG % "50 g"))
+    assert outcome.status == "refused"
+    assert [f.channel for f in outcome.findings if f.code == "rig_contradiction"] == [channel]
+
+
+def test_a_logger_that_is_not_in_the_run_is_not_missed(folder):
+    """The rig describes the whole bench; a run of one logger need not hold the other's channels."""
+    (outcome,) = ingested(folder, rig=rigs.load(RIG % "50 g"))
+    assert outcome.status == "stored"
+
+
+def test_a_disk_that_is_full_leaves_the_campaign_intact(folder, monkeypatch):
+    """The error is the system's, and no part of the run is left."""
+    ingested(folder)
+    (folder / "r002.csv").write_text(HEADER + "".join(ROWS[:99]))
+
+    def full(_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("testbench.store.writer._sync", full)
+    with pytest.raises(OSError, match="No space left"):
+        ingested(folder, PlannedRun("r002", (folder / "r002.csv",)))
+    assert sorted(p.name for p in (folder / "campaign").iterdir()) == ["r001.h5", "r001.h5.sha256"]
+
+
+def test_plan_and_ingest_of_a_sheet(folder):
+    """The sheet's conditions arrive in the run."""
+    sheet = folder / "runs.csv"
+    sheet.write_text("file,origin,payload_kg,counter_masses\nr001.csv,measured,1.451,counter_A0A=10\n")
+    (run,) = plan([folder / "r001.csv"], sheet)
+    ingested(folder, run)
+    stored = open_run(folder / "campaign" / "r001.h5")
+    assert stored.conditions == {"payload_kg": 1.451, "counter_masses": {"counter_A0A": 10.0}}

@@ -1,0 +1,125 @@
+from pathlib import Path
+
+import pytest
+
+from testbench.errors import RigError
+from testbench.runsheet import plan, read
+
+HEAD = "file,origin,payload_kg,counter_masses,motion,peak_acceleration_g,repeat\n"
+
+
+@pytest.fixture
+def sheet(tmp_path):
+    """Write a sheet and log files beside it."""
+
+    def write(rows, *logs, head=HEAD):
+        for name in logs:
+            (tmp_path / name).write_text("t,a\n")
+        path = tmp_path / "runs.csv"
+        path.write_text(head + rows, encoding="utf-8-sig")
+        return path, [tmp_path / name for name in logs]
+
+    return write
+
+
+def test_conditions_are_read_as_written(sheet):
+    """Payload, masses by site, motion, acceleration and repeat; what is empty is absent, no masses are none."""
+    path, _ = sheet("a.csv,simulated,5,counter_A0A=24.2626;counter_B0B=1,x,3,1\nb.csv,,,,y,,\n")
+    first, second = read(path)
+    assert first.conditions == {
+        "payload_kg": 5.0, "counter_masses": {"counter_A0A": 24.2626, "counter_B0B": 1.0}, "motion": "x",
+        "peak_acceleration_g": 3.0, "repeat": 1,
+    }  # fmt: skip
+    assert (first.origin, second.origin) == ("simulated", "unstated")
+    assert second.conditions == {"counter_masses": {}, "motion": "y"}
+
+
+def test_one_file_is_one_run_unless_the_sheet_says_otherwise(sheet):
+    """Files of one `run` are together; without that column each is its own."""
+    path, logs = sheet("a.csv,r1\nb.csv,r1\nc.csv,\n", "a.csv", "b.csv", "c.csv", head="file,run\n")
+    assert [(r.name, [p.name for p in r.files]) for r in plan(logs, path)] == [
+        ("r1", ["a.csv", "b.csv"]),
+        ("c", ["c.csv"]),
+    ]
+    assert [r.name for r in plan(logs, None)] == ["a", "b", "c"]
+
+
+def test_the_sheet_among_the_logs_is_not_a_log(sheet):
+    """`ingest folder/*.csv --runs folder/runs.csv` does not ingest the sheet."""
+    path, logs = sheet("a.csv,,,,,,\n", "a.csv")
+    assert [r.name for r in plan([*logs, path], path)] == ["a"]
+
+
+def test_files_of_one_name_are_told_apart_by_their_folder(tmp_path):
+    """A row means the file at its place beside the sheet."""
+    for folder in ("x", "y"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "log.csv").write_text("t,a\n")
+    path = tmp_path / "runs.csv"
+    path.write_text("file,run,motion\nx/log.csv,rx,x\ny/log.csv,ry,y\n")
+    runs = plan([tmp_path / "y" / "log.csv", tmp_path / "x" / "log.csv"], path)
+    assert [(r.name, r.files[0].parent.name, r.conditions) for r in runs] == [
+        ("rx", "x", {"motion": "x"}), ("ry", "y", {"motion": "y"}),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ("nope.csv,,,,,,\na.csv,,,,,,\n", r"line 2: none of the given files has the name 'nope.csv'"),
+        ("", r"names no file"),
+        ("a.csv,,,,,,\na.csv,,,,,,\n", r"names a.csv a second time"),
+        ("a.csv,guessed,,,,,\n", r"line 2: origin 'guessed'; expected measured, simulated, unstated"),
+        ("a.csv,,five,,,,\n", r"line 2: payload_kg 'five'; expected a number"),
+        ("a.csv,,-1,,,,\n", r"payload_kg '-1'"),
+        ('a.csv,,"1,5",,,,\n', r"payload_kg '1,5'"),
+        ("a.csv,,nan,,,,\n", r"payload_kg 'nan'"),
+        ("a.csv,,,A0A:24,,,\n", r"counter_masses 'A0A:24'; expected SITE=KG;SITE=KG"),
+        ("a.csv,,,A=1;A=2,,,\n", r"name the site 'A' twice"),
+        ("a.csv,,,,,,1.5\n", r"repeat '1.5'; expected a whole number"),
+        ("a.csv,,,\n", r"line 2: more or fewer cells than columns"),
+        (",,,,,,1\n", r"column 'file' is empty"),
+    ],
+)
+def test_a_wrong_sheet_is_refused_by_line_and_column(sheet, rows, message):
+    """One message that says where, what was found and what was expected."""
+    path, logs = sheet(rows, "a.csv")
+    with pytest.raises(RigError, match=message):
+        plan(logs, path)
+
+
+def test_a_given_file_that_the_sheet_does_not_name(sheet):
+    """It is refused by name, for its conditions would be unknown."""
+    path, logs = sheet("a.csv,,,,,,\n", "a.csv", "b.csv")
+    with pytest.raises(RigError, match=r"does not name b\.csv"):
+        plan(logs, path)
+
+
+@pytest.mark.parametrize(
+    ("head", "message"),
+    [("name,origin\n", "no column 'file'"), ("file,paylod\n", "unknown column 'paylod'"), ("", "no column 'file'")],
+)
+def test_wrong_columns(sheet, head, message):
+    """A column that is missing or unknown is named."""
+    path, logs = sheet("a.csv,1\n" if head else "", "a.csv", head=head)
+    with pytest.raises(RigError, match=message):
+        plan(logs, path)
+
+
+def test_runs_that_would_have_one_name(tmp_path):
+    """Two files of one name without a sheet, and conditions that differ within a run, are refused."""
+    logs = [tmp_path / "x" / "log.csv", tmp_path / "y" / "log.csv"]
+    with pytest.raises(RigError, match="would all be stored as run 'log'"):
+        plan(logs, None)
+    path = tmp_path / "runs.csv"
+    path.write_text("file,run,motion\nx/log.csv,r,x\ny/log.csv,r,y\n")
+    with pytest.raises(RigError, match="line 3: run 'r' has other conditions in line 2"):
+        plan(logs, path)
+
+
+def test_names_of_runs_stay_in_the_campaign(sheet):
+    """A run's name is no way out of the folder."""
+    path, logs = sheet("a.csv,../../etc/x\n", "a.csv", head="file,run\n")
+    with pytest.raises(RigError, match="is no name for a stored run"):
+        plan(logs, path)
+    assert Path(path).is_file()
