@@ -1,5 +1,7 @@
 """Analysed, simulated and published side by side."""
 
+import numpy as np
+import polars
 import pytest
 
 from testbench.bench import truth
@@ -9,6 +11,7 @@ from testbench.pairing import pairs
 from testbench.prediction import Prediction
 from testbench.published import ORIGINAL_LOGS, load
 from testbench.rig import load as load_rig
+from testbench.signals import Band
 from testbench.store import open_campaign
 from testbench.vibration import Measure
 
@@ -78,6 +81,21 @@ def test_prediction_is_made_anew(brief, monkeypatch):
     base, force = Prediction.of(RIG, Measure()).reductions(pair)
     assert set(base) == {("base_acc", axis) for axis in "xyz"}
     assert force[pair.key.motion] > 99.0
+
+
+@pytest.mark.parametrize("high_hz", [12.0, 200.0])
+def test_prediction_is_the_truth_without_noise(brief, high_hz):
+    """The reductions that are predicted are those of what happened, whatever the band."""
+    measure = Measure("peak", Band(0.0, high_hz))
+    for pair in pairs(open_campaign(brief.campaign).runs)[0]:
+        predicted = Prediction.of(RIG, measure).reductions(pair)[0]
+        for axis in "xyz":
+            peaks = []
+            for run in pair.runs:
+                table = polars.read_parquet(brief.logs / "truth" / f"{run.name}.parquet")
+                signal = np.concatenate([np.zeros(2370), table[f"Acc{axis.upper()}_m_s2"].to_numpy()])
+                peaks.append(measure.of(signal, 10_000.0))
+            assert predicted["base_acc", axis] == pytest.approx(100.0 * (1.0 - peaks[0] / peaks[1]), abs=0.1)
 
 
 def test_another_bench_another_prediction(brief):

@@ -70,7 +70,7 @@ def test_noise():
 
 def test_noise_of_its_own():
     """The noise of a channel does not depend on which other channels there are."""
-    other = Column("B", "acc", "y", "daq", "g", ("acceleration",), noise=1.0)
+    other = Column("B", "acc", "y", "daq", "g", ("acceleration",), noise=0.3)
     signals = {"A": np.zeros_like(TIME), "B": np.zeros_like(TIME)}
     alone = record(logger(), [column(noise=0.3)], TIME, signals, (1, 2))
     both = record(logger(), [column(noise=0.3), other], TIME, signals, (1, 2))

@@ -6,7 +6,7 @@ import pytest
 from balance.mechanism import Mechanism
 from testbench.bench.run import payload_body, simulate_run
 from testbench.bench.sensors import signals
-from testbench.bench.supports import shares, transport
+from testbench.bench.supports import transport
 from testbench.errors import RigError
 from testbench.plan import PlannedRun
 from testbench.rig import Rig, load
@@ -27,11 +27,14 @@ def heavy() -> Rig:
 
 
 def supported(done, rig: Rig) -> np.ndarray:
-    """Wrench about the origin that all supports together carry, (n, 6)."""
-    found = shares(rig.supports)
-    return sum(
-        done.transmitted @ share.T @ transport(np.array(rig.supports[name].position)).T for name, share in found.items()
-    )
+    """Wrench about the origin that the channels of all force sensors add up to, (n, 6)."""
+    seen, total = signals(rig, done), np.zeros((len(done.time), 6))
+    for name, sensor in rig.supports.items():
+        load = np.zeros((len(done.time), 6))
+        for column in sensor.columns(name):
+            load[:, ("Fx", "Fy", "Fz", "Mx", "My", "Mz").index(column.component)] = seen[column.channel]
+        total += load @ transport(np.array(sensor.position)).T
+    return total
 
 
 def test_base_moves_by_what_the_sensors_carry():
@@ -43,6 +46,13 @@ def test_base_moves_by_what_the_sensors_carry():
     m = done.motion
     left = m.acceleration @ bare.mass.T + m.velocity @ bare.damping.T + m.displacement @ bare.stiffness.T
     assert left == pytest.approx(supported(done, RIG), abs=1e-9 * np.abs(left).max())
+
+
+def test_base_carries_the_mechanism():
+    """What moves on the mounts is the base and everything on it."""
+    done = run(EXACT)
+    assert done.base.mass[0, 0] == pytest.approx(RIG.bench.mass + done.mechanism.total_mass)
+    assert done.mechanism.total_mass == pytest.approx(2 * (1.04642 + 0.58909 + 24.276118) + 5.0)
 
 
 def test_base_that_stands_still():
