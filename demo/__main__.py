@@ -4,7 +4,7 @@ import shutil
 import time
 from pathlib import Path
 
-from . import campaign, counter_masses
+from . import arm, campaign, counter_masses
 
 
 def main() -> None:
@@ -15,6 +15,7 @@ def main() -> None:
     started = time.perf_counter()
     counter_masses.run(out)
     campaign.run(out)
+    arm.run(out)
     print(f"\nDone in {time.perf_counter() - started:.0f} s.")
 
 
