@@ -11,6 +11,7 @@ _MARKS = (
     (b"\xff\xfe", "utf-16-le"),
     (b"\xfe\xff", "utf-16-be"),
 )
+_ASCII = "0123456789+-.,;:eE \t\r\n"
 _TURKISH = frozenset("çÇğĞıİöÖşŞüÜâÂîÎûÛ")
 # The only bytes in which Windows-1254 (Turkish) and Windows-1252 (Western) both have a letter, and not the same one.
 _APART = frozenset(b"\xd0\xdd\xde\xf0\xfd\xfe")
@@ -27,7 +28,7 @@ class Encoding:
     @property
     def keeps_ascii(self) -> bool:
         """Whether digits and delimiters are the same bytes as in ASCII."""
-        return not self.name.startswith(("utf-16", "utf-32"))
+        return _ASCII.encode(self.name) == _ASCII.encode("ascii")
 
 
 def detect(head: bytes) -> Encoding | None:

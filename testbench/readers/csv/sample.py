@@ -47,6 +47,7 @@ def take(path: Path, given: str | None = None) -> Sample:
 
 def _given(path: Path, head: bytes, name: str) -> Encoding:
     try:
+        "".encode(name)  # unlike codecs.lookup, refuses codecs that are no text encodings
         known = codecs.lookup(name).name
     except LookupError as error:
         raise RecordingError(

@@ -1,0 +1,240 @@
+"""``testbench info``, ``formats``, ``ingest``, ``list`` and ``verify`` as a person and a program call them."""
+
+import csv
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from testbench.cli import main
+from testbench.store import open_run
+
+HEADER = "Time (s),AccX (g)\n"
+ROWS = "".join(f"{i / 1000:.4f},{0.5 * (i % 7) - 3:.4f}\n" for i in range(200))
+
+
+@pytest.fixture
+def command(monkeypatch, capsys):
+    """Run the command; its exit code, stdout and stderr."""
+
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["testbench", *map(str, words)])
+        with pytest.raises(SystemExit) as stop:
+            main()
+        out, err = capsys.readouterr()
+        return stop.value.code, out, err
+
+    return run
+
+
+@pytest.fixture
+def log(tmp_path):
+    """A log that is in order."""
+    path = tmp_path / "r001.csv"
+    path.write_text(HEADER + ROWS)
+    return path
+
+
+def test_info_as_json(command, log):
+    """One document with exactly the documented keys; numbers only with --stats."""
+    code, out, err = command("info", log, "--stats", "--json")
+    assert (code, err) == (0, "")
+    document = json.loads(out)
+    assert list(document) == ["format", "origin", "groups", "findings"]
+    (group,) = document["groups"]
+    assert list(group) == ["name", "samples", "rate_hz", "rate_source", "clock", "channels"]
+    assert list(group["clock"]) == ["t_first_s", "t_last_s", "dt_min_s", "dt_median_s", "dt_max_s", "non_increasing"]
+    assert list(group["channels"][1]) == ["name", "unit", "n", "nan", "min", "max", "mean", "first", "last"]
+    assert list(document["findings"][0]) == ["code", "channel", "where", "message"]
+    assert (group["samples"], group["rate_source"]) == (200, "median_step")
+    code, out, _ = command("info", log, "--json")
+    assert list(json.loads(out)["groups"][0]["channels"][1]) == ["name", "unit"]
+
+
+def test_info_for_people(command, log):
+    """Channels with units, and the findings, on stdout."""
+    code, out, err = command("info", log, "--stats")
+    assert (code, err) == (0, "")
+    assert "AccX (g)" in out
+    assert "200 samples, 1000 Hz" in out
+
+
+@pytest.mark.parametrize(
+    ("content", "code"),
+    [(HEADER + ROWS, 0), (HEADER + ROWS + "0.2", 3), (HEADER + ROWS + "1,2,3\n", 1), ("", 1), (HEADER, 1)],
+    ids=["in order", "last row cut", "ragged", "empty", "header only"],
+)
+def test_exit_codes_of_info(command, log, content, code):
+    """0 in order, 3 with findings, 1 what would be refused or cannot be read; JSON in every case, no traceback."""
+    log.write_text(content)
+    found, out, err = command("info", log, "--json")
+    assert (found, "Traceback" in err) == (code, False)
+    assert bool(json.loads(out)["groups"]) is (len(content) > len(HEADER))
+
+
+def test_simulated_logs_are_marked(command, log):
+    """A person sees at once that a log is simulated."""
+    log.write_text("# origin: simulated\n" + HEADER + ROWS)
+    assert "SIMULATED" in command("info", log)[1]
+    assert json.loads(command("info", log, "--json")[1])["origin"] == "simulated"
+
+
+def test_names_cannot_steer_the_terminal(command, log):
+    """Escape sequences in names and cells are shown, not obeyed."""
+    log.write_text("Time (s),\x1b[2JAcc (g)\n" + ROWS + "9,\x1b]0;x\x07\n")
+    _, out, _ = command("info", log)
+    assert "\x1b" not in out
+    assert "\\x1b[2JAcc" in out
+
+
+def test_from_logs_to_a_campaign(command, log, tmp_path):
+    """ingest, list, verify: stored once, listed with conditions, intact."""
+    sheet = tmp_path / "runs.csv"
+    sheet.write_text("file,origin,payload_kg,counter_masses,motion\nr001.csv,measured,5,counter_A0A=24.2626,x\n")
+    campaign = tmp_path / "campaign"
+    code, out, err = command("ingest", log, sheet, "--runs", sheet, "-o", campaign, "--json")
+    assert (code, err) == (0, "")
+    (run,) = json.loads(out)["runs"]
+    assert {"file", "source", "sha256", "origin", "status", "findings"} <= set(run)
+    assert (run["file"], run["source"], run["origin"], run["status"]) == ("r001.h5", "r001.csv", "measured", "stored")
+    code, out, _ = command("ingest", log, "--runs", sheet, "-o", campaign, "--json")
+    assert (code, json.loads(out)["runs"][0]["status"]) == (3, "already_stored")
+    (listed,) = json.loads(command("list", campaign, "--json")[1])["runs"]
+    assert listed["conditions"] == {"payload_kg": 5.0, "counter_masses": {"counter_A0A": 24.2626}, "motion": "x"}
+    assert "counter_A0A 24.2626" in command("list", campaign)[1]
+    assert command("verify", campaign)[0] == 0
+    run_file = campaign / "r001.h5"
+    run_file.write_bytes(run_file.read_bytes()[:-1] + b"x")
+    code, out, _ = command("verify", campaign, "--json")
+    assert (code, json.loads(out)["files"][0]["status"]) == (1, "damaged")
+
+
+def test_a_refused_log_does_not_keep_the_others_out(command, log, tmp_path):
+    """The good ones are stored, the bad one named on stderr, exit 1; nothing is left of it."""
+    bad = tmp_path / "bad.csv"
+    bad.write_text(HEADER + ROWS + "1,2,3\n" + ROWS[:7])
+    code, out, err = command("ingest", bad, log, "-o", tmp_path / "campaign", "--json")
+    assert [run["status"] for run in json.loads(out)["runs"]] == ["refused", "stored"]
+    assert code == 1
+    assert "bad: refused for ragged_row" in err
+    assert sorted(p.name for p in (tmp_path / "campaign").iterdir()) == ["r001.h5", "r001.h5.sha256"]
+
+
+def test_accepting_a_finding(command, log, tmp_path):
+    """--accept stores what was refused, exit 3."""
+    log.write_text(HEADER + ROWS + "1,2,3\n")
+    assert command("ingest", log, "-o", tmp_path / "c")[0] == 1
+    assert command("ingest", log, "-o", tmp_path / "c", "--accept", "ragged_row")[0] == 3
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (["info", "nowhere.csv"], 1, r"nowhere\.csv: no such file"),
+        (["info", "."], 1, r"is a folder; expected a log file"),
+        (["info", "LOG", "--encoding", "klingon"], 1, r"'klingon' is no encoding"),
+        (["info", "LOG", "--encoding", "base64"], 1, r"'base64' is no encoding"),
+        (["info", "LOG", "--decimal", "dot"], 2, r"'dot' is not one of 'point', 'comma'"),
+        (["ingest", "LOG", "-o", "c", "--accept", "everything"], 2, r"--accept everything: no such code"),
+        (["ingest", "LOG", "-o", "c", "--rig", "nowhere.toml"], 1, r"nowhere\.toml"),
+        (["ingest", "LOG", "-o", "c", "--runs", "nowhere.csv"], 1, r"nowhere\.csv"),
+        (["ingest", "LOG", "-o", "LOG"], 1, r"r001\.csv"),
+        (["ingest", "LOG"], 2, r"Missing option '-o'"),
+        (["list", "nowhere"], 1, r"nowhere: no such folder"),
+        (["verify", "."], 1, r"holds no run"),
+    ],
+)
+def test_one_clear_message(command, log, monkeypatch, words, code, message):
+    """Whatever a person gets wrong: one message with what was expected, the right exit code, no traceback."""
+    monkeypatch.chdir(log.parent)
+    found, _, err = command(*[str(log) if word == "LOG" else word for word in words])
+    assert (found, "Traceback" in err) == (code, False)
+    assert re.search(message, err)
+
+
+def test_formats_are_listed(command):
+    """Every reader with its extensions."""
+    code, out, _ = command("formats", "--json")
+    assert code == 0
+    assert {"CSV", "Cortex forces"} <= {f["name"] for f in json.loads(out)["formats"]}
+
+
+@pytest.mark.parametrize("name", ["info", "formats", "ingest", "list", "verify"])
+def test_help_carries_examples(command, name):
+    """Each command's help shows how it is called."""
+    code, out, _ = command(name, "--help")
+    assert (code, f"testbench {name}" in out) == (0, True)
+
+
+def test_reading_needs_no_mechanics():
+    """Where Pinocchio cannot be installed, logs are still read, stored, listed and verified."""
+    code = "import sys; sys.modules['pinocchio'] = None; import testbench.ingest, testbench.describe, testbench.store, "
+    code += "testbench.cli.ingest, testbench.cli.info, testbench.cli.list, testbench.cli.verify, testbench.rig"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def recordings():
+    """The folder of public recordings; the test is skipped without it."""
+    folder = os.environ.get("COUNTERPOISE_RECORDINGS")
+    if not folder:
+        pytest.skip("COUNTERPOISE_RECORDINGS is not set: the public recordings are not at hand")
+    return Path(folder)
+
+
+def close(value, expected):
+    """Equal to 1e-9."""
+    return value == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "name", ["08_phyphox_linear_acc.csv", "09_double_pendulum_A0_061705.csv", "10_double_pendulum_C1_154548.csv"]
+)
+def test_public_recordings_by_info_and_from_hdf5(command, tmp_path, name):
+    """Their known values as info prints them, and the same from HDF5 after ingest."""
+    folder = recordings()
+    with (folder / "manifest.csv").open(encoding="utf-8", newline="") as stream:
+        known = next(json.loads(row["checks"]) for row in csv.DictReader(stream) if row["file"] == name)
+    code, out, _ = command("info", folder / name, "--stats", "--json")
+    assert code in (0, 3)
+    (group,) = json.loads(out)["groups"]
+    channels = {channel["name"]: channel for channel in group["channels"]}
+    assert command("ingest", folder / name, "-o", tmp_path / "c")[0] in (0, 3)
+    run = open_run(tmp_path / "c" / f"{Path(name).stem}.h5")
+    for channel, expected in known.items():
+        stored = run.channel(channel)
+        if "t_first" in expected:
+            assert all(
+                close(group["clock"][f"{key}_s"], expected[key])
+                for key in ("t_first", "t_last", "dt_min", "dt_median", "dt_max")
+            )
+            assert (stored[0], stored[-1]) == (expected["t_first"], expected["t_last"])
+            continue
+        exactly = {key: value for key, value in expected.items() if key != "mean"}
+        assert {key: channels[channel][key] for key in exactly} == exactly
+        assert close(channels[channel]["mean"], expected["mean"])
+        assert (stored.min(), stored.max(), stored[0], stored[-1]) == tuple(
+            expected[key] for key in ("min", "max", "first", "last")
+        )
+
+
+ANSWERS = {
+    "b03_cut_mid_row.csv": {3}, "b04_nan_inf_tokens.csv": {3}, "b05_header_repeated.csv": {3},
+    "b06_time_not_monotonic.csv": {1}, "b08_cp1254_turkish.csv": {3}, "b11_empty.csv": {1},
+    "b15_mixed_decimal.csv": {1}, "b16_saturated_16g.csv": {3},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ANSWERS)
+def test_malformed_recordings_get_their_answer(command, tmp_path, name):
+    """The exit code of info and of ingest; what is refused leaves nothing behind."""
+    path = recordings().parent / "bad" / name
+    if not path.is_file():
+        pytest.skip(f"{name} is not beside the public recordings")
+    assert command("info", path)[0] in ANSWERS[name]
+    code, _, err = command("ingest", path, "-o", tmp_path / "c")
+    assert (code in ANSWERS[name], "Traceback" in err) == (True, False)
+    assert (tmp_path / "c").exists() is (code != 1)
