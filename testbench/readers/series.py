@@ -1,0 +1,134 @@
+"""Arrays that lie side by side in a file, gathered to groups: those of one place and length belong together."""
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..findings import Finding
+from ..recording import Block, Channel, Clock, Group, Samples, TimeColumn, UniformClock
+from ..units import seconds_per
+from .csv import names
+from .stream import block_samples
+
+_TIME_LIKE = re.compile(r"(?:.*[. /])?(?:t|time|timestamps?|zeit|zaman)(?:[_ ].*|\d*)", re.IGNORECASE)
+_RATE_LIKE = re.compile(r"(?:.*[._ /])?(?:fs|sample_?rate|sampling_?(?:rate|frequency)|rate_?hz)", re.IGNORECASE)
+_STEP_LIKE = re.compile(r"(?:.*[._ /])?(?:dt|ts|delta_?t|sample_?time|sampling_?(?:interval|period))", re.IGNORECASE)
+_SAME_RATE = 1e-9
+_CONTRADICTION = 0.005
+
+
+@dataclass(frozen=True)
+class Series:
+    """One array of ``length`` samples and one or more channels; ``root`` is what it shares with its neighbours.
+
+    ``block(begin, end)`` gives the samples from ``begin`` to before ``end``, one column a channel.
+    """
+
+    root: str
+    channels: tuple[Channel, ...]
+    length: int
+    block: Callable[[int, int], Sequence[Samples]]
+    may_be_time: bool = True
+
+
+@dataclass(frozen=True)
+class Gathered:
+    """Series of one group."""
+
+    group: Group
+    members: tuple[Series, ...]
+    samples: int
+
+    def blocks(self) -> Iterator[Block]:
+        """The samples in blocks."""
+        step = block_samples(len(self.group.channels))
+        for begin in range(0, self.samples, step):
+            end = min(begin + step, self.samples)
+            columns = tuple(column for member in self.members for column in member.block(begin, end))
+            yield Block(self.group, columns, begin)
+
+
+@dataclass
+class Gathering:
+    """The groups of a file, and what was found in gathering them."""
+
+    groups: list[Gathered] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
+    stated_rate_hz: float | None = None
+
+
+def gather(stem: str, series: Sequence[Series], scalars: Mapping[str, float]) -> Gathering:
+    """Groups of the series of one root and length; ``scalars`` may state a sampling rate."""
+    result = Gathering(stated_rate_hz=stated_rate(scalars))
+    sorted_out: dict[tuple[str, int], list[Series]] = {}
+    for each in series:
+        sorted_out.setdefault((each.root, each.length), []).append(each)
+    lengths_of = [root for root, _ in sorted_out]
+    for (root, length), members in sorted_out.items():
+        parts = [stem, *([root] if root else []), *([str(length)] if lengths_of.count(root) > 1 else [])]
+        clock = _time(members)
+        if clock is None and len(sorted_out) == 1 and result.stated_rate_hz is not None:
+            result.groups.append(_gathered(" ".join(parts), members, UniformClock(result.stated_rate_hz)))
+            continue
+        if clock is not None:
+            result.findings += _against_stated(members, clock, result.stated_rate_hz)
+        result.groups.append(_gathered(" ".join(parts), members, clock))
+    return result
+
+
+def _gathered(name: str, members: Sequence[Series], clock: Clock | None) -> Gathered:
+    channels = tuple(channel for member in members for channel in member.channels)
+    return Gathered(Group(name, channels, clock), tuple(members), members[0].length)
+
+
+def stated_rate(scalars: Mapping[str, float]) -> float | None:
+    """The sampling rate [Hz] that scalars such as ``fs`` or ``dt`` state, if they state one."""
+    rates = [value for name, value in scalars.items() if _RATE_LIKE.fullmatch(name) and 0 < value < np.inf]
+    rates += [1 / value for name, value in scalars.items() if _STEP_LIKE.fullmatch(name) and 0 < value < np.inf]
+    if not rates or any(abs(rate / rates[0] - 1) > _SAME_RATE for rate in rates):
+        return None
+    return float(rates[0])
+
+
+def _time(members: Sequence[Series]) -> TimeColumn | None:
+    """The one series that is named for time and grows from sample to sample; plain names go before longer ones."""
+    found: list[tuple[TimeColumn, str]] = []
+    index = 0
+    for member in members:
+        channel = member.channels[0]
+        if len(member.channels) == 1 and member.may_be_time and _TIME_LIKE.fullmatch(channel.name) and _grows(member):
+            named = names.channels([channel.name.rpartition(".")[2]], [""])[0]
+            unit = channel.unit or named.unit
+            clock = TimeColumn(index, seconds_per(unit) if unit else 1.0, assumed=unit is None)
+            found.append((clock, channel.name.rpartition(".")[2]))
+        index += len(member.channels)
+    plain = [clock for clock, name in found if names.is_time(name)]
+    likely = plain or [clock for clock, _ in found]
+    return likely[0] if len(likely) == 1 else None
+
+
+def _grows(member: Series) -> bool:
+    if member.length < 2:
+        return False
+    last, step = -np.inf, block_samples(1)
+    for begin in range(0, member.length, step):
+        column = member.block(begin, min(begin + step, member.length))[0]
+        if not column[0] > last or not (np.diff(column) > 0).all():
+            return False
+        last = float(column[-1])
+    return True
+
+
+def _against_stated(members: Sequence[Series], clock: TimeColumn, stated: float | None) -> list[Finding]:
+    """A stated rate that differs a little from the time column's; a lot is found where the data are checked."""
+    if stated is None or clock.seconds_per_unit is None:
+        return []
+    column = [series for series in members for _ in series.channels][clock.index]
+    first, last = (float(column.block(i, i + 1)[0][0]) for i in (0, column.length - 1))
+    rate = (column.length - 1) / ((last - first) * clock.seconds_per_unit)
+    if not _SAME_RATE < abs(rate / stated - 1) <= _CONTRADICTION:
+        return []
+    message = f"the file states {stated:.10g} Hz, its time column gives {rate:.10g} Hz; the column is taken"
+    return [Finding("rate_rounded", column.channels[0].name, None, message)]

@@ -1,0 +1,182 @@
+"""MATLAB files of version 5, written by SciPy and by hand."""
+
+import struct
+import zlib
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from testbench.errors import RecordingError
+from testbench.recording import TimeColumn, UniformClock
+
+from . import reading
+
+RANDOM = np.random.default_rng(5)
+TIME = np.arange(50) / 128
+
+
+def _save(tmp_path, compress=False, **variables):
+    path = tmp_path / "test.mat"
+    savemat(path, variables, do_compression=compress)
+    return path
+
+
+@pytest.mark.parametrize("compress", [False, True])
+@pytest.mark.parametrize("kind", ["f8", "f4", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8"])
+def test_numbers_of_every_class_are_read(tmp_path, compress, kind):
+    """Values are those that were saved, compressed or not, as a row or as a column."""
+    values = RANDOM.integers(0, 100, 50).astype(kind)
+    for shape in ((50, 1), (1, 50)):
+        found = reading.read(_save(tmp_path, compress, x=values.reshape(shape)))
+        np.testing.assert_array_equal(found.column("x"), values)
+        assert found.group().name == "test"
+
+
+def test_bytes_of_the_other_order_are_read(tmp_path):
+    """A big-endian file, by hand."""
+    name, data = b"acc", np.arange(5.0)
+    body = struct.pack(">IIBBBBI", 6, 8, 0, 0, 0, 6, 0) + struct.pack(">IIii", 5, 8, 5, 1)
+    body += struct.pack(">HH4s", len(name), 1, name) + struct.pack(">II", 9, 40) + data.astype(">f8").tobytes()
+    path = tmp_path / "big.mat"
+    path.write_bytes(b"MATLAB 5.0 MAT-file".ljust(124) + b"\x01\x00MI" + struct.pack(">II", 14, len(body)) + body)
+    assert reading.read(path).column("acc").tolist() == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize("compress", [False, True])
+def test_matrices_are_a_channel_for_each_of_their_short_side(tmp_path, compress):
+    """Columns of a tall matrix and rows of a wide one."""
+    matrix = RANDOM.normal(size=(50, 3))
+    found = reading.read(_save(tmp_path, compress, tall=matrix, wide=matrix.T.copy()))
+    for i in range(3):
+        np.testing.assert_array_equal(found.column(f"tall(:,{i + 1})"), matrix[:, i])
+        np.testing.assert_array_equal(found.column(f"wide({i + 1},:)"), matrix[:, i])
+
+
+def test_blocks_give_the_same_numbers(tmp_path, monkeypatch):
+    """Small blocks, of tall and wide and complex arrays."""
+    matrix = RANDOM.normal(size=(50, 3)) + 1j * RANDOM.normal(size=(50, 3))
+    path = _save(tmp_path, True, tall=matrix, wide=matrix.T.copy(), time=TIME)
+    whole = reading.read(path)
+    monkeypatch.setattr("testbench.readers.series.block_samples", lambda channels: 7)
+    pieces = reading.read(path)
+    np.testing.assert_array_equal(pieces.data["test"], whole.data["test"])
+    assert len(whole.data["test"]) == 13
+
+
+def test_complex_numbers_are_two_channels(tmp_path):
+    """Real and imaginary part."""
+    values = RANDOM.normal(size=50) + 1j * RANDOM.normal(size=50)
+    found = reading.read(_save(tmp_path, frf=values))
+    np.testing.assert_array_equal(found.column("frf (real)"), values.real)
+    np.testing.assert_array_equal(found.column("frf (imag)"), values.imag)
+
+
+def test_lengths_are_groups_and_a_growing_time_is_the_clock(tmp_path):
+    """What is named time and grows is the clock of the arrays of its length; others have none."""
+    found = reading.read(_save(tmp_path, Time_domain=TIME, Time_chan=np.cos(TIME), spectrum=np.ones(20)))
+    assert found.groups["test 50"].clock == TimeColumn(0, 1.0, assumed=True)
+    assert found.groups["test 20"].clock is None
+    assert {"time_unit_assumed", "no_clock"} <= found.codes
+
+
+def test_fields_and_cells_are_named_by_their_path(tmp_path):
+    """Structures are groups of their own, with their own time."""
+    fast, slow = {"t_ms": TIME * 1000, "acc": np.sin(TIME)}, {"t": TIME[:9], "force": np.cos(TIME[:9])}
+    found = reading.read(_save(tmp_path, fast=fast, slow=slow, note="hello", mass=2.5))
+    assert found.groups["test fast"].clock == TimeColumn(0, 1e-3)
+    np.testing.assert_array_equal(found.column("slow.force"), np.cos(TIME[:9]))
+    assert (found.recording.metadata["note"], found.recording.metadata["mass"]) == ("hello", "2.5")
+    cells = np.empty((1, 2), dtype=object)
+    cells[0, 0], cells[0, 1] = np.ones(4), np.zeros(4)
+    assert reading.read(_save(tmp_path, c=cells)).column("c{2}").tolist() == [0] * 4
+
+
+@pytest.mark.parametrize(("name", "value"), [("fs", 128.0), ("Sample_Rate", 128.0), ("dt", 1 / 128)])
+def test_a_single_number_may_state_the_rate(tmp_path, name, value):
+    """fs and dt are the clock of arrays without a time column."""
+    assert reading.read(_save(tmp_path, x=TIME**2, **{name: value})).group().clock == UniformClock(128.0)
+
+
+def test_a_rate_that_is_a_little_off_is_said(tmp_path):
+    """1280 Hz stated, 1279.9 Hz in the time column."""
+    found = reading.read(_save(tmp_path, t=TIME * 128 / 1279.9, x=TIME, fs=1280.0))
+    assert "states 1280 Hz, its time column gives 1279.9 Hz" in found.message("rate_rounded")
+
+
+def test_integers_that_do_not_fit_are_said(tmp_path):
+    """2**53 + 1 has no float64."""
+    assert "not_exact" in reading.read(_save(tmp_path, x=np.array([1, 2**53 + 1, 3]))).codes
+
+
+def test_what_is_no_series_is_left_out_by_name(tmp_path):
+    """Three dimensions, sparse matrices."""
+    from scipy.sparse import eye
+
+    found = reading.read(_save(tmp_path, x=TIME, cube=np.ones((3, 3, 3)), sparse=eye(3).tocsc()))
+    assert "cube (an array of 3 x 3 x 3), sparse (a sparse matrix)" in found.message("left_out")
+
+
+def test_a_cut_file_names_the_last_whole_variable(tmp_path):
+    """Both variables are named: the cut one and the last whole one."""
+    path = _save(tmp_path, first=TIME, second=TIME)
+    path.write_bytes(path.read_bytes()[:-30])
+    found = reading.read(path)
+    assert "inside variable 'second'" in found.message("cut_file")
+    assert "the last whole variable is 'first'" in found.message("cut_file")
+    assert len(found.group().channels) == 1
+
+
+def test_a_cut_compressed_variable_is_said(tmp_path):
+    """A tag that is cut, and a stream that ends too early within its bounds."""
+    path = _save(tmp_path, True, first=TIME, second=RANDOM.normal(size=500))
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-30])
+    assert "last whole variable is 'first'" in reading.read(path).message("cut_file")
+    packed = zlib.compress(bytes(4000))[:-6]
+    path.write_bytes(whole + struct.pack("<II", 15, len(packed)) + packed)
+    with pytest.raises(RecordingError, match="ends too early"):
+        reading.read(path)
+
+
+def test_a_compression_bomb_is_refused(tmp_path):
+    """A hundred thousand times as many bytes as are there."""
+    bomb = zlib.compress(struct.pack("<II", 14, 1 << 28) + bytes(1 << 28), 9)
+    path = tmp_path / "bomb.mat"
+    path.write_bytes(b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + struct.pack("<II", 15, len(bomb)) + bomb)
+    with pytest.raises(RecordingError, match="unpack to more than"):
+        reading.read(path)
+
+
+def test_declared_sizes_that_are_not_there_are_refused(tmp_path):
+    """Dimensions of gigabytes over fifty numbers."""
+    path = _save(tmp_path, x=TIME)
+    path.write_bytes(path.read_bytes().replace(struct.pack("<ii", 1, 50), struct.pack("<ii", 1, 1 << 30)))
+    with pytest.raises(RecordingError, match="values of type 9 in 400 bytes"):
+        reading.read(path)
+
+
+def test_public_recording_gives_its_known_values():
+    """Time traces, spectra and correlations of one analyser, complex ones too."""
+    name = "07_ema_case1.mat"
+    found = reading.read(reading.real(name))
+    for what, values in reading.known(name).items():
+        if what == "Time_domain":
+            reading.assert_clock(found.time(), values)
+        elif what.endswith(" (complex)"):
+            channel = what.removesuffix(" (complex)")
+            parts = [found.column(f"{channel} ({part})") for part in ("real", "imag")]
+            assert [p[0] for p in parts] == values["first"]
+            assert [p[-1] for p in parts] == values["last"]
+            assert parts[0].mean() == pytest.approx(values["mean_re"], rel=1e-9)
+            assert np.hypot(*parts).max() == pytest.approx(values["abs_max"], rel=1e-9)
+        else:
+            reading.assert_values(found.column(what), values)
+    assert "1280 Hz, its time column gives 1279.95" in found.message("rate_rounded")
+
+
+def test_a_malformed_recording_names_its_last_whole_variable():
+    """70 % of a file: what is cut, and what was whole before."""
+    found = reading.read(reading.malformed("b18_truncated.mat"))
+    assert "inside variable 'Hf_chan_2'" in found.message("cut_file")
+    assert "last whole variable is 'Auto_Correlation_2'" in found.message("cut_file")
