@@ -12,13 +12,14 @@ from balance.motion import Samples
 
 from .bench.carried import acceleration_in_body
 from .channels import in_si, instants
+from .derivatives import grid_of, on_grid, rates
 from .errors import AnalysisError
 from .pairing import rig_of
 from .rig.sensors import Accelerometer, Encoder, Target
-from .signals import Band, derivatives, lag
+from .signals import Band, lag
 
 if TYPE_CHECKING:
-    from .rig import Rig
+    from .rig import Column, Rig
     from .store import Run
 
 BANDWIDTH_HZ = 80.0
@@ -42,42 +43,60 @@ class CommandPerformance:
 def performance(run: "Run", mechanism: Mechanism, bandwidth_hz: float = BANDWIDTH_HZ) -> CommandPerformance:
     """Target, accelerometer and encoders of a run on one clock. Raises AnalysisError if the rig lacks one of them."""
     rig = rig_of(run)
-    target_name, target = next(iter(rig.of_kind(Target).items()), (None, None))
-    name, sensor = next(
-        ((n, s) for n, s in rig.of_kind(Accelerometer).items() if s.attached_to != "base"), (None, None)
-    )
-    if target_name is None or target is None or name is None or sensor is None:
-        raise AnalysisError(f"{run.name}: its rig lacks a target or an accelerometer on a moving body")
-    columns = {column.component: column for column in target.columns(target_name)}
-    wanted = {axis: in_si(run, column)[0] for axis, column in columns.items()}
-    time = instants(run, next(iter(columns.values())))
-    rate = in_si(run, next(iter(columns.values())))[1]
+    wanted = {column.component: in_si(run, column) for column in _columns(run, rig, Target)}
+    first = _columns(run, rig, Target)[0]
+    time, rate = instants(run, first), in_si(run, first)[1]
+    name, sensor = _moving_accelerometer(run, rig)
     band = Band(0.0, bandwidth_hz)
-    felt = {c.component: (band.of(in_si(run, c)[0], in_si(run, c)[1]), instants(run, c)) for c in sensor.columns(name)}
-    late = _lag(wanted, felt, rate)
-    shown = {axis: np.interp(time - time[0] + late, t - t[0], values) for axis, (values, t) in felt.items()}
-    moved = encoder_acceleration(run, rig, mechanism, sensor, bandwidth_hz)
-    by_encoders = {axis: moved[:, "xyz".index(axis)] for axis in wanted}
-    return CommandPerformance(time, wanted, shown, by_encoders, bandwidth_hz, late)
+    felt = {c.component: (band.of(*in_si(run, c)), instants(run, c)) for c in sensor.columns(name)}
+    target = {axis: values for axis, (values, _) in wanted.items()}
+    late = _lag(target, felt, rate)
+    grid, moved = encoder_acceleration(run, rig, mechanism, sensor, bandwidth_hz)
+    if run.find(first.channel)[0] != run.find(_columns(run, rig, Encoder)[0].channel)[0]:
+        raise AnalysisError(f"{run.name}: encoders and target are on two loggers, whose clocks are not in line")
+    return CommandPerformance(
+        time,
+        target,
+        {axis: np.interp(time - time[0] + late, t - t[0], values) for axis, (values, t) in felt.items()},
+        {axis: np.interp(time, grid, moved[:, "xyz".index(axis)]) for axis in target},
+        bandwidth_hz,
+        late,
+    )
 
 
 def encoder_acceleration(
     run: "Run", rig: "Rig", mechanism: Mechanism, sensor: Accelerometer, bandwidth_hz: float
-) -> Floats:
-    """Acceleration of the point where ``sensor`` sits, by encoders and loops alone, body axes, (n, 3) [m/s2]."""
-    columns = [column for name, encoder in rig.of_kind(Encoder).items() for column in encoder.columns(name)]
-    if not columns:
-        raise AnalysisError(f"{run.name}: its rig has no encoder")
-    signals = [in_si(run, column) for column in columns]
-    position, velocity, acceleration = (
-        np.column_stack(values)
-        for values in zip(*(derivatives(signal, rate, bandwidth_hz) for signal, rate in signals), strict=True)
-    )
+) -> tuple[Floats, Floats]:
+    """Instants (n,) [s], and the acceleration of the point where ``sensor`` sits, body axes, (n, 3) [m/s2].
+
+    By the encoders, differentiated below ``bandwidth_hz``, and by the loops of the mechanism.
+    """
+    columns = _columns(run, rig, Encoder)
+    if len({run.find(column.channel)[0].name for column in columns}) > 1:
+        raise AnalysisError(f"{run.name}: its encoders are on several loggers, whose clocks are not in line")
     time = instants(run, columns[0])
-    samples = Samples(time, position, velocity, acceleration, tuple(column.component for column in columns))
+    position = np.column_stack([in_si(run, column)[0] for column in columns])
+    grid = grid_of(time, f"{run.name}: encoders")
+    moved = rates(on_grid(time, position, grid), bandwidth_hz, grid.rate)
+    samples = Samples(grid.time, moved.q, moved.v, moved.a, tuple(column.component for column in columns))
     trajectory = Closure(mechanism).follow(samples)
-    still = np.zeros((len(time), 6))
-    return acceleration_in_body(mechanism, trajectory, still, sensor.attached_to, np.array(sensor.position))
+    still, point = np.zeros((grid.count, 6)), np.array(sensor.position)
+    return grid.time, acceleration_in_body(mechanism, trajectory, still, sensor.attached_to, point)
+
+
+def _columns(run: "Run", rig: "Rig", kind: type[Target] | type[Encoder]) -> "list[Column]":
+    """The channels of all sensors of a kind, of which there must be one."""
+    found = [column for name, sensor in rig.of_kind(kind).items() for column in sensor.columns(name)]
+    if not found:
+        raise AnalysisError(f"{run.name}: its rig has no sensor of kind {kind.__name__.lower()}")
+    return found
+
+
+def _moving_accelerometer(run: "Run", rig: "Rig") -> tuple[str, Accelerometer]:
+    for name, sensor in rig.of_kind(Accelerometer).items():
+        if sensor.attached_to != "base":
+            return name, sensor
+    raise AnalysisError(f"{run.name}: its rig has no accelerometer on a body that moves")
 
 
 def _lag(wanted: dict[str, Floats], felt: dict[str, tuple[Floats, Floats]], rate_hz: float) -> float:

@@ -1,4 +1,4 @@
-"""Laws on sampled signals: band, derivatives with a stated bandwidth, the lag between two records."""
+"""Laws on sampled signals: band, offset, the lag between two records."""
 
 from dataclasses import dataclass
 
@@ -45,13 +45,6 @@ class Band:
 def without_offset(values: Floats) -> Floats:
     """A signal less its mean over the whole record."""
     return values - values.mean()
-
-
-def derivatives(values: Floats, rate_hz: float, bandwidth_hz: float) -> tuple[Floats, Floats, Floats]:
-    """A signal (n,) below ``bandwidth_hz``, its first and its second derivative, by central differences."""
-    smooth = Band(0.0, bandwidth_hz).of(values, rate_hz)
-    first = np.gradient(smooth, 1.0 / rate_hz)
-    return smooth, first, np.gradient(first, 1.0 / rate_hz)
 
 
 def lag(late: Floats, early: Floats, rate_hz: float) -> float:

@@ -1,10 +1,10 @@
-"""Bands, derivatives and lags against closed forms."""
+"""Bands and lags against closed forms."""
 
 import numpy as np
 import pytest
 
 from testbench.errors import AnalysisError
-from testbench.signals import Band, derivatives, lag, without_offset
+from testbench.signals import Band, lag, without_offset
 
 RATE = 2000.0
 TIME = np.arange(8000) / RATE
@@ -41,16 +41,6 @@ def test_record_too_short():
     """A record that is too short for the filter is refused."""
     with pytest.raises(AnalysisError, match="too few"):
         Band(0.0, 200.0).of(TIME[:9], RATE)
-
-
-def test_derivatives():
-    """Of a sine, the first two derivatives are the cosine and the sine, by frequency and its square."""
-    w = 2 * np.pi * 5
-    position, velocity, acceleration = derivatives(np.sin(w * TIME), RATE, 100.0)
-    middle = slice(2000, 6000)
-    assert position[middle] == pytest.approx(np.sin(w * TIME[middle]), abs=1e-3)
-    assert velocity[middle] == pytest.approx(w * np.cos(w * TIME[middle]), abs=1e-3 * w)
-    assert acceleration[middle] == pytest.approx(-(w**2) * np.sin(w * TIME[middle]), abs=1e-3 * w**2)
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.1, -0.0371])
