@@ -4,23 +4,18 @@ Linear momentum is ``W(q, v) @ pi``. Over loop-consistent states the rows of W s
 when pi is orthogonal to it. The conditions are that space's reduced row echelon form, pivots on first moments.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from .arrays import Floats
 from .closure import Closure
-from .errors import ModelError
+from .combinations import echelon, row_space, text_of
 from .mechanism import Mechanism
 from .regressor import momentum_regressor
 
 MOMENTA = {"linear": [0, 1, 2], "planar": [0, 1, 2, 5], "all": [0, 1, 2, 3, 4, 5]}
 """Linear momentum; with the angular one about z; with all three angular ones."""
-GAP = 1e6
-"""Ratio between the smallest kept and the largest dropped singular value that decides a rank."""
-_ZERO = 1e-9
-"""Coefficients below this are rounding of the elimination [m, or none]."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +53,7 @@ class Conditions:
 
     def text(self, row: int) -> str:
         """One condition as an equation, such as ``mcx[A0A] + mcx[BD] + 0.15 m[AC] = 0``."""
-        return f"{_sum_text(self.coefficients(row))} = 0"
+        return f"{text_of(self.coefficients(row))} = 0"
 
 
 def find(mechanism: Mechanism, momentum: str = "linear") -> Conditions:
@@ -74,52 +69,8 @@ def find(mechanism: Mechanism, momentum: str = "linear") -> Conditions:
     return Conditions(mechanism, closure.dof, echelon(basis, _pivot_order(mechanism)), gap)
 
 
-def row_space(matrix: Floats, name: str) -> tuple[Floats, tuple[float, float]]:
-    """Orthonormal basis of the row space, and the singular values next to where it was cut.
-
-    Raises ModelError if no gap of at least GAP tells the kept from the dropped.
-    """
-    _, values, rows = np.linalg.svd(matrix, full_matrices=False)
-    values = values / np.sqrt(len(matrix))
-    if not values[0] > 0.0:
-        return rows[:0], (0.0, 0.0)
-    floor = np.maximum(values, np.finfo(float).eps * values[0])
-    ratios = floor[:-1] / floor[1:]
-    rank = int(np.argmax(ratios)) + 1 if len(ratios) and ratios.max() >= GAP else len(values)
-    if rank == len(values) and values[-1] < values[0] / GAP:
-        raise ModelError(f"{name}: the rank of its momentum cannot be decided (singular values {values})")
-    return rows[:rank], (float(values[rank - 1]), float(values[rank]) if rank < len(values) else 0.0)
-
-
-def echelon(basis: Floats, order: Sequence[int]) -> Floats:
-    """Reduced row echelon form of ``basis`` with pivots taken in the given order of columns."""
-    matrix, row = basis.copy(), 0
-    for column in order:
-        if row == len(matrix):
-            break
-        best = row + int(np.argmax(np.abs(matrix[row:, column])))
-        if abs(matrix[best, column]) < _ZERO:
-            continue
-        matrix[[row, best]] = matrix[[best, row]]
-        matrix[row] /= matrix[row, column]
-        others = np.arange(len(matrix)) != row
-        matrix[others] -= np.outer(matrix[others, column], matrix[row])
-        row += 1
-    matrix[np.abs(matrix) < _ZERO] = 0.0
-    return matrix
-
-
 def _pivot_order(mechanism: Mechanism) -> list[int]:
     """First moments body by body, then masses, then inertias."""
     bodies = range(len(mechanism.bodies))
     blocks = [(1, 2, 3), (0,), (4, 5, 6, 7, 8, 9)]
     return [10 * body + k for block in blocks for body in bodies for k in block]
-
-
-def _sum_text(coefficients: dict[str, float]) -> str:
-    terms: list[str] = []
-    for name, value in coefficients.items():
-        size = "" if abs(abs(value) - 1.0) < 1e-12 else f"{abs(value):.6g} "
-        sign = ("- " if value < 0 else "+ ") if terms else ("-" if value < 0 else "")
-        terms.append(f"{sign}{size}{name}")
-    return " ".join(terms) or "0"

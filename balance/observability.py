@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .arrays import Floats
-from .conditions import echelon
+from .combinations import echelon, text_of
 from .errors import DataError
 
 RANK_LIMIT = 1e-9
@@ -117,16 +117,6 @@ def observe(regressor: Floats, names: Sequence[str]) -> Observability:
 def pivot_order(names: Sequence[str]) -> list[int]:
     """Columns in the order in which they lead a combination: first moments, inertias, terms of joints, masses."""
     return sorted(range(len(names)), key=lambda k: (_place(names[k].partition("[")[0]), k))
-
-
-def text_of(coefficients: Mapping[str, float]) -> str:
-    """A combination as a sum, such as ``mcx[link_1] + 0.3 m[link_2]``."""
-    terms: list[str] = []
-    for name, value in coefficients.items():
-        size = "" if abs(abs(value) - 1.0) < 1e-12 else f"{abs(value):.6g} "
-        sign = ("- " if value < 0 else "+ ") if terms else ("-" if value < 0 else "")
-        terms.append(f"{sign}{size}{name}")
-    return " ".join(terms) or "0"
 
 
 def _place(parameter: str) -> int:

@@ -8,10 +8,11 @@ import numpy as np
 
 from balance import conditions
 from balance.arrays import Floats
+from balance.combinations import text_of
 from balance.identification import Estimate, Identified, counter_mass_rows
 from balance.joint_terms import TERMS
 from balance.mechanism import Mechanism
-from balance.observability import NotObservable, text_of
+from balance.observability import NotObservable
 
 from ..recording import Origin
 from .choice import LONGEST_DELAY_S, Candidate, Choice, unexplained

@@ -7,7 +7,8 @@ import pytest
 
 from balance import closed_forms
 from balance.closure import Closure
-from balance.conditions import Conditions, echelon, find, row_space
+from balance.combinations import echelon, row_space
+from balance.conditions import Conditions, find
 from balance.dynamics import momentum
 from balance.errors import ClosureError, ModelError
 from balance.regressor import momentum_regressor

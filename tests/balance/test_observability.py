@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from balance import conditions
+from balance.combinations import text_of
 from balance.errors import DataError
 from balance.joint_terms import joint_terms
-from balance.observability import NotObservable, observe, text_of
+from balance.observability import NotObservable, observe
 from balance.regressor import torque_regressor, wrench_regressor
 
 from . import models
