@@ -4,7 +4,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from .errors import AnalysisError
+from balance.errors import CounterpoiseError
+
 from .findings import Finding
 from .pairing import Pair, rig_of
 from .prediction import Prediction
@@ -102,7 +103,7 @@ def _simulated(
                 Finding("bench_assumed", None, None, "the rig has no [bench]: an assumed one was simulated")
             )
         return predictions[rig.text].reductions(pair)
-    except AnalysisError as error:
+    except CounterpoiseError as error:
         findings.append(Finding("not_simulated", None, None, str(error)))
         return {}, {}
 

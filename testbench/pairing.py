@@ -91,7 +91,9 @@ def doubts(run: "Run") -> list[Finding]:
     found = []
     for finding in run.findings:
         if finding.severity >= Severity.WARNING and _label(run, finding.channel) in used:
-            found.append(Finding(finding.code, finding.channel, run.name, f"{run.name}: {finding.message}"))
+            found.append(
+                Finding(finding.code, finding.channel, run.name, f"{run.name}: {finding.channel}: {finding.message}")
+            )
     return found
 
 

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     epilog="""\b
 Examples:
   testbench compare campaign --published kiper2019
-  testbench compare campaign --published kiper2019 --metric peak --json"""
+  testbench compare campaign --published kiper2019 --metric peak --json
+\b
+Exit codes: 0 done, 3 done with findings (runs without a partner, what cannot be simulated), 1 nothing to compare."""
 )
 @click.argument("campaign", type=click.Path(path_type=Path))
 @click.option("--published", "table", required=True, metavar="NAME", help="A shipped table, kiper2019, or a file.")

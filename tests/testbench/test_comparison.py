@@ -114,6 +114,17 @@ def test_a_stored_rig_opens_no_file():
         Prediction.of(RIG.model_copy(update={"mechanism": "../secret.xml"}), Measure())
 
 
+def test_what_cannot_be_simulated(brief):
+    """A run whose conditions the mechanism does not know keeps its row, without a simulation; a finding says why."""
+    runs = open_campaign(brief.campaign).runs[:2]
+    runs[0].conditions["counter_masses"] = {"counter_Z": 1.0}
+    found = compare(runs, load("kiper2019"), Measure())
+    assert [row.simulated for row in found.rows] == [None] * 3
+    assert all(row.analyzed.percent > 0.0 for row in found.rows)
+    assert [finding.code for finding in found.findings] == ["not_simulated"]
+    assert "counter_Z" in found.findings[0].message
+
+
 def test_unpublished_conditions_stay(brief):
     """A condition that is not printed keeps its row, without a published value."""
     table = load("kiper2019")
