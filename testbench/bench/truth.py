@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .run import BenchRun
-from .sensors import signals
+from .sensors import base_acceleration
 
 if TYPE_CHECKING:
     from ..plan import PlannedRun
@@ -20,9 +20,9 @@ def write_run(folder: Path, rig: "Rig", planned: "PlannedRun", run: BenchRun) ->
 
     names = ("Fx_N", "Fy_N", "Fz_N", "Mx_Nm", "My_Nm", "Mz_Nm")
     columns = {"time_s": run.time} | dict(zip(names, run.wrench.T, strict=True))
-    for name in rig.base_accelerometers:
-        channels = [column.channel for column in rig.base_accelerometers[name].columns(name)]
-        columns |= {f"{channel}_m_s2": signals(rig, run)[channel] for channel in channels}
+    for name, sensor in rig.base_accelerometers.items():
+        seen = base_acceleration(sensor, run)
+        columns |= {f"{column.channel}_m_s2": seen[column.component] for column in sensor.columns(name)}
     polars.DataFrame({name: values.copy() for name, values in columns.items()}).write_parquet(
         folder / f"{planned.name}.parquet"
     )
