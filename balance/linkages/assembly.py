@@ -31,8 +31,8 @@ def assemble(linkage: Linkage, values: Mapping[str, float]) -> Assembly:
     from scipy.optimize import least_squares
 
     names = list(linkage.bodies)
-    guess = _angles(linkage)
     pins = {j.name: tuple(_pin(linkage, j, k, values) for k in (0, 1)) for j in linkage.joints.values()}
+    guess = _angles(linkage)
     driven = _driven_body(linkage)
 
     def state(x: Floats) -> Assembly:

@@ -108,7 +108,7 @@ def _position(place: Place, origin: Point, first: Floats, values: Mapping[str, f
 
 
 def _impossible(first: Floats, at: Sequence[Floats], body: str) -> str:
-    side = np.degrees(np.arctan2(-first[1], -first[0]))
+    side = np.degrees(np.arctan2(0.0 - first[1], 0.0 - first[0]))
     places = ", ".join(f"({x:.4g} m, {y:.4g} m)" for x, y in at) or "none"
     return (
         f"body {body} needs counter-masses of first moment {np.linalg.norm(first):.4g} kg m about its reduction joint, "

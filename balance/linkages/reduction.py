@@ -19,7 +19,7 @@ def reduction_tree(linkage: Linkage, values: Mapping[str, float]) -> dict[str, s
     from .force import force_balance
 
     choices = {body: _choices(linkage, body) for body in linkage.bodies}
-    _check_paths(linkage, choices)
+    _check_paths(linkage)
     if prod(len(joints) for joints in choices.values()) > MOST_TREES:
         choices = {body: [_shortest(linkage, choices, body)] for body in linkage.bodies}
     best, least, refusal = None, inf, None
@@ -61,11 +61,11 @@ def _choices(linkage: Linkage, body: str) -> list[str]:
     return [named]
 
 
-def _check_paths(linkage: Linkage, choices: Mapping[str, list[str]]) -> None:
+def _check_paths(linkage: Linkage) -> None:
     """Raise ModelError for a body without a revolute path to the ground."""
     reached = {GROUND}
     for _ in linkage.bodies:
-        reached |= {b for b, joints in choices.items() if any(linkage.joints[j].other(b) in reached for j in joints)}
+        reached |= {b for b in linkage.bodies if any(joint.other(b) in reached for joint in linkage.joints_of(b))}
     for body in linkage.bodies:
         if body not in reached:
             joints = ", ".join(j.name for kind in (True, False) for j in linkage.joints_of(body, kind)) or "none"

@@ -1,0 +1,76 @@
+"""Bodies shaped as two point masses."""
+
+import pytest
+
+from balance.errors import ModelError, SizingError
+from balance.linkages.method import balance
+from balance.linkages.reading import from_table
+from balance.linkages.verification import verify
+
+
+@pytest.fixture
+def keys(slider_crank_keys):
+    """A slider-crank whose connecting rod is shaped as two point masses, its counter-mass beyond the crank pin."""
+    keys = slider_crank_keys
+    keys["links"]["3"] |= {"counter_mass": {"at": ["20 mm", "30 mm"]}}
+    keys["two_point"] = {"3": {"joints": ["A", "C"], "reshaped": "3"}}
+    del keys["gears"]["z3"]
+    return keys
+
+
+def four_bar(keys):
+    """A crank-rocker without its dyad, its coupler two point masses at crank and rocker."""
+    keys = {**keys, "two_point": {"3": {"joints": ["A", "B"], "reshaped": "3"}}}
+    keys["links"] = {name: dict(link) for name, link in keys["links"].items() if name in "234"}
+    keys["links"]["3"] |= {"centre": ["0.15 m", "12 mm"], "inertia": "1e-3 kg m^2"}
+    keys["links"]["3"]["counter_mass"] = {"at": ["0.16 m", "-50 mm"]}
+    keys["joints"] = {name: joint for name, joint in keys["joints"].items() if name in ("A0", "A", "B", "B0")}
+    keys["gears"] = {name: keys["gears"][name] for name in ("z2", "z4")}
+    keys["start"] = {name: angle for name, angle in keys["start"].items() if name in "234"}
+    del keys["reduction"]
+    return keys
+
+
+def test_a_two_point_coupler_needs_no_gear(crank_rocker_keys):
+    """I = m_A m_B L^2 / (m_A + m_B): balanced at varying speed with gears on crank and rocker alone."""
+    result = balance(from_table(four_bar(crank_rocker_keys), "x"))
+    shares = result.force["3"].shares
+    assert min(shares.values()) > 0
+    assert max(verify(result, count=60).varying.residual("complete").values()) < 1e-10
+
+
+def test_the_centre_is_brought_onto_the_line(crank_rocker_keys):
+    """The counter-mass takes up only what lies across the line of the joints."""
+    result = balance(from_table(four_bar(crank_rocker_keys), "x"))
+    (counter,) = result.force["3"].counters
+    assert counter.mass == pytest.approx(result.values["m3"] * 12 / 50)
+
+
+def test_without_a_place_on_the_other_side_it_is_refused(crank_rocker_keys):
+    """A centre beside the line is named."""
+    keys = four_bar(crank_rocker_keys)
+    keys["links"]["3"]["counter_mass"] = {"at": ["0.16 m", "50 mm"]}
+    with pytest.raises(SizingError, match="two_point of 3: its centre of mass lies beside the line"):
+        balance(from_table(keys, "x"))
+
+
+def test_a_centre_outside_the_two_joints_is_refused(crank_rocker_keys):
+    """One of the point masses would be negative."""
+    keys = four_bar(crank_rocker_keys)
+    keys["links"]["3"]["centre"] = ["0.45 m", "0 m"]
+    with pytest.raises(SizingError, match="two_point of 3: its centre of mass is not between A and B"):
+        balance(from_table(keys, "x"))
+
+
+def test_too_much_inertia_elsewhere_is_refused(crank_rocker_keys):
+    """Where other parts alone have more inertia than two point masses may, no shape of the link helps."""
+    keys = four_bar(crank_rocker_keys)
+    keys["links"]["9"] = {"fixed_to": "3", "mass": "0.1 kg", "centre": ["0.15 m", "0 m"], "inertia": "1 kg m^2"}
+    with pytest.raises(SizingError, match="link 3 would need an inertia of -"):
+        balance(from_table(keys, "x"))
+
+
+def test_a_slider_is_no_second_joint_of_a_gearless_rod(keys):
+    """The rod's second point mass would pass to the slider, which itself is reduced to the rod: in a circle."""
+    with pytest.raises(ModelError, match="circle"):
+        balance(from_table(keys, "x"))

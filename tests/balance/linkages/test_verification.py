@@ -1,0 +1,126 @@
+"""Complete balance, judged by the dynamics of the core, of Pinocchio and of MuJoCo."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from balance.closure import Closure
+from balance.errors import ModelError
+from balance.linkages.coupling import Couplings
+from balance.linkages.description import Linkage
+from balance.linkages.method import balance
+from balance.linkages.model import mjcf
+from balance.linkages.reading import from_table
+from balance.linkages.verification import samples, verify
+from balance.mechanism import Mechanism
+
+
+def geared_path(result, count=60, variation=0.4):
+    """Text and trajectory of every stage at varying speed."""
+    linkage = result.linkage
+    texts = {stage: mjcf(result, stage) for stage in ("before", "force", "complete")}
+    models = {stage: Mechanism.from_text(text, linkage.name) for stage, text in texts.items()}
+    closure = Closure(models["before"])
+    start = float(closure.home[models["before"].coordinate_index(linkage.drive)])
+    path = closure.follow(samples(linkage, linkage.speed, variation, start, count))
+    geared = Couplings.of(result).extend(path, models["before"], models["complete"])
+    return texts, {"before": path, "force": path, "complete": geared}
+
+
+@pytest.mark.parametrize("referee", ["mujoco", "pinocchio"])
+@pytest.mark.parametrize("name", ["two-levels", "pantograph"])
+def test_shipped_linkages_are_balanced_by_other_dynamics(name, referee, referees):
+    """Force and moment are below 1e-10 of before at varying speed, by dynamics that are not ours."""
+    texts, paths = geared_path(balance(Linkage.load(name)))
+    before, after = (referees[referee](texts[s], paths[s], gravity=False)[:, :3] for s in ("before", "complete"))
+    assert np.abs(after[:, :2]).max() < 1e-10 * np.abs(before[:, :2]).max()
+    assert np.abs(after[:, 2]).max() < 1e-10 * np.abs(before[:, 2]).max()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_random_linkages_are_balanced_by_three_dynamics(seed, random_crank_rocker, referees):
+    """Off-line centres, odd gear ratios, two planet levels and a prismatic joint: balanced whatever the numbers are."""
+    result = balance(random_crank_rocker(seed))
+    assert all(r < 1e-10 for r in verify(result, count=120).varying.residual("complete").values())
+    texts, paths = geared_path(result, count=24)
+    for referee in referees.values():
+        before, after = (referee(texts[s], paths[s], gravity=False)[:, :3] for s in ("before", "complete"))
+        assert (np.abs(after).max(axis=0) < 1e-10 * np.abs(before).max(axis=0)).all()
+
+
+@pytest.mark.parametrize("referee", ["mujoco", "pinocchio"])
+def test_force_moment_and_torque_are_those_of_other_dynamics(referee, random_crank_rocker, referees):
+    """Every stage, weight and gears included: equal to 1e-10 of the largest."""
+    result = balance(random_crank_rocker(11))
+    texts, paths = geared_path(result, count=720, variation=0.3)
+    run = verify(result, count=720).varying
+    for stage, path in paths.items():
+        free, loaded = (referees[referee](texts[stage], path, gravity=g) for g in (False, True))
+        series = run.series(stage)
+        scale = np.abs(run.series("before")["Fx_N"]).max()
+        assert np.allclose(-free[:, 0], series["Fx_N"], atol=1e-10 * scale)
+        assert np.allclose(-free[:, 2], series["Mz_Nm"], atol=1e-10 * scale)
+        torque = np.einsum("nij,ni->n", path.per_drive, loaded[:, 3:])
+        assert np.allclose(torque, series["torque_Nm"], atol=1e-10 * np.abs(torque).max())
+
+
+def test_slider_crank_needs_no_counter_mass_on_its_slider(slider_crank_keys):
+    """A slider whose centre lies on its line of sliding is a point mass at its pin, for force and moment."""
+    check = verify(balance(from_table(slider_crank_keys, "slider-crank")))
+    for run in (check.constant, check.varying):
+        assert all(share < 1e-12 for share in run.residual("complete").values())
+
+
+def test_constant_speed_hides_a_wrong_gear_on_the_crank(crank_rocker_keys):
+    """Without the crank's gear the moment vanishes at constant speed, and only varying speed shows it."""
+    result = balance(from_table(crank_rocker_keys, "crank-rocker"))
+    result.moment.gears.pop("z2")
+    check = verify(result)
+    assert check.constant.residual("complete")["moment"] < 1e-10
+    assert check.varying.residual("complete")["moment"] > 0.1
+
+
+def test_force_balance_raises_the_moment_and_full_balance_the_torque():
+    """What the counter-masses and gears cost is said: mass, and torque at both speeds."""
+    check = verify(balance(Linkage.load("two-levels")))
+    assert check.constant.residual("force")["moment"] > 1.0
+    cost = check.penalty("complete")
+    assert cost["mass"] > 5.0
+    assert cost["torque_varying_speed"] > cost["torque_constant_speed"] > 4.0
+
+
+def test_varying_speed_is_the_rate_of_its_position():
+    """Velocity and acceleration are the derivatives of the position, of a turn and of a swing."""
+    linkage = Linkage.load("two-levels")
+    for described in (linkage, replace(linkage, swing=(0.5, 1.1))):
+        motion = samples(described, 12.0, 0.3, 1.0, 4000)
+        step = motion.time[1]
+        for values, rates in ((motion.position, motion.velocity), (motion.velocity, motion.acceleration)):
+            numeric = (values[2:, 0] - values[:-2, 0]) / (2 * step)
+            assert np.allclose(numeric, rates[1:-1, 0], atol=2e-5 * np.abs(rates).max())
+
+
+def test_a_linkage_without_ground_pivots_is_not_simulated():
+    """What is not given is named."""
+    with pytest.raises(ModelError, match="where joint A0 is on the ground is not given"):
+        verify(balance(Linkage.load("dwell")))
+
+
+def test_pantograph_gives_the_printed_rms_values():
+    """Drive torque within 0.1 % of the interval that the printed digits stand for, other RMS values within 11 %."""
+    linkage = Linkage.load("pantograph")
+    run = verify(balance(linkage)).constant
+    printed = linkage.printed["rms"]
+    for stage, half in (("before", 0.0005), ("force", 0.0005)):
+        torque = float(printed[stage][3].split()[0])
+        off = abs(run.rms(stage)["torque_Nm"] - torque)
+        assert max(0.0, off - half) < 1e-3 * torque
+    for stage, column, k in (
+        ("before", "Fx_N", 0),
+        ("before", "Fy_N", 1),
+        ("before", "Mz_Nm", 2),
+        ("force", "Mz_Nm", 2),
+        ("complete", "torque_Nm", 3),
+    ):
+        assert run.rms(stage)[column] == pytest.approx(float(printed[stage][k].split()[0]), rel=0.11)
