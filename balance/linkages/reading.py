@@ -10,10 +10,11 @@ from .. import datasets
 from ..errors import CounterpoiseError, DataError
 from ..quantities import parse
 from . import expressions
-from .description import GROUND, Body, Gear, Joint, Linkage, Part, Place, TwoPoint, Wheel
+from .description import GROUND, Body, End, Gear, Joint, Linkage, Part, Place, TwoPoint
 from .expressions import Expression, Point, Symbol
 from .placement import Placement, placements
-from .tables import entries, known_keys, needed, pair, table
+from .tables import entries, known_keys, needed, pair, stated, table
+from .wheel_reading import positive, wheel
 
 _TOP = {
     "title", "source", "drive", "speed", "swing", "gravity", "lengths", "links", "joints", "reduction", "two_point",
@@ -22,7 +23,6 @@ _TOP = {
 _LINK = {"mass", "inertia", "centre", "counter_mass", "gear_counter_mass", "fixed_to", "at", "angle"}
 _PLACE = {"name", "at", "radius", "bar", "radius_of_gyration", "inertia"}
 _GEAR = {"body", "joint", "teeth", "disc", "wheel", "counter"}
-_DIMENSION = {"mass": "mass", "inertia": "inertia", "diameter": "length", "radius_of_gyration": "length"}
 
 
 def load(name: str | Path) -> Linkage:
@@ -79,7 +79,7 @@ class _Reader:
     def __init__(self, content: Mapping[str, Any]) -> None:
         self.links = {name: table(value, f"links.{name}") for name, value in entries(content, "links")}
         self.symbols: dict[str, Symbol] = {
-            name: _symbol(value, "length", f"lengths.{name}")
+            name: stated(value, "length", f"lengths.{name}")
             for name, value in entries(content, "lengths", required=False)
         }
         self.lengths = dict(self.symbols)
@@ -128,9 +128,9 @@ class _Reader:
         counter = table(keys.get("counter", {}), f"{where}.counter")
         known_keys(counter, {"at", "on", "mass", "radius_of_gyration"}, f"{where}.counter")
         pivot = self._pivot(counter, f"{where}.counter") if "at" in counter else None
-        mass, gyration = (_positive(counter, key, f"{where}.counter") for key in ("mass", "radius_of_gyration"))
+        mass, gyration = (positive(counter, key, f"{where}.counter") for key in ("mass", "radius_of_gyration"))
         joint = str(keys["joint"]) if "joint" in keys else None
-        return Gear(name, body, joint, (teeth[0], teeth[1]), _wheel(keys, where), pivot, mass, gyration)
+        return Gear(name, body, joint, (teeth[0], teeth[1]), wheel(keys, where), pivot, mass, gyration)
 
     def point(self, value: object, where: str) -> Point:
         """A pair of lengths."""
@@ -156,11 +156,11 @@ class _Reader:
 
     def _part(self, link: str, keys: Mapping[str, Any]) -> Part:
         where = f"links.{link}"
-        self.symbols[f"m{link}"] = mass = _symbol(needed(keys, "mass", where), "mass", f"{where}.mass")
+        self.symbols[f"m{link}"] = mass = stated(needed(keys, "mass", where), "mass", f"{where}.mass")
         if not mass.value > 0:
             raise DataError(f"{where}.mass is {keys['mass']!r}: expected a positive mass")
         if "inertia" in keys:
-            self.symbols[f"I{link}"] = inertia = _symbol(keys["inertia"], "inertia", f"{where}.inertia")
+            self.symbols[f"I{link}"] = inertia = stated(keys["inertia"], "inertia", f"{where}.inertia")
             if not inertia.value >= 0:
                 raise DataError(f"{where}.inertia is {keys['inertia']!r}: expected zero or more")
         centre = self.point(needed(keys, "centre", where), f"{where}.centre")
@@ -184,7 +184,7 @@ class _Reader:
             raise DataError(f"{where}: expected either at = [x, y] or radius = '...'")
         name = str(keys.get("name", name))
         if "inertia" in keys:
-            self.symbols[f"I{name}*"] = _symbol(keys["inertia"], "inertia", f"{where}.inertia")
+            self.symbols[f"I{name}*"] = stated(keys["inertia"], "inertia", f"{where}.inertia")
         at = self.where[link].of(self.point(keys["at"], f"{where}.at")) if "at" in keys else None
         radius, bar, gyration = (
             self.length(str(keys[key]), f"{where}.{key}") if key in keys else None
@@ -192,9 +192,7 @@ class _Reader:
         )
         return Place(name, at, radius, bar, gyration, "inertia" in keys)
 
-    def _end(self, joint: str, link: str, value: object, revolute: bool) -> "Any":  # noqa: ANN401
-        from .description import End
-
+    def _end(self, joint: str, link: str, value: object, revolute: bool) -> End:
         where = f"joints.{joint}.{link}"
         if link != GROUND and link not in self.links:
             raise DataError(f"{where}: no such link: there are {GROUND}, {', '.join(self.links)}")
@@ -226,26 +224,6 @@ def _gear_places(places: list[Place], own: list[Place]) -> tuple[Place, ...]:
     return tuple(own or [replace(place, name=f"{place.name}z", printed_inertia=False) for place in places])
 
 
-def _wheel(keys: Mapping[str, Any], where: str) -> Wheel | None:
-    if "disc" in keys and "wheel" in keys:
-        raise DataError(f"{where}: expected either disc or wheel, not both")
-    if "disc" in keys:
-        disc = table(keys["disc"], f"{where}.disc")
-        known_keys(disc, {"mass", "diameter"}, f"{where}.disc")
-        mass, diameter = (_positive(disc, key, f"{where}.disc") for key in ("mass", "diameter"))
-        if mass is None or diameter is None:
-            raise DataError(f"{where}.disc: expected the mass that a disc of some diameter has, and that diameter")
-        return Wheel(mass, 0.0, diameter)
-    if "wheel" not in keys:
-        return None
-    wheel = table(keys["wheel"], f"{where}.wheel")
-    known_keys(wheel, {"mass", "inertia"}, f"{where}.wheel")
-    mass, inertia = (_positive(wheel, key, f"{where}.wheel") for key in ("mass", "inertia"))
-    if mass is None or inertia is None:
-        raise DataError(f"{where}.wheel: expected the mass and the inertia of the gear on the body")
-    return Wheel(mass, inertia)
-
-
 def _two_point(linkage: Linkage, body: str, value: object) -> TwoPoint:
     where = f"two_point.{body}"
     keys = table(value, where)
@@ -257,26 +235,8 @@ def _two_point(linkage: Linkage, body: str, value: object) -> TwoPoint:
     return TwoPoint((first, second), reshaped)
 
 
-def _symbol(value: object, dimension: str, where: str) -> Symbol:
-    if not isinstance(value, str):
-        raise DataError(f"{where} is {value!r}: expected a text with a unit")
-    try:
-        return expressions.symbol(value, dimension)
-    except CounterpoiseError as error:
-        raise DataError(f"{where}: {error}") from error
-
-
-def _positive(keys: Mapping[str, Any], key: str, where: str) -> float | None:
-    if key not in keys:
-        return None
-    value = _symbol(keys[key], _DIMENSION[key], f"{where}.{key}").value
-    if not value > 0:
-        raise DataError(f"{where}.{key} is {keys[key]!r}: expected more than zero")
-    return value
-
-
 def _optional(content: Mapping[str, Any], key: str, dimension: str) -> float | None:
-    return _symbol(content[key], dimension, key).value if key in content else None
+    return stated(content[key], dimension, key).value if key in content else None
 
 
 def _angles(value: object, where: str) -> tuple[float, float]:

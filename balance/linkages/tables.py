@@ -3,7 +3,9 @@
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from ..errors import DataError
+from ..errors import CounterpoiseError, DataError
+from . import expressions
+from .expressions import Symbol
 
 
 def table(value: object, where: str) -> Mapping[str, Any]:
@@ -38,3 +40,13 @@ def pair(value: object, where: str) -> tuple[str, str]:
     if not (isinstance(value, list) and len(value) == 2 and all(isinstance(text, str) for text in value)):
         raise DataError(f"{where} is {value!r}: expected two texts such as ['L2', '0 m']")
     return value[0], value[1]
+
+
+def stated(value: object, dimension: str, where: str) -> Symbol:
+    """A quantity as written. Raises DataError, naming where, for anything else."""
+    if not isinstance(value, str):
+        raise DataError(f"{where} is {value!r}: expected a text with a unit")
+    try:
+        return expressions.symbol(value, dimension)
+    except CounterpoiseError as error:
+        raise DataError(f"{where}: {error}") from error

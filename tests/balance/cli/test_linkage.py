@@ -1,0 +1,103 @@
+"""``balance linkage``."""
+
+import json
+
+import pytest
+
+from balance.cli.linkage import linkage
+from balance.errors import CounterpoiseError
+
+
+def run(*args):
+    """The command in this process: exit code and output."""
+    from click.testing import CliRunner
+
+    result = CliRunner().invoke(linkage, [str(arg) for arg in args])
+    if isinstance(result.exception, CounterpoiseError):
+        raise result.exception
+    return result
+
+
+def test_a_balanced_linkage_is_shown_with_force_moment_torque_and_cost(tmp_path):
+    """Tables, a figure, the time series and a MJCF that MuJoCo reads."""
+    import mujoco
+    import polars
+
+    files = {kind: tmp_path / f"out.{kind}" for kind in ("png", "csv", "xml")}
+    result = run("two-levels", "--figure", files["png"], "--csv", files["csv"], "--mjcf", files["xml"], "--equations")
+    assert result.exit_code == 0, result.output
+    assert "peak moment left" in result.output
+    assert "I_z5 = (Z*/Z) I[5], Z = 45, Z* = 18" in result.output
+    assert "RMS drive torque 14.3 times at constant speed" in result.output
+    assert files["png"].stat().st_size > 10_000
+    table = polars.read_csv(files["csv"])
+    assert {"time_varying_s", "varying_complete_Mz_Nm", "constant_before_torque_Nm"} <= set(table.columns)
+    assert mujoco.MjModel.from_xml_path(str(files["xml"])).neq == 6
+
+
+def test_json_holds_what_the_tables_and_the_figure_show():
+    """Units in the keys; the residuals, the series and the comparison with the source."""
+    result = run("pantograph", "--json")
+    assert result.exit_code == 3, result.output
+    document = json.loads(result.output)
+    simulated = document["simulated"]
+    assert simulated["origin"] == "simulated"
+    assert simulated["varying_speed"]["share_of_before"]["complete"]["moment"] < 1e-10
+    assert len(simulated["constant_speed"]["series"]["force"]["Mz_Nm"]) == len(simulated["constant_speed"]["time_s"])
+    differing = [row["symbol"] for row in document["printed"]["values"] if row["verdict"] == "differs"]
+    assert differing == ["I_z1", "I_z3"]
+
+
+def test_speed_and_variation_are_taken():
+    """Forces go with the square of the speed."""
+    slow, fast = (
+        json.loads(run("two-levels", "--json", "--speed", speed, "--variation", "0.5").output)["simulated"]
+        for speed in ("100rpm", "300 rpm")
+    )
+    ratio = [s["varying_speed"]["rms"]["before"]["Fx_N"] for s in (fast, slow)]
+    assert ratio[0] / ratio[1] == pytest.approx(9.0)
+
+
+def test_force_only_leaves_the_gears_out():
+    """Two stages, no gears."""
+    document = json.loads(run("two-levels", "--force-only", "--json").output)
+    assert document["gears"] == []
+    assert list(document["simulated"]["constant_speed"]["rms"]) == ["before", "force"]
+
+
+@pytest.mark.parametrize("name", ["dwell", "knife", "sewing-machine", "dwell-short", "dwell-short-two-point"])
+def test_what_cannot_be_simulated_is_said_and_compared(name):
+    """Exit code 3: balanced, but the source gives no pivots on the ground."""
+    result = run(name)
+    assert result.exit_code == 3
+    assert "Not simulated: where" in result.output
+    assert "are on the ground is not given" in result.output
+    assert "Restored in the printed copy" in result.output
+
+
+def test_nothing_is_written_where_nothing_is_simulated(tmp_path):
+    """Asked for a figure of a linkage without pivots: refused, no file left."""
+    with pytest.raises(CounterpoiseError, match="nothing to draw or write"):
+        run("dwell", "--figure", tmp_path / "x.png")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_linkage_that_the_method_cannot_balance_is_refused_by_name(tmp_path):
+    """A body between slides only."""
+    path = tmp_path / "slides.toml"
+    path.write_text(
+        """
+        drive = "A0"
+        [links]
+        2 = { mass = "1 kg", centre = ["0 m", "0 m"], inertia = "1 kg m^2" }
+        3 = { mass = "1 kg", centre = ["0 m", "0 m"], inertia = "1 kg m^2" }
+        [joints]
+        A0 = { ground = ["0 m", "0 m"], 2 = ["0 m", "0 m"] }
+        P.kind = "prismatic"
+        P.2 = { point = ["0 m", "0 m"], along = "0 deg" }
+        P.3 = { point = ["0 m", "0 m"], along = "0 deg" }
+        """,
+        encoding="utf-8",
+    )
+    with pytest.raises(CounterpoiseError, match="body 3 has no revolute path to the ground"):
+        run(path)
