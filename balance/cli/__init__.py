@@ -9,6 +9,7 @@ COMMANDS = {
     "simulate": "Shaking force, shaking moment and drive torque of a motion.",
     "linkage": "Planar linkages balanced completely, by counter-masses and gears.",
     "rotor": "Rigid rotors: correction planes, trial runs, holes and stock weights, permissible unbalance.",
+    "engine": "Slider-cranks and engines: shaking force, partial balance, free forces and moments, shafts.",
     "drive": "Speed of a motor-driven machine over a turn: steady, start-up, flywheel.",
 }
 

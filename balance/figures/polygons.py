@@ -32,11 +32,12 @@ def _draw(axes: "Axes", polygon: Polygon) -> None:
         axes.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 2.0, "shrinkA": 0.0,
                                                   "shrinkB": 0.0})  # fmt: skip
         middle = ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2)
-        axes.annotate(name, middle, xytext=(4, 4), textcoords="offset points", color=colour, fontsize=9)
+        axes.annotate(name, middle, xytext=(7, 5), textcoords="offset points", color=colour, fontsize=11)
     axes.plot(*zip(*corners, strict=True), ".", color="#555555", ms=4)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_title(polygon.title, fontsize=10)
     axes.set_xlabel(f"x [{unit}]")
     axes.set_ylabel(f"y [{unit}]")
     axes.margins(0.12)
+    axes.locator_params(nbins=5)
     axes.grid(alpha=0.25)

@@ -73,7 +73,8 @@ def influence(ctx: click.Context, runs: str, method: str, figure: str | None, as
         from ...figures.drawing import save
         from ...figures.vectors import draw_readings
 
-        save(draw_readings(sheet, solution), figure)
+        (reading, _, r), (weight, _, w) = _READING[sheet.reading], _WEIGHT[sheet.weight]
+        save(draw_readings(sheet, solution, (reading, r), (weight, w)), figure)
     if as_json:
         emit_json(_document(sheet, solution, findings))
     else:
