@@ -50,24 +50,25 @@ class Form:
         comma = self.dialect.decimal == ","
         if comma and b"." in plain:
             plain = plain.replace(b".", _NO_NUMBER)  # else 1.5 would pass for one and a half
-        frame = _frame(plain, self.separator, self.fields, comma)
+        frame = self._frame(plain, comma, strict=True)
+        if frame is None:  # some cell is no number: it becomes null, and is looked at by itself
+            frame = self._frame(plain, comma, strict=False)
         if frame is None or frame.height != count_lines(plain):
             return None
         return [np.asarray(frame.to_series(i).to_numpy(), dtype=np.float64) for i in range(self.fields)]
 
+    def _frame(self, plain: bytes, decimal_comma: bool, strict: bool) -> "polars.DataFrame | None":
+        import polars
 
-def _frame(plain: bytes, separator: str, fields: int, decimal_comma: bool) -> "polars.DataFrame | None":
-    import polars
-
-    try:
-        return polars.read_csv(
-            plain,
-            has_header=False,
-            schema={str(i): polars.Float64 for i in range(fields)},
-            separator=separator,
-            decimal_comma=decimal_comma,
-            quote_char=None,
-            ignore_errors=True,  # a cell that is no number is null, and looked at by itself
-        )
-    except polars.exceptions.PolarsError:
-        return None
+        try:
+            return polars.read_csv(
+                plain,
+                has_header=False,
+                schema={str(i): polars.Float64 for i in range(self.fields)},
+                separator=self.separator,
+                decimal_comma=decimal_comma,
+                quote_char=None,
+                ignore_errors=not strict,
+            )
+        except polars.exceptions.PolarsError:
+            return None
