@@ -81,7 +81,7 @@ _NOTES = {
     "time_jitter": "Steps of time that scatter.",
     "empty_group": "Channels without a single sample; left out.",
     "rate_rounded": "Rate or step of time is written in few digits, or differs a little from the time column.",
-    "time_resolution": "Timestamps are finer than float64 seconds since 1970, which resolve 0.24 µs.",
+    "time_resolution": "Timestamps are finer than seconds in float64; what is finer is in a channel beside them.",
     "calibration_applied": "Values are in physical units by the calibration that the file itself carries.",
 }
 

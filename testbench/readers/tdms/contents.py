@@ -1,0 +1,166 @@
+"""The objects of a whole file: properties, and where the samples of each channel lie."""
+
+import re
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...findings import Finding
+from ..stream import ByteSource, damaged
+from . import types
+from .metadata import Declared, Index, Property, Unreadable, parse
+from .segments import Segment, segments
+from .spans import Spans
+
+_NAME = re.compile(r"/'((?:[^']|'')*)'")
+
+
+@dataclass
+class Channel:
+    """A channel: its spans by scale (None: raw numbers without DAQmx scalers), and its type.
+
+    Timestamps are given to the microsecond, or to the last digit of float64 where they are too close for that;
+    ``has_remainder`` says that they are finer still.
+    """
+
+    path: str
+    kind: int
+    spans: dict[int | None, Spans] = field(default_factory=dict)
+    texts: int = 0
+    to_microseconds: bool = True
+    has_remainder: bool = False
+
+    @property
+    def length(self) -> int:
+        """Number of samples, of each raw number if there are several."""
+        return min((spans.length for spans in self.spans.values()), default=0)
+
+
+@dataclass
+class Contents:
+    """All that a file declares, in the order in which it does."""
+
+    properties: dict[str, dict[str, Property]] = field(default_factory=dict)
+    channels: dict[str, Channel] = field(default_factory=dict)
+    findings: list[Finding] = field(default_factory=list)
+
+
+def names(path: str) -> list[str]:
+    """``/'Group'/'Channel'`` as its names; quotes inside are doubled."""
+    return [name.replace("''", "'") for name in _NAME.findall(path)]
+
+
+def read(source: ByteSource) -> Contents:
+    """Walk through all segments."""
+    contents, known = Contents(), dict[str, Index | None]()
+    objects: dict[str, Index | None] = {}
+    for segment in segments(source):
+        before = {path: channel.length for path, channel in contents.channels.items()}
+        if segment.has_metadata:
+            try:
+                declared = parse(segment.metadata(source), segment.order, known)
+            except Unreadable as error:
+                if segment.is_whole:
+                    raise damaged(source.path, f"the metadata of segment {segment.number}: {error}") from error
+                contents.findings.append(_cut(segment, contents, {}, before))
+                break
+            objects = _objects(objects, declared, segment)
+            known |= declared.indexes
+            for path, properties in declared.properties.items():
+                contents.properties.setdefault(path, {}).update(properties)
+        raw = {path: index for path, index in objects.items() if index is not None}
+        for path, index in raw.items():
+            contents.channels.setdefault(path, Channel(path, index.kind))
+        if segment.has_raw_data:
+            _locate(source, segment, raw, contents)
+        if not segment.is_whole:
+            contents.findings.append(_cut(segment, contents, raw if segment.has_raw_data else {}, before))
+    return contents
+
+
+def _objects(objects: dict[str, Index | None], declared: Declared, segment: Segment) -> dict[str, Index | None]:
+    """The objects whose raw data a segment holds, in their order."""
+    return dict(declared.indexes) if segment.is_new_list else {**objects, **declared.indexes}
+
+
+def _locate(source: ByteSource, segment: Segment, raw: dict[str, Index], contents: Contents) -> None:
+    """Note where the samples of all whole chunks of a segment lie."""
+    if any(index.scalers for index in raw.values()):
+        _locate_daqmx(source, segment, raw, contents)
+        return
+    sizes = {path: _bytes(source, index, segment) for path, index in raw.items()}
+    there = segment.end - segment.raw
+    if segment.is_interleaved:
+        width = sum(size // max(index.values, 1) for size, index in zip(sizes.values(), raw.values(), strict=True))
+        if width:
+            at = segment.raw
+            for path, index in raw.items():
+                kind = types.number(index.kind, segment.order)
+                if kind is None:
+                    raise damaged(source.path, f"segment {segment.number}: {path} is interleaved, but is no number")
+                _spans(contents.channels[path], None, kind).add(at, there // width, width, 1, 0)
+                at += kind.itemsize
+        return
+    chunk = sum(sizes.values())
+    chunks, at = there // chunk if chunk else 0, segment.raw
+    for path, index in raw.items():
+        kind = types.number(index.kind, segment.order)
+        if kind is None:
+            contents.channels[path].texts += chunks * index.values
+        else:
+            _spans(contents.channels[path], None, kind).add(at, index.values, kind.itemsize, chunks, chunk)
+        at += sizes[path]
+
+
+def _bytes(source: ByteSource, index: Index, segment: Segment) -> int:
+    """Bytes of an object in one chunk."""
+    if index.kind == types.STRING:
+        return index.bytes
+    kind = types.number(index.kind, segment.order)
+    if kind is None:
+        message = f"values of type {index.kind:#x}, which are not read"
+        raise damaged(source.path, f"segment {segment.number}: {message}")
+    return index.values * kind.itemsize
+
+
+def _locate_daqmx(source: ByteSource, segment: Segment, raw: dict[str, Index], contents: Contents) -> None:
+    """Rows of DAQmx buffers: in each chunk one buffer follows the other, in each buffer the channels alternate."""
+    first = next(iter(raw.values()))
+    if any(index.widths != first.widths or not index.scalers for index in raw.values()):
+        raise damaged(source.path, f"segment {segment.number}: DAQmx channels of different buffers")
+    rows = [
+        max((i.values for i in raw.values() for s in i.scalers if s.buffer == buffer), default=0)
+        for buffer in range(len(first.widths))
+    ]
+    sizes = [count * width for count, width in zip(rows, first.widths, strict=True)]
+    begins, chunk = np.concatenate(([0], np.cumsum(sizes, dtype=object)))[:-1], sum(sizes)
+    chunks = (segment.end - segment.raw) // chunk if chunk else 0
+    for path, index in raw.items():
+        for scaler in index.scalers:
+            kind = types.daqmx_number(scaler.kind, segment.order)
+            if kind is None or scaler.offset + kind.itemsize > first.widths[scaler.buffer]:
+                raise damaged(source.path, f"segment {segment.number}: {path} has DAQmx numbers of type {scaler.kind}")
+            at = segment.raw + int(begins[scaler.buffer]) + scaler.offset
+            spans = _spans(contents.channels[path], scaler.scale, kind)
+            spans.add(at, index.values, first.widths[scaler.buffer], chunks, chunk)
+
+
+def _spans(channel: Channel, scale: int | None, kind: "np.dtype[np.void]") -> Spans:
+    return channel.spans.setdefault(scale, Spans(kind))
+
+
+def _cut(segment: Segment, contents: Contents, raw: dict[str, Index], before: dict[str, int]) -> Finding:
+    """That the file ends inside a segment: what is declared, what is there, of which channels."""
+    if segment.declared_end is None:
+        inside = f"segment {segment.number} at byte {segment.begin}, which its writer never finished"
+    else:
+        ends = f"whose header says that it ends {segment.declared_end - segment.end} bytes later"
+        inside = f"segment {segment.number} at byte {segment.begin}, {ends}"
+    missing = [
+        f"{names(path)[-1]} {contents.channels[path].length} of {before.get(path, 0) + index.values} declared"
+        for path, index in raw.items()
+    ]
+    whole = [f"{names(path)[-1]} {channel.length}" for path, channel in contents.channels.items() if path not in raw]
+    samples = f"; samples that are there: {', '.join([*missing, *whole])}" if missing or whole else ""
+    message = f"the file ends at byte {segment.end} inside {inside}{samples}"
+    return Finding("cut_file", None, f"byte {segment.begin}", message)
