@@ -26,6 +26,9 @@ Examples:
 A linkage is a TOML file; every quantity has a unit, positions are sums of named lengths:
   drive = "A0"                                  driven joint, on the ground
   speed = "50 rpm"
+  swing = ["20 deg", "80 deg"]                  only where it makes no full turns
+  gravity = ["0 m/s^2", "-9.81 m/s^2"]          optional, for the drive torque
+  turns_with = [["5", "2"]]                     optional: parallel links of a parallelogram; checked
   [lengths]
   L2 = "0.18 m"
   [links.2]
@@ -40,7 +43,9 @@ A linkage is a TOML file; every quantity has a unit, positions are sums of named
   P = { kind = "prismatic", ground = { point = ["0 m", "0 m"], along = "0 deg" }, 4 = { ... } }
   [reduction]                                   optional: chosen for the least counter-mass
   3 = "A"
-  [gears]
+  [two_point]                                   optional: 3 shaped as two point masses, no gear
+  3 = { joints = ["A", "B"], reshaped = "3" }
+  [gears]                                       Z on the body, Z* of the counter-gear
   z3 = { body = "3", teeth = [40, 20], counter = { mass = "1 kg" }, wheel = { mass = "0.3 kg", inertia = "..." } }
   [start]                                       about how each body stands: chooses the assembly branch
   2 = "60 deg"

@@ -10,6 +10,7 @@ from ..linkages.printed import COLUMNS, Comparison, Row
 from ..linkages.verification import Run, Verification
 from .console import emit_table
 
+TORQUES = ("torque_constant_speed", "torque_varying_speed")
 STAGE = {"before": "before", "force": "counter-masses", "complete": "counter-masses and gears"}
 
 
@@ -39,6 +40,7 @@ def counter_masses(result: Balance) -> None:
 def gears(result: Balance) -> None:
     """Gear pairs, and the inertia that two-point bodies must have."""
     if result.moment is None:
+        click.echo("No gears: the force is balanced, the moment is not.")
         return
     rows = [
         [
@@ -71,16 +73,16 @@ def equations(result: Balance) -> None:
 
 def dynamics(check: Verification) -> None:
     """RMS values by stage at both speeds, what is left, what it costs."""
-    for label, run in (("constant", check.constant), ("varying", check.varying)):
+    for label, run in zip(check.labels, (check.constant, check.varying), strict=True):
         rows = [
             [STAGE[stage], *(f"{value:.4g}" for value in run.rms(stage).values()), *_left(run, stage)]
             for stage in run.responses
         ]
         header = ["stage", "FX [N]", "FY [N]", "M [N m]", "torque [N m]", "peak force left", "peak moment left"]
-        emit_table(f"Simulated, {label} input speed: RMS", header, rows)
+        emit_table(f"Simulated, {label}: RMS", header, rows)
     for stage in list(check.mass)[1:]:
         cost = check.penalty(stage)
-        torque = [f"{cost[k]:.3g} times at {k.split('_')[1]} speed" for k in cost if k != "mass"]
+        torque = [f"{cost[k]:.3g} times ({label})" for k, label in zip(TORQUES, check.labels, strict=True) if k in cost]
         click.echo(
             f"Cost of {STAGE[stage]}: moving mass {check.mass['before']:.3f} -> {check.mass[stage]:.3f} kg "
             f"({cost['mass']:.3g} times); RMS drive torque {', '.join(torque) or 'not compared'}."

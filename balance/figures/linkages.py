@@ -23,14 +23,14 @@ def draw_stages(check: Verification, title: str = "") -> "Figure":
 
     figure = Figure(figsize=(9.0, 8.4), layout="constrained")
     panels = figure.subplots(len(COLUMNS), 2, sharey="row", sharex="col")
-    for column, (label, run) in enumerate((("constant", check.constant), ("varying", check.varying))):
+    for column, (label, run) in enumerate(zip(check.labels, (check.constant, check.varying), strict=True)):
         for row, quantity in enumerate(COLUMNS):
             axes = panels[row, column]
             for stage in run.responses:
                 name, colour = _STAGE[stage]
                 axes.plot(run.trajectory.time, run.series(stage)[quantity], color=colour, label=name, lw=1.4)
             axes.grid(alpha=0.25)
-        panels[0, column].set_title(f"{label} input speed")
+        panels[0, column].set_title(label)
         panels[-1, column].set_xlabel("time [s]")
     for row, quantity in enumerate(COLUMNS):
         panels[row, 0].set_ylabel(_LABEL[quantity])

@@ -69,6 +69,13 @@ class Verification:
     varying: Run
     mass: Mapping[str, float]
     """Moving mass by stage, of the counter-gears only what is given [kg]."""
+    swings: bool = False
+    """Whether the driven joint swings between two ends: its speed is then never constant, but harmonic."""
+
+    @property
+    def labels(self) -> tuple[str, str]:
+        """What the two runs are called."""
+        return ("harmonic swing", "uneven swing") if self.swings else ("constant input speed", "varying input speed")
 
     def penalty(self, stage: str) -> dict[str, float]:
         """Mass and RMS drive torque at constant and varying speed, as multiples of before."""
@@ -101,7 +108,9 @@ def verify(
     for share in (0.0, variation):
         trajectory = closure.follow(samples(linkage, speed, share, start, count))
         runs.append(Run(trajectory, linkage.drive, _responses(result, models, trajectory)))
-    return Verification(runs[0], runs[1], {stage: moving_mass(result, stage) for stage in stages})
+    return Verification(
+        runs[0], runs[1], {stage: moving_mass(result, stage) for stage in stages}, linkage.swing is not None
+    )
 
 
 def samples(linkage: Linkage, speed: float, variation: float, start: float, count: int) -> Samples:

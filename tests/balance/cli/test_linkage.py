@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from balance import datasets
 from balance.cli.linkage import linkage
 from balance.errors import CounterpoiseError
 
@@ -28,7 +29,7 @@ def test_a_balanced_linkage_is_shown_with_force_moment_torque_and_cost(tmp_path)
     assert result.exit_code == 0, result.output
     assert "peak moment left" in result.output
     assert "I_z5 = (Z*/Z) I[5], Z = 45, Z* = 18" in result.output
-    assert "RMS drive torque 14.3 times at constant speed" in result.output
+    assert "RMS drive torque 14.3 times (constant input speed)" in result.output
     assert files["png"].stat().st_size > 10_000
     table = polars.read_csv(files["csv"])
     assert {"time_varying_s", "varying_complete_Mz_Nm", "constant_before_torque_Nm"} <= set(table.columns)
@@ -63,6 +64,16 @@ def test_force_only_leaves_the_gears_out():
     document = json.loads(run("two-levels", "--force-only", "--json").output)
     assert document["gears"] == []
     assert list(document["simulated"]["constant_speed"]["rms"]) == ["before", "force"]
+
+
+def test_a_swing_is_not_called_constant_speed(tmp_path):
+    """A joint that swings between two ends has no constant speed."""
+    path = tmp_path / "swing.toml"
+    text = datasets.find("two-levels", "linkages", ".toml").read_text(encoding="utf-8")
+    path.write_text('swing = ["30 deg", "100 deg"]\n' + text, encoding="utf-8")
+    output = run(path).output
+    assert "Simulated, harmonic swing: RMS" in output
+    assert "constant" not in output
 
 
 @pytest.mark.parametrize("name", ["dwell", "knife", "sewing-machine", "dwell-short", "dwell-short-two-point"])
