@@ -54,8 +54,9 @@ def read(source: ByteSource) -> Contents:
     """Walk through all segments."""
     contents, known = Contents(), dict[str, Index | None]()
     objects: dict[str, Index | None] = {}
+    raw: dict[str, Index] = {}
     for segment in segments(source):
-        before = {path: channel.length for path, channel in contents.channels.items()}
+        before = {} if segment.is_whole else {path: channel.length for path, channel in contents.channels.items()}
         if segment.has_metadata:
             try:
                 declared = parse(segment.metadata(source), segment.order, known)
@@ -68,9 +69,9 @@ def read(source: ByteSource) -> Contents:
             known |= declared.indexes
             for path, properties in declared.properties.items():
                 contents.properties.setdefault(path, {}).update(properties)
-        raw = {path: index for path, index in objects.items() if index is not None}
-        for path, index in raw.items():
-            contents.channels.setdefault(path, Channel(path, index.kind))
+            raw = {path: index for path, index in objects.items() if index is not None}
+            for path, index in raw.items():
+                contents.channels.setdefault(path, Channel(path, index.kind))
         if segment.has_raw_data:
             _locate(source, segment, raw, contents)
         if not segment.is_whole:

@@ -1,5 +1,6 @@
 """Types of values in TDMS."""
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ _LATEST = 1 << 42
 Stamps = np.ndarray[Any, Any]
 
 
+@cache
 def number(kind: int, order: str) -> np.dtype[Any] | None:
     """The form of a number or timestamp in the file; None for anything else."""
     if kind == TIME:
