@@ -12,6 +12,7 @@ COMMANDS = {
     "analyze": "How much the vibration amplitude fell.",
     "compare": "Analysed from logs, simulated and published, side by side.",
     "identify": "Inertial parameters and friction of a mechanism from the torques of runs.",
+    "speed": "Speed over a turn and its fluctuation, from the instants of encoder edges.",
 }
 
 
