@@ -24,8 +24,12 @@ _GAP = 1e-8
 RESOLUTION = 1e-6
 """Residual, of the correction, that counts as none where no other is asked for."""
 _ROUNDS = 60
-TIME_LIMIT_S = 30.0
+TIME_LIMIT_S = 20.0
 """Time for one programme; after it nothing is proven and the split is refused [s]."""
+
+
+class NotProvenError(SizingError):
+    """A split whose optimum could not be proven in the time allowed."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,7 @@ def split(
 ) -> Split:
     """The stock weights that come nearest to a correction [kg m with ``radius`` in m, kg with None].
 
-    Raises SizingError where the optimum cannot be proven.
+    Raises NotProvenError where the optimum cannot be proven.
     """
     sizes = np.array([plate.mass for plate in stock]) * (1.0 if radius is None else radius)
     programme = _Programme(target, directions(holes), sizes, stock, rules or Rules())
@@ -91,7 +95,9 @@ class _Programme:
             if within is None and max(reached, self.finest) - bound <= _GAP * _SCALE + 1e-6:
                 return best, bound
             self._cut(float(np.angle(self.target - numbers.ravel() @ self.effect)))
-        raise SizingError(f"no proven best set of weights: residual {reached / self.scale:.6g} after {_ROUNDS} rounds")
+        raise NotProvenError(
+            f"no proven best set of weights: residual {reached / self.scale:.6g} after {_ROUNDS} rounds"
+        )
 
     def _cut(self, angle: float) -> None:
         """Re((target - effect n) exp(-i angle)) <= t."""
@@ -116,7 +122,7 @@ class _Programme:
                 options={"mip_rel_gap": 0.0, "time_limit": TIME_LIMIT_S},
             )
         if not solution.success:
-            raise SizingError(
+            raise NotProvenError(
                 f"no proven best set of weights: {solution.message} Allow a residual (--within 1%), or fewer "
                 "holes or weights."
             )

@@ -44,7 +44,12 @@ An engine sheet (TOML); angles in the sense of rotation, banks from upright:
     "--orders", type=click.IntRange(1, 64), default=8, show_default=True, help="Highest order of the exact motion."
 )
 @click.option("--second-order", is_flag=True, help="The usual approximation by first and second order.")
-@click.option("--about", type=Quantity("length"), metavar="Z", help="Moments about here [default: the middle].")
+@click.option(
+    "--about",
+    type=Quantity("length"),
+    metavar="Z",
+    help="Moments about here, 1 m for a spacing without sizes [default: the middle].",
+)
 @options.figure_option
 @json_option
 def free(

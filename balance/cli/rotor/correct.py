@@ -200,5 +200,7 @@ def _print(model: "Rotor", result: "Correction") -> None:
         rows = [[name, *(polar(value) for value in pair)] for name, pair in reactions.items()]
         header = ["", *(f"bearing at {1e3 * z:g} mm [N]" for z in model.bearings)]
         emit_table("Rotating bearing loads", header, rows, f"at {model.speed:g} rad/s; angles turn with the rotor")
+    elif model.bearings:
+        click.echo("Bearing loads need a speed: --speed.")
     if weight := _weight(model):
         click.echo(f"Weight on the bearings at rest: {weight[0]:.4g} N and {weight[1]:.4g} N (g0 = 9.81 m/s2).")

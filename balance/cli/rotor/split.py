@@ -4,12 +4,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..console import emit_json, emit_table, json_option
+from ..console import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 from .given import Quantity
 
 if TYPE_CHECKING:
     from ...rotors.holes import Hole, Split
+    from ...rotors.stocked import Rules
     from ...stock import Plate
+
+_WIDER = 0.01
+"""Residual, of the correction, to which a split falls back that is too large to be solved to the least one."""
 
 
 @click.command(
@@ -43,7 +47,9 @@ Stock weights: --stock CSV with the columns name,mass_kg,quantity, or --weight M
 @click.option("--within", metavar="PERCENT", help="Residual that is small enough; the lightest such set is taken.")
 @click.option("--remove", is_flag=True, help="Correct by removing material: opposite the added mass.")
 @json_option
+@click.pass_context
 def split(
+    ctx: click.Context,
     correction: str,
     holes: int | None,
     first: float,
@@ -62,7 +68,7 @@ def split(
     """Split CORRECTION, such as "30 g @ 100 deg" or "12 g mm @ 30 deg", over holes.
 
     Without stock weights: of any size, least in all. With them: the set with the least residual, proven; of such sets
-    the lightest.
+    the lightest. A problem too large for that is solved to the lightest set within 1 %, as a finding.
     """
     from ...errors import UnitError
     from ...rotors import holes as rooms
@@ -81,15 +87,46 @@ def split(
     kinds = _stock(weights, stock)
     if kinds and limit is not None:
         raise click.UsageError("--limit is for weights of any size; stock weights have --in-hole")
+    findings: list[str] = []
     if kinds:
         rules = stocked.Rules(in_hole, most_holes, _share(within))
-        found = stocked.split(masses, free, kinds, None, rules)
+        found = _from_stock(masses, free, kinds, rules, within is None, findings)
     else:
         found = rooms.continuous(masses, free, float("inf") if limit is None else limit)
     if as_json:
-        emit_json(_document(found, radius, bool(kinds)))
+        emit_json(_document(found, radius, bool(kinds)) | {"findings": findings})
     else:
         _print(found, radius, bool(kinds), remove)
+        for finding in findings:
+            click.echo(f"Finding: {finding}")
+    if findings:
+        ctx.exit(EXIT_WITH_FINDINGS)
+
+
+def _from_stock(
+    masses: complex,
+    free: "tuple[Hole, ...]",
+    kinds: "list[Plate]",
+    rules: "Rules",
+    may_widen: bool,
+    findings: list[str],
+) -> "Split":
+    """The least residual; where that cannot be proven in time, the lightest set within 1 %, which is said."""
+    from dataclasses import replace
+
+    from ...rotors import stocked
+
+    try:
+        return stocked.split(masses, free, kinds, None, rules)
+    except stocked.NotProvenError:
+        if not may_widen:
+            raise
+    found = stocked.split(masses, free, kinds, None, replace(rules, resolution=_WIDER))
+    findings.append(
+        f"the least residual of all sets could not be proven in {stocked.TIME_LIMIT_S:g} s; this is the lightest set "
+        f"that leaves at most {100 * _WIDER:g} %, proven: see --within, --most-holes"
+    )
+    return found
 
 
 def _holes(count: int | None, first: float, angles: tuple[float, ...]) -> "tuple[Hole, ...]":

@@ -123,3 +123,25 @@ def test_trial_mass():
     found = _json("trial", "--mass", "40kg", "--speed", "3000rpm", "--radius", "100mm")
     assert found["trial_mass_g"] == pytest.approx(3.9758432)
     assert found["force_N"] == pytest.approx(0.1 * 40 * 9.81)
+
+
+def test_a_split_too_large_to_prove_is_widened_and_said(monkeypatch):
+    """Out of time the least residual is not claimed: the lightest set within 1 % is, as a finding, exit code 3."""
+    from balance.rotors import stocked
+
+    solve = stocked.split
+
+    def hurried(target, holes, stock, radius, rules):
+        if rules.resolution < 1e-3:
+            raise stocked.NotProvenError("out of time")
+        return solve(target, holes, stock, radius, rules)
+
+    monkeypatch.setattr(stocked, "split", hurried)
+    arguments = ["split", "30 g @ 100 deg", "--holes", "24", "--weight", "5g", "--weight", "20g", "--most-holes", "4"]
+    result = CliRunner().invoke(rotor, [*arguments, "--json"], catch_exceptions=False)
+    assert result.exit_code == 3
+    found = json.loads(result.output)
+    assert "could not be proven" in found["findings"][0]
+    assert found["residual_percent"] <= 1.0 + 1e-6
+    with pytest.raises(stocked.NotProvenError):
+        CliRunner().invoke(rotor, [*arguments, "--within", "0.01%"], catch_exceptions=False)
