@@ -20,16 +20,11 @@ THETA, OMEGA, ALPHA = 50 * TIME + np.sin(9 * TIME), 50 + 9 * np.cos(9 * TIME), -
 
 def _mjcf(unbalances):
     """A shaft along z with each unbalance as a mass at 0.1 m."""
-    masses = (
-        "".join(
-            f'<body name="{i}" pos="{0.1 * cos(a)!r} {0.1 * sin(a)!r} {u.at!r}">'
-            f'<inertial pos="0 0 0" mass="{abs(u.vector) / 0.1!r}" diaginertia="1e-4 1e-4 1e-4"/></body>'
-            for i, u in enumerate(unbalances)
-            for a in [float(np.angle(u.vector))]
-        )
-        .replace("np.float64(", "")
-        .replace(")", "")
-    )
+    masses = ""
+    for i, u in enumerate(unbalances):
+        x, y = 0.1 * cos(phase(u.vector)), 0.1 * sin(phase(u.vector))
+        inertial = f'<inertial pos="0 0 0" mass="{abs(u.vector) / 0.1!r}" diaginertia="1e-4 1e-4 1e-4"/>'
+        masses += f'<body name="{i}" pos="{x!r} {y!r} {u.at!r}">{inertial}</body>'
     return (
         '<mujoco model="rotor"><option gravity="0 0 0"/><worldbody><body name="base"><body name="shaft">'
         '<joint name="shaft" type="hinge" axis="0 0 1"/><inertial pos="0 0 0" mass="3" diaginertia="0.1 0.1 0.05"/>'
