@@ -48,6 +48,14 @@ class LoopSystem:
         """The same with no row left out: more equations than unknowns, met all the same where the loops are closed."""
         return replace(self, rows=np.arange(sum(loop.size for loop in self.mechanism.loops)))
 
+    def matrix_at(self, q: Floats) -> Floats:
+        """The matrix at one configuration (nv,)."""
+        return self.matrix(kinematics.pose(self.mechanism.tree, q[:, None]), q[:, None])[0]
+
+    def side(self, q: Floats) -> float:
+        """Sign of the determinant at one configuration: it changes where the mechanism passes a singular position."""
+        return float(np.linalg.slogdet(self.matrix_at(q))[0])
+
     def linearise(self, q: Floats) -> tuple[Floats, Floats]:
         """Inverse of the matrix (n, nv, nv), and its columns that belong to the drive (n, nv, dof)."""
         at = kinematics.pose(self.mechanism.tree, q)

@@ -23,6 +23,9 @@ SINGULAR_LIMIT = 1e6
 16 digits as it has, accelerations twice as many."""
 POOR_LIMIT = 1e4
 """Condition number above which the rows that were left out are taken in: those chosen at home may serve badly here."""
+_BISECTIONS = 25
+_SINGULAR_CROSSING = 1e-6
+"""Smallest singular value, relative to the largest, that counts as zero after so many bisections."""
 BRANCH_LIMIT = 0.1
 """How far a configuration may lie from its guess between coarse samples [rad, m]."""
 
@@ -172,9 +175,35 @@ def _continuation(system: LoopSystem, home: Floats, samples: Samples) -> tuple[I
     start = system.drive.value(system.mechanism, home)
     nodes = _nodes(samples.position, COARSE_STEP * system.drive.scale(system.length))
     targets = np.concatenate([start[None], samples.position[nodes]])
-    q, solved, rates = home, [], []
+    q, side, solved, rates = home, system.side(home), [], []
     for previous, target, node in zip(targets, targets[1:], nodes, strict=False):
-        q = system.march(q, previous, target, float(samples.time[node]))
+        before, q = q, system.march(q, previous, target, float(samples.time[node]))
+        if system.side(q) != side:
+            _refuse_singular_between(system, before, previous, target, float(samples.time[node]))
+            side = system.side(q)
         solved.append(q)
         rates.append(system.linearise(q[:, None])[1][0])
     return nodes, np.array(solved), np.array(rates)
+
+
+def _refuse_singular_between(system: LoopSystem, q: Floats, start: Floats, end: Floats, time: float) -> None:
+    """Raise ClosureError if the mechanism is singular between two driven positions: branches may meet there.
+
+    The determinant changed its sign. Where rows are left out it may be these alone that depended on each other, so
+    the place is sought by bisection and judged by all rows.
+    """
+    whole, side = system.with_all_rows() if system.redundant else system, system.side(q)
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (start + end)
+        trial = whole.march(q, start, middle, time)
+        if system.side(trial) == side:
+            q, start = trial, middle
+        else:
+            end = middle
+    sizes = np.linalg.svd(whole.matrix_at(q), compute_uv=False)
+    if sizes[-1] < _SINGULAR_CROSSING * sizes[0]:
+        at = ", ".join(f"{name} = {value:.6g}" for name, value in zip(system.drive.names, start, strict=True))
+        raise ClosureError(
+            f"{system.mechanism.name} passes a singular position at {at}, shortly before t = {time:.6g} s: the driven "
+            "coordinates do not say on which branch it goes on"
+        )
