@@ -57,7 +57,8 @@ class CellFilter:
             odd[list(piece.emptied)] = False
             rows = np.flatnonzero(odd)
             cells = rows * self.form.fields + j
-            empty = (ends[cells] == begins[cells]) | (data[begins[cells]] == ord("\r"))
+            length = ends[cells] - begins[cells]
+            empty = (length == 0) | ((length == 1) & (data[begins[cells]] == ord("\r")))
             self._count_empty(j, [int(piece.lines[row]) for row in rows[empty][:SHOWN]], int(empty.sum()))
             for row, cell in zip(rows[~empty], cells[~empty], strict=True):
                 token = self._text(piece.text[begins[cell] : ends[cell]])

@@ -9,6 +9,7 @@ import numpy as np
 from ...recording import Samples
 from .dialect import Dialect
 from .lines import count_lines
+from .quotes import unquoted
 
 if TYPE_CHECKING:
     import polars
@@ -35,10 +36,7 @@ class Form:
     def plain(self, text: bytes) -> bytes:
         """The same rows without quotes round numbers and without blanks that only fill up."""
         if self.dialect.quoted:
-            parts = text.split(b'"')  # every other part is inside quotes
-            if self.separator != self.dialect.delimiter:
-                parts[::2] = [part.replace(b",", b";") for part in parts[::2]]
-            text = b"".join(parts)
+            text = unquoted(text, self.dialect.delimiter.encode(), self.separator.encode())
         if self.separator == " ":
             return re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", text))
         if self.padded:

@@ -1,12 +1,16 @@
 """Texts as loggers write them, and as they should not."""
 
+import json
 import math
+import random
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from testbench.describe import describe
+from testbench.errors import RecordingError
 from testbench.findings import Refusal
 from testbench.readers import ReadOptions
 
@@ -243,3 +247,53 @@ def test_a_person_overrides_what_is_detected(log):
     assert found.column("col0").tolist() == [10.13, 11.14, 12.15]
     found = log("t,\u011f\n1.5,2\n2.5,3\n".encode("cp1254"), ReadOptions(encoding="cp1254"))
     assert found.group().channels[1].name == "\u011f"
+
+
+@pytest.mark.parametrize("row", ['"0,1";"2",5"', '0,1;2"5', '"0,1;2,5', '"0,1"x;2,5'])
+def test_quotes_glue_nothing_together(log, row):
+    """A quote in the middle of a cell makes it no number; 2"5 is not 25."""
+    rows = "".join(f'"{i},5";"{i},25"\n' for i in range(30))
+    found = log('"t";"F"\n' + rows + row + "\n" + rows)
+    assert set(np.unique(found.column("F")[np.isfinite(found.column("F"))])) <= {i + 0.25 for i in range(30)} | {2.5}
+    assert found.codes & {"not_a_number", "ragged_row", "text_row"}
+
+
+def test_noise_gives_clear_errors_only(tmp_path):
+    """Logs cut, flipped and spliced at random are read or refused; nothing else happens, whatever they hold."""
+    chance = random.Random(23)
+    whole = ("# range +-16 g, 16 bit\n" + HEADER + "".join(ROWS[:40])).encode()
+    pieces = [
+        b"\0",
+        b'"',
+        b"\r",
+        b"\n\n",
+        b";",
+        b"1e999",
+        b"\xff\xfe",
+        b"\xef\xbb\xbf",
+        b"1.234,5",
+        HEADER.encode(),
+        b"9" * 400,
+    ]
+    refusals = []
+    for _ in range(300):
+        data = bytearray(whole)
+        for _ in range(chance.randrange(1, 7)):
+            at = chance.randrange(len(data) + 1)
+            match chance.randrange(4):
+                case 0:
+                    data[at:at] = chance.choice(pieces)
+                case 1:
+                    del data[at : at + chance.randrange(80)]
+                case 2:
+                    del data[at:]
+                case _ if data:
+                    data[at % len(data)] ^= 1 << chance.randrange(8)
+        path = tmp_path / "noise.csv"
+        path.write_bytes(data)
+        try:
+            json.dumps(describe(path).as_dict(stats=True), allow_nan=False)
+        except RecordingError as error:
+            refusals.append(str(error))
+    assert refusals
+    assert all("noise.csv" in message for message in refusals)
