@@ -3,8 +3,10 @@
 ``g0`` is 9.81 m/s2, the value of the source (see CONVENTIONS.md), not the standard 9.80665 m/s2.
 """
 
+import math
 import re
 from functools import cache
+from tokenize import TokenError
 from typing import TYPE_CHECKING
 
 from .errors import UnitError
@@ -35,11 +37,14 @@ SI_UNITS = {
 }
 """Dimensions that a quantity may be asked to have, and the unit in which it is returned."""
 
-_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
-_UNIT_TEXT = re.compile(r"[A-Za-zµμ°Ω%·⋅*/^²³⁻¹0-9.() _-]{1,40}")
+_QUANTITY = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*(.*?)\s*")
+_POWER = r"(?:\^|\*\*)(?:[+-]?[0-9](?:\.[0-9])?|\([+-]?[0-9](?:\.[0-9])?\))(?! *(?:[0-9.^]|\*\*))"
+_UNIT_TEXT = re.compile(rf"(?:[A-Za-zµμ°Ω%][A-Za-zµμ°Ω%_0-9]*+|1(?= */)|[²³⁴⁻¹]++|{_POWER}|[*·⋅/.() -])++")
+"""Names, powers of one digit, and what joins them: pint computes powers of powers, however long that takes."""
+_LONGEST_UNIT = 40
 _SPELLINGS = {
-    "Nm": "N*m", "Nmm": "N*mm", "kNm": "kN*m", "kgm": "kg*m", "kgm2": "kg*m^2", "kgm^2": "kg*m^2", "Newtons": "N",
-    "Newton": "N", "volts": "V", "Volts": "V", "sec": "s", "°C": "degC",
+    "Nm": "N*m", "Nmm": "N*mm", "kNm": "kN*m", "mNm": "mN*m", "Ncm": "N*cm", "kgm": "kg*m", "kgm2": "kg*m^2",
+    "kgm^2": "kg*m^2", "Newtons": "N", "Newton": "N", "volts": "V", "Volts": "V", "sec": "s", "°C": "degC",
 }  # fmt: skip
 
 
@@ -51,17 +56,20 @@ def parse(text: str, dimension: str) -> float:
     expected = SI_UNITS[dimension]
     match = _QUANTITY.fullmatch(text)
     if match is None:
-        raise UnitError(f"{text!r} is not a {dimension}: expected a number and a unit, such as '1 {expected}'")
+        raise UnitError(f"{text!r} is no {dimension}: expected a number and a unit, such as '1 {expected}'")
     if not match[2]:
         raise UnitError(f"{text!r} has no unit: write for example '{match[1]} {expected}'")
-    return float(match[1]) * factor_to_si(match[2], dimension)
+    value = float(match[1]) * factor_to_si(match[2], dimension)
+    if not math.isfinite(value):
+        raise UnitError(f"{text!r} is beyond all bounds: expected a finite number")
+    return value
 
 
 def factor_to_si(unit: str, dimension: str) -> float:
     """Factor that turns a value in ``unit`` into the SI unit of ``dimension``."""
     parsed = parse_unit(unit)
     if parsed is None:
-        raise UnitError(f"{unit!r} is not a known unit: expected a {dimension}, such as '{SI_UNITS[dimension]}'")
+        raise UnitError(f"{unit!r} is not a known unit: expected {dimension}, such as '{SI_UNITS[dimension]}'")
     registry = _registry()
     expected = registry.parse_units(_spelled(SI_UNITS[dimension]))
     if parsed.dimensionality != expected.dimensionality:
@@ -73,11 +81,11 @@ def parse_unit(text: str) -> "pint.Unit | None":
     """The unit that ``text`` names, as pint understands it, or None if it names none."""
     import pint
 
-    if not text.strip() or _UNIT_TEXT.fullmatch(text) is None:
+    if not text.strip() or len(text) > _LONGEST_UNIT or _UNIT_TEXT.fullmatch(text) is None:
         return None
     try:
         return _registry().parse_units(_spelled(text.strip()))
-    except (pint.errors.PintError, ValueError, TypeError, AttributeError, AssertionError, ArithmeticError):
+    except (pint.errors.PintError, ValueError, TypeError, AttributeError, AssertionError, ArithmeticError, TokenError):
         return None  # pint raises any of these on text that is no unit
 
 

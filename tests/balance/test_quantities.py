@@ -1,0 +1,88 @@
+"""Text with unit to SI and nothing else; hostile text is refused, quickly."""
+
+import time
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from balance.errors import UnitError
+from balance.quantities import G0, SI_UNITS, factor_to_si, parse, parse_unit
+
+GOOD = [
+    ("5kg", "mass", 5.0), ("250 g", "mass", 0.25), ("37.55mm", "length", 0.03755), ("+40 mm", "length", 0.04),
+    ("-1.5e2 cm", "length", -1.5), ("3 g0", "acceleration", 3 * G0), ("1 m/s2", "acceleration", 1.0),
+    ("1 m/s²", "acceleration", 1.0), ("2 kHz", "frequency", 2000.0), ("90 deg", "angle", 1.5707963267948966),
+    ("90°", "angle", 1.5707963267948966), ("60 rpm", "angular velocity", 6.283185307179586),
+    ("20 N m", "moment", 20.0),
+    ("20 N·m", "moment", 20.0), ("20 Nm", "moment", 20.0), ("50 mNm", "moment", 0.05),
+    ("1 kgm2", "inertia", 1.0), ("150 ms", "time", 0.15), ("5 µm", "length", 5e-6), (".5 kg", "mass", 0.5),
+    ("10 kN/mm", "stiffness", 1e7), ("2 lb", "mass", 0.90718474),
+    ("3 1/s", "frequency", 3.0), ("1 kg/(m s)*m*s", "mass", 1.0),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "dimension", "value"), GOOD)
+def test_quantities(text: str, dimension: str, value: float) -> None:
+    """Units as people and loggers write them."""
+    assert parse(text, dimension) == pytest.approx(value, rel=1e-12)
+
+
+BAD = {
+    "5": "has no unit", "": "no mass", "kg": "no mass", "5 m": "not a unit of mass", "5 kgg": "not a known unit",
+    "5,5 kg": "not a known unit", "nan kg": "no mass", "inf kg": "no mass", "1_000 kg": "not a known unit",
+    "1e999 kg": "beyond all bounds", "5 kg kg": "not a unit of mass", "\N{ARABIC-INDIC DIGIT FIVE} kg": "no mass",
+    "5 g0": "not a unit of mass", "1 m; 2 m": "not a known unit", "0x10 kg": "not a", "5 1kg": "not a known unit",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_what_is_no_quantity(text: str) -> None:
+    """No number, no unit, another dimension: refused, with the text and what was expected."""
+    with pytest.raises(UnitError, match=BAD[text]) as caught:
+        parse(text, "mass")
+    assert "kg" in str(caught.value)
+
+
+@pytest.mark.parametrize("dimension", SI_UNITS)
+def test_the_si_unit_of_each_dimension_is_one(dimension: str) -> None:
+    """Every dimension's own unit has the factor 1."""
+    assert factor_to_si(SI_UNITS[dimension], dimension) == pytest.approx(1.0)
+
+
+HOSTILE = [
+    "__import__('os').system('x')", "m" * 100_000, "a1" * 19 + "!", "9**9**9**9 kg", "9^9^9", "2**(10**9)", "m^1e9",
+    "kg^(99999999)", "kg^9^9^9", "kg^9 ^9 ^9", "kg ** 9 ** 9 ** 9", "(((((((((((kg", "kg)",
+    "lambda: 1", "kg\x00", "m/0",
+    "1/0 m", "m**m", "°F", "degC", "\N{SNOWMAN}", "kg²²³", "kg^",
+]  # fmt: skip
+"""Text that is code, that pint would compute for minutes, or that breaks its tokenizer."""
+
+
+@pytest.mark.parametrize("unit", HOSTILE)
+def test_hostile_units_are_refused_at_once(unit: str) -> None:
+    """A unit's text is never evaluated, and never costs more than a moment."""
+    start = time.perf_counter()
+    with pytest.raises(UnitError):
+        parse(f"1 {unit}", "mass")
+    assert time.perf_counter() - start < 1.0
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.text(max_size=30))
+@example("1 kg^2^2")
+@example("1 1kg")
+def test_any_text_is_a_quantity_or_refused(text: str) -> None:
+    """Whatever is typed, a finite number of kilograms or a UnitError."""
+    try:
+        value = parse(text, "mass")
+    except UnitError:
+        return
+    assert abs(value) < float("inf")
+
+
+def test_a_text_that_is_no_unit_is_none() -> None:
+    """What names no unit is told apart from what names one."""
+    assert parse_unit("kg m/s^2") is not None
+    assert parse_unit("") is None
+    assert parse_unit("Acc X") is None
