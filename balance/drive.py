@@ -8,6 +8,7 @@ import numpy as np
 from . import kinematics
 from .arrays import Floats
 from .components import dense
+from .errors import ModelError
 from .kinematics import Motion, Pose
 from .mechanism import Mechanism
 from .tree import Tree
@@ -104,6 +105,8 @@ class PointDrive:
             body, offset = mechanism.body_index(place), mechanism.centre(place)
         else:
             site = mechanism.site(place)
+            if site.body < 0:
+                raise ModelError(f"site {place!r} of {mechanism.name} is on the base: it cannot be driven")
             body, offset = site.body, site.position
         names = tuple(f"{place}.{axis}" for axis in axes)
         return cls(names, mechanism.tree.bodies[body], offset, tuple(AXES[axis] for axis in axes))

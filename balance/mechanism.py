@@ -138,7 +138,10 @@ class Mechanism:
 
     def centre(self, body: str) -> Floats:
         """Own centre of mass of a body in the frame of its joint, (3,) [m]."""
+        self.body_index(body)
         own = self.own_mass[body][1]
+        if own[0] <= 0.0:
+            raise ModelError(f"body {body!r} of {self.name} has no mass of its own, so no centre")
         return own[1:4] / own[0]
 
     def with_payload(self, masses: Mapping[str, float]) -> "Mechanism":

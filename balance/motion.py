@@ -95,8 +95,16 @@ class Motion:
         if unknown := [axis for axis in axes if axis not in AXES]:
             raise DataError(f"axes has {unknown[0]!r}: expected x, y or z")
         names = joints or axes
-        point = str(table["point"]) if "point" in table else None
+        if len(set(names)) < len(names):
+            raise DataError(f"{'joints' if joints else 'axes'} is {list(names)}: expected each once")
+        point = table.get("point")
+        if point is not None and not isinstance(point, str):
+            raise DataError(f"point is {point!r}: expected the name of a body or a site")
+        _refuse_idle(
+            table, {"point", "axes"} if joints else {"joints"}, f"driven = '{'joints' if joints else 'platform'}'"
+        )
         if "samples" in table:
+            _refuse_idle(table, {"start", "peak_acceleration", "ramp", "rest", "moves"}, "samples")
             recorded = read_samples(folder / str(table["samples"]), joints, point, axes)
             return cls(recorded.position[:1], 0.0, 0.25, 0.0, joints, point, axes, recorded)
         kind = "angle" if joints else "length"
@@ -214,7 +222,7 @@ def _steps(move: Mapping[str, object], names: tuple[str, ...], kind: str) -> lis
     """Way-points of one move, from the start of the motion."""
     if "polygon" in move:
         _refuse_unknown(move, {"polygon", "width", "height"})
-        return _polygon(move, kind)
+        return _polygon(move, names, kind)
     key = "joint" if kind == "angle" else "axis"
     _refuse_unknown(move, {key, "to"})
     name = _required(move, key)
@@ -224,8 +232,10 @@ def _steps(move: Mapping[str, object], names: tuple[str, ...], kind: str) -> lis
     return [parse(text, kind) * unit for text in _texts(move, "to")]
 
 
-def _polygon(move: Mapping[str, object], kind: str) -> list[Floats]:
+def _polygon(move: Mapping[str, object], names: tuple[str, ...], kind: str) -> list[Floats]:
     """Corners in turn, closed, and back to the start; a triangle is isosceles, its box centred on the start."""
+    if len(names) != 2:
+        raise DataError(f"polygon: a corner has two coordinates, but the motion drives {', '.join(names)}")
     corners = move["polygon"]
     if corners == "triangle":
         width, height = (parse(str(_required(move, key)), kind) for key in ("width", "height"))
@@ -248,6 +258,11 @@ def _texts(table: Mapping[str, object], key: str) -> list[str]:
     if not isinstance(values, list) or not values or not all(isinstance(value, str) for value in values):
         raise DataError(f"{key} is {values!r}: expected a list of texts, each with its unit where it is a quantity")
     return [str(value) for value in values]
+
+
+def _refuse_idle(table: Mapping[str, object], keys: set[str], beside: str) -> None:
+    if idle := sorted(keys & table.keys()):
+        raise DataError(f"{idle[0]} means nothing beside {beside}: take one of them out")
 
 
 def _refuse_unknown(table: Mapping[str, object], known: set[str]) -> None:

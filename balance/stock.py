@@ -32,7 +32,7 @@ def load(name: str | Path) -> list[Plate]:
             rows = list(csv.DictReader(file, strict=True))
     except (csv.Error, UnicodeDecodeError) as error:
         raise DataError(f"{path.name}: not a CSV file in UTF-8: {error}") from error
-    if not rows or set(rows[0]) != {"name", "mass_kg", "quantity"}:
+    if not rows or set(rows[0]) - {None} != {"name", "mass_kg", "quantity"}:
         raise DataError(f"{path.name}: expected the columns name,mass_kg,quantity and at least one plate")
     plates = [_plate(row, f"{path.name}, plate {i}") for i, row in enumerate(rows, 1)]
     if len({plate.name for plate in plates}) < len(plates):
@@ -41,6 +41,8 @@ def load(name: str | Path) -> list[Plate]:
 
 
 def _plate(row: dict[str, str], where: str) -> Plate:
+    if None in row:  # what csv makes of cells beyond the last column
+        raise DataError(f"{where}: more cells than columns: {row}")
     try:
         plate = Plate(row["name"].strip(), float(row["mass_kg"]), int(row["quantity"]))
     except (TypeError, ValueError, AttributeError) as error:

@@ -182,7 +182,13 @@ def _continuation(system: LoopSystem, home: Floats, samples: Samples) -> tuple[I
             _refuse_singular_between(system, before, previous, target, float(samples.time[node]))
             side = system.side(q)
         solved.append(q)
-        rates.append(system.linearise(q[:, None])[1][0])
+        try:
+            rates.append(system.linearise(q[:, None])[1][0])
+        except np.linalg.LinAlgError as error:
+            raise ClosureError(
+                f"{system.mechanism.name} is singular at t = {samples.time[node]:.6g} s of this motion: "
+                f"{', '.join(system.drive.names)} do not determine it there"
+            ) from error
     return nodes, np.array(solved), np.array(rates)
 
 

@@ -56,3 +56,6 @@ def test_unknown_names_are_refused() -> None:
         JointDrive.of(models.load("four-bar"), ("A9",))
     with pytest.raises(ModelError, match="no site 'nowhere'"):
         PointDrive.of(models.load("four-bar"), "nowhere", ("x",))
+    floor = models.model(models.mjcf('<site name="floor"/>' + models.link("", "a")))
+    with pytest.raises(ModelError, match="'floor' of test is on the base"):
+        PointDrive.of(floor, "floor", ("x",))

@@ -186,3 +186,14 @@ def test_shipped_motions_close_both_manipulators(name: str, motion: str) -> None
     np.testing.assert_allclose(path, samples.position[:, 0] + 1j * samples.position[:, 1], atol=1e-13)
     np.testing.assert_allclose(q["B0"], theta2, atol=1e-12)
     assert trajectory.condition < 1e4
+
+
+def test_a_point_that_does_not_determine_the_mechanism_is_singular() -> None:
+    """The centre of the first link of a 2R arm driven in the plane: refused at the first instant, by name."""
+    closure = Closure(models.load("serial-2r"))
+    position = np.array([[0.14 * np.cos(0.5), 0.14 * np.sin(0.5)]])
+    samples = Samples(np.zeros(1), position, 0 * position, 0 * position, point="link_1")
+    with pytest.raises(
+        ClosureError, match=r"singular at t = 0 s of this motion: link_1\.x, link_1\.y do not determine"
+    ):
+        closure.follow(samples)

@@ -1,0 +1,272 @@
+"""Motions: straight legs of limited jerk from rest to rest, polygons, samples of a file; wrong sheets are refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from balance import datasets
+from balance.errors import DataError, UnitError
+from balance.motion import Motion, Samples
+from balance.quantities import G0
+
+SHEET: dict[str, object] = {
+    "driven": "platform",
+    "start": ["0 m", "0.212 m"],
+    "peak_acceleration": "3 g0",
+    "ramp": 0.25,
+    "rest": "0.15 s",
+    "moves": [{"axis": "x", "to": ["+40 mm", "-40 mm", "0 mm"]}],
+}
+JOINTS: dict[str, object] = {
+    "driven": "joints",
+    "joints": ["J1", "J2"],
+    "start": ["0.1 rad", "10 deg"],
+    "peak_acceleration": "50 rad/s^2",
+    "moves": [{"joint": "J2", "to": ["90 deg", "0 deg"]}, {"joint": "J1", "to": ["1 rad"]}],
+}
+RATE = 20_000.0
+
+
+def motion(**changes: object) -> Motion:
+    """The sheet with changes; None takes a key out."""
+    return Motion.from_table({key: value for key, value in (SHEET | changes).items() if value is not None})
+
+
+@pytest.mark.parametrize("ramp", [0.05, 0.25, 0.5])
+@pytest.mark.parametrize("peak", [0.5, 3.0])
+def test_peak_acceleration_and_distance_are_attained(peak: float, ramp: float) -> None:
+    """Peak acceleration as named, ends as named, whatever the ramp."""
+    moved = motion(peak_acceleration=f"{peak} g0", ramp=ramp).sample(RATE)
+    x = moved.position[:, 0]
+    assert np.abs(moved.acceleration).max() == pytest.approx(peak * G0, rel=1e-2 if ramp == 0.5 else 1e-12)
+    assert (x.max(), x.min()) == (pytest.approx(0.04, abs=1e-12), pytest.approx(-0.04, abs=1e-12))
+    np.testing.assert_allclose(moved.position[:, 1], 0.212, atol=1e-15)
+    np.testing.assert_allclose(moved.position[[0, -1]], [[0.0, 0.212]] * 2, atol=1e-12)
+
+
+def test_a_leg_takes_the_time_that_its_pulses_take() -> None:
+    """Two pulses of T = sqrt(d / (a (1 - ramp))): the whole motion lasts its legs and rests."""
+    legs = sum(2 * np.sqrt(d / (3 * G0 * 0.75)) for d in (0.04, 0.08, 0.04))
+    assert motion().duration == pytest.approx(legs + 4 * 0.15)
+
+
+@pytest.mark.parametrize("changes", [{}, {"moves": [{"polygon": "triangle", "width": "50 mm", "height": "40 mm"}]}])
+def test_position_velocity_and_acceleration_fit_together(changes: dict[str, object]) -> None:
+    """Each is the derivative of the one before, and all are continuous: steps of at most rate x interval."""
+    moved = motion(**changes).sample(RATE)
+    for values, rate in ((moved.position, moved.velocity), (moved.velocity, moved.acceleration)):
+        np.testing.assert_allclose(
+            np.diff(values, axis=0), (rate[1:] + rate[:-1]) / 2 / RATE, atol=2e-3 * np.abs(rate).max() / RATE
+        )
+    shortest = np.linalg.norm(np.diff(motion(**changes).waypoints, axis=0), axis=1).min()
+    pulse = np.sqrt(shortest / (3 * G0 * 0.75))
+    jerk = 3 * G0 / (0.25 * pulse)
+    assert np.linalg.norm(np.diff(moved.acceleration, axis=0), axis=1).max() <= jerk / RATE * (1 + 1e-9)
+
+
+def test_rest_is_rest() -> None:
+    """Before the first leg, between legs and after the last nothing moves for the time named."""
+    moved = motion().sample(RATE)
+    still = ~np.any(np.abs(moved.velocity) > 1e-12, axis=1)
+    assert still.sum() / RATE == pytest.approx(4 * 0.15, abs=10 / RATE)
+    assert still[: int(0.15 * RATE)].all()
+    assert still[-int(0.15 * RATE) :].all()
+    assert not np.abs(moved.acceleration[still]).max() > 3 * G0 * 1e-2
+
+
+def test_a_step_of_acceleration_is_a_ramp_of_zero() -> None:
+    """ramp = 0: bang-bang, T = sqrt(d / a)."""
+    stepped = motion(ramp=0)
+    assert stepped.duration == pytest.approx(sum(2 * np.sqrt(d / (3 * G0)) for d in (0.04, 0.08, 0.04)) + 0.6, rel=1e-6)
+    assert np.abs(stepped.sample(RATE).acceleration).max() == pytest.approx(3 * G0)
+
+
+def test_triangle_is_isosceles_and_centred() -> None:
+    """50 mm wide, 40 mm high, its box centred on the start; closed, and back to the start."""
+    corners = motion(moves=[{"polygon": "triangle", "width": "50 mm", "height": "40 mm"}]).waypoints - [0.0, 0.212]
+    expected = [[0, 0], [-0.025, -0.02], [0.025, -0.02], [0, 0.02], [-0.025, -0.02], [0, 0]]
+    np.testing.assert_allclose(corners, expected, atol=1e-15)
+
+
+def test_polygon_of_any_corners() -> None:
+    """Corners in turn about the start, closed."""
+    corners = motion(moves=[{"polygon": [["1 cm", "0 m"], ["0 m", "1 cm"], ["-1 cm", "0 m"]]}]).waypoints
+    np.testing.assert_allclose(corners[1:5, 0], [0.01, 0.0, -0.01, 0.01])
+
+
+def test_joints_in_degrees() -> None:
+    """Joint motions are about their start, angles in any unit, one joint at a time."""
+    moved = Motion.from_table(JOINTS)
+    assert moved.joints == ("J1", "J2")
+    np.testing.assert_allclose(moved.waypoints[1], [0.1, np.deg2rad(100.0)])
+    np.testing.assert_allclose(moved.waypoints[-1], [1.1, np.deg2rad(10.0)])
+    assert np.abs(moved.sample(1000.0).acceleration).max() == pytest.approx(50.0)
+
+
+def test_another_peak_acceleration_on_the_same_path() -> None:
+    """Four times the acceleration takes half the time between rests."""
+    slow, fast = motion(), motion().with_peak_acceleration(12 * G0)
+    assert fast.duration - 0.6 == pytest.approx((slow.duration - 0.6) / 2)
+    np.testing.assert_array_equal(fast.waypoints, slow.waypoints)
+    for wrong in (0.0, -1.0, float("nan")):
+        with pytest.raises(DataError, match=r"peak acceleration is .*: expected a positive one"):
+            slow.with_peak_acceleration(wrong)
+
+
+def test_samples_are_uniform() -> None:
+    """Time is index over rate: no accumulated step."""
+    moved = motion().sample(3000.0)
+    np.testing.assert_array_equal(moved.time, np.arange(len(moved.time)) / 3000.0)
+    assert moved.time[-1] >= motion().duration
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, float("nan"), float("inf"), 1e12])
+def test_impossible_rates(rate: float) -> None:
+    """No samples, or more than memory holds, are refused with the numbers."""
+    with pytest.raises(DataError, match=r"Hz for .* s: expected fewer than"):
+        motion().sample(rate)
+
+
+def written(folder: Path, samples: Samples, names: tuple[str, ...]) -> Path:
+    """A CSV of samples as a person would write it."""
+    header = ",".join(["time (s)", *names])
+    np.savetxt(folder / "path.csv", np.column_stack([samples.time, samples.position]), "%.17g", ",", header=header,
+               comments="")  # fmt: skip
+    return folder / "path.csv"
+
+
+def test_samples_of_a_file_come_back(tmp_path: Path) -> None:
+    """A sine written to a file and read: positions as written, rates by the spline to its order."""
+    time = np.linspace(0.0, 1.0, 401)
+    w = 2 * np.pi * np.array([1.0, 2.0])
+    sine = 0.03 * np.sin(w * time[:, None])
+    written(tmp_path, Samples(time, sine, sine, sine), ("x (m)", "y (m)"))
+    (tmp_path / "path.toml").write_text('driven = "platform"\nsamples = "path.csv"\n', encoding="utf-8")
+    read = Motion.load(tmp_path / "path.toml")
+    samples = read.sample(10.0)
+    np.testing.assert_array_equal(samples.position, sine)
+    np.testing.assert_allclose(samples.velocity, 0.03 * w * np.cos(w * time[:, None]), atol=1e-8)
+    np.testing.assert_allclose(samples.acceleration, -(w**2) * sine, atol=1e-4)
+    assert read.duration == 1.0
+    with pytest.raises(DataError, match="recorded samples"):
+        read.with_peak_acceleration(1.0)
+
+
+FILES = {
+    "no such file": (None, "no such file 'path.csv'"),
+    "other columns": ("t,x\n0,1\n", r"must hold the columns time \(s\), x \(m\), y \(m\)"),
+    "words": ("time (s),x (m),y (m)\n" + "0,up,0\n" * 6, "of numbers"),
+    "empty": ("", "must hold the columns"),
+    "too short": ("time (s),x (m),y (m)\n0,0,0\n1,1,1\n", "at least 6 finite rows"),
+    "backwards": ("time (s),x (m),y (m)\n" + "".join(f"{-i},0,0\n" for i in range(8)), "increasing time"),
+    "gap": ("time (s),x (m),y (m)\n" + "".join(f"{i},{'nan' if i == 3 else 0},0\n" for i in range(8)), "finite rows"),
+}
+
+
+@pytest.mark.parametrize("case", FILES)
+def test_wrong_files_of_samples(tmp_path: Path, case: str) -> None:
+    """The sheet, the file and what it must hold are named."""
+    content, message = FILES[case]
+    if content is not None:
+        (tmp_path / "path.csv").write_text(content, encoding="utf-8")
+    (tmp_path / "sheet.toml").write_text('samples = "path.csv"\n', encoding="utf-8")
+    with pytest.raises(DataError, match=rf"^sheet\.toml: samples: .*{message}"):
+        Motion.load(tmp_path / "sheet.toml")
+
+
+WRONG = {
+    "speed": ({"speed": "1 m/s"}, "unknown key 'speed'"),
+    "driven": ({"driven": "wheels"}, "driven is 'wheels': expected 'platform' or 'joints'"),
+    "driven by a number": ({"driven": 3}, "driven is 3"),
+    "axes": ({"axes": ["x", "w"]}, "axes has 'w': expected x, y or z"),
+    "axes twice": ({"axes": ["x", "x"]}, r"axes is \['x', 'x'\]: expected each once"),
+    "no start": ({"start": None}, "start is missing"),
+    "start too long": ({"start": ["0 m"] * 3}, "start has 3 values: expected one for each of x, y"),
+    "start without unit": ({"start": ["0", "1 m"]}, "'0' has no unit"),
+    "start in kg": ({"start": ["0 kg", "1 m"]}, "'kg' is not a unit of length"),
+    "start of numbers": ({"start": [0.0, 0.2]}, "start is .*expected a list of texts"),
+    "no acceleration": ({"peak_acceleration": None}, "peak_acceleration is missing"),
+    "acceleration zero": ({"peak_acceleration": "0 g0"}, "peak_acceleration is '0 g0': expected a positive one"),
+    "acceleration of words": ({"peak_acceleration": "fast"}, "'fast' is no acceleration"),
+    "ramp too long": ({"ramp": 0.6}, "ramp is 0.6"),
+    "ramp of text": ({"ramp": "0.25"}, "ramp is '0.25'"),
+    "ramp true": ({"ramp": True}, "ramp is True"),
+    "rest negative": ({"rest": "-1 s"}, "rest is '-1 s'"),
+    "rest in metres": ({"rest": "1 m"}, "'m' is not a unit of time"),
+    "no moves": ({"moves": None}, "moves is missing"),
+    "moves empty": ({"moves": []}, "moves: expected a list of tables"),
+    "moves of text": ({"moves": ["x"]}, "moves: expected a list of tables"),
+    "move without end": ({"moves": [{"axis": "x"}]}, r"moves\[0\]: to is missing"),
+    "move along z": ({"moves": [{"axis": "z", "to": ["1 mm"]}]}, r"moves\[0\]: axis is 'z': expected one of x, y"),
+    "move of a list": ({"moves": [{"axis": ["x"], "to": ["1 mm"]}]}, r"moves\[0\]: axis is \['x'\]"),
+    "move with a typo": ({"moves": [{"axis": "x", "too": ["1 mm"]}]}, r"moves\[0\]: unknown key 'too'"),
+    "move nowhere": ({"moves": [{"axis": "x", "to": ["0 mm"]}]}, "nothing moves"),
+    "second move": ({"moves": [{"axis": "x", "to": ["1 mm"]}, {"axis": "x", "to": ["1"]}]}, r"moves\[1\]: '1' has no"),
+    "polygon of a name": ({"moves": [{"polygon": "hexagon"}]}, r"moves\[0\]: polygon is 'hexagon'"),
+    "triangle without height": ({"moves": [{"polygon": "triangle", "width": "1 mm"}]}, "height is missing"),
+    "flat polygon": ({"moves": [{"polygon": [["0 m", "0 m"]]}]}, r"moves\[0\]: polygon is"),
+    "joint for a platform": ({"moves": [{"joint": "J1", "to": ["1 rad"]}]}, r"moves\[0\]: unknown key 'joint'"),
+    "point of a number": ({"point": 3}, "point is 3"),
+    "samples and moves": ({"samples": "path.csv"}, "moves means nothing beside samples|start means nothing beside"),
+    "joints for a platform": ({"joints": ["J1"]}, "joints means nothing beside driven = 'platform'"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_every_wrong_value_is_named(case: str) -> None:
+    """One message: the key, what it holds, what was expected."""
+    changes, message = WRONG[case]
+    with pytest.raises((DataError, UnitError), match=message):
+        motion(**changes)
+
+
+WRONG_JOINTS = {
+    "joints missing": ({"joints": None}, "joints is missing"),
+    "joints of text": ({"joints": "J1"}, "joints is 'J1': expected a list of texts"),
+    "joint twice": ({"joints": ["J1", "J1"]}, r"joints is \['J1', 'J1'\]: expected each once"),
+    "point for joints": ({"point": "tip"}, "point means nothing beside driven = 'joints'"),
+    "move of another": (
+        {"moves": [{"joint": "J9", "to": ["1 rad"]}]},
+        r"moves\[0\]: joint is 'J9': expected one of J1",
+    ),
+    "acceleration of a point": ({"peak_acceleration": "3 g0"}, "not a unit of angular acceleration"),
+    "triangle": ({"moves": [{"polygon": "triangle", "width": "1 m", "height": "1 m"}]}, "not a unit of angle"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG_JOINTS)
+def test_every_wrong_joint_value_is_named(case: str) -> None:
+    """Joint motions are angles, of joints that are named."""
+    changes, message = WRONG_JOINTS[case]
+    with pytest.raises((DataError, UnitError), match=message):
+        Motion.from_table({key: value for key, value in (JOINTS | changes).items() if value is not None})
+
+
+def test_a_polygon_needs_two_coordinates() -> None:
+    """A corner has two coordinates: a motion of one axis, or of three, has no polygon."""
+    for axes in (["x"], ["x", "y", "z"]):
+        with pytest.raises(DataError, match="polygon"):
+            motion(
+                axes=axes, start=["0 m"] * len(axes),
+                moves=[{"polygon": "triangle", "width": "5 cm", "height": "4 cm"}],
+            )  # fmt: skip
+
+
+@pytest.mark.parametrize("name", datasets.names("motions", ".toml"))
+def test_shipped_motions(name: str) -> None:
+    """Each loads and says where it is from."""
+    assert Motion.load(name).duration > 0.5
+    assert "Source" in (datasets.ROOT / "motions" / f"{name}.toml").read_text(encoding="utf-8")
+
+
+def test_broken_toml_is_refused(tmp_path: Path) -> None:
+    """The file is named; so is a file in another encoding."""
+    (tmp_path / "a.toml").write_text("driven = platform", encoding="utf-8")
+    with pytest.raises(DataError, match=r"^a\.toml: "):
+        Motion.load(tmp_path / "a.toml")
+    (tmp_path / "b.toml").write_bytes('driven = "Gövde"'.encode("utf-16"))
+    with pytest.raises(DataError, match=r"^b\.toml: "):
+        Motion.load(tmp_path / "b.toml")
+    with pytest.raises(DataError, match="no such file"):
+        Motion.load("loop-the-loop")

@@ -1,0 +1,207 @@
+"""Counter-masses: the printed ones, their residuals, limits, choices, and stock against all combinations."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from balance import sizing, stock
+from balance.conditions import Conditions, find
+from balance.errors import SizingError
+from balance.mechanism import Mechanism
+from balance.stock import Plate
+
+from . import models
+
+M1, M2, M3, M4 = 5.02746, 5.06421, 7.01882, 7.15208
+SITES = ("counter_A0A", "counter_B0B")
+
+
+def carrying(payload: float) -> tuple[Conditions, Mechanism]:
+    """The manipulator with a payload, and its conditions."""
+    mechanism = models.load("parallelogram-6bar").with_payload({"platform": payload})
+    return find(mechanism), mechanism
+
+
+EXACT = {1.451: 10.099021, 3.4116: 17.930978, 5.0: 24.276118}
+
+
+@pytest.mark.parametrize("name", models.MANIPULATORS)
+@pytest.mark.parametrize("payload", EXACT)
+def test_exact_counter_masses(name: str, payload: float) -> None:
+    """Found from the model, both models: 10.099021, 17.930978 and 24.276118 kg on each arm; nothing is left."""
+    mechanism = models.load(name).with_payload({"platform": payload})
+    sized = sizing.exact(find(mechanism), mechanism)
+    assert [c.site for c in sized.counter_masses] == list(SITES)
+    assert [c.mass for c in sized.counter_masses] == pytest.approx([EXACT[payload]] * 2, abs=1e-6)
+    assert sized.residual() < 1e-12
+    assert sized.is_balanced(1e-12)
+    assert sized.balanced_payloads()["platform"] == pytest.approx(payload, abs=1e-9)
+
+
+BUILT = {
+    1.451: ((M1, M2), 2.760e-4, 0.073),
+    3.4116: ((M1, M2, M3), 3.081e-2, 4.576),
+    5.0: ((M1, M2, M3, M4), 5.086e-4, 0.056),
+}
+
+
+@pytest.mark.parametrize("payload", BUILT)
+def test_built_sets(payload: float) -> None:
+    """What the sets that were built leave: kg m, and per cent of what there was without."""
+    plates, residual, per_cent = BUILT[payload]
+    found, mechanism = carrying(payload)
+    left = sizing.given(found, mechanism, dict.fromkeys(SITES, sum(plates)))
+    assert left.residual() == pytest.approx(residual, rel=5e-4)
+    assert left.residual_percent() == pytest.approx(per_cent, abs=5e-4)
+
+
+def test_the_built_and_the_printed_set_for_3_4116_kg_balance_less() -> None:
+    """17.1105 kg built and 17.1064 kg printed balance 3.206 and 3.205 kg."""
+    found, mechanism = carrying(3.4116)
+    for counter, payload in ((M1 + M2 + M3, 3.2062), (17.1064, 3.2052)):
+        left = sizing.given(found, mechanism, dict.fromkeys(SITES, counter))
+        assert sizing.balanced_payload(found, left.after, "platform") == pytest.approx(payload, abs=5e-5)
+
+
+def test_best_stock_for_3_4116_kg() -> None:
+    """M1 + M2 + M4 = 17.24375 kg on each arm leaves 0.02581 kg m: better than the set that was built."""
+    found, mechanism = carrying(3.4116)
+    best = sizing.from_stock(found, mechanism, stock.load("kiper2019"))
+    assert [c.plates for c in best.counter_masses] == [("M1", "M2", "M4")] * 2
+    assert best.counter_masses[0].mass == pytest.approx(17.24375, abs=1e-9)
+    assert best.residual() == pytest.approx(0.02581, abs=5e-6)
+
+
+@pytest.mark.parametrize("payload", BUILT)
+def test_best_stock_is_no_worse_than_what_was_built(payload: float) -> None:
+    """For 1.451 and 5 kg the best set is the built one."""
+    found, mechanism = carrying(payload)
+    best = sizing.from_stock(found, mechanism, stock.load("kiper2019"))
+    built = sizing.given(found, mechanism, dict.fromkeys(SITES, sum(BUILT[payload][0])))
+    assert best.residual() <= built.residual() + 1e-12
+    if payload != 3.4116:
+        assert best.residual() == pytest.approx(built.residual())
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_stock_is_the_best_of_all_combinations(seed: int) -> None:
+    """Random plates and quantities, unequal arms: no other choice leaves less, and none as good is lighter."""
+    rng = np.random.default_rng(seed)
+    text = models.load("parallelogram-6bar").text.replace('mass="1.04642"', f'mass="{rng.uniform(0.5, 3.0)}"', 1)
+    mechanism = models.model(text).with_payload({"platform": float(rng.uniform(1.0, 3.0))})
+    found = find(mechanism)
+    plates = [Plate(f"P{i}", round(float(rng.uniform(1.0, 9.0)), 3), int(rng.integers(1, 4))) for i in range(3)]
+    best = sizing.from_stock(found, mechanism, plates)
+    counts = [range(p.quantity + 1) for p in plates]
+    results = []
+    for first, second in product(product(*counts), repeat=2):
+        if all(a + b <= p.quantity for a, b, p in zip(first, second, plates, strict=True)):
+            masses = [sum(n * p.mass for n, p in zip(row, plates, strict=True)) for row in (first, second)]
+            left = sizing.given(found, mechanism, dict(zip(SITES, masses, strict=True)))
+            results.append((left.residual(), left.added_mass))
+    least = min(residual for residual, _ in results)
+    assert best.residual() == pytest.approx(least, abs=1e-9)
+    assert best.added_mass == pytest.approx(min(m for r, m in results if r < least + 1e-9), abs=1e-9)
+    for plate in plates:
+        assert sum(c.plates.count(plate.name) for c in best.counter_masses) <= plate.quantity
+
+
+def test_nothing_in_stock_mounts_nothing() -> None:
+    """Plates of which there are none: no counter-mass, all of the unbalance left."""
+    found, mechanism = carrying(1.451)
+    none = sizing.from_stock(found, mechanism, [Plate("M1", 5.0, 0)])
+    assert none.added_mass == 0.0
+    assert none.residual_percent() == pytest.approx(100.0)
+
+
+def test_a_limit_holds_and_the_rest_is_best() -> None:
+    """One arm limited to 5 kg: it takes all 5, the other its exact mass."""
+    found, mechanism = carrying(1.451)
+    sized = sizing.exact(found, mechanism, limits={"counter_A0A": 5.0})
+    assert [c.mass for c in sized.counter_masses] == pytest.approx([5.0, 10.099021], abs=1e-6)
+    assert sized.residual() == pytest.approx((10.099021 - 5.0) * 0.03755, abs=1e-7)
+
+
+def test_what_pulls_the_wrong_way_gets_nothing() -> None:
+    """A site ahead of the pivot would need a negative mass: it gets none."""
+    text = models.load("serial-1r").text.replace('name="counter_link_1" pos="-0.1', 'name="counter_link_1" pos="0.1')
+    mechanism = models.model(text)
+    sized = sizing.exact(find(mechanism), mechanism)
+    assert sized.counter_masses[0].mass == 0.0
+    assert sized.residual_percent() == pytest.approx(100.0)
+
+
+def test_of_redundant_sites_the_lightest_choice() -> None:
+    """Two sites on one line: the further one does it with less, so it takes all; equal arms would need the same."""
+    near, far = (f'<site name="counter_{n}" pos="-{d} 0 0"/>' for n, d in (("near", 0.05), ("far", 0.2)))
+    text = models.load("serial-1r").text.replace('<site name="counter_link_1" pos="-0.1 0 0"/>', near + far)
+    mechanism = models.model(text)
+    masses = {c.site: c.mass for c in sizing.exact(find(mechanism), mechanism).counter_masses}
+    assert masses == pytest.approx({"counter_near": 0.0, "counter_far": 1.2 * 0.14 / 0.2}, abs=1e-9)
+    limited = sizing.exact(find(mechanism), mechanism, limits={"counter_far": 0.5})
+    assert {c.site: c.mass for c in limited.counter_masses} == pytest.approx(
+        {"counter_far": 0.5, "counter_near": (1.2 * 0.14 - 0.5 * 0.2) / 0.05}, abs=1e-9
+    )
+
+
+def test_serial_chain_by_the_printed_rule() -> None:
+    """Each link of a 2R carries the outer ones: the printed rule link by link, from the tip inwards."""
+    mechanism = models.load("serial-2r")
+    sized = sizing.exact(find(mechanism), mechanism)
+    outer = 0.9 * 0.11 / 0.1
+    inner = (1.2 * 0.14 + (0.9 + outer) * 0.3) / 0.1
+    assert [c.mass for c in sized.counter_masses] == pytest.approx([inner, outer], abs=1e-9)
+    assert sized.residual() < 1e-12
+
+
+def test_four_bar_by_loop_closure() -> None:
+    """Crank and rocker counter-masses of the four-bar from the printed conditions."""
+    mechanism = models.load("four-bar")
+    sized = sizing.exact(find(mechanism), mechanism)
+    crank = (0.4 * 0.04 + 0.7 * (1 - 0.12 / 0.26) * 0.1) / 0.05
+    rocker = (0.5 * 0.09 + 0.7 * (0.12 / 0.26) * 0.2) / 0.08
+    assert [c.mass for c in sized.counter_masses] == pytest.approx([crank, rocker], abs=1e-9)
+
+
+def test_inertia_added_is_about_the_joints() -> None:
+    """m (p2 + k2) of each counter-mass, k its own radius of gyration."""
+    found, mechanism = carrying(5.0)
+    sized = sizing.given(found, mechanism, {"counter_A0A": 3.0, "counter_B0B": 1.0})
+    assert sized.added_inertia == pytest.approx(4.0 * (0.03755**2 + 0.06**2))
+    assert sized.added_mass == 4.0
+    np.testing.assert_allclose(sized.counter_masses[0].first_moment, [-3.0 * 0.03755, 0.0, 0.0])
+
+
+def test_nothing_to_balance_has_no_per_cent() -> None:
+    """Where the mechanism is balanced already, per cent of nothing is no number."""
+    text = models.load("serial-1r").text.replace('pos="0.14 0 0"', 'pos="0 0 0"')
+    mechanism = models.model(text)
+    assert sizing.exact(find(mechanism), mechanism).residual_percent() is None
+
+
+def test_a_body_that_no_payload_balances() -> None:
+    """A mass on the axis of its joint moves nothing: no payload there balances anything."""
+    text = models.load("serial-1r").text.replace('pos="0.14 0 0"', 'pos="0 0 0"')
+    mechanism = models.model(text)
+    assert sizing.balanced_payload(find(mechanism), mechanism, "link_1") is None
+
+
+def test_sites_can_be_chosen() -> None:
+    """Any site of a moving body will do; without one named counter... they must be named."""
+    text = models.load("serial-1r").text.replace("counter_link_1", "tail")
+    mechanism = models.model(text)
+    found = find(mechanism)
+    with pytest.raises(SizingError, match=r"no site named counter\.\.\.: name the sites.*tail, tip"):
+        sizing.exact(found, mechanism)
+    assert sizing.exact(found, mechanism, ["tail"]).counter_masses[0].mass == pytest.approx(1.2 * 0.14 / 0.1)
+    with pytest.raises(SizingError, match="no site named counter"):
+        sizing.from_stock(found, mechanism, [Plate("M1", 5.0, 1)])
+
+
+def test_payloads_of_other_bodies() -> None:
+    """Asked for two bodies, each has its own balanced payload."""
+    found, mechanism = carrying(5.0)
+    sized = sizing.exact(found, mechanism)
+    payload = sizing.balanced_payload(found, sized.after, "AC")
+    assert payload == pytest.approx(0.58909, abs=1e-9)
