@@ -17,6 +17,7 @@ BUILT_IN = (
     "testbench.readers.c3d.reader",
     "testbench.readers.lvm.reader",
     "testbench.readers.mat5.reader",
+    "testbench.readers.mdf.reader",
     "testbench.readers.tdms.reader",
     "testbench.readers.uff.reader",
     "testbench.readers.csv.reader",  # any other text, so that it comes last
