@@ -89,6 +89,8 @@ def exact(
     lightest. Raises SizingError if there is no site or the solver does not converge.
     """
     names = _sites(mechanism, sites)
+    if unused := [name for name in limits or {} if name not in names]:
+        raise SizingError(f"the limit at {unused[0]!r} limits nothing: counter-masses go to {', '.join(names)}")
     columns, target = _system(conditions, mechanism, names)
     upper = np.array([(limits or {}).get(name, np.inf) for name in names])
     if np.linalg.matrix_rank(columns) < len(names):

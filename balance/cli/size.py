@@ -52,6 +52,8 @@ def size(
     if stock and limit:
         raise click.UsageError("--limit is for counter-masses of any mass, --stock has its quantities")
     if closed_form:
+        if site or stock or limit or motion or figure:
+            raise click.UsageError("--closed-form goes with --payload and --json alone: no model is read")
         _closed_form(mechanism, payload, as_json)
         return
     result = _sized(options.load(mechanism, payload), site, stock, options.once(limit, "--limit"), payload)
@@ -81,8 +83,6 @@ def _sized(
     from ..conditions import find
     from ..stock import load
 
-    for name in limits:
-        model.site(name)
     found = find(model)
     plates = load(stock) if stock else []
     result = sizing.from_stock(found, model, plates, sites) if plates else sizing.exact(found, model, sites, limits)
@@ -180,10 +180,27 @@ def _closed_form(mechanism: str, payload: tuple[tuple[str, float], ...], as_json
     counter = closed_forms.manipulator_counter_mass(first, sheet["p_cm_m"])
     if as_json:
         sites = [
-            {"site": site, "mass_kg": counter, "position_m": [sheet["p_cm_m"], 0.0, 0.0], "plates": []}
+            {
+                "site": site,
+                "mass_kg": counter,
+                "position_m": [sheet["p_cm_m"], 0.0, 0.0],
+                "first_moment_kgm": [counter * sheet["p_cm_m"], 0.0, 0.0],
+                "plates": [],
+            }
             for site in ("counter_A0A", "counter_B0B")
         ]
-        emit_json({"mechanism": mechanism, "method": "closed form, printed", "counter_masses": sites})
+        emit_json(
+            {
+                "mechanism": mechanism,
+                "method": "closed form, printed",
+                "counter_masses": sites,
+                "residual_first_moment_kgm": None,
+                "residual_percent": None,
+                "balanced_payload_kg": dict(payload),
+                "added_mass_kg": 2 * counter,
+                "added_inertia_kgm2": None,
+            }
+        )
         return
     click.echo(
         f"{mass(counter)} kg on each arm at {sheet['p_cm_m'] * 1e3:.2f} mm, by the printed closed form "

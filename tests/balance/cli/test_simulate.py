@@ -1,0 +1,58 @@
+"""``balance simulate``."""
+
+import json
+
+import numpy as np
+import polars
+import pytest
+
+from balance.closure import Closure
+from balance.dynamics import simulate
+from balance.motion import Motion
+
+from .. import models
+
+
+def test_json_has_the_keys_that_are_promised(balance):
+    """rms and peak of force, moment and the torque of each motor; residual and branch of the closure."""
+    code, out, err = balance("simulate", "parallelogram-6bar", "--motion", "x", "-p", "platform=5kg", "--json")
+    document = json.loads(out)
+    assert (code, err) == (0, "")
+    for kind in ("rms", "peak"):
+        assert {"Fx_N", "Fy_N", "Mz_Nm", "torque_Nm"} <= document[kind].keys()
+        assert document[kind]["torque_Nm"].keys() == {"A0", "B0"}
+    assert document["peak"]["Fx_N"] == pytest.approx(3 * 59.617, rel=1e-3)
+    assert document["closure"]["residual_m"] < 1e-13
+    assert document["closure"]["branch"] == "home"
+
+
+def test_series_are_written_with_units(balance, tmp_path):
+    """CSV and Parquet hold time, wrench, torque and the coordinates, the same numbers as the library's."""
+    csv, parquet = tmp_path / "run.csv", tmp_path / "run.parquet"
+    assert balance(
+        "simulate", "parallelogram-6bar", "--motion", "y", "--rate", "1 kHz", "--csv", csv, "--parquet", parquet
+    ).code == 0  # fmt: skip
+    table = polars.read_parquet(parquet)
+    mechanism = models.load("parallelogram-6bar")
+    response = simulate(mechanism, Closure(mechanism).follow(Motion.load("y").sample(1000.0)))
+    np.testing.assert_array_equal(table["Fy_N"], response.force[:, 1])
+    np.testing.assert_array_equal(table["torque_B0_Nm"], response.torque["B0"])
+    assert {"time_s", "q_A0_rad", "v_platform_x_m_per_s", "a_B_rad_per_s2"} <= set(table.columns)
+    assert polars.read_csv(csv).columns == table.columns
+
+
+def test_people_read_a_table(balance):
+    """Components with RMS and peak, how well the loops closed, and what is left out."""
+    code, out, _ = balance("simulate", "parallelogram-6bar-full", "--motion", "triangle", "--rate", "2000 Hz")
+    assert code == 0
+    for text in ("Fx", "Mz", "torque A0", "RMS", "peak", "branch of 'home'", "weight excluded"):
+        assert text in out
+
+
+def test_without_motors_it_says_so(balance, tmp_path):
+    """A file without <actuator> gives no torque, and the reason."""
+    text = models.load("parallelogram-6bar").text
+    path = tmp_path / "plain.xml"
+    path.write_text(text.replace("<motor ", "<!-- ").replace(' joint="A0"/>', " -->").replace(' joint="B0"/>', " -->"))
+    out = balance("simulate", path, "--motion", "x", "--rate", "500 Hz").out
+    assert "no <actuator>" in out

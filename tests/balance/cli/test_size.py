@@ -1,0 +1,113 @@
+"""``balance size``."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+KEYS = {
+    "counter_masses", "residual_first_moment_kgm", "residual_percent", "balanced_payload_kg", "added_mass_kg",
+    "added_inertia_kgm2",
+}  # fmt: skip
+COUNTER_KEYS = {"site", "mass_kg", "position_m", "first_moment_kgm", "plates"}
+
+
+def test_json_has_the_keys_that_are_promised(balance):
+    """Counter-masses with site, mass, place, first moment and plates; what is left, added, and balanced."""
+    code, out, err = balance("size", "parallelogram-6bar", "--payload", "platform=5kg", "--json")
+    document = json.loads(out)
+    assert (code, err) == (0, "")
+    assert document.keys() >= KEYS
+    assert [c.keys() >= COUNTER_KEYS for c in document["counter_masses"]] == [True, True]
+    assert [c["mass_kg"] for c in document["counter_masses"]] == pytest.approx([24.276118] * 2, abs=1e-6)
+    assert document["counter_masses"][0]["position_m"] == [-0.03755, 0.0, 0.0]
+    assert document["balanced_payload_kg"] == pytest.approx({"platform": 5.0})
+    assert document["added_mass_kg"] == pytest.approx(48.552236, abs=1e-6)
+    assert document["residual_first_moment_kgm"] < 1e-12
+
+
+def test_stock(balance):
+    """The best set for 3.4116 kg: M1 + M2 + M4, leaving 0.02581 kg m."""
+    arguments = ("size", "parallelogram-6bar", "-p", "platform=3.4116kg", "--stock", "kiper2019")
+    document = json.loads(balance(*arguments, "--json").out)
+    assert [c["plates"] for c in document["counter_masses"]] == [["M1", "M2", "M4"]] * 2
+    assert document["residual_first_moment_kgm"] == pytest.approx(0.02581, abs=5e-6)
+    out = balance(*arguments).out
+    assert "M1 + M2 + M4" in out
+    assert "17.2437" in out
+
+
+def test_a_motion_compares_before_and_after(balance):
+    """Force vanishes, moment and torque rise: rms and peak, before and after, in JSON and in the table."""
+    arguments = ("size", "parallelogram-6bar", "-p", "platform=5kg", "--motion", "x")
+    document = json.loads(balance(*arguments, "--json").out)
+    before, after = document["before"], document["after"]
+    assert before["peak"]["Fx_N"] == pytest.approx(3 * 59.617, rel=1e-3)
+    assert after["peak"]["Fx_N"] < 1e-9
+    assert after["rms"]["torque_Nm"]["A0"] > before["rms"]["torque_Nm"]["A0"]
+    assert set(before) == set(after) == {"rms", "peak"}
+    assert "RMS after" in balance(*arguments).out
+
+
+def test_a_limit_and_a_site(balance):
+    """A limit holds; a site of one's own choice is used."""
+    out = balance("size", "parallelogram-6bar", "--limit", "counter_A0A=5kg", "--json").out
+    assert json.loads(out)["counter_masses"][0]["mass_kg"] == pytest.approx(5.0)
+    out = balance("size", "serial-1r", "--site", "counter_link_1", "--json").out
+    assert json.loads(out)["counter_masses"][0]["mass_kg"] == pytest.approx(1.68)
+
+
+def test_a_figure_is_drawn(balance, tmp_path):
+    """The drawing of the mechanism with its counter-masses, in the format of its ending; others are refused."""
+    assert balance("size", "four-bar", "--figure", tmp_path / "four-bar.svg").code == 0
+    assert "<svg" in (tmp_path / "four-bar.svg").read_text(encoding="utf-8")
+    refused = balance("size", "four-bar", "--figure", tmp_path / "four-bar.doc")
+    assert refused.code == 1
+    assert "endings are" in refused.err
+    assert not (tmp_path / "four-bar.doc").exists()
+
+
+def test_closed_form_works_without_pinocchio():
+    """Pinocchio hidden: the printed formula sizes the manipulator, and says that no model was evaluated."""
+    code = (
+        "import sys; sys.modules['pinocchio'] = None\nfrom balance.cli import main\n"
+        "sys.argv = ['balance', 'size', 'parallelogram-6bar', '--payload', 'platform=5kg', '--closed-form']\nmain()"
+    )
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (shown.returncode, shown.stderr) == (0, "")
+    assert "24.2761 kg" in shown.stdout
+    assert "no model was evaluated" in shown.stdout
+    hidden = subprocess.run(
+        [sys.executable, "-c", code.replace(", '--closed-form'", "")], capture_output=True, text=True, check=False
+    )
+    assert hidden.returncode == 1
+    assert "conda-forge" in hidden.stderr
+
+
+def test_closed_form_in_json(balance):
+    """The same keys, null where only a model could tell."""
+    code, out, _ = balance("size", "parallelogram-6bar", "--payload", "platform=5kg", "--closed-form", "--json")
+    document = json.loads(out)
+    assert code == 0
+    assert document.keys() >= KEYS
+    assert document["counter_masses"][1].keys() >= COUNTER_KEYS
+    assert document["counter_masses"][0]["first_moment_kgm"][0] == pytest.approx(-0.9116, abs=5e-5)
+    assert document["residual_first_moment_kgm"] is None
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("parallelogram-6bar", "--closed-form"),
+        ("four-bar", "--payload", "AB=1kg", "--closed-form"),
+        ("parallelogram-6bar", "-p", "platform=5kg", "--closed-form", "--stock", "kiper2019"),
+        ("parallelogram-6bar", "-p", "platform=5kg", "--closed-form", "--motion", "x"),
+        ("parallelogram-6bar", "--stock", "kiper2019", "--limit", "counter_A0A=5kg"),
+    ],
+)
+def test_options_that_do_not_go_together(balance, arguments):
+    """Said, exit 2; nothing is ignored in silence."""
+    code, out, err = balance("size", *arguments)
+    assert (code, out) == (2, "")
+    assert "--" in err.splitlines()[-1]
