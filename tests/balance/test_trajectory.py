@@ -8,7 +8,7 @@ import pytest
 from balance.closure import Closure
 from balance.errors import ClosureError
 from balance.motion import Motion, Samples
-from balance.trajectory import BLOCK, Trajectory
+from balance.trajectory import Trajectory
 
 from . import models
 
@@ -79,7 +79,7 @@ def test_rates_per_drive_give_the_rates(swept: tuple[Closure, Samples, Trajector
 def test_blocks_do_not_show() -> None:
     """A trajectory longer than a block, sampled anew at every third instant, is the same at those instants."""
     closure = Closure(models.load("parallelogram-6bar"))
-    fine = smooth(("A0", "B0"), [2.356, 0.785], [0.4, 0.5], 3 * BLOCK + 1)
+    fine = smooth(("A0", "B0"), [2.356, 0.785], [0.4, 0.5], 3 * 4096 + 1)
     coarse = Samples(*(x[::3] for x in (fine.time, fine.position, fine.velocity, fine.acceleration)), fine.joints)
     one, other = closure.follow(fine), closure.follow(coarse)
     assert np.abs(one.q[::3] - other.q).max() < 1e-13
