@@ -1,0 +1,23 @@
+"""Reader of enDAQ recordings, by idelib in a process of its own."""
+
+from pathlib import Path
+
+from ...recording import Recording
+from ..extras import needs
+from ..isolated import open_isolated
+from ..registry import Reader, ReadOptions
+from .elements import MAGIC
+
+
+def open_ide(path: Path, options: ReadOptions) -> Recording:
+    """Open the recording; its data are read when asked for."""
+    return open_isolated(path, "testbench.readers.ide.library", "open_library")
+
+
+READER = Reader(
+    name="enDAQ IDE",
+    extensions=(".ide",),
+    identify=lambda head: head.startswith(MAGIC) and b"mide" in head[:64].lower(),
+    open=open_ide,
+    needs=needs("ide"),
+)

@@ -1,0 +1,9 @@
+"""Reading in a process of its own, where a library may crash, hang or swallow memory on a damaged file.
+
+``frames`` is what goes through the pipe, numbers and JSON and never code; ``worker`` the process; ``parent`` what
+starts it, waits for it, and makes a refusal of whatever befalls it.
+"""
+
+from .parent import open_isolated
+
+__all__ = ["open_isolated"]

@@ -1,0 +1,94 @@
+"""The process that reads one file and sends what it finds: ``worker MODULE FUNCTION open|read PATH``."""
+
+import os
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from importlib import import_module
+from pathlib import Path
+from typing import IO
+
+from balance.errors import CounterpoiseError
+
+from ...findings import Finding, Refusal
+from ...recording import Recording
+from . import frames
+
+MOST_MEMORY = 3 << 30
+"""Memory that the process may take [bytes]; a library that asks for more fails, and not the machine."""
+
+
+def main(arguments: list[str]) -> None:
+    """Read the file, and send its header (``open``) or its data (``read``)."""
+    module, function, mode, path = arguments
+    out = _private_output()
+    _limit_memory()
+    try:
+        opener: Callable[[Path], Recording] = getattr(import_module(module), function)
+        recording = opener(Path(path))
+        (_send_header if mode == "open" else _send_data)(out, recording)
+    except Refusal as refusal:
+        frames.write(out, {"refusal": refusal.finding.as_dict()})
+    except CounterpoiseError as error:
+        frames.write(out, {"error": str(error)})
+    except MemoryError:
+        message = f"reading it takes more than {MOST_MEMORY >> 30} GiB of memory"
+        frames.write(out, {"refusal": Finding("too_large", None, None, message).as_dict()})
+    except RecursionError:
+        message = "its structure is nested without end"
+        frames.write(out, {"refusal": Finding("damaged_file", None, None, message).as_dict()})
+    except Exception as error:  # whatever a library makes of a damaged file
+        message = f"cannot be read: {type(error).__name__}: {error}"
+        frames.write(out, {"refusal": Finding("damaged_file", None, None, message[:2000]).as_dict()})
+    out.flush()
+
+
+def _private_output() -> IO[bytes]:
+    """The pipe to the parent; what libraries print goes nowhere."""
+    out = os.fdopen(os.dup(1), "wb", buffering=1 << 20)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    os.dup2(nowhere, 2)
+    return out
+
+
+def _limit_memory() -> None:
+    with suppress(ImportError, ValueError, OSError):  # Windows has no such limit
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_DATA, (MOST_MEMORY, MOST_MEMORY))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def _send_header(out: IO[bytes], recording: Recording) -> None:
+    document = {
+        "format": recording.format,
+        "reader": recording.reader,
+        "groups": [frames.group_as_dict(group) for group in recording.groups],
+        "origin": recording.origin,
+        "settings": dict(recording.settings),
+        "metadata": dict(recording.metadata),
+        "comments": list(recording.comments),
+        "ranges": [[each.limit, each.unit, each.bits] for each in recording.ranges],
+        "stated_rate_hz": recording.stated_rate_hz,
+        "findings": [finding.as_dict() for finding in recording.findings],
+    }
+    frames.write(out, {"recording": document})
+
+
+def _send_data(out: IO[bytes], recording: Recording) -> None:
+    known = {group.name for group in recording.groups}
+
+    def report(finding: Finding) -> None:
+        frames.write(out, {"finding": finding.as_dict()})
+
+    for block in recording.blocks(report):
+        if block.group.name not in known:
+            known.add(block.group.name)
+            frames.write(out, {"group": frames.group_as_dict(block.group)})
+        frames.write(out, {"block": frames.block_as_dict(block)}, block.columns)
+    frames.write(out, {"end": True})
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
