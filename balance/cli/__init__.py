@@ -11,6 +11,8 @@ COMMANDS = {
     "rotor": "Rigid rotors: correction planes, trial runs, holes and stock weights, permissible unbalance.",
     "engine": "Slider-cranks and engines: shaking force, partial balance, free forces and moments, shafts.",
     "drive": "Speed of a motor-driven machine over a turn: steady, start-up, flywheel.",
+    "static": "Potential energy constant over the workspace, by counter-masses or springs.",
+    "methods": "The named ways of balancing side by side: left over, cost, need.",
 }
 
 

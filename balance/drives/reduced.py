@@ -8,14 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .. import kinematics
 from ..arrays import Floats
 from ..closure import Closure
-from ..components import dense
 from ..dynamics import simulate
 from ..errors import ModelError
 from ..mechanism import Mechanism
 from ..motion import Samples
+from ..potential import potential
 from ..trajectory import Trajectory
 from .errors import DriveError
 from .periodic import Periodic
@@ -113,18 +112,8 @@ def _turn(closure: Closure, crank: str, direction: int, count: int) -> tuple[Flo
     still = replace(trajectory, v=np.zeros_like(trajectory.v), a=np.zeros_like(trajectory.v))
     weight = simulate(closure.mechanism, still).torque[crank]
     pushed = simulate(closure.mechanism, replace(still, a=direction * trajectory.v)).torque[crank]
-    energy = _potential(closure.mechanism, trajectory.q)
+    energy = potential(closure.mechanism, trajectory.q)
     return np.vstack([pushed - weight, energy, trajectory.v.T])[:, :-1], trajectory.residual
-
-
-def _potential(mechanism: Mechanism, q: Floats) -> Floats:
-    """Potential energy of weight: V = -sum over bodies of m g . c, (n,) [J]."""
-    at = kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
-    total = np.zeros(len(q))
-    for row, joint in zip(mechanism.parameters, mechanism.tree.bodies, strict=True):
-        moment = row[0] * dense(at.position[joint], at.count) + dense(at.arm(joint, row[1:4]), at.count)
-        total -= mechanism.gravity @ moment
-    return total
 
 
 def _refuse_unless_it_repeats(mechanism: Mechanism, trajectory: Trajectory) -> None:

@@ -1,0 +1,1 @@
+"""The named ways of balancing, side by side on one motion."""

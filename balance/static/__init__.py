@@ -1,0 +1,1 @@
+"""Static balance: potential energy constant over the workspace, by counter-masses or by zero-free-length springs."""

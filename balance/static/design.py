@@ -1,0 +1,117 @@
+"""Springs that make the potential energy constant: the softest set among candidate places, by linear programming."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from scipy.optimize import linprog
+
+from ..arrays import Floats
+from ..closure import Closure
+from ..errors import SizingError
+from ..mechanism import Mechanism
+from ..potential import potential
+from .springs import End, Spring, energy, unit_energies
+
+_STATES, _SEED = 120, 11
+_CHECK_SEED = 12
+"""Springs are judged at other configurations than those that they were found from."""
+_LEVEL = 1e-12
+"""Swing of potential energy, relative to the weight times the mechanism's length, that is rounding."""
+_BETWEEN_LINKS = 2.0
+"""What a stiffness between two links costs, one to the base being 1: springs to the base are simpler."""
+
+
+@dataclass(frozen=True)
+class Springs:
+    """Springs for a mechanism, and how constant they make its potential energy."""
+
+    mechanism: Mechanism
+    springs: tuple[Spring, ...]
+    q: Floats
+    """Configurations of the workspace at which they are judged, (n, nv)."""
+
+    def weight(self) -> Floats:
+        """Potential energy of weight, (n,) [J]."""
+        return potential(self.mechanism, self.q)
+
+    def spring(self) -> Floats:
+        """Energy of the springs, (n,) [J]."""
+        return energy(self.mechanism, self.springs, self.q)
+
+    def swing(self) -> float:
+        """Largest less smallest potential energy without springs [J]."""
+        return float(np.ptp(self.weight()))
+
+    def residual(self) -> float:
+        """Largest less smallest potential energy with springs [J]."""
+        return float(np.ptp(self.weight() + self.spring()))
+
+    def is_balanced(self, tol: float = 1e-12) -> bool:
+        """Whether the potential energy is constant to ``tol`` of its swing without springs."""
+        return self.residual() <= tol * self.swing()
+
+
+def design(mechanism: Mechanism, places: Sequence[Spring] = (), reach: float = 0.0, height: float = 0.0) -> Springs:
+    """The softest springs of zero free length that balance a mechanism statically.
+
+    ``places`` are candidate springs whose stiffness is sought; without any they are laid out: ends on each body at
+    ``reach`` [m] from its joint along and across it, on the base at ``height`` [m] above and below each ground pivot.
+    Raises SizingError where no stiffnesses of these places do it.
+    """
+    closure = Closure(mechanism)
+    length = closure.length
+    candidates = list(places) or layout(mechanism, reach or 0.5 * length, height or length)
+    q = closure.states(_STATES, _SEED)
+    columns = unit_energies(mechanism, candidates, q)
+    columns, target = columns - columns.mean(axis=0), -potential(mechanism, q)
+    target = target - target.mean()
+    if np.abs(target).max() < _LEVEL * mechanism.total_mass * np.linalg.norm(mechanism.gravity) * length:
+        return judged(mechanism, ())
+    cost = np.array([1.0 if min(s.first.body, s.second.body) < 0 else _BETWEEN_LINKS for s in candidates])
+    stiffness = _softest(mechanism, columns, target, cost)
+    springs = tuple(replace(s, stiffness=float(k)) for s, k in zip(candidates, stiffness, strict=True) if k > 0.0)
+    return judged(mechanism, springs)
+
+
+def judged(mechanism: Mechanism, springs: Sequence[Spring], count: int = 200) -> Springs:
+    """Springs as they are, at configurations of the workspace."""
+    return Springs(mechanism, tuple(springs), Closure(mechanism).states(count, _CHECK_SEED))
+
+
+def layout(mechanism: Mechanism, reach: float, height: float) -> list[Spring]:
+    """Candidate springs between every two bodies, and between every body and the base."""
+    up = -mechanism.gravity / np.linalg.norm(mechanism.gravity)
+    pivots = [j.position for j in mechanism.tree.joints if j.parent < 0 and j.revolute] or [np.zeros(3)]
+    ground = [End(-1, pivot + sign * height * up) for pivot in pivots for sign in (1.0, -1.0)]
+    ends = [
+        [End(body, sign * reach * np.eye(3)[axis]) for axis in (0, 1) for sign in (1.0, -1.0)]
+        for body in range(len(mechanism.bodies))
+    ]
+    pairs = [(base, end) for body in ends for base in ground for end in body]
+    pairs += [(a, b) for one, other in combinations(ends, 2) for a in one for b in other]
+    return [Spring(a, b) for a, b in pairs]
+
+
+def _softest(mechanism: Mechanism, columns: Floats, target: Floats, cost: Floats) -> Floats:
+    """Stiffnesses k >= 0 of least cost with ``columns @ k = target``, to rounding error."""
+    left, size, _ = np.linalg.svd(columns, full_matrices=False)
+    keep = left[:, size > 1e-10 * size[0]].T
+    scale = float(np.abs(target).max()) or 1.0
+    missed = target - keep.T @ (keep @ target)
+    if np.abs(missed).max() > 1e-9 * scale:
+        raise SizingError(f"{mechanism.name}: springs at these places cannot balance it, whatever their stiffness")
+    found = linprog(cost, A_eq=keep @ columns, b_eq=keep @ target, bounds=(0.0, None), method="highs-ds")
+    if not found.success:
+        raise SizingError(
+            f"{mechanism.name}: no springs that only pull balance it from these places: {found.message.split('.')[0]}; "
+            "try another reach or height, or say where springs may go"
+        )
+    rough = np.asarray(found.x)
+    used = rough > 1e-7 * rough.max(initial=0.0)
+    exact = np.zeros_like(rough)
+    exact[used] = np.linalg.lstsq(columns[:, used], target, rcond=None)[0]
+    if (exact < 0.0).any():
+        raise SizingError(f"{mechanism.name}: springs did not converge: a stiffness came out below zero")
+    return exact

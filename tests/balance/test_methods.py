@@ -1,0 +1,304 @@
+"""The named methods: printed conditions beside derived ones, and each method rebuilt part by part in Pinocchio."""
+
+import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from balance import conditions, sizing
+from balance.closure import Closure
+from balance.dynamics import momentum, simulate
+from balance.errors import ModelError
+from balance.mechanism import Mechanism
+from balance.methods import active, counterinertia, mirror, printed, side_by_side
+from balance.motion import Motion, Samples
+from balance.potential import first_moment
+from balance.trajectory import Trajectory
+
+from . import models, referees
+from .test_static import chain
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_serial_chains_equal_the_derived_conditions(count, seed):
+    """1R to 5R of random lengths: the same space of conditions to 1e-12."""
+    (comparison,) = printed.compare(conditions.find(models.model(chain(count, 10 * count + seed))))
+    assert comparison.rank == (2 * count, 2 * count)
+    assert comparison.is_equal(1e-12)
+    assert comparison.verdict() == "equal to the derived conditions"
+
+
+@pytest.mark.parametrize("name", ["serial-1r", "serial-2r", "serial-3r", "serial-4r", "serial-5r"])
+def test_shipped_chains_equal_the_derived_conditions(name):
+    """1R to 5R as shipped."""
+    (comparison,) = printed.compare(conditions.find(Mechanism.load(name)))
+    assert comparison.is_equal(1e-12)
+
+
+FOUR_BARS = {
+    "shipped": lambda: models.load("four-bar"),
+    "crank-rocker": lambda: models.model(models.four_bar(0.31, 0.07, 0.26, 0.22, 0.6)),
+    "double crank": lambda: models.model(models.four_bar(0.1, 0.25, 0.28, 0.3, 0.9)),
+    "kite": lambda: models.model(models.four_bar(0.2, 0.2, 0.35, 0.35, 1.2)),
+}
+
+
+@pytest.mark.parametrize("build", FOUR_BARS.values(), ids=FOUR_BARS)
+def test_both_printed_four_bar_methods(build):
+    """Loop closure equals the derived ones to 1e-12; so does the split once the coupler's centre is on its line."""
+    split, closure = printed.compare(conditions.find(build()))
+    assert closure.rank == (4, 4)
+    assert closure.is_equal(1e-12)
+    assert split.sufficient < 1e-12
+    assert split.equal_given < 1e-12
+    assert split.verdict().startswith("sufficient, not necessary: equal once mcy[")
+
+
+def test_the_parallelogram_four_bar_needs_less():
+    """Its printed four conditions are sufficient, not necessary: two are enough."""
+    text = models.four_bar(0.3, 0.2, 0.3, 0.2, 1.0)
+    split, closure = printed.compare(conditions.find(models.model(text)))
+    assert closure.rank == (4, 2)
+    assert closure.sufficient < 1e-12
+    assert closure.verdict() == "sufficient, not necessary"
+    assert split.verdict() == "sufficient, not necessary"
+
+
+@pytest.mark.parametrize("share", [-0.3, 0.0, 0.4, 1.0, 1.7])
+def test_whatever_the_split_the_four_bar_is_balanced(share):
+    """m2b = share m2, each chain balanced as 2R: linear momentum of any motion below 1e-12."""
+    mechanism, (l1, l2, l3) = models.load("four-bar"), (0.1, 0.26, 0.2)
+    rows = mechanism.parameters.copy()
+    crank, coupler, rocker = (mechanism.body_index(body) for body in ("A0A", "AB", "B0B"))
+    part_b = share * rows[coupler, 0]
+    rows[coupler, 1:3] = part_b * l2, 0.0
+    rows[crank, 1:3] = -(rows[coupler, 0] - part_b) * l1, 0.0
+    rows[rocker, 1:3] = -part_b * l3, 0.0
+    balanced = replace(mechanism, parameters=rows)
+    closure = Closure(balanced)
+    q = closure.states(20)
+    assert np.abs(momentum(balanced, q, closure.velocities(q))[:, :3]).max() < 1e-12
+    assert conditions.find(mechanism).residual(balanced) < 1e-12
+
+
+def test_other_mechanisms_have_no_printed_chain_or_four_bar():
+    """The manipulator and a spatial linkage are no chain and no planar four-bar."""
+    assert printed.compare(conditions.find(models.load("parallelogram-6bar"))) == []
+    assert printed.four_bar_lengths(models.model(models.spatial_four_bar())) is None
+    assert printed.serial_lengths(models.model(models.skew_arm())) is None
+
+
+def waving(mechanism: Mechanism, count: int = 120) -> Trajectory:
+    """A motion of all driven joints at once, at varying speed."""
+    time = np.linspace(0.0, 1.0, count)
+    joints = mechanism.driven
+    start = Closure(mechanism).home[[mechanism.coordinate_index(joint) for joint in joints]]
+    w, size = 2 * np.pi * (1 + np.arange(len(joints))), 0.5
+    place = start + size * np.sin(np.outer(time, w))
+    return Closure(mechanism).follow(
+        Samples(
+            time, place, size * w * np.cos(np.outer(time, w)), -size * w**2 * np.sin(np.outer(time, w)), joints=joints
+        )
+    )
+
+
+def balanced(mechanism: Mechanism) -> tuple[Mechanism, sizing.Sizing]:
+    """With the exact counter-masses."""
+    sized = sizing.exact(conditions.find(mechanism), mechanism)
+    return sized.after, sized
+
+
+@pytest.mark.parametrize("name", ["serial-1r", "serial-2r", "serial-3r", "four-bar"])
+def test_wheels_cancel_the_moment_in_pinocchio(name):
+    """Counter-masses and geared wheels built as bodies: force and moment below 1e-10 of before, torques as stated."""
+    plain = models.load(name)
+    heavy, sized = balanced(plain)
+    motion, ratio = waving(plain), 1.7
+    outcome = counterinertia.applied(heavy, motion, ratio, 0.1, sized.added_mass)
+    wheels = counterinertia.fit(heavy).wheels
+    counters = {c.site: c.mass for c in sized.counter_masses}
+    root = ElementTree.fromstring(referees.with_loads(plain.text, {}, counters, {}))
+    base = root.find("worldbody/body")
+    for wheel in wheels:
+        body = ElementTree.SubElement(base, "body", name=f"wheel_{wheel.body}", pos="0.3 0.2 0")
+        ElementTree.SubElement(body, "joint", name=f"w{wheel.body}", axis="0 0 1")
+        inertia = repr(abs(wheel.momentum) / ratio)
+        ElementTree.SubElement(body, "inertial", pos="0 0 0", mass="1", diaginertia=f"{inertia} {inertia} {inertia}")
+    for part in ("actuator", "keyframe"):
+        root.remove(root.find(part))
+    whole = Mechanism.from_text(ElementTree.tostring(root, encoding="unicode"), "whole")
+    signs = [-ratio * np.sign(wheel.momentum) for wheel in wheels]
+    own = [whole.coordinates.index(joint) for joint in plain.coordinates]
+    geared = [whole.coordinates.index(f"w{wheel.body}") for wheel in wheels]
+    gains = absolute_gains(plain, motion)
+    rates = [gains[:, wheel.body] for wheel in wheels]
+    states = []
+    for values in (motion.q, motion.v, motion.a):
+        state = np.zeros((len(motion.time), len(whole.coordinates)))
+        state[:, own] = values
+        for place, sign, rate in zip(geared, signs, rates, strict=True):
+            state[:, place] = sign * np.einsum("nj,nj->n", rate, values)
+        states.append(state)
+    wrench, torque = referees.pinocchio_response(whole, replace(motion, q=states[0], v=states[1], a=states[2]))
+    before = simulate(plain, motion)
+    assert np.abs(wrench[:, :2]).max() < 1e-10 * np.abs(before.force).max()
+    assert np.abs(wrench[:, 5]).max() < 1e-10 * np.abs(before.moment).max()
+    np.testing.assert_allclose(outcome.force[:, :2], wrench[:, :2], atol=1e-9)
+    np.testing.assert_allclose(outcome.moment[:, 2], wrench[:, 5], atol=1e-9)
+    for k, joint in enumerate(plain.driven):
+        motor = np.einsum("nj,nj->n", motion.per_drive[:, :, k], torque[:, own])
+        for place, sign, rate in zip(geared, signs, rates, strict=True):
+            motor += torque[:, place] * sign * np.einsum("nj,nj->n", rate, motion.per_drive[:, :, k])
+        np.testing.assert_allclose(outcome.torque[joint], motor, atol=1e-9)
+
+
+def absolute_gains(mechanism: Mechanism, motion: Trajectory) -> np.ndarray:
+    """A body's rotation in the base frame per joint rate: ones along its path, (n, bodies, nv)."""
+    rows = np.zeros((len(mechanism.bodies), mechanism.tree.size))
+    for body, joint in enumerate(mechanism.tree.bodies):
+        rows[body, mechanism.tree.path(joint)] = 1.0
+    return np.broadcast_to(rows, (len(motion.time), *rows.shape))
+
+
+def test_wheels_that_leave_a_rest_say_so():
+    """The manipulator's angular momentum is no constant mixture of rotations, nor that of an off-line coupler."""
+    manipulator = counterinertia.fit(balanced(models.load("parallelogram-6bar"))[0])
+    assert not manipulator.is_complete()
+    assert 0.05 < manipulator.left_over < 1.0
+    coupler = models.load("four-bar")
+    rows = coupler.parameters.copy()
+    rows[coupler.body_index("AB"), 2] = 0.03
+    free = {"counter_A0A": 0.0}
+    tilted = replace(coupler, parameters=rows).with_counter_mass(free)
+    rows = tilted.parameters.copy()
+    found = conditions.find(tilted)
+    first = [10 * body + k for body in range(3) for k in (1, 2)]
+    change = np.linalg.lstsq(found.matrix[:, first], -found.values(tilted), rcond=None)[0]
+    rows.ravel()[first] += change
+    forced = replace(tilted, parameters=rows)
+    assert found.residual(forced) < 1e-12
+    assert not counterinertia.fit(forced).is_complete()
+
+
+TURNS = {"": 1.0, "_lr": -1.0, "_ud": -1.0, "_half": 1.0}
+"""Signs of the joint angles of a chain's images: mirrored bodies turn the other way."""
+IMAGES = {
+    "mirror image, left-right": ("", "_lr"),
+    "mirror image, up-down": ("", "_ud"),
+    "image turned by 180 deg": ("", "_half"),
+    "three images": tuple(TURNS),
+}
+
+
+def with_images(name: str, copies: tuple[str, ...]) -> Mechanism:
+    """A serial chain and images of it on one base; left-right mirrors and half turns stand on pi."""
+    root = ElementTree.fromstring(models.load(name).text)
+    base = root.find("worldbody/body")
+    (arm,) = base.findall("body")
+    for suffix in copies[1:]:
+        copy = ElementTree.fromstring(ElementTree.tostring(arm))
+        copy.set("euler", f"0 0 {0.0 if suffix == '_ud' else np.pi!r}")
+        for element in copy.iter():
+            if element.get("name"):
+                element.set("name", element.get("name") + suffix)
+        base.append(copy)
+    for part in ("actuator", "keyframe"):
+        root.remove(root.find(part))
+    return Mechanism.from_text(ElementTree.tostring(root, encoding="unicode"), "copies")
+
+
+@pytest.mark.parametrize("method", IMAGES)
+@pytest.mark.parametrize("name", ["serial-1r", "serial-2r", "serial-3r"])
+def test_images_in_pinocchio(name, method):
+    """Images as bodies of their own: the force and moment that are left, and the torques of common motors."""
+    plain, copies = models.load(name), IMAGES[method]
+    motion, whole = waving(plain), with_images(name, copies)
+    outcome = next(o for o in mirror.applied(plain, motion) if o.name == method)
+    places = {s: [whole.coordinates.index(joint + s) for joint in plain.coordinates] for s in copies}
+    states = np.zeros((3, len(motion.time), len(whole.coordinates)))
+    for state, values in zip(states, (motion.q, motion.v, motion.a), strict=True):
+        for suffix in copies:
+            state[:, places[suffix]] = TURNS[suffix] * values
+    q, v, a = states
+    wrench, torque = referees.pinocchio_response(whole, replace(motion, q=q, v=v, a=a))
+    np.testing.assert_allclose(outcome.force[:, :2], wrench[:, :2], atol=1e-10)
+    np.testing.assert_allclose(outcome.moment[:, 2], wrench[:, 5], atol=1e-10)
+    for k, joint in enumerate(plain.driven):
+        motor = sum(TURNS[s] * torque[:, places[s][k]] for s in copies)
+        np.testing.assert_allclose(outcome.torque[joint], motor, atol=1e-10)
+    assert outcome.added_mass == pytest.approx((len(copies) - 1) * plain.total_mass)
+    if method == "three images":
+        assert outcome.force_peak < 1e-12
+
+
+@pytest.mark.parametrize("name", ["serial-3r", "four-bar", "parallelogram-6bar"])
+def test_active_masses_keep_momentum_zero(name):
+    """Mass times place follows minus the first moment; stroke as asked, force and power those of that motion."""
+    mechanism = models.load(name)
+    motion = waving(mechanism)
+    outcome = active.applied(mechanism, motion, 0.08, 3.0)
+    moment, linear = first_moment(mechanism, motion.q), momentum(mechanism, motion.q, motion.v)
+    response = simulate(mechanism, motion)
+    for axis, letter in enumerate("xy"):
+        if (mass := outcome.needs.get(f"mass_{letter}_kg")) is None:
+            assert np.ptp(moment[:, axis]) < 1e-8
+            continue
+        place = -moment[:, axis] / mass
+        assert np.ptp(place) == pytest.approx(0.08, rel=1e-12)
+        speed = np.gradient(place, motion.time, edge_order=2)
+        np.testing.assert_allclose(mass * speed + linear[:, axis], 0.0, atol=0.02 * np.abs(linear[:, axis]).max())
+        peak = np.abs(response.force[:, axis] * linear[:, axis] / mass).max()
+        assert outcome.needs[f"power_{letter}_peak_W"] == pytest.approx(peak)
+    assert outcome.needs["disc_turn_rad"] == pytest.approx(3.0)
+    assert outcome.force_peak == outcome.moment_peak == 0.0
+
+
+@pytest.mark.parametrize("name", ["serial-2r", "four-bar", "parallelogram-6bar"])
+def test_springs_free_the_motors_of_weight(name):
+    """Their torque is that of the same motion without gravity; force and moment are as before."""
+    mechanism = models.load(name)
+    motion = waving(mechanism)
+    outcomes = {o.name: o for o in side_by_side.compare(mechanism, motion)}
+    weightless = simulate(replace(mechanism, gravity=np.zeros(3)), motion)
+    for joint, torque in outcomes["springs"].torque.items():
+        np.testing.assert_allclose(torque, weightless.torque[joint], atol=1e-10)
+    np.testing.assert_array_equal(outcomes["springs"].force, outcomes["as it is"].force)
+
+
+def test_force_balance_alone_raises_moment_and_torque():
+    """On the manipulator at 5 kg along x, both go up; counter-masses cancel the force to rounding."""
+    mechanism = models.load("parallelogram-6bar").with_payload({"platform": 5.0})
+    motion = Closure(mechanism).follow(Motion.load("x").sample(500.0))
+    outcomes = {o.name: o for o in side_by_side.compare(mechanism, motion)}
+    plain, heavy = outcomes["as it is"], outcomes["counter-mass"]
+    assert heavy.force_peak < 1e-12 * plain.force_peak
+    assert heavy.moment_rms > plain.moment_rms
+    assert heavy.torque_rms()["A0"] > plain.torque_rms()["A0"]
+    assert heavy.added_mass == pytest.approx(2 * 24.27612, rel=1e-5)
+
+
+def test_wheels_that_turn_faster_are_lighter_and_ask_more():
+    """Inertia falls with the ratio, what it adds to the torque grows with it."""
+    mechanism, sized = balanced(models.load("serial-2r"))
+    motion = waving(mechanism)
+    slow, fast = (counterinertia.applied(mechanism, motion, k, 0.1, sized.added_mass) for k in (1.0, 3.0))
+    own = simulate(mechanism, motion).torque["J1"]
+    assert fast.added_inertia == pytest.approx(slow.added_inertia / 3.0)
+    np.testing.assert_allclose(fast.torque["J1"] - own, 3.0 * (slow.torque["J1"] - own), rtol=1e-9, atol=1e-9)
+
+
+def test_what_shakes_out_of_the_plane_is_refused():
+    """A spatial arm is not computed as a planar one."""
+    arm = models.model(models.skew_arm())
+    with pytest.raises(ModelError, match="out of the plane"):
+        side_by_side.compare(arm, waving(arm, 30))
+
+
+def test_without_a_place_for_counter_masses_the_rest_is_compared():
+    """Springs, images and active masses need no site."""
+    chain_without = models.model(chain(2, 3).replace("counter_", "hole_"))
+    names = [o.name for o in side_by_side.compare(chain_without, waving(chain_without, 60))]
+    assert "springs" in names
+    assert "counter-mass" not in names

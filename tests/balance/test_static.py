@@ -1,0 +1,189 @@
+"""Static balance by counter-masses and by springs of zero free length."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio
+import pytest
+
+from balance import sizing
+from balance.closure import Closure
+from balance.errors import DataError, ModelError, SizingError
+from balance.potential import first_moment, potential
+from balance.static import conditions, design, springfile
+from balance.static.springs import End, Spring, energy, joint_torques, lengths
+
+from . import models
+
+
+def chain(count: int, seed: int) -> str:
+    """A serial chain in no file of the project: random lengths, masses, centres off the line."""
+    rng = np.random.default_rng(seed)
+    text = ""
+    for k in reversed(range(count)):
+        place = "" if k == 0 else f'pos="{rng.uniform(0.1, 0.4)} 0 0"'
+        centre = f"{rng.uniform(-0.1, 0.3)} {rng.uniform(-0.05, 0.05)} 0"
+        inertial = f'<inertial pos="{centre}" mass="{rng.uniform(0.3, 2)}" diaginertia="0.01 0.01 0.01"/>'
+        joint = f'<joint name="J{k + 1}" axis="0 0 1"/><site name="counter_{k + 1}" pos="-0.1 0 0"/>'
+        text = f'<body name="link_{k + 1}" {place}>{joint}{inertial}{text}</body>'
+    key = models.key(rng.uniform(-1, 1, count))
+    return models.mjcf(text, models.motors(*(f"J{k + 1}" for k in range(count))) + key, '<option gravity="0 -9.81 0"/>')
+
+
+MECHANISMS = {name: lambda name=name: models.load(name) for name in models.BUILT_IN}
+MECHANISMS |= {
+    f"own {n}R": lambda n=n: models.model(chain(n, n)) for n in (1, 2, 3, 4)
+}  # fmt: skip
+MECHANISMS["own four-bar"] = lambda: flat_four_bar(models.four_bar(0.31, 0.07, 0.26, 0.22, 0.6))
+MECHANISMS["parallelogram four-bar"] = lambda: flat_four_bar(models.four_bar(0.3, 0.2, 0.3, 0.2, 1.0))
+
+
+def flat_four_bar(text: str):
+    """A four-bar of the test models with gravity in its plane."""
+    return replace(models.model(text), gravity=np.array([2.0, -9.0, 0.0]))
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_springs_make_the_potential_energy_constant(name):
+    """To 1e-12 of the unbalanced swing, at configurations other than those of the design; stiffnesses above zero."""
+    mechanism = MECHANISMS[name]()
+    found = design.design(mechanism)
+    assert found.is_balanced(1e-12)
+    assert found.swing() > 0.1
+    assert all(spring.stiffness > 0.0 for spring in found.springs)
+
+
+@pytest.mark.parametrize("name", ["serial-3r", "four-bar", "parallelogram-6bar"])
+def test_pinocchio_s_potential_energy_and_the_springs_by_its_frames(name):
+    """Weight by Pinocchio's potential energy, spring ends by its frames: constant to 1e-12 as well."""
+    mechanism = models.load(name)
+    found = design.design(mechanism)
+    pin = mechanism.pinocchio_model()
+    data = pin.createData()
+    total = []
+    for q in found.q:
+        weight = pinocchio.computePotentialEnergy(pin, data, q)
+        pinocchio.forwardKinematics(pin, data, q)
+
+        def place(end: End) -> np.ndarray:
+            return end.position if end.body < 0 else data.oMi[end.body + 1].act(end.position)
+
+        stretch = [s.stiffness * np.sum((place(s.first) - place(s.second)) ** 2) / 2 for s in found.springs]
+        total.append(weight + sum(stretch))
+    assert np.ptp(total) < 1e-12 * found.swing()
+
+
+def test_one_link_is_the_textbook_s():
+    """k h r = m g e, the spring from above the pivot to a point on the link."""
+    mechanism = models.load("serial-1r")
+    (spring,) = design.design(mechanism, (), 0.12, 0.5).springs
+    assert spring.stiffness == pytest.approx(1.2 * 9.81 * 0.14 / (0.5 * 0.12), rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["serial-2r", "four-bar", "parallelogram-6bar"])
+def test_torque_of_springs_is_the_slope_of_their_energy(name):
+    """dV/dq by central differences, to 1e-6, for springs between links and to the base."""
+    mechanism = models.load(name)
+    q = Closure(mechanism).states(6, 3)
+    springs = [
+        Spring(End(-1, np.array([0.1, 0.4, 0.05])), End(1, np.array([0.1, -0.05, 0.0])), 80.0),
+        Spring(End(0, np.array([0.05, 0.02, 0.0])), End(len(mechanism.bodies) - 1, np.array([0.03, 0.1, 0.0])), 50.0),
+    ]
+    torque, h = joint_torques(mechanism, springs, q), 1e-6
+    for j in range(q.shape[1]):
+        step = h * np.eye(q.shape[1])[j]
+        slope = (energy(mechanism, springs, q + step) - energy(mechanism, springs, q - step)) / (2 * h)
+        np.testing.assert_allclose(torque[:, j], slope, rtol=1e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize("name", models.BUILT_IN)
+def test_counter_masses_make_the_potential_energy_constant(name):
+    """Sized on the static conditions: 1e-12 of the swing; and static conditions follow from those of force balance."""
+    mechanism = models.load(name)
+    found = conditions.find(mechanism)
+    sized = sizing.exact(found, mechanism)
+    q = Closure(mechanism).states(60, 5)
+    assert np.ptp(potential(sized.after, q)) < 1e-12 * np.ptp(potential(mechanism, q))
+    from balance.conditions import find
+
+    both = np.vstack([find(mechanism).matrix, found.matrix])
+    assert np.linalg.matrix_rank(both, tol=1e-9) == find(mechanism).rank
+
+
+def test_what_moves_level_needs_nothing():
+    """A carriage along x: no condition, no spring."""
+    slide = '<joint name="s" type="slide" axis="1 0 0"/><site name="counter" pos="0 0 0"/>'
+    carriage = models.link("", "carriage", slide)
+    text = models.mjcf(carriage, models.motors("s") + models.key([0.1]), '<option gravity="0 -9.81 0"/>')
+    assert conditions.find(models.model(text)).rank == 0
+    assert design.design(models.model(text)).springs == ()
+
+
+def test_without_gravity_there_is_nothing_to_balance():
+    """Said, not computed."""
+    with pytest.raises(ModelError, match="no gravity"):
+        conditions.find(replace(models.load("four-bar"), gravity=np.zeros(3)))
+
+
+def test_potential_is_minus_gravity_times_first_moment():
+    """Pinocchio's centre of mass times total mass is the first moment."""
+    mechanism = models.load("parallelogram-6bar-full")
+    pin = mechanism.pinocchio_model()
+    data = pin.createData()
+    q = Closure(mechanism).states(5, 1)
+    centre = np.array([pinocchio.centerOfMass(pin, data, state) for state in q])
+    np.testing.assert_allclose(first_moment(mechanism, q), mechanism.total_mass * centre, atol=1e-12)
+
+
+def test_places_that_cannot_do_it_are_refused():
+    """A spring that ends at the pivot does no work; one below the pivot only pushes the wrong way."""
+    mechanism = models.load("serial-1r")
+    idle = Spring(End(-1, np.array([0.0, 0.3, 0.0])), End(0, np.zeros(3)))
+    with pytest.raises(SizingError, match="cannot balance"):
+        design.design(mechanism, [idle])
+    below = Spring(End(-1, np.array([0.0, -0.3, 0.0])), End(0, np.array([0.1, 0.0, 0.0])))
+    with pytest.raises(SizingError, match="only pull"):
+        design.design(mechanism, [below])
+
+
+def test_a_spring_file(tmp_path):
+    """The shipped places for the manipulator, stiffness found; the same with stiffness given is judged as it is."""
+    mechanism = models.load("parallelogram-6bar").with_payload({"platform": 5.0})
+    places, given = springfile.load("parallelogram-6bar", mechanism)
+    assert not given
+    found = design.design(mechanism, places)
+    assert found.is_balanced(1e-12)
+    assert [s.stiffness for s in found.springs] == pytest.approx([9.81 * 0.91157 / (0.15 * 0.075)] * 2, rel=1e-4)
+    path = tmp_path / "mine.toml"
+    path.write_text(
+        '[[spring]]\nstiffness = "2 N/cm"\nfirst = { body = "base", at = ["0 m", "20 cm", "0 m"] }\n'
+        'second = { body = "AC" }\n', encoding="utf-8",
+    )  # fmt: skip
+    springs, given = springfile.load(path, mechanism)
+    assert given
+    assert springs[0].stiffness == pytest.approx(200.0)
+    judged = design.judged(mechanism, springs)
+    assert not judged.is_balanced(1e-3)
+    assert (lengths(mechanism, springs, judged.q) > 0.0).all()
+
+
+WRONG = {
+    "springs = 1": "expected tables",
+    "[[spring]]\nfirst = 1": "first is 1",
+    '[[spring]]\nfirst = { body = "X" }\nsecond = { body = "base" }': "no moving body 'X'",
+    '[[spring]]\nfirst = { body = "base", at = ["1", "0 m", "0 m"] }\nsecond = { body = "base" }': "no unit",
+    '[[spring]]\nfirst = { body = "base", at = ["1 m"] }\nsecond = { body = "base" }': "three lengths",
+    '[[spring]]\nfirst = { body = "base" }\nsecond = { body = "AC" }\nlength = "1 m"': "unknown key 'length'",
+    '[[spring]]\nfirst = { body = "base" }\nsecond = { body = "AC" }\nstiffness = "-1 N/m"': "above zero",
+    '[[spring]]\nfirst = { body = "base" }\nsecond = { body = "AC" }\nstiffness = "1 N/m"\n'
+    '[[spring]]\nfirst = { body = "base" }\nsecond = { body = "BD" }': "give all or none",
+}
+
+
+@pytest.mark.parametrize(("text", "message"), WRONG.items(), ids=range(len(WRONG)))
+def test_wrong_spring_files_are_named(tmp_path, text, message):
+    """The spring and the key."""
+    path = tmp_path / "mine.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(DataError, match=message):
+        springfile.load(path, models.load("parallelogram-6bar"))
