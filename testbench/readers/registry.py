@@ -21,6 +21,7 @@ BUILT_IN = (
     "testbench.readers.mdf.reader",
     "testbench.readers.tdms.reader",
     "testbench.readers.uff.reader",
+    "testbench.readers.wav",
     "testbench.readers.csv.reader",  # any other text, so that it comes last
 )
 HEAD_BYTES = 4096

@@ -1,0 +1,164 @@
+"""Reader of WAV: integers as recorded, never scaled to one; channels have numbers and no unit."""
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..findings import Finding, Refusal
+from ..recording import Block, Channel, Group, Recording, Samples, UniformClock
+from .nonfinite import watched
+from .registry import Reader, ReadOptions
+from .stream import ByteSource, block_samples, damaged
+
+_INTEGER, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
+_UNKNOWN = 0xFFFFFFFF
+_MOST_CHUNKS, _LONGEST_TEXT = 10_000, 2000
+
+
+@dataclass(frozen=True)
+class _Form:
+    """Numbers of a frame: channels, kind, bytes and significant bits of each; frames a second."""
+
+    channels: int
+    is_float: bool
+    size: int
+    bits: int
+    rate_hz: int
+
+    @property
+    def frame(self) -> int:
+        """Bytes of a frame."""
+        return self.channels * self.size
+
+
+@dataclass(frozen=True)
+class _Sound:
+    """Where the samples lie, how many frames are there, and how many bytes are declared."""
+
+    form: _Form
+    begin: int
+    frames: int
+    declared: int
+    texts: dict[str, str]
+
+
+def open_wav(path: Path, options: ReadOptions) -> Recording:
+    """Read the chunks; the samples are read when asked for."""
+    with ByteSource(path) as source:
+        sound = _sound(source)
+        findings = _said(source, sound)
+    form = sound.form
+    if not sound.frames:
+        raise Refusal(path.name, next(iter(findings), Finding("no_data", None, None, "no sample in it")))
+    channels = tuple(Channel(f"channel {i}") for i in range(1, form.channels + 1))
+    group = Group(path.stem, channels, UniformClock(float(form.rate_hz)) if form.rate_hz else None)
+    return Recording(
+        path=path,
+        format="WAV",
+        reader=__name__,
+        groups=(group,),
+        read=lambda report: watched(_blocks(path, sound, group), report),
+        settings={"numbers": f"{'float' if form.is_float else 'integer'}, {form.bits} bits"},
+        metadata=sound.texts,
+        findings=tuple(findings),
+    )
+
+
+def _sound(source: ByteSource) -> _Sound:
+    form, at, texts, long_size = None, 12, dict[str, str](), None
+    for _ in range(_MOST_CHUNKS):
+        if at + 8 > source.size:
+            break
+        name, size = struct.unpack("<4sI", source.read(at, 8, "a chunk"))
+        if name == b"ds64":
+            (long_size,) = struct.unpack("<8xQ", source.read(at + 8, 16, "the long sizes"))
+        elif name == b"fmt ":
+            form = _form(source, source.read(at + 8, min(size, 40), "the format"))
+        elif name == b"data":
+            if form is None:
+                raise damaged(source.path, "its samples come before their format")
+            size = long_size if size == _UNKNOWN and long_size is not None else size
+            there = source.size - at - 8
+            if size not in (0, _UNKNOWN):
+                there = min(size, there)
+            return _Sound(form, at + 8, there // form.frame, size, texts)
+        elif name == b"LIST":
+            texts |= _texts(source.read(at + 8, min(size, source.size - at - 8, 1 << 16), "texts"))
+        at += 8 + size + size % 2
+    raise damaged(source.path, f"no chunk of samples up to byte {min(at, source.size)}")
+
+
+def _form(source: ByteSource, raw: bytes) -> _Form:
+    if len(raw) < 16:
+        raise damaged(source.path, f"a format of {len(raw)} bytes")
+    code, channels, rate, _, frame, bits = struct.unpack_from("<HHIIHH", raw)
+    if code == _EXTENSIBLE and len(raw) >= 26:
+        (code,) = struct.unpack_from("<H", raw, 24)
+    size = frame // channels if channels else 0
+    is_known = (code == _INTEGER and size in (1, 2, 3, 4, 8)) or (code == _FLOAT and size in (4, 8))
+    if not is_known or size * channels != frame or not 0 < bits <= 8 * size:
+        message = (
+            f"format {code} of {channels} channels, {bits} bits, {frame} bytes a frame; expected integers or floats"
+        )
+        raise damaged(source.path, message)
+    return _Form(channels, code == _FLOAT, size, bits, rate)
+
+
+def _texts(raw: bytes) -> dict[str, str]:
+    """The texts of a LIST of INFO."""
+    found, at = {}, 4
+    while raw[:4] == b"INFO" and at + 8 <= len(raw):
+        name, size = struct.unpack_from("<4sI", raw, at)
+        text = raw[at + 8 : at + 8 + min(size, _LONGEST_TEXT)].split(b"\0")[0]
+        found[name.decode("latin-1")] = text.decode("utf-8", "replace")
+        at += 8 + size + size % 2
+    return found
+
+
+def _said(source: ByteSource, sound: _Sound) -> list[Finding]:
+    there = source.size - sound.begin
+    if sound.declared == _UNKNOWN or (sound.declared == 0 and there >= sound.form.frame):
+        message = f"the length of its samples was never written; {there // sound.form.frame} frames are there"
+        return [Finding("cut_file", None, None, message)]
+    declared = sound.declared // sound.form.frame
+    if sound.declared > there:
+        message = f"{declared} frames are declared, {sound.frames} whole ones are there"
+        return [Finding("cut_file", None, None, message)]
+    if sound.declared % sound.form.frame:
+        message = f"{sound.declared} bytes are declared, which are {declared} frames and a part of one"
+        return [Finding("count_contradiction", None, None, message)]
+    return []
+
+
+def _blocks(path: Path, sound: _Sound, group: Group) -> Iterator[Block]:
+    step = block_samples(sound.form.channels)
+    with ByteSource(path) as source:
+        for start in range(0, sound.frames, step):
+            count = min(step, sound.frames - start)
+            begin = sound.begin + start * sound.form.frame
+            raw = source.read(begin, count * sound.form.frame, "samples")
+            yield Block(group, _columns(raw, sound.form), start, None, begin + len(raw))
+
+
+def _columns(raw: bytes, form: _Form) -> tuple[Samples, ...]:
+    """One column a channel. Integers of one byte are unsigned with zero at 128, all others are signed."""
+    if form.size == 3:
+        rows = np.frombuffer(raw, dtype=np.uint8).reshape(-1, 3)
+        wide = np.zeros((len(rows), 4), dtype=np.uint8)
+        wide[:, 1:] = rows
+        numbers = (wide.view("<i4") >> 8).ravel().astype(np.float64)
+    else:
+        kind = "u1" if form.size == 1 else f"<{'f' if form.is_float else 'i'}{form.size}"
+        numbers = np.frombuffer(raw, dtype=kind).astype(np.float64)
+    return tuple(numbers.reshape(-1, form.channels).T.copy())
+
+
+READER = Reader(
+    name="WAV",
+    extensions=(".wav",),
+    identify=lambda head: head[:4] in (b"RIFF", b"RF64", b"BW64") and head[8:12] == b"WAVE",
+    open=open_wav,
+)

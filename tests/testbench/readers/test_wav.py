@@ -1,0 +1,86 @@
+"""WAV, written by the standard library, SciPy, and byte by byte."""
+
+import struct
+import wave
+
+import numpy as np
+import pytest
+from scipy.io import wavfile
+
+from testbench.errors import RecordingError
+from testbench.recording import UniformClock
+
+from . import reading
+
+RANDOM = np.random.default_rng(16)
+
+
+def _riff(tmp_path, form, data, declared=None, extra=b""):
+    size = len(data) if declared is None else declared
+    body = b"WAVEfmt " + struct.pack("<I", len(form)) + form + extra + b"data" + struct.pack("<I", size) + data
+    path = tmp_path / "run.wav"
+    path.write_bytes(b"RIFF" + struct.pack("<I", len(body)) + body)
+    return path
+
+
+def _form(code, channels, rate, bits):
+    frame = channels * (-(-bits // 8))
+    return struct.pack("<HHIIHH", code, channels, rate, rate * frame, frame, bits)
+
+
+@pytest.mark.parametrize("width", [1, 2, 3, 4])
+def test_integers_are_as_recorded(tmp_path, width):
+    """Two channels of integers of each width; nothing is scaled."""
+    low, high = (0, 256) if width == 1 else (-(1 << 8 * width - 1), 1 << 8 * width - 1)
+    values = RANDOM.integers(low, high, (300, 2))
+    path = tmp_path / "run.wav"
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(2)
+        file.setsampwidth(width)
+        file.setframerate(51200)
+        file.writeframes(b"".join(int(v).to_bytes(width, "little", signed=width > 1) for v in values.ravel()))
+    found = reading.read(path)
+    np.testing.assert_array_equal(found.column("channel 2"), values[:, 1])
+    assert found.group().clock == UniformClock(51200.0)
+    assert found.unit("channel 1") is None
+
+
+@pytest.mark.parametrize("kind", ["f4", "f8"])
+def test_floats_are_as_recorded(tmp_path, kind, monkeypatch):
+    """Floats of both sizes, in small blocks too."""
+    values = RANDOM.normal(size=(300, 3)).astype(kind)
+    wavfile.write(tmp_path / "run.wav", 1000, values)
+    monkeypatch.setattr("testbench.readers.wav.block_samples", lambda channels: 7)
+    np.testing.assert_array_equal(reading.read(tmp_path / "run.wav").data["run"], values.T)
+
+
+def test_extensible_formats_and_texts_are_read(tmp_path):
+    """24 bits in an extensible format; the texts of the file are metadata."""
+    form = struct.pack("<HHIIHH", 0xFFFE, 1, 100, 300, 3, 24) + struct.pack("<HHIH14s", 22, 24, 4, 1, bytes(14))
+    texts = b"INFOICMT" + struct.pack("<I", 6) + b"hello\0"
+    extra = b"LIST" + struct.pack("<I", len(texts)) + texts
+    found = reading.read(_riff(tmp_path, form, b"\xff\xff\xff\x01\x00\x00", extra=extra))
+    assert found.column("channel 1").tolist() == [-1, 1]
+    assert found.recording.metadata["ICMT"] == "hello"
+
+
+@pytest.mark.parametrize(
+    ("declared", "code", "said"),
+    [
+        (40, "cut_file", "10 frames are declared, 5 whole ones"),
+        (0xFFFFFFFF, "cut_file", "never written; 5 frames"),
+        (0, "cut_file", "never written; 5 frames"),
+        (18, "count_contradiction", "4 frames and a part"),
+    ],
+)
+def test_lengths_that_contradict_the_file_are_said(tmp_path, declared, code, said):
+    """Cut, never closed, or with a part of a frame."""
+    found = reading.read(_riff(tmp_path, _form(1, 2, 100, 16), bytes(20), declared))
+    assert said in found.message(code)
+
+
+@pytest.mark.parametrize("form", [_form(2, 1, 100, 4), _form(1, 0, 100, 16), _form(3, 1, 100, 16), b"\x01\x00"])
+def test_other_formats_are_refused(tmp_path, form):
+    """Compressed sound, no channel, floats of two bytes, half a format."""
+    with pytest.raises(RecordingError):
+        reading.read(_riff(tmp_path, form, bytes(20)))
