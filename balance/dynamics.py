@@ -10,11 +10,12 @@ import numpy as np
 
 from . import body, kinematics
 from .arrays import Floats
+from .blocks import in_blocks
 from .body import Load
 from .components import ZERO, Entry, add, dense, fill, minus, mul, sub
 from .errors import ModelError
 from .mechanism import Mechanism
-from .trajectory import BLOCK, Trajectory
+from .trajectory import Trajectory
 
 
 @dataclass(frozen=True)
@@ -55,8 +56,8 @@ def simulate(mechanism: Mechanism, trajectory: Trajectory) -> Response:
     count = len(trajectory.time)
     force, moment, weight = np.empty((3, count, 3))
     joint_torque = np.empty_like(trajectory.q)
-    for start in range(0, count, BLOCK):
-        part = slice(start, start + BLOCK)
+
+    def load(part: slice) -> None:
         q, v, a = (np.ascontiguousarray(x[part].T) for x in (trajectory.q, trajectory.v, trajectory.a))
         rate, load, torques = _loads(mechanism, q, v, a)
         fill(force[part].T, minus(ZERO, rate.force))
@@ -64,6 +65,9 @@ def simulate(mechanism: Mechanism, trajectory: Trajectory) -> Response:
         fill(weight[part].T, load.moment)
         for column, entry in zip(joint_torque[part].T, torques, strict=True):
             column[...] = entry
+
+    for _ in in_blocks(count, load):
+        pass
     torque = _drive_torque(mechanism, trajectory, joint_torque)
     return Response(trajectory.time, force, moment, torque, weight)
 

@@ -33,11 +33,15 @@ class LoopSystem:
         at = kinematics.pose(self.mechanism.tree, q)
         return at, constraints.residual(self.mechanism.loops, at), self.drive.position(at, q) - target
 
-    def matrix(self, at: Pose, q: Floats) -> Floats:
+    def matrix(self, at: Pose) -> Floats:
         """Jacobian of independent loop rows and driven coordinates, (n, nv, nv)."""
-        loops = constraints.jacobian(self.mechanism.loops, self.mechanism.tree, at)[self.rows]
-        rows = np.concatenate([loops, self.drive.jacobian(self.mechanism.tree, at)])
-        return np.ascontiguousarray(np.broadcast_to(rows, (*rows.shape[:2], q.shape[1])).transpose(2, 0, 1))
+        tree = self.mechanism.tree
+        loops = constraints.jacobian(self.mechanism.loops, tree, at)
+        matrix = np.empty((at.count, len(self.rows) + self.drive.size, tree.size))
+        for i, row in enumerate(self.rows):
+            matrix[:, i] = loops[row].T
+        matrix[:, len(self.rows) :] = self.drive.jacobian(tree, at).transpose(2, 0, 1)
+        return matrix
 
     @property
     def redundant(self) -> bool:
@@ -50,28 +54,36 @@ class LoopSystem:
 
     def matrix_at(self, q: Floats) -> Floats:
         """The matrix at one configuration (nv,)."""
-        return self.matrix(kinematics.pose(self.mechanism.tree, q[:, None]), q[:, None])[0]
+        return self.matrix(kinematics.pose(self.mechanism.tree, q[:, None]))[0]
 
     def side(self, q: Floats) -> float:
         """Sign of the determinant at one configuration: it changes where the mechanism passes a singular position."""
         return float(np.linalg.slogdet(self.matrix_at(q))[0])
 
-    def linearise(self, q: Floats) -> tuple[Floats, Floats]:
-        """Inverse of the matrix (n, nv, nv), and its columns that belong to the drive (n, nv, dof)."""
-        at = kinematics.pose(self.mechanism.tree, q)
-        inverse = inverse_of(self.matrix(at, q))
-        return inverse, inverse[:, :, -self.drive.size :]
+    def rates_at(self, q: Floats, time: float) -> Floats:
+        """Rates of all coordinates per rate of the driven ones at one configuration (nv,), (nv, dof)."""
+        try:
+            return inverse_of(self.matrix_at(q)[None])[0, :, -self.drive.size :]
+        except np.linalg.LinAlgError as error:
+            raise ClosureError(
+                f"{self.mechanism.name} is singular at t = {time:.6g} s of this motion: {', '.join(self.drive.names)} "
+                "do not determine it there"
+            ) from error
+
+    @property
+    def limit(self) -> float:
+        """Residual that is rounding [m, rad]."""
+        return 1e-14 * self.length
 
     def newton(self, q: Floats, target: Floats) -> Floats:
         """Iterate to rounding error on all samples at once; what does not converge is left for the check."""
-        limit = 1e-14 * self.length
         for _ in range(ITERATIONS):
             at, loops, driven = self.evaluate(q, target)
             residual = np.concatenate([loops[self.rows], driven])
             size = np.abs(residual).max()
-            if not size > limit:
+            if not size > self.limit:
                 break
-            change = _solution(self.matrix(at, q), residual.T[:, :, None])[:, :, 0].T
+            change = _solution(self.matrix(at), residual.T[:, :, None])[:, :, 0].T
             q = q - change
             if np.abs(change).max() < 1e-8 * min(1.0, self.length):
                 break  # quadratic convergence: the next change is below rounding
