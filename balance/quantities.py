@@ -37,6 +37,8 @@ SI_UNITS = {
 }
 """Dimensions that a quantity may be asked to have, and the unit in which it is returned."""
 
+_TURNING_OR_NOT = {"angular velocity", "angular acceleration", "frequency"}
+"""Dimensions whose units must count radians or must not: 50 Hz is not 50 rad/s, though both are 1/s."""
 _QUANTITY = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*(.*?)\s*")
 _POWER = r"(?:\^|\*\*)(?:[+-]?[0-9](?:\.[0-9])?|\([+-]?[0-9](?:\.[0-9])?\))(?! *(?:[0-9.^]|\*\*))"
 _UNIT_TEXT = re.compile(rf"(?:[A-Za-zµμ°Ω%][A-Za-zµμ°Ω%_0-9]*+|1(?= */)|[²³⁴⁻¹]++|{_POWER}|[*·⋅/.() -])++")
@@ -72,7 +74,10 @@ def factor_to_si(unit: str, dimension: str) -> float:
         raise UnitError(f"{unit!r} is not a known unit: expected {dimension}, such as '{SI_UNITS[dimension]}'")
     registry = _registry()
     expected = registry.parse_units(_spelled(SI_UNITS[dimension]))
-    if parsed.dimensionality != expected.dimensionality:
+    same = parsed.dimensionality == expected.dimensionality
+    if same and dimension in _TURNING_OR_NOT:
+        same = registry.get_base_units(parsed)[1] == registry.get_base_units(expected)[1]
+    if not same:
         raise UnitError(f"{unit!r} is not a unit of {dimension}: expected one such as '{SI_UNITS[dimension]}'")
     return float(registry.Quantity(1.0, parsed).to(expected).magnitude)
 
@@ -100,5 +105,6 @@ def _registry() -> "pint.UnitRegistry[float]":
     import pint
 
     registry: pint.UnitRegistry[float] = pint.UnitRegistry()
+    registry.define("rev = turn")
     registry.define(f"g0 = {G0} * meter / second ** 2")
     return registry

@@ -86,3 +86,18 @@ def test_a_text_that_is_no_unit_is_none() -> None:
     assert parse_unit("kg m/s^2") is not None
     assert parse_unit("") is None
     assert parse_unit("Acc X") is None
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension"), [("50 Hz", "angular velocity"), ("50 rad/s", "frequency"), ("1", "angle")]
+)
+def test_turns_and_cycles_are_not_mixed_up(text: str, dimension: str) -> None:
+    """50 Hz is not 50 rad/s: units of angle and of frequency are refused for one another."""
+    with pytest.raises(UnitError):
+        parse(text, dimension)
+
+
+def test_revolutions_a_minute() -> None:
+    """rev/min and rpm are turns a minute."""
+    assert parse("60 rev/min", "angular velocity") == pytest.approx(6.283185307179586, rel=1e-15)
+    assert parse("60 rpm", "angular velocity") == pytest.approx(6.283185307179586, rel=1e-15)
