@@ -66,10 +66,10 @@ def find(mechanism: Mechanism, momentum: str = "linear") -> Conditions:
     q = closure.states(max(16, int(np.ceil(2 * columns / len(rows)))))
     stacked = momentum_regressor(mechanism, q, closure.velocities(q))[:, rows].reshape(-1, columns)
     basis, gap = row_space(stacked, mechanism.name)
-    return Conditions(mechanism, closure.dof, echelon(basis, _pivot_order(mechanism)), gap)
+    return Conditions(mechanism, closure.dof, echelon(basis, pivot_order(mechanism)), gap)
 
 
-def _pivot_order(mechanism: Mechanism) -> list[int]:
+def pivot_order(mechanism: Mechanism) -> list[int]:
     """First moments body by body, then masses, then inertias."""
     bodies = range(len(mechanism.bodies))
     blocks = [(1, 2, 3), (0,), (4, 5, 6, 7, 8, 9)]

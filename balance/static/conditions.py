@@ -4,7 +4,7 @@ import numpy as np
 
 from ..closure import Closure
 from ..combinations import echelon, row_space
-from ..conditions import Conditions, _pivot_order
+from ..conditions import Conditions, pivot_order
 from ..errors import ModelError
 from ..mechanism import Mechanism
 from ..potential import potential_regressor
@@ -22,4 +22,4 @@ def find(mechanism: Mechanism) -> Conditions:
     q = closure.states(max(48, 4 * len(mechanism.bodies) * 4))
     rows = potential_regressor(mechanism, q) / float(np.linalg.norm(mechanism.gravity))
     basis, gap = row_space(rows - rows.mean(axis=0), mechanism.name)
-    return Conditions(mechanism, closure.dof, echelon(basis, _pivot_order(mechanism)), gap)
+    return Conditions(mechanism, closure.dof, echelon(basis, pivot_order(mechanism)), gap)
