@@ -15,6 +15,7 @@ ENTRY_POINTS = "counterpoise.readers"
 BUILT_IN = (
     "testbench.readers.cortex",
     "testbench.readers.c3d.reader",
+    "testbench.readers.hdf5.reader",
     "testbench.readers.ide.reader",
     "testbench.readers.lvm.reader",
     "testbench.readers.mat5.reader",

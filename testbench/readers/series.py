@@ -23,7 +23,8 @@ _CONTRADICTION = 0.005
 class Series:
     """One array of ``length`` samples and one or more channels; ``root`` is what it shares with its neighbours.
 
-    ``block(begin, end)`` gives the samples from ``begin`` to before ``end``, one column a channel.
+    ``block(begin, end)`` gives the samples from ``begin`` to before ``end``, one column a channel. ``axis`` is the
+    path of the axis that the file states for it, ``is_axis`` that it is that axis itself.
     """
 
     root: str
@@ -31,6 +32,8 @@ class Series:
     length: int
     block: Callable[[int, int], Sequence[Samples]]
     may_be_time: bool = True
+    axis: str = ""
+    is_axis: bool = False
 
 
 @dataclass(frozen=True)
@@ -62,12 +65,17 @@ class Gathering:
 def gather(stem: str, series: Sequence[Series], scalars: Mapping[str, float]) -> Gathering:
     """Groups of the series of one root and length; ``scalars`` may state a sampling rate."""
     result = Gathering(stated_rate_hz=stated_rate(scalars))
-    sorted_out: dict[tuple[str, int], list[Series]] = {}
+    sorted_out: dict[tuple[str, int, str], list[Series]] = {}
     for each in series:
-        sorted_out.setdefault((each.root, each.length), []).append(each)
-    lengths_of = [root for root, _ in sorted_out]
-    for (root, length), members in sorted_out.items():
-        parts = [stem, *([root] if root else []), *([str(length)] if lengths_of.count(root) > 1 else [])]
+        sorted_out.setdefault((each.root, each.length, each.axis), []).append(each)
+    taken: set[str] = set()
+    for (root, length, axis), members in sorted_out.items():
+        alike = [other for other in sorted_out if other[0] == root]
+        parts = [stem, *([root] if root else []), *([str(length)] if len(alike) > 1 else [])]
+        if [other[1] for other in alike].count(length) > 1 and axis:
+            parts.append(axis.rpartition("/")[2])
+        parts += [str(len(taken))] if " ".join(parts) in taken else []
+        taken.add(" ".join(parts))
         clock = _time(members)
         if clock is None and len(sorted_out) == 1 and result.stated_rate_hz is not None:
             result.groups.append(_gathered(" ".join(parts), members, UniformClock(result.stated_rate_hz)))
@@ -98,15 +106,27 @@ def _time(members: Sequence[Series]) -> TimeColumn | None:
     index = 0
     for member in members:
         channel = member.channels[0]
-        if len(member.channels) == 1 and member.may_be_time and _TIME_LIKE.fullmatch(channel.name) and _grows(member):
+        if len(member.channels) == 1 and member.may_be_time and _is_time(member):
             named = names.channels([channel.name.rpartition(".")[2]], [""])[0]
             unit = channel.unit or named.unit
-            clock = TimeColumn(index, seconds_per(unit) if unit else 1.0, assumed=unit is None)
+            factor = seconds_per(unit.split(" since ")[0]) if unit else 1.0
+            clock = TimeColumn(index, factor, assumed=unit is None)
+            if member.is_axis:
+                return clock
             found.append((clock, channel.name.rpartition(".")[2]))
         index += len(member.channels)
     plain = [clock for clock, name in found if names.is_time(name)]
     likely = plain or [clock for clock, _ in found]
     return likely[0] if len(likely) == 1 else None
+
+
+def _is_time(member: Series) -> bool:
+    """An axis in a unit of time, or named so, as the file states it; else what is named so and grows."""
+    channel = member.channels[0]
+    named = _TIME_LIKE.fullmatch(channel.name) is not None
+    if member.is_axis:
+        return named or (channel.unit is not None and seconds_per(channel.unit.split(" since ")[0]) is not None)
+    return named and _grows(member)
 
 
 def _grows(member: Series) -> bool:

@@ -1,0 +1,150 @@
+"""Series of samples from a dataset: its long side is the samples, its short one the channels."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import h5py
+import numpy as np
+
+from ...recording import Channel, Samples
+from ..series import Series
+from .walk import plain
+
+MOST_CHANNELS = 4096
+_UNITS = ("units", "unit", "Units", "Unit", "UNITS", "unit_string")
+_LONGEST_TEXT = 2000
+Read = Callable[[int, int], np.ndarray[Any, Any]]
+
+
+@dataclass(frozen=True)
+class Law:
+    """Packing by the conventions of netCDF: value = number * scale + offset; ``fill`` stands for no value."""
+
+    scale: float = 1.0
+    offset: float = 0.0
+    fill: float | None = None
+
+    def __call__(self, numbers: Samples) -> Samples:
+        """The values of packed numbers."""
+        values = numbers
+        if (self.scale, self.offset) != (1.0, 0.0):
+            values = numbers * self.scale + self.offset
+        return values if self.fill is None else np.where(numbers == self.fill, np.nan, values)
+
+
+def law(dataset: h5py.Dataset) -> Law:
+    """The packing that the attributes of a dataset state."""
+    scale, offset = (attribute(dataset, key) for key in ("scale_factor", "add_offset"))
+    fill = attribute(dataset, "_FillValue")
+    return Law(
+        float(scale) if isinstance(scale, int | float) else 1.0,
+        float(offset) if isinstance(offset, int | float) else 0.0,
+        float(fill) if isinstance(fill, int | float) and not np.isnan(fill) else None,
+    )
+
+
+def sides(shape: Sequence[int]) -> tuple[int, int, bool] | None:
+    """Length, width, and whether samples run along the last side; None if there are more than two sides."""
+    long = [int(side) for side in shape if side != 1]
+    if len(long) > 2:
+        return None
+    if len(long) < 2:
+        return (long[0] if long else 1), 1, False
+    length, width = max(long), min(long)
+    return length, width, long[0] < long[1]
+
+
+def numbers(dtype: np.dtype[Any]) -> list[tuple[str, str]] | None:
+    """The columns of one element: field and part (``real``, ``imag``); None if it is no number."""
+    if dtype.names:
+        if set(dtype.names) == {"real", "imag"}:
+            return [("real", "real"), ("imag", "imag")]
+        plain_fields = [name for name in dtype.names if dtype[name].kind in "iufb" and not dtype[name].shape]
+        return [(name, "") for name in plain_fields] if len(plain_fields) == len(dtype.names) else None
+    if dtype.kind == "c":
+        return [("", "real"), ("", "imag")]
+    return [("", "")] if dtype.kind in "iufb" else None
+
+
+def series(path: str, dataset: h5py.Dataset, name: str, root: str) -> Series | None:
+    """The dataset as a series of samples; None if it is none."""
+    form, parts = sides(dataset.shape), numbers(dataset.dtype)
+    if form is None or parts is None or form[1] * len(parts) > MOST_CHANNELS or form[0] * form[1] != dataset.size:
+        return None
+    length, width, along = form
+    unit, packed = unit_of(dataset), law(dataset)
+    channels = tuple(
+        Channel(f"{_indexed(name, i, width, along)}{_suffix(field, part)}", unit)
+        for field, part in parts
+        for i in range(width)
+    )
+
+    def block(begin: int, end: int) -> Sequence[Samples]:
+        rows = _read(dataset, begin, end, along, width)
+        return [packed(_part(column, field, part)) for field, part in parts for column in rows]
+
+    return Series(root, channels, length, block, may_be_time=len(channels) == 1)
+
+
+def _indexed(name: str, i: int, width: int, along: bool) -> str:
+    if width == 1:
+        return name
+    return f"{name}[{i},:]" if along else f"{name}[:,{i}]"
+
+
+def _suffix(field: str, part: str) -> str:
+    if part:
+        return f" ({part})"
+    return f".{plain(field)}" if field else ""
+
+
+def _read(dataset: h5py.Dataset, begin: int, end: int, along: bool, width: int) -> list[np.ndarray[Any, Any]]:
+    """Samples ``begin`` to before ``end``, one array a column."""
+    long = [axis for axis, side in enumerate(dataset.shape) if side != 1]
+    axis = (long[-1] if along else long[0]) if long else 0
+    where = tuple(slice(begin, end) if i == axis else slice(None) for i in range(dataset.ndim))
+    table = dataset[where].reshape((width, -1) if along else (-1, width))
+    return list(table if along else table.T)
+
+
+def _part(column: np.ndarray[Any, Any], field: str, part: str) -> Samples:
+    if column.dtype.names:
+        column = column[field]
+    elif part:
+        column = column.real if part == "real" else column.imag
+    return np.asarray(column.astype(np.float64))
+
+
+def unit_of(node: h5py.Dataset) -> str | None:
+    """The unit in the attributes; None if there is none."""
+    for key in _UNITS:
+        value = attribute(node, key)
+        if isinstance(value, str) and value.strip():
+            return value.strip()
+    return None
+
+
+def attribute(node: h5py.Group | h5py.Dataset, name: str) -> str | float | int | None:
+    """An attribute that is one text or number; None for anything else, or if it is not there."""
+    if name not in node.attrs:
+        return None
+    found = node.attrs.get_id(name)
+    if found.get_storage_size() > 1 << 16 or (found.dtype.kind == "O" and h5py.check_string_dtype(found.dtype) is None):
+        return None
+    value = node.attrs[name]
+    if isinstance(value, np.ndarray):
+        if value.size != 1:
+            return None
+        value = value.ravel()[0]
+    if isinstance(value, bytes | str):
+        return plain(value)[:_LONGEST_TEXT].strip("\0")
+    if isinstance(value, np.integer | np.bool_ | int):
+        return int(value)
+    return float(value) if isinstance(value, np.floating | float) else None
+
+
+def attributes(node: h5py.Group | h5py.Dataset) -> dict[str, str | float | int]:
+    """All attributes that are one text or number."""
+    found = {plain(name): attribute(node, name) for name in list(node.attrs)[:500]}
+    return {name: value for name, value in found.items() if value is not None}

@@ -1,0 +1,162 @@
+"""Reading HDF5 with h5py: which objects are series, which are said beside them, which are left out."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from ...findings import Finding, Refusal
+from ...recording import Block, Recording
+from ..nonfinite import watched
+from ..series import Gathering, Series, gather
+from ..stream import damaged
+from . import arrays, axes, judge, matlab
+from .walk import TooMuch, Walk, plain
+
+_EXACT = 2.0**53
+
+
+@dataclass
+class _Found:
+    """What the objects of a file hold."""
+
+    is_matlab: bool
+    series: list[Series] = field(default_factory=list)
+    scalars: dict[str, float] = field(default_factory=dict)
+    metadata: dict[str, str] = field(default_factory=dict)
+    findings: list[Finding] = field(default_factory=list)
+    others: list[str] = field(default_factory=list)
+
+
+def open_library(path: Path) -> Recording:
+    """Walk through the file; the numbers are read when asked for."""
+    with _opened(path) as file:
+        found, result = _understood(file, path)
+    if not result.groups:
+        grave = [finding for finding in found.findings if finding.severity > 0]
+        raise Refusal(path.name, next(iter(grave), Finding("no_data", None, None, "no array of numbers in it")))
+    if found.others:
+        listed = ", ".join(found.others[:10]) + (" and more" if len(found.others) > 10 else "")
+        found.findings.append(Finding("left_out", None, None, f"no series of numbers: {listed}"))
+    return Recording(
+        path=path,
+        format="MATLAB v7.3" if found.is_matlab else "HDF5",
+        reader="testbench.readers.hdf5",
+        groups=tuple(gathered.group for gathered in result.groups),
+        read=lambda report: watched(_blocks(path), report),
+        metadata=found.metadata,
+        stated_rate_hz=result.stated_rate_hz,
+        findings=(*found.findings, *result.findings),
+    )
+
+
+def _blocks(path: Path) -> Iterator[Block]:
+    with _opened(path) as file:
+        for gathered in _understood(file, path)[1].groups:
+            yield from gathered.blocks()
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[h5py.File]:
+    """The file; whatever HDF5 finds wrong in it is a refusal."""
+    try:
+        with h5py.File(path, "r") as file:
+            yield file
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError, UnicodeError, IndexError) as error:
+        raise damaged(path, f"HDF5 cannot read it: {error}") from error
+    except TooMuch as error:
+        raise Refusal(path.name, Finding("too_large", None, None, str(error))) from error
+
+
+def _understood(file: h5py.File, path: Path) -> tuple[_Found, Gathering]:
+    with path.open("rb") as stream:
+        found = _Found(stream.read(10) == b"MATLAB 7.3")
+    walk = Walk(file)
+    for name, value in arrays.attributes(file["/"]).items():
+        found.metadata[name] = str(value)
+    for where, dataset in walk.datasets():
+        if not (found.is_matlab and matlab.is_own(where)):
+            _take(file, where, dataset, found)
+    found.findings[:0] = walk.findings
+    return found, gather(path.stem, found.series, found.scalars)
+
+
+def _take(file: h5py.File, path: str, dataset: h5py.Dataset, found: _Found) -> None:
+    """Sort a dataset: a series of samples, a number, a text, or something else."""
+    name = matlab.name_of(path) if found.is_matlab else path.rpartition("/")[2]
+    if (reason := judge.refusal(path, dataset)) is not None:
+        found.findings.append(reason)
+    elif dataset.shape is None or not dataset.size or (found.is_matlab and matlab.is_empty(dataset)):
+        found.metadata[path.strip("/")] = ""
+    elif axes.is_netcdf_dimension(dataset):
+        return
+    elif found.is_matlab and (said := matlab.text(dataset)) is not None:
+        found.metadata[name] = said
+    elif found.is_matlab and h5py.check_ref_dtype(dataset.dtype) is h5py.Reference:
+        for inner, cell in matlab.cells(path, dataset, file):
+            _take(file, inner, cell, found)
+    elif dataset.size == 1:
+        _scalar(path, dataset, found)
+    elif (series := arrays.series(path, dataset, name, _root(path, found.is_matlab))) is not None:
+        _keep(path, dataset, series, found)
+    else:
+        found.others.append(f"{path} ({_described(dataset)})")
+
+
+def _root(path: str, is_matlab: bool) -> str:
+    """What series must share to be a group: the group in HDF5, the variable in MATLAB."""
+    parent = path.rpartition("/")[0].strip("/")
+    return parent.split("/")[0] if is_matlab else parent
+
+
+def _keep(path: str, dataset: h5py.Dataset, series: Series, found: _Found) -> None:
+    if found.is_matlab:
+        channels = tuple(replace(c, name=matlab.turned(c.name), label="") for c in series.channels)
+        series = replace(series, channels=channels)
+    else:
+        axis, is_axis = axes.stated(path, dataset)
+        series = replace(series, axis=axis, is_axis=is_axis)
+    packing = arrays.law(dataset)
+    if (packing.scale, packing.offset) != (1.0, 0.0):
+        message = f"numbers were made physical by scale_factor {packing.scale:g} and add_offset {packing.offset:g}"
+        found.findings.append(Finding("calibration_applied", series.channels[0].name, path, message))
+    if packing.fill is not None and not dataset.is_scale:
+        message = f"{packing.fill:g} stands for no value (_FillValue): NaN"
+        found.findings.append(Finding("invalid_samples", series.channels[0].name, path, message))
+    if dataset.dtype.kind in "iu" and dataset.dtype.itemsize == 8 and _is_beyond_exact(series):
+        message = "holds integers beyond 2**53, which float64 rounds"
+        found.findings.append(Finding("not_exact", series.channels[0].name, path, message))
+    for key, value in arrays.attributes(dataset).items():
+        if not key.isupper() and not key.startswith(("_", "MATLAB")):
+            found.metadata[f"{path.strip('/')}: {key}"] = str(value)
+            if isinstance(value, int | float):
+                found.scalars[f"{path.strip('/')}.{key}"] = float(value)
+    found.series.append(series)
+
+
+def _is_beyond_exact(series: Series) -> bool:
+    step = 1 << 20
+    return any(
+        (np.abs(column) >= _EXACT).any()
+        for begin in range(0, series.length, step)
+        for column in series.block(begin, min(begin + step, series.length))
+    )
+
+
+def _scalar(path: str, dataset: h5py.Dataset, found: _Found) -> None:
+    """A single number or text is metadata; a number may state a rate."""
+    name = path.strip("/").replace("/", ".")
+    if dataset.dtype.kind in "iufb":
+        value = float(np.asarray(dataset[()]).ravel()[0])
+        found.metadata[name], found.scalars[name] = repr(value), value
+    elif h5py.check_string_dtype(dataset.dtype) is not None and dataset.id.get_storage_size() <= 1 << 16:
+        value_of = np.asarray(dataset[()]).ravel()[0]
+        found.metadata[name] = plain(value_of)[:2000].strip("\0") if isinstance(value_of, bytes | str) else ""
+
+
+def _described(dataset: h5py.Dataset) -> str:
+    kind = "texts" if h5py.check_string_dtype(dataset.dtype) else str(dataset.dtype)
+    return f"{' x '.join(map(str, dataset.shape))} of {kind}"

@@ -1,0 +1,269 @@
+"""HDF5 of other people: plain, netCDF 4, NeXus, MATLAB 7.3; and files that would lead elsewhere."""
+
+import h5netcdf
+import h5py
+import numpy as np
+import pytest
+
+from testbench.errors import RecordingError
+from testbench.recording import TimeColumn, UniformClock
+
+from . import reading
+
+RANDOM = np.random.default_rng(7)
+TIME = np.arange(300) / 64
+
+
+@pytest.fixture
+def made(tmp_path):
+    """A new file, and how to read it."""
+
+    def make(write, name="run.h5", **options):
+        path = tmp_path / name
+        with h5py.File(path, "w", **options) as file:
+            write(file)
+        return reading.read(path)
+
+    return make
+
+
+@pytest.mark.parametrize("kind", ["i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "f2", "f4", "f8", ">f8", ">i2", "?"])
+def test_numbers_of_every_type_are_read(made, kind):
+    """Values are those that were written."""
+    values = RANDOM.integers(0, 2, 300).astype(kind)
+    np.testing.assert_array_equal(made(lambda f: f.create_dataset("acc", data=values)).column("acc"), values)
+
+
+def test_groups_lengths_and_times_are_kept_apart(made):
+    """Datasets of one group and length belong together; time is what is named so and grows."""
+
+    def write(file):
+        fast, slow = file.create_group("daq/fast"), file.create_group("daq/slow")
+        fast["time"], fast["acc"] = TIME, np.cos(TIME)
+        fast["acc"].attrs["unit"], fast["time"].attrs["units"] = "m/s^2", "s"
+        slow["t"], slow["force"] = TIME[:20], np.cos(TIME[:20])
+        fast["spectrum"] = np.ones(33)
+
+    found = made(write)
+    assert sorted(found.groups) == ["run daq/fast 300", "run daq/fast 33", "run daq/slow"]
+    np.testing.assert_array_equal(found.time("run daq/fast 300"), TIME)
+    assert found.groups["run daq/slow"].clock == TimeColumn(1, 1.0, assumed=True)
+    assert found.unit("acc") == "m/s^2"
+
+
+@pytest.mark.parametrize("options", [{}, {"chunks": (64, 3)}, {"compression": "gzip", "shuffle": True}])
+def test_tables_are_channels_of_their_short_side(made, options, monkeypatch):
+    """Tall and wide tables, in chunks and packed, and of compound and complex numbers."""
+    table = RANDOM.normal(size=(300, 3))
+    rows = np.zeros(300, dtype=[("t", "f8"), ("a", "i4")])
+    rows["t"], rows["a"] = TIME, np.arange(300)
+
+    def write(file):
+        file.create_dataset("tall", data=table, **options)
+        file["wide"], file["rows"], file["frf"] = table.T, rows, table[:, 0] + 1j * table[:, 1]
+
+    found = made(write)
+    for i in range(3):
+        np.testing.assert_array_equal(found.column(f"tall[:,{i}]"), table[:, i])
+        np.testing.assert_array_equal(found.column(f"wide[{i},:]"), table[:, i])
+    np.testing.assert_array_equal(found.column("rows.a"), np.arange(300))
+    np.testing.assert_array_equal(found.column("frf (imag)"), table[:, 1])
+
+
+def test_a_stated_rate_is_the_clock(made):
+    """An attribute fs or a number beside the data."""
+
+    def attribute(file):
+        file["acc"] = TIME**2
+        file["acc"].attrs["fs"] = 64.0
+
+    def number(file):
+        file["acc"], file["dt"] = TIME**2, 1 / 64
+
+    assert made(attribute).group().clock == UniformClock(64.0)
+    assert made(number).group().clock == UniformClock(64.0)
+
+
+def test_netcdf_dimensions_are_the_axes(tmp_path):
+    """Coordinates of the dimension, packed numbers, and a dimension without values."""
+    path = tmp_path / "run.nc"
+    with h5netcdf.File(path, "w") as file:
+        file.dimensions = {"when": 300, "f": 300, "none": 4}
+        file.create_variable("when", ("when",), data=TIME).attrs["units"] = "seconds since 2026-11-21 00:00:00"
+        file.create_variable("f", ("f",), data=np.arange(300.0)).attrs["units"] = "Hz"
+        packed = file.create_variable("acc", ("when",), data=np.arange(300, dtype="i2"), fillvalue=np.int16(7))
+        packed.attrs["scale_factor"], packed.attrs["add_offset"], packed.attrs["units"] = 0.5, 10.0, "m s-2"
+        file.create_variable("psd", ("f",), data=np.ones(300))
+    found = reading.read(path)
+    acc = next(g for g in found.groups.values() if "acc" in [c.name for c in g.channels])
+    assert isinstance(acc.clock, TimeColumn)
+    assert acc.channels[acc.clock.index].name == "when"
+    assert acc.clock.seconds_per_unit == 1.0
+    expected = np.arange(300) * 0.5 + 10
+    expected[7] = np.nan
+    np.testing.assert_array_equal(found.column("acc"), expected)
+    psd = next(g for g in found.groups.values() if "psd" in [c.name for c in g.channels])
+    assert psd.name != acc.name
+    assert psd.clock is None
+    assert {"calibration_applied", "invalid_samples"} <= found.codes
+
+
+def test_nexus_axes_are_the_axes(made):
+    """NXdata names its axis, NXlog has time."""
+
+    def write(file):
+        data = file.create_group("entry/data")
+        data.attrs.update({"NX_class": "NXdata", "signal": "force", "axes": ["clock"]})
+        data["force"], data["clock"] = np.cos(TIME), TIME
+        data["clock"].attrs["units"] = "s"
+        log = file.create_group("entry/log")
+        log.attrs["NX_class"] = "NXlog"
+        log["time"], log["value"] = TIME[:9] * 1000, np.ones(9)
+        log["time"].attrs["units"], log["value"].attrs["units"] = "ms", "°C"
+
+    found = made(write)
+    np.testing.assert_array_equal(found.time("run entry/data"), TIME)
+    assert found.groups["run entry/log"].clock == TimeColumn(0, 1e-3)
+
+
+def test_matlab_variables_are_named_as_in_matlab(tmp_path):
+    """Structures, texts, cells, empty arrays and turned tables of a file of MATLAB 7.3."""
+    path = tmp_path / "run.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file["x"] = RANDOM.normal(size=(3, 300))
+        file["run/t"], file["run/acc"] = TIME[None, :], np.cos(TIME)[None, :]
+        file["note"] = np.array([[ord(c)] for c in "hello"], dtype="u2")
+        file["none"] = np.zeros(2, dtype="u8")
+        refs = file.create_group("#refs#")
+        refs["a"] = np.arange(4.0)[None, :]
+        file.create_dataset("c", data=np.array([[refs["a"].ref]], dtype=h5py.ref_dtype))
+        kinds = {"x": "double", "run/t": "double", "run/acc": "double", "note": "char", "none": "double", "c": "cell"}
+        for name, kind in kinds.items():
+            file[name].attrs["MATLAB_class"] = np.bytes_(kind)
+        file["none"].attrs["MATLAB_empty"] = np.uint8(1)
+        rows = file["x"][()]
+    raw = bytearray(path.read_bytes())
+    raw[:128] = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM"
+    path.write_bytes(raw)
+    found = reading.read(path)
+    assert found.recording.format == "MATLAB v7.3"
+    np.testing.assert_array_equal(found.column("x(:,2)"), rows[1])
+    np.testing.assert_array_equal(found.column("run.acc"), np.cos(TIME))
+    assert found.column("c{1}").tolist() == [0, 1, 2, 3]
+    assert found.recording.metadata["note"] == "hello"
+    assert isinstance(found.groups["run run"].clock, TimeColumn)
+
+
+def test_links_within_the_file_are_met_once(made):
+    """A second name of a dataset is no second channel; circles of groups are left out and said."""
+
+    def write(file):
+        group = file.create_group("a")
+        group["acc"] = TIME
+        file["again"] = group["acc"]
+        group["round"] = group
+        group["soft"] = h5py.SoftLink("/a/acc")
+        group["circle"] = h5py.SoftLink("/a")
+        group["one"], group["two"] = h5py.SoftLink("/a/two"), h5py.SoftLink("/a/one")
+        group["nowhere"] = h5py.SoftLink("/b/acc")
+
+    found = made(write)
+    assert [len(columns) for columns in found.data.values()] == [1]
+    assert {f.channel for f in found.findings if f.code == "cyclic_link"} == {
+        "/a/round",
+        "/a/circle",
+        "/a/one",
+        "/a/two",
+    }
+    assert {f.channel for f in found.findings if f.code == "broken_link"} == {"/a/nowhere"}
+
+
+def test_nothing_outside_is_ever_opened(made, tmp_path):
+    """External links, external storage and virtual datasets are left out by name; the secret is in none of them."""
+    (tmp_path / "secret.bin").write_bytes(np.full(300, 31337.0).tobytes())
+    with h5py.File(tmp_path / "secret.h5", "w") as other:
+        other["secret"] = np.full(300, 424242.0)
+
+    def write(file):
+        file["acc"] = TIME
+        file["link"] = h5py.ExternalLink("secret.h5", "/secret")
+        file["by_soft"] = h5py.SoftLink("/link")
+        file.create_dataset("raw", shape=(300,), dtype="f8", external=[("secret.bin", 0, 2400)])
+        layout = h5py.VirtualLayout(shape=(300,), dtype="f8")
+        layout[:] = h5py.VirtualSource("secret.h5", "secret", shape=(300,))
+        file.create_virtual_dataset("virtual", layout)
+
+    found = made(write)
+    outside = {f.channel: f.message for f in found.findings if f.code == "outside_reference"}
+    assert set(outside) == {"/link", "/by_soft", "/raw", "/virtual"}
+    assert "secret.h5:/secret" in outside["/link"]
+    assert "secret.bin" in outside["/raw"]
+    assert "secret.h5" in outside["/virtual"]
+    assert [c.name for c in found.group().channels] == ["acc"]
+
+
+def test_sizes_that_are_not_there_are_refused(made):
+    """A petabyte that was never written, a gigabyte of zeros in a kilobyte, a chunk of gigabytes."""
+
+    def write(file):
+        file["acc"] = TIME
+        file.create_dataset("petabyte", shape=(1 << 47,), dtype="f8", chunks=(1 << 16,))
+        bomb = file.create_dataset("bomb", shape=(1 << 25,), dtype="f8", chunks=(1 << 20,), compression="gzip")
+        bomb[:] = 0.0
+        file.create_dataset("chunk", shape=(1 << 31,), dtype="u1", chunks=(1 << 31,))
+        early = file.create_dataset("late", shape=(1000,), dtype="f8")
+        del early
+
+    found = made(write)
+    refused = {f.channel: f.code for f in found.findings if f.code in ("too_large", "cut_file")}
+    assert refused == {"/petabyte": "too_large", "/bomb": "too_large", "/chunk": "too_large", "/late": "cut_file"}
+    assert [c.name for c in found.group().channels] == ["acc"]
+
+
+def test_objects_are_left_out_by_name(made):
+    """Texts, references, arrays of varying length, pictures: nothing of it is unpickled or followed."""
+
+    def write(file):
+        file["acc"] = TIME
+        file["texts"] = ["a", "b", "c"]
+        file.create_dataset("vlen", shape=(3,), dtype=h5py.vlen_dtype("f8"))[0] = [1.0, 2.0]
+        file.create_dataset("refs", data=np.array([file["acc"].ref] * 3, dtype=h5py.ref_dtype))
+        file["picture"] = np.zeros((4, 5, 6))
+        file["title"] = "a text"
+
+    found = made(write)
+    for name in ("/texts", "/vlen", "/refs", "/picture"):
+        assert name in found.message("left_out")
+    assert found.recording.metadata["title"] == "a text"
+
+
+def test_a_file_without_numbers_is_refused(made):
+    """And one whose only datasets lie elsewhere, with the reason."""
+    with pytest.raises(RecordingError, match="no array of numbers"):
+        made(lambda f: f.create_group("a"))
+    with pytest.raises(RecordingError, match="another file"):
+        made(lambda f: f.__setitem__("x", h5py.ExternalLink("y.h5", "/z")))
+
+
+def test_groups_without_end_are_refused(made):
+    """A thousand groups, one in the other."""
+    with pytest.raises(RecordingError, match="deep"):
+        made(lambda f: f.create_dataset("/".join("a" * 200), data=TIME))
+
+
+def test_integers_that_do_not_fit_are_said(made):
+    """2**53 + 1 has no float64."""
+    assert "not_exact" in made(lambda f: f.create_dataset("x", data=np.array([1, 2**53 + 1]))).codes
+
+
+def test_a_malformed_recording_lists_what_lies_outside():
+    """Three objects of another file, a link to nowhere, a circle; the two channels that are safe are kept."""
+    path = reading.malformed("b13_links_outside.h5")
+    found = reading.read(path)
+    by_code = {code: {f.channel for f in found.findings if f.code == code} for code in found.codes}
+    assert by_code["outside_reference"] == {"/run1/acc_y_external", "/run1/acc_z_rawfile", "/run1/force_virtual"}
+    assert by_code["broken_link"] == {"/run1/torque_dangling"}
+    assert by_code["cyclic_link"] == {"/run1/loop"}
+    assert {c.name for c in found.group().channels} == {"acc_x", "time"}
+    for column in found.data[found.group().name]:
+        assert not np.isin(column, [424242.0, 31337.0]).any()
