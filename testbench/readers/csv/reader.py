@@ -21,19 +21,25 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
     """Read the first lines of a text; its rows are read when asked for."""
     sample = take(path, options.encoding)
     dialect, header = _understood(path, sample, options)
-    rows = [dialect.split(line) for line in sample.lines[header.first_data_line - 1 :]]
-    texts = _text_fields(rows, header)
+    texts = _text_fields([dialect.split(line) for line in sample.lines[header.first_data_line - 1 :]], header)
     kept = tuple(i for i in range(len(header.channels)) if i not in texts)
-    channels = tuple(header.channels[i] for i in kept)
-    if not channels:
+    if not kept:
         raise Refusal(path.name, Finding("no_data", None, None, "no column of numbers; expected rows of numbers"))
     said = tuple(preamble.strip(text) for text in header.preamble)
-    group = Group(path.stem, channels, names.time_column(channels))
-    if group.clock is None and (rate := preamble.stated_rate_hz(said)) is not None:
-        group = Group(path.stem, channels, UniformClock(rate))
-    form = Form(dialect, header.fields, padded=_is_padded(sample, header))
-    table = Table(path, sample.encoding, form, group, kept, header.first_data_line,
-                  header.lines[0] if header.lines else None, (*header.lines[1:], *header.preamble))  # fmt: skip
+    rate = preamble.stated_rate_hz(said)
+    channels = tuple(header.channels[i] for i in kept)
+    group = Group(path.stem, channels, names.time_column(channels) or (UniformClock(rate) if rate else None))
+    table = Table(
+        path,
+        sample.encoding,
+        Form(dialect, header.fields, padded=_is_padded(sample, header)),
+        group,
+        kept,
+        header.first_data_line,
+        names=header.lines[0] if header.lines else None,
+        above=(*header.lines[1:], *header.preamble),
+    )
+    left_out = _texts_left_out([header.channels[i] for i in sorted(texts)])
     return Recording(
         path=path,
         format="CSV",
@@ -41,21 +47,22 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
         groups=(group,),
         read=table.blocks,
         origin=preamble.origin(said),
-        settings={
-            "encoding": sample.encoding.name,
-            "delimiter": dialect.delimiter,
-            "decimal": dialect.decimal,
-            "first_data_line": str(header.first_data_line),
-        },
+        settings=_settings(sample, dialect, header),
         metadata=preamble.pairs(said),
         comments=said,
         ranges=preamble.ranges(said),
-        stated_rate_hz=preamble.stated_rate_hz(said),
-        findings=(
-            *_said(sample, dialect, header),
-            *_texts_left_out([header.channels[i] for i in sorted(texts)]),
-        ),
+        stated_rate_hz=rate,
+        findings=(*_said(sample, dialect, header), *left_out),
     )
+
+
+def _settings(sample: Sample, dialect: Dialect, header: Header) -> dict[str, str]:
+    return {
+        "encoding": sample.encoding.name,
+        "delimiter": dialect.delimiter,
+        "decimal": dialect.decimal,
+        "first_data_line": str(header.first_data_line),
+    }
 
 
 def _understood(path: Path, sample: Sample, options: ReadOptions) -> tuple[Dialect, Header]:
