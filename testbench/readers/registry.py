@@ -20,6 +20,7 @@ BUILT_IN = (
     "testbench.readers.lvm.reader",
     "testbench.readers.mat5.reader",
     "testbench.readers.mdf.reader",
+    "testbench.readers.parquet.reader",
     "testbench.readers.tdms.reader",
     "testbench.readers.uff.reader",
     "testbench.readers.wav",

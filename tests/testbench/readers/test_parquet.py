@@ -1,0 +1,86 @@
+"""Parquet, written by polars."""
+
+from datetime import date, datetime, time, timedelta
+
+import numpy as np
+import polars
+import pytest
+
+from testbench.errors import RecordingError
+from testbench.recording import TimeColumn
+
+from . import reading
+
+TIME = np.arange(500) / 64
+
+
+def _write(tmp_path, frame, name="run.parquet", **options):
+    path = tmp_path / name
+    polars.DataFrame(frame).write_parquet(path, **options)
+    return path
+
+
+@pytest.mark.parametrize("kind", ["i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "f4", "f8"])
+def test_numbers_of_every_type_are_read(tmp_path, kind):
+    """Values, time and units of the names, in row groups of any size."""
+    values = (np.arange(500) % 100).astype(kind)
+    for rows in (7, 500):
+        path = _write(tmp_path, {"Time (s)": TIME, "Force [N]": values}, row_group_size=rows)
+        found = reading.read(path)
+        np.testing.assert_array_equal(found.column("Force [N]"), values)
+        assert found.unit("Force [N]") == "N"
+        assert found.group().clock == TimeColumn(0, 1.0)
+
+
+def test_missing_values_are_nan_and_counted(tmp_path):
+    """Null and NaN are both no number."""
+    found = reading.read(_write(tmp_path, {"a": [1.0, None, float("nan"), 4.0], "b": [1, None, 3, 4]}))
+    assert np.isnan(found.column("a")).tolist() == [False, True, True, False]
+    assert {f.channel: f.message[:2] for f in found.findings if f.code == "not_a_number"} == {"a": "2 ", "b": "1 "}
+
+
+@pytest.mark.parametrize(("unit", "written"), [("ms", "ms"), ("us", "µs"), ("ns", "ns")])
+def test_points_in_time_are_counted_exactly(tmp_path, unit, written):
+    """Milli- and microseconds since 1970; nanoseconds from the first one, which is said, since 1970 would not fit."""
+    stamps = polars.Series([1795248000_123456789 + 1_000_001 * i for i in range(5)])
+    stamps = (stamps // {"ms": 10**6, "us": 10**3, "ns": 1}[unit]).cast(polars.Datetime(unit))
+    found = reading.read(_write(tmp_path, {"when": stamps, "a": range(5)}))
+    zero = int(found.recording.metadata.get("when: zero", "0").split()[0])
+    assert [int(t) + zero for t in found.time()] == stamps.to_physical().to_list()
+    assert found.unit("when") == written
+    assert (unit == "ns") == (zero > 0)
+
+
+def test_other_types_are_kept_or_said(tmp_path):
+    """Switches and durations are numbers; texts and lists are named."""
+    found = reading.read(_write(tmp_path, {
+        "on": [True, False], "for": [timedelta(seconds=1), timedelta(seconds=2)], "day": [date(1970, 1, 2)] * 2,
+        "at": [time(0, 0, 1)] * 2, "when": [datetime(1970, 1, 1)] * 2, "text": ["a", "b"], "list": [[1], [2]],
+    }))  # fmt: skip
+    assert found.column("on").tolist() == [1, 0]
+    assert found.column("for").tolist() == [1e6, 2e6]
+    assert (found.column("day")[0], found.unit("day")) == (1, "day")
+    assert found.column("at")[0] == 1e9
+    assert {f.channel for f in found.findings if f.code in ("text_channel", "left_out")} == {"text", "list"}
+
+
+def test_integers_that_do_not_fit_are_said(tmp_path):
+    """2**53 + 1 has no float64."""
+    assert "not_exact" in reading.read(_write(tmp_path, {"a": [1, 2**53 + 1]})).codes
+
+
+def test_stars_in_a_name_open_one_file_only(tmp_path):
+    """A file called *.parquet is that file, and not all of the folder."""
+    _write(tmp_path, {"a": [1.0, 2.0]}, "other.parquet")
+    found = reading.read(_write(tmp_path, {"b": [3.0]}, "*.parquet"))
+    assert found.column("b").tolist() == [3.0]
+
+
+def test_cut_and_empty_files_are_refused(tmp_path):
+    """The index lies at the end, so that nothing of a cut file can be read."""
+    path = _write(tmp_path, {"a": TIME})
+    path.write_bytes(path.read_bytes()[:-20])
+    with pytest.raises(RecordingError, match="cannot read"):
+        reading.read(path)
+    with pytest.raises(RecordingError, match="with 0 rows"):
+        reading.read(_write(tmp_path, {"a": polars.Series([], dtype=polars.Float64)}))
