@@ -38,6 +38,7 @@ _ERRORS = {
     "cut_file": "The file ends before its own structure says: samples that were recorded are missing.",
     "damaged_file": "A structure that contradicts itself; nothing of it can be trusted.",
     "too_large": "More declared or unpacked than such a file can hold; refused to protect the machine.",
+    "not_stored": "The run could not be stored, for a reason that lies not in the log alone.",
     "rig_contradiction": "The rig names channels that the recording does not hold.",
 }
 _WARNINGS = {
@@ -70,9 +71,11 @@ _WARNINGS = {
     "broken_link": "A link inside the file that leads nowhere; left out.",
     "cyclic_link": "A link inside the file that leads back to where it comes from; left out.",
     "already_stored": "The campaign holds this recording already; nothing was written.",
+    "interrupted": "The ingest was stopped; what it had acknowledged was recovered, what came after is not in the run.",
     "unit_unknown": "Brackets in a header that hold no unit that is known; kept as written.",
 }
 _NOTES = {
+    "simulated": "The log says that it is simulated.",
     "dialect": "Delimiter, decimal mark and encoding as detected in the first lines.",
     "unit_missing": "Channels without a unit.",
     "no_final_newline": "The last line has no end, but every number of it is as long as those above.",

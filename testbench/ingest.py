@@ -1,9 +1,8 @@
 """Log files into stored runs: read, check, write, in one pass and bounded memory; nothing half-written."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +14,7 @@ from .readers import ReadOptions, open_recording
 from .recording import Origin
 from .runsheet import PlannedRun
 from .source import Source
-from .store import Campaign
+from .store import Campaign, lock
 from .store.writer import RunWriter
 
 if TYPE_CHECKING:
@@ -45,7 +44,6 @@ class Outcome:
             "sha256": self.sha256,
             "origin": self.origin,
             "status": self.status,
-            "message": self.message,
             "findings": [finding.as_dict() for finding in self.findings],
         }
 
@@ -62,6 +60,8 @@ class Ingest:
     options: ReadOptions | None = None
     accepted: frozenset[str] = frozenset()
     progress: Progress = lambda count: None
+    _stored: dict[tuple[int, str], str] = field(default_factory=dict, init=False)
+    _known: set[Path] = field(default_factory=set, init=False)
 
     def run(self, planned: PlannedRun) -> list[Outcome]:
         """Ingest one run; one outcome for each of its files. The run is stored whole or not at all."""
@@ -69,21 +69,28 @@ class Ingest:
         try:
             for path in planned.files:
                 sources.append(Source(path, open_recording(path, self.options)))
-            return self._already(sources) or self._store(planned, sources)
+            return self._already(sources) or self._stored_anew(planned, sources)
         except (RecordingError, StoreError) as error:
             return _not_stored(planned, sources, error)
 
-    @cached_property
-    def _stored(self) -> dict[tuple[int, str], str]:
-        """The stored run of each source, by the source's size and SHA-256."""
-        return {
-            (source["size_bytes"], source["sha256"]): run.path.name
-            for run in Campaign(self.folder).runs
-            for source in run.provenance["sources"]
-        }
+    def _stored_anew(self, planned: PlannedRun, sources: Sequence[Source]) -> list[Outcome]:
+        """Store the run, unless another process was quicker with the same recordings."""
+        try:
+            return self._store(planned, sources)
+        except StoreError:
+            if others := self._already(sources):
+                return others
+            raise
+
+    def _look(self) -> None:
+        """Take in the runs that came since last: the run of each source, by the source's size and SHA-256."""
+        for run in Campaign(self.folder).since(self._known):
+            self._known.add(run.path)
+            self._stored.update({(s["size_bytes"], s["sha256"]): run.path.name for s in run.provenance["sources"]})
 
     def _already(self, sources: Sequence[Source]) -> list[Outcome]:
         """The outcomes if the campaign holds these recordings already; none if it holds none of them."""
+        self._look()
         sizes = {size for size, _ in self._stored}
         if not sizes & {source.size for source in sources}:
             return []
@@ -95,7 +102,7 @@ class Ingest:
 
     def _store(self, planned: PlannedRun, sources: Sequence[Source]) -> list[Outcome]:
         origin = _origin(planned, sources)
-        with RunWriter(self.folder, planned.name) as writer:
+        with RunWriter(self.folder, planned.name, self._intent(planned, origin, sources)) as writer:
             for source in sources:
                 self._copy(source, writer)
             if self.rig is not None:
@@ -109,8 +116,11 @@ class Ingest:
                 source.digested()
             rig = None if self.rig is None else self.rig.text
             writer.describe(origin, planned.conditions or {}, everything, self._provenance(sources), rig)
-            target = writer.commit().name
-        self._stored.update({(source.size, source.sha256): target for source in sources})
+            writer.seal()
+            with lock.one_at_a_time(self.folder):
+                if others := self._already(sources):
+                    return others
+                target = writer.commit().name
         return [Outcome(target, s.path.name, s.sha256, origin, "stored", tuple(s.findings)) for s in sources]
 
     def _copy(self, source: Source, writer: RunWriter) -> None:
@@ -128,6 +138,15 @@ class Ingest:
             raise Refusal(source.path.name, Finding("no_data", None, None, "holds no sample that can be kept"))
         for group in check.groups.values():
             writer.group(group.group).finish(group.rate_hz, group.rate_source)
+
+    def _intent(self, planned: PlannedRun, origin: Origin, sources: Sequence[Source]) -> dict[str, Any]:
+        """What `testbench recover` must know if this process is killed."""
+        return {
+            "origin": origin,
+            "conditions": planned.conditions or {},
+            "rig": None if self.rig is None else self.rig.text,
+            "sources": [source.provenance() for source in sources],
+        }
 
     def _provenance(self, sources: Sequence[Source]) -> dict[str, Any]:
         return {
@@ -160,6 +179,8 @@ def _not_stored(planned: PlannedRun, sources: Sequence[Source], error: Exception
         findings = tuple(sources[i].findings) if i < len(sources) else ()
         if isinstance(error, Refusal) and str(error).startswith(path.name):
             findings = (*findings, error.finding)
+        elif not refused(findings):
+            findings = (*findings, Finding("not_stored", None, None, str(error)))
         sha256 = sources[i].sha256 or None if i < len(sources) else None
         origin = planned.origin or "unstated"
         outcomes.append(Outcome(None, path.name, sha256, origin, "refused", findings, str(error)))

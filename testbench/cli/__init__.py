@@ -9,9 +9,12 @@ COMMANDS = {
     "ingest": "Read logs into HDF5, one file a run, losing nothing.",
     "list": "The runs of a campaign.",
     "verify": "Check every stored run against its digest.",
+    "recover": "Save what a stopped ingest had acknowledged, and say what is lost.",
+    "align": "The clocks of several loggers: offset and drift, with intervals.",
     "analyze": "How much the vibration amplitude fell.",
     "compare": "Analysed from logs, simulated and published, side by side.",
     "identify": "Inertial parameters and friction of a mechanism from the torques of runs.",
+    "trim": "What first moment is missing on which arm, and which mass to add.",
     "speed": "Speed over a turn and its fluctuation, from the instants of encoder edges.",
 }
 

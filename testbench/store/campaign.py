@@ -1,15 +1,19 @@
 """A campaign: a folder of stored runs, each with its digest beside it."""
 
+from collections.abc import Callable, Container, Iterator
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 
 from ..errors import StoreError
-from . import digest
+from . import digest, lock
+from .recover import Leftover, leftovers
 from .run import Run, open_run
 from .writer import PART
 
 SUFFIX = ".h5"
+KEPT = frozenset({"records", "ro-crate-metadata.json"})
+"""What else belongs into a campaign: later records, and the description of a crate."""
 
 
 @dataclass(frozen=True)
@@ -41,19 +45,18 @@ class Campaign:
         """The stored runs, by name; their data are read when asked for."""
         return tuple(open_run(path) for path in self.run_paths)
 
-    def verify(self) -> list[FileState]:
+    def since(self, known: Container[Path]) -> Iterator[Run]:
+        """The runs whose files are not among ``known``."""
+        return (open_run(path) for path in self.run_paths if path not in known)
+
+    def verify(self, progress: Callable[[int], None] = lambda count: None) -> list[FileState]:
         """The state of every file in the folder: of runs by their digests, of others that they are there."""
-        states = [_state_of(path) for path in self.run_paths]
+        states = [_state_of(path, progress) for path in self.run_paths]
         known = {path.name for path in self.run_paths} | {digest.beside(path).name for path in self.run_paths}
-        for path in sorted(self.path.iterdir()):
-            if path.name.endswith(SUFFIX + digest.SUFFIX) and path.name not in known:
-                name = path.name.removesuffix(digest.SUFFIX)
-                states.append(FileState(name, "missing", "its digest is there, the run is not"))
-            elif path.name.endswith(PART):
-                states.append(FileState(path.name, "unfinished", "left by an ingest that was stopped; no run of it"))
-            elif path.name not in known:
-                states.append(FileState(path.name, "extra", "no stored run"))
-        return states
+        left = leftovers(self.path)
+        states += [_unfinished(leftover) for leftover in left]
+        known |= {name for leftover in left for name in (leftover.part.name, leftover.journal.name)}
+        return states + [_other(path) for path in sorted(self.path.iterdir()) if path.name not in known | KEPT]
 
 
 def open_campaign(folder: str | Path) -> Campaign:
@@ -67,11 +70,27 @@ def open_campaign(folder: str | Path) -> Campaign:
     return campaign
 
 
-def _state_of(run: Path) -> FileState:
+def _unfinished(left: Leftover) -> FileState:
+    if lock.is_held(left.journal):
+        return FileState(left.part.name, "unfinished", "an ingest is writing it at this moment")
+    message = "left by an ingest that was stopped; no run of it: `testbench recover` saves what is in it"
+    return FileState(left.part.name, "unfinished", message)
+
+
+def _other(path: Path) -> FileState:
+    """What is no run and no leftover with a journal."""
+    if path.name.endswith(SUFFIX + digest.SUFFIX) and not path.name.startswith("."):
+        return FileState(path.name.removesuffix(digest.SUFFIX), "missing", "its digest is there, the run is not")
+    if path.name.endswith(PART):
+        return FileState(path.name, "unfinished", "left by an ingest that was stopped; no run of it")
+    return FileState(path.name, "extra", "no stored run")
+
+
+def _state_of(run: Path, progress: Callable[[int], None]) -> FileState:
     """Whether the bytes of a run are those that were written."""
     try:
         expected = digest.recorded(run)
-        found = digest.sha256_of(run)
+        found = digest.sha256_of(run, progress)
     except (StoreError, OSError) as error:
         return FileState(run.name, "damaged", str(error))
     if found == expected:

@@ -2,18 +2,24 @@
 
 import hashlib
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 from ..errors import StoreError
 
 SUFFIX = ".sha256"
-_LINE = re.compile(r"([0-9a-f]{64}) [ *](.+)\n?")
+_BLOCK = 1 << 20
+_LINE = re.compile(r"([0-9a-f]{64}) [ *](.+)\n")
 
 
-def sha256_of(path: Path) -> str:
-    """SHA-256 of a file's content, in hexadecimal."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
+def sha256_of(path: Path, progress: Callable[[int], None] = lambda count: None) -> str:
+    """SHA-256 of a file's content, in hexadecimal; ``progress`` is told how many bytes were read since last."""
+    total = hashlib.sha256()
+    with path.open("rb", buffering=0) as stream:
+        while block := stream.read(_BLOCK):
+            total.update(block)
+            progress(len(block))
+    return total.hexdigest()
 
 
 def beside(run: Path) -> Path:

@@ -1,12 +1,14 @@
 """Writing one group: a dataset a channel, in whole chunks, with its checksum, unit, written name and clock."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..recording import Channel, Group, Samples, TimeColumn, UniformClock
 from . import layout
+from .journal import Piece
 
 if TYPE_CHECKING:
     import h5py
@@ -15,14 +17,24 @@ CHUNK = 1 << 15
 """Samples a chunk."""
 GATHERED = 4 * CHUNK
 """Samples that are gathered before whole chunks are written."""
+Acknowledge = Callable[[Sequence[Sequence[Piece]]], None]
+Writing = AbstractContextManager[None]
 _NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable. %10d"
 
 
 class GroupWriter:
-    """The samples of one group, gathered to whole chunks and written."""
+    """The samples of one group, gathered to whole chunks and written.
 
-    def __init__(self, node: "h5py.Group", group: Group) -> None:
+    ``acknowledge`` is told where the chunks of each channel lie, once they do; ``writing`` puts failures in words.
+    """
+
+    def __init__(
+        self, node: "h5py.Group", group: Group, acknowledge: Acknowledge, writing: Callable[[], Writing]
+    ) -> None:
         self.node, self.group, self.samples = node, group, 0
+        self._acknowledge, self._writing = acknowledge, writing
+        self.rate_hz: float | None = None
+        self.rate_source: str | None = None
         self.key = node.name.rpartition("/")[2]
         taken = {layout.TIME, layout.SAMPLE}
         self.keys = [
@@ -39,7 +51,8 @@ class GroupWriter:
             waiting.append(column)
         self.samples += len(columns[0])
         if self.samples - self._written >= GATHERED:
-            self._write((self.samples - self._written) // CHUNK * CHUNK)
+            with self._writing():
+                self._write((self.samples - self._written) // CHUNK * CHUNK)
 
     def _write(self, count: int) -> None:
         """Write ``count`` of the waiting samples of each channel."""
@@ -51,11 +64,18 @@ class GroupWriter:
             dataset.resize((self._written + count,))
             dataset[self._written : self._written + count] = samples[:count]
             waiting[:] = [samples[count:]]
+            dataset.flush()
+        self._acknowledge([_pieces(dataset, self._written) for dataset in self._datasets])
         self._written += count
 
     def finish(self, rate_hz: float | None, rate_source: str | None) -> None:
         """Write what waits, then names, units and clock."""
+        with self._writing():
+            self._finish(rate_hz, rate_source)
+
+    def _finish(self, rate_hz: float | None, rate_source: str | None) -> None:
         self._write(self.samples - self._written)
+        self.rate_hz, self.rate_source = rate_hz, rate_source
         clock = self.group.clock
         self.node.attrs.update({"NX_class": "NXdata", "name": self.group.name, "samples": self.samples})
         self.node.attrs["channels"] = self.keys
@@ -106,6 +126,15 @@ def _is_time(group: Group, index: int) -> bool:
 
 def _dataset(node: "h5py.Group", key: str, chunk: int) -> "h5py.Dataset":
     return node.create_dataset(key, shape=(0,), maxshape=(None,), dtype=np.float64, chunks=(chunk,), fletcher32=True)
+
+
+def _pieces(dataset: "h5py.Dataset", start: int) -> list[Piece]:
+    """The chunks from sample ``start`` to the end."""
+    pieces = []
+    for begin in range(start, len(dataset), dataset.chunks[0]):
+        info = dataset.id.get_chunk_info_by_coord((begin,))
+        pieces.append(Piece(info.byte_offset, info.size, min(dataset.chunks[0], len(dataset) - begin)))
+    return pieces
 
 
 def _name(dataset: "h5py.Dataset", channel: Channel) -> None:

@@ -1,6 +1,7 @@
 """A stored run, read back: names, units, time, conditions, findings."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -9,8 +10,8 @@ import numpy as np
 
 from ..errors import StoreError
 from ..findings import Finding
-from ..recording import Channel, Conditions, Group, Origin, Samples, TimeColumn, UniformClock
-from . import layout, safe
+from ..recording import Conditions, Group, Origin, Samples, UniformClock
+from . import description, layout, safe
 
 if TYPE_CHECKING:
     import h5py
@@ -82,6 +83,11 @@ class Run:
         where, i = self.find(name, group)
         return self._read(f"{where.path}/{where.keys[i]}")
 
+    def channel_at(self, group: str, index: int) -> Samples:
+        """The values of the channel of this index in its group, whatever its name, (n,)."""
+        where = self.group(group)
+        return self._read(f"{where.path}/{where.keys[index]}")
+
     def time(self, group: str | None = None) -> Samples:
         """Time of each sample on its logger's own clock, (n,) [s]."""
         where = self.group(group)
@@ -96,81 +102,46 @@ class Run:
 
     def _read(self, path: str) -> Samples:
         with safe.open_for_reading(self.path) as file:
-            return np.asarray(safe.member(file, path)[()], dtype=np.float64)
+            return safe.numbers(file, path)
 
 
 def open_run(path: str | Path) -> Run:
     """Open a stored run; its data are read when asked for."""
     path = Path(path)
     with safe.open_for_reading(path) as file:
-        if file.attrs.get("counterpoise_layout") != layout.LAYOUT:
-            raise StoreError(f"{path.name}: not a run stored by this version (layout {layout.LAYOUT})")
-        entry = safe.member(file, layout.ENTRY)
+        known = description.read(file)
         return Run(
             path=path,
-            groups=tuple(_group(entry, key) for key in entry.attrs["groups"]),
-            origin=cast(Origin, str(entry.attrs["origin"])),
-            conditions=_conditions(file),
-            rig=_texts(file, layout.RIG)[0] if safe.has(file, layout.RIG) else None,
+            groups=tuple(_group(file, group) for group in known["groups"]),
+            origin=cast(Origin, known["origin"]),
+            conditions=cast(Conditions, known["conditions"]),
+            rig=safe.texts(file, layout.RIG, description.LARGEST)[0] if safe.has(file, layout.RIG) else None,
             findings=_findings(file),
-            provenance=json.loads(str(safe.member(file, layout.PROVENANCE).attrs["json"])),
+            provenance=dict(known["provenance"]),
         )
 
 
-def _group(entry: "h5py.Group", key: str) -> StoredGroup:
-    node = safe.member(entry, key)
-    keys = tuple(str(k) for k in node.attrs["channels"])
-    datasets = [safe.member(node, k) for k in keys]
-    clock: UniformClock | TimeColumn | None = None
-    if node.attrs["clock"] == "uniform":
-        clock = UniformClock(float(node.attrs["rate_hz"]), float(node.attrs["start_s"]))
-    elif node.attrs["clock"] == "recorded":
-        factor = node.attrs.get("seconds_per_unit")
-        clock = TimeColumn(
-            keys.index("time"), None if factor is None else float(factor), bool(node.attrs["unit_assumed"])
-        )
-    return StoredGroup(
-        name=str(node.attrs["name"]),
-        channels=tuple(_channel(d) for d in datasets),
-        clock=clock,
-        samples=int(node.attrs["samples"]),
-        rate_hz=float(node.attrs["rate_hz"]) if "rate_hz" in node.attrs else None,
-        rate_source=str(node.attrs["rate_source"]) if "rate_source" in node.attrs else None,
-        path=f"{layout.ENTRY}/{key}",
-        keys=keys,
+def _group(file: "h5py.File", known: Mapping[str, Any]) -> StoredGroup:
+    group = StoredGroup(
+        name=str(known["name"]),
+        channels=description.channels(known["channels"]),
+        clock=description.clock(known["clock"]),
+        samples=int(known["samples"]),
+        rate_hz=known["rate_hz"],
+        rate_source=known["rate_source"],
+        path=f"{layout.ENTRY}/{known['key']}",
+        keys=tuple(str(channel["key"]) for channel in known["channels"]),
     )
-
-
-def _channel(dataset: "h5py.Dataset") -> Channel:
-    attrs = dataset.attrs
-    return Channel(str(attrs["long_name"]), str(attrs["units"]) if "units" in attrs else None, str(attrs["label"]))
-
-
-def _conditions(file: "h5py.File") -> Conditions:
-    attrs = safe.member(file, layout.CONDITIONS).attrs
-    conditions = Conditions()
-    if "payload_kg" in attrs:
-        conditions["payload_kg"] = float(attrs["payload_kg"])
-    if "motion" in attrs:
-        conditions["motion"] = str(attrs["motion"])
-    if "peak_acceleration_g" in attrs:
-        conditions["peak_acceleration_g"] = float(attrs["peak_acceleration_g"])
-    if "repeat" in attrs:
-        conditions["repeat"] = int(attrs["repeat"])
-    if safe.has(file, layout.COUNTER_MASSES):
-        masses = safe.member(file, layout.COUNTER_MASSES).attrs
-        conditions["counter_masses"] = {str(site): float(mass) for site, mass in masses.items() if site != "NX_class"}
-    return conditions
+    for key in group.keys:
+        if (found := safe.member(file, f"{group.path}/{key}").shape) != (group.samples,):
+            raise StoreError(f"{file.filename}: {group.path}/{key} holds {found}, expected {group.samples} samples")
+    return group
 
 
 def _findings(file: "h5py.File") -> tuple[Finding, ...]:
     if not safe.has(file, layout.FINDINGS):
         return ()
-    return tuple(Finding(**json.loads(text)) for text in _texts(file, layout.FINDINGS))
-
-
-def _texts(file: "h5py.File", path: str) -> list[str]:
-    return [bytes(text).decode("utf-8") for text in safe.member(file, path)[()]]
+    return tuple(Finding(**json.loads(text)) for text in safe.texts(file, layout.FINDINGS, description.LARGEST))
 
 
 def _listed(names: Any) -> str:  # noqa: ANN401

@@ -5,6 +5,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..errors import StoreError
 
 if TYPE_CHECKING:
@@ -23,7 +26,7 @@ def open_for_reading(path: Path) -> Iterator["h5py.File"]:
     try:
         with h5py.File(path, "r") as file:
             yield file
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError, UnicodeDecodeError) as error:
+    except (OSError, RuntimeError, LookupError, ValueError, TypeError, AttributeError, ArithmeticError) as error:
         raise StoreError(f"{path.name}: not a stored run, or damaged: {error}") from error
 
 
@@ -42,6 +45,22 @@ def member(group: "h5py.Group", path: str) -> Any:  # noqa: ANN401
     if isinstance(node, h5py.Dataset):
         _refuse_outside(node)
     return node
+
+
+def texts(group: "h5py.Group", path: str, largest: int) -> list[str]:
+    """The texts of a dataset, of fixed length each, of no more than ``largest`` bytes together."""
+    dataset = member(group, path)
+    if dataset.dtype.kind != "S" or dataset.nbytes > largest:
+        raise StoreError(f"{group.file.filename}: {path} does not hold texts as we store them")
+    return [bytes(text).decode("utf-8") for text in dataset[()]]
+
+
+def numbers(group: "h5py.Group", path: str) -> NDArray[np.float64]:
+    """The samples of a dataset of numbers."""
+    dataset = member(group, path)
+    if dataset.dtype.kind not in "fiu" or dataset.ndim != 1:
+        raise StoreError(f"{group.file.filename}: {path} does not hold one number a sample")
+    return np.asarray(dataset[()], dtype=np.float64)
 
 
 def has(group: "h5py.Group", path: str) -> bool:

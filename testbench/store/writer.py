@@ -1,10 +1,15 @@
-"""Writing a run: beside its place under a hidden name, then flushed, synced, digested and moved there whole."""
+"""Writing a run: beside its place under a hidden name, then flushed, synced, digested and moved there whole.
+
+What is written is noted in a journal meanwhile, so that it survives the death of the process.
+"""
 
 import contextlib
+import errno
 import json
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -13,8 +18,9 @@ from uuid import uuid4
 from ..errors import StoreError
 from ..findings import Finding
 from ..recording import Conditions, Group, Origin
-from . import digest, layout
+from . import description, digest, journal, layout
 from .groups import GroupWriter
+from .outfile import OutFile
 
 if TYPE_CHECKING:
     import h5py
@@ -24,12 +30,19 @@ PART = ".part"
 
 
 class RunWriter:
-    """A run while it is written. Leaving the ``with`` block without :meth:`commit` leaves nothing behind."""
+    """A run while it is written. Leaving the ``with`` block without :meth:`commit` leaves nothing behind.
 
-    def __init__(self, campaign: Path, name: str) -> None:
+    ``intent`` is what a person would want to know of the run if this process were killed.
+    """
+
+    def __init__(self, campaign: Path, name: str, intent: Mapping[str, Any] | None = None) -> None:
         self.target = campaign / f"{name}.h5"
         self._tag = f"{uuid4().hex[:12]}{PART}"
         self._part = campaign / f".{name}.{self._tag}"
+        self._intent = {"run": name, **(intent or {})}
+        self._journal: journal.JournalWriter | None = None
+        self._out: OutFile | None = None
+        self._line = ""
         self._groups: dict[str, GroupWriter] = {}
         self._taken: set[str] = {"conditions", "provenance", "notes"}
         self._file: h5py.File | None = None
@@ -38,23 +51,50 @@ class RunWriter:
             raise StoreError(f"{self.target}: there is a run of this name already; stored runs never change")
 
     def __enter__(self) -> "RunWriter":
+        self._made_folder = not self.target.parent.exists()
+        try:
+            with self._writing():
+                self._begin()
+        except BaseException:
+            self.__exit__(None, None, None)
+            raise
+        return self
+
+    def _begin(self) -> None:
         import h5py
 
-        self._made_folder = not self.target.parent.exists()
         self.target.parent.mkdir(parents=True, exist_ok=True)
-        self._file = h5py.File(self._part, "w-", libver=("v108", "v110"))
+        self._journal = journal.JournalWriter(_journal_of(self._part), self._intent)
+        self._out = OutFile(self._part)
+        self._file = h5py.File(self._out, "w", libver=("v108", "v110"))
         self._file.attrs.update({"NX_class": "NXroot", "default": layout.ENTRY, "creator": "counterpoise"})
         self._file.attrs["counterpoise_layout"] = layout.LAYOUT
         self._file.create_group(layout.ENTRY).attrs["NX_class"] = "NXentry"
-        return self
+
+    @contextlib.contextmanager
+    def _writing(self) -> Iterator[None]:
+        """What the system or HDF5 cannot write becomes one clear error."""
+        try:
+            yield
+            if self._out is not None:
+                self._out.check()
+        except (OSError, RuntimeError) as error:
+            raise StoreError(
+                f"{self.target.parent}: cannot be written ({_reason(error)}); nothing of run {self.target.stem!r} was "
+                "stored, and stored runs are as they were"
+            ) from error
 
     def group(self, group: Group) -> GroupWriter:
         """The writer of this group's samples; a new one if there is none of its name."""
         assert self._file is not None
+        assert self._journal is not None
         if group.name not in self._groups:
-            key = layout.safe_name(group.name, self._taken)
-            node = self._file[layout.ENTRY].create_group(key)
-            self._groups[group.name] = GroupWriter(node, group)
+            key, number = layout.safe_name(group.name, self._taken), len(self._groups)
+            with self._writing():
+                node = self._file[layout.ENTRY].create_group(key)
+                self._journal.group(number, group)
+            acknowledge = partial(self._journal.acknowledge, number)
+            self._groups[group.name] = GroupWriter(node, group, acknowledge, self._writing)
         return self._groups[group.name]
 
     def describe(
@@ -66,6 +106,17 @@ class RunWriter:
         rig: str | None,
     ) -> None:
         """Write what is known of the run beside its data."""
+        with self._writing():
+            self._describe(origin, conditions, findings, provenance, rig)
+
+    def _describe(
+        self,
+        origin: Origin,
+        conditions: Conditions,
+        findings: Iterable[Finding],
+        provenance: Mapping[str, Any],
+        rig: str | None,
+    ) -> None:
         assert self._file is not None
         keys = [writer.key for writer in self._groups.values()]
         self._file[layout.ENTRY].attrs.update({"origin": origin, "groups": keys, "default": keys[0]})
@@ -76,49 +127,82 @@ class RunWriter:
             flat = {k: v for k, v in source.items() if isinstance(v, str | int | float)}
             _collection(self._file, f"{layout.PROVENANCE}/source_{number}").attrs.update(flat)
         _collection(self._file, layout.NOTES)
+        known = description.text(origin, conditions, provenance, self._groups.values())
+        _write_texts(self._file, layout.DESCRIPTION, [known])
         texts = [json.dumps(finding.as_dict(), ensure_ascii=False) for finding in findings]
         _write_texts(self._file, layout.FINDINGS, texts)
         _write_texts(self._file, layout.RIG, [] if rig is None else [rig])
 
+    def seal(self) -> None:
+        """Close the file, wait until it is on the disk, and take its digest: all that takes long before the end."""
+        if self._file is None:
+            return
+        assert self._journal is not None
+        with self._writing():
+            self._close()
+            with ThreadPoolExecutor(1) as pool:
+                synced = pool.submit(_sync, self._part)  # the disk writes while the digest is computed
+                found = digest.sha256_of(self._part)
+                synced.result()
+            self._line = digest.line_for(self.target.name, found)
+            self._journal.seal(found)
+
+    def _close(self) -> None:
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+        if self._out is not None:
+            self._out.close()
+            self._out.check()
+
     def commit(self) -> Path:
         """Move the run to its place, its digest first; never over another one. Returns its path."""
-        assert self._file is not None
-        self._file.close()
-        self._file = None
-        with ThreadPoolExecutor(1) as pool:
-            synced = pool.submit(_sync, self._part)  # the disk writes while the digest is computed
-            line = digest.line_for(self.target.name, digest.sha256_of(self._part))
-            synced.result()
-        beside = digest.beside(self.target)
-        part = beside.with_name(f".{beside.name}.{self._tag}")
-        part.write_text(line, encoding="utf-8")
-        _sync(part)
-        try:
-            _place(part, beside)
-            self._place_run(beside)
-        finally:
-            part.unlink(missing_ok=True)
-        _sync(self.target.parent)
+        self.seal()
+        with self._writing():
+            place(self._part, self.target, self._line)
         return self.target
-
-    def _place_run(self, beside: Path) -> None:
-        """The run at its place; if that fails, its digest leaves again."""
-        try:
-            _place(self._part, self.target)
-        except (StoreError, OSError):
-            beside.unlink()
-            raise
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._file is not None:
-            with contextlib.suppress(OSError, RuntimeError):  # a full disk shows again at closing
-                self._file.close()
-        self._part.unlink(missing_ok=True)
+        with contextlib.suppress(OSError, RuntimeError, StoreError):
+            self._close()
+        with contextlib.suppress(OSError):  # a folder that is a file
+            self._part.unlink(missing_ok=True)
+        if self._journal is not None:
+            self._journal.remove()
         if self._made_folder:
             with contextlib.suppress(OSError):  # the run is in it
                 self.target.parent.rmdir()
+
+
+def place(part: Path, target: Path, line: str) -> None:
+    """Give a synced file its name and put its digest beside it, the digest first; never over what is there."""
+    beside = digest.beside(target)
+    digest_part = beside.with_name(f".{beside.name}.{part.name.rpartition('.')[0].rpartition('.')[2]}{PART}")
+    try:
+        digest_part.write_text(line, encoding="utf-8", newline="\n")
+        _sync(digest_part)
+        _place(digest_part, beside)
+        try:
+            _place(part, target)
+        except (StoreError, OSError):
+            beside.unlink()
+            raise
+    finally:
+        digest_part.unlink(missing_ok=True)
+    _sync(target.parent)
+
+
+def _journal_of(part: Path) -> Path:
+    return part.with_name(part.name.removesuffix(PART) + journal.SUFFIX)
+
+
+def _reason(error: OSError | RuntimeError) -> str:
+    """What the system says, out of what HDF5 makes of it."""
+    known = [code for code in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EROFS) if os.strerror(code) in str(error)]
+    number = known[0] if known else getattr(error, "errno", None)
+    return os.strerror(number) if number else str(error)
 
 
 def _write_conditions(file: "h5py.File", conditions: Conditions) -> None:

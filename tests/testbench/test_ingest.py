@@ -183,7 +183,7 @@ def test_a_logger_that_is_not_in_the_run_is_not_missed(folder):
 
 
 def test_a_disk_that_is_full_leaves_the_campaign_intact(folder, monkeypatch):
-    """The error is the system's, and no part of the run is left."""
+    """The message is the system's, and no part of the run is left."""
     ingested(folder)
     (folder / "r002.csv").write_text(HEADER + "".join(ROWS[:99]))
 
@@ -191,8 +191,9 @@ def test_a_disk_that_is_full_leaves_the_campaign_intact(folder, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("testbench.store.writer._sync", full)
-    with pytest.raises(OSError, match="No space left"):
-        ingested(folder, PlannedRun("r002", (folder / "r002.csv",)))
+    (outcome,) = ingested(folder, PlannedRun("r002", (folder / "r002.csv",)))
+    assert outcome.status == "refused"
+    assert "cannot be written (No space left on device)" in outcome.message
     assert sorted(p.name for p in (folder / "campaign").iterdir()) == ["r001.h5", "r001.h5.sha256"]
 
 

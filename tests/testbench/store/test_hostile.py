@@ -1,5 +1,7 @@
 """Files that were made to deceive: nothing of another file is ever read, nothing endless is walked."""
 
+import random
+
 import h5py
 import numpy as np
 import pytest
@@ -113,3 +115,21 @@ def test_a_cut_run_does_not_open(run):
         run.write_bytes(whole[:cut])
         with pytest.raises(StoreError):
             open_run(run).channel("AccX")
+
+
+def test_flipped_bits_never_change_a_number(run):
+    """Any bits flipped, metadata included: an error, or the numbers as stored; never another number, never a hang."""
+    expected = {name: open_run(run).channel(name).tobytes() for name in ("Time (s)", "AccX (g)")}
+    whole = run.read_bytes()
+    chance = random.Random(29)
+    for _ in range(300):
+        data = bytearray(whole)
+        for _ in range(chance.randrange(1, 4)):
+            data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
+        run.write_bytes(data)
+        try:
+            found = open_run(run)
+            values = {name: found.channel(name).tobytes() for name in expected}
+        except StoreError:
+            continue
+        assert values == expected

@@ -1,0 +1,93 @@
+"""Acknowledged samples of a stopped ingest into a run that says so: checked like any log, never over another run."""
+
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import version
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+from .checks import RecordingCheck
+from .errors import StoreError
+from .findings import Finding
+from .recording import Block, Recording, Report
+from .store import recover as leftover
+from .store.journal import Journal
+from .store.recover import MARK, Leftover, Recovery
+from .store.writer import RunWriter
+
+
+def recover(campaign: Path) -> list[Recovery]:
+    """Finish or save everything that stopped ingests left in ``campaign``."""
+    if not campaign.is_dir():
+        raise StoreError(f"{campaign}: no such folder; expected a campaign, as `testbench ingest -o` makes it")
+    found = [left.recover(save) for left in leftover.leftovers(campaign)]
+    for path in leftover.orphans(campaign):
+        if path.name.partition(".h5.sha256.")[1]:
+            path.unlink(missing_ok=True)  # a digest on its way: the run beside it has been taken care of
+        else:
+            message = f"{path.name} has no journal, which says what it holds; it stays where it is"
+            found.append(Recovery(path.name, "failed", message))
+    return found
+
+
+def save(left: Leftover, known: Journal) -> Recovery:
+    """Write what was acknowledged as a run of its own."""
+    intent = known.intent
+    name = _free_name(left)
+    findings = [_interrupted(intent, known)]
+    with RunWriter(left.part.parent, name, {**intent, "run": name}) as writer:
+        recording = _recording(left, known)
+        check = RecordingCheck(recording)
+        for block in recording.blocks(findings.append):
+            check.update(block)
+            writer.group(block.group).append(block.columns)
+        for group in check.groups.values():
+            if group.samples:
+                writer.group(group.group).finish(group.rate_hz, group.rate_source)
+        findings += [f for f in check.findings() if f.code != "no_data"]
+        writer.describe(intent["origin"], intent["conditions"], findings, _provenance(left, intent), intent["rig"])
+        stored = writer.commit().name
+    samples = {kept.group.name: kept.samples for kept in known.groups}
+    return Recovery(left.run, "recovered", findings[0].message, stored, samples)
+
+
+def _free_name(left: Leftover) -> str:
+    names = (f"{left.run}{MARK}{'' if n == 1 else f'-{n}'}" for n in count(1))
+    return next(name for name in names if not left.part.with_name(f"{name}.h5").exists())
+
+
+def _recording(left: Leftover, known: Journal) -> Recording:
+    groups = tuple(kept.group for kept in known.groups)
+    return Recording(left.part, "unfinished run", "recover", groups, lambda report: _blocks(left, known, report))
+
+
+def _blocks(left: Leftover, known: Journal, report: Report) -> Iterator[Block]:
+    for kept in known.groups:
+        start = 0
+        for columns in leftover.blocks(left.part, kept):
+            yield Block(kept.group, columns, start)
+            start += len(columns[0])
+
+
+def _interrupted(intent: dict[str, Any], known: Journal) -> Finding:
+    """What is here and what is not, as far as anyone can know."""
+    held = ", ".join(f"the first {kept.samples} samples of {kept.group.name!r}" for kept in known.groups)
+    logs = _listed([source["name"] for source in intent.get("sources", ())])
+    message = f"the ingest was stopped: {held} are here; what {logs} held after them is lost unless the log is at hand"
+    return Finding("interrupted", None, None, message)
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names) or "the log"
+
+
+def _provenance(left: Leftover, intent: dict[str, Any]) -> dict[str, Any]:
+    """That of the stopped ingest: its sources without a digest, for the run does not hold all of them."""
+    return {
+        "software": {name: version(name) for name in ("counterpoise", "h5py", "numpy")},
+        "written": datetime.now(UTC).isoformat(timespec="seconds"),
+        "accepted_findings": [],
+        "recovered_from": left.part.name,
+        "sources": [{**source, "sha256": ""} for source in intent.get("sources", ())],
+    }
