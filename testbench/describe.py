@@ -22,7 +22,6 @@ class Description:
         """The description as it is printed; with ``stats`` the numbers of each channel too."""
         return {
             "format": self.recording.format,
-            "origin": self.recording.origin,
             "groups": [_group(check, stats) for check in self.groups],
             "findings": [finding.as_dict() for finding in self.findings],
         }

@@ -106,6 +106,8 @@ class RecordingCheck:
     def findings(self) -> list[Finding]:
         """What the header and the data show."""
         found = [finding for group in self.recording.groups for finding in header_findings(group)]
+        if self.recording.origin == "simulated":
+            found.append(Finding("simulated", None, None, "the log says that it is simulated, and not measured"))
         return found + [finding for check in self.groups.values() for finding in check.findings()]
 
 

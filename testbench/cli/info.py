@@ -36,7 +36,7 @@ def info(file: Path, stats: bool, as_json: bool, **text: Any) -> int:  # noqa: A
         found = describe(file, reading.read_options(**text))
     except Refusal as refusal:
         if as_json:
-            emit_json({"format": None, "origin": None, "groups": [], "findings": [refusal.finding.as_dict()]})
+            emit_json({"format": None, "groups": [], "findings": [refusal.finding.as_dict()]})
             click.echo(f"testbench: {reading.plain(str(refusal))}", err=True)
             return EXIT_REFUSED
         raise
