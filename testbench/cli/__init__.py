@@ -7,6 +7,7 @@ COMMANDS = {
     "info": "What a log file holds, and what is odd in it.",
     "formats": "Which formats can be read.",
     "ingest": "Read logs into HDF5, one file a run, losing nothing.",
+    "watch": "Ingest what arrives in a folder, each log once.",
     "list": "The runs of a campaign.",
     "verify": "Check every stored run against its digest.",
     "recover": "Save what a stopped ingest had acknowledged, and say what is lost.",

@@ -1,0 +1,98 @@
+"""``testbench watch``."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from balance.cli.console import EXIT_REFUSED, emit_json, json_option
+
+from . import reading
+
+if TYPE_CHECKING:
+    from ..ingest import Outcome
+    from ..watch import Watch
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  testbench watch incoming -o campaign --rig rig.toml
+  testbench watch incoming -o campaign --once --json
+\b
+Exit codes of --once: 0 all stored, 3 stored with findings or still growing, 1 some file was refused."""
+)
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option(
+    "-o", "--output", "campaign", required=True, type=click.Path(path_type=Path), help="The campaign's folder."
+)
+@click.option("--rig", metavar="RIG", help="What is measured where: a rig file, kept with each run.")
+@click.option("--accept", multiple=True, metavar="CODE", help="Store in spite of findings of this code.")
+@click.option("--once", is_flag=True, help="One pass over what is there, then stop.")
+@click.option(
+    "--settle", default="2s", show_default=True, metavar="TIME", help="How long a file must not have changed."
+)
+@reading.text_options
+@json_option
+def watch(
+    folder: Path,
+    campaign: Path,
+    rig: str | None,
+    accept: tuple[str, ...],
+    once: bool,
+    settle: str,
+    as_json: bool,
+    **text: Any,  # noqa: ANN401
+) -> int:
+    """Ingest what arrives in FOLDER, each log once, also after a crash. What is refused is said, and the next comes."""
+    from ..errors import RecordingError
+    from ..findings import MEANING
+
+    if unknown := [code for code in accept if code not in MEANING]:
+        raise click.UsageError(f"--accept {unknown[0]}: no such code; `testbench info FILE` names those of a file")
+    if as_json and not once:
+        raise click.UsageError("--json prints one document at the end: it needs --once")
+    if not folder.is_dir():
+        raise RecordingError(f"{folder}: no such folder; expected one that logs arrive in")
+    watching = _watching(folder, campaign, rig, accept, settle, text)
+    if not once:
+        click.echo(f"watching {reading.plain(str(folder))}; Ctrl-C ends it", err=True)
+        _say(watching.forever(), quiet=False)
+    outcomes = _say(watching.once(), quiet=as_json)
+    if as_json:
+        growing = [path.name for path in watching.growing]
+        emit_json({"runs": [outcome.as_dict() for outcome in outcomes], "growing": growing})
+    for path in watching.growing:
+        click.echo(f"testbench: {reading.plain(path.name)}: still grows; left for later", err=True)
+    if any(outcome.status == "refused" for outcome in outcomes):
+        return EXIT_REFUSED
+    kept = [f for o in outcomes if o.status == "stored" for f in o.findings]
+    return max(reading.exit_code(kept, accept), 3 if watching.growing else 0)
+
+
+def _watching(
+    folder: Path, campaign: Path, rig: str | None, accept: Iterable[str], settle: str, text: dict[str, Any]
+) -> "Watch":
+    from balance.quantities import parse
+
+    from .. import rig as rigs
+    from ..ingest import Ingest
+    from ..watch import Watch
+
+    work = Ingest(campaign, None if rig is None else rigs.load(rig), reading.read_options(**text), frozenset(accept))
+    return Watch(folder, work, parse(settle, "time"))
+
+
+def _say(outcomes: "Iterable[Outcome]", quiet: bool) -> "list[Outcome]":
+    """Print each outcome when it comes; refusals to stderr."""
+    told = []
+    for outcome in outcomes:
+        told.append(outcome)
+        if outcome.status == "refused":
+            click.echo(f"testbench: {reading.plain(outcome.message)}", err=True)
+        elif not quiet:
+            name = reading.plain(outcome.source)
+            click.echo(f"{name}: {outcome.status.replace('_', ' ')} as {reading.plain(outcome.file or '-')}")
+            reading.print_findings(name, (f for f in outcome.findings if f.severity > 0 and f.code != "already_stored"))
+    return told
