@@ -1,0 +1,146 @@
+"""Reading MCAP record by record, in the order of the file, whole or cut."""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from ...findings import Finding, Refusal
+from ...recording import Block, Recording, Report
+from ..extras import library
+from ..nonfinite import watched
+from ..ros.decode import Decoder, Message, Unreadable
+from ..ros.definitions import Unclear, parse
+from ..ros.rows import Decode, Topic, from_json
+from ..stream import damaged, refusing
+
+_LARGEST_RECORD = 256 << 20
+_ENCODINGS = {("ros1msg", "ros1"), ("ros2msg", "cdr")}
+
+
+@dataclass
+class _File:
+    """The topics of a file and what is known of them."""
+
+    topics: dict[int, Topic] = field(default_factory=dict)
+    schemas: dict[int, Any] = field(default_factory=dict)
+    counts: Counter[int] = field(default_factory=Counter)
+    metadata: dict[str, str] = field(default_factory=dict)
+    findings: list[Finding] = field(default_factory=list)
+    zero: int = 0
+    declared: int | None = None
+
+
+def open_library(path: Path) -> Recording:
+    """Go through the file once, looking at the first message of each topic."""
+    file = _File()
+    for topic, record in _messages(path, file):
+        with refusing(path, f"topic {topic.name!r}", Unreadable):
+            topic.look(record.data)
+    groups = [shape.group for topic in file.topics.values() for shape in topic.shapes.values()]
+    findings = [*file.findings, *_left_out(file), *_counted(file)]
+    if not groups:
+        raise Refusal(path.name, next(iter(findings), Finding("no_data", None, None, "no message with numbers")))
+    return Recording(
+        path=path,
+        format="MCAP",
+        reader="testbench.readers.mcap",
+        groups=tuple(groups),
+        read=lambda report: watched(_blocks(path, report), report),
+        metadata=file.metadata | {"zero": f"{file.zero} ns since 1970"},
+        findings=tuple(findings),
+    )
+
+
+def _blocks(path: Path, report: Report) -> Iterator[Block]:
+    file = _File()
+    for topic, record in _messages(path, file):
+        with refusing(path, f"topic {topic.name!r}", Unreadable):
+            block = topic.take(record.log_time, record.data)
+        if block is not None:
+            yield block
+    for topic in file.topics.values():
+        yield from topic.rest()
+        if topic.shapes and topic.reason:
+            message = f"from some message on {topic.name!r} is not kept: {topic.reason}"
+            report(Finding("ragged_row", None, None, message))
+
+
+def _messages(path: Path, file: _File) -> Iterator[tuple[Topic, Any]]:
+    """Every message with its topic; a file that ends too early ends them with a finding."""
+    reader = library("mcap.stream_reader", "mcap", "MCAP")
+    errors = library("mcap.exceptions", "mcap", "MCAP")
+    with path.open("rb") as stream:
+        records = reader.StreamReader(stream, validate_crcs=True, record_size_limit=_LARGEST_RECORD).records
+        try:
+            for record in records:
+                yield from _record(record, file, path)
+        except (errors.EndOfFile, errors.InvalidMagic) as error:
+            total = sum(file.counts.values())
+            message = f"the file ends too early ({type(error).__name__}); {total} whole messages are before that"
+            file.findings.append(Finding("cut_file", None, None, message))
+        except errors.McapError as error:
+            raise damaged(path, f"{type(error).__name__}: {error}") from error
+
+
+def _record(record: Any, file: _File, path: Path) -> Iterator[tuple[Topic, Any]]:  # noqa: ANN401
+    kind = type(record).__name__
+    if kind == "Header":
+        file.metadata |= {"profile": record.profile, "library": record.library}
+    elif kind == "Schema":
+        file.schemas[record.id] = record
+    elif kind == "Channel" and record.id not in file.topics:
+        file.topics[record.id] = _topic(record, file)
+    elif kind == "Metadata":
+        file.metadata |= {f"{record.name}: {key}": text for key, text in record.metadata.items()}
+    elif kind == "Statistics":
+        file.declared = record.message_count
+    elif kind == "Message":
+        if record.channel_id not in file.topics:
+            raise damaged(path, f"a message of channel {record.channel_id}, which was never declared")
+        if not file.counts:
+            file.zero = record.log_time
+        file.counts[record.channel_id] += 1
+        topic = file.topics[record.channel_id]
+        topic.zero = file.zero
+        yield topic, record
+
+
+def _topic(channel: Any, file: _File) -> Topic:  # noqa: ANN401
+    """A topic and how its messages are decoded; a reason if they are not."""
+    schema = file.schemas.get(channel.schema_id)
+    encodings = (schema.encoding if schema else "", channel.message_encoding)
+    taken = [topic.name for topic in file.topics.values()]
+    name = channel.topic if channel.topic not in taken else f"{channel.topic} {channel.id}"
+    if channel.message_encoding == "json":
+        return Topic(name, from_json, 0)
+    if schema is None or encodings not in _ENCODINGS:
+        return Topic(name, _nothing, 0, reason=f"messages are encoded as {encodings[1]!r} with {encodings[0]!r}")
+    try:
+        fields = parse(schema.data.decode("utf-8", "replace"), schema.name, encodings[1] == "cdr")
+    except Unclear as error:
+        return Topic(name, _nothing, 0, reason=str(error))
+    decode: Decode = partial(Decoder.decode, Decoder(fields, encodings[1] == "cdr"))
+    return Topic(name, decode, 0)
+
+
+def _nothing(raw: bytes) -> Message:
+    return Message()
+
+
+def _left_out(file: _File) -> list[Finding]:
+    return [
+        Finding("left_out", topic.name, None, f"{file.counts[key]} messages are not kept: {topic.reason}")
+        for key, topic in file.topics.items()
+        if topic.reason and file.counts[key]
+    ]
+
+
+def _counted(file: _File) -> list[Finding]:
+    found = sum(file.counts.values())
+    if file.declared is None or file.declared == found:
+        return []
+    message = f"the summary counts {file.declared} messages, {found} are there"
+    return [Finding("count_contradiction", None, None, message)]

@@ -1,0 +1,120 @@
+"""The messages of each topic as columns: one row a message, its times in nanoseconds from the zero of the file."""
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...recording import Block, Channel, Group, Samples, TimeColumn
+from .decode import MOST_NUMBERS, Message, Number, TooLong, Unreadable
+
+Decode = Callable[[bytes], Message]
+LOGGED = "log time"
+_NANOSECOND = "ns"
+_ROWS = 1 << 13
+_MOST_SHAPES = 50
+
+
+@dataclass
+class Shape:
+    """Messages of one shape: their numbers have the same names."""
+
+    group: Group
+    names: list[str]
+    times: list[int]
+    rows: list[list[Number | None]] = field(default_factory=list)
+    done: int = 0
+
+    def block(self) -> Block:
+        """The rows so far as a block."""
+        columns: list[Samples] = [np.array(column, dtype=np.float64) for column in zip(*self.rows, strict=True)]
+        block = Block(self.group, tuple(columns), self.done)
+        self.done += len(self.rows)
+        self.rows = []
+        return block
+
+
+@dataclass
+class Topic:
+    """The messages of one topic. Where their shape changes, another group begins."""
+
+    name: str
+    decode: Decode
+    zero: int
+    shapes: dict[tuple[str, ...], Shape] = field(default_factory=dict)
+    reason: str = ""
+
+    def look(self, raw: bytes) -> None:
+        """Learn the shape of the first message."""
+        if not self.shapes and not self.reason and (message := self._message(raw)) is not None:
+            self._shape(message)
+
+    def take(self, logged: int, raw: bytes) -> Block | None:
+        """Take in a message logged at ``logged`` [ns since 1970]; a block when there are enough."""
+        if self.reason or (message := self._message(raw)) is None or (shape := self._shape(message)) is None:
+            return None
+        numbers = message.numbers
+        for i in shape.times:
+            value = numbers[i]
+            numbers[i] = None if value is None else int(value) - self.zero
+        shape.rows.append([logged - self.zero, *(np.nan if n is None else n for n in numbers)])
+        return shape.block() if len(shape.rows) >= _ROWS else None
+
+    def _message(self, raw: bytes) -> Message | None:
+        try:
+            return self.decode(raw)
+        except TooLong as error:
+            self.reason = str(error)
+        return None
+
+    def _shape(self, message: Message) -> Shape | None:
+        """The shape of a message; a new one if its names are new."""
+        key = tuple(message.names)
+        if key not in self.shapes:
+            if not key or len(self.shapes) >= _MOST_SHAPES:
+                self.reason = "no numbers" if not key else f"messages of more than {_MOST_SHAPES} shapes"
+                return None
+            self.shapes[key] = self._new(message)
+        return self.shapes[key]
+
+    def _new(self, message: Message) -> Shape:
+        """Channels of a message; its own stamp is the clock if it is set, else the time of logging."""
+        units = [_NANOSECOND if i in message.times else None for i in range(len(message.names))]
+        channels = [Channel(LOGGED, _NANOSECOND)]
+        channels += [Channel(name, unit) for name, unit in zip(message.names, units, strict=True)]
+        set_ = [i for i in message.times if message.numbers[i] is not None and message.names[i].endswith("stamp")]
+        clock = TimeColumn(set_[0] + 1 if set_ else 0, 1e-9)
+        number = len(self.shapes) + 1
+        name = self.name if number == 1 else f"{self.name} part {number}"
+        return Shape(Group(name, tuple(channels), clock), list(message.names), list(message.times))
+
+    def rest(self) -> Iterator[Block]:
+        """The rows that were not given yet."""
+        for shape in self.shapes.values():
+            if shape.rows:
+                yield shape.block()
+
+
+def from_json(raw: bytes) -> Message:
+    """The numbers of a JSON document, named by their path."""
+    message = Message()
+    try:
+        _walk(json.loads(raw), "", message, 0)
+    except (ValueError, RecursionError) as error:
+        raise Unreadable(f"no JSON: {error}") from error
+    return message
+
+
+def _walk(value: object, path: str, message: Message, depth: int) -> None:
+    if len(message.numbers) > MOST_NUMBERS or depth > 50:
+        raise TooLong(f"{path} has more than {MOST_NUMBERS} values, or is too deep")
+    if isinstance(value, bool | int | float):
+        message.numbers.append(value)
+        message.names.append(path or "value")
+    elif isinstance(value, dict):
+        for key, inner in value.items():
+            _walk(inner, f"{path}.{key}" if path else str(key), message, depth + 1)
+    elif isinstance(value, list):
+        for i, inner in enumerate(value):
+            _walk(inner, f"{path}[{i}]", message, depth + 1)

@@ -1,0 +1,139 @@
+"""Bags of ROS 1 and MCAP: inertial data, wrenches and joint states, each topic with its own time."""
+
+import numpy as np
+import pytest
+from mcap.writer import CompressionType
+from rosbags.rosbag1 import Writer as BagWriter
+
+from testbench.errors import RecordingError
+from testbench.readers.ros.decode import Decoder, TooLong, Unreadable
+from testbench.readers.ros.definitions import Unclear, parse
+from testbench.recording import TimeColumn
+
+from . import reading, robots
+
+I = np.arange(robots.COUNT)  # noqa: E741
+
+
+def _assert_known(found):
+    """What ``robots.messages`` wrote."""
+    np.testing.assert_array_equal(found.column("linear_acceleration.x", "/imu"), -I)
+    np.testing.assert_array_equal(found.column("angular_velocity.y", "/imu"), I / 4)
+    np.testing.assert_array_equal(found.column("linear_acceleration_covariance[8]", "/imu"), np.full(len(I), 8.0))
+    np.testing.assert_array_equal(found.column("wrench.torque.z", "/ft"), -2 * I[::4])
+    np.testing.assert_array_equal(found.column("position[knee]", "/joints"), -I[::4])
+    np.testing.assert_array_equal(found.column("log time", "/imu"), I * robots.STEP)
+    np.testing.assert_array_equal(found.column("header.stamp", "/imu"), I * robots.STEP - 1000)
+    assert found.recording.metadata["zero"] == f"{robots.ZERO} ns since 1970"
+    group = found.groups["/imu"]
+    assert group.clock == TimeColumn([c.name for c in group.channels].index("header.stamp"), 1e-9)
+    assert found.unit("header.stamp") == "ns"
+
+
+@pytest.mark.parametrize("compression", [None, BagWriter.CompressionFormat.BZ2, BagWriter.CompressionFormat.LZ4])
+def test_bags_give_what_was_written(tmp_path, compression):
+    """Numbers, names of joints, and times to the nanosecond."""
+    _assert_known(reading.read(robots.bag(tmp_path / "run.bag", compression)))
+
+
+@pytest.mark.parametrize("profile", ["ros1", "ros2"])
+@pytest.mark.parametrize("compression", [CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD])
+def test_mcap_gives_what_was_written(tmp_path, profile, compression):
+    """The same of both serialisations."""
+    _assert_known(reading.read(robots.mcap(tmp_path / "run.mcap", profile, compression)))
+
+
+def test_json_is_read_and_shapes_are_kept_apart(tmp_path):
+    """Numbers by their path; where a message has others, another group begins; other encodings are named."""
+    found = reading.read(robots.mcap(tmp_path / "run.mcap", extra=robots.json_topic))
+    assert found.column("b.c[0]", "/json").tolist() == [0, 1, 2, 3]
+    assert found.column("more", "/json part 2").tolist() == [1, 1]
+    assert "'protobuf'" in found.message("left_out")
+
+
+def test_blocks_follow_one_another(tmp_path, monkeypatch):
+    """Few rows a block give the same."""
+    from testbench.readers.ros import rows
+    from testbench.readers.rosbag import library
+
+    monkeypatch.setattr(rows, "_ROWS", 7)
+    recording = library.open_library(robots.bag(tmp_path / "run.bag"))
+    blocks = [b for b in recording.blocks(lambda f: None) if b.group.name == "/imu"]
+    assert [b.start for b in blocks] == [0, 7, 14, 21, 28, 35]
+
+
+@pytest.mark.parametrize("share", [0.3, 0.7, 0.98])
+def test_a_cut_mcap_keeps_its_whole_messages(tmp_path, share):
+    """How many messages come before the end; one who accepts the loss has them."""
+    path = robots.mcap(tmp_path / "run.mcap")
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(share * len(whole))])
+    found = reading.read(path)
+    count = sum(len(columns[0]) for columns in found.data.values())
+    assert f"{count} whole messages" in found.message("cut_file")
+    assert 0 < count <= 60
+
+
+def test_a_flipped_bit_in_a_chunk_is_found(tmp_path):
+    """By the checksum of the chunk, or by what unpacks it."""
+    path = robots.mcap(tmp_path / "run.mcap", compression=CompressionType.NONE)
+    raw = bytearray(path.read_bytes())
+    raw[raw.find(np.array([2.0, 0.5, -2.0]).tobytes()) + 3] ^= 1
+    path.write_bytes(raw)
+    with pytest.raises(RecordingError, match="crc"):
+        reading.read(path)
+
+
+def test_a_cut_bag_is_refused(tmp_path):
+    """The index lies at the end; a bag that was never closed has none."""
+    path = robots.bag(tmp_path / "run.bag")
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-100])
+    with pytest.raises(RecordingError):
+        reading.read(path)
+    path.write_bytes(whole.replace(b"index_pos=", b"index_pos=" + bytes(8), 1)[:2000])
+    with pytest.raises(RecordingError):
+        reading.read(path)
+
+
+def test_descriptions_are_read_as_text():
+    """Constants, comments, defaults, arrays, nested messages, and types by their short name."""
+    text = """
+# a comment
+uint8 MODE=3
+string NAME=a b # c
+Header header
+float64[3] v
+Inner[] inners
+float32 gain 1.5
+string<=10 s
+int16[<=5] few
+================================================================================
+MSG: pkg/Inner
+bool on
+builtin_interfaces/Duration d
+"""
+    fields = parse(text, "pkg/msg/Outer", is_ros2=True)
+    assert [(f.name, f.count, f.is_array) for f in fields] == [
+        ("header", 1, False), ("v", 3, True), ("inners", -1, True), ("gain", 1, False), ("s", 1, False),
+        ("few", -1, True),
+    ]  # fmt: skip
+    assert [f.kind for f in fields[2].kind] == ["bool", "duration"]
+
+
+@pytest.mark.parametrize("text", ["Unknown x", "float64", "A a", "float64 __import__('os')", "float64[3 x"])
+def test_descriptions_that_are_none_are_said(text):
+    """What is no field is never guessed; a message within itself neither."""
+    with pytest.raises(Unclear):
+        parse(text + "\n" + "=" * 80 + "\nMSG: pkg/A\nA a\n", "pkg/M", is_ros2=False)
+
+
+def test_messages_are_never_longer_than_their_bytes():
+    """Lengths of gigabytes in a few bytes, and pictures."""
+    decoder = Decoder(parse("float64[] x\nstring s", "p/M", False), is_cdr=False)
+    assert decoder.decode(b"\x00\x00\x00\x00\x01\x00\x00\x00a").numbers == []
+    for raw in (b"", b"\x02\x00\x00\x00" + bytes(8), b"\x00\x00\x00\x00\xff\xff\xff\xffa"):
+        with pytest.raises(Unreadable):
+            decoder.decode(raw)
+    with pytest.raises(TooLong):
+        decoder.decode(b"\xff\xff\xff\xff" + bytes(8))
