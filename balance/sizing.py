@@ -4,19 +4,19 @@ A counter-mass m at a site adds m times a constant column to the conditions: ``A
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import Bounds, LinearConstraint, linprog, lsq_linear, milp
+from scipy.optimize import linprog, lsq_linear
 
-from .arrays import Floats
+from .arrays import Floats, Indices
 from .conditions import Conditions
 from .errors import SizingError
-from .mechanism import Mechanism
+from .mechanism import Mechanism, Site
+from .quiet import stdout_discarded
+from .setsearch import best_sets
 from .stock import Plate
-
-_UNBALANCE_SCALE = 1e3
-"""Unbalance to which a mixed-integer programme is scaled, so that the solver's 1e-6 is 1e-9 of it."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,11 @@ class CounterMass:
     """Position of the site in its body's frame, (3,) [m]."""
     plates: tuple[str, ...] = ()
     """Stock plates that it is made of."""
+    inertia: float | None = None
+    """About the axis through its own centre, normal to its plates, from the plates as drawn [kg m2].
+
+    None where no plate is drawn: then the site's radius of gyration holds.
+    """
 
     @property
     def first_moment(self) -> Floats:
@@ -49,8 +54,17 @@ class Sizing:
 
     @property
     def after(self) -> Mechanism:
-        """The mechanism with the counter-masses mounted."""
-        return self.before.with_counter_mass({c.site: c.mass for c in self.counter_masses})
+        """The mechanism with the counter-masses mounted, each with its own inertia."""
+        return self._as_made.with_counter_mass({c.site: c.mass for c in self.counter_masses})
+
+    @property
+    def _as_made(self) -> Mechanism:
+        """Without counter-masses, its sites with the radii of gyration of the plates that go there."""
+        drawn = {c.site: c.inertia / c.mass for c in self.counter_masses if c.inertia is not None and c.mass > 0.0}
+        sites = {
+            name: replace(self.before.site(name), radius_of_gyration=square**0.5) for name, square in drawn.items()
+        }
+        return replace(self.before, sites={**self.before.sites, **sites}) if sites else self.before
 
     def residual(self) -> float:
         """First-moment residual: largest absolute value of the conditions [kg m]."""
@@ -73,7 +87,7 @@ class Sizing:
     @property
     def added_inertia(self) -> float:
         """Inertia of all counter-masses about the joint axes of the bodies that carry them [kg m2]."""
-        return sum(c.mass * _inertia_about_joint(self.before, c.site) for c in self.counter_masses)
+        return sum(c.mass * _inertia_about_joint(self._as_made, c.site) for c in self.counter_masses)
 
     def balanced_payloads(self) -> dict[str, float | None]:
         """For each payload body, the payload that these counter-masses balance best [kg]; None where there is none."""
@@ -110,19 +124,43 @@ def from_stock(
 
     A mixed-integer programme solved to proven optimality; a plate's quantity is for all sites together.
     """
-    names = _sites(mechanism, sites)
-    columns, target = _system(conditions, mechanism, names)
-    scale = _UNBALANCE_SCALE / max(float(np.abs(target).max()), 1e-12)
+    return nested_from_stock(conditions, [mechanism], plates, sites)[0]
+
+
+def nested_from_stock(
+    conditions: Conditions, mechanisms: Sequence[Mechanism], plates: Sequence[Plate], sites: Sequence[str] = ()
+) -> tuple[Sizing, ...]:
+    """A set of plates for each of ``mechanisms`` (one mechanism, payloads rising), each set holding the one before it.
+
+    Least, one after the other: the largest first-moment residual of all, their sum, the mass of all sets; proven.
+    """
+    names = _sites(mechanisms[0], sites)
+    systems = [_system(conditions, mechanism, names) for mechanism in mechanisms]
     masses = np.array([plate.mass for plate in plates])
-    effect = scale * np.kron(columns, masses)
-    best = _programme(effect, scale * target, plates, len(names), None)
-    least = float(np.abs(effect @ best.ravel() - scale * target).max())
-    best = _programme(effect, scale * target, plates, len(names), least * (1.0 + 1e-9) + 1e-6)
-    chosen = {
-        name: tuple(p.name for p, count in zip(plates, row, strict=True) for _ in range(count))
-        for name, row in zip(names, best, strict=True)
-    }
-    return _sizing(conditions, mechanism, dict(zip(names, best @ masses, strict=True)), chosen)
+    quantities = np.array([plate.quantity for plate in plates], dtype=float)
+    counts = best_sets(systems[0][0], np.array([target for _, target in systems]), masses, quantities)
+    return tuple(
+        _sizing(conditions, mechanism, dict(zip(names, rows @ masses, strict=True)), _piles(names, rows, plates))
+        for mechanism, rows in zip(mechanisms, counts, strict=True)
+    )
+
+
+def nested_exact(
+    conditions: Conditions, mechanisms: Sequence[Mechanism], sites: Sequence[str] = ()
+) -> tuple[Sizing, ...]:
+    """Exact counter-masses for each of ``mechanisms`` (one mechanism, payloads rising), as sets that only grow.
+
+    Raises SizingError where a counter-mass would have to shrink: then no such sets are exact.
+    """
+    found = tuple(exact(conditions, mechanism, sites) for mechanism in mechanisms)
+    for lighter, heavier in pairwise(found):
+        for less, more in zip(lighter.counter_masses, heavier.counter_masses, strict=True):
+            if more.mass < less.mass * (1.0 - 1e-12):
+                raise SizingError(
+                    f"the counter-mass at {less.site!r} would have to shrink from {less.mass:.4f} to {more.mass:.4f} "
+                    "kg as the payload grows: no sets that only grow are exact; size each payload by itself"
+                )
+    return found
 
 
 def given(conditions: Conditions, mechanism: Mechanism, masses: Mapping[str, float]) -> Sizing:
@@ -179,39 +217,26 @@ def _lightest(columns: Floats, target: Floats, upper: Floats) -> Floats:
     ones = np.ones((rank, 1))
     sides = np.block([[columns, -ones], [-columns, -ones]])
     bounds = [(0.0, None if np.isinf(u) else float(u)) for u in upper] + [(0.0, None)]
-    first = linprog(np.r_[np.zeros(count), 1.0], sides, np.r_[target, -target], bounds=bounds)
-    if not first.success:
-        raise SizingError(f"counter-masses did not converge: {first.message}")
-    bounds[-1] = (0.0, float(np.asarray(first.x)[-1]) * (1 + 1e-9) + 1e-12)
-    second = linprog(np.r_[np.ones(count), 0.0], sides, np.r_[target, -target], bounds=bounds)
-    if not second.success:
-        raise SizingError(f"counter-masses did not converge: {second.message}")
-    lightest = np.asarray(second.x)
+    first = _least(np.r_[np.zeros(count), 1.0], sides, np.r_[target, -target], bounds)
+    bounds[-1] = (0.0, float(first[-1]) * (1 + 1e-9) + 1e-12)
+    lightest = _least(np.r_[np.ones(count), 0.0], sides, np.r_[target, -target], bounds)
     return _polished(columns, target, lightest[:-1].clip(0.0), upper)
 
 
-def _programme(
-    effect: Floats, target: Floats, plates: Sequence[Plate], sites: int, within: float | None
-) -> "np.ndarray[tuple[int, int], np.dtype[np.int64]]":
-    """Plates at each site, (sites, plates): least t with |effect x - target| <= t, or least mass with t ``within``."""
-    quantity = np.array([plate.quantity for plate in plates], dtype=float)
-    mass = np.array([plate.mass for plate in plates])
-    count = sites * len(plates)
-    cost = np.r_[np.zeros(count), 1.0] if within is None else np.r_[np.tile(mass, sites), 0.0]
-    ones = np.ones((len(effect), 1))
-    rows = [
-        LinearConstraint(np.hstack([effect, -ones]), -np.inf, target),
-        LinearConstraint(np.hstack([effect, ones]), target, np.inf),
-        LinearConstraint(np.hstack([np.tile(np.eye(len(plates)), sites), np.zeros((len(plates), 1))]), 0.0, quantity),
-    ]
-    upper = np.r_[np.tile(quantity, sites), np.inf if within is None else within]
-    integrality = np.r_[np.ones(count), 0.0]
-    solution = milp(
-        cost, constraints=rows, integrality=integrality, bounds=Bounds(0.0, upper), options={"mip_rel_gap": 0.0}
-    )
+def _least(cost: Floats, sides: Floats, limit: Floats, bounds: Sequence[tuple[float, float | None]]) -> Floats:
+    with stdout_discarded():
+        solution = linprog(cost, sides, limit, bounds=bounds)
     if not solution.success:
-        raise SizingError(f"no proven best set of plates: {solution.message}")
-    return np.rint(np.asarray(solution.x)[:-1]).astype(np.int64).reshape(sites, len(plates))
+        raise SizingError(f"counter-masses did not converge: {solution.message}")
+    return np.asarray(solution.x)
+
+
+def _piles(names: Sequence[str], counts: Indices, plates: Sequence[Plate]) -> dict[str, list[Plate]]:
+    """Plates at each site, in the order of the stock; ``counts`` (sites, kinds)."""
+    return {
+        name: [plate for plate, count in zip(plates, row, strict=True) for _ in range(count)]
+        for name, row in zip(names, counts, strict=True)
+    }
 
 
 def _inertia_about_joint(mechanism: Mechanism, name: str) -> float:
@@ -222,10 +247,19 @@ def _inertia_about_joint(mechanism: Mechanism, name: str) -> float:
 
 
 def _sizing(
-    conditions: Conditions, mechanism: Mechanism, masses: Mapping[str, float], plates: Mapping[str, tuple[str, ...]]
+    conditions: Conditions, mechanism: Mechanism, masses: Mapping[str, float], plates: Mapping[str, Sequence[Plate]]
 ) -> Sizing:
-    found = tuple(
-        CounterMass(name, float(mass), mechanism.site(name).position, plates.get(name, ()))
-        for name, mass in masses.items()
-    )
-    return Sizing(conditions, mechanism, found, mechanism.payload_bodies)
+    found = []
+    for name, mass in masses.items():
+        site, pile = mechanism.site(name), plates.get(name, ())
+        made_of = tuple(plate.name for plate in pile)
+        found.append(CounterMass(name, float(mass), site.position, made_of, _inertia_of(pile, site)))
+    return Sizing(conditions, mechanism, tuple(found), mechanism.payload_bodies)
+
+
+def _inertia_of(pile: Sequence[Plate], site: Site) -> float | None:
+    """Plates on one axis, their centres at the site; one that is not drawn has the site's radius of gyration."""
+    if all(plate.inertia is None for plate in pile):
+        return None
+    square = site.radius_of_gyration**2
+    return sum(plate.mass * square if plate.inertia is None else plate.inertia for plate in pile)

@@ -80,6 +80,21 @@ def once(pairs: tuple[tuple[str, float], ...], option: str) -> dict[str, float]:
     return dict(pairs)
 
 
+def in_turn(pairs: tuple[tuple[str, float], ...]) -> list[tuple[tuple[str, float], ...]]:
+    """Payloads of one body, in rising order, each with the payloads of all others; only one body may be named again."""
+    names = [name for name, _ in pairs]
+    again = sorted({name for name in names if names.count(name) > 1})
+    if not again:
+        return [pairs]
+    if len(again) > 1:
+        raise click.UsageError(f"--payload names {' and '.join(again)} again: sets grow with the payload of one body")
+    rest = tuple(pair for pair in pairs if pair[0] != again[0])
+    masses = sorted(mass for name, mass in pairs if name == again[0])
+    if len(set(masses)) < len(masses):
+        raise click.UsageError(f"--payload names the same mass of {again[0]!r} twice")
+    return [(*rest, (again[0], mass)) for mass in masses]
+
+
 def payload_bodies(mechanism: "Mechanism", payload: tuple[tuple[str, float], ...]) -> tuple[str, ...]:
     """Bodies whose balanced payload is asked for: those named, or else the mechanism's own."""
     return tuple(name for name, _ in payload) or mechanism.payload_bodies

@@ -19,14 +19,24 @@ if TYPE_CHECKING:
 Examples:
   balance size parallelogram-6bar --payload platform=5kg
   balance size parallelogram-6bar --payload platform=3.4116kg --stock kiper2019
-  balance size parallelogram-6bar --payload platform=5kg --motion x --json"""
+  balance size parallelogram-6bar --payload platform=5kg --motion x --json
+  balance size parallelogram-6bar -p platform=1.451kg -p platform=3.4116kg -p platform=5kg --stock kiper2019
+
+\b
+Several payloads of one body: sets that only grow with the payload. From stock, least one after the other and
+proven: the largest residual of all payloads, their sum, the mass of all sets.
+
+\b
+Stock weighed:  name,mass_kg,quantity
+Stock as drawn: name,quantity,shape,material,thickness_mm,length_mm,width_mm,diameter_mm,bore_mm,holes_mm
+  shape: rectangle (length, width), disc (diameter) or ring (diameter, bore); the rest is empty
+  material: 7075 aluminium, steel or 5000 aluminium; holes_mm: x y diameter; x y diameter, from its middle
+  Mass and inertia follow; inertia is about the plate's centre of mass, which is taken to be at the site."""
 )
 @options.mechanism_argument
 @options.payload_option
 @options.site_option
-@click.option(
-    "--stock", metavar="CSV", help="Make them from these plates: columns name,mass_kg,quantity, or kiper2019."
-)
+@click.option("--stock", metavar="CSV", help="Make them from these plates: a CSV file as below, or kiper2019.")
 @click.option(
     "--limit", type=options.NamedMass("SITE"), multiple=True, metavar="SITE=M", help="Largest counter-mass at a site."
 )
@@ -56,6 +66,14 @@ def size(
             raise click.UsageError("--closed-form goes with --payload and --json alone: no model is read")
         _closed_form(mechanism, payload, as_json)
         return
+    in_turn = options.in_turn(payload)
+    if len(in_turn) > 1:
+        if limit or motion or figure:
+            raise click.UsageError("--limit, --motion and --figure are for one payload of a body")
+        from .growing import grow
+
+        grow(mechanism, in_turn, site, stock, as_json)
+        return
     result = _sized(options.load(mechanism, payload), site, stock, options.once(limit, "--limit"), payload)
     responses = _responses(result, motion) if motion else {}
     if figure:
@@ -63,7 +81,7 @@ def size(
 
         save(draw_mechanism(result.after, result.counter_masses), figure)
     if as_json:
-        emit_json(_document(result) | {name: summary(response) for name, response in responses.items()})
+        emit_json(document(result) | {name: summary(response) for name, response in responses.items()})
         return
     _print(result, stock)
     if responses:
@@ -109,7 +127,8 @@ def _grouped(values: dict[str, float]) -> dict[str, Any]:
     return wrench | {"torque_Nm": torque}
 
 
-def _document(result: "Sizing") -> dict[str, Any]:
+def document(result: "Sizing") -> dict[str, Any]:
+    """Counter-masses and what they leave, for JSON."""
     return {
         "mechanism": result.before.name,
         "counter_masses": [

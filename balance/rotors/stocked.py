@@ -13,9 +13,9 @@ from scipy.optimize import Bounds, LinearConstraint, milp
 
 from ..arrays import Floats
 from ..errors import SizingError
+from ..quiet import stdout_discarded
 from ..stock import Plate
 from .holes import Hole, Split, directions
-from .quiet import stdout_discarded
 
 _SCALE = 1e3
 """Correction to which the programme is scaled, so that the solver's 1e-6 is 1e-9 of it."""

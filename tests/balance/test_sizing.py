@@ -1,6 +1,6 @@
 """Counter-masses: the printed ones, their residuals, limits, choices, and stock against all combinations."""
 
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -9,6 +9,7 @@ from balance import sizing, stock
 from balance.conditions import Conditions, find
 from balance.errors import SizingError
 from balance.mechanism import Mechanism
+from balance.setsearch import best_sets
 from balance.stock import Plate
 
 from . import models
@@ -205,3 +206,74 @@ def test_payloads_of_other_bodies() -> None:
     sized = sizing.exact(found, mechanism)
     payload = sizing.balanced_payload(found, sized.after, "AC")
     assert payload == pytest.approx(0.58909, abs=1e-9)
+
+
+def test_sets_that_grow_for_the_payloads_of_the_source() -> None:
+    """M1 + M2, + M4, + M3: as the built sets at 1.451 and 5 kg, better than the built one between."""
+    found, _ = carrying(1.451)
+    sets = sizing.nested_from_stock(found, [carrying(p)[1] for p in BUILT], stock.load("kiper2019"))
+    assert [c.counter_masses[0].plates for c in sets] == [
+        ("M1", "M2"),
+        ("M1", "M2", "M4"),
+        ("M1", "M2", "M3", "M4"),
+    ]
+    for left, (_, built, _) in zip(sets, BUILT.values(), strict=True):
+        assert left.residual() <= built + 5e-7
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_growing_sets_are_the_best_of_all(seed: int) -> None:
+    """Every chain of sets, two sites and random plates: none has a less largest residual, then sum, then mass."""
+    rng = np.random.default_rng(seed)
+    columns = np.diag(rng.uniform(0.5, 2.0, 2)) if seed % 2 else rng.uniform(-1.0, 2.0, (2, 2))
+    targets = np.cumsum(rng.uniform(-1.0, 6.0, (3, 2)), axis=0)
+    masses, quantities = rng.uniform(1.0, 5.0, 2), rng.integers(1, 4, 2)
+    found = best_sets(columns, targets, masses, quantities.astype(float))
+    assert (np.diff(found, axis=0) >= 0).all()
+    assert (found[-1].sum(axis=0) <= quantities).all()
+    kinds = [[(a, b) for a, b in product(range(q + 1), repeat=2) if a + b <= q] for q in quantities]
+    states = [np.array(state).T for state in product(*kinds)]
+    left = np.array([[np.abs(columns @ (s @ masses) - t).max() for s in states] for t in targets])
+    above = np.array([[(b >= a).all() for b in states] for a in states])
+    chains = ((i, j, k) for i in range(len(states)) for j in np.flatnonzero(above[i]) for k in np.flatnonzero(above[j]))
+    scores = np.array(
+        [
+            (max(r), sum(r), sum((states[m] @ masses).sum() for m in chain))
+            for chain in chains
+            for r in [[left[k, m] for k, m in enumerate(chain)]]
+        ]
+    )
+    score = scores[np.lexsort(np.round(scores, 6).T[::-1])[0]]
+    ours = [np.abs(columns @ (s @ masses) - t).max() for s, t in zip(found, targets, strict=True)]
+    assert (max(ours), sum(ours), (found @ masses).sum()) == pytest.approx(tuple(score), abs=1e-5)
+
+
+def test_exact_sets_that_grow() -> None:
+    """Any mass: each payload's own exact counter-mass, the order of payloads rising; nothing is left."""
+    found, _ = carrying(1.451)
+    sets = sizing.nested_exact(found, [carrying(p)[1] for p in EXACT])
+    assert [s.counter_masses[1].mass for s in sets] == pytest.approx(list(EXACT.values()), abs=1e-6)
+    for less, more in pairwise(sets):
+        assert more.added_mass > less.added_mass
+        assert more.residual() < 1e-12
+
+
+def test_exact_sets_that_would_shrink_are_refused() -> None:
+    """Payloads that fall ask for counter-masses that shrink: named, with the site."""
+    found, _ = carrying(1.451)
+    with pytest.raises(SizingError, match=r"counter_A0A' would have to shrink from 24\.2761 to 10\.0990 kg"):
+        sizing.nested_exact(found, [carrying(5.0)[1], carrying(1.451)[1]])
+
+
+def test_plates_as_drawn_bring_their_own_inertia() -> None:
+    """The mechanism as made has m p2 + the plates' own inertia, not that of the site's assumed radius of gyration."""
+    found, mechanism = carrying(1.451)
+    drawn = [Plate("A", 10.0, 2, 0.05), Plate("B", 0.1, 2)]
+    sized = sizing.from_stock(found, mechanism, drawn)
+    assert [c.plates for c in sized.counter_masses] == [("A", "B")] * 2
+    own = 0.05 + 0.1 * 0.06**2
+    assert [c.inertia for c in sized.counter_masses] == pytest.approx([own] * 2)
+    assert sized.added_inertia == pytest.approx(2 * (10.1 * 0.03755**2 + own))
+    row, izz = mechanism.body_index("A0A"), 9
+    gained = sized.after.parameters[row, izz] - mechanism.parameters[row, izz]
+    assert gained == pytest.approx(10.1 * 0.03755**2 + own)

@@ -1,5 +1,6 @@
 """Stock plates from CSV; wrong rows are named."""
 
+import math
 from pathlib import Path
 
 import pytest
@@ -64,3 +65,64 @@ def test_unknown_plates_are_listed() -> None:
     """A plate that is not in stock."""
     with pytest.raises(DataError, match="no plate 'M9' in stock: there are M1, M2, M3, M4"):
         stock.mass_of(["M1", "M9"], stock.load("kiper2019"))
+
+
+HEADER = "name,quantity,shape,material,thickness_mm,length_mm,width_mm,diameter_mm,bore_mm,holes_mm\n"
+
+
+def test_plates_as_drawn(tmp_path: Path) -> None:
+    """A steel block of 160 x 100 x 40 mm weighs 5.0112 kg; a ring is a disc less its bore; columns not needed go."""
+    (tmp_path / "drawn.csv").write_text(
+        HEADER + "block,2,rectangle,steel,40,160,100,,,\nring,1,ring,7075 aluminium,10,,,100,60,\n", encoding="utf-8"
+    )
+    block, ring = stock.load(tmp_path / "drawn.csv")
+    assert (block.mass, block.quantity) == (pytest.approx(5.0112), 2)
+    assert block.inertia == pytest.approx(5.0112 * (0.16**2 + 0.1**2) / 12)
+    assert ring.mass == pytest.approx(2810 * 0.01 * math.pi * (0.05**2 - 0.03**2))
+    assert ring.inertia == pytest.approx(ring.mass * (0.05**2 + 0.03**2) / 2)
+    (tmp_path / "discs.csv").write_text(
+        "name,quantity,shape,material,thickness_mm,diameter_mm\nd,1,disc,5000 aluminium,10,100\n", encoding="utf-8"
+    )
+    assert stock.load(tmp_path / "discs.csv")[0].mass == pytest.approx(2647.27 * 0.01 * math.pi * 0.05**2)
+
+
+def test_the_shipped_example_can_be_read() -> None:
+    """Every plate of it has mass and inertia."""
+    plates = stock.load("example-plates")
+    assert len(plates) == 4
+    assert all(plate.inertia is not None and plate.inertia > 0.0 for plate in plates)
+
+
+DRAWN_WRONG = {
+    "shape": ("p,1,hexagon,steel,10,,,50,,", "shape 'hexagon': expected rectangle, disc, ring"),
+    "material": ("p,1,disc,gold,10,,,50,,", "material 'gold': expected 7075 aluminium, steel"),
+    "size missing": ("p,1,rectangle,steel,10,50,,,,", "width_mm is empty: expected millimetres above zero"),
+    "size for another shape": ("p,1,disc,steel,10,50,,50,,", "a disc has no length_mm"),
+    "bore too wide": ("p,1,ring,steel,10,,,50,50,", "bore_mm is not smaller"),
+    "no thickness": ("p,1,disc,steel,0,,,50,,", "thickness_mm is 0"),
+    "not a number": ("p,1,disc,steel,10,,,5O,,", "diameter_mm is 5O"),
+    "hole outside": ("p,1,disc,steel,10,,,50,,22 0 8", "hole 1 leaves the plate"),
+    "holes that meet": ("p,1,disc,steel,10,,,50,,0 0 8; 5 0 8", "holes 1 and 2 meet"),
+    "hole in the bore": ("p,1,ring,steel,10,,,50,20,11 0 8", "hole 1 leaves the plate"),
+    "half a hole": ("p,1,disc,steel,10,,,50,,5 0", "holes_mm '5 0': expected 'x y diameter"),
+    "a hole of nothing": ("p,1,disc,steel,10,,,50,,5 0 0", "a diameter above zero"),
+    "quantity": ("p,half,disc,steel,10,,,50,,", "a whole quantity"),
+}
+
+
+@pytest.mark.parametrize("case", DRAWN_WRONG)
+def test_wrong_plates_as_drawn_are_refused(tmp_path: Path, case: str) -> None:
+    """File, row, what was found and what was expected."""
+    row, message = DRAWN_WRONG[case]
+    (tmp_path / "drawn.csv").write_text(f"{HEADER}{row}\n", encoding="utf-8")
+    with pytest.raises(DataError, match=rf"drawn\.csv, plate 1: .*{message}"):
+        stock.load(tmp_path / "drawn.csv")
+
+
+def test_a_stock_has_masses_or_drawings_not_both(tmp_path: Path) -> None:
+    """A mass beside a drawing could contradict it."""
+    (tmp_path / "both.csv").write_text(HEADER.strip() + ",mass_kg\n", encoding="utf-8")
+    with pytest.raises(
+        DataError, match=r"both\.csv: expected the columns name,mass_kg,quantity and at least one plate"
+    ):
+        stock.load(tmp_path / "both.csv")

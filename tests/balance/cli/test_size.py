@@ -96,6 +96,35 @@ def test_closed_form_in_json(balance):
     assert document["residual_first_moment_kgm"] is None
 
 
+PAYLOADS = ("-p", "platform=5kg", "-p", "platform=1.451kg", "-p", "platform=3.4116kg")
+
+
+def test_sets_that_grow_with_the_payload(balance):
+    """Rising payloads, each set holding the one before; the sets that were built stand beside, not in place."""
+    document = json.loads(balance("size", "parallelogram-6bar", *PAYLOADS, "--stock", "kiper2019", "--json").out)
+    assert [s["payload_kg"]["platform"] for s in document["sets"]] == [1.451, 3.4116, 5.0]
+    assert all(s.keys() >= KEYS for s in document["sets"])
+    assert [s["counter_masses"][1]["plates"][-1] for s in document["sets"]] == ["M2", "M4", "M4"]
+    assert [s["increments_kg"]["counter_A0A"] for s in document["sets"]] == pytest.approx([10.09167, 7.15208, 7.01882])
+    published = document["published"]
+    assert [s["plates"] for s in published["sets"]] == [["M1", "M2", "M3", "M4"][:n] for n in (2, 3, 4)]
+    assert published["sets"][1]["residual_first_moment_kgm"] == pytest.approx(0.03081, abs=5e-6)
+    assert published["increments_kg"] == [7.00735, 7.16965]
+    out = balance("size", "parallelogram-6bar", *PAYLOADS, "--stock", "kiper2019").out
+    assert "7.00735 and 7.16965 kg" in out
+    assert "proven" in out
+
+
+def test_exact_sets_that_grow(balance):
+    """Without stock: each payload exactly, and what is added; nothing published stands beside."""
+    document = json.loads(balance("size", "parallelogram-6bar", *PAYLOADS, "--json").out)
+    assert [s["increments_kg"]["counter_B0B"] for s in document["sets"]] == pytest.approx(
+        [10.099021, 7.831957, 6.34514], abs=1e-6
+    )
+    assert "published" not in document
+    assert "Residual at platform = 5.0000 kg" in balance("size", "parallelogram-6bar", *PAYLOADS).out
+
+
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -104,6 +133,9 @@ def test_closed_form_in_json(balance):
         ("parallelogram-6bar", "-p", "platform=5kg", "--closed-form", "--stock", "kiper2019"),
         ("parallelogram-6bar", "-p", "platform=5kg", "--closed-form", "--motion", "x"),
         ("parallelogram-6bar", "--stock", "kiper2019", "--limit", "counter_A0A=5kg"),
+        ("parallelogram-6bar", *PAYLOADS, "--motion", "x"),
+        ("parallelogram-6bar", *PAYLOADS, "-p", "AC=1kg", "-p", "AC=2kg"),
+        ("parallelogram-6bar", *PAYLOADS, "-p", "platform=5kg"),
     ],
 )
 def test_options_that_do_not_go_together(balance, arguments):
