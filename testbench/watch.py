@@ -29,6 +29,8 @@ class Watch:
     ingest: Ingest
     settle_s: float = 2.0
     """A file that did not change for so long has stopped growing [s]."""
+    growing: list[Path] = field(default_factory=list, init=False)
+    """Files that had changed shortly before the last look."""
     _done: dict[Path, State] = field(default_factory=dict, init=False)
     _seen: dict[Path, tuple[State, float]] = field(default_factory=dict, init=False)
 
@@ -48,19 +50,13 @@ class Watch:
     def look(self) -> Iterator[Outcome]:
         """Ingest what has not changed for a while. A file that cannot be taken is said once, and the next one comes."""
         self._look()
-        growing = self.growing  # of this moment: the others are not looked at again before they are read
-        for path, (state, _) in sorted(self._seen.items()):
-            if path in self._done or path in growing:
-                continue
-            self._done[path] = state
-            yield from self._one(path)
-
-    @property
-    def growing(self) -> list[Path]:
-        """Files that changed lately."""
         now = time.monotonic()
-        waiting = (path for path in self._seen if path not in self._done)
-        return [path for path in waiting if now - self._seen[path][1] < self.settle_s]
+        waiting = sorted((path, *seen) for path, seen in self._seen.items() if path not in self._done)
+        self.growing = [path for path, _, since in waiting if now - since < self.settle_s]
+        for path, state, _ in waiting:
+            if path not in self.growing:
+                self._done[path] = state
+                yield from self._one(path)
 
     def _one(self, path: Path) -> list[Outcome]:
         try:
