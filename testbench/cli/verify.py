@@ -6,6 +6,7 @@ import click
 
 from balance.cli.console import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 
+from .progress import progress
 from .reading import plain
 
 
@@ -23,7 +24,9 @@ def verify(campaign: Path, as_json: bool) -> int:
     """Check every stored run, to the bit, against the digest that was written beside it."""
     from ..store import open_campaign
 
-    files = open_campaign(campaign).verify()
+    opened = open_campaign(campaign)
+    with progress("verifying", sum(path.stat().st_size for path in opened.run_paths)) as done:
+        files = opened.verify(done)
     if as_json:
         emit_json({"campaign": campaign.name, "files": [file.as_dict() for file in files]})
     else:

@@ -1,0 +1,68 @@
+"""A group of a run as columns of a table: time first where the clock is a rate, else as recorded."""
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+from ..recording import Channel, Samples, UniformClock
+from ..store import Run
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: the channel, its place in the group (None: computed time), and its values when asked for."""
+
+    channel: Channel
+    run: Run
+    group: str
+    index: int | None
+
+    @property
+    def values(self) -> Samples:
+        """The values as recorded, (n,)."""
+        return self.run.time(self.group) if self.index is None else self.run.channel_at(self.group, self.index)
+
+    @property
+    def header(self) -> str:
+        """The name as written, with the unit in brackets where it stands apart."""
+        channel = self.channel
+        if channel.unit is None or channel.unit in channel.name.removeprefix(channel.label):
+            return channel.name
+        return f"{channel.label} ({channel.unit})"
+
+
+def columns(run: Run, group: str) -> list[Column]:
+    """The columns of a group; a uniform clock gives ``time (s)``, by index and rate."""
+    where = run.group(group)
+    found = [Column(channel, run, group, i) for i, channel in enumerate(where.channels)]
+    if isinstance(where.clock, UniformClock):
+        found.insert(0, Column(Channel("time (s)", "s", "time"), run, group, None))
+    return found
+
+
+def unique(headers: list[str]) -> list[str]:
+    """Headers made different by a number where several are the same."""
+    taken: list[str] = []
+    for header in headers:
+        name, n = header, 1
+        while name in taken:
+            n += 1
+            name = f"{header}_{n}"
+        taken.append(name)
+    return taken
+
+
+def provenance(run: Run) -> dict[str, Any]:
+    """What goes with the values wherever they go."""
+    return {
+        "run": run.name,
+        "origin": run.origin,
+        "conditions": dict(run.conditions),
+        "findings": [finding.as_dict() for finding in run.findings],
+        "provenance": run.provenance,
+    }
+
+
+def line(value: object) -> str:
+    """``value`` as JSON on one line."""
+    return json.dumps(value, ensure_ascii=False)

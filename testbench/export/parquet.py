@@ -1,0 +1,22 @@
+"""Parquet: one table a group; units, origin and provenance as JSON in the metadata of the file."""
+
+from pathlib import Path
+
+from ..store import Run
+from .columns import columns, line, provenance, unique
+
+KEY = "counterpoise"
+"""Key of the metadata."""
+
+
+def write(run: Run, groups: list[str], target: Path) -> list[str]:
+    """Write one group."""
+    import polars
+
+    (group,) = groups
+    found = columns(run, group)
+    names = unique([column.channel.name for column in found])
+    units = {name: column.channel.unit for name, column in zip(names, found, strict=True)}
+    table = polars.DataFrame({name: column.values for name, column in zip(names, found, strict=True)})
+    table.write_parquet(target, metadata={KEY: line({"group": group, "units": units, **provenance(run)})})
+    return []
