@@ -1,7 +1,7 @@
 """A stored run, read back: names, units, time, conditions, findings."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -15,6 +15,8 @@ from . import description, layout, safe
 
 if TYPE_CHECKING:
     import h5py
+    import pandas
+    import xarray
 
 
 @dataclass(frozen=True)
@@ -87,6 +89,18 @@ class Run:
         """The values of the channel of this index in its group, whatever its name, (n,)."""
         where = self.group(group)
         return self._read(f"{where.path}/{where.keys[index]}")
+
+    def to_pandas(self, group: str | None = None, channels: Sequence[str] | None = None) -> "pandas.DataFrame":
+        """A group as a table against time [s]; of ``channels`` alone if given. Units are in ``.attrs["units"]``."""
+        from .frames import to_pandas
+
+        return to_pandas(self, group, channels)
+
+    def to_xarray(self, group: str | None = None, channels: Sequence[str] | None = None) -> "xarray.Dataset":
+        """A group as a dataset against time [s], with units and names; of ``channels`` alone if given."""
+        from .frames import to_xarray
+
+        return to_xarray(self, group, channels)
 
     def time(self, group: str | None = None) -> Samples:
         """Time of each sample on its logger's own clock, (n,) [s]."""

@@ -1,0 +1,68 @@
+"""A group of a stored run in pandas or xarray, with names and units; only the channels that are asked for are read."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..recording import Samples
+from . import layout
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+    from .run import Run, StoredGroup
+
+
+def to_pandas(run: "Run", group: str | None, channels: Sequence[str] | None) -> "pandas.DataFrame":
+    """Channels as written by name, against time [s], or sample where there is no time; units in ``attrs``."""
+    import pandas
+
+    where = run.group(group)
+    indices = _asked(run, where, channels)
+    units = {where.channels[i].name: where.channels[i].unit for i in indices}
+    kind, index = _index(run, where)
+    axis = pandas.Index(index, name="time (s)" if kind == layout.TIME else kind, copy=False)
+    columns = [run.channel_at(where.name, i) for i in indices]
+    frame = pandas.DataFrame(dict(enumerate(columns)), index=axis, copy=False)
+    frame.columns = pandas.Index([where.channels[i].name for i in indices])
+    frame.attrs.update({"run": run.name, "group": where.name, "origin": run.origin, "units": units})
+    return frame
+
+
+def to_xarray(run: "Run", group: str | None, channels: Sequence[str] | None) -> "xarray.Dataset":
+    """Channels by their HDF5 name against time [s], with ``units`` and ``long_name``, as `open_dataset` gives them."""
+    import xarray
+
+    where = run.group(group)
+    kind, index = _index(run, where)
+    found = {
+        where.keys[i]: (kind, run.channel_at(where.name, i), _attributes(where, i))
+        for i in _asked(run, where, channels)
+    }
+    axis = {kind: (kind, index, {"units": "s"} if kind == layout.TIME else {})}
+    return xarray.Dataset(found, axis, {"run": run.name, "group": where.name, "origin": run.origin})
+
+
+def _asked(run: "Run", group: "StoredGroup", channels: Sequence[str] | None) -> list[int]:
+    """Indices of the channels that are asked for; without any, all but the time."""
+    if channels is not None:
+        return [run.find(name, group.name)[1] for name in channels]
+    time = getattr(group.clock, "index", None) if _has_time(group) else None
+    return [i for i in range(len(group.channels)) if i != time]
+
+
+def _index(run: "Run", group: "StoredGroup") -> tuple[str, Samples]:
+    if _has_time(group):
+        return layout.TIME, run.time(group.name)
+    return layout.SAMPLE, np.arange(group.samples, dtype=np.float64)
+
+
+def _has_time(group: "StoredGroup") -> bool:
+    return group.clock is not None and getattr(group.clock, "seconds_per_unit", 1.0) is not None
+
+
+def _attributes(group: "StoredGroup", index: int) -> dict[str, Any]:
+    channel = group.channels[index]
+    return {"long_name": channel.name, **({} if channel.unit is None else {"units": channel.unit})}
