@@ -8,6 +8,7 @@ BENCHMARKS = {
     "dynamics": ("closure, wrench and torque of a trajectory against a loop over Pinocchio", ["--samples", "20000",
                  "--peer-samples", "500", "--rounds", "3"]),
     "drive": ("steady state of a motor-driven machine against integrating to it from standstill", ["--rounds", "3"]),
+    "store": ("one channel read back against np.copy", ["--samples", "2000000", "--rounds", "3"]),
     "ingest": ("CSV into HDF5 against pandas and h5py", ["--mb", "20", "--rounds", "1"]),
 }  # fmt: skip
 """Module of each benchmark, what it measures, and the options of a brief run."""
