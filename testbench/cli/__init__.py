@@ -18,6 +18,7 @@ COMMANDS = {
     "identify": "Inertial parameters and friction of a mechanism from the torques of runs.",
     "trim": "What first moment is missing on which arm, and which mass to add.",
     "speed": "Speed over a turn and its fluctuation, from the instants of encoder edges.",
+    "vectors": "Amplitude and phase of vibration sensors by a tachometer, for balance rotor influence.",
 }
 
 

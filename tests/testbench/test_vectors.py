@@ -1,0 +1,131 @@
+"""Order vectors of simulated rotors whose truth is known."""
+
+import numpy as np
+import pytest
+
+from testbench.errors import AnalysisError
+from testbench.tacho import Turns, pulses, steady_turns
+from testbench.vectors import OrderVector, order_vector
+
+from .rotating import Rotor
+
+
+def turns_of(rotor: Rotor, within: float = 0.01) -> Turns:
+    """The turns of its tachometer."""
+    time, tacho, _ = rotor.record()
+    return steady_turns("run", time, tacho, None, False, within)
+
+
+def vectors_of(rotor: Rotor, order: int = 1) -> list[OrderVector]:
+    """The vector of each sensor."""
+    time, tacho, signals = rotor.record()
+    turns = steady_turns("run", time, tacho, None, False, 0.01)
+    return [order_vector("A", "acceleration", x, turns, time, order, 8) for x in signals]
+
+
+def test_without_noise_the_vector_is_the_truth() -> None:
+    """Amplitude and phase of lead to what the timing of a pulse allows; order 2 and 3 do not leak into them."""
+    rotor = Rotor(noise=0.0, tone=0.0)
+    for vector, truth in zip(vectors_of(rotor), rotor.truth(), strict=True):
+        assert abs(vector.value) == pytest.approx(abs(truth), rel=1e-3)
+        assert abs(np.angle(vector.value / truth)) < 2 * np.pi * 50.0 / 10_000.0 / 2
+        assert vector.coherence > 0.999
+    assert vectors_of(rotor, order=2)[0].value == pytest.approx(0.8 * np.exp(0.3j), abs=0.03)
+
+
+def test_weights_turned_with_the_rotation_raise_the_phase_alike() -> None:
+    """The convention: unbalance turned on by 40 degrees with the rotation raises the lead by 40 degrees."""
+    from .rotating import UNBALANCE
+
+    here = vectors_of(Rotor(noise=0.0, tone=0.0))
+    there = vectors_of(Rotor(noise=0.0, tone=0.0, weights=UNBALANCE * (np.exp(1j * np.radians(40.0)) - 1.0)))
+    for a, b in zip(here, there, strict=True):
+        assert np.degrees(np.angle(b.value / a.value)) == pytest.approx(40.0, abs=0.5)
+
+
+@pytest.mark.parametrize("tone", [0.0, 0.8])
+@pytest.mark.parametrize("smooth", [True, False])
+def test_intervals_hold_95_percent(smooth: bool, tone: float) -> None:
+    """50 runs of two sensors: the truth within in about 95 % of them, and in no fewer with a foreign tone.
+
+    Short pulses at 100 samples a turn are all early or late alike: the phase's interval holds half a sample then.
+    """
+    amplitude, phase, widths = [], [], []
+    for seed in range(50):
+        rotor = Rotor(seed=seed, seconds=2.0, rate=5000.0, noise=0.8, tone=tone, smooth=smooth)
+        for vector, truth in zip(vectors_of(rotor), rotor.truth(), strict=True):
+            amplitude.append(abs(abs(vector.value) - abs(truth)) < vector.amplitude_within)
+            phase.append(abs(np.angle(vector.value / truth)) < vector.phase_within)
+            widths.append(vector.amplitude_within / abs(truth))
+    assert 0.88 < np.mean(amplitude) < (0.995 if tone == 0.0 else 1.01)
+    assert 0.88 < np.mean(phase) < (0.995 if tone == 0.0 and smooth else 1.01)
+    assert np.median(widths) < 0.05
+
+
+def test_a_rotor_without_unbalance_has_no_phase() -> None:
+    """Noise alone: amplitude within its interval, the phase said to mean nothing, coherence low."""
+    from .rotating import UNBALANCE
+
+    told = [vector for seed in range(10) for vector in vectors_of(Rotor(seed=seed, weights=-UNBALANCE))]
+    assert sum(vector.is_told for vector in told) <= 3
+    quiet = [vector for vector in told if not vector.is_told]
+    assert all(vector.phase_within == np.pi for vector in quiet)
+    assert np.median([vector.coherence for vector in told]) < 0.4
+
+
+def test_pulses_between_samples() -> None:
+    """A sine's rising and falling zeros, at any phase, to a thousandth of a sample."""
+    time = np.arange(2000) / 1000.0
+    signal = np.sin(2 * np.pi * 7.0 * time - 0.8)
+    expected = (0.8 / (2 * np.pi) + np.arange(14)) / 7.0
+    np.testing.assert_allclose(pulses(time, signal), expected, atol=1e-6)
+    np.testing.assert_allclose(pulses(time, signal, falling=True)[:12], expected[:12] + 0.5 / 7.0, atol=1e-6)
+
+
+def test_a_noisy_edge_is_one_pulse() -> None:
+    """Noise of a tenth of the swing on slow edges makes no extra pulses."""
+    rng = np.random.default_rng(0)
+    time = np.arange(20_000) / 10_000.0
+    signal = np.sin(2 * np.pi * 10.0 * time) + rng.normal(0.0, 0.05, len(time))
+    assert len(pulses(time, signal)) == 20
+
+
+@pytest.mark.parametrize("drop", [[60], [60, 61], [60, 62], [10, 100]])
+def test_lost_pulses_are_named(drop: list[int]) -> None:
+    """Not averaged through: how many, and where."""
+    with pytest.raises(AnalysisError, match=rf"{len(drop)} pulses lost: .* after pulse"):
+        turns_of(Rotor(drop=drop))
+
+
+def test_a_pulse_too_many_is_named() -> None:
+    """A second mark in one turn."""
+    time, tacho, _ = Rotor().record()
+    tacho[(time > 1.0009) & (time < 1.0019)] = 5.0
+    first = steady_turns("run", *Rotor().record()[:2], None, False, 0.01).pulses
+    assert np.abs(first - 1.0014).min() > 0.0015
+    with pytest.raises(AnalysisError, match=r"pulses too many, at 1\.00"):
+        steady_turns("run", time, tacho, None, False, 0.01)
+
+
+def test_speed_that_is_not_steady_says_how_much() -> None:
+    """A drift of 5 %: refused with its size; half a per cent passes."""
+    with pytest.raises(AnalysisError, match=r"changes by 4\.\d % of its mean [23]\d{3}"):
+        turns_of(Rotor(drift=0.05))
+    assert 0.003 < turns_of(Rotor(drift=0.005)).change < 0.006
+    assert turns_of(Rotor(drift=0.05), within=0.1).change == pytest.approx(0.05, rel=0.2)
+
+
+def test_timing_to_a_sample_is_no_unsteady_speed() -> None:
+    """Steady at 40 samples a turn, where one sample is 2.5 %: steady, and its mean right."""
+    turns = turns_of(Rotor(rate=2000.0))
+    assert turns.change < 0.005
+    assert turns.speed == pytest.approx(50.0, rel=1e-3)
+
+
+def test_no_pulses_and_too_few_turns() -> None:
+    """A flat channel, and a record of five turns."""
+    time = np.arange(1000) / 1000.0
+    with pytest.raises(AnalysisError, match=r"0 pulses in 0\.999 s, values 5 to 5: expected at least 11"):
+        steady_turns("run", time, np.full(1000, 5.0), None, False, 0.01)
+    with pytest.raises(AnalysisError, match=r"[56] pulses in 0\.0999 s"):
+        turns_of(Rotor(seconds=0.1))
