@@ -10,6 +10,7 @@ from ..findings import Finding
 from ..recording import Block, Channel, Clock, Group, Samples, TimeColumn, UniformClock
 from ..units import seconds_per
 from .csv import names
+from .declared import by_rate
 from .stream import block_samples
 
 _TIME_LIKE = re.compile(r"(?:.*[. /])?(?:t|time|timestamps?|zeit|zaman)(?:[_ ].*|\d*)", re.IGNORECASE)
@@ -94,10 +95,10 @@ def _gathered(name: str, members: Sequence[Series], clock: Clock | None) -> Gath
 def stated_rate(scalars: Mapping[str, float]) -> float | None:
     """The sampling rate [Hz] that scalars such as ``fs`` or ``dt`` state, if they state one."""
     rates = [value for name, value in scalars.items() if _RATE_LIKE.fullmatch(name) and 0 < value < np.inf]
-    rates += [1 / value for name, value in scalars.items() if _STEP_LIKE.fullmatch(name) and 0 < value < np.inf]
+    rates += [1 / value for name, value in scalars.items() if _STEP_LIKE.fullmatch(name) and 1e-300 < value < np.inf]
     if not rates or any(abs(rate / rates[0] - 1) > _SAME_RATE for rate in rates):
         return None
-    return float(rates[0])
+    return float(rates[0]) if by_rate(float(rates[0])) else None
 
 
 def _time(members: Sequence[Series]) -> TimeColumn | None:
@@ -135,8 +136,9 @@ def _grows(member: Series) -> bool:
     last, step = -np.inf, block_samples(1)
     for begin in range(0, member.length, step):
         column = member.block(begin, min(begin + step, member.length))[0]
-        if not column[0] > last or not (np.diff(column) > 0).all():
-            return False
+        with np.errstate(invalid="ignore"):
+            if not column[0] > last or not (np.diff(column) > 0).all():
+                return False
         last = float(column[-1])
     return True
 
@@ -147,7 +149,8 @@ def _against_stated(members: Sequence[Series], clock: TimeColumn, stated: float 
         return []
     column = [series for series in members for _ in series.channels][clock.index]
     first, last = (float(column.block(i, i + 1)[0][0]) for i in (0, column.length - 1))
-    rate = (column.length - 1) / ((last - first) * clock.seconds_per_unit)
+    span = (last - first) * clock.seconds_per_unit
+    rate = (column.length - 1) / span if span > 0 else np.inf
     if not _SAME_RATE < abs(rate / stated - 1) <= _CONTRADICTION:
         return []
     message = f"the file states {stated:.10g} Hz, its time column gives {rate:.10g} Hz; the column is taken"

@@ -11,7 +11,7 @@ from ..findings import Finding, Refusal
 from ..recording import Block, Channel, Group, Recording, Samples, UniformClock
 from .nonfinite import watched
 from .registry import Reader, ReadOptions
-from .stream import ByteSource, block_samples, damaged
+from .stream import ByteSource, as_float64, block_samples, damaged
 
 _INTEGER, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 _UNKNOWN = 0xFFFFFFFF
@@ -149,10 +149,10 @@ def _columns(raw: bytes, form: _Form) -> tuple[Samples, ...]:
         rows = np.frombuffer(raw, dtype=np.uint8).reshape(-1, 3)
         wide = np.zeros((len(rows), 4), dtype=np.uint8)
         wide[:, 1:] = rows
-        numbers = (wide.view("<i4") >> 8).ravel().astype(np.float64)
+        numbers = as_float64((wide.view("<i4") >> 8).ravel())
     else:
         kind = "u1" if form.size == 1 else f"<{'f' if form.is_float else 'i'}{form.size}"
-        numbers = np.frombuffer(raw, dtype=kind).astype(np.float64)
+        numbers = as_float64(np.frombuffer(raw, dtype=kind))
     return tuple(numbers.reshape(-1, form.channels).T.copy())
 
 

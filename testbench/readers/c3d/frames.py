@@ -11,6 +11,9 @@ from ..stream import ByteSource, block_samples
 from . import parameters
 from .header import Head
 
+_LARGEST = 1e300
+"""A scale beyond this is none; it must not overflow."""
+
 
 @dataclass(frozen=True)
 class Frames:
@@ -35,12 +38,14 @@ def blocks(source: ByteSource, head: Head) -> Iterator[Frames]:
         words = _numbers(raw, head).reshape(count, layout.words)
         points = words[:, : 4 * layout.points].reshape(count, layout.points, 4).transpose(1, 2, 0).copy()
         if not layout.is_float:
-            points[:, :3] *= layout.scale  # coordinate = integer * scale
+            points[:, :3] *= min(layout.scale, _LARGEST)  # coordinate = integer * scale
         analog = words[:, 4 * layout.points :].reshape(count * layout.per_frame, layout.channels).T
         if not layout.is_float and _is_unsigned(head):
             analog = np.where(analog < 0, analog + 65536.0, analog)
         # value = (number - offset) * scale of the channel * general scale
-        yield Frames(points, (analog - offset) * scale, start, begin + len(raw))
+        with np.errstate(all="ignore"):
+            physical = (analog - offset) * scale
+        yield Frames(points, physical, start, begin + len(raw))
 
 
 def _numbers(raw: bytes, head: Head) -> Samples:
@@ -53,7 +58,8 @@ def analog_law(head: Head) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Scale and offset of the analog channels, each (channels, 1); 1 and 0 where the parameters name none."""
     given, channels = head.parameters, head.layout.channels
     general = given.number("ANALOG:GEN_SCALE")
-    scale = _filled(given.numbers("ANALOG:SCALE"), channels, 1.0) * (1.0 if general is None else general)
+    with np.errstate(all="ignore"):
+        scale = _filled(given.numbers("ANALOG:SCALE"), channels, 1.0) * (1.0 if general is None else general)
     offset = _filled(given.numbers("ANALOG:OFFSET"), channels, 0.0)
     if _is_unsigned(head):
         offset = np.where(offset < 0, offset + 65536.0, offset)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..stream import ByteSource, damaged
+from ..stream import ByteSource, as_float64, damaged
 
 BLOCK = 512
 INTEL, DEC, SGI = 84, 85, 86
@@ -54,8 +54,8 @@ def floats(raw: bytes, processor: int) -> NDArray[np.float64]:
     """
     if processor == DEC:
         swapped = np.frombuffer(raw, dtype="<u2").reshape(-1, 2)[:, ::-1].copy()
-        return swapped.view("<f4").ravel().astype(np.float64) / 4.0
-    return np.frombuffer(raw, dtype=">f4" if processor == SGI else "<f4").astype(np.float64)
+        return as_float64(swapped.view("<f4").ravel()) / 4.0
+    return as_float64(np.frombuffer(raw, dtype=">f4" if processor == SGI else "<f4"))
 
 
 def read(source: ByteSource, first_block: int) -> Parameters:

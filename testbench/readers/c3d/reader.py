@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from ...findings import Finding, Refusal
-from ...recording import Block, Channel, Clock, Group, Recording, Report, Samples, UniformClock
+from ...recording import Block, Channel, Clock, Group, Recording, Report, Samples
 from .. import doubt
+from ..declared import by_rate
 from ..nonfinite import watched
 from ..registry import Reader, ReadOptions
 from ..stream import ByteSource
@@ -85,7 +86,7 @@ def _units_of_points(given: Parameters) -> dict[str, str | None]:
 
 
 def _clock(rate_hz: float, start: float) -> Clock | None:
-    return UniformClock(rate_hz, start) if rate_hz > 0 else None
+    return by_rate(rate_hz, start)
 
 
 def _blocks(path: Path, head: Head, groups: _Groups, report: Report) -> Iterator[Block]:

@@ -70,7 +70,7 @@ class CellFilter:
     def _judge(self, column: int, line: int, token: str) -> float | None:
         """Note the cell under its kind; the value of one that is a number between blanks."""
         mark = marks.mark_of(token)
-        if mark in ("", self.form.dialect.decimal) and np.isfinite(value := float(token.replace(",", "."))):
+        if mark in ("", self.form.dialect.decimal) and np.isfinite(value := float(token.strip().replace(",", "."))):
             return value
         if "\0" in token:
             self._note("nul_bytes", line, token)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...recording import Channel, Samples
 from ..series import Series
+from ..stream import as_float64
 from .walk import plain
 
 MOST_CHANNELS = 4096
@@ -29,7 +30,8 @@ class Law:
         """The values of packed numbers."""
         values = numbers
         if (self.scale, self.offset) != (1.0, 0.0):
-            values = numbers * self.scale + self.offset
+            with np.errstate(all="ignore"):
+                values = numbers * self.scale + self.offset
         return values if self.fill is None else np.where(numbers == self.fill, np.nan, values)
 
 
@@ -113,7 +115,7 @@ def _part(column: np.ndarray[Any, Any], field: str, part: str) -> Samples:
         column = column[field]
     elif part:
         column = column.real if part == "real" else column.imag
-    return np.asarray(column.astype(np.float64))
+    return as_float64(column)
 
 
 def unit_of(node: h5py.Dataset) -> str | None:

@@ -9,6 +9,7 @@ from ...recording import Channel, Clock, Group, TimeColumn, UniformClock
 from .. import doubt
 from ..csv.dialect import Dialect
 from ..csv.parse import Form
+from ..declared import by_step
 from ..stream import damaged
 from .scan import Head
 
@@ -133,7 +134,7 @@ def _clock(path: Path, said: dict[str, str], decimal: str, x: int | None) -> Clo
         start, step = (float((said[key] or "0").replace(decimal, ".")) for key in ("X0", "Delta_X"))
     except ValueError as error:
         raise damaged(path, f"X0 {said['X0']!r} or Delta_X {said['Delta_X']!r} is no number") from error
-    return UniformClock(1.0 / step, start) if 0.0 < step < float("inf") and abs(start) < float("inf") else None
+    return by_step(step, start)
 
 
 def _count(path: Path, text: str) -> int:

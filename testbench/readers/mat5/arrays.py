@@ -7,12 +7,13 @@ import numpy as np
 
 from ...recording import Channel, Samples
 from ..series import Series
-from ..stream import block_samples, damaged
+from ..stream import as_float64, block_samples, damaged
 from .elements import CHAR, CLASSES, NUMBERS, Array, Element
 
 MOST_CHANNELS = 4096
 _EXACT = 2.0**53
 _WIDE = (14, 15)
+_SINGLE = 7
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,8 @@ class Columns:
         stored = np.dtype(self.order + NUMBERS[self.part.kind])
         count = (end - begin) * stored.itemsize
         raw = self.array.content.read(self.part.begin + begin * stored.itemsize, count, self.array.path)
-        return np.frombuffer(raw, dtype=stored).astype(CLASSES[self.array.kind]).astype(np.float64)
+        numbers = np.frombuffer(raw, dtype=stored)
+        return as_float64(numbers.astype(np.float32) if self.array.kind == _SINGLE else numbers)
 
 
 def columns(array: Array, order: str) -> tuple[tuple[str, ...], tuple[Columns, ...]] | None:

@@ -85,8 +85,10 @@ class Walk:
         flags = self.element(matrix.begin)
         dimensions = self.element(flags.next)
         name = self.element(dimensions.next)
-        kind = self.raw(flags)[0 if self.order == "<" else 3]
-        is_complex = bool(self.raw(flags)[1 if self.order == "<" else 2] & 8)
+        said = self.raw(flags)
+        if len(said) < 4:
+            raise damaged(self.content.path, f"{path or 'a variable'}: flags of {len(said)} bytes")
+        kind, is_complex = (said[0], said[1] & 8) if self.order == "<" else (said[3], said[2] & 8)
         sizes = struct.unpack(
             f"{self.order}{dimensions.count // 4}i", self.raw(dimensions)[: dimensions.count // 4 * 4]
         )
@@ -94,7 +96,7 @@ class Walk:
         if any(size < 0 for size in sizes):
             raise damaged(self.content.path, f"{path}: dimensions {sizes}")
         if kind in CLASSES or kind == CHAR:
-            yield self._array(path, kind, sizes, name.next, is_complex)
+            yield self._array(path, kind, sizes, name.next, bool(is_complex))
         elif kind == CELL:
             yield from self._items(path, sizes, name.next, depth)
         elif kind == STRUCT:
@@ -119,7 +121,7 @@ class Walk:
     def _fields(self, path: str, sizes: tuple[int, ...], offset: int, depth: int) -> Iterator[Array | Other]:
         length_of_names = self.element(offset)
         listed = self.element(length_of_names.next)
-        (length,) = struct.unpack(f"{self.order}i", self.raw(length_of_names)[:4])
+        (length,) = struct.unpack(f"{self.order}i", self.raw(length_of_names)[:4].ljust(4, b"\0"))
         text = self.raw(listed)
         if length < 1:
             raise damaged(self.content.path, f"{path}: names of fields of {length} letters")

@@ -81,7 +81,7 @@ def _messages(path: Path, file: _File) -> Iterator[tuple[Topic, Any]]:
             total = sum(file.counts.values())
             message = f"the file ends too early ({type(error).__name__}); {total} whole messages are before that"
             file.findings.append(Finding("cut_file", None, None, message))
-        except errors.McapError as error:
+        except (errors.McapError, reader.CRCValidationError) as error:
             raise damaged(path, f"{type(error).__name__}: {error}") from error
 
 

@@ -50,6 +50,11 @@ def names(path: str) -> list[str]:
     return [name.replace("''", "'") for name in _NAME.findall(path)]
 
 
+def title(path: str) -> str:
+    """The last name of a path; all of a path that is none."""
+    return (names(path) or [path])[-1] or path
+
+
 def read(source: ByteSource) -> Contents:
     """Walk through all segments."""
     contents, known = Contents(), dict[str, Index | None]()
@@ -158,10 +163,10 @@ def _cut(segment: Segment, contents: Contents, raw: dict[str, Index], before: di
         ends = f"whose header says that it ends {segment.declared_end - segment.end} bytes later"
         inside = f"segment {segment.number} at byte {segment.begin}, {ends}"
     missing = [
-        f"{names(path)[-1]} {contents.channels[path].length} of {before.get(path, 0) + index.values} declared"
+        f"{title(path)} {contents.channels[path].length} of {before.get(path, 0) + index.values} declared"
         for path, index in raw.items()
     ]
-    whole = [f"{names(path)[-1]} {channel.length}" for path, channel in contents.channels.items() if path not in raw]
+    whole = [f"{title(path)} {channel.length}" for path, channel in contents.channels.items() if path not in raw]
     samples = f"; samples that are there: {', '.join([*missing, *whole])}" if missing or whole else ""
     message = f"the file ends at byte {segment.end} inside {inside}{samples}"
     return Finding("cut_file", None, f"byte {segment.begin}", message)

@@ -8,15 +8,16 @@ import numpy as np
 
 from ... import recording as model
 from ...findings import Finding, Refusal
-from ...recording import Block, Clock, Group, Recording, Report, Samples, TimeColumn, UniformClock
+from ...recording import Block, Clock, Group, Recording, Report, Samples, TimeColumn
 from ...units import seconds_per
 from .. import doubt
 from ..csv.names import is_time
+from ..declared import by_step
 from ..nonfinite import watched
 from ..registry import Reader, ReadOptions
-from ..stream import ByteSource, block_samples, damaged, refusing
+from ..stream import ByteSource, as_float64, block_samples, damaged, refusing
 from . import types
-from .contents import Channel, Contents, names, read
+from .contents import Channel, Contents, names, read, title
 from .metadata import Property
 from .scaling import Scaling
 from .spans import Reading
@@ -93,8 +94,8 @@ def _gather(contents: Contents, stem: str) -> list[_Gathered]:
             said = contents.properties.get(channel.path, {})
             parts.setdefault((channel.length, *(said.get(key) for key in _CLOCK)), []).append(channel)
         for members in parts.values():
-            title = name if len(parts) == 1 else f"{name} {names(members[0].path)[-1]}"
-            found.append(_gathered(title, members, contents))
+            whole = name if len(parts) == 1 else f"{name} {title(members[0].path)}"
+            found.append(_gathered(whole, members, contents))
     return found
 
 
@@ -114,7 +115,7 @@ def _gathered(name: str, members: Sequence[Channel], contents: Contents) -> _Gat
 
 
 def _channels(member: Channel, said: dict[str, Property]) -> list[model.Channel]:
-    name = names(member.path)[-1]
+    name = title(member.path)
     unit = str(said.get("unit_string") or said.get("NI_UnitDescription") or "") or None
     if member.kind == types.TIME:
         return [model.Channel(name, "s"), *([model.Channel(f"{name} remainder", "s")] if member.has_remainder else [])]
@@ -129,7 +130,7 @@ def _is_complex(member: Channel) -> bool:
 
 def _clock(members: Sequence[Channel], channels: Sequence[model.Channel], said: dict[str, Property]) -> Clock | None:
     """A recorded time, as timestamps or named so; else the declared step."""
-    stamps = [names(member.path)[-1] for member in members if member.kind == types.TIME]
+    stamps = [title(member.path) for member in members if member.kind == types.TIME]
     if len(stamps) == 1:
         return TimeColumn([channel.name for channel in channels].index(stamps[0]), 1.0)
     named = [i for i, channel in enumerate(channels) if is_time(channel.label)]
@@ -138,8 +139,8 @@ def _clock(members: Sequence[Channel], channels: Sequence[model.Channel], said: 
         return TimeColumn(named[0], seconds_per(unit) if unit else 1.0, assumed=unit is None)
     step, start = said.get("wf_increment"), said.get("wf_start_offset", 0.0)
     unit = str(said.get("wf_xunit_string") or "s")
-    if isinstance(step, float) and 0 < step < np.inf and seconds_per(unit) == 1.0 and isinstance(start, int | float):
-        return UniformClock(1.0 / step, float(start) if np.isfinite(start) else 0.0)
+    if isinstance(step, float) and seconds_per(unit) == 1.0 and isinstance(start, int | float):
+        return by_step(step, float(start))
     return None
 
 
@@ -153,7 +154,7 @@ def _blocks(path: Path, contents: Contents, gathered: Sequence[_Gathered], repor
                 count = min(step, each.samples - start)
                 columns = tuple(column for reading in readings for column in reading.next(count))
                 yield Block(each.group, columns, start)
-            rounded |= {names(reading.path)[-1] for reading in readings if reading.is_rounded}
+            rounded |= {title(reading.path) for reading in readings if reading.is_rounded}
     for name in sorted(rounded):
         report(Finding("not_exact", name, None, "holds integers beyond 2**53, which float64 rounds"))
 
@@ -163,7 +164,7 @@ class _Values:
 
     def __init__(self, source: ByteSource, member: Channel, contents: Contents) -> None:
         self.path, self.is_rounded, self._member = member.path, False, member
-        self._file, self._what = source.path, f"channel {names(member.path)[-1]!r}"
+        self._file, self._what = source.path, f"channel {title(member.path)!r}"
         self._readings = {scale: Reading(source, spans, self._what) for scale, spans in member.spans.items()}
         group = member.path[: member.path.rfind("/'")]
         owners = (contents.properties.get(p, {}) for p in (member.path, group, "/"))
@@ -177,10 +178,11 @@ class _Values:
             seconds = types.seconds(first, self._member.to_microseconds)
             return (seconds, types.remainder(first, seconds)) if self._member.has_remainder else (seconds,)
         if first.dtype.kind == "c":
-            return (first.real.astype(np.float64), first.imag.astype(np.float64))
+            return (as_float64(first.real), as_float64(first.imag))
         if first.dtype.kind in "iu" and first.dtype.itemsize == 8:
             self.is_rounded |= bool((np.abs(first.astype(np.float64)) >= _EXACT).any())
-        with refusing(self._file, f"the scale of {self._what}", KeyError, ValueError, TypeError, IndexError):
+        errors = (KeyError, ValueError, TypeError, IndexError, OverflowError)
+        with refusing(self._file, f"the scale of {self._what}", *errors), np.errstate(all="ignore"):
             values = self._scaling.physical(raw)
         if len(values) != count:
             raise damaged(self._file, f"{self._what}: its scale gives {len(values)} values of {count}")
@@ -193,7 +195,7 @@ def _said(contents: Contents, gathered: Sequence[_Gathered]) -> list[Finding]:
     members = [member for each in gathered for member in each.members]
     for member in members:
         if member.has_remainder:
-            name = names(member.path)[-1]
+            name = title(member.path)
             fine = "whole microseconds" if member.to_microseconds else "float64, which resolves 0.24 µs"
             message = f"timestamps are seconds since 1970 to {fine}; what is finer is in {f'{name} remainder'!r}"
             findings.append(Finding("time_resolution", name, None, message))
@@ -201,8 +203,8 @@ def _said(contents: Contents, gathered: Sequence[_Gathered]) -> list[Finding]:
         said = Scaling(contents.properties.get(member.path, {}))
         if said.applies:
             message = f"raw values were made physical by {said.count} scales of the file"
-            findings.append(Finding("calibration_applied", names(member.path)[-1], None, message))
-    empty = [names(p)[-1] for p, c in contents.channels.items() if not c.length and not c.texts and names(p)]
+            findings.append(Finding("calibration_applied", title(member.path), None, message))
+    empty = [title(p) for p, c in contents.channels.items() if not c.length and not c.texts and names(p)]
     if empty:
         message = f"no sample in {', '.join(empty[:10])}{' and more' if len(empty) > 10 else ''}"
         findings.append(Finding("empty_group", None, None, message))
@@ -211,7 +213,7 @@ def _said(contents: Contents, gathered: Sequence[_Gathered]) -> list[Finding]:
 
 def _texts(contents: Contents) -> list[Finding]:
     return [
-        Finding("text_channel", names(path)[-1], None, "holds text, not numbers; it is not kept")
+        Finding("text_channel", title(path), None, "holds text, not numbers; it is not kept")
         for path, channel in contents.channels.items()
         if channel.texts and names(path)
     ]

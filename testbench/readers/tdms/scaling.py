@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ...recording import Samples
 from ..extras import library
+from ..stream import as_float64
 from .metadata import Property
 
 Raw = Mapping[int | None, NDArray[Any]]
@@ -29,7 +30,7 @@ class Scaling:
     def physical(self, raw: Raw) -> Samples:
         """Physical values of raw numbers."""
         if not self.applies:
-            return np.asarray(next(iter(raw.values())), dtype=np.float64)
+            return as_float64(next(iter(raw.values())))
         if not self._is_plain():
             return self._by_library(raw)
         return self._scaled(self.count - 1, raw, 0)

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from ...findings import Finding, Refusal
-from ...recording import Block, Channel, Clock, Group, Recording, Samples, TimeColumn, UniformClock
+from ...recording import Block, Channel, Clock, Group, Recording, Samples, TimeColumn
 from ...units import seconds_per
 from .. import doubt
+from ..declared import by_step
 from ..nonfinite import watched
 from ..registry import Reader, ReadOptions
 from ..stream import ByteSource, block_samples
@@ -98,7 +99,7 @@ def _group(name: str, members: Sequence[Function]) -> Group:
     channels = [c for f in members for c in _channels(f)]
     clock: Clock | None = None
     if first.even and first.abscissa.kind == TIME:
-        clock = UniformClock(1.0 / first.step, first.start) if first.step > 0 else None
+        clock = by_step(first.step, first.start)
         return Group(name, tuple(channels), clock)
     axis = Channel(first.axis_name, first.abscissa.unit)
     if first.abscissa.kind == TIME:
@@ -130,7 +131,9 @@ def _of_set(source: ByteSource, each: _Set) -> Iterator[Block]:
     for pieces in zip(*readers, strict=True):
         columns: list[Samples] = [row for piece in pieces for row in piece]
         if has_axis and first.even:
-            columns.insert(0, first.start + first.step * np.arange(start, start + len(columns[0]), dtype=np.float64))
+            with np.errstate(all="ignore"):
+                index = np.arange(start, start + len(columns[0]), dtype=np.float64)
+                columns.insert(0, first.start + first.step * index)
         yield Block(each.group, tuple(columns), start, bytes_read=first.dataset.begin)
         start += len(columns[0])
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ..stream import ByteSource, damaged
+from ..stream import ByteSource, as_float64, damaged
 from .function import Function
 
 _TEXT_BYTES = 1 << 20
@@ -28,7 +28,7 @@ def _binary(source: ByteSource, function: Function, samples: int) -> Iterator[ND
         count = min(samples, function.samples - begin)
         offset = function.data + begin * kind.itemsize
         rows = np.frombuffer(source.read(offset, count * kind.itemsize, f"function {function.name!r}"), dtype=kind)
-        yield np.stack([rows[name].astype(np.float64) for name in kind.names or ()])
+        yield np.stack([as_float64(rows[name]) for name in kind.names or ()])
 
 
 def _binary_type(function: Function) -> np.dtype[np.void]:

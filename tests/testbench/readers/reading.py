@@ -4,6 +4,7 @@ import csv
 import json
 import os
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -81,6 +82,17 @@ def read(path, options=None) -> Read:
         for name, blocks in parts.items()
     }
     return Read(recording, groups, data, findings + check.findings(), check.groups)
+
+
+@pytest.fixture
+def in_process(monkeypatch):
+    """Libraries read in this process, which is faster; that they can in one of their own is tested elsewhere."""
+
+    def open_here(path, module, function):
+        return getattr(import_module(module), function)(path)
+
+    for package in ("hdf5", "parquet", "mcap", "rosbag", "ide"):
+        monkeypatch.setattr(f"testbench.readers.{package}.reader.open_isolated", open_here)
 
 
 def real(name) -> Path:

@@ -9,6 +9,9 @@ from testbench.errors import RecordingError
 from testbench.recording import TimeColumn, UniformClock
 
 from . import reading
+from .reading import in_process  # noqa: F401
+
+pytestmark = pytest.mark.usefixtures("in_process")
 
 RANDOM = np.random.default_rng(7)
 TIME = np.arange(300) / 64

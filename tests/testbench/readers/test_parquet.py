@@ -10,6 +10,9 @@ from testbench.errors import RecordingError
 from testbench.recording import TimeColumn
 
 from . import reading
+from .reading import in_process  # noqa: F401
+
+pytestmark = pytest.mark.usefixtures("in_process")
 
 TIME = np.arange(500) / 64
 

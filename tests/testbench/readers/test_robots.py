@@ -11,6 +11,9 @@ from testbench.readers.ros.definitions import Unclear, parse
 from testbench.recording import TimeColumn
 
 from . import reading, robots
+from .reading import in_process  # noqa: F401
+
+pytestmark = pytest.mark.usefixtures("in_process")
 
 I = np.arange(robots.COUNT)  # noqa: E741
 
