@@ -85,7 +85,7 @@ WRONG = {
     "wrong unit": (("size", MECH, "-p", "platform=5 m"), "platform: 'm' is not a unit of mass"),
     "unknown unit": (("check", MECH, "-c", "counter_A0A=5 stones9"), "not a known unit"),
     "hostile unit": (("check", MECH, "-c", "counter_A0A=1 kg^9^9^9^9"), "not a known unit"),
-    "twice": (("check", MECH, "-p", "platform=5kg", "-p", "platform=6kg"), "names 'platform' twice"),
+    "twice": (("check", MECH, "-c", "tip=5kg", "-p", "platform=5kg", "-p", "platform=6kg"), "'platform' twice"),
     "no mechanism": (("conditions",), "Missing argument"),
     "unknown option": (("conditions", MECH, "--colour", "red"), "No such option"),
     "unknown command": (("balence",), "No such command"),
