@@ -107,14 +107,23 @@ def exact(
         raise SizingError(f"the limit at {unused[0]!r} limits nothing: counter-masses go to {', '.join(names)}")
     columns, target = _system(conditions, mechanism, names)
     upper = np.array([(limits or {}).get(name, np.inf) for name in names])
-    if np.linalg.matrix_rank(columns) < len(names):
-        masses = _lightest(columns, target, upper)
-    else:
-        solution = lsq_linear(columns, target, bounds=(0.0, upper), method="bvls", tol=1e-15)
-        if not solution.success:
-            raise SizingError(f"counter-masses did not converge: {solution.message}")
-        masses = _polished(columns, target, solution.x, upper)
+    for name, limit in zip(names, upper, strict=True):
+        if not limit >= 0.0:
+            raise SizingError(f"the limit at {name!r} is {limit:g} kg: expected zero or more")
+    masses, free = np.zeros(len(names)), upper > 0.0
+    if free.any():
+        masses[free] = _least_squares(columns[:, free], target, upper[free])
     return _sizing(conditions, mechanism, dict(zip(names, masses, strict=True)), {})
+
+
+def _least_squares(columns: Floats, target: Floats, upper: Floats) -> Floats:
+    """Masses between zero and ``upper`` that leave the least; the lightest of them where there is a choice."""
+    if np.linalg.matrix_rank(columns) < columns.shape[1]:
+        return _lightest(columns, target, upper)
+    solution = lsq_linear(columns, target, bounds=(0.0, upper), method="bvls", tol=1e-15)
+    if not solution.success:
+        raise SizingError(f"counter-masses did not converge: {solution.message}")
+    return _polished(columns, target, solution.x, upper)
 
 
 def from_stock(

@@ -124,6 +124,18 @@ def test_a_limit_holds_and_the_rest_is_best() -> None:
     assert sized.residual() == pytest.approx((10.099021 - 5.0) * 0.03755, abs=1e-7)
 
 
+def test_a_limit_of_nothing_and_impossible_limits() -> None:
+    """A site limited to zero gets none, the other its exact mass; a negative limit, or none of a number, is refused."""
+    found, mechanism = carrying(1.451)
+    sized = sizing.exact(found, mechanism, limits={"counter_A0A": 0.0})
+    assert [c.mass for c in sized.counter_masses] == pytest.approx([0.0, 10.099021], abs=1e-6)
+    for limit in (-1.0, float("nan")):
+        with pytest.raises(SizingError, match=rf"limit at 'counter_B0B' is {limit:g} kg: expected zero or more"):
+            sizing.exact(found, mechanism, limits={"counter_B0B": limit})
+    with pytest.raises(SizingError, match="the limit at 'C_AC' limits nothing: counter-masses go to counter_A0A"):
+        sizing.exact(found, mechanism, limits={"C_AC": 1.0})
+
+
 def test_what_pulls_the_wrong_way_gets_nothing() -> None:
     """A site ahead of the pivot would need a negative mass: it gets none."""
     text = models.load("serial-1r").text.replace('name="counter_link_1" pos="-0.1', 'name="counter_link_1" pos="0.1')
