@@ -14,6 +14,9 @@ Vector = tuple[Entry, Entry, Entry]
 Matrix = tuple[Vector, Vector, Vector]
 """Three columns."""
 
+Rows = list[list[Entry]]
+"""A matrix of any size, row by row."""
+
 ZERO: Vector = (0.0, 0.0, 0.0)
 IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
@@ -116,3 +119,17 @@ def fill(out: Floats, a: Vector) -> Floats:
 def dense(a: Vector, count: int) -> Floats:
     """A vector as an array (3, n)."""
     return fill(np.empty((3, count)), a)
+
+
+def zeros(rows: int, columns: int) -> Rows:
+    """A matrix of zeros."""
+    return [[0.0] * columns for _ in range(rows)]
+
+
+def dense_rows(rows: Rows, columns: int, count: int) -> Floats:
+    """A matrix as an array (rows, columns, n)."""
+    out = np.empty((len(rows), columns, count))
+    for i, row in enumerate(rows):
+        for j, entry in enumerate(row):
+            out[i, j] = entry
+    return out

@@ -7,7 +7,7 @@ import numpy as np
 
 from . import kinematics
 from .arrays import Floats
-from .components import ZERO, Matrix, Vector, cross, dense, matrix, minus, plus, product, scale
+from .components import ZERO, Matrix, Rows, Vector, cross, dense, dense_rows, matrix, minus, plus, product, scale, zeros
 from .kinematics import Motion, Pose
 from .tree import Tree
 
@@ -45,9 +45,9 @@ class Loop:
         gap = minus(at.point(self.first.joint, self.first.position), at.point(self.second.joint, self.second.position))
         return self._rows(at, gap, self._turn(at) if self.weld else ZERO)
 
-    def jacobian(self, tree: Tree, at: Pose) -> Floats:
-        """Rate of the residual per joint rate, (3 or 6, nv, n)."""
-        rows = np.zeros((self.size, tree.size, at.count))
+    def jacobian(self, tree: Tree, at: Pose) -> Rows:
+        """Rate of the residual per joint rate, (3 or 6, nv)."""
+        rows = zeros(self.size, tree.size)
         for end, sign in ((self.first, 1.0), (self.second, -1.0)):
             point = at.point(end.joint, end.position)
             kinematics.add_point_jacobian(tree, at, end.joint, point, rows[:3], sign)
@@ -87,9 +87,14 @@ def residual(loops: tuple[Loop, ...], at: Pose) -> Floats:
     return _stack([loop.residual(at) for loop in loops], (at.count,))
 
 
+def rows(loops: tuple[Loop, ...], tree: Tree, at: Pose) -> Rows:
+    """Jacobians of all loops stacked, (rows, nv)."""
+    return [row for loop in loops for row in loop.jacobian(tree, at)]
+
+
 def jacobian(loops: tuple[Loop, ...], tree: Tree, at: Pose) -> Floats:
-    """Jacobians of all loops stacked, (rows, nv, n)."""
-    return _stack([loop.jacobian(tree, at) for loop in loops], (tree.size, at.count))
+    """Jacobians of all loops stacked, as an array (rows, nv, n)."""
+    return dense_rows(rows(loops, tree, at), tree.size, at.count)
 
 
 def bias(loops: tuple[Loop, ...], at: Pose, moving: Motion) -> Floats:

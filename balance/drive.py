@@ -7,7 +7,7 @@ import numpy as np
 
 from . import kinematics
 from .arrays import Floats
-from .components import dense
+from .components import Rows, dense, zeros
 from .errors import ModelError
 from .kinematics import Motion, Pose
 from .mechanism import Mechanism
@@ -33,8 +33,8 @@ class Drive(Protocol):
         """Driven coordinates, (size, n) [rad, m]."""
         ...
 
-    def jacobian(self, tree: Tree, at: Pose) -> Floats:
-        """Their rates per joint rate, (size, nv, n)."""
+    def jacobian(self, tree: Tree, at: Pose) -> Rows:
+        """Their rates per joint rate, (size, nv)."""
         ...
 
     def bias(self, at: Pose, moving: Motion) -> Floats:
@@ -71,10 +71,9 @@ class JointDrive:
         """Joint positions, (size, n)."""
         return q[list(self.indices)]
 
-    def jacobian(self, tree: Tree, at: Pose) -> Floats:
-        """Rows of the identity, (size, nv, n)."""
-        rows = np.eye(tree.size)[list(self.indices)]
-        return np.repeat(rows[:, :, None], at.count, axis=2)
+    def jacobian(self, tree: Tree, at: Pose) -> Rows:
+        """Rows of the identity, (size, nv)."""
+        return [[float(i == index) for i in range(tree.size)] for index in self.indices]
 
     def bias(self, at: Pose, moving: Motion) -> Floats:
         """Zero: joint coordinates are linear."""
@@ -120,11 +119,11 @@ class PointDrive:
         """Base coordinates of the point, (size, n) [m]."""
         return dense(at.point(self.joint, self.offset), at.count)[list(self.axes)]
 
-    def jacobian(self, tree: Tree, at: Pose) -> Floats:
-        """Rows of the point's Jacobian, (size, nv, n)."""
-        rows = np.zeros((3, tree.size, at.count))
+    def jacobian(self, tree: Tree, at: Pose) -> Rows:
+        """Rows of the point's Jacobian, (size, nv)."""
+        rows = zeros(3, tree.size)
         kinematics.add_point_jacobian(tree, at, self.joint, at.point(self.joint, self.offset), rows)
-        return rows[list(self.axes)]
+        return [rows[axis] for axis in self.axes]
 
     def bias(self, at: Pose, moving: Motion) -> Floats:
         """Acceleration of the point at zero joint accelerations, (size, n) [m/s2]."""

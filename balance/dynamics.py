@@ -54,8 +54,8 @@ def simulate(mechanism: Mechanism, trajectory: Trajectory) -> Response:
     F = -d(linear momentum)/dt, M = -d(angular momentum)/dt about the base frame's origin.
     """
     count = len(trajectory.time)
-    force, moment, weight = np.empty((3, count, 3))
-    joint_torque = np.empty_like(trajectory.q)
+    force, moment, weight = np.empty((3, 3, count)).transpose(0, 2, 1)
+    joint_torque = np.empty(trajectory.q.shape[::-1]).T
 
     def load(part: slice) -> None:
         q, v, a = (np.ascontiguousarray(x[part].T) for x in (trajectory.q, trajectory.v, trajectory.a))
@@ -116,8 +116,11 @@ def _drive_torque(mechanism: Mechanism, trajectory: Trajectory, joint_torque: Fl
         return {}
     if not mechanism.loops and len(driven) == len(mechanism.coordinates):
         return {joint: joint_torque[:, mechanism.coordinate_index(joint)] for joint in driven}
-    projection = driven_rates(mechanism, trajectory.per_drive, driven)
-    torque = np.einsum("nij,ni->nj", projection, joint_torque)
+    _refuse_undetermined(mechanism, trajectory.per_drive, driven)
+    rows = [mechanism.coordinate_index(joint) for joint in driven]
+    by_drive = np.einsum("jin,in->jn", trajectory.per_drive.T, joint_torque.T)
+    per_motor = trajectory.per_drive[:, rows].transpose(0, 2, 1)
+    torque = np.linalg.solve(per_motor, by_drive.T[:, :, None])[:, :, 0]
     return {joint: torque[:, i] for i, joint in enumerate(driven)}
 
 
@@ -126,10 +129,14 @@ def driven_rates(mechanism: Mechanism, per_drive: Floats, driven: tuple[str, ...
 
     Raises ModelError where the number of driven joints is not that of the degrees of freedom.
     """
+    _refuse_undetermined(mechanism, per_drive, driven)
+    rows = [mechanism.coordinate_index(joint) for joint in driven]
+    return np.einsum("nij,njk->nik", per_drive, np.linalg.inv(per_drive[:, rows]))
+
+
+def _refuse_undetermined(mechanism: Mechanism, per_drive: Floats, driven: tuple[str, ...]) -> None:
     if len(driven) != per_drive.shape[2]:
         raise ModelError(
             f"{mechanism.name} has {per_drive.shape[2]} degrees of freedom and {len(driven)} driven joints "
             f"({', '.join(driven)}): their torques are not determined"
         )
-    rows = [mechanism.coordinate_index(joint) for joint in driven]
-    return np.einsum("nij,njk->nik", per_drive, np.linalg.inv(per_drive[:, rows]))

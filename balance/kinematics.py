@@ -10,15 +10,17 @@ from .components import (
     ZERO,
     Entry,
     Matrix,
+    Rows,
     Vector,
+    add,
     apply,
     cross,
     matrix,
     minus,
-    mul,
     plus,
     product,
     scale,
+    sub,
     vector,
 )
 from .tree import Joint, Tree
@@ -121,21 +123,20 @@ def point_acceleration(at: Pose, moving: Motion, joint: int, offset: Floats) -> 
     return plus(moving.acceleration[joint], plus(cross(moving.alpha[joint], arm), cross(omega, cross(omega, arm))))
 
 
-def add_point_jacobian(tree: Tree, at: Pose, joint: int, point: Vector, out: Floats, sign: float = 1.0) -> None:
-    """Add to ``out`` (3, nv, n) the velocity, times ``sign``, of a point carried by ``joint`` per joint rate."""
+def add_point_jacobian(tree: Tree, at: Pose, joint: int, point: Vector, out: Rows, sign: float = 1.0) -> None:
+    """Add to ``out`` (3, nv) the velocity, times ``sign``, of a point carried by ``joint`` per joint rate."""
     for i in tree.path(joint):
         column = cross(at.axis[i], minus(point, at.position[i])) if tree.joints[i].revolute else at.axis[i]
-        _add(out[:, i], column, sign)
+        _add(out, i, column, sign)
 
 
-def add_angular_jacobian(tree: Tree, at: Pose, joint: int, out: Floats, sign: float = 1.0) -> None:
-    """Add to ``out`` (3, nv, n) the angular velocity, times ``sign``, of a joint's frame per joint rate."""
+def add_angular_jacobian(tree: Tree, at: Pose, joint: int, out: Rows, sign: float = 1.0) -> None:
+    """Add to ``out`` (3, nv) the angular velocity, times ``sign``, of a joint's frame per joint rate."""
     for i in tree.path(joint):
         if tree.joints[i].revolute:
-            _add(out[:, i], at.axis[i], sign)
+            _add(out, i, at.axis[i], sign)
 
 
-def _add(out: Floats, column: Vector, sign: float) -> None:
+def _add(out: Rows, i: int, column: Vector, sign: float) -> None:
     for row, entry in zip(out, column, strict=True):
-        if not (isinstance(entry, float) and entry == 0.0):
-            row += mul(sign, entry)
+        row[i] = add(row[i], entry) if sign == 1.0 else sub(row[i], entry)

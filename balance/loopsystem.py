@@ -6,7 +6,9 @@ import numpy as np
 
 from . import constraints, kinematics
 from .arrays import Floats, Indices
+from .components import Rows, dense_rows
 from .drive import Drive
+from .elimination import Elimination, Order, dense_columns, pivot_order
 from .errors import ClosureError
 from .kinematics import Pose
 from .mechanism import Mechanism
@@ -33,15 +35,39 @@ class LoopSystem:
         at = kinematics.pose(self.mechanism.tree, q)
         return at, constraints.residual(self.mechanism.loops, at), self.drive.position(at, q) - target
 
+    def equations(self, at: Pose) -> Rows:
+        """Jacobian of all loop rows and of the driven coordinates, by component."""
+        tree = self.mechanism.tree
+        return constraints.rows(self.mechanism.loops, tree, at) + self.drive.jacobian(tree, at)
+
     def matrix(self, at: Pose) -> Floats:
         """Jacobian of independent loop rows and driven coordinates, (n, nv, nv)."""
-        tree = self.mechanism.tree
-        loops = constraints.jacobian(self.mechanism.loops, tree, at)
-        matrix = np.empty((at.count, len(self.rows) + self.drive.size, tree.size))
-        for i, row in enumerate(self.rows):
-            matrix[:, i] = loops[row].T
-        matrix[:, len(self.rows) :] = self.drive.jacobian(tree, at).transpose(2, 0, 1)
-        return matrix
+        rows = self.equations(at)
+        kept = [rows[i] for i in self.rows] + rows[len(rows) - self.drive.size :]
+        return np.ascontiguousarray(dense_rows(kept, self.mechanism.tree.size, at.count).transpose(2, 0, 1))
+
+    def order(self, q: Floats) -> Order:
+        """Pivots that serve at configurations ``q`` (nv, n), judged on a few of them."""
+        few = q[:, np.unique(np.linspace(0, q.shape[1] - 1, 9).astype(int))]
+        rows = self.equations(kinematics.pose(self.mechanism.tree, few))
+        return pivot_order(dense_rows(rows, self.mechanism.tree.size, few.shape[1]).transpose(2, 0, 1))
+
+    def newton_from_near(self, q: Floats, target: Floats, order: Order) -> Floats:
+        """Newton's method on many samples from good guesses; what does not converge is left for the check.
+
+        Factors serve on while the steps are small: the next error is then the product of the last two.
+        """
+        before = np.inf
+        for _ in range(ITERATIONS):
+            at, loops, driven = self.evaluate(q, target)
+            if before > 1e-3:
+                factors = Elimination.of(self.equations(at), order)
+            step = dense_columns(factors.solve([*loops, *driven]), q.shape[1])
+            q, size = q - step, float(np.abs(step).max())
+            if not size * min(before, 1.0) > 1e-15:
+                break
+            before = size
+        return q
 
     @property
     def redundant(self) -> bool:

@@ -12,17 +12,22 @@ from . import constraints, kinematics
 from .arrays import Floats
 from .blocks import in_blocks
 from .coarse import Coarse
+from .components import Entry, Rows
+from .elimination import Elimination, at_samples, dense_columns
 from .errors import ClosureError
-from .loopsystem import RESIDUAL_LIMIT, LoopSystem, inverse_of
+from .loopsystem import RESIDUAL_LIMIT, LoopSystem
 from .motion import Samples
 
 SINGULAR_LIMIT = 1e6
 """Condition number of loops and driven coordinates above which a state counts as singular: rates lose as many of their
 16 digits as it has, accelerations twice as many."""
 POOR_LIMIT = 1e4
-"""Condition number above which the rows that were left out are taken in: those chosen at home may serve badly here."""
+"""Growth of elimination above which a block of samples is halved: its order of pivots serves some of it badly."""
 BRANCH_LIMIT = 0.1
 """How far a configuration may lie from its guess between coarse samples [rad, m]."""
+
+_Closed = tuple[Floats, Floats, Floats, Floats, float, float]
+"""Positions, velocities, accelerations, rates per drive, largest residual and condition number of a block."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +48,7 @@ class Trajectory:
     residual: float
     """Largest loop and drive residual over all samples, all rows [m, rad]."""
     condition: float
-    """Largest condition number of loops and driven coordinates over all samples."""
+    """Condition number of loops and driven coordinates where elimination did worst, the largest of all blocks."""
     branch: str
     """The configuration whose assembly branch every sample is on."""
 
@@ -59,11 +64,12 @@ def follow(system: LoopSystem, home: Floats, samples: Samples) -> Trajectory:
     """
     coarse = Coarse.closed(system, home, samples)
     count, size, dof = len(samples.time), system.mechanism.tree.size, system.drive.size
-    q, v, a = np.empty((3, count, size))
-    per_drive = np.empty((count, size, dof))
+    q, v, a = np.empty((3, size, count)).transpose(0, 2, 1)
+    per_drive = np.empty((dof, size, count)).transpose(2, 1, 0)
 
     def close(part: slice) -> tuple[float, float]:
-        q[part], v[part], a[part], per_drive[part], gap, number = _solve_block(system, samples, part, coarse)
+        guess = coarse.guess(samples.position[part], part)
+        q[part], v[part], a[part], per_drive[part], gap, number = _solve_block(system, samples, part, guess)
         return gap, number
 
     found = list(in_blocks(count, close))
@@ -72,37 +78,44 @@ def follow(system: LoopSystem, home: Floats, samples: Samples) -> Trajectory:
     return Trajectory(name, samples.time, q, v, a, per_drive, worst, condition, branch)
 
 
-def _solve_block(
-    system: LoopSystem, samples: Samples, part: slice, coarse: Coarse
-) -> tuple[Floats, Floats, Floats, Floats, float, float]:
-    mechanism = system.mechanism
+def _solve_block(system: LoopSystem, samples: Samples, part: slice, guess: Floats) -> _Closed:
+    """Close a block of samples in one order of pivots; where that serves badly, its halves each in their own."""
+    order = system.order(guess)
     target, rate, rate_of_rate = (x[part].T for x in (samples.position, samples.velocity, samples.acceleration))
-    guess = coarse.guess(samples.position[part], part)
-    try:
-        q = system.newton(guess, target)
+    with np.errstate(all="ignore"):  # a pivot may vanish: what comes of it is not finite, and told by the checks
+        q = system.newton_from_near(guess, target, order)
         at, loops, driven = system.evaluate(q, target)
-        matrix = system.matrix(at)
-        inverse = inverse_of(matrix)
-    except np.linalg.LinAlgError as error:
-        if system.redundant:
-            return _solve_block(system.with_all_rows(), samples, part, coarse)
-        time = samples.time[part]
-        raise ClosureError(
-            f"{mechanism.name} is singular between t = {time[0]:.6g} s and {time[-1]:.6g} s of this motion"
-        ) from error
-    number = np.linalg.norm(matrix, axis=(1, 2)) * np.linalg.norm(inverse, axis=(1, 2))
-    if system.redundant and not number.max() < POOR_LIMIT:
-        return _solve_block(system.with_all_rows(), samples, part, coarse)
+        rows = system.equations(at)
+        factors = Elimination.of(rows, order)
+        growth = factors.growth(at.count)
+    if at.count > 1 and not growth.max() < POOR_LIMIT:
+        return _solve_halves(system, samples, part, guess)
     worst = _checked(system, samples, part, loops, driven)
     _same_branch(system, samples, part, q - guess)
-    condition = _condition(system, samples, part, number)
-    per_drive = inverse[:, :, -system.drive.size :]
-    v = np.einsum("nij,jn->in", per_drive, rate)
-    still = kinematics.motion(mechanism.tree, at, v)
-    bias = constraints.bias(mechanism.loops, at, still)[system.rows]
-    demand = np.concatenate([-bias, rate_of_rate - system.drive.bias(at, still)])
-    a = np.einsum("nij,jn->in", inverse, demand)
-    return q.T, v.T, a.T, per_drive, worst, condition
+    condition = _condition(system, samples, part, rows, int(np.argmax(growth)))
+    per_drive = _rates(factors, len(rows), system.drive.size, at.count)
+    v = np.einsum("jin,jn->in", per_drive, rate)
+    still = kinematics.motion(system.mechanism.tree, at, v)
+    bias = constraints.bias(system.mechanism.loops, at, still)
+    a = factors.solve([*(-bias), *(rate_of_rate - system.drive.bias(at, still))])
+    return q.T, v.T, dense_columns(a, at.count).T, per_drive.transpose(2, 1, 0), worst, condition
+
+
+def _solve_halves(system: LoopSystem, samples: Samples, part: slice, guess: Floats) -> _Closed:
+    cut = (part.stop - part.start) // 2
+    middle = part.start + cut
+    q, v, a, per_drive, worst, condition = _solve_block(system, samples, slice(part.start, middle), guess[:, :cut])
+    others = _solve_block(system, samples, slice(middle, part.stop), guess[:, cut:])
+    joined = (np.concatenate(pair) for pair in zip((q, v, a, per_drive), others[:4], strict=True))
+    q, v, a, per_drive = joined
+    return q, v, a, per_drive, max(worst, others[4]), max(condition, others[5])
+
+
+def _rates(factors: Elimination, rows: int, dof: int, count: int) -> Floats:
+    """Rates of all coordinates per rate of the driven ones, (dof, nv, n)."""
+    loops: list[Entry] = [0.0] * (rows - dof)
+    columns = [factors.solve([*loops, *(float(i == j) for i in range(dof))]) for j in range(dof)]
+    return np.stack([dense_columns(column, count) for column in columns])
 
 
 def _checked(system: LoopSystem, samples: Samples, part: slice, loops: Floats, driven: Floats) -> float:
@@ -127,12 +140,13 @@ def _same_branch(system: LoopSystem, samples: Samples, part: slice, moved: Float
         )
 
 
-def _condition(system: LoopSystem, samples: Samples, part: slice, number: Floats) -> float:
-    """Largest condition number (Frobenius). Raises ClosureError where a state is singular."""
-    worst = int(np.argmax(number))
-    if not number[worst] < SINGULAR_LIMIT:
+def _condition(system: LoopSystem, samples: Samples, part: slice, rows: Rows, worst: int) -> float:
+    """Condition number where elimination did worst. Raises ClosureError if the state is singular there."""
+    size = np.linalg.svd(at_samples(rows, np.array([worst]))[0], compute_uv=False)
+    number = float(size[0] / max(float(size[-1]), 1e-300))
+    if not number < SINGULAR_LIMIT:
         raise ClosureError(
             f"{system.mechanism.name} is singular at t = {samples.time[part][worst]:.6g} s of this motion "
-            f"(condition number {number[worst]:.3g}): the driven coordinates do not determine it there"
+            f"(condition number {number:.3g}): the driven coordinates do not determine it there"
         )
-    return float(number[worst])
+    return number

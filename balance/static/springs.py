@@ -7,7 +7,7 @@ import numpy as np
 
 from .. import kinematics
 from ..arrays import Floats
-from ..components import dense
+from ..components import dense, dense_rows, zeros
 from ..kinematics import Pose
 from ..mechanism import Mechanism
 
@@ -69,10 +69,10 @@ def joint_torques(mechanism: Mechanism, springs: Sequence[Spring], q: Floats) ->
     at = kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
     total = np.zeros((len(q), mechanism.tree.size))
     for spring in springs:
-        rows = np.zeros((3, mechanism.tree.size, at.count))
+        rows = zeros(3, mechanism.tree.size)
         for end, sign in ((spring.first, 1.0), (spring.second, -1.0)):
             joint = end.joint(mechanism)
             kinematics.add_point_jacobian(mechanism.tree, at, joint, at.point(joint, end.position), rows, sign)
         gap = spring.first.at(mechanism, at) - spring.second.at(mechanism, at)
-        total += spring.stiffness * np.einsum("in,ijn->nj", gap, rows)
+        total += spring.stiffness * np.einsum("in,ijn->nj", gap, dense_rows(rows, mechanism.tree.size, at.count))
     return total

@@ -5,7 +5,7 @@ import pinocchio
 import pytest
 
 from balance import kinematics
-from balance.components import dense
+from balance.components import dense, dense_rows, zeros
 from balance.mechanism import Mechanism
 
 from . import models
@@ -58,9 +58,9 @@ def test_point_jacobian_and_acceleration(mechanism: Mechanism) -> None:
         return dense(at.point(joint, offset), N)
 
     at = kinematics.pose(tree, q)
-    rows = np.zeros((3, tree.size, N))
+    rows = zeros(3, tree.size)
     kinematics.add_point_jacobian(tree, at, joint, at.point(joint, offset), rows)
-    speed = np.einsum("ijn,jn->in", rows, v)
+    speed = np.einsum("ijn,jn->in", dense_rows(rows, tree.size, N), v)
     np.testing.assert_allclose(speed, (point(step) - point(-step)) / (2 * step), atol=1e-7)
     faster = kinematics.point_acceleration(at, kinematics.motion(tree, at, v, a), joint, offset)
     second = (point(step) - 2 * point(0.0) + point(-step)) / step**2
@@ -72,12 +72,12 @@ def test_angular_jacobian(mechanism: Mechanism) -> None:
     q, v, _ = states(mechanism)
     tree, joint = mechanism.tree, mechanism.tree.size - 1
     at = kinematics.pose(tree, q)
-    rows = np.zeros((3, tree.size, N))
+    rows = zeros(3, tree.size)
     kinematics.add_angular_jacobian(tree, at, joint, rows)
     omega = dense(kinematics.motion(tree, at, v).omega[joint], N)
-    np.testing.assert_allclose(np.einsum("ijn,jn->in", rows, v), omega, atol=1e-13)
+    np.testing.assert_allclose(np.einsum("ijn,jn->in", dense_rows(rows, tree.size, N), v), omega, atol=1e-13)
     kinematics.add_angular_jacobian(tree, at, joint, rows, -1.0)
-    np.testing.assert_allclose(rows, 0.0, atol=1e-15)
+    np.testing.assert_allclose(dense_rows(rows, tree.size, N), 0.0, atol=1e-15)
 
 
 def test_the_base_does_not_move() -> None:
