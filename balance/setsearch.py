@@ -17,6 +17,8 @@ from .quiet import stdout_discarded
 _SCALE = 1e3
 """Unbalance to which the programme is scaled, so that the solver's 1e-6 is 1e-9 of it."""
 _SLACK = 1e-6
+TIME_LIMIT_S = 60.0
+"""Longest search for one proven answer [s]."""
 
 
 def best_sets(columns: Floats, targets: Floats, masses: Floats, quantities: Floats) -> Indices:
@@ -85,8 +87,10 @@ class _Search:
                 constraints=self._constraints(sites),
                 integrality=np.concatenate([np.ones(plates), np.zeros(self.loads + 1)]),
                 bounds=Bounds(0.0, upper),
-                options={"mip_rel_gap": 0.0},
+                options={"mip_rel_gap": 0.0, "time_limit": TIME_LIMIT_S},
             )
+        if solution.status == 1:
+            raise SizingError(f"no set of plates was proven to be the best within {TIME_LIMIT_S:g} s: give fewer plates")
         if not solution.success:
             raise SizingError(f"no proven best set of plates: {solution.message}")
         return np.rint(np.asarray(solution.x)[:plates]).astype(np.intp).reshape(self.loads, self.per_load)

@@ -289,3 +289,12 @@ def test_plates_as_drawn_bring_their_own_inertia() -> None:
     row, izz = mechanism.body_index("A0A"), 9
     gained = sized.after.parameters[row, izz] - mechanism.parameters[row, izz]
     assert gained == pytest.approx(10.1 * 0.03755**2 + own)
+
+
+def test_a_search_that_is_not_proven_in_time_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stock too large to be searched through ends in a message, not in a wait without end."""
+    monkeypatch.setattr("balance.setsearch.TIME_LIMIT_S", 0.2)
+    plates = [Plate(f"P{i}", 1.0 + 0.0137 * i**1.5, 20) for i in range(8)]
+    conditions, mechanism = carrying(5.0)
+    with pytest.raises(SizingError, match="proven to be the best within 0.2 s: give fewer plates"):
+        sizing.from_stock(conditions, mechanism, plates)
