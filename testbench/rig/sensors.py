@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from . import fields
@@ -57,12 +58,44 @@ class _ForceAndMoment(Table):
         return _at(self.F if component[0] == "F" else self.M, AXES.index(_axis(component)))
 
 
+class _Support(_Sensor):
+    """A support of the mechanism on the base that measures some of what it carries."""
+
+    unloaded: tuple[WrenchAxis, ...] | Literal["rest"] = ()
+    """Components that the support does not carry; ``rest``: all that it does not measure."""
+    crosstalk: tuple[tuple[float, ...], ...] | None = None
+    """Readings = crosstalk @ loads, in SI, rows and columns in the order of the channels; None: each its own."""
+
+    @property
+    def measured(self) -> tuple[str, ...]:
+        """The measured components, ``Fx`` ... ``Mz``, in the order of the channels."""
+        return tuple(column.component for column in self.columns(""))
+
+    def carries(self, component: str) -> bool:
+        """Whether the support may carry a component, as far as the rig says."""
+        if self.unloaded == "rest":
+            return component in self.measured
+        return component not in self.unloaded
+
+    def _check_support(self) -> None:
+        """Nothing both measured and unloaded; a cross-talk matrix that fits the channels and can be inverted."""
+        if self.unloaded != "rest" and (both := [c for c in self.unloaded if c in self.measured]):
+            raise ValueError(f"unloaded names {both[0]}, which the sensor measures")
+        if self.crosstalk is None:
+            return
+        size = len(self.measured)
+        if len(self.crosstalk) != size or any(len(row) != size for row in self.crosstalk):
+            raise ValueError(f"crosstalk: expected {size} rows of {size} numbers, for {', '.join(self.measured)}")
+        if not 1.0 / np.linalg.cond(np.array(self.crosstalk)) > 1e-6:
+            raise ValueError("crosstalk: cannot be inverted")
+
+
 class _WrenchUnits(Table):
     F: fields.ForceUnit = "N"
     M: fields.MomentUnit = "N m"
 
 
-class Wrench(_Sensor):
+class Wrench(_Support):
     """Force and moment about the sensor's position, that the mechanism exerts on the base through this support."""
 
     kind: Literal["wrench"]
@@ -75,6 +108,11 @@ class Wrench(_Sensor):
     between: tuple[str, str] = ("mechanism", "base")
     stiffness: fields.Stiffness = STIFFNESS
     turning_stiffness: fields.TurningStiffness = TURNING_STIFFNESS
+
+    @model_validator(mode="after")
+    def _whole(self) -> "Wrench":
+        self._check_support()
+        return self
 
     def columns(self, name: str) -> Iterator[Column]:
         """One channel a component."""
@@ -91,7 +129,7 @@ class Wrench(_Sensor):
         return (*along, *about)
 
 
-class ForceSensor(_Sensor):
+class ForceSensor(_Support):
     """Force along one or three axes, that the mechanism exerts on the base through this support."""
 
     kind: Literal["force"]
@@ -110,6 +148,7 @@ class ForceSensor(_Sensor):
     def _one_or_several(self) -> "ForceSensor":
         if bool(self.channels) == (self.channel is not None and self.axis is not None):
             raise ValueError("expected either channel and axis, or channels = { x = ..., y = ..., z = ... }")
+        self._check_support()
         return self
 
     @property

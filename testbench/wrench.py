@@ -1,0 +1,169 @@
+"""Shaking force and moment at a point, from the force sensors that the mechanism stands on.
+
+F = sum F_i, M = sum M_i + (p_i - P) x F_i over all supports. A component is given where every term of it is measured,
+or the rig says that a support does not carry it; otherwise it is None, with the reason. Nothing is guessed.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from balance.arrays import Floats
+
+from .bench.base import skew
+from .channels import in_si, instants
+from .errors import AnalysisError
+from .findings import Finding
+from .segments import moving
+
+if TYPE_CHECKING:
+    from .rig import Column, Rig
+    from .rig.sensors import Support
+    from .store import Run
+
+COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+AT_RANGE = 1.0 - 1e-4
+"""Share of its range from which a sensor counts as saturated."""
+LEAST_REST_S = 0.02
+"""Of rest before or after the motion, from which a preload is taken [s]."""
+
+
+@dataclass(frozen=True)
+class MeasuredWrench:
+    """What the mechanism exerts on the base, base axes, moments about ``point``."""
+
+    group: str
+    """The group whose clock ``time`` is of."""
+    time: Floats
+    """(n,) [s]"""
+    rate: float
+    """[Hz]"""
+    point: tuple[float, float, float]
+    """In the base frame [m]."""
+    values: Mapping[str, Floats | None]
+    """By component, (n,) [N, N m]; None where the set of sensors does not determine it."""
+    reasons: Mapping[str, str]
+    """Why a component is None."""
+    findings: tuple[Finding, ...]
+    """Sensors at the end of their range."""
+
+    def determined(self, components: Sequence[str]) -> list[str]:
+        """Those of the components that are given."""
+        return [c for c in components if self.values[c] is not None]
+
+
+def shaking_wrench(
+    run: "Run", rig: "Rig", point: tuple[float, float, float] = (0.0, 0.0, 0.0), preload: bool = False
+) -> MeasuredWrench:
+    """The wrench of a run about a point of the base [m]; ``preload`` keeps what the sensors show at rest.
+
+    Raises AnalysisError if the rig has no force sensors, or they are on several loggers.
+    """
+    if not rig.supports:
+        raise AnalysisError(
+            f"{run.name}: its rig has no force sensors (kind wrench or force): nothing measures a shaking force"
+        )
+    columns = {name: list(support.columns(name)) for name, support in rig.supports.items()}
+    group = _group(run, [column for some in columns.values() for column in some])
+    first = next(iter(columns.values()))[0]
+    time, rate = instants(run, first), in_si(run, first)[1]
+    loads, findings = {}, []
+    for name, support in rig.supports.items():
+        readings = np.column_stack([in_si(run, column)[0] for column in columns[name]])
+        findings += [f for c, r in zip(columns[name], readings.T, strict=True) if (f := _saturated(run, c, r))]
+        loads[name] = _uncrossed(support, readings)
+    if not preload:
+        still = _at_rest(np.hstack(list(loads.values())), rate)
+        loads = {name: without_preload(values, still) for name, values in loads.items()}
+    values, reasons = _total(rig.supports, loads, np.array(point))
+    return MeasuredWrench(group, time, rate, point, values, reasons, tuple(findings))
+
+
+def without_preload(values: Floats, rest: "tuple[slice, slice]") -> Floats:
+    """Values (n, k) less the line through their means at rest before and after: preload, and drift of a piezo sensor.
+
+    Where only one of the two rests is long enough, less its mean.
+    """
+    ends = [(0.5 * (part.start + part.stop - 1), values[part].mean(axis=0)) for part in rest if part.stop > part.start]
+    if not ends:
+        return values - np.median(values, axis=0)
+    if len(ends) == 1:
+        return values - ends[0][1]
+    (a, before), (b, after) = ends
+    slope = (after - before) / (b - a)
+    return values - before - (np.arange(len(values))[:, None] - a) * slope
+
+
+def _group(run: "Run", columns: "list[Column]") -> str:
+    groups = {run.find(column.channel)[0].name for column in columns}
+    if len(groups) > 1:
+        raise AnalysisError(
+            f"{run.name}: its force sensors are on several loggers, {', '.join(sorted(groups))}: expected one clock"
+        )
+    return groups.pop()
+
+
+def _saturated(run: "Run", column: "Column", readings: Floats) -> Finding | None:
+    """Samples at the end of the range that the rig states; where it states none, what ingest suspected."""
+    if column.range is not None:
+        count = int(np.count_nonzero(np.abs(readings) >= AT_RANGE * column.range))
+        if not count:
+            return None
+        message = f"{count} samples at the end of its range of {column.range:g} (SI)"
+        return Finding("clipping", column.channel, run.name, f"{run.name}: {column.channel}: {message}")
+    labels = {c.name: c.label for group in run.groups for c in group.channels}
+    for finding in run.findings:
+        if finding.code.startswith("clipping") and labels.get(finding.channel or "", finding.channel) == column.channel:
+            return Finding(finding.code, column.channel, run.name, f"{run.name}: {finding.message}")
+    return None
+
+
+def _uncrossed(support: "Support", readings: Floats) -> Floats:
+    """Loads (n, k) from readings: readings = crosstalk @ loads."""
+    if support.crosstalk is None:
+        return readings
+    return np.asarray(np.linalg.solve(np.array(support.crosstalk), readings.T).T)
+
+
+def _at_rest(values: Floats, rate: float) -> "tuple[slice, slice]":
+    """Samples before the first and after the last movement of the channels that rest on both sides; empty if none do.
+
+    A channel that drifts seems to move all the time: the others say when it rests.
+    """
+    count, least = len(values), int(np.ceil(LEAST_REST_S * rate))
+    spans = [s for s in (moving(v, rate) for v in values.T) if s.start >= least and count - s.stop >= least]
+    if not spans:
+        return slice(0, 0), slice(count, count)
+    return slice(0, min(s.start for s in spans)), slice(max(s.stop for s in spans), count)
+
+
+def _total(
+    supports: "Mapping[str, Support]", loads: Mapping[str, Floats], point: Floats
+) -> tuple[dict[str, Floats | None], dict[str, str]]:
+    """The sum over the supports, component by component."""
+    count = len(next(iter(loads.values())))
+    values: dict[str, Floats | None] = {}
+    reasons: dict[str, str] = {}
+    for i, component in enumerate(COMPONENTS):
+        total = np.zeros(count)
+        for name, support in supports.items():
+            for j, other in enumerate(COMPONENTS):
+                lever = _levers(np.array(support.position) - point)[i, j]
+                if lever == 0.0 or not support.carries(other):
+                    continue
+                if other not in support.measured:
+                    reasons.setdefault(
+                        component,
+                        f"{name} does not measure {other}, and the rig does not say that it carries none (unloaded)",
+                    )
+                    continue
+                total = total + lever * loads[name][:, support.measured.index(other)]
+        values[component] = None if component in reasons else total
+    return values, reasons
+
+
+def _levers(arm: Floats) -> Floats:
+    """The matrix that turns (F, M) at the end of an arm into that at its beginning, (6, 6)."""
+    return np.block([[np.eye(3), np.zeros((3, 3))], [skew(arm), np.eye(3)]])

@@ -1,0 +1,79 @@
+"""Runs of the simulated bench in memory: what ingest would have stored, without files, for many seeds."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from balance.mechanism import Mechanism
+from balance.quantities import G0
+from testbench import rig as rigs
+from testbench.bench.loggers import record
+from testbench.bench.run import BenchRun, simulate_run
+from testbench.bench.sensors import signals
+from testbench.plan import PlannedRun
+from testbench.recording import Channel, UniformClock
+from testbench.rig import Rig
+from testbench.store.run import Run, StoredGroup
+
+MANIPULATOR = "parallelogram-6bar"
+BUILT = {"counter_A0A": 17.1105, "counter_B0B": 17.1105}
+"""Counter-masses that were built for 3.4116 kg [kg]: they leave 0.03081 kg m on each arm."""
+
+
+class MemoryRun(Run):
+    """A run whose data are in memory, by path."""
+
+    def _read(self, path):
+        return self.provenance["data"][path]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A run of the bench without noise, recorded as often as wanted."""
+
+    rig: Rig
+    planned: PlannedRun
+    bench: BenchRun
+    seen: dict[str, np.ndarray]
+
+    def starts(self, seed: int) -> dict[str, dict[str, float]]:
+        """Start [s] and drift [ppm] of each logger, drawn anew for each seed."""
+        rng = np.random.default_rng([seed, 77])
+        return {n: {"start": -rng.uniform(0.1, 0.3), "drift_ppm": rng.uniform(-50, 50)} for n in self.rig.loggers}
+
+    def run(self, seed: int) -> MemoryRun:
+        """One recording: clocks and noise of this seed."""
+        data, groups = {}, []
+        for number, (name, logger) in enumerate(self.rig.loggers.items()):
+            drawn = logger.model_copy(update=self.starts(seed)[name])
+            columns = list(self.rig.columns(name))
+            if not columns:
+                continue
+            log = record(drawn, columns, self.bench.time, self.seen, (seed, number))
+            for column in columns:
+                data[f"{name}/{column.channel}"] = np.round(log.columns[column.channel], logger.decimals)
+            channels = tuple(Channel(column.channel, column.unit) for column in columns)
+            keys = tuple(column.channel for column in columns)
+            clock = UniformClock(logger.rate)
+            groups.append(StoredGroup(name, channels, clock, len(log.time), logger.rate, "declared", name, keys))
+        conditions = dict(self.planned.conditions)
+        path = Path(f"seed{seed}.h5")
+        return MemoryRun(path, tuple(groups), "simulated", conditions, self.rig.text, (), {"data": data})
+
+
+def scene(
+    motion: str, acceleration_g: float = 3.0, masses=BUILT, payload: float = 3.4116, rig: Rig | None = None
+) -> Scene:
+    """The manipulator on its bench."""
+    rig = rig or rigs.load(MANIPULATOR)
+    planned = PlannedRun("memory", payload, dict(masses), motion, acceleration_g * G0, 1)
+    bench = simulate_run(rig, Mechanism.load(MANIPULATOR), planned)
+    return Scene(rig, planned, bench, signals(rig, bench))
+
+
+def with_values(run: MemoryRun, channel: str, values: np.ndarray) -> MemoryRun:
+    """The same run with other values of a channel."""
+    group, index = run.find(channel)
+    data = {**run.provenance["data"], f"{group.path}/{group.keys[index]}": values}
+    return replace(run, provenance={"data": data})

@@ -1,0 +1,119 @@
+"""Shaking wrench from a mixed set of force sensors: what it determines, and why it does not determine the rest."""
+
+import numpy as np
+import pytest
+
+from balance import datasets
+from testbench import rig as rigs
+from testbench.errors import AnalysisError, RigError
+from testbench.wrench import COMPONENTS, shaking_wrench, without_preload
+
+from . import memory
+
+TEXT = datasets.find("parallelogram-6bar", "rigs", ".toml").read_text("utf-8")
+
+
+@pytest.fixture(scope="module")
+def moved():
+    """The x move with the counter-masses that were built."""
+    return memory.scene("x")
+
+
+def transmitted(scene, run, seed, point):
+    """What really went through the supports at the forces' instants, about a point, (n, 6)."""
+    start = scene.starts(seed)["forces"]
+    time = start["start"] + run.time("forces") / (1.0 + 1e-6 * start["drift_ppm"])
+    about = scene.bench.transmitted.copy()
+    about[:, 3:] -= np.cross(point, about[:, :3])
+    return np.column_stack([np.interp(time, scene.bench.time, v) for v in about.T])
+
+
+@pytest.mark.parametrize("point", [(0.0, 0.0, 0.0), (0.3, -0.2, 0.1)])
+def test_all_six_components_at_any_point(moved, point):
+    """A 6-axis, a 3-axis and two 1-axis sensors add up to what the mechanism exerted, within their noise."""
+    run = moved.run(0)
+    found = shaking_wrench(run, moved.rig, point)
+    assert found.determined(COMPONENTS) == list(COMPONENTS)
+    true = transmitted(moved, run, 0, np.array(point))
+    for k, component in enumerate(COMPONENTS):
+        error = found.values[component] - true[:, k]
+        assert np.std(error) < (0.3 if component[0] == "F" else 0.1)
+        assert abs(np.mean(error)) < 0.05
+    assert not found.findings
+
+
+def test_what_is_not_determined_is_none_with_the_reason(moved):
+    """If the rig does not say that the side sensors carry no sideways force, Fx is unknown, and so are the moments."""
+    rig = rigs.from_text(TEXT.replace('unloaded = "rest"', 'unloaded = ["Mx", "My", "Mz"]'))
+    found = shaking_wrench(moved.run(0), rig)
+    assert found.determined(COMPONENTS) == ["Fz", "Mx", "My"]
+    assert found.values["Fx"] is None
+    assert "futek_1 does not measure Fx" in found.reasons["Fx"]
+    assert "unloaded" in found.reasons["Mz"]
+
+
+def test_the_point_decides_what_a_lever_needs(moved):
+    """An unknown Fy matters to Mx only about a point out of its plane."""
+    rig = rigs.from_text(TEXT.replace('unloaded = "rest"', 'unloaded = ["Mx", "My", "Mz"]'))
+    run = moved.run(0)
+    assert shaking_wrench(run, rig, (0.1, 0.2, 0.0)).values["Mx"] is not None
+    assert "Fy" in shaking_wrench(run, rig, (0.1, 0.2, 0.1)).reasons["Mx"]
+
+
+def test_crosstalk_is_taken_out(moved):
+    """Readings = C loads: with C in the rig the loads come back as they were."""
+    run, matrix = moved.run(0), np.array([[1.0, 0.03, 0.0], [-0.02, 1.0, 0.01], [0.0, 0.04, 1.0]])
+    loads = np.column_stack([run.channel(c) for c in ("Fx2", "Fy2", "Fz2")])
+    mixed = run
+    for k, name in enumerate(("Fx2", "Fy2", "Fz2")):
+        mixed = memory.with_values(mixed, name, loads @ matrix[k])
+    rows = ", ".join(str([float(x) for x in row]) for row in matrix)
+    rig = rigs.from_text(TEXT.replace('model = "Kistler 9016-b"', f'model = "x"\ncrosstalk = [{rows}]'))
+    plain, found = shaking_wrench(run, moved.rig), shaking_wrench(mixed, rig)
+    assert found.values["Fy"] == pytest.approx(plain.values["Fy"], abs=1e-9)
+
+
+@pytest.mark.parametrize("matrix", ["[[1.0, 0.0], [0.0, 1.0]]", "[[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]"])
+def test_a_crosstalk_that_does_not_fit_is_refused(matrix):
+    """A matrix of another size, or one that loses a load, is named by its key."""
+    with pytest.raises(RigError, match="crosstalk"):
+        rigs.from_text(TEXT.replace('model = "Kistler 9016-b"', f'model = "x"\ncrosstalk = {matrix}'))
+
+
+def test_a_measured_component_is_not_unloaded():
+    """A rig that says both is refused."""
+    with pytest.raises(RigError, match="unloaded names Fz"):
+        rigs.from_text(TEXT.replace('unloaded = "rest"', 'unloaded = ["Fz"]'))
+
+
+def test_preload_and_drift_of_a_sensor_are_taken_off(moved):
+    """A preload of 1800 N with a drift of 3 N/s leaves the shaking force as it was."""
+    run = moved.run(0)
+    drifting = memory.with_values(run, "Fz2", run.channel("Fz2") + 1800.0 + 3.0 * run.time("forces"))
+    one, other = (shaking_wrench(r, moved.rig).values["Fz"] for r in (run, drifting))
+    assert other == pytest.approx(one, abs=0.05)
+    kept = shaking_wrench(drifting, moved.rig, preload=True).values["Fz"]
+    assert np.mean(kept) > 1790.0
+
+
+def test_without_preload_uses_both_rests():
+    """A straight line through both rests is removed exactly; with one rest, its mean."""
+    line = np.column_stack([5.0 + 0.01 * np.arange(100), np.full(100, -2.0)])
+    rest = (slice(0, 20), slice(80, 100))
+    assert np.abs(without_preload(line, rest)).max() < 1e-12
+    assert without_preload(line, (slice(0, 20), slice(100, 100)))[:20].mean(axis=0) == pytest.approx([0.0, 0.0])
+
+
+def test_saturation_is_flagged(moved):
+    """A sensor at the end of its range is a finding that names it."""
+    run = moved.run(0)
+    clipped = memory.with_values(run, "Fx1", np.clip(40.0 * run.channel("Fx1"), -500.0, 500.0))
+    found = shaking_wrench(clipped, moved.rig)
+    assert [(f.code, f.channel) for f in found.findings] == [("clipping", "Fx1")]
+
+
+def test_no_force_sensor_is_refused(moved):
+    """A rig without supports measures no shaking force."""
+    rig = moved.rig.model_copy(update={"sensors": dict(moved.rig.base_accelerometers)})
+    with pytest.raises(AnalysisError, match="no force sensors"):
+        shaking_wrench(moved.run(0), rig)
