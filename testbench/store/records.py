@@ -1,0 +1,101 @@
+"""Records beside the runs of a campaign: alignments, calibrations, decisions. Dated, only ever added, never changed.
+
+A record is one JSON file in ``records/``; it names the runs that it is about with their SHA-256, so that it says of
+which bytes it holds. What is current is the newest of its kind.
+"""
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+from ..errors import StoreError
+from . import digest
+
+FOLDER = "records"
+LAYOUT = 1
+_KEYS = {"layout", "kind", "written", "software", "runs", "content"}
+
+
+@dataclass(frozen=True)
+class Record:
+    """One record."""
+
+    name: str
+    kind: str
+    written: str
+    """When, ISO 8601, UTC."""
+    runs: Mapping[str, str]
+    """SHA-256 of the runs that it is about, by file name."""
+    content: Mapping[str, Any]
+
+
+def append(campaign: Path, kind: str, runs: Sequence[Path], content: Mapping[str, Any]) -> Path:
+    """Add a record about stored runs of ``campaign``; returns its file. It is there whole or not at all."""
+    from importlib.metadata import version
+
+    now = datetime.now(UTC)
+    document = {
+        "layout": LAYOUT,
+        "kind": kind,
+        "written": now.isoformat(timespec="microseconds"),
+        "software": {"counterpoise": version("counterpoise")},
+        "runs": {run.name: digest.recorded(run) for run in runs},
+        "content": content,
+    }
+    text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    folder = campaign / FOLDER
+    folder.mkdir(exist_ok=True)
+    target = folder / f"{now:%Y%m%dT%H%M%S%f}Z-{kind}-{uuid4().hex[:8]}.json"
+    _write(target, text)
+    return target
+
+
+def read(campaign: Path, kind: str | None = None) -> list[Record]:
+    """The records of a campaign, of one kind if named, oldest first. Raises StoreError for a file that is none."""
+    folder = campaign / FOLDER
+    if not folder.is_dir():
+        return []
+    found = [_record(path) for path in sorted(folder.glob("*.json")) if not path.name.startswith(".")]
+    return sorted((r for r in found if kind in {None, r.kind}), key=lambda record: record.written)
+
+
+def about(campaign: Path, kind: str, run: Path) -> list[Record]:
+    """The records of a kind about a run as it is stored now, oldest first."""
+    return [record for record in read(campaign, kind) if record.runs.get(run.name) == digest.recorded(run)]
+
+
+def _record(path: Path) -> Record:
+    try:
+        document = json.loads(path.read_text("utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise StoreError(f"{FOLDER}/{path.name}: not a record; it may be damaged: {error}") from error
+    if not isinstance(document, dict) or document.keys() != _KEYS or document["layout"] != LAYOUT:
+        raise StoreError(f"{FOLDER}/{path.name}: not a record that this version knows (layout {LAYOUT})")
+    if not isinstance(document["runs"], dict) or not isinstance(document["content"], dict):
+        raise StoreError(f"{FOLDER}/{path.name}: not a record; it may be damaged")
+    written, kind = str(document["written"]), str(document["kind"])
+    return Record(path.name, kind, written, document["runs"], document["content"])
+
+
+def _write(target: Path, text: str) -> None:
+    """Write beside, sync, then give it its name, over nothing."""
+    part = target.with_name(f".{target.name}.part")
+    try:
+        with part.open("x", encoding="utf-8") as stream:
+            stream.write(text)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.rename(part, target)
+    finally:
+        part.unlink(missing_ok=True)
+    if os.name != "nt":
+        handle = os.open(target.parent, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)

@@ -1,0 +1,76 @@
+"""Records beside runs: added, never changed, about the bytes that they name."""
+
+import json
+
+import pytest
+
+from testbench.errors import StoreError
+from testbench.store import digest, open_campaign, records
+
+
+@pytest.fixture
+def campaign(tmp_path):
+    """A folder with two files that stand for runs, and their digests."""
+    for name in ("a.h5", "b.h5"):
+        run = tmp_path / name
+        run.write_bytes(name.encode())
+        digest.beside(run).write_text(digest.line_for(name, digest.sha256_of(run)), encoding="utf-8")
+    return tmp_path
+
+
+def test_records_are_added_and_read_back(campaign):
+    """Two records of one kind stand beside each other, in the order in which they were written."""
+    first = records.append(campaign, "alignment", [campaign / "a.h5"], {"offset_s": 0.5})
+    before = first.read_bytes()
+    records.append(campaign, "alignment", [campaign / "a.h5", campaign / "b.h5"], {"offset_s": 0.6})
+    records.append(campaign, "calibration", [campaign / "b.h5"], {"factor": 2.0})
+    assert [r.content["offset_s"] for r in records.read(campaign, "alignment")] == [0.5, 0.6]
+    assert len(records.read(campaign)) == 3
+    assert first.read_bytes() == before
+    assert [p.suffix for p in (campaign / "records").iterdir()] == [".json"] * 3
+
+
+def test_a_record_is_about_the_bytes_that_it_names(campaign):
+    """A run that was replaced has no record any more."""
+    run = campaign / "a.h5"
+    records.append(campaign, "alignment", [run], {})
+    assert len(records.about(campaign, "alignment", run)) == 1
+    assert not records.about(campaign, "alignment", campaign / "b.h5")
+    run.write_bytes(b"other")
+    digest.beside(run).write_text(digest.line_for(run.name, digest.sha256_of(run)), encoding="utf-8")
+    assert not records.about(campaign, "alignment", run)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"layout": 2}', "[" * 100_000])
+def test_damaged_records_are_refused(campaign, text):
+    """What is no record is named, not passed over."""
+    records.append(campaign, "alignment", [], {})
+    (campaign / "records" / "broken.json").write_text(text, encoding="utf-8")
+    with pytest.raises(StoreError, match=r"broken\.json"):
+        records.read(campaign)
+
+
+def test_numbers_that_are_none_are_not_written(campaign):
+    """NaN has no JSON form: nothing is written."""
+    with pytest.raises(ValueError, match="JSON"):
+        records.append(campaign, "alignment", [], {"offset_s": float("nan")})
+    assert not records.read(campaign)
+
+
+def test_a_record_states_who_wrote_it(campaign):
+    """Kind, date, version and digests are in the file."""
+    path = records.append(campaign, "alignment", [campaign / "a.h5"], {"x": 1})
+    document = json.loads(path.read_text("utf-8"))
+    assert document["kind"] == "alignment"
+    assert document["runs"] == {"a.h5": digest.recorded(campaign / "a.h5")}
+    assert document["written"].endswith("+00:00")
+    assert "counterpoise" in document["software"]
+
+
+def test_records_are_no_extra_files(brief, tmp_path):
+    """Verifying a campaign with records finds nothing wrong."""
+    import shutil
+
+    folder = shutil.copytree(brief.campaign, tmp_path / "campaign")
+    records.append(folder, "alignment", [], {})
+    assert {state.status for state in open_campaign(folder).verify()} == {"intact"}
