@@ -1,0 +1,137 @@
+"""``testbench align``."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from balance.cli.console import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+
+from . import stored_runs
+
+if TYPE_CHECKING:
+    from ..clocks.run import RunClocks
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  testbench align campaign/r001.h5
+  testbench align campaign --no-drift --json
+  testbench align campaign/r001.h5 --pair theta1=AccX --dry-run
+  testbench align campaign/r001.h5 --by trigger --pair Sync1=Sync2
+\b
+Exit codes: 0 done, 3 done but some clocks are not determined, for the reasons listed, 1 none is."""
+)
+@click.argument("runs", metavar="RUN...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "--by",
+    type=click.Choice(["correlation", "tap", "trigger"]),
+    default="correlation",
+    show_default=True,
+    help="By all that both saw, by taps on what both are fixed to, or by the edges of a trigger that both recorded.",
+)
+@click.option("--pair", metavar="REFERENCE=OWN", help="A channel of each logger, in place of what the rig suggests.")
+@click.option("--reference", metavar="GROUP", help="The group whose clock is the reference; that of the encoders.")
+@click.option("--cutoff", type=float, metavar="HZ", help="Highest frequency that is compared.")
+@click.option("--no-drift", is_flag=True, help="The offset alone, the drift taken to be within 100 ppm: short records.")
+@click.option("--mechanism", metavar="MECH", help="A mechanism in place of the one that the rig names.")
+@click.option("--rig", help="A rig in place of the one stored with the runs.")
+@click.option("--dry-run", is_flag=True, help="Say it only; store no record in the campaign.")
+@json_option
+def align(
+    runs: tuple[Path, ...],
+    by: str,
+    pair: str | None,
+    reference: str | None,
+    cutoff: float | None,
+    no_drift: bool,
+    mechanism: str | None,
+    rig: str | None,
+    dry_run: bool,
+    as_json: bool,
+) -> int:
+    """Align the clocks of the loggers of each RUN (a stored run, or a campaign): offset and drift, with intervals.
+
+    reference time = offset + (1 + drift) own time. Intervals are of 95 %. What the data do not determine is refused.
+    The result is added to the campaign as a dated record; runs never change.
+    """
+    from .. import rig as rigs
+    from ..clocks import run as clocks
+    from ..clocks.ways import WAYS
+    from ..errors import AnalysisError
+    from ..pairing import rig_of
+
+    if by == "trigger" and not pair:
+        raise click.UsageError("--by trigger needs --pair: the channel of each logger that holds the trigger")
+    if cutoff is not None and not cutoff > 0.0:
+        raise click.UsageError(f"--cutoff {cutoff:g}: expected a positive frequency")
+    described = rigs.load(rig) if rig else None
+    done: list[tuple[Path, RunClocks]] = []
+    refused: list[str] = []
+    for run in stored_runs.opened(runs):
+        try:
+            if pair:
+                one, other = _split(pair)
+                found = clocks.align_named(run, one, other, not no_drift, cutoff, WAYS[by])
+            else:
+                model = clocks.scene_mechanism(run, described or rig_of(run), mechanism)
+                known = described or rig_of(run)
+                found = clocks.align_run(run, known, model, reference, not no_drift, cutoff, WAYS[by])
+        except AnalysisError as error:
+            refused.append(str(error))
+            continue
+        refused += [f"{run.name}: {group}: {reason}" for group, reason in found.refused.items()]
+        if found.aligned:
+            done.append((run.path, found))
+    records = [] if dry_run else _store(done)
+    if as_json:
+        rows = [row for _, found in done for row in found.as_rows()]
+        emit_json({"alignments": rows, "refused": refused, "records": [str(path) for path in records]})
+    else:
+        _print([found for _, found in done], refused, records)
+    if not done:
+        return EXIT_REFUSED
+    return EXIT_WITH_FINDINGS if refused else 0
+
+
+def _split(pair: str) -> tuple[str, str]:
+    one, equals, other = pair.partition("=")
+    if not equals or not one.strip() or not other.strip():
+        raise click.UsageError(f"--pair {pair!r}: expected REFERENCE=OWN, a channel of each logger")
+    return one.strip(), other.strip()
+
+
+def _store(done: "list[tuple[Path, RunClocks]]") -> list[Path]:
+    from ..clocks import stored
+
+    campaigns = dict.fromkeys(path.parent for path, _ in done)
+    return [stored.write(folder, [one for one in done if one[0].parent == folder]) for folder in campaigns]
+
+
+def _print(found: "list[RunClocks]", refused: list[str], records: list[Path]) -> None:
+    rows = [
+        [
+            str(row["run"]),
+            str(row["group"]),
+            f"{row['offset_s']:.6f}",
+            " .. ".join(f"{x:.6f}" for x in row["offset_interval_s"]),
+            f"{row['drift_ppm']:.1f}",
+            " .. ".join(f"{x:.1f}" for x in row["drift_interval_ppm"]),
+            f"{1e3 * row['uncertainty_s']:.3f}",
+            str(row["content"]),
+        ]
+        for clocks in found
+        for row in clocks.as_rows()
+    ]
+    header = ["run", "group", "offset [s]", "95 % interval", "drift [ppm]", "95 % interval", "within [ms]", "by"]
+    references = sorted({clocks.reference for clocks in found})
+    if found:
+        title = f"Clocks against {', '.join(references[:3])}{' ...' if len(references) > 3 else ''}"
+        emit_table(title, header, rows, "reference time = offset + (1 + drift) own time")
+        origins = sorted({clocks.origin for clocks in found})
+        click.echo(f"Origin of the runs: {', '.join(origins)}.")
+    for path in records:
+        click.echo(f"Recorded in {path}.")
+    for reason in refused:
+        click.echo(f"Not aligned: {reason}", err=not found)

@@ -1,0 +1,147 @@
+"""The clocks of all loggers of a stored run, aligned with one of them."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from balance.errors import CounterpoiseError
+from balance.mechanism import Mechanism
+
+from .. import base_motion
+from ..errors import AnalysisError
+from ..joint_motion import encoders, loaded, mechanism_of
+from .correlation import Aligned, by_correlation
+from .mapping import ClockMap, same_clock
+from .pairs import Making, Scene, candidates, named
+
+if TYPE_CHECKING:
+    from ..rig import Rig
+    from ..store import Run
+    from .shared import Shared
+
+Way = Callable[["Shared", bool], Aligned]
+"""How two clocks are aligned by what both saw; with a drift, or without one."""
+
+
+@dataclass(frozen=True)
+class RunClocks:
+    """How the clocks of a run's groups run on that of ``reference``, and why some are not aligned."""
+
+    run: str
+    origin: str
+    reference: str
+    aligned: Mapping[str, Aligned]
+    refused: Mapping[str, str]
+
+    def map_of(self, group: str) -> ClockMap:
+        """The map of a group's clock. Raises AnalysisError, saying why, if there is none."""
+        if group == self.reference:
+            return same_clock((0.0, 0.0))
+        if group not in self.aligned:
+            raise AnalysisError(
+                f"{self.run}: {group} is not aligned: {self.refused.get(group, 'it was not asked for')}"
+            )
+        return self.aligned[group].clock
+
+    def as_rows(self) -> list[dict[str, Any]]:
+        """The alignments as they are printed and stored."""
+        return [
+            {
+                "run": self.run,
+                "origin": self.origin,
+                "reference": self.reference,
+                "group": group,
+                "method": one.method,
+                "content": one.content,
+                "explained": one.explained,
+                **one.clock.as_dict(),
+            }
+            for group, one in self.aligned.items()
+        ]
+
+
+def align_run(
+    run: "Run",
+    rig: "Rig",
+    mechanism: Callable[[], Mechanism],
+    reference: str | None = None,
+    drift: bool = True,
+    cutoff: float | None = None,
+    way: Way = by_correlation,
+) -> RunClocks:
+    """Align all groups by what the rig says that both saw; the reference is that of the encoders unless named.
+
+    Raises AnalysisError if the run has one group only.
+    """
+    if len(run.groups) < 2:
+        raise AnalysisError(f"{run.name}: one logger, one clock: there is nothing to align")
+    reference = reference or _reference(run, rig)
+    run.group(reference)
+    scene = Scene(run, rig, mechanism, cutoff)
+    known = {reference: same_clock((0.0, 0.0))}
+    aligned: dict[str, Aligned] = {}
+    refused: dict[str, str] = {}
+    for group in _base_first(run, rig, reference):
+        found = _first(candidates(scene, reference, group, known), drift, way)
+        if isinstance(found, Aligned):
+            aligned[group], known[group] = found, found.clock
+        else:
+            refused[group] = found
+    return RunClocks(run.name, run.origin, reference, aligned, refused)
+
+
+def align_named(run: "Run", reference: str, own: str, drift: bool, cutoff: float | None, way: Way) -> RunClocks:
+    """Align two groups by a channel of each, which a person names."""
+    there, here = (run.find(channel)[0].name for channel in (reference, own))
+    if there == here:
+        raise AnalysisError(f"{run.name}: {reference!r} and {own!r} are in one group, {here}: they share a clock")
+    found = way(named(run, reference, own, cutoff), drift)
+    return RunClocks(run.name, run.origin, there, {here: found}, {})
+
+
+def scene_mechanism(run: "Run", rig: "Rig", given: str | None) -> Callable[[], Mechanism]:
+    """The mechanism of a run, loaded when it is needed."""
+    return partial(_loaded, run, rig, given)
+
+
+def _loaded(run: "Run", rig: "Rig", given: str | None) -> Mechanism:
+    return loaded(run, mechanism_of(run, rig, given))
+
+
+def _reference(run: "Run", rig: "Rig") -> str:
+    """The group that holds the encoders, else the first."""
+    for column in encoders(rig):
+        for group in run.groups:
+            if group.index(column.channel) is not None:
+                return group.name
+    return run.groups[0].name
+
+
+def _base_first(run: "Run", rig: "Rig", reference: str) -> list[str]:
+    """The other groups, that of the base's accelerometers first: the forces are aligned with their help."""
+    base = base_motion.recorded(run, rig)
+    others = [group.name for group in run.groups if group.name != reference]
+    return sorted(others, key=lambda name: base is None or name != base.group)
+
+
+def _first(found: Iterable[Making], drift: bool, way: Way) -> Aligned | str:
+    """The first candidate that determines the clock, or why none does."""
+    reasons: list[str] = []
+    for making in found:
+        try:
+            return _twice(making, drift, way)
+        except CounterpoiseError as error:
+            reasons.append(str(error))
+    return "; ".join(reasons) or (
+        "the rig names nothing that both loggers saw; name a channel of each, --pair REFERENCE=OWN, or record a trigger"
+    )
+
+
+def _twice(making: Making, drift: bool, way: Way) -> Aligned:
+    """Roughly first; where that gives another content, such as one with the base's motion taken out, again by it."""
+    rough_content = making(None)
+    if not rough_content.partial:
+        return way(rough_content, drift)
+    first = way(rough_content, False)
+    return way(making(first.clock), drift)

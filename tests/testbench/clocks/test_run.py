@@ -1,0 +1,74 @@
+"""Loggers of a bench aligned by what its rig says that they saw."""
+
+import numpy as np
+import pytest
+
+from testbench.clocks.correlation import by_correlation
+from testbench.clocks.mapping import ClockMap
+from testbench.clocks.run import align_named, align_run, scene_mechanism
+from testbench.errors import AnalysisError
+
+from .. import memory
+
+
+@pytest.fixture(scope="module")
+def moved():
+    """The x move with the counter-masses that were built: forces and accelerations that the base's motion changes."""
+    return memory.scene("x")
+
+
+def truth(scene, seed, group, own):
+    """An own instant's true time on the controller's clock [s]."""
+    starts = scene.starts(seed)
+    pace, reference = (1.0 + 1e-6 * starts[name]["drift_ppm"] for name in (group, "controller"))
+    return (starts[group]["start"] + own / pace - starts["controller"]["start"]) * reference
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_bench(moved, seed):
+    """Platform accelerometer and force sensors are aligned with the encoders to 0.1 ms, though the base moves."""
+    run = moved.run(seed)
+    found = align_run(run, moved.rig, scene_mechanism(run, moved.rig, None), drift=False)
+    assert found.reference == "controller"
+    assert not found.refused
+    for group in ("daq", "forces"):
+        clock = found.map_of(group)
+        late = float(clock.to_reference(np.array([clock.at_own]))[0]) - truth(moved, seed, group, clock.at_own)
+        assert abs(late) < 1e-4
+        assert abs(late) < 2.0 * clock.half_width(clock.at_own)
+
+
+def test_without_the_base_accelerometer_the_interval_says_so(moved):
+    """Without the base's acceleration the answer is off by its effect, and the interval is as wide."""
+    run = moved.run(0)
+    rig = moved.rig.model_copy(update={"sensors": {k: v for k, v in moved.rig.sensors.items() if k != "base_acc"}})
+    clock = align_run(run, rig, scene_mechanism(run, rig, None), drift=False).map_of("daq")
+    late = float(clock.to_reference(np.array([clock.at_own]))[0]) - truth(moved, 0, "daq", clock.at_own)
+    assert 1e-4 < abs(late) < clock.half_width(clock.at_own)
+
+
+def test_named_channels(moved):
+    """Two channels that a person names are aligned as they are; two of one logger share a clock."""
+    run = moved.run(0)
+    found = align_named(run, "TargetX", "PlatX", False, 60.0, by_correlation)
+    clock = found.map_of("daq")
+    assert abs(float(clock.to_reference(np.array([0.5]))[0]) - truth(moved, 0, "daq", 0.5)) < 2e-3
+    with pytest.raises(AnalysisError, match="share a clock"):
+        align_named(run, "theta1", "theta2", False, None, by_correlation)
+
+
+def test_what_the_rig_does_not_pair_is_refused(moved):
+    """An accelerometer on the base alone says nothing of the encoders' clock; the message says what to do."""
+    run = moved.run(0)
+    rig = moved.rig.model_copy(update={"sensors": {k: v for k, v in moved.rig.sensors.items() if k != "platform_acc"}})
+    found = align_run(run, rig, scene_mechanism(run, rig, None))
+    assert "--pair" in found.refused["daq"]
+
+
+def test_maps_are_stored_and_restored():
+    """A map read back from its dictionary is the same map; its interval is narrowest where the data are."""
+    clock = ClockMap(3.0, 2.5, 4e-6, np.array([[1e-10, 1e-12], [1e-12, 4e-12]]), 18, (1.0, 5.0))
+    again = ClockMap.from_dict(clock.as_dict())
+    assert again.offset == pytest.approx(clock.offset, abs=1e-15)
+    assert again.offset_interval == pytest.approx(clock.offset_interval, abs=1e-15)
+    assert clock.half_width(3.0) < clock.half_width(100.0)
