@@ -1,0 +1,124 @@
+"""``testbench trim``."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from balance.cli.console import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+
+from . import stored_runs
+
+if TYPE_CHECKING:
+    from ..clocks.mapping import ClockMap
+    from ..store import Run
+    from ..trim import Trim
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  testbench trim parallelogram-6bar campaign/r021.h5 campaign/r035.h5
+  testbench trim parallelogram-6bar campaign/r0*.h5 --stock shelf.csv --json
+  testbench trim two-joint-arm-a0 campaign/swing.h5 --by torque --site counter_link_1
+\b
+Exit codes: 0 done, 3 done but doubtful for the reasons listed, 1 refused: the runs cannot tell."""
+)
+@click.argument("mechanism", metavar="MECH")
+@click.argument("runs", metavar="RUN...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--site", multiple=True, help="Where masses may be added; the sites named counter... unless given.")
+@click.option("--stock", metavar="CSV", help="Add from these plates: columns name,mass_kg,quantity.")
+@click.option(
+    "--by",
+    type=click.Choice(["wrench", "torque"]),
+    help="By force sensors or motor torques; forces where there are any.",
+)
+@click.option("--cutoff", type=float, metavar="HZ", help="Highest frequency of forces and model alike.  [default: 40]")
+@click.option("--rig", help="A rig in place of the one stored with the runs.")
+@json_option
+def trim(
+    mechanism: str,
+    runs: tuple[Path, ...],
+    site: tuple[str, ...],
+    stock: str | None,
+    by: str | None,
+    cutoff: float | None,
+    rig: str | None,
+    as_json: bool,
+) -> int:
+    """What first moment is missing on which arm of MECH, and which mass to add there, from measured runs.
+
+    RUN: stored runs of one mounting; payload and counter-masses are those of their conditions. By force sensors: least
+    squares on the balance conditions, clocks aligned, the base's motion taken out by its accelerometers. By motor
+    torque: as identify does. Intervals are of 95 %. Runs that cannot tell are refused.
+    """
+    from balance import stock as stocks
+    from balance.mechanism import Mechanism
+
+    from .. import rig as rigs
+    from ..trim import CUTOFF_HZ, trim_runs
+
+    if cutoff is not None and not cutoff > 0.0:
+        raise click.UsageError(f"--cutoff {cutoff:g}: expected a positive frequency")
+    opened = stored_runs.opened(runs)
+    described = rigs.load(rig) if rig else None
+    plates = stocks.load(stock) if stock else []
+    result = trim_runs(
+        opened, Mechanism.load(mechanism), site, plates, by, described, cutoff or CUTOFF_HZ, _stored(opened)
+    )
+    if as_json:
+        emit_json(result.as_dict())
+    else:
+        _print(result, stock)
+    return EXIT_WITH_FINDINGS if result.doubts() else 0
+
+
+def _stored(runs: "list[Run]") -> "dict[Path, dict[str, ClockMap]]":
+    """Alignments that the campaign holds; what it does not hold is found anew."""
+    from ..clocks import stored
+    from ..errors import AnalysisError
+    from ..joint_motion import group_of_encoders
+    from ..pairing import rig_of
+
+    found = {}
+    for run in runs:
+        try:
+            found[run.path] = stored.read(run.path, group_of_encoders(run, rig_of(run)))
+        except AnalysisError:
+            continue
+    return {path: maps for path, maps in found.items() if maps}
+
+
+def _print(result: "Trim", stock: str | None) -> None:
+    rows = [
+        [
+            m.site,
+            f"{m.first_moment:.4f}",
+            f"{m.interval[0]:.4f} .. {m.interval[1]:.4f}",
+            f"{m.mass:.3f}",
+            f"{m.position[0] * 1e3:.2f}",
+        ]
+        for m in result.missing
+    ]
+    header = ["site", "missing [kg m]", "95 % interval", "that is [kg]", "at x [mm]"]
+    emit_table(f"Missing on {result.mechanism.name}, {result.origin}, {_few(result.runs)}", header, rows)
+    added = [c for c in result.addition.counter_masses if c.mass > 0.0]
+    for c in added:
+        plates = f" = {' + '.join(c.plates)}" if c.plates else ""
+        click.echo(f"Add {c.mass:.3f} kg at {c.site}{plates}.")
+    if not added:
+        click.echo(f"Add nothing{f': no plates of {stock} bring it nearer' if stock else ''}.")
+    for m in result.missing:
+        if m.told and m.first_moment < 0.0:
+            click.echo(f"{m.site} has {-m.mass:.3f} kg too much: remove it.")
+    click.echo(f"First-moment residual predicted with that: {result.predicted_residual:.4f} kg m.")
+    click.echo("\n".join(result.about))
+    click.echo(f"{result.unexplained:.1%} of what was measured stays unexplained. Verdict: {result.verdict}")
+    for doubt in result.doubts():
+        click.echo(f"  {doubt}")
+    if result.origin == "simulated":
+        click.echo("The runs are simulated.")
+
+
+def _few(names: tuple[str, ...]) -> str:
+    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")

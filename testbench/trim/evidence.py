@@ -1,0 +1,189 @@
+"""What a run says of the balance conditions: forces against columns, low-passed alike, the base's motion taken out.
+
+P F + m P a = P W_F[pivots] c, with F the measured force, a the accelerations of the base, P what does not see how the
+base turns (see ``base_motion``). Offsets and slow drifts of each row, and small errors of the clocks (a delay of the
+forces, one of the accelerations), are solved for with the conditions.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from balance import trim
+from balance.arrays import Floats, Indices
+from balance.conditions import Conditions
+from balance.mechanism import Mechanism
+from balance.regressor import wrench_regressor
+
+from .. import base_motion
+from ..channels import in_si
+from ..clocks.mapping import ClockMap
+from ..clocks.run import align_run
+from ..derivatives import HIGHEST_CUTOFF, Grid, low_pass
+from ..errors import AnalysisError
+from ..findings import Finding
+from ..joint_motion import followed, group_of_encoders, loaded
+from ..segments import moving
+from ..wrench import AT_RANGE, MeasuredWrench, shaking_wrench
+
+if TYPE_CHECKING:
+    from balance.trajectory import Trajectory
+
+    from ..rig import Rig
+    from ..store import Run
+
+CUTOFF_HZ = 40.0
+"""Of forces and columns alike: most of what the moves excite lies below, and encoders tell accelerations there."""
+STRETCHES = 20
+"""Of a record, of equal information, that are left out in turn."""
+MARGIN_PERIODS = 3.0
+"""Periods of the cut-off kept before and after the motion."""
+LEAST_MOTION = 1e-2
+"""Force of a first moment of 1 kg m below which nothing moves [1/s2]."""
+LONG_S = 5.0
+"""From which the drift between clocks matters and can be told [s]."""
+
+
+@dataclass(frozen=True)
+class RunEvidence:
+    """The equations of one run."""
+
+    record: trim.Record
+    base_known: bool
+    """Whether the base's motion was taken out."""
+    findings: tuple[Finding, ...]
+
+
+def evidence(
+    run: "Run",
+    rig: "Rig",
+    mechanism: Mechanism,
+    conditions: Conditions,
+    cutoff: float = CUTOFF_HZ,
+    clocks: Mapping[str, ClockMap] | None = None,
+) -> RunEvidence:
+    """The equations of a run of ``mechanism`` without payload and counter-masses, which the run's conditions put on.
+
+    ``clocks`` are alignments that are known; without, they are found. Raises AnalysisError where the run cannot tell:
+    no force channels, sensors at the end of their range, no motion, clocks that cannot be aligned.
+    """
+    model = loaded(run, mechanism)
+    wrench = shaking_wrench(run, rig)
+    _refuse_saturation(run, rig, wrench)
+    grid, path = followed(run, rig, model, 2.0 * cutoff)
+    columns = trim.columns_of(conditions, wrench_regressor(model, path.q, path.v, path.a)[:, :3])
+    rows = _rows(run, wrench, columns)
+    base = base_motion.recorded(run, rig)
+    needed = {wrench.group} | ({base.group} if base else set())
+    maps = _clocks(run, rig, model, needed, clocks)
+    seen = np.column_stack([v for i in rows if (v := wrench.values[f"F{'xyz'[i]}"]) is not None])
+    force = _carried(wrench.time, seen, wrench.group, maps, grid)
+    columns = columns[:, rows]
+    nuisance = [_rate(force, grid)]
+    if base is not None:
+        share = base_motion.projector(base_motion.force_rows(model, path)[:, rows], base.rows)
+        felt = model.total_mass * _carried(base.time, base.values, base.group, maps, grid)
+        k = len(rows)
+        turned = share[:, :, :k]
+        nuisance = [
+            np.einsum("nij,nj->ni", turned, nuisance[0]),
+            np.einsum("nij,nj->ni", share[:, :, k:], _rate(felt, grid)),
+        ]
+        force = np.einsum("nij,nj->ni", turned, force) + np.einsum("nij,nj->ni", share[:, :, k:], felt)
+        columns = np.einsum("nij,njk->nik", turned, columns)
+    record = _record(grid, columns, force, nuisance, cutoff, path)
+    return RunEvidence(record, base is not None, wrench.findings)
+
+
+def _refuse_saturation(run: "Run", rig: "Rig", wrench: MeasuredWrench) -> None:
+    if wrench.findings:
+        raise AnalysisError(
+            f"{wrench.findings[0].message}: a clipped force cannot tell what is missing; use gentler runs"
+        )
+    for name, sensor in rig.base_accelerometers.items():
+        for column in sensor.columns(name):
+            if column.range is None or all(g.index(column.channel) is None for g in run.groups):
+                continue
+            count = int(np.count_nonzero(np.abs(in_si(run, column)[0]) >= AT_RANGE * column.range))
+            if count:
+                raise AnalysisError(f"{run.name}: {column.channel}: {count} samples at the end of its range")
+
+
+def _rows(run: "Run", wrench: MeasuredWrench, columns: Floats) -> list[int]:
+    """The axes along which the mechanism can shake and the force is determined."""
+    size = np.abs(columns).max(axis=(0, 2))
+    if not size.max() > LEAST_MOTION:
+        raise AnalysisError(f"{run.name}: no motion: the encoders stand still, so that the record tells nothing")
+    wanted = [i for i in range(3) if size[i] > 1e-9 * size.max()]
+    rows = [i for i in wanted if wrench.values[f"F{'xyz'[i]}"] is not None]
+    if not rows:
+        reasons = "; ".join(f"F{'xyz'[i]}: {wrench.reasons[f'F{chr(120 + i)}']}" for i in wanted)
+        raise AnalysisError(
+            f"{run.name}: the force sensors determine no component in which this mechanism shakes: {reasons}"
+        )
+    return rows
+
+
+def _clocks(
+    run: "Run", rig: "Rig", model: Mechanism, needed: set[str], known: Mapping[str, ClockMap] | None
+) -> Mapping[str, ClockMap]:
+    reference = group_of_encoders(run, rig)
+    needed = needed - {reference}
+    if known is not None and needed <= known.keys():
+        return known
+    if not needed:
+        return {}
+    times = run.time(reference)
+    found = align_run(run, rig, lambda: model, reference, drift=bool(times[-1] - times[0] >= LONG_S))
+    return {group: found.map_of(group) for group in needed}
+
+
+def _carried(time: Floats, values: Floats, group: str, maps: Mapping[str, ClockMap], grid: Grid) -> Floats:
+    """Values (m, k) of a group on the encoders' grid; smoothed first where the grid is coarser."""
+    at = maps[group].to_reference(time) if group in maps else time
+    rate = (len(time) - 1) / float(time[-1] - time[0])
+    if rate > grid.rate:
+        values = low_pass(values, HIGHEST_CUTOFF * grid.rate, rate)
+    return np.column_stack([np.interp(grid.time, at, v) for v in values.T])
+
+
+def _rate(values: Floats, grid: Grid) -> Floats:
+    """Rates (n, k) [1/s] by central differences; smoothed later with everything else."""
+    return np.gradient(values, grid.step, axis=0)
+
+
+def _record(
+    grid: Grid, columns: Floats, force: Floats, nuisance: list[Floats], cutoff: float, path: "Trajectory"
+) -> trim.Record:
+    """All low-passed alike, cut to the motion with a margin, with an offset and a drift for every row."""
+    count, rows, _ = columns.shape
+    margin = MARGIN_PERIODS / cutoff
+    used = _used(path, grid, margin)
+    smooth = low_pass(np.concatenate([columns.reshape(count, -1), force, *nuisance], axis=1), cutoff, grid.rate)[used]
+    split = np.cumsum([columns[0].size, rows, *(n.shape[1] for n in nuisance)])[:-1]
+    made, pushed, *delays = np.split(smooth, split, axis=1)
+    made = made.reshape(len(made), rows, -1)
+    slope = np.linspace(-1.0, 1.0, len(made))
+    own: list[Floats] = [np.eye(rows)[None] * np.ones((len(made), 1, 1)), np.eye(rows)[None] * slope[:, None, None]]
+    own += [delay[:, :, None] for delay in delays]
+    return trim.Record(made, pushed, np.concatenate(own, axis=2), _stretches(made, 1.0 / (cutoff * grid.step)))
+
+
+def _used(path: "Trajectory", grid: Grid, margin: float) -> slice:
+    spans = [moving(v, grid.rate, margin) for v in path.v.T if np.ptp(v) > 0.0]
+    return slice(min(s.start for s in spans), max(s.stop for s in spans))
+
+
+def _stretches(columns: Floats, shortest: float) -> Indices:
+    """Numbers of stretches of equal information on the conditions, each at least so many samples long, (n,)."""
+    energy = np.sum(columns**2, axis=(1, 2))
+    numbers = np.minimum((np.cumsum(energy) / energy.sum() * STRETCHES).astype(np.intp), STRETCHES - 1)
+    merged, current, begun = np.zeros(len(numbers), dtype=np.intp), -1, -np.inf
+    starts = np.flatnonzero(np.diff(numbers, prepend=-1))
+    for a, b in zip(starts, np.r_[starts[1:], len(numbers)], strict=True):
+        if a - begun >= shortest:
+            current, begun = current + 1, float(a)
+        merged[a:b] = current
+    return merged

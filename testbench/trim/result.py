@@ -1,0 +1,169 @@
+"""What is missing at each site and what to add there, with the verdict."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from balance import sizing, trim
+from balance.arrays import Floats
+from balance.conditions import Conditions
+from balance.identification import Estimate
+from balance.mechanism import Mechanism
+from balance.stock import Plate
+
+from ..errors import AnalysisError
+from ..findings import Finding
+from ..recording import Origin
+
+RESOLUTION = 0.25
+"""Half of an interval, as a part of the first moment that the site lacks without counter-masses, from which a record
+cannot tell what is missing."""
+DOUBTFUL_SHARE = 0.3
+"""Of the measured force or torque that stays unexplained, from which a result is doubtful."""
+
+
+@dataclass(frozen=True)
+class Missing:
+    """What a site lacks; negative where it has too much."""
+
+    site: str
+    position: Floats
+    """In its body's frame, (3,) [m]."""
+    first_moment: float
+    """Mass times distance from the body's joint [kg m]."""
+    interval: tuple[float, float]
+    """Of 95 % [kg m]."""
+
+    @property
+    def mass(self) -> float:
+        """[kg]"""
+        return self.first_moment / float(np.linalg.norm(self.position))
+
+    @property
+    def told(self) -> bool:
+        """Whether the interval leaves out zero."""
+        return not self.interval[0] <= 0.0 <= self.interval[1]
+
+    def as_dict(self) -> dict[str, Any]:
+        """The row as it is printed."""
+        return {
+            "site": self.site,
+            "first_moment_kgm": self.first_moment,
+            "interval": list(self.interval),
+            "mass_kg": self.mass,
+            "position_m": [float(x) for x in self.position],
+        }
+
+
+@dataclass(frozen=True)
+class Trim:
+    """What runs say of a mechanism as it was mounted."""
+
+    conditions: Conditions
+    mechanism: Mechanism
+    """As mounted, by its file and the sheet of runs."""
+    bare: Mechanism
+    """Without counter-masses."""
+    runs: tuple[str, ...]
+    origin: Origin
+    method: str
+    """``wrench`` or ``torque``."""
+    missing: tuple[Missing, ...]
+    values: tuple[tuple[str, Estimate | None], ...]
+    """The balance conditions, left-hand sides as measured; None where the runs do not determine one."""
+    unexplained: float
+    """Share of the measured force or torque."""
+    about: tuple[str, ...]
+    """How it was found, for people."""
+    doubts_before: tuple[str, ...]
+    plates: tuple[Plate, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+    @cached_property
+    def addition(self) -> sizing.Sizing:
+        """What to add to the sites that are told to lack something: from the plates, else of any mass."""
+        lacking = [m.site for m in self.missing if m.told and m.first_moment > 0.0]
+        if not lacking:
+            return sizing.given(self.conditions, self._measured, {})
+        if self.plates:
+            return sizing.from_stock(self.conditions, self._measured, self.plates, lacking)
+        return sizing.exact(self.conditions, self._measured, lacking)
+
+    @property
+    def predicted_residual(self) -> float:
+        """First-moment residual with the addition: what the determined conditions keep [kg m]."""
+        return self.addition.residual()
+
+    @property
+    def _measured(self) -> Mechanism:
+        by_file = self.conditions.values(self.mechanism)
+        values = [file if e is None else e.value for (_, e), file in zip(self.values, by_file, strict=True)]
+        return trim.adjusted(self.conditions, self.mechanism, np.array(values))
+
+    def doubts(self) -> list[str]:
+        """Why the result is doubtful; empty if it is not."""
+        found = list(self.doubts_before)
+        if self.unexplained > DOUBTFUL_SHARE:
+            found.append(f"{self.unexplained:.0%} of the measured {self._measured_name} stays unexplained")
+        return found + [finding.message for finding in self.findings]
+
+    @property
+    def verdict(self) -> str:
+        """``add``, ``remove`` (a site has too much), ``nothing told`` (every interval holds zero), or ``doubtful``."""
+        if self.doubts():
+            return "doubtful"
+        told = [m.first_moment for m in self.missing if m.told]
+        if not told:
+            return "nothing told"
+        return "remove" if min(told) < 0.0 else "add"
+
+    @property
+    def _measured_name(self) -> str:
+        return "force" if self.method == "wrench" else "torque"
+
+    def as_dict(self) -> dict[str, Any]:
+        """The one JSON document of ``testbench trim``."""
+        return {
+            "mechanism": self.mechanism.name,
+            "runs": list(self.runs),
+            "origin": self.origin,
+            "method": self.method,
+            "missing": [m.as_dict() for m in self.missing],
+            "add": [
+                {
+                    "site": c.site,
+                    "mass_kg": c.mass,
+                    "plates": list(c.plates),
+                    "position_m": [float(x) for x in c.position],
+                }
+                for c in self.addition.counter_masses
+            ],
+            "predicted_residual_kgm": self.predicted_residual,
+            "verdict": self.verdict,
+            "doubts": self.doubts(),
+            "conditions": [
+                {
+                    "condition": text,
+                    "value_kgm": None if e is None else e.value,
+                    "interval": None if e is None else list(e.interval),
+                }
+                for text, e in self.values
+            ],
+            "unexplained": self.unexplained,
+            "about": list(self.about),
+        }
+
+
+def refuse_blur(missing: Sequence[Missing], bare: Sequence[float], runs: Sequence[str], hint: str) -> None:
+    """Refuse intervals so wide that the record tells next to nothing; ``bare`` is what each site lacks without any."""
+    largest = max((abs(value) for value in bare), default=0.0)
+    for one in missing:
+        half = 0.5 * (one.interval[1] - one.interval[0])
+        if half > RESOLUTION * largest:
+            raise AnalysisError(
+                f"{', '.join(runs)}: cannot tell what is missing at {one.site}: {one.first_moment:.3g} kg m, known to "
+                f"{half:.2g} kg m only, where the mechanism without counter-masses lacks {largest:.3g} kg m; {hint}"
+            )

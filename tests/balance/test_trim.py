@@ -1,0 +1,132 @@
+"""What is missing, from forces: linear in the conditions, with intervals, refused where nothing excites it."""
+
+import numpy as np
+import pytest
+from scipy.stats import binomtest
+
+from balance import conditions, sizing, trim
+from balance.closure import Closure
+from balance.errors import DataError
+from balance.mechanism import Mechanism
+from balance.motion import Samples
+from balance.observability import NotObservable
+from balance.regressor import wrench_regressor
+
+MECHANISMS = ("parallelogram-6bar", "four-bar", "serial-2r", "serial-3r")
+
+
+def equations(mechanism, count=400, seed=0):
+    """Columns (n, 3, rank) and shaking force (n, 3) [N] along a motion of all driven joints."""
+    path = moved(Closure(mechanism), count, np.random.default_rng(seed))
+    regressor = wrench_regressor(mechanism, path.q, path.v, path.a)[:, :3]
+    found = conditions.find(mechanism)
+    return found, trim.columns_of(found, regressor), regressor @ mechanism.pi
+
+
+def moved(closure, count, rng):
+    """A motion of the driven joints, two sines each, closed at every sample."""
+    mechanism, t = closure.mechanism, np.linspace(0.0, 2.0, count)
+    home = np.array([mechanism.home[mechanism.coordinate_index(j)] for j in mechanism.driven])
+    omega = 2 * np.pi * rng.uniform(1.0, 3.0, (2, len(home)))
+    wave = [0.1 * np.sin(np.multiply.outer(t, w)) for w in omega]
+    rate = [0.1 * w * np.cos(np.multiply.outer(t, w)) for w in omega]
+    bend = [-(w**2) * x for w, x in zip(omega, wave, strict=True)]
+    return closure.follow(Samples(t, home + sum(wave), sum(rate), sum(bend), mechanism.driven))
+
+
+def record(columns, force, nuisance=None, stretches=20):
+    """One record in equal stretches."""
+    none = np.zeros((*force.shape, 1)) if nuisance is None else nuisance
+    return trim.Record(columns, force, none, np.arange(len(force)) * stretches // len(force))
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_values_are_those_of_the_model(name):
+    """From exact forces come exactly the values of the conditions, whatever the masses."""
+    found, columns, force = equations(Mechanism.load(name))
+    measured = trim.measure([record(columns, force)], found)
+    assert measured.values == pytest.approx(found.values(), abs=1e-9)
+    assert measured.unexplained < 1e-6
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_missing_masses_are_those_of_exact_sizing(name):
+    """What each site lacks, from exact forces, is what sizing from the model mounts there."""
+    mechanism = Mechanism.load(name)
+    found, columns, force = equations(mechanism)
+    lacking = trim.measure([record(columns, force)], found).missing(mechanism, mechanism.counter_sites)
+    sized = sizing.exact(found, mechanism)
+    for one, other in zip(lacking, sized.counter_masses, strict=True):
+        if other.mass > 0.0:
+            assert one.mass.value == pytest.approx(other.mass, rel=1e-6)
+        assert one.first_moment.value == pytest.approx(one.mass.value * np.linalg.norm(one.position), rel=1e-12)
+
+
+def test_the_built_set_of_the_manipulator():
+    """17.1105 kg for 3.4116 kg leave 0.03081 kg m on each arm: 0.8205 kg at 37.55 mm."""
+    masses = {"counter_A0A": 17.1105, "counter_B0B": 17.1105}
+    mechanism = Mechanism.load("parallelogram-6bar").with_payload({"platform": 3.4116}).with_counter_mass(masses)
+    found, columns, force = equations(mechanism)
+    for one in trim.measure([record(columns, force)], found).missing(mechanism, mechanism.counter_sites):
+        assert one.first_moment.value == pytest.approx(0.030809, abs=1e-6)
+        assert one.mass.value == pytest.approx(0.8205, abs=1e-4)
+
+
+def test_nuisances_do_not_matter():
+    """Any amount of an offset, and of a signal that is named as one, leaves the values as they are."""
+    found, columns, force = equations(Mechanism.load("four-bar"))
+    rng = np.random.default_rng(1)
+    other = rng.normal(size=force.shape)
+    nuisance = np.stack([np.ones_like(force), other], axis=2)
+    measured = trim.measure([record(columns, force + 70.0 + 5.0 * other, nuisance)], found)
+    assert measured.values == pytest.approx(found.values(), abs=1e-9)
+
+
+def test_records_are_joined():
+    """Two records that each excite half of the conditions determine all of them; one alone is refused."""
+    mechanism = Mechanism.load("serial-2r")
+    found, columns, force = equations(mechanism)
+    values = found.values()
+    halves = [columns.copy(), columns.copy()]
+    halves[0][:, :, 2:] = halves[1][:, :, :2] = 0.0
+    records = [record(half, half @ values) for half in halves]
+    assert trim.measure(records, found).values == pytest.approx(values, abs=1e-9)
+    with pytest.raises(NotObservable, match="does not excite"):
+        trim.measure(records[:1], found).missing(mechanism, mechanism.counter_sites)
+    assert force.shape == columns.shape[:2]
+
+
+def test_no_motion_is_refused():
+    """Columns of zeros determine nothing."""
+    found, columns, force = equations(Mechanism.load("four-bar"))
+    with pytest.raises(NotObservable, match="nothing moves"):
+        trim.measure([record(0.0 * columns, force)], found)
+
+
+def test_too_few_stretches_are_refused():
+    """An interval needs stretches to leave out."""
+    found, columns, force = equations(Mechanism.load("four-bar"))
+    with pytest.raises(DataError, match="stretches"):
+        trim.measure([record(columns, force, stretches=4)], found)
+
+
+def test_adjusted_has_the_values_that_it_is_given():
+    """The mechanism with measured values has them, and sizing of it mounts what is missing."""
+    mechanism = Mechanism.load("parallelogram-6bar")
+    found = conditions.find(mechanism)
+    values = np.array([0.4, 0.01, 0.39, -0.02])
+    changed = trim.adjusted(found, mechanism, values)
+    assert found.values(changed) == pytest.approx(values, abs=1e-12)
+    assert sizing.exact(found, changed).residual() == pytest.approx(0.02, abs=1e-9)
+
+
+def test_intervals_hold():
+    """With forces whose noise is correlated in time, 95 % intervals hold the truth as often, over seeds."""
+    found, columns, force = equations(Mechanism.load("four-bar"), 800)
+    hits = []
+    for seed in range(60):
+        white = np.random.default_rng(seed).normal(size=(len(force) + 20, 3))
+        noise = 0.5 * np.array([np.convolve(w, np.ones(20) / np.sqrt(20.0), "valid")[: len(force)] for w in white.T]).T
+        estimate = trim.measure([record(columns, force + noise)], found).estimate(np.eye(4)[0])
+        hits.append(estimate.interval[0] <= found.values()[0] <= estimate.interval[1])
+    assert binomtest(sum(hits), len(hits), 0.95).pvalue > 1e-3

@@ -1,0 +1,112 @@
+"""Runs of other mechanisms on a bench that stands still: encoders, motor torques and a force plate, simulated."""
+
+from pathlib import Path
+
+import numpy as np
+
+from balance.closure import Closure
+from balance.dynamics import simulate
+from balance.mechanism import Mechanism
+from balance.motion import Samples
+from testbench.recording import Channel, UniformClock
+from testbench.store.run import StoredGroup
+
+from ..memory import MemoryRun
+
+RATE = 1000.0
+START = 0.213
+"""When the forces' logger started, on the encoders' clock [s]."""
+
+HEAD = """
+name = "bench of {name}"
+mechanism = "{name}"
+[loggers.drive]
+rate = "1 kHz"
+[loggers.plate]
+rate = "1 kHz"
+"""
+PLATE = """
+[sensors.plate]
+kind = "wrench"
+logger = "plate"
+channels = { Fx = "Fx", Fy = "Fy", Fz = "Fz", Mx = "Mx", My = "My", Mz = "Mz" }
+range = { F = "500 N", M = "100 N m" }
+position = ["0 m", "0 m", "0 m"]
+[sensors.base_acc]
+kind = "accelerometer"
+logger = "plate"
+channels = { x = "ax", y = "ay", z = "az" }
+unit = "m/s^2"
+position = ["0.3 m", "-0.2 m", "0 m"]
+"""
+JOINT = """
+[sensors.encoder_{joint}]
+kind = "encoder"
+logger = "drive"
+channel = "q_{joint}"
+joint = "{joint}"
+[sensors.motor_{joint}]
+kind = "torque"
+logger = "drive"
+channel = "tau_{joint}"
+joint = "{joint}"
+"""
+
+
+def rig_text(mechanism: Mechanism, plate: bool = True) -> str:
+    """The rig of a mechanism's bench."""
+    joints = "".join(JOINT.format(joint=joint) for joint in mechanism.driven)
+    return HEAD.format(name=mechanism.name) + joints + (PLATE if plate else "")
+
+
+def run(
+    mechanism: Mechanism,
+    seed: int = 0,
+    counter_masses=None,
+    plate: bool = True,
+    seconds: float = 4.0,
+    rate: float = RATE,
+) -> MemoryRun:
+    """A run of a motion from rest to rest: forces to 0.1 N, positions to 2e-5 rad, torques to 0.02 N m."""
+    rng = np.random.default_rng(seed)
+    mounted = mechanism.with_counter_mass(counter_masses or {})
+    time = np.arange(0.0, seconds, 1.0 / rate)
+    path = Closure(mounted).follow(_motion(mounted, time, np.random.default_rng(5)))
+    response = simulate(mounted, path)
+    data, groups = {}, []
+    drive = {f"q_{j}": path.q[:, mounted.coordinate_index(j)] + rng.normal(0, 2e-5, len(time)) for j in mounted.driven}
+    drive |= {f"tau_{j}": response.torque[j] + rng.normal(0, 0.02, len(time)) for j in mounted.driven}
+    groups.append(_group("drive", drive, data, rate))
+    if plate:
+        cut = slice(round(START * rate), None)
+        wrench = np.hstack([response.force, response.moment])[cut]
+        names = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+        forces = {n: w + rng.normal(0, 0.1, len(w)) for n, w in zip(names, wrench.T, strict=True)}
+        forces |= {a: rng.normal(0, 0.005, len(wrench)) for a in ("ax", "ay", "az")}
+        groups.append(_group("plate", forces, data, rate))
+    conditions = {"counter_masses": counter_masses or {}}
+    text = rig_text(mechanism, plate)
+    return MemoryRun(Path("linkage.h5"), tuple(groups), "simulated", conditions, text, (), {"data": data})
+
+
+UNITS = {"q": "rad", "t": "N m", "F": "N", "M": "N m", "a": "m/s^2"}
+
+
+def _group(name: str, columns: dict[str, np.ndarray], data: dict[str, np.ndarray], rate: float) -> StoredGroup:
+    data.update({f"{name}/{key}": values for key, values in columns.items()})
+    channels = tuple(Channel(key, UNITS[key[0]]) for key in columns)
+    count = len(next(iter(columns.values())))
+    return StoredGroup(name, channels, UniformClock(rate), count, rate, "declared", name, tuple(columns))
+
+
+def _motion(mechanism: Mechanism, time: np.ndarray, rng: np.random.Generator) -> Samples:
+    """Sines of each driven joint within a window that begins and ends at rest."""
+    home = np.array([mechanism.home[mechanism.coordinate_index(joint)] for joint in mechanism.driven])
+    omega = 2 * np.pi * rng.uniform(0.8, 4.0, (3, len(home)))
+    phase = rng.uniform(0, 2 * np.pi, omega.shape)
+    end = time[-1]
+    window = np.where((time > 0.4) & (time < end - 0.4), np.sin(np.pi * (time - 0.4) / (end - 0.8)) ** 4, 0.0)[:, None]
+    wave = sum(0.25 * np.sin(np.multiply.outer(time, w) + p) for w, p in zip(omega, phase, strict=True))
+    q = home + window * wave
+    v = np.gradient(q, time, axis=0)
+    return Samples(time, q, v, np.gradient(v, time, axis=0), mechanism.driven)

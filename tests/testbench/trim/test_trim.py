@@ -1,0 +1,181 @@
+"""What is missing on which arm, from simulated runs with known truth; refused where they cannot tell."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from balance import stock
+from balance.errors import CounterpoiseError
+from balance.mechanism import Mechanism
+from testbench import rig as rigs
+from testbench.errors import AnalysisError
+from testbench.trim import trim_runs
+
+from .. import memory
+from ..coverage import assert_holds
+from . import linkages
+
+MISSING = 0.0308090
+"""On each arm of the manipulator with 3.4116 kg and the built 17.1105 kg [kg m]."""
+
+
+@pytest.fixture(scope="module")
+def manipulator():
+    """The mechanism without payload and counter-masses."""
+    return Mechanism.load(memory.MANIPULATOR)
+
+
+@pytest.fixture(scope="module")
+def triangle():
+    """The triangle with the counter-masses that were built."""
+    return memory.scene("triangle")
+
+
+def test_the_built_set(manipulator, triangle):
+    """17.11 kg for 3.41 kg: 0.0308 kg m are missing, within the interval, and 0.82 kg an arm at 37.55 mm balance it."""
+    found = trim_runs([triangle.run(seed) for seed in range(3)], manipulator)
+    assert found.method == "wrench"
+    assert found.origin == "simulated"
+    assert found.verdict == "add"
+    for one, added in zip(found.missing, found.addition.counter_masses, strict=True):
+        assert one.interval[0] < MISSING < one.interval[1]
+        assert one.interval[1] - one.interval[0] < 0.2 * MISSING
+        assert added.mass == pytest.approx(0.8205, rel=0.1)
+        assert np.linalg.norm(added.position) == pytest.approx(0.03755)
+    assert found.predicted_residual < 0.1 * MISSING
+
+
+def other_bench():
+    """A lighter frame, on mounts that are stiffer sideways and softer upright, less damped."""
+    text = rigs.load(memory.MANIPULATOR).text
+    for old, new in (
+        ('mass = "150 kg"', 'mass = "90 kg"'),
+        ('"250 kN/m", "400 kN/m"', '"500 kN/m", "150 kN/m"'),
+        ('"400 N s/m"', '"250 N s/m"'),
+        ('"18 kg m^2"', '"9 kg m^2"'),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    return rigs.from_text(text)
+
+
+@pytest.mark.parametrize("bench", [None, other_bench()], ids=["bench", "other bench"])
+def test_intervals_hold(manipulator, bench):
+    """Intervals hold the truth as often as 95 % promises, over seeds of noise and clocks, on this bench and another."""
+    scene = memory.scene("triangle", rig=bench)
+    found = [trim_runs([scene.run(seed)], manipulator).missing for seed in range(16)]
+    for arm in range(2):
+        hits = [one[arm].interval[0] <= MISSING <= one[arm].interval[1] for one in found]
+        assert_holds(sum(hits), len(hits))
+
+
+def test_too_much_is_said(manipulator):
+    """Counter-masses that are a kilogram too heavy: a negative first moment is missing, nothing is added."""
+    heavy = memory.scene("triangle", masses={"counter_A0A": 18.931, "counter_B0B": 18.931})
+    found = trim_runs([heavy.run(0)], manipulator)
+    assert found.verdict == "remove"
+    assert all(m.mass == pytest.approx(-1.0, abs=0.3) for m in found.missing)
+    assert not found.addition.counter_masses
+
+
+def test_stock(manipulator, triangle):
+    """From plates of 0.4 kg two go on each arm; plates of 5 kg would do harm, and none is proposed."""
+    runs = [triangle.run(0)]
+    small = trim_runs(runs, manipulator, plates=[stock.Plate("P", 0.4, 8)])
+    assert [c.plates for c in small.addition.counter_masses] == [("P", "P"), ("P", "P")]
+    large = trim_runs(runs, manipulator, plates=[stock.Plate("M", 5.0, 4)])
+    assert sum(c.mass for c in large.addition.counter_masses) == 0.0
+    assert large.predicted_residual == pytest.approx(MISSING, rel=0.1)
+
+
+def test_without_the_base_accelerometer(manipulator, triangle):
+    """On a base that moves the clocks cannot be aligned without it; on one that does not, its absence is a doubt."""
+    rig = without_base_accelerometer(rigs.load(memory.MANIPULATOR))
+    with pytest.raises(AnalysisError, match="forces is not aligned"):
+        trim_runs([triangle.run(0)], manipulator, rig=rig)
+    arm = Mechanism.load("serial-2r")
+    rig = without_base_accelerometer(rigs.from_text(linkages.rig_text(arm)))
+    found = trim_runs([linkages.run(arm)], arm, rig=rig)
+    assert found.verdict == "doubtful"
+    assert "no accelerometer on the base" in found.doubts()[0]
+
+
+def without_base_accelerometer(rig):
+    """The rig less its accelerometer on the base."""
+    return rig.model_copy(update={"sensors": {k: v for k, v in rig.sensors.items() if k != "base_acc"}})
+
+
+def still(run):
+    """The same run with encoders that never move."""
+    for name in ("theta1", "theta2"):
+        run = memory.with_values(run, name, np.full_like(run.channel(name), run.channel(name)[0]))
+    return run
+
+
+def clipped(run):
+    """The same run with a force sensor at the end of its range."""
+    return memory.with_values(run, "Fx1", np.clip(200.0 * run.channel("Fx1"), -500.0, 500.0))
+
+
+@pytest.mark.parametrize(("change", "says"), [(still, "no motion"), (clipped, r"Fx1.*end of its range")])
+def test_runs_that_cannot_tell_are_refused(manipulator, triangle, change, says):
+    """No motion, a clipped force: refused, saying what is wrong."""
+    with pytest.raises(CounterpoiseError, match=says):
+        trim_runs([change(triangle.run(0))], manipulator)
+
+
+def test_a_motion_that_does_not_excite_is_refused(manipulator):
+    """The y move alone, with one accelerometer on the base, does not tell the arms apart: what to add is said."""
+    with pytest.raises(AnalysisError, match=r"cannot tell what is missing.*another direction"):
+        trim_runs([memory.scene("y").run(0)], manipulator)
+
+
+def test_no_force_channels(manipulator, triangle):
+    """A rig without force sensors and torques is refused."""
+    rig = rigs.load(memory.MANIPULATOR)
+    kept = {k: v for k, v in rig.sensors.items() if v.kind in {"encoder", "accelerometer"}}
+    with pytest.raises(AnalysisError, match="neither force sensors nor motor torques"):
+        trim_runs([triangle.run(0)], manipulator, rig=rig.model_copy(update={"sensors": kept}))
+
+
+def test_runs_of_two_mountings_are_refused(manipulator, triangle):
+    """Runs with other counter-masses are of another mechanism."""
+    other = triangle.run(1)
+    other = replace(other, conditions={**other.conditions, "counter_masses": {}})
+    with pytest.raises(AnalysisError, match="one mounting"):
+        trim_runs([triangle.run(0), other], manipulator)
+
+
+@pytest.mark.parametrize("name", ["four-bar", "serial-2r"])
+def test_other_mechanisms_by_wrench(name):
+    """A linkage and an arm on a force plate: what their counter-masses lack, within the interval."""
+    mechanism = Mechanism.load(name)
+    found = trim_runs([linkages.run(mechanism)], mechanism)
+    masses = np.linalg.lstsq(*_system(mechanism, found), rcond=None)[0]
+    for one, mass in zip(found.missing, masses, strict=True):
+        moment = mass * np.linalg.norm(one.position)
+        assert one.interval[0] < moment < one.interval[1]
+        assert one.interval[1] - one.interval[0] < 0.1 * abs(moment)
+
+
+def _system(mechanism, found):
+    """B and -A pi of the balance conditions A pi + B m = 0."""
+    columns = [
+        found.conditions.matrix @ (mechanism.with_counter_mass({m.site: 1.0}).pi - mechanism.pi) for m in found.missing
+    ]
+    return np.array(columns).T, -found.conditions.values(mechanism)
+
+
+def test_a_serial_arm_by_torque():
+    """Motor torques of an arm tell what both its joints lack, with 1 kg mounted at each."""
+    mechanism = Mechanism.load("serial-2r")
+    mounted = {"counter_link_1": 1.0, "counter_link_2": 0.3}
+    run = linkages.run(mechanism, counter_masses=mounted, plate=False, seconds=10.0, rate=250.0)
+    found = trim_runs([run], mechanism)
+    assert found.method == "torque"
+    masses = np.linalg.lstsq(*_system(mechanism.with_counter_mass(mounted), found), rcond=None)[0]
+    for one, mass in zip(found.missing, masses, strict=True):
+        moment = mass * np.linalg.norm(one.position)
+        assert one.interval[0] < moment < one.interval[1]
+        assert one.first_moment == pytest.approx(moment, rel=0.1)
