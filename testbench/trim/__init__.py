@@ -19,7 +19,7 @@ from ..joint_motion import loaded
 from ..pairing import rig_of
 from ..recording import Origin
 from ..rig.sensors import Torque
-from .evidence import CUTOFF_HZ, RunEvidence, evidence
+from .evidence import CUTOFF_HZ, RunEvidence, run_evidence
 from .result import Missing, Trim, refuse_blur
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ def _by_wrench(
     findings: list[Finding] = []
     for run in runs:
         try:
-            every.append(evidence(run, rig or rig_of(run), mechanism, found, cutoff, clocks.get(run.path)))
+            every.append(run_evidence(run, rig or rig_of(run), mechanism, found, cutoff, clocks.get(run.path)))
         except AnalysisError as error:
             if len(runs) == 1:
                 raise

@@ -56,7 +56,7 @@ class RunEvidence:
     findings: tuple[Finding, ...]
 
 
-def evidence(
+def run_evidence(
     run: "Run",
     rig: "Rig",
     mechanism: Mechanism,

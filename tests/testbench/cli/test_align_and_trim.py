@@ -1,0 +1,119 @@
+"""``testbench align`` and ``testbench trim`` as a person calls them."""
+
+import json
+import shutil
+
+import pytest
+from click.testing import CliRunner
+
+from testbench.cli.align import align
+from testbench.cli.trim import trim
+from testbench.errors import AnalysisError
+from testbench.store import records
+
+PLAN = """
+mechanism = "parallelogram-6bar"
+seed = 5
+[[conditions]]
+payload = "3.4116 kg"
+counter_masses = { counter_A0A = "17.1105 kg", counter_B0B = "17.1105 kg" }
+motion = ["x", "triangle"]
+peak_acceleration = "3 g0"
+also_without = false
+"""
+STARTS = {"daq": -0.237, "forces": -0.151, "controller": -0.100}
+"""Of the loggers in the shipped rig, from the start of the motion [s]."""
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory):
+    """A campaign of two runs with the counter-masses that were built for 3.4116 kg."""
+    from ..conftest import simulated
+
+    return simulated(tmp_path_factory.mktemp("trim"), PLAN).campaign
+
+
+def invoke(command, *arguments, expected=0) -> str:
+    """Run a command; its standard output."""
+    done = CliRunner().invoke(command, [str(a) for a in arguments], standalone_mode=False, catch_exceptions=False)
+    assert done.return_value == expected
+    return done.stdout
+
+
+def test_align_stores_a_record(campaign, tmp_path):
+    """Offsets are those of the bench, within their intervals' size; a dry run leaves no record, another leaves one."""
+    folder = shutil.copytree(campaign, tmp_path / "campaign")
+    dry = json.loads(invoke(align, folder, "--dry-run", "--json"))
+    assert not dry["records"]
+    assert not records.read(folder)
+    found = json.loads(invoke(align, folder, "--no-drift", "--json"))
+    assert len(found["alignments"]) == 4
+    for row in found["alignments"]:
+        true = STARTS[row["group"].partition("_")[2]] - STARTS["controller"]
+        assert row["offset_s"] == pytest.approx(true, abs=max(2e-4, 2.0 * row["uncertainty_s"]))
+        assert row["offset_interval_s"][0] < row["offset_s"] < row["offset_interval_s"][1]
+        assert row["origin"] == "simulated"
+    (stored,) = records.read(folder, "alignment")
+    assert stored.content["alignments"] == found["alignments"]
+    assert set(stored.runs) == {"r001.h5", "r002.h5"}
+
+
+def test_align_for_people(campaign):
+    """The table says against which clock, within what, by what, and that the runs are simulated."""
+    text = invoke(align, campaign / "r001.h5", "--no-drift", "--dry-run")
+    for words in ("against r001_controller", "within [ms]", "base motion taken", "simulated"):
+        assert words in text
+
+
+def test_align_by_named_channels_can_be_refused(campaign):
+    """Channels that saw nothing in common: said why, exit code 1."""
+    done = CliRunner().invoke(align, [str(campaign / "r001.h5"), "--pair", "TargetX=Fz3", "--json"])
+    assert "common content" in done.output or "ambiguous" in done.output
+    assert CliRunner().invoke(align, [str(campaign), "--by", "trigger"]).exit_code == 2
+
+
+def test_trim_document(campaign):
+    """Keys of the JSON document; 0.0308 kg m and 0.82 kg an arm within the intervals; simulated is said."""
+    found = json.loads(invoke(trim, "parallelogram-6bar", campaign / "r001.h5", campaign / "r002.h5", "--json"))
+    assert {"missing", "add", "predicted_residual_kgm", "verdict"} <= set(found)
+    assert found["verdict"] == "add"
+    assert found["origin"] == "simulated"
+    for missing, added in zip(found["missing"], found["add"], strict=True):
+        low, high = missing["interval"]
+        assert low < 0.030809 < high
+        assert added["site"] == missing["site"]
+        assert low / 0.03755 < added["mass_kg"] < high / 0.03755
+    assert found["predicted_residual_kgm"] < 0.005
+
+
+def test_trim_for_people(campaign, tmp_path):
+    """The text says what to add where, how it was found, and that the runs are simulated; plates are named."""
+    shelf = tmp_path / "shelf.csv"
+    shelf.write_text("name,mass_kg,quantity\nP400,0.4,6\n", encoding="utf-8")
+    text = invoke(trim, "parallelogram-6bar", campaign, "--stock", shelf)
+    for words in ("Add 0.800 kg at counter_A0A = P400 + P400", "base's motion taken out", "simulated", "Verdict: add"):
+        assert words in text
+
+
+def test_trim_uses_what_align_stored(campaign, tmp_path, monkeypatch):
+    """With a stored alignment no clock is aligned anew, and the answer is the same to a tenth of its interval."""
+    folder = shutil.copytree(campaign, tmp_path / "campaign")
+    before = json.loads(invoke(trim, "parallelogram-6bar", folder, "--json"))
+    invoke(align, folder, "--no-drift")
+    monkeypatch.setattr("testbench.trim.evidence.align_run", None)
+    after = json.loads(invoke(trim, "parallelogram-6bar", folder, "--json"))
+    for one, other in zip(before["missing"], after["missing"], strict=True):
+        width = one["interval"][1] - one["interval"][0]
+        assert other["first_moment_kgm"] == pytest.approx(one["first_moment_kgm"], abs=0.1 * width)
+
+
+def test_trim_refuses_an_unknown_site(campaign):
+    """A site that the mechanism does not have is refused by name."""
+    with pytest.raises(Exception, match="no site 'elbow'"):
+        invoke(trim, "parallelogram-6bar", campaign, "--site", "elbow")
+
+
+def test_trim_refuses_what_cannot_tell(campaign):
+    """Runs of another mechanism are refused: this one carries no payload."""
+    with pytest.raises(AnalysisError, match="payload"):
+        invoke(trim, "serial-2r", campaign / "r001.h5", "--by", "torque")
