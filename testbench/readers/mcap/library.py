@@ -1,5 +1,6 @@
 """Reading MCAP record by record, in the order of the file, whole or cut."""
 
+import struct
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -16,6 +17,7 @@ from ..ros.definitions import Unclear, parse
 from ..ros.rows import Decode, Topic, from_json
 from ..stream import damaged, refusing
 
+_MAGIC = b"\x89MCAP0\r\n"
 _LARGEST_RECORD = 256 << 20
 _ENCODINGS = {("ros1msg", "ros1"), ("ros2msg", "cdr")}
 
@@ -77,12 +79,19 @@ def _messages(path: Path, file: _File) -> Iterator[tuple[Topic, Any]]:
         try:
             for record in records:
                 yield from _record(record, file, path)
-        except (errors.EndOfFile, errors.InvalidMagic) as error:
+        except (errors.McapError, ValueError, struct.error) as error:
+            if _is_closed(path) or isinstance(error, reader.CRCValidationError):
+                raise damaged(path, f"{type(error).__name__}: {error}") from error
             total = sum(file.counts.values())
             message = f"the file ends too early ({type(error).__name__}); {total} whole messages are before that"
             file.findings.append(Finding("cut_file", None, None, message))
-        except (errors.McapError, reader.CRCValidationError) as error:
-            raise damaged(path, f"{type(error).__name__}: {error}") from error
+
+
+def _is_closed(path: Path) -> bool:
+    """Whether the file ends as MCAP does."""
+    with path.open("rb") as stream:
+        stream.seek(max(0, path.stat().st_size - len(_MAGIC)))
+        return stream.read() == _MAGIC
 
 
 def _record(record: Any, file: _File, path: Path) -> Iterator[tuple[Topic, Any]]:  # noqa: ANN401
