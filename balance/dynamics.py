@@ -13,9 +13,12 @@ from .arrays import Floats
 from .blocks import in_blocks
 from .body import Load
 from .components import ZERO, Entry, add, dense, fill, minus, mul, sub
-from .errors import ModelError
+from .errors import ClosureError, ModelError
 from .mechanism import Mechanism
 from .trajectory import Trajectory
+
+_DEAD_CENTRE = 1e-6
+"""Share of their largest effect on the mechanism at which driven joints count as having none."""
 
 
 @dataclass(frozen=True)
@@ -118,10 +121,24 @@ def _drive_torque(mechanism: Mechanism, trajectory: Trajectory, joint_torque: Fl
         return {joint: joint_torque[:, mechanism.coordinate_index(joint)] for joint in driven}
     _refuse_undetermined(mechanism, trajectory.per_drive, driven)
     rows = [mechanism.coordinate_index(joint) for joint in driven]
+    _refuse_dead_centre(mechanism, trajectory, driven, rows)
     by_drive = np.einsum("jin,in->jn", trajectory.per_drive.T, joint_torque.T)
     per_motor = trajectory.per_drive[:, rows].transpose(0, 2, 1)
     torque = np.linalg.solve(per_motor, by_drive.T[:, :, None])[:, :, 0]
     return {joint: torque[:, i] for i, joint in enumerate(driven)}
+
+
+def _refuse_dead_centre(mechanism: Mechanism, trajectory: Trajectory, driven: tuple[str, ...], rows: list[int]) -> None:
+    """Raise ClosureError where the driven joints do not move the mechanism: their torque has no bound there."""
+    size = np.linalg.det(trajectory.per_drive[:, rows])
+    dead = np.abs(size) <= _DEAD_CENTRE * np.abs(size).max()
+    dead[1:] |= np.sign(size[1:]) != np.sign(size[:-1])
+    if dead.any():
+        time = trajectory.time[int(np.argmax(dead))]
+        raise ClosureError(
+            f"{mechanism.name} is at a dead centre of {', '.join(driven)} at t = {time:.6g} s of this motion: the "
+            "torque of its motors has no bound there; drive other joints in <actuator>"
+        )
 
 
 def driven_rates(mechanism: Mechanism, per_drive: Floats, driven: tuple[str, ...]) -> Floats:

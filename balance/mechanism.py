@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     import pinocchio
 
 
+HEAVIEST = 1e9
+"""Masses from here on are slips of the pen [kg]."""
 PARAMETERS = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 """Inertial parameters of a body in Pinocchio's order, inertia about the origin of the joint's frame."""
 
@@ -153,7 +155,7 @@ class Mechanism:
 
     def _with_body_mass(self, body: str, mass: float) -> "Mechanism":
         index = self.body_index(body)
-        if not 0.0 < mass < np.inf:
+        if not 0.0 < mass < HEAVIEST:
             raise ModelError(f"payload of body {body!r} is {mass:g} kg: expected a positive mass")
         own = self.own_mass[body][1]
         if own[0] <= 0.0:
@@ -170,7 +172,7 @@ class Mechanism:
             site = self.site(name)
             if site.body < 0:
                 raise ModelError(f"site {name!r} of {self.name} is on the base: a counter-mass there moves nothing")
-            if not 0.0 <= mass < np.inf:
+            if not 0.0 <= mass < HEAVIEST:
                 raise ModelError(f"counter-mass at {name!r} is {mass:g} kg: expected zero or a positive mass")
             parameters[site.body] += mass * site.unit_mass()
         return replace(self, parameters=_frozen(parameters))

@@ -17,6 +17,7 @@ from .quantities import parse
 _KEYS = {
     "driven", "point", "axes", "joints", "start", "peak_acceleration", "ramp", "rest", "moves", "samples",
 }  # fmt: skip
+_SAMPLES_IN_RAMP = 2.0
 _MAX_SAMPLES = 50_000_000
 DEFAULT_RATE_HZ = 10_000.0
 """Sampling of a motion where none is asked for [Hz]: 15 samples in the shortest ramp of the test motions."""
@@ -143,8 +144,20 @@ class Motion:
             return self.recorded
         if not 0 < rate_hz * self.duration < _MAX_SAMPLES:
             raise DataError(f"{rate_hz:g} Hz for {self.duration:g} s: expected fewer than {_MAX_SAMPLES} samples")
+        self._refuse_coarse(rate_hz)
         time = np.arange(int(np.ceil(self.duration * rate_hz)) + 1) / rate_hz
         return Samples(time, *self._at(time), self.joints, self.point, self.axes)
+
+    def _refuse_coarse(self, rate_hz: float) -> None:
+        """Raise DataError where samples would step over the ramps, or the pulses, of the acceleration."""
+        legs = np.linalg.norm(np.diff(self.waypoints, axis=0), axis=1)
+        pulse = float(np.sqrt(legs.min() / (self.peak_acceleration * (1.0 - self.ramp))))
+        shortest = pulse * (self.ramp or 1.0)
+        if rate_hz * shortest < _SAMPLES_IN_RAMP:
+            raise DataError(
+                f"{rate_hz:g} Hz is too slow for this motion, whose acceleration changes within {shortest:.3g} s: "
+                f"expected at least {_SAMPLES_IN_RAMP / shortest:.3g} Hz"
+            )
 
     def _at(self, time: Floats) -> tuple[Floats, Floats, Floats]:
         """Position, velocity, acceleration: p = p0 + v0 t + a0 t2/2 + j t3/6 within each phase of constant jerk."""

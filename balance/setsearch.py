@@ -90,7 +90,7 @@ class _Search:
                 options={"mip_rel_gap": 0.0, "time_limit": TIME_LIMIT_S},
             )
         if solution.status == 1:
-            raise SizingError(f"no set of plates was proven to be the best within {TIME_LIMIT_S:g} s: give fewer plates")
+            raise SizingError(f"no set of plates was proven to be the best within {TIME_LIMIT_S:g} s: give fewer")
         if not solution.success:
             raise SizingError(f"no proven best set of plates: {solution.message}")
         return np.rint(np.asarray(solution.x)[:plates]).astype(np.intp).reshape(self.loads, self.per_load)

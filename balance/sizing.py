@@ -18,6 +18,9 @@ from .quiet import stdout_discarded
 from .setsearch import best_sets
 from .stock import Plate
 
+BALANCES = 0.01
+"""Residual, relative to the payload's own first moment, up to which a payload counts as balanced."""
+
 
 @dataclass(frozen=True)
 class CounterMass:
@@ -178,7 +181,7 @@ def given(conditions: Conditions, mechanism: Mechanism, masses: Mapping[str, flo
 
 
 def balanced_payload(conditions: Conditions, mechanism: Mechanism, body: str) -> float | None:
-    """Mass of ``body`` for which the conditions are met best, in least squares [kg]; None if there is no such mass."""
+    """Mass of ``body`` that the rest balances, by least squares [kg]; None if none meets the conditions (BALANCES)."""
     share = mechanism.own_mass[body][1] / mechanism.mass(body)
     row = np.zeros_like(mechanism.parameters)
     row[mechanism.body_index(body)] = share
@@ -187,7 +190,8 @@ def balanced_payload(conditions: Conditions, mechanism: Mechanism, body: str) ->
         return None
     without = conditions.values(mechanism) - per_kilogram * mechanism.mass(body)
     mass = -float(per_kilogram @ without / (per_kilogram @ per_kilogram))
-    return mass if mass > 0.0 else None
+    left = float(np.abs(without + per_kilogram * mass).max())
+    return mass if mass > 0.0 and left <= BALANCES * float(np.abs(per_kilogram).max()) * mass else None
 
 
 def _sites(mechanism: Mechanism, sites: Sequence[str]) -> list[str]:

@@ -59,12 +59,16 @@ class Comparison:
     origins: dict[str, int]
     """How many runs of each origin the rows rest on."""
     findings: tuple[Finding, ...]
+    published: str = ""
+    """Name of the published table."""
 
     @property
     def notes(self) -> list[str]:
         """What a reader of the rows must know."""
         both = any(row.published is not None and row.simulated is not None for row in self.rows)
-        return [ORIGINAL_LOGS, WHY] if both else [ORIGINAL_LOGS]
+        if self.published != "kiper2019":
+            return []
+        return [ORIGINAL_LOGS, WHY] if both and set(self.origins) == {"simulated"} else [ORIGINAL_LOGS]
 
 
 def compare(runs: Iterable["Run"], published: Published, measure: Measure, mechanism: str | None = None) -> Comparison:
@@ -83,7 +87,7 @@ def compare(runs: Iterable["Run"], published: Published, measure: Measure, mecha
             for r in analysis.reductions
             if r.key == pair.key and r.counter_masses == pair.counter_masses
         ]
-    return Comparison(tuple(rows), analysis.origins, tuple(dict.fromkeys(findings)))
+    return Comparison(tuple(rows), analysis.origins, tuple(dict.fromkeys(findings)), published.name)
 
 
 def _simulated(

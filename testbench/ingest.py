@@ -133,7 +133,7 @@ class Ingest:
             writer.group(block.group).append(block.columns)
             self.progress(block.bytes_read - done)
             done = block.bytes_read
-        source.findings += check.findings()
+        source.findings += against_rig.without_commanded(self.rig, source.recording, check.findings())
         if not any(group.samples for group in check.groups.values()):
             raise Refusal(source.path.name, Finding("no_data", None, None, "holds no sample that can be kept"))
         for group in check.groups.values():

@@ -11,12 +11,20 @@ if TYPE_CHECKING:
     from ..rig import Column, Rig
 
 _CODE = "rig_contradiction"
+_FLAT = {"clipping_suspected", "constant_channel"}
 
 
 def ranges(rig: "Rig | None") -> dict[str, SensorRange]:
     """The range of each channel that the rig states, in the unit of the log."""
     columns = () if rig is None else rig.columns()
     return {c.channel: SensorRange(c.range / c.factor, c.unit) for c in columns if c.range is not None}
+
+
+def without_commanded(rig: "Rig | None", recording: Recording, found: Iterable[Finding]) -> list[Finding]:
+    """Findings less those of a flat signal in channels that the rig calls commanded: a target may rest and hold."""
+    labels = {c.channel for c in (() if rig is None else rig.columns()) if c.commanded}
+    names = {c.name for g in recording.groups for c in g.channels if c.label in labels}
+    return [f for f in found if not (f.channel in names and f.code in _FLAT)]
 
 
 def findings(rig: "Rig", recordings: Iterable[Recording]) -> list[Finding]:

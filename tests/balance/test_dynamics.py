@@ -8,7 +8,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from balance.closure import Closure, Trajectory
 from balance.dynamics import Response, momentum, simulate
-from balance.errors import ModelError
+from balance.errors import ClosureError, ModelError
 from balance.mechanism import Mechanism
 from balance.motion import Motion, Samples
 
@@ -211,3 +211,13 @@ def test_without_motors_a_loop_has_no_torque_to_report() -> None:
         '<motor name="motor_J1" joint="J1"/>', ""
     ))  # fmt: skip
     assert list(simulate(chain, referees.random_motion(chain)).torque) == ["J1", "J2"]
+
+
+def test_a_motor_at_a_dead_centre_is_refused() -> None:
+    """The rocker of a crank-rocker cannot drive it through its dead centres: no torque is given, the time is."""
+    text = models.load("four-bar").text.replace('joint="A0"/>\n  </actuator>', 'joint="B0"/>\n  </actuator>')
+    mechanism = models.model(text)
+    assert mechanism.driven == ("B0",)
+    trajectory = Closure(mechanism).follow(Motion.load("four-bar").sample(1000.0))
+    with pytest.raises(ClosureError, match="dead centre of B0 at t = "):
+        simulate(mechanism, trajectory)

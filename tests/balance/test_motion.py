@@ -272,3 +272,9 @@ def test_broken_toml_is_refused(tmp_path: Path) -> None:
         Motion.load(tmp_path / "b.toml")
     with pytest.raises(DataError, match="no such file"):
         Motion.load("loop-the-loop")
+
+
+def test_a_rate_that_steps_over_the_ramps_is_refused() -> None:
+    """20 samples a second miss the pulses of a 3 g0 move: the rate that is needed is named."""
+    with pytest.raises(DataError, match=r"20 Hz is too slow .* at least 188 Hz"):
+        Motion.load("x").sample(20.0)

@@ -296,5 +296,12 @@ def test_a_search_that_is_not_proven_in_time_is_refused(monkeypatch: pytest.Monk
     monkeypatch.setattr("balance.setsearch.TIME_LIMIT_S", 0.2)
     plates = [Plate(f"P{i}", 1.0 + 0.0137 * i**1.5, 20) for i in range(8)]
     conditions, mechanism = carrying(5.0)
-    with pytest.raises(SizingError, match="proven to be the best within 0.2 s: give fewer plates"):
+    with pytest.raises(SizingError, match=r"proven to be the best within 0\.2 s: give fewer"):
         sizing.from_stock(conditions, mechanism, plates)
+
+
+def test_no_payload_is_balanced_by_unequal_counter_masses() -> None:
+    """With 1 kg on one arm and 10.099 kg on the other no payload is balanced: none is named."""
+    conditions, mechanism = carrying(0.3121)
+    result = sizing.given(conditions, mechanism, dict(zip(SITES, (1.0, 10.099), strict=True)))
+    assert result.balanced_payloads() == {"platform": None}

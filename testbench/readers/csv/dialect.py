@@ -103,6 +103,8 @@ def _comma_or_one_column(
     lines: Sequence[str], rows: Sequence[Sequence[str]], data: Sequence[Sequence[str]], decimal: str | None
 ) -> str:
     """Commas between numbers: between columns, or the decimal comma of one column? The header decides."""
+    if any(line.count('"') % 2 for line in lines):
+        raise UnclearDialect("a quote is opened and not closed in its line; mend it, or say --delimiter and --decimal")
     if any('"' in line and is_data(split(line, ",")) for line in lines):
         return ","
     fields = Counter(map(len, data)).most_common(1)[0][0]

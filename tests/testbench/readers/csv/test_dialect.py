@@ -43,3 +43,9 @@ def test_the_person_has_the_last_word() -> None:
     """What is given is not detected."""
     found = detect(["10,13", "11,14"], delimiter="", decimal=",")
     assert (found.delimiter, found.decimal) == ("", ",")
+
+
+def test_a_quote_that_is_never_closed_is_refused() -> None:
+    """An opening quote without its end would swallow the comma between two columns and make 0,5 of them 0.5."""
+    with pytest.raises(UnclearDialect, match="a quote is opened and not closed"):
+        detect(['"Time (s),A (g)', "0,5", "1,7", "2,4"])
