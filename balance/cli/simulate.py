@@ -24,7 +24,7 @@ Examples:
 @options.payload_option
 @options.counter_option
 @click.option("--rate", metavar="RATE", help="Samples per second, with unit [default: 10 kHz].")
-@click.option("--csv", type=click.Path(dir_okay=False), metavar="FILE", help="Write the time series as CSV.")
+@click.option("--csv", type=click.Path(dir_okay=False), metavar="FILE", help="Write the time series as CSV, so marked.")
 @click.option("--parquet", type=click.Path(dir_okay=False), metavar="FILE", help="Write the time series as Parquet.")
 @json_option
 def simulate(
@@ -84,6 +84,8 @@ def _write(
         columns |= {f"q_{joint}_{unit}": q, f"v_{joint}_{unit}_per_s": v, f"a_{joint}_{unit}_per_s2": a}
     table = polars.DataFrame({name: values.copy() for name, values in columns.items()})
     if csv:
-        table.write_csv(csv)
+        with open(csv, "wb") as file:
+            file.write(b"# origin: simulated\n")
+            table.write_csv(file)
     if parquet:
-        table.write_parquet(parquet)
+        table.write_parquet(parquet, metadata={"origin": "simulated"})

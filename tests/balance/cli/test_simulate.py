@@ -38,7 +38,9 @@ def test_series_are_written_with_units(balance, tmp_path):
     np.testing.assert_array_equal(table["Fy_N"], response.force[:, 1])
     np.testing.assert_array_equal(table["torque_B0_Nm"], response.torque["B0"])
     assert {"time_s", "q_A0_rad", "v_platform_x_m_per_s", "a_B_rad_per_s2"} <= set(table.columns)
-    assert polars.read_csv(csv).columns == table.columns
+    assert csv.read_text(encoding="utf-8").startswith("# origin: simulated\n")
+    assert polars.read_parquet_metadata(parquet)["origin"] == "simulated"
+    assert polars.read_csv(csv, comment_prefix="#").columns == table.columns
 
 
 def test_people_read_a_table(balance):
