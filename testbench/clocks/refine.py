@@ -1,10 +1,10 @@
 """Offset and drift between two clocks, precisely: least squares at every sample, from a rough offset.
 
 y(t) = c + X(s) b + f(s) at s = p + (1 + d)(t - t0), f known: Newton's method on p, d, c and b, first where the rough
-offset was found, then on stretches twice as long until all is used. Noise on both sides leaves p unbiased, but not the
-first-order bend of the sum of squares: second derivatives are therefore included. The interval comes from leaving out
-stretches of equal information in turn (delete-block jackknife), which counts whatever the model lacks and its
-correlation in time.
+offset was found, then on stretches four times as long until all is used. Noise on both sides leaves p unbiased, but
+not the first-order bend of the sum of squares: second derivatives are therefore included. The interval comes from
+leaving out stretches of equal information in turn (delete-block jackknife), which counts whatever the model lacks and
+its correlation in time.
 """
 
 from dataclasses import dataclass
@@ -74,7 +74,7 @@ def refine(content: Prepared, rough: Rough, drift: bool = True, among: Flags | N
         place, sums = _settled(content, splines, place, half, drift, among)
         if middle - half <= content.own.start and middle + half >= content.own.time[-1]:
             return _refined(content, place, sums)
-        half *= 2.0
+        half *= 4.0
 
 
 def _lively(content: Prepared) -> Flags:
