@@ -24,7 +24,9 @@ Examples:
 @options.payload_option
 @options.counter_option
 @click.option("--rate", metavar="RATE", help="Samples per second, with unit [default: 10 kHz].")
-@click.option("--csv", type=click.Path(dir_okay=False), metavar="FILE", help="Write the time series as CSV, so marked.")
+@click.option(
+    "--csv", type=click.Path(dir_okay=False), metavar="FILE", help="Write the time series as CSV, marked simulated."
+)
 @click.option("--parquet", type=click.Path(dir_okay=False), metavar="FILE", help="Write the time series as Parquet.")
 @json_option
 def simulate(
