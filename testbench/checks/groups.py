@@ -1,5 +1,6 @@
 """All checks of a group of channels, and of a whole recording."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -113,11 +114,11 @@ class RecordingCheck:
 
 def header_findings(group: Group) -> list[Finding]:
     """What the names and units of a group show."""
-    names = [channel.name for channel in group.channels]
+    names = Counter(channel.name for channel in group.channels)
     found = [
-        Finding("duplicate_names", name, None, f"{names.count(name)} channels have this name")
-        for name in dict.fromkeys(names)
-        if names.count(name) > 1
+        Finding("duplicate_names", name, None, f"{count} channels have this name")
+        for name, count in names.items()
+        if count > 1
     ]
     without = [c.name for i, c in enumerate(group.channels) if c.unit is None and not _is_time(group, i)]
     if without:

@@ -13,6 +13,7 @@ from .metadata import Property
 
 Raw = Mapping[int | None, NDArray[Any]]
 _RAW = 0xFFFFFFFF
+_MOST_SCALES = 100
 
 
 class Scaling:
@@ -20,7 +21,8 @@ class Scaling:
 
     def __init__(self, properties: Mapping[str, Property]) -> None:
         self._said = properties
-        self.count = int(properties.get("NI_Number_Of_Scales", 0))
+        count = properties.get("NI_Number_Of_Scales", 0)
+        self.count = count if isinstance(count, int) else 0
 
     @property
     def applies(self) -> bool:
@@ -31,6 +33,8 @@ class Scaling:
         """Physical values of raw numbers."""
         if not self.applies:
             return as_float64(next(iter(raw.values())))
+        if self.count > _MOST_SCALES:
+            raise ValueError(f"{self.count} scales")
         if not self._is_plain():
             return self._by_library(raw)
         return self._scaled(self.count - 1, raw, 0)
