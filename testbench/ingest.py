@@ -7,6 +7,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .apart import apart
 from .checks import RecordingCheck, against_rig
 from .errors import RecordingError, StoreError
 from .findings import Finding, Refusal, refused
@@ -69,6 +70,8 @@ class Ingest:
         try:
             for path in planned.files:
                 sources.append(Source(path, open_recording(path, self.options)))
+            for source, recording in zip(sources, apart([s.recording for s in sources]), strict=True):
+                source.recording = recording
             return self._already(sources) or self._stored_anew(planned, sources)
         except (RecordingError, StoreError) as error:
             return _not_stored(planned, sources, error)

@@ -25,6 +25,16 @@ class Conditions(TypedDict, total=False):
     repeat: int
 
 
+LONGEST_NAME = 1000
+"""Letters of a name or unit; what is longer is cut, and ends with dots."""
+
+
+def storable(text: str) -> str:
+    """A name that HDF5 can hold: no NUL, no half of a letter, and no more than a thousand letters."""
+    plain = text.replace("\0", "\N{SYMBOL FOR NULL}").encode("utf-8", "replace").decode("utf-8")
+    return plain if len(plain) <= LONGEST_NAME else f"{plain[: LONGEST_NAME - 3]}..."
+
+
 @dataclass(frozen=True)
 class Channel:
     """One column, with its name and unit exactly as the logger wrote them, and the name without the unit."""
@@ -34,8 +44,10 @@ class Channel:
     label: str = ""
 
     def __post_init__(self) -> None:
-        if not self.label:
-            object.__setattr__(self, "label", self.name)
+        object.__setattr__(self, "name", storable(self.name))
+        object.__setattr__(self, "label", storable(self.label or self.name))
+        if self.unit is not None:
+            object.__setattr__(self, "unit", storable(self.unit) or None)
 
 
 @dataclass(frozen=True)
@@ -77,6 +89,9 @@ class Group:
     name: str
     channels: tuple[Channel, ...]
     clock: Clock | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "name", storable(self.name))
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,50 @@
+"""Several logs in one run whose groups are called alike."""
+
+from pathlib import Path
+
+import numpy as np
+from nptdms import ChannelObject, TdmsWriter
+
+from testbench.apart import apart
+from testbench.ingest import Ingest
+from testbench.recording import Block, Channel, Group, Recording, UniformClock
+from testbench.runsheet import PlannedRun
+from testbench.store import open_run
+
+
+def _recording(path, *names):
+    groups = tuple(Group(name, (Channel("a"),), UniformClock(1.0)) for name in names)
+    late = Group("late", (Channel("a"),))
+
+    def read(report):
+        for group in (*groups, late):
+            yield Block(group, (np.zeros(2),), 0)
+
+    return Recording(Path(path), "Test", "test", groups, read)
+
+
+def test_names_that_differ_stay():
+    """Nothing is renamed where no name comes twice."""
+    recordings = [_recording("one.x", "a", "b"), _recording("two.x", "c")]
+    assert apart(recordings) == recordings
+
+
+def test_names_that_come_twice_get_their_file():
+    """All groups of the files that share a name, those included that come while it is read."""
+    one, two, other = apart([_recording("1/run.x", "DAQ"), _recording("2/run.x", "DAQ", "b"), _recording("c.x", "c")])
+    assert [group.name for group in one.groups + two.groups] == ["run 1 DAQ", "run 2 DAQ", "run 2 b"]
+    assert [block.group.name for block in two.blocks(print)] == ["run 2 DAQ", "run 2 b", "run 2 late"]
+    assert [group.name for group in other.groups] == ["c"]
+
+
+def test_two_loggers_of_one_kind_make_one_run(tmp_path):
+    """Their data are stored side by side, and not one behind the other."""
+    for name, factor in (("left", 1.0), ("right", -2.0)):
+        with TdmsWriter(tmp_path / f"{name}.tdms") as writer:
+            writer.write_segment([ChannelObject("DAQ", "a", factor * np.arange(9.0), {"wf_increment": 0.5})])
+    planned = PlannedRun("r1", (tmp_path / "left.tdms", tmp_path / "right.tdms"))
+    outcomes = Ingest(tmp_path / "campaign").run(planned)
+    assert [outcome.status for outcome in outcomes] == ["stored", "stored"]
+    run = open_run(tmp_path / "campaign" / "r1.h5")
+    np.testing.assert_array_equal(run.channel("a", "left DAQ"), np.arange(9.0))
+    np.testing.assert_array_equal(run.channel("a", "right DAQ"), -2 * np.arange(9.0))
