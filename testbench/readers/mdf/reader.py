@@ -136,7 +136,7 @@ def _said(file: File, groups: Mapping[int, Group]) -> list[Finding]:
 
 READER = Reader(
     name="ASAM MDF",
-    extensions=(".mf4", ".mdf", ".dat"),
+    extensions=(".mf4", ".mdf"),
     identify=lambda head: head.startswith(_MARKS),
     open=open_mdf,
 )
