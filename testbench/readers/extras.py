@@ -9,7 +9,6 @@ from ..errors import RecordingError
 DISTRIBUTION = "counterpoise"
 _MODULES = {
     "tdms": ("nptdms",),
-    "mdf": ("asammdf",),
     "ide": ("idelib", "ebmlite"),
     "mcap": ("mcap", "rosbags"),
     "rosbag": ("rosbags",),
