@@ -1,4 +1,4 @@
-"""The array types that annotations name."""
+"""The array types that annotations name, and arrays that are handed out frozen."""
 
 from typing import Any
 
@@ -9,3 +9,9 @@ Floats = NDArray[np.floating[Any]]
 """Array of real numbers, double precision; its shape and unit stand in the docstring."""
 Indices = NDArray[np.intp]
 """Array of positions."""
+
+
+def frozen(array: Floats) -> Floats:
+    """The same array, read-only from now on."""
+    array.setflags(write=False)
+    return array

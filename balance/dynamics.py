@@ -12,10 +12,10 @@ from . import body, kinematics
 from .arrays import Floats
 from .blocks import in_blocks
 from .body import Load
+from .closure import Trajectory
 from .components import ZERO, Entry, add, dense, fill, minus, mul, sub
 from .errors import ClosureError, ModelError
 from .mechanism import Mechanism
-from .trajectory import Trajectory
 
 _DEAD_CENTRE = 1e-6
 """Share of their largest effect on the mechanism at which driven joints count as having none."""

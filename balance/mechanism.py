@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .arrays import Floats
+from .arrays import Floats, frozen
 from .constraints import Loop
 from .errors import ModelError
 from .tree import Tree
@@ -163,7 +163,7 @@ class Mechanism:
         changed = own * (mass / own[0])
         parameters = self.parameters.copy()
         parameters[index] += changed - own
-        return replace(self, parameters=_frozen(parameters), own_mass={**self.own_mass, body: (index, changed)})
+        return replace(self, parameters=frozen(parameters), own_mass={**self.own_mass, body: (index, changed)})
 
     def with_counter_mass(self, masses: Mapping[str, float]) -> "Mechanism":
         """Mount counter-masses at sites [kg]; zero mounts nothing, what is mounted already stays."""
@@ -175,15 +175,10 @@ class Mechanism:
             if not 0.0 <= mass < HEAVIEST:
                 raise ModelError(f"counter-mass at {name!r} is {mass:g} kg: expected zero or a positive mass")
             parameters[site.body] += mass * site.unit_mass()
-        return replace(self, parameters=_frozen(parameters))
+        return replace(self, parameters=frozen(parameters))
 
     def pinocchio_model(self) -> "pinocchio.Model":
         """The Pinocchio model with the present masses, for whoever wants to go on with Pinocchio."""
         from .loading import pinocchio_model
 
         return pinocchio_model(self)
-
-
-def _frozen(array: Floats) -> Floats:
-    array.setflags(write=False)
-    return array

@@ -14,9 +14,9 @@ import numpy as np
 
 from balance import kinematics
 from balance.arrays import Floats
+from balance.closure import Trajectory
 from balance.components import dense
 from balance.mechanism import Mechanism
-from balance.trajectory import Trajectory
 
 from .bench.base import displacement_at
 from .channels import in_si, instants

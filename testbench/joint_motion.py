@@ -4,10 +4,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from balance.closure import Closure
+from balance.closure import Closure, Trajectory
 from balance.mechanism import Mechanism
 from balance.motion import Samples
-from balance.trajectory import Trajectory
 
 from .channels import in_si, instants
 from .derivatives import HIGHEST_CUTOFF, Grid, grid_of, on_grid, rates

@@ -60,8 +60,8 @@ def _published(models: "Sequence[Mechanism]", payloads: Sequence[Payload]) -> di
     """What the source built, where it is the source's manipulator with the source's payloads."""
     if not models[0].name.startswith("parallelogram-6bar") or any([n for n, _ in p] != ["platform"] for p in payloads):
         return {}
-    from .. import builtsets
     from ..conditions import find
+    from ..sizing import builtsets
 
     found = builtsets.built(find(models[0]), models, [payload[0][1] for payload in payloads])
     sets = [

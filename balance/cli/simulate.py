@@ -8,9 +8,9 @@ from . import options
 from .console import emit_json, emit_table, json_option
 
 if TYPE_CHECKING:
+    from ..closure import Trajectory
     from ..dynamics import Response
     from ..mechanism import Mechanism
-    from ..trajectory import Trajectory
 
 
 @click.command(

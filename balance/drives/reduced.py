@@ -9,13 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..arrays import Floats
-from ..closure import Closure
+from ..closure import Closure, Trajectory
 from ..dynamics import simulate
 from ..errors import ModelError
 from ..mechanism import Mechanism
 from ..motion import Samples
 from ..potential import potential
-from ..trajectory import Trajectory
 from .errors import DriveError
 from .periodic import Periodic
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..arrays import Floats
+from ..closure import Trajectory
 from ..mechanism import Mechanism
-from ..trajectory import Trajectory
 from .description import GROUND
 from .method import Balance
 from .skeleton import Skeleton, skeleton

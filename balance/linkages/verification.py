@@ -10,12 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Floats
-from ..closure import Closure
+from ..closure import Closure, Trajectory
 from ..dynamics import Response, simulate
 from ..errors import ModelError
 from ..mechanism import Mechanism
 from ..motion import Samples
-from ..trajectory import Trajectory
 from .coupling import Couplings
 from .description import Linkage
 from .lumps import lumps

@@ -7,10 +7,10 @@ J_a w_a = -L; the masses run on lines through the base's origin. Stroke and forc
 import numpy as np
 
 from ..arrays import Floats
+from ..closure import Trajectory
 from ..dynamics import Response, momentum, simulate
 from ..mechanism import Mechanism
 from ..potential import first_moment
-from ..trajectory import Trajectory
 from .outcome import Outcome
 
 _NOTHING = 1e-9

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Floats
-from ..closure import Closure
+from ..closure import Closure, Trajectory
 from ..dynamics import momentum, simulate
 from ..mechanism import Mechanism
-from ..trajectory import Trajectory
 from .outcome import Outcome
 from .rotation import angular_velocity, rotation
 

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..closure import Trajectory
 from ..dynamics import Response, simulate
 from ..mechanism import Mechanism
-from ..trajectory import Trajectory
 from .outcome import Outcome
 
 IMAGES = {

@@ -6,10 +6,10 @@ import numpy as np
 
 from .. import kinematics
 from ..arrays import Floats
+from ..closure import Trajectory
 from ..components import dense
 from ..dynamics import driven_rates
 from ..mechanism import Mechanism
-from ..trajectory import Trajectory
 
 
 @dataclass(frozen=True)

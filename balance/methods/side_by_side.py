@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .. import sizing
+from ..closure import Trajectory
 from ..conditions import find
 from ..dynamics import driven_rates, simulate
 from ..errors import ModelError, SizingError
 from ..mechanism import Mechanism
 from ..static import design as springs
 from ..static.springs import joint_torques
-from ..trajectory import Trajectory
 from . import active, counterinertia, mirror
 from .outcome import Outcome
 

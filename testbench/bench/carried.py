@@ -4,10 +4,10 @@ import numpy as np
 
 from balance import kinematics
 from balance.arrays import Floats
+from balance.closure import Trajectory
 from balance.components import dense
 from balance.kinematics import Pose
 from balance.mechanism import Mechanism
-from balance.trajectory import Trajectory
 
 from .base import rigid_body, skew
 

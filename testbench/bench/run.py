@@ -10,12 +10,11 @@ from functools import cached_property
 import numpy as np
 
 from balance.arrays import Floats
-from balance.closure import Closure
+from balance.closure import Closure, Trajectory
 from balance.dynamics import Response, simulate
 from balance.errors import DataError
 from balance.mechanism import Mechanism
 from balance.motion import Motion, Samples
-from balance.trajectory import Trajectory
 
 from ..errors import RigError
 from ..plan import PlannedRun

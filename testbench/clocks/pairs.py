@@ -27,7 +27,7 @@ from .mapping import ClockMap
 from .shared import Shared
 
 if TYPE_CHECKING:
-    from balance.trajectory import Trajectory
+    from balance.closure import Trajectory
 
     from ..derivatives import Grid
     from ..rig import Column, Rig

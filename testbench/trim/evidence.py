@@ -29,7 +29,7 @@ from ..segments import moving
 from ..wrench import AT_RANGE, MeasuredWrench, shaking_wrench
 
 if TYPE_CHECKING:
-    from balance.trajectory import Trajectory
+    from balance.closure import Trajectory
 
     from ..rig import Rig
     from ..store import Run

@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 
 from balance import conditions, sizing
-from balance.closure import Closure
+from balance.closure import Closure, Trajectory
 from balance.dynamics import momentum, simulate
 from balance.errors import ModelError
 from balance.mechanism import Mechanism
 from balance.methods import active, counterinertia, mirror, printed, side_by_side
 from balance.motion import Motion, Samples
 from balance.potential import first_moment
-from balance.trajectory import Trajectory
 
 from . import models, referees
 from .test_static import chain

@@ -108,8 +108,8 @@ def test_what_cannot_be_reduced_is_refused():
 
 def test_a_joint_that_is_not_back_after_a_turn_is_named():
     """A screw-like machine whose slide creeps on with every turn has no periodic equation of motion."""
+    from balance.closure import Trajectory
     from balance.drives import reduced as module
-    from balance.trajectory import Trajectory
 
     model = mechanism()
     q = np.array([[0.0, 0.0, 0.3], [2 * np.pi, 0.0, 0.31]])

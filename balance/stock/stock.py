@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from . import datasets
-from .errors import DataError
+from .. import datasets
+from ..errors import DataError
 
 WEIGHED = ("name", "mass_kg", "quantity")
 """Columns of a stock that was weighed."""

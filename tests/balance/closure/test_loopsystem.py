@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from balance.closure import Closure
+from balance.closure.loopsystem import LoopSystem
 from balance.drive import JointDrive
 from balance.errors import ClosureError
-from balance.loopsystem import LoopSystem
 
-from . import models
+from .. import models
 
 
 @pytest.fixture(scope="module")

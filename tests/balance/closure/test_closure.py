@@ -8,7 +8,7 @@ from balance.closure import Closure, independent_rows
 from balance.errors import ClosureError
 from balance.motion import Samples
 
-from . import models, referees
+from .. import models, referees
 
 LOOPED = {
     "four-bar": (models.load("four-bar").text, 1, 2),

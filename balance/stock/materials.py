@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from . import datasets
-from .errors import DataError
-from .sheet import Sheet
+from .. import datasets
+from ..errors import DataError
+from ..sheet import Sheet
 
 SHIPPED = "kiper2019"
 """The shipped materials: those of the source's plates."""

@@ -4,14 +4,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from . import constraints, kinematics
-from .arrays import Floats, Indices
-from .components import Rows, dense_rows
-from .drive import Drive
+from .. import constraints, kinematics
+from ..arrays import Floats, Indices
+from ..components import Rows, dense_rows
+from ..drive import Drive
+from ..errors import ClosureError
+from ..kinematics import Pose
+from ..mechanism import Mechanism
 from .elimination import Elimination, Order, dense_columns, pivot_order
-from .errors import ClosureError
-from .kinematics import Pose
-from .mechanism import Mechanism
 
 RESIDUAL_LIMIT = 1e-10
 """Largest loop residual that counts as closed, relative to the mechanism's length."""

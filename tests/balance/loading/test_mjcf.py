@@ -5,7 +5,7 @@ import pytest
 
 from balance.mechanism import Mechanism
 
-from . import models
+from .. import models
 
 
 def three_loops() -> Mechanism:

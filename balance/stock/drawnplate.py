@@ -3,8 +3,8 @@
 import math
 from collections.abc import Mapping
 
-from .errors import DataError
-from .plates import Hole, Rectangle, Ring, section
+from ..errors import DataError
+from .section import Hole, Rectangle, Ring, section
 
 SHAPES = {
     "rectangle": ("length_mm", "width_mm"),

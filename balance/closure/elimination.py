@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .arrays import Floats
-from .components import Entry, Rows, mul, sub
+from ..arrays import Floats
+from ..components import Entry, Rows, mul, sub
 
 Order = tuple[tuple[int, int], ...]
 """Pivots in turn: row and column."""

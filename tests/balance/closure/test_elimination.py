@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from balance.closure.elimination import Elimination, at_samples, dense_columns, pivot_order
 from balance.components import Entry, Rows
-from balance.elimination import Elimination, at_samples, dense_columns, pivot_order
 
 N = 40
 

@@ -5,9 +5,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from . import datasets, sizing, stock
-from .conditions import Conditions
-from .mechanism import Mechanism
+from .. import datasets, stock
+from ..conditions import Conditions
+from ..mechanism import Mechanism
+from .result import given
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ def built(conditions: Conditions, mechanisms: Sequence[Mechanism], payloads: Seq
     found = []
     for mechanism, payload, names in zip(mechanisms, payloads, sheet["built_sets"].values(), strict=True):
         mass = stock.mass_of(names, plates)
-        left = sizing.given(conditions, mechanism, dict.fromkeys(mechanism.counter_sites, mass))
+        left = given(conditions, mechanism, dict.fromkeys(mechanism.counter_sites, mass))
         found.append(BuiltSet(payload, tuple(names), mass, left.residual()))
     return tuple(found)
 

@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from .errors import DataError
+from ..errors import DataError
 
 _ROUNDING = 1e-9
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import Bounds, LinearConstraint, milp
 
-from .arrays import Floats, Indices
-from .errors import SizingError
-from .quiet import stdout_discarded
+from ..arrays import Floats, Indices
+from ..errors import SizingError
+from ..quiet import stdout_discarded
 
 _SCALE = 1e3
 """Unbalance to which the programme is scaled, so that the solver's 1e-6 is 1e-9 of it."""

@@ -6,13 +6,13 @@ Loops of planar and parallelogram mechanisms are redundant: a fixed set of indep
 import numpy as np
 from scipy.linalg import qr
 
-from . import constraints, kinematics
-from .arrays import Floats, Indices
-from .drive import Drive, JointDrive
-from .errors import ClosureError
+from .. import constraints, kinematics
+from ..arrays import Floats, Indices
+from ..drive import Drive, JointDrive
+from ..errors import ClosureError
+from ..mechanism import Mechanism
+from ..motion import Samples
 from .loopsystem import ITERATIONS, RESIDUAL_LIMIT, LoopSystem
-from .mechanism import Mechanism
-from .motion import Samples
 from .trajectory import Trajectory, follow
 
 RANK_LIMIT = 1e-9

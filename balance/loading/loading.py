@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import datasets, mjcf
-from .arrays import Floats
-from .constraints import Anchor, Loop
-from .errors import ModelError
-from .mechanism import Mechanism, Site, _frozen
+from .. import datasets
+from ..arrays import Floats, frozen
+from ..constraints import Anchor, Loop
+from ..errors import ModelError
+from ..mechanism import Mechanism, Site
+from ..tree import tree_of
+from . import mjcf
 from .refusals import refuse_mimics
-from .tree import tree_of
 
 if TYPE_CHECKING:
     import pinocchio
@@ -128,16 +129,16 @@ def _mechanism(
         loops=_loops(constraints, tree.bodies, extras),
         bodies=bodies,
         coordinates=coordinates,
-        parameters=_frozen(parameters),
+        parameters=frozen(parameters),
         own_mass=own_mass,
         sites=sites,
-        gravity=_frozen(np.array(extras.gravity)),
-        home=_frozen(home),
+        gravity=frozen(np.array(extras.gravity)),
+        home=frozen(home),
         branch=branch,
         driven=extras.driven,
-        armature=_frozen(np.array(model.armature)),
-        viscous=_frozen(np.array(model.damping)),
-        coulomb=_frozen(np.array(_dry_friction(model))),
+        armature=frozen(np.array(model.armature)),
+        viscous=frozen(np.array(model.damping)),
+        coulomb=frozen(np.array(_dry_friction(model))),
         payload_bodies=extras.payload_bodies,
     )
 
@@ -200,7 +201,7 @@ def _sites(model: "pinocchio.Model", extras: mjcf.Extras) -> dict[str, Site]:
         frame.name: Site(
             frame.name,
             frame.parentJoint - 1,
-            _frozen(frame.placement.translation.copy()),
+            frozen(frame.placement.translation.copy()),
             extras.radius_of_gyration.get(frame.name, 0.0),
         )
         for frame in model.frames

@@ -4,7 +4,7 @@ import pytest
 
 from balance.errors import ModelError
 
-from . import models
+from .. import models
 
 HINGE = '<joint name="j" axis="0 0 1"/>'
 

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import constraints, kinematics
-from .arrays import Floats
-from .blocks import in_blocks
+from .. import constraints, kinematics
+from ..arrays import Floats
+from ..blocks import in_blocks
+from ..components import Entry, Rows
+from ..errors import ClosureError
+from ..motion import Samples
 from .coarse import Coarse
-from .components import Entry, Rows
 from .elimination import Elimination, at_samples, dense_columns
-from .errors import ClosureError
 from .loopsystem import RESIDUAL_LIMIT, LoopSystem
-from .motion import Samples
 
 SINGULAR_LIMIT = 1e6
 """Condition number of loops and driven coordinates above which a state counts as singular: rates lose as many of their

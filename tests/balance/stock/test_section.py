@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from balance.errors import DataError
-from balance.plates import Hole, Rectangle, Ring, section
+from balance.stock.section import Hole, Rectangle, Ring, section
 
 DENSITY, THICKNESS = 7830.0, 0.012
 

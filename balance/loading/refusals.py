@@ -10,7 +10,7 @@ from itertools import product
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-from .errors import ModelError
+from ..errors import ModelError
 
 _ELEMENTS = {
     "equality/joint": "a coupling between joints (gears)",

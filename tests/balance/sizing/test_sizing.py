@@ -9,10 +9,10 @@ from balance import sizing, stock
 from balance.conditions import Conditions, find
 from balance.errors import SizingError
 from balance.mechanism import Mechanism
-from balance.setsearch import best_sets
+from balance.sizing.setsearch import best_sets
 from balance.stock import Plate
 
-from . import models
+from .. import models
 
 M1, M2, M3, M4 = 5.02746, 5.06421, 7.01882, 7.15208
 SITES = ("counter_A0A", "counter_B0B")
@@ -293,7 +293,7 @@ def test_plates_as_drawn_bring_their_own_inertia() -> None:
 
 def test_a_search_that_is_not_proven_in_time_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """A stock too large to be searched through ends in a message, not in a wait without end."""
-    monkeypatch.setattr("balance.setsearch.TIME_LIMIT_S", 0.2)
+    monkeypatch.setattr("balance.sizing.setsearch.TIME_LIMIT_S", 0.2)
     plates = [Plate(f"P{i}", 1.0 + 0.0137 * i**1.5, 20) for i in range(8)]
     conditions, mechanism = carrying(5.0)
     with pytest.raises(SizingError, match=r"proven to be the best within 0\.2 s: give fewer"):

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from balance import materials
 from balance.errors import DataError
+from balance.stock import materials
 
 
 def test_shipped_materials() -> None:

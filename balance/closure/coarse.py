@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .arrays import Floats, Indices
-from .errors import ClosureError
+from ..arrays import Floats, Indices
+from ..errors import ClosureError
+from ..motion import Samples
 from .loopsystem import LoopSystem
-from .motion import Samples
 
 COARSE_STEP = 0.1
 """Travel of the driven coordinates between two steps of continuation [rad, or lengths of the mechanism]."""

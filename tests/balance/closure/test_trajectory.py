@@ -5,12 +5,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from balance.closure import Closure
+from balance.closure import Closure, Trajectory
 from balance.errors import ClosureError
 from balance.motion import Motion, Samples
-from balance.trajectory import Trajectory
 
-from . import models
+from .. import models
 
 
 def smooth(joints: tuple[str, ...], start: list[float], travel: list[float], count: int = 4001) -> Samples:
