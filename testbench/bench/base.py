@@ -14,6 +14,7 @@ import numpy as np
 from balance.arrays import Floats
 
 from ..errors import RigError
+from .linear import respond
 
 if TYPE_CHECKING:
     from ..rig.bench import Bench
@@ -93,25 +94,7 @@ class Base:
         return a, b
 
     def respond(self, wrench: Floats, step: float) -> BaseMotion:
-        """Motion from rest under a wrench (n, 6) [N, N m] sampled every ``step`` [s]; exact where it is linear between.
-
-        y[k+1] = P y[k] + Q0 w[k] + Q1 w[k+1], from the exponential of the system with w and its slope appended.
-        """
-        phi, now, after = self._propagator(step)
-        driven = wrench[:-1] @ now.T + wrench[1:] @ after.T
-        state = np.zeros((len(wrench), 12))
-        for k, push in enumerate(driven):
-            state[k + 1] = phi @ state[k] + push
+        """Motion from rest under a wrench (n, 6) [N, N m] sampled every ``step`` [s]; exact where it is linear between."""
         a, b = self.state_space()
+        state = respond(a, b, wrench, step)
         return BaseMotion(state[:, :6], state[:, 6:], state @ a[6:].T + wrench @ b[6:].T)
-
-    def _propagator(self, step: float) -> tuple[Floats, Floats, Floats]:
-        from scipy.linalg import expm
-
-        a, b = self.state_space()
-        system = np.zeros((24, 24))
-        system[:12, :12], system[:12, 12:18] = a * step, b * step
-        system[12:18, 18:] = np.eye(6)
-        full = expm(system)
-        slope = full[:12, 18:]
-        return full[:12, :12], full[:12, 12:18] - slope, slope
