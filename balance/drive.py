@@ -58,9 +58,19 @@ class JointDrive:
     indices: tuple[int, ...]
 
     @classmethod
-    def of(cls, mechanism: Mechanism, joints: tuple[str, ...]) -> "JointDrive":
-        """Drive joints by name. Raises ModelError for a joint that the mechanism does not have."""
-        return cls(joints, tuple(mechanism.coordinate_index(joint) for joint in joints))
+    def of(cls, mechanism: Mechanism, joints: tuple[str, ...], sliding: bool | None = None) -> "JointDrive":
+        """Drive joints by name; ``sliding`` says whether they are given in lengths, where that is known.
+
+        Raises ModelError for a joint that the mechanism does not have, or that turns where a length is given.
+        """
+        indices = tuple(mechanism.coordinate_index(joint) for joint in joints)
+        for joint, index in zip(joints, indices, strict=True):
+            if sliding is not None and mechanism.tree.joints[index].revolute == sliding:
+                raise ModelError(
+                    f"joint {joint!r} of {mechanism.name} {'turns' if sliding else 'slides'}, but the motion gives "
+                    f"{'lengths' if sliding else 'angles'}: write it in {'rad or deg' if sliding else 'm or mm'}"
+                )
+        return cls(joints, indices)
 
     @property
     def size(self) -> int:

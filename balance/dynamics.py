@@ -35,6 +35,8 @@ class Response:
     """Torque of each driven joint on its body, gravity and joint friction included, (n,) [N m, N]."""
     weight_moment: Floats
     """Moment of the moving weight about the origin of the base frame, (n, 3) [N m]."""
+    sliding: frozenset[str] = frozenset()
+    """Driven joints that slide: what stands for their torque is a force [N]."""
 
     def rms(self) -> dict[str, float]:
         """Root mean square of each component [N, N m]."""
@@ -45,10 +47,13 @@ class Response:
         return {name: float(np.abs(values).max()) for name, values in self.columns().items()}
 
     def columns(self) -> dict[str, Floats]:
-        """Components by name and unit: ``Fx_N`` ... ``Mz_Nm``, ``torque_A0_Nm``, each (n,)."""
+        """Components by name and unit: ``Fx_N`` ... ``Mz_Nm``, ``torque_A0_Nm``, ``drive_force_P_N``, each (n,)."""
         names = [f"F{axis}_N" for axis in "xyz"] + [f"M{axis}_Nm" for axis in "xyz"]
         wrench = dict(zip(names, np.hstack([self.force, self.moment]).T, strict=True))
-        return wrench | {f"torque_{joint}_Nm": values for joint, values in self.torque.items()}
+        return wrench | {self._drive_column(joint): values for joint, values in self.torque.items()}
+
+    def _drive_column(self, joint: str) -> str:
+        return f"drive_force_{joint}_N" if joint in self.sliding else f"torque_{joint}_Nm"
 
 
 def simulate(mechanism: Mechanism, trajectory: Trajectory) -> Response:
@@ -72,7 +77,9 @@ def simulate(mechanism: Mechanism, trajectory: Trajectory) -> Response:
     for _ in in_blocks(count, load):
         pass
     torque = _drive_torque(mechanism, trajectory, joint_torque)
-    return Response(trajectory.time, force, moment, torque, weight)
+    joints = mechanism.tree.joints
+    sliding = frozenset(name for name in torque if not joints[mechanism.coordinate_index(name)].revolute)
+    return Response(trajectory.time, force, moment, torque, weight, sliding)
 
 
 def momentum(mechanism: Mechanism, q: Floats, v: Floats) -> Floats:

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 HEAVIEST = 1e9
 """Masses from here on are slips of the pen [kg]."""
+LIMIT_ROUNDING = 1e-9
+"""How far a joint may pass its limit by rounding [rad, m]."""
 PARAMETERS = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 """Inertial parameters of a body in Pinocchio's order, inertia about the origin of the joint's frame."""
 
@@ -76,6 +78,8 @@ class Mechanism:
     """Dry friction of each joint, (nv,) [N m, N]."""
     payload_bodies: tuple[str, ...]
     """Bodies that carry the payload when none is named."""
+    limits: Floats
+    """Lower and upper limit of each coordinate that the file states, else infinite, (nv, 2) [rad, m]. Not enforced."""
 
     @classmethod
     def load(cls, name: str | Path) -> "Mechanism":
@@ -93,6 +97,12 @@ class Mechanism:
         from .loading import load_text
 
         return load_text(text, name)
+
+    def beyond_limits(self, q: Floats) -> dict[str, tuple[float, float]]:
+        """For each joint that leaves its limits at the configurations ``q`` (n, nv), how far it goes [rad, m]."""
+        low, high = q.min(axis=0), q.max(axis=0)
+        out = (low < self.limits[:, 0] - LIMIT_ROUNDING) | (high > self.limits[:, 1] + LIMIT_ROUNDING)
+        return {self.coordinates[i]: (float(low[i]), float(high[i])) for i in np.flatnonzero(out)}
 
     @cached_property
     def pi(self) -> Floats:

@@ -41,11 +41,13 @@ class Samples:
     """Driven body (its own centre of mass) or site; None for the mechanism's payload body, or its only ``platform``."""
     axes: tuple[str, ...] = ("x", "y")
     """Axes of the base along which the point is driven."""
+    sliding: bool | None = None
+    """Whether driven joints are given in lengths, not angles; None where it is not said."""
 
     def drive(self, mechanism: Mechanism) -> Drive:
         """The driven coordinates as functions of a mechanism's joints. Raises ModelError for an unknown name."""
         if self.joints:
-            return JointDrive.of(mechanism, self.joints)
+            return JointDrive.of(mechanism, self.joints, self.sliding)
         return PointDrive.of(mechanism, self.point or _platform(mechanism), self.axes)
 
 
@@ -75,6 +77,8 @@ class Motion:
     axes: tuple[str, ...] = ("x", "y")
     recorded: Samples | None = None
     """Samples of a file, in place of legs."""
+    sliding: bool | None = None
+    """Whether driven joints are given in lengths, not angles."""
 
     @classmethod
     def load(cls, name: str | Path) -> "Motion":
@@ -107,12 +111,13 @@ class Motion:
         if "samples" in table:
             _refuse_idle(table, {"start", "peak_acceleration", "ramp", "rest", "moves"}, "samples")
             recorded = read_samples(folder / str(table["samples"]), joints, point, axes)
-            return cls(recorded.position[:1], 0.0, 0.25, 0.0, joints, point, axes, recorded)
-        kind = "angle" if joints else "length"
+            return cls(recorded.position[:1], 0.0, 0.25, 0.0, joints, point, axes, recorded, recorded.sliding)
+        kind = _kind(_texts(table, "start")) if joints else "length"
         start = np.array([parse(text, kind) for text in _texts(table, "start")])
         if len(start) != len(names):
             raise DataError(f"start has {len(start)} values: expected one for each of {', '.join(names)}")
-        acceleration = parse(str(_required(table, "peak_acceleration")), f"{'angular ' if joints else ''}acceleration")
+        turning = "angular " if kind == "angle" else ""
+        acceleration = parse(str(_required(table, "peak_acceleration")), f"{turning}acceleration")
         if not acceleration > 0:
             raise DataError(f"peak_acceleration is {table['peak_acceleration']!r}: expected a positive one")
         ramp, rest = table.get("ramp", 0.25), parse(str(table.get("rest", "0 s")), "time")
@@ -120,8 +125,9 @@ class Motion:
             raise DataError(f"ramp is {ramp!r}: expected a share of the pulse from 0 to 0.5")
         if not rest >= 0:
             raise DataError(f"rest is {table['rest']!r}: expected zero or more")
-        points = _waypoints(start, _required(table, "moves"), names, kind)
-        return cls(points, acceleration, float(ramp), rest, joints, point, axes)
+        points = _waypoints(start, _required(table, "moves"), names, "joint" if joints else "axis", kind)
+        sliding = kind == "length" if joints else None
+        return cls(points, acceleration, float(ramp), rest, joints, point, axes, sliding=sliding)
 
     def with_peak_acceleration(self, acceleration: float) -> "Motion":
         """The same path with another peak acceleration [m/s2 or rad/s2]."""
@@ -146,7 +152,7 @@ class Motion:
             raise DataError(f"{rate_hz:g} Hz for {self.duration:g} s: expected fewer than {_MAX_SAMPLES} samples")
         self._refuse_coarse(rate_hz)
         time = np.arange(int(np.ceil(self.duration * rate_hz)) + 1) / rate_hz
-        return Samples(time, *self._at(time), self.joints, self.point, self.axes)
+        return Samples(time, *self._at(time), self.joints, self.point, self.axes, self.sliding)
 
     def _refuse_coarse(self, rate_hz: float) -> None:
         """Raise DataError where samples would step over the ramps, or the pulses, of the acceleration."""
@@ -193,17 +199,19 @@ class Motion:
 
 
 def read_samples(path: Path, joints: tuple[str, ...], point: str | None, axes: tuple[str, ...]) -> Samples:
-    """Read a motion from a CSV with the columns ``time (s)`` and ``x (m)``, ``y (m)`` or ``A0 (rad)``.
+    """Read a motion from a CSV with the columns ``time (s)`` and ``x (m)``, ``y (m)``, or ``A0 (rad)``, ``slide (m)``.
 
     Velocity and acceleration are those of the quintic spline through the samples.
     """
     import pandas
     from scipy.interpolate import make_interp_spline
 
-    unit = "rad" if joints else "m"
-    columns = ["time (s)", *(f"{name} ({unit})" for name in joints or axes)]
+    columns = ["time (s)", *(f"{name} ({'rad' if joints else 'm'})" for name in joints or axes)]
     try:
         table = pandas.read_csv(path)
+        sliding = bool(joints) and f"{joints[0]} (m)" in table
+        if sliding:
+            columns = ["time (s)", *(f"{name} (m)" for name in joints)]
         values = table[columns].to_numpy(dtype=float)
     except FileNotFoundError as error:
         raise DataError(f"samples: no such file {path.name!r}") from error
@@ -213,16 +221,27 @@ def read_samples(path: Path, joints: tuple[str, ...], point: str | None, axes: t
     if len(time) < 6 or not np.isfinite(values).all() or not (np.diff(time) > 0).all():
         raise DataError(f"samples: {path.name} must hold at least 6 finite rows with increasing time")
     spline = make_interp_spline(time, values[:, 1:], k=5)
-    return Samples(time, values[:, 1:], spline(time, 1), spline(time, 2), joints, point, axes)
+    return Samples(
+        time, values[:, 1:], spline(time, 1), spline(time, 2), joints, point, axes, sliding if joints else None
+    )
 
 
-def _waypoints(start: Floats, moves: object, names: tuple[str, ...], kind: str) -> Floats:
+def _kind(texts: list[str]) -> str:
+    """``angle`` or ``length``, by the unit of the first quantity: joints that one motion drives are of one kind."""
+    try:
+        parse(texts[0], "length")
+    except UnitError:
+        return "angle"
+    return "length"
+
+
+def _waypoints(start: Floats, moves: object, names: tuple[str, ...], key: str, kind: str) -> Floats:
     points = [start]
     if not isinstance(moves, list) or not moves or not all(isinstance(move, dict) for move in moves):
         raise DataError("moves: expected a list of tables such as { axis = 'x', to = ['+40 mm', '0 mm'] }")
     for i, move in enumerate(moves):
         try:
-            points.extend(start + step for step in _steps(move, names, kind))
+            points.extend(start + step for step in _steps(move, names, key, kind))
         except (UnitError, DataError) as error:
             raise DataError(f"moves[{i}]: {error}") from error
     kept = [points[0], *(b for a, b in zip(points, points[1:], strict=False) if not np.array_equal(a, b))]
@@ -231,12 +250,11 @@ def _waypoints(start: Floats, moves: object, names: tuple[str, ...], kind: str) 
     return np.array(kept)
 
 
-def _steps(move: Mapping[str, object], names: tuple[str, ...], kind: str) -> list[Floats]:
-    """Way-points of one move, from the start of the motion."""
+def _steps(move: Mapping[str, object], names: tuple[str, ...], key: str, kind: str) -> list[Floats]:
+    """Way-points of one move, from the start of the motion; ``key`` names what moves, ``kind`` its quantity."""
     if "polygon" in move:
         _refuse_unknown(move, {"polygon", "width", "height"})
         return _polygon(move, names, kind)
-    key = "joint" if kind == "angle" else "axis"
     _refuse_unknown(move, {key, "to"})
     name = _required(move, key)
     if name not in names:

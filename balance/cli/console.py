@@ -62,14 +62,21 @@ def run(group: click.Group, name: str) -> NoReturn:
         sys.stderr.close()
         code = 0
     except OSError as error:
-        click.echo(f"{name}: {error.filename or ''}: {error.strerror or error}", err=True)
+        click.echo(": ".join([name, *filter(None, [error.filename]), error.strerror or str(error)]), err=True)
         code = EXIT_REFUSED
     sys.exit(code or 0)
 
 
 def emit_json(document: dict[str, Any]) -> None:
     """Print the one JSON document of a command. Non-finite numbers have no JSON form and must be None."""
-    click.echo(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False))
+    try:
+        text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
+    except ValueError as error:
+        raise CounterpoiseError(
+            "a result is no finite number: with these masses, lengths or speeds it is beyond what double precision "
+            "holds; check their units"
+        ) from error
+    click.echo(text)
 
 
 def emit_table(title: str, header: list[str], rows: list[list[str]], note: str = "") -> None:

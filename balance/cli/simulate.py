@@ -1,11 +1,13 @@
 """``balance simulate``."""
 
+import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from . import options
-from .console import emit_json, emit_table, json_option
+from .console import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 
 if TYPE_CHECKING:
     from ..closure import Trajectory
@@ -48,30 +50,41 @@ def simulate(
     from ..dynamics import simulate as respond
     from ..motion import DEFAULT_RATE_HZ, Motion
     from ..quantities import parse
-    from .size import _label, summary
+    from .responses import label, summary
 
+    if csv and parquet and Path(csv).resolve() == Path(parquet).resolve():
+        raise click.UsageError(f"--csv and --parquet name one file, {csv}: give each its own")
     model = options.load(mechanism, payload).with_counter_mass(options.once(counter, "--counter"))
     samples = Motion.load(motion).sample(parse(rate, "frequency") if rate else DEFAULT_RATE_HZ)
     trajectory = Closure(model).follow(samples)
     response = respond(model, trajectory)
+    beyond = model.beyond_limits(trajectory.q)
     if csv or parquet:
         _write(model, trajectory, response, csv, parquet)
     if as_json:
         closure = {"residual_m": trajectory.residual, "condition": trajectory.condition, "branch": trajectory.branch}
         emit_json(
             {"mechanism": model.name, "motion": motion, "samples": len(samples.time), "closure": closure}
+            | {"beyond_limits": {joint: list(reached) for joint, reached in beyond.items()}}
             | summary(response)
         )
-        return
+        sys.exit(EXIT_WITH_FINDINGS if beyond else 0)
     peak = response.peak()
-    rows = [[_label(name), f"{value:.4g}", f"{peak[name]:.4g}"] for name, value in response.rms().items()]
+    rows = [[label(name), f"{value:.4g}", f"{peak[name]:.4g}"] for name, value in response.rms().items()]
     emit_table(f"{model.name}, motion {motion}", ["component", "RMS", "peak"], rows)
     click.echo(
         f"{len(samples.time)} samples over {samples.time[-1]:.4g} s; loops closed to {trajectory.residual:.2g} m "
         f"on the branch of {trajectory.branch!r}; weight excluded from force and moment."
     )
+    for joint, (low, high) in beyond.items():
+        least, most = model.limits[model.coordinate_index(joint)]
+        click.echo(
+            f"Joint {joint} goes from {low:.4g} to {high:.4g}, beyond the file's limits, {least:.4g} to {most:.4g}: "
+            "the motion is computed as if it had none."
+        )
     if not response.torque:
         click.echo("No drive torque: the file has no <actuator> that says which joints are driven.")
+    sys.exit(EXIT_WITH_FINDINGS if beyond else 0)
 
 
 def _write(

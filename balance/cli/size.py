@@ -6,6 +6,7 @@ import click
 
 from . import options
 from .console import emit_json, emit_table, json_option
+from .responses import print_responses, summary
 from .tables import first_moment, mass, per_cent
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ def size(
         return
     _print(result, stock)
     if responses:
-        _print_responses(responses)
+        print_responses(responses)
 
 
 def _sized(
@@ -114,17 +115,6 @@ def _responses(result: "Sizing", motion: str) -> "dict[str, Response]":
 
     trajectory = Closure(result.before).follow(Motion.load(motion).sample(DEFAULT_RATE_HZ))
     return {"before": simulate(result.before, trajectory), "after": simulate(result.after, trajectory)}
-
-
-def summary(response: "Response") -> dict[str, Any]:
-    """RMS and peak values for JSON, the torques apart by joint."""
-    return {"rms": _grouped(response.rms()), "peak": _grouped(response.peak())}
-
-
-def _grouped(values: dict[str, float]) -> dict[str, Any]:
-    wrench = {name: value for name, value in values.items() if not name.startswith("torque_")}
-    torque = {k.removeprefix("torque_").removesuffix("_Nm"): v for k, v in values.items() if k not in wrench}
-    return wrench | {"torque_Nm": torque}
 
 
 def document(result: "Sizing") -> dict[str, Any]:
@@ -166,21 +156,6 @@ def _print(result: "Sizing", stock: str | None) -> None:
     for body, value in result.balanced_payloads().items():
         click.echo(f"Balanced payload       {body} = {'none' if value is None else mass(value) + ' kg'}")
     click.echo(f"Added                  {result.added_mass:.4f} kg, {result.added_inertia:.5f} kg m2 about the joints")
-
-
-def _print_responses(responses: "dict[str, Response]") -> None:
-    before, after = responses["before"], responses["after"]
-    rows = []
-    for name, peak in before.peak().items():
-        if max(peak, after.peak()[name]) > 1e-9:
-            values = [before.rms()[name], after.rms()[name], peak, after.peak()[name]]
-            rows.append([_label(name), *(f"{value:.4g}" for value in values)])
-    emit_table("Simulated motion", ["component", "RMS before", "RMS after", "peak before", "peak after"], rows)
-
-
-def _label(name: str) -> str:
-    stem, _, unit = name.rpartition("_")
-    return f"{stem.replace('_', ' ')} [{unit.replace('Nm', 'N m')}]"
 
 
 def _closed_form(mechanism: str, payload: tuple[tuple[str, float], ...], as_json: bool) -> None:

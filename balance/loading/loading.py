@@ -16,6 +16,7 @@ from ..errors import ModelError
 from ..mechanism import Mechanism, Site
 from ..tree import tree_of
 from . import mjcf
+from .inertias import refuse_impossible
 from .refusals import refuse_mimics
 
 if TYPE_CHECKING:
@@ -117,6 +118,7 @@ def _mechanism(
     coordinates = _coordinates(model, extras)
     bodies = _bodies(model)
     parameters = np.array([model.inertias[i].toDynamicParameters() for i in range(1, model.njoints)])
+    refuse_impossible(path.name, bodies, parameters)
     home, branch = _home(model, extras)
     sites, own_mass = _sites(model, extras), _own_masses(model, bodies, parameters)
     _known(path, "<actuator> drives joint", extras.driven, coordinates)
@@ -140,6 +142,7 @@ def _mechanism(
         viscous=frozen(np.array(model.damping)),
         coulomb=frozen(np.array(_dry_friction(model))),
         payload_bodies=extras.payload_bodies,
+        limits=frozen(np.array([model.lowerPositionLimit, model.upperPositionLimit]).T.copy()),
     )
 
 

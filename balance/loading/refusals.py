@@ -25,7 +25,7 @@ _ELEMENTS = {
 _TAGS = {"include", "replicate", "attach", "frame", "composite", "flexcomp"}
 _SETTINGS = {
     "compiler": {"settotalmass": "-1", "balanceinertia": "false", "boundmass": "0", "boundinertia": "0",
-                 "coordinate": "local"},
+                 "coordinate": "local", "inertiagrouprange": "0 5"},
     "body": {"gravcomp": "0", "mocap": "false"},
     "flag": {"gravity": "enable"},
 }  # fmt: skip

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from balance import datasets
-from balance.errors import DataError, UnitError
+from balance.errors import DataError, ModelError, UnitError
+from balance.mechanism import Mechanism
 from balance.motion import Motion, Samples
 from balance.quantities import G0
 
@@ -278,3 +279,15 @@ def test_a_rate_that_steps_over_the_ramps_is_refused() -> None:
     """20 samples a second miss the pulses of a 3 g0 move: the rate that is needed is named."""
     with pytest.raises(DataError, match=r"20 Hz is too slow .* at least 188 Hz"):
         Motion.load("x").sample(20.0)
+
+
+def test_joints_are_driven_in_their_own_quantity():
+    """Lengths for what slides, angles for what turns; the other way round is refused by name."""
+    table = {"driven": "joints", "joints": ["J1"], "peak_acceleration": "3 m/s^2", "start": ["0 mm"]}
+    motion = Motion.from_table(table | {"moves": [{"joint": "J1", "to": ["40 mm"]}]})
+    assert motion.sliding
+    assert motion.sample(1000.0).position.max() == pytest.approx(0.04)
+    with pytest.raises(ModelError, match="'J1' of serial-1r turns, but the motion gives lengths"):
+        motion.sample(1000.0).drive(Mechanism.load("serial-1r"))
+    with pytest.raises(UnitError, match="acceleration"):
+        Motion.from_table(table | {"peak_acceleration": "3 rad/s^2", "moves": [{"joint": "J1", "to": ["40 mm"]}]})

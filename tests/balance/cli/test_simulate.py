@@ -58,3 +58,43 @@ def test_without_motors_it_says_so(balance, tmp_path):
     path.write_text(text.replace("<motor ", "<!-- ").replace(' joint="A0"/>', " -->").replace(' joint="B0"/>', " -->"))
     out = balance("simulate", path, "--motion", "x", "--rate", "500 Hz").out
     assert "no <actuator>" in out
+
+
+def test_a_joint_beyond_its_limits_is_said(balance, tmp_path):
+    """Limits of the file are not enforced, so leaving them is a finding."""
+    text = models.load("serial-1r").text
+    path = tmp_path / "serial-1r.xml"
+    path.write_text(text.replace('name="J1"', 'name="J1" limited="true" range="-0.3 2"', 1))
+    code, out, _ = balance("simulate", path, "--motion", "serial-1r", "--rate", "500 Hz", "--json")
+    low, high = json.loads(out)["beyond_limits"]["J1"]
+    assert code == 3
+    assert (low, high) == pytest.approx((0.5 - np.deg2rad(50.0), 0.5 + np.deg2rad(60.0)), abs=1e-6)
+    assert "beyond the file's limits" in balance("simulate", path, "--motion", "serial-1r", "--rate", "500 Hz").out
+
+
+def test_a_sliding_drive_has_a_force(balance, tmp_path):
+    """What a linear motor gives is in newtons: m a of a carriage that weighs nothing along its guide."""
+    path, motion = tmp_path / "carriage.xml", tmp_path / "slide.toml"
+    path.write_text(
+        '<mujoco><option gravity="0 -9.81 0"/><worldbody><body name="base"><body name="carriage">'
+        '<joint name="S" type="slide" axis="1 0 0"/><inertial pos="0 0 0" mass="2" diaginertia="1e-3 1e-3 1e-3"/>'
+        '</body></body></worldbody><actuator><motor joint="S"/></actuator></mujoco>'
+    )
+    motion.write_text(
+        'driven = "joints"\njoints = ["S"]\nstart = ["0 mm"]\npeak_acceleration = "3 m/s^2"\n'
+        'moves = [{ joint = "S", to = ["40 mm", "0 mm"] }]\n'
+    )
+    code, out, err = balance("simulate", path, "--motion", motion, "--json")
+    assert code == 0, err
+    peak = json.loads(out)["peak"]
+    assert peak["drive_force_N"] == pytest.approx({"S": 6.0}, rel=1e-9)
+    assert peak["torque_Nm"] == {}
+
+
+def test_one_file_cannot_be_two(balance, tmp_path):
+    """--csv and --parquet to one file would leave one of them."""
+    code, _, err = balance(
+        "simulate", "serial-1r", "--motion", "serial-1r", "--csv", tmp_path / "a", "--parquet", tmp_path / "a"
+    )
+    assert code == 2
+    assert "one file" in err
