@@ -1,0 +1,94 @@
+"""What the base still feels once the force is balanced: six parameters with a physical meaning each.
+
+Amplitudes are those of the base acceleration along an axis k, told as the mass [kg] whose shaking force at the same
+peak acceleration a would cause them: the base's own gain cancels. They differ in phase and frequency: squares add.
+
+    without^2 = F^2 + R^2 + L^2          F: shaking force without counter-masses
+    with^2    = D^2 + R^2 + L'^2 + C^2   D: shaking force that the built set leaves
+    R  = m_res (1 + h a)                 what balancing does not remove: links, frame and drives that give way
+    C  = e_k T                           couples of the counter-masses, T their own force, planes beside the arms
+    L  = l M across the motion, else 0   the shaking moment M turns the base; L' with the counter-masses' inertia
+    reduction = 100 (1 - with / without)
+
+F, D, T, M are computed from the mechanism (``cases``); m_res, e_x, e_y, e_z, h, l are calibrated.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from balance.arrays import Floats
+
+from .cases import AXES, Cases
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A calibrated quantity and the bounds between which every value counts as equally likely beforehand."""
+
+    name: str
+    unit: str
+    """As a suffix of a key; empty for a pure number."""
+    low: float
+    high: float
+    meaning: str
+
+    @property
+    def key(self) -> str:
+        """Name and unit."""
+        return f"{self.name}_{self.unit}" if self.unit else self.name
+
+
+def _couple(axis: str) -> Parameter:
+    meaning = (
+        f"couples of the counter-masses felt along {axis}, as a share of what their own force would cause: the "
+        "distance of their plane from the arms' by that of the arms' plane from the base's centre"
+    )
+    return Parameter(f"couple_share_{axis}", "", 0.0, 1.0, meaning)
+
+
+PARAMETERS = (
+    Parameter(
+        "residual_mass", "kg", 0.0, 4.0, "unbalanced mass that no counter-mass removes: flexible links, frame, drives"
+    ),
+    Parameter(
+        "growth",
+        "s2_per_m",
+        0.0,
+        0.2,
+        "how that mass grows with the peak acceleration: (1 + h a); 0.1: doubled at 1 g0",
+    ),
+    Parameter(
+        "moment_weight", "per_m", 0.0, 4.0, "force that is felt across the motion like a shaking moment of 1 N m"
+    ),
+    *map(_couple, AXES),
+)
+"""What is common to all axes first, then the couples axis by axis."""
+NAMES = tuple(p.name for p in PARAMETERS)
+COMMON = tuple(p for p in PARAMETERS if not p.name.startswith("couple_share"))
+SCATTER = Parameter("scatter", "points", 1.0, 20.0, "standard deviation of a printed number about the model")
+"""Calibrated too, but no mechanics; its logarithm counts as equally likely."""
+
+
+def reductions(values: Mapping[str, Floats | float], cases: Cases) -> Floats:
+    """Reductions [%] by the law above, (..., n); each parameter (...) by its name, those left out being zero."""
+
+    def of(name: str) -> Floats:
+        return np.asarray(values.get(name, 0.0))[..., None]
+
+    couples = np.zeros((*np.broadcast_shapes(*(np.shape(v) for v in values.values())), len(cases.printed)))
+    for axis in set(cases.axis.tolist()):
+        at = cases.axis == axis
+        couples[..., at] = of(f"couple_share_{axis}") * cases.mechanics[at, 2]
+    return law(of("residual_mass"), of("growth"), of("moment_weight"), couples, cases)
+
+
+def law(residual: Floats, growth: Floats, moment_weight: Floats, couples: Floats, cases: Cases) -> Floats:
+    """The law itself, on arrays that broadcast to (..., n): masses [kg], h [s2/m], l [1/m], C [kg] -> [%]."""
+    force, left, _, moment, moment_with = cases.mechanics.T
+    flexible = (residual * (1.0 + growth * cases.peak_acceleration)) ** 2
+    turning = (moment_weight * cases.across) ** 2
+    without = force**2 + flexible + turning * moment**2
+    balanced = left**2 + flexible + turning * moment_with**2 + couples**2
+    return 100.0 * (1.0 - np.sqrt(balanced / without))
