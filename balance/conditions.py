@@ -11,6 +11,7 @@ import numpy as np
 from .arrays import Floats
 from .closure import Closure
 from .combinations import echelon, row_space, text_of
+from .errors import ModelError
 from .mechanism import Mechanism
 from .regressor import momentum_regressor
 
@@ -61,6 +62,8 @@ def find(mechanism: Mechanism, momentum: str = "linear") -> Conditions:
 
     Raises ClosureError if the mechanism cannot be closed or moved, ModelError if the rank cannot be decided.
     """
+    if momentum not in MOMENTA:
+        raise ModelError(f"momentum is {momentum!r}: expected one of {', '.join(MOMENTA)}")
     closure = Closure(mechanism)
     rows, columns = MOMENTA[momentum], 10 * len(mechanism.bodies)
     q = closure.states(max(16, int(np.ceil(2 * columns / len(rows)))))

@@ -44,6 +44,19 @@ class Samples:
     sliding: bool | None = None
     """Whether driven joints are given in lengths, not angles; None where it is not said."""
 
+    def check(self) -> None:
+        """Raise DataError for a motion without samples, of unequal shapes, or with values that are not finite."""
+        count = len(self.time)
+        if not count:
+            raise DataError("the motion holds no sample")
+        for name in ("position", "velocity", "acceleration"):
+            values = getattr(self, name)
+            if values.ndim != 2 or len(values) != count:
+                raise DataError(f"{name} of the motion has the shape {values.shape}: expected {count} rows, as time")
+            if not np.isfinite(values).all():
+                at = int(np.argmax(~np.isfinite(values).all(axis=1)))
+                raise DataError(f"{name} of the motion is not finite at t = {self.time[at]:.6g} s")
+
     def drive(self, mechanism: Mechanism) -> Drive:
         """The driven coordinates as functions of a mechanism's joints. Raises ModelError for an unknown name."""
         if self.joints:

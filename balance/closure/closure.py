@@ -39,6 +39,7 @@ class Closure:
 
         Raises ClosureError, naming the time, where it cannot be closed, is singular, or leaves its branch.
         """
+        samples.check()
         drive = drive or samples.drive(self.mechanism)
         if drive.size != self.dof:
             raise ClosureError(

@@ -14,9 +14,9 @@ from ..errors import SizingError
 from .description import Body, Linkage, Place
 from .expressions import Point
 from .loads import ROUNDING, CounterMass, ForceBalance, Load, pin
-from .reduction import leaves_first, parents
 from .turning import translating
 from .twopoint import two_point_balanced
+from .walk import leaves_first, parents
 
 
 def force_balance(linkage: Linkage, tree: Mapping[str, str], values: Mapping[str, float]) -> dict[str, ForceBalance]:

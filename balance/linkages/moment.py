@@ -15,10 +15,10 @@ from .expressions import Point
 from .force import balanced, received
 from .gearing import Gearing, gearing
 from .loads import CounterMass, ForceBalance, Load, pin
-from .reduction import parents
 from .translation import check_point_mass
 from .turning import translating
 from .twopoint import span
+from .walk import parents
 from .wheels import wheel
 
 

@@ -6,6 +6,8 @@ from math import inf, prod
 
 from ..errors import ModelError, SizingError
 from .description import GROUND, Linkage
+from .force import force_balance
+from .walk import depth
 
 MOST_TREES = 20_000
 """Beyond so many combinations the shortest paths to the ground are taken."""
@@ -16,8 +18,6 @@ def reduction_tree(linkage: Linkage, values: Mapping[str, float]) -> dict[str, s
 
     Raises ModelError, naming the body, where one has no revolute path to the ground.
     """
-    from .force import force_balance
-
     choices = {body: _choices(linkage, body) for body in linkage.bodies}
     _check_paths(linkage)
     if prod(len(joints) for joints in choices.values()) > MOST_TREES:
@@ -34,18 +34,6 @@ def reduction_tree(linkage: Linkage, values: Mapping[str, float]) -> dict[str, s
     if best is None:
         raise refusal or ModelError(f"{linkage.name}: the given reduction joints lead in a circle, not to the ground")
     return best
-
-
-def leaves_first(linkage: Linkage, tree: Mapping[str, str]) -> list[str]:
-    """Bodies so that every one comes before the bodies that carry it."""
-    return sorted(linkage.bodies, key=lambda body: -_depth(linkage, tree, body))
-
-
-def parents(linkage: Linkage, tree: Mapping[str, str], body: str) -> list[tuple[str, str]]:
-    """Joints to which a body's mass is reduced, each with the body across: one, or two of a two-point body."""
-    shaped = linkage.two_point.get(body)
-    names = shaped.joints if shaped else (tree[body],)
-    return [(name, linkage.joints[name].other(body)) for name in names]
 
 
 def _choices(linkage: Linkage, body: str) -> list[str]:
@@ -78,18 +66,8 @@ def _check_paths(linkage: Linkage) -> None:
 def _trees(linkage: Linkage, choices: Mapping[str, list[str]]) -> Iterator[dict[str, str]]:
     for joints in product(*choices.values()):
         tree = dict(zip(choices, joints, strict=True))
-        if all(_depth(linkage, tree, body) < inf for body in tree):
+        if all(depth(linkage, tree, body) < inf for body in tree):
             yield tree
-
-
-def _depth(linkage: Linkage, tree: Mapping[str, str], body: str, left: int | None = None) -> float:
-    """Joints between a body and the ground; infinite in a circle."""
-    left = len(tree) if left is None else left
-    if body == GROUND:
-        return 0
-    if left < 0:
-        return inf
-    return 1 + max(_depth(linkage, tree, parent, left - 1) for _, parent in parents(linkage, tree, body))
 
 
 def _shortest(linkage: Linkage, choices: Mapping[str, list[str]], body: str) -> str:

@@ -5,7 +5,7 @@ import pytest
 
 from balance import constraints, kinematics
 from balance.closure import Closure, independent_rows
-from balance.errors import ClosureError
+from balance.errors import ClosureError, DataError
 from balance.motion import Samples
 
 from .. import models, referees
@@ -132,3 +132,16 @@ def test_joints_may_be_named_in_any_order() -> None:
     np.testing.assert_array_equal(other.q, motion.q)
     np.testing.assert_array_equal(other.a, motion.a)
     np.testing.assert_array_equal(other.per_drive @ motion.v[:, rows, None], motion.v[:, :, None])
+
+
+@pytest.mark.parametrize("name", ["serial-2r", "parallelogram-6bar"])
+def test_a_motion_that_is_none_is_refused(name):
+    """No sample, or a number that is none, ends in a message and not in one of NumPy's."""
+    closure = Closure(models.load(name))
+    joints = ("J1", "J2") if name == "serial-2r" else ()
+    still = np.zeros((3, 2))
+    for position, text in [(np.zeros((0, 2)), "no sample"), (np.full((3, 2), np.nan), "not finite at t = 0 s")]:
+        time = np.arange(float(len(position)))
+        samples = Samples(time, position, still[: len(time)], still[: len(time)], joints)
+        with pytest.raises(DataError, match=text):
+            closure.follow(samples)

@@ -8,7 +8,8 @@ from balance.errors import ModelError
 from balance.linkages.description import Linkage
 from balance.linkages.force import force_balance
 from balance.linkages.reading import from_table
-from balance.linkages.reduction import leaves_first, reduction_tree
+from balance.linkages.reduction import reduction_tree
+from balance.linkages.walk import leaves_first
 
 
 def test_a_body_between_prismatic_joints_is_refused_by_name(slider_crank_keys):
