@@ -13,6 +13,7 @@ import numpy as np
 from balance.arrays import Floats
 
 from .bench.base import skew
+from .calibration.applied import crosses
 from .channels import in_si, instants
 from .errors import AnalysisError
 from .findings import Finding
@@ -73,7 +74,7 @@ def shaking_wrench(
     for name, support in rig.supports.items():
         readings = np.column_stack([in_si(run, column)[0] for column in columns[name]])
         findings += [f for c, r in zip(columns[name], readings.T, strict=True) if (f := _saturated(run, c, r))]
-        loads[name] = _uncrossed(support, readings)
+        loads[name] = readings if crosses(run, columns[name][0]) else _uncrossed(support, readings)
     if not preload:
         still = _at_rest(np.hstack(list(loads.values())), rate)
         loads = {name: without_preload(values, still) for name, values in loads.items()}

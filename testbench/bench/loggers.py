@@ -58,4 +58,4 @@ def reading(column: Column, signal: Floats, rng: np.random.Generator) -> Floats:
         values = np.clip(values, -column.range, column.range)
     if column.resolution:
         values = np.round(values / column.resolution) * column.resolution
-    return values / column.factor + 0.0  # a logger writes no negative zero
+    return column.written(values) + 0.0  # a logger writes no negative zero

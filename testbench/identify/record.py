@@ -8,6 +8,7 @@ from balance.arrays import Floats
 from balance.mechanism import Mechanism
 
 from .. import rig as rigs
+from ..calibration.applied import readings
 from ..derivatives import Grid, grid_of, on_grid
 from ..errors import AnalysisError
 from ..recording import Origin
@@ -40,15 +41,15 @@ def joint_record(run: Run, mechanism: Mechanism, rig: "rigs.Rig | None" = None) 
         )
     rig = rig or rigs.load(run.rig or "")
     channels = [*_channels(run, rig, Encoder, mechanism.driven), *_channels(run, rig, Torque, mechanism.driven)]
-    groups = {run.find(channel)[0].name for channel, _ in channels}
+    groups = {run.find(column.channel)[0].name for column in channels}
     if len(groups) > 1:
         raise AnalysisError(
             f"{run.name}: positions and torques are in several groups, {', '.join(sorted(groups))}: "
             "expected one clock for all of them"
         )
     time = run.time(groups.pop())
-    values = np.stack([run.channel(channel) * factor for channel, factor in channels], axis=1)
-    _refuse_gaps(run.name, [channel for channel, _ in channels], values, time)
+    values = np.stack([readings(run, column) for column in channels], axis=1)
+    _refuse_gaps(run.name, [column.channel for column in channels], values, time)
     grid = grid_of(time, run.name)
     even = on_grid(time, values, grid)
     joints = len(mechanism.driven)
@@ -57,8 +58,8 @@ def joint_record(run: Run, mechanism: Mechanism, rig: "rigs.Rig | None" = None) 
 
 def _channels(
     run: Run, rig: "rigs.Rig", kind: type[Encoder] | type[Torque], joints: tuple[str, ...]
-) -> list[tuple[str, float]]:
-    """Channel and factor to SI of the one sensor of a kind on each joint."""
+) -> "list[rigs.Column]":
+    """The channel of the one sensor of a kind on each joint."""
     name = kind.__name__.lower()
     columns = [column for sensor, s in rig.of_kind(kind).items() for column in s.columns(sensor)]
     found = []
@@ -70,7 +71,7 @@ def _channels(
                 f"{run.name}: its rig has {len(here)} sensors of kind {name!r} on joint {joint!r}, expected one; "
                 f"it has them on: {known}"
             )
-        found.append((here[0].channel, here[0].factor))
+        found.append(here[0])
     return found
 
 

@@ -9,6 +9,8 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict
 from balance.errors import UnitError
 from balance.quantities import SI_UNITS, factor_to_si, parse
 
+from ..calibration.amounts import is_electrical
+
 _IN_G = re.compile(r"(.*\d\.?)\s*[gG]")
 
 
@@ -59,10 +61,12 @@ def _unit_of(*dimensions: str) -> AfterValidator:
 
 
 def _known_unit(unit: str, dimensions: tuple[str, ...]) -> str:
+    """A unit of what is measured, or one that a sensor writes before it is calibrated, such as V."""
     try:
         unit_factor(unit, *dimensions)
     except UnitError as error:
-        raise ValueError(str(error)) from error
+        if not is_electrical(unit):
+            raise ValueError(f"{error}, or an electrical one, such as 'V' or 'mV/V'") from error
     return unit
 
 

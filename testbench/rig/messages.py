@@ -5,14 +5,12 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pydantic import ValidationError
-
-    from .fields import Table
+    from pydantic import BaseModel, ValidationError
 
 KeyPath = tuple[str | int, ...]
 
 
-def explain(source: str, error: "ValidationError", table_of: Callable[[KeyPath], "type[Table]"]) -> str:
+def explain(source: str, error: "ValidationError", table_of: Callable[[KeyPath], "type[BaseModel]"]) -> str:
     """All errors, one a line: the file, the key, what was found, what was expected."""
     lines = [f"{_key(e)}: {_message(e, table_of)}" for e in error.errors(include_url=False)]
     return "\n".join(f"{source}: {line}" for line in dict.fromkeys(lines))
@@ -40,7 +38,7 @@ def _key(error: Any) -> str:  # noqa: ANN401
     return ".".join(parts) or "file"
 
 
-def _message(error: Any, table_of: Callable[[KeyPath], "type[Table]"]) -> str:  # noqa: ANN401
+def _message(error: Any, table_of: Callable[[KeyPath], "type[BaseModel]"]) -> str:  # noqa: ANN401
     kind, found, context = error["type"], error["input"], error.get("ctx", {})
     if kind == "value_error":
         return str(context["error"])

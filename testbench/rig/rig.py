@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TypeVar
 
-from pydantic import Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
 from balance import datasets
 from balance.errors import DataError
@@ -16,6 +16,7 @@ from .bench import Bench, Logger, Mount
 from .columns import Column
 from .fields import Table
 from .messages import explain, suggestion
+from .names import Names, of_mechanism
 
 S = TypeVar("S", bound=Table)
 
@@ -25,11 +26,13 @@ class Rig(Table):
 
     name: str = ""
     mechanism: str
-    """A shipped mechanism by name, or a file beside the rig."""
+    """A shipped mechanism by name, or a file beside the rig; ``none``: the bench stands without one."""
     loggers: dict[str, Logger] = Field(min_length=1)
     sensors: dict[str, kinds.Sensor] = Field(min_length=1)
     bench: Bench = Bench()
     text: str = Field(default="", exclude=True)
+    names: Names | None = Field(default=None, exclude=True)
+    """Of the mechanism's parts, where its file was looked for."""
 
     def columns(self, logger: str | None = None) -> Iterator[Column]:
         """The channels of one logger, or of all, in the order of the file."""
@@ -53,12 +56,15 @@ class Rig(Table):
 
 
 def load(path_or_text: str | Path) -> Rig:
-    """Load a rig: a file, a shipped one by name, or the text of one. Raises RigError, naming the key that is wrong."""
+    """Load a rig: a file, a shipped one by name, or the text of one. Raises RigError, naming the key that is wrong.
+
+    Its mechanism must be there, and have the joints and bodies that the rig names.
+    """
     if isinstance(path_or_text, str) and "\n" in path_or_text:
         return from_text(path_or_text)
     try:
         path = datasets.find(path_or_text, "rigs", ".toml")
-        return from_text(path.read_text(encoding="utf-8"), path.name)
+        return _for_its_mechanism(from_text(path.read_text(encoding="utf-8"), path.name), path)
     except DataError as error:
         raise RigError(str(error)) from error
     except UnicodeDecodeError as error:
@@ -68,9 +74,9 @@ def load(path_or_text: str | Path) -> Rig:
 def from_text(text: str, source: str = "rig") -> Rig:
     """Read a rig from its text; ``source`` is what messages call it."""
     try:
-        table = tomllib.loads(text)
-        if "text" in table:
-            raise RigError(f"{source}: text: unknown key")
+        table = tomllib.loads(text.removeprefix("\ufeff"))  # a byte order mark, as Windows' editors write it
+        if own := {"text", "names"} & table.keys():
+            raise RigError(f"{source}: {min(own)}: unknown key")
         rig = Rig.model_validate(table | {"text": text})
     except tomllib.TOMLDecodeError as error:
         raise RigError(f"{source}: not TOML: {error}") from error
@@ -78,6 +84,22 @@ def from_text(text: str, source: str = "rig") -> Rig:
         raise RigError(explain(source, error, _table_of)) from error
     _check_names(source, rig)
     return rig
+
+
+def _for_its_mechanism(rig: Rig, path: Path) -> Rig:
+    """The rig with the names of its mechanism's parts. Raises RigError for a joint or body that it does not have."""
+    try:
+        names = of_mechanism(rig.mechanism, path.parent)
+    except RigError as error:
+        raise RigError(f"{path.name}: {error}") from error
+    if names is None:
+        return rig
+    for sensor, described in rig.sensors.items():
+        for key, kind in (("joint", "joint"), ("attached_to", "body")):
+            named = getattr(described, key, None)
+            if named not in {None, "base"} and (wrong := names.unknown(kind, str(named))):
+                raise RigError(f"{path.name}: sensors.{sensor}.{key}: {wrong}")
+    return rig.model_copy(update={"names": names})
 
 
 def _check_names(source: str, rig: Rig) -> None:
@@ -99,9 +121,11 @@ def _check_names(source: str, rig: Rig) -> None:
             seen[column.channel] = name
 
 
-def _table_of(path: tuple[str | int, ...]) -> type[Table]:
+def _table_of(path: tuple[str | int, ...]) -> type[BaseModel]:
     """The table that the keys ``path`` lead to; the kind of a sensor is among them."""
     if path and path[0] == "sensors":
+        if inner := [kinds.INNER[str(part)] for part in path if part in kinds.INNER]:
+            return inner[-1]
         return next((kinds.KINDS[str(part)] for part in path if part in kinds.KINDS), Rig)
     if path[:2] == ("bench", "mounts"):
         return Mount

@@ -1,13 +1,19 @@
 """The kinds of sensors, and the channels that each writes."""
 
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from dataclasses import replace
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import BaseModel, BeforeValidator, Field, model_validator
 
+from balance.errors import UnitError
+
+from ..calibration import law
+from ..calibration.document import Calibration, Matrix, Polynomial
+from ..calibration.teds import Teds
 from . import fields
-from .columns import Column
+from .columns import Column, together
 from .fields import Table
 
 Axis = Literal["x", "y", "z"]
@@ -22,10 +28,42 @@ TURNING_STIFFNESS = 1e6
 class _Sensor(Table):
     logger: str
     model: str = ""
+    calibration: Calibration | None = None
+    """Where the logger does not write physical units, or writes them with an offset."""
+    teds: Teds | None = None
 
     def columns(self, name: str) -> Iterator[Column]:
         """The channels of the sensor called ``name``."""
+        cross = getattr(self, "crosstalk", None)
+        yield from together([replace(c, calibration=self.calibration, crosstalk=cross) for c in self._channels(name)])
+
+    def _channels(self, name: str) -> Iterator[Column]:
         raise NotImplementedError
+
+    def _written_in(self, unit: str | None) -> tuple[str, bool]:
+        """The unit of the log and whether the rig states it. The usual one of a kind is not that of raw values."""
+        if "unit" in self.model_fields_set:
+            return unit or "", bool(unit)
+        return ("", False) if self.calibration is not None else (unit or "", False)
+
+    @model_validator(mode="after")
+    def _calibrated(self) -> Self:
+        """A calibration that fits the components, and the unit where the rig states one."""
+        if self.calibration is None:
+            return self
+        channels = list(self.columns(""))
+        given = [c.unit or self.calibration.unit for c in channels]
+        if wrong := [c for c in channels if c.unit and self.calibration.unit not in {None, c.unit}]:
+            raise ValueError(f"calibration.unit: {self.calibration.unit!r}, but unit is {wrong[0].unit!r}: say it once")
+        if self.calibration.matrix is not None and getattr(self, "crosstalk", None) is not None:
+            raise ValueError("crosstalk: the calibration has a matrix: expected one of the two")
+        try:
+            law.check(self.calibration, channels)
+            if all(given):
+                law.bind(self.calibration, channels, [unit or "" for unit in given])
+        except UnitError as error:
+            raise ValueError(f"calibration: {error}") from error
+        return self
 
 
 class Accelerometer(_Sensor):
@@ -41,12 +79,13 @@ class Accelerometer(_Sensor):
     """In the frame of the body [m]."""
     attached_to: str = "base"
 
-    def columns(self, name: str) -> Iterator[Column]:
+    def _channels(self, name: str) -> Iterator[Column]:
         """One channel an axis."""
         for axis, channel in self.channels.items():
             i = AXES.index(axis)
-            yield Column(channel, name, axis, self.logger, self.unit or "", ("acceleration",),
-                         _at(self.range, i), _at(self.noise, i) or 0.0, _at(self.resolution, i) or 0.0)  # fmt: skip
+            unit, stated = self._written_in(self.unit)
+            yield Column(channel, name, axis, self.logger, unit, ("acceleration",), _at(self.range, i),
+                         _at(self.noise, i) or 0.0, _at(self.resolution, i) or 0.0, stated=stated)  # fmt: skip
 
 
 class _ForceAndMoment(Table):
@@ -95,12 +134,17 @@ class _WrenchUnits(Table):
     M: fields.MomentUnit = "N m"
 
 
+def _both(unit: Any) -> Any:  # noqa: ANN401
+    """One unit for forces and moments, as a logger writes volts."""
+    return {"F": unit, "M": unit} if isinstance(unit, str) else unit
+
+
 class Wrench(_Support):
     """Force and moment about the sensor's position, that the mechanism exerts on the base through this support."""
 
     kind: Literal["wrench"]
     channels: dict[WrenchAxis, str] = Field(min_length=1)
-    unit: _WrenchUnits = _WrenchUnits()
+    unit: Annotated[_WrenchUnits, BeforeValidator(_both)] = _WrenchUnits()
     range: _ForceAndMoment = _ForceAndMoment()
     noise: _ForceAndMoment = _ForceAndMoment()
     resolution: _ForceAndMoment = _ForceAndMoment()
@@ -114,12 +158,14 @@ class Wrench(_Support):
         self._check_support()
         return self
 
-    def columns(self, name: str) -> Iterator[Column]:
+    def _channels(self, name: str) -> Iterator[Column]:
         """One channel a component."""
         for component, channel in self.channels.items():
-            unit, dimension = (self.unit.F, "force") if component[0] == "F" else (self.unit.M, "moment")
+            letter, dimension = component[0], "force" if component[0] == "F" else "moment"
+            unit, stated = self._written_in(getattr(self.unit, letter))
             yield Column(channel, name, component, self.logger, unit, (dimension,), self.range.of(component),
-                         self.noise.of(component) or 0.0, self.resolution.of(component) or 0.0)  # fmt: skip
+                         self.noise.of(component) or 0.0, self.resolution.of(component) or 0.0,
+                         stated=stated and letter in self.unit.model_fields_set)  # fmt: skip
 
     @property
     def axis_stiffness(self) -> tuple[float, ...]:
@@ -156,12 +202,13 @@ class ForceSensor(_Support):
         """The channel of each measured axis."""
         return self.channels or {self.axis or "z": self.channel or ""}
 
-    def columns(self, name: str) -> Iterator[Column]:
+    def _channels(self, name: str) -> Iterator[Column]:
         """One channel an axis."""
         for axis, channel in self.by_axis.items():
             i = AXES.index(axis)
-            yield Column(channel, name, f"F{axis}", self.logger, self.unit, ("force",),
-                         _at(self.range, i), _at(self.noise, i) or 0.0, _at(self.resolution, i) or 0.0)  # fmt: skip
+            unit, stated = self._written_in(self.unit)
+            yield Column(channel, name, f"F{axis}", self.logger, unit, ("force",), _at(self.range, i),
+                         _at(self.noise, i) or 0.0, _at(self.resolution, i) or 0.0, stated=stated)  # fmt: skip
 
     @property
     def axis_stiffness(self) -> tuple[float, ...]:
@@ -179,10 +226,11 @@ class Encoder(_Sensor):
     noise: fields.Angle | None = None
     resolution: fields.Angle | None = None
 
-    def columns(self, name: str) -> Iterator[Column]:
+    def _channels(self, name: str) -> Iterator[Column]:
         """Its one channel."""
-        yield Column(self.channel, name, self.joint, self.logger, self.unit, ("angle", "length"),
-                     None, self.noise or 0.0, self.resolution or 0.0)  # fmt: skip
+        unit, stated = self._written_in(self.unit)
+        yield Column(self.channel, name, self.joint, self.logger, unit, ("angle", "length"), None,
+                     self.noise or 0.0, self.resolution or 0.0, stated=stated)  # fmt: skip
 
 
 class Torque(_Sensor):
@@ -196,10 +244,11 @@ class Torque(_Sensor):
     noise: fields.Moment | None = None
     resolution: fields.Moment | None = None
 
-    def columns(self, name: str) -> Iterator[Column]:
+    def _channels(self, name: str) -> Iterator[Column]:
         """Its one channel."""
-        yield Column(self.channel, name, self.joint, self.logger, self.unit, ("moment", "force"),
-                     self.range, self.noise or 0.0, self.resolution or 0.0)  # fmt: skip
+        unit, stated = self._written_in(self.unit)
+        yield Column(self.channel, name, self.joint, self.logger, unit, ("moment", "force"), self.range,
+                     self.noise or 0.0, self.resolution or 0.0, stated=stated)  # fmt: skip
 
 
 class Target(_Sensor):
@@ -209,10 +258,11 @@ class Target(_Sensor):
     channels: dict[Axis, str] = Field(min_length=1)
     unit: fields.AccelerationUnit = "m/s^2"
 
-    def columns(self, name: str) -> Iterator[Column]:
+    def _channels(self, name: str) -> Iterator[Column]:
         """One channel an axis."""
         for axis, channel in self.channels.items():
-            yield Column(channel, name, axis, self.logger, self.unit, ("acceleration",), commanded=True)
+            unit, stated = self._written_in(self.unit)
+            yield Column(channel, name, axis, self.logger, unit, ("acceleration",), commanded=True, stated=stated)
 
 
 Support = Wrench | ForceSensor
@@ -221,6 +271,11 @@ KINDS: dict[str, type[Table]] = {
     "accelerometer": Accelerometer, "wrench": Wrench, "force": ForceSensor, "encoder": Encoder, "torque": Torque,
     "target": Target,
 }  # fmt: skip
+
+INNER: dict[str, type[BaseModel]] = {
+    "calibration": Calibration, "polynomial": Polynomial, "matrix": Matrix, "teds": Teds,
+}  # fmt: skip
+"""The tables inside a sensor, by key."""
 
 
 def _at(values: tuple[float, float, float] | None, i: int) -> float | None:

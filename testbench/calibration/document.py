@@ -1,0 +1,140 @@
+"""A calibration as it stands in a rig or in a record: texts with units, checked, nothing applied yet."""
+
+import math
+from collections.abc import Mapping
+from datetime import date as Date
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+
+Each = str | dict[str, str]
+"""One text for all channels of a sensor, or one a component."""
+
+
+def _finite(value: float) -> float:
+    if not math.isfinite(value):
+        raise ValueError(f"{value}: expected a finite number")
+    return value
+
+
+def _day(value: object) -> object:
+    """A date of TOML, or text such as 2026-03-31."""
+    try:
+        return value.isoformat() if isinstance(value, Date) else Date.fromisoformat(str(value)).isoformat()
+    except ValueError as error:
+        raise ValueError(f"{value!r}: expected a date such as 2026-03-31") from error
+
+
+Number = Annotated[float, AfterValidator(_finite)]
+Day = Annotated[str, BeforeValidator(_day)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Polynomial(_Table):
+    """c0 + c1 x + c2 x^2 ...: x in ``raw``, the result in ``physical``."""
+
+    coefficients: tuple[Number, ...] = Field(min_length=2)
+    raw: str
+    physical: str
+
+
+class Matrix(_Table):
+    """Loads = rows @ (raw - offset): a row a component, a column a channel, in the order of the sensor's channels."""
+
+    rows: tuple[tuple[Number, ...], ...] = Field(min_length=1)
+    raw: str
+    physical: Each
+
+
+class Calibration(_Table):
+    """What turns a sensor's channels as written into what it measures.
+
+    physical = (raw - offset) / (sensitivity x amplifier), or a polynomial, or a matrix of all channels; or an offset
+    alone, where the log is in physical units already.
+    """
+
+    sensitivity: Each | None = None
+    """Such as ``10.2 mV/g`` or ``3.9 pC/N``; negative where the sensor is mounted or wired the other way round."""
+    amplifier: Each | None = None
+    """Behind the sensor: ``10 mV/pC``, or the other way, ``100 pC/V``, as makers of charge amplifiers print it."""
+    offset: Each | None = None
+    """What the channel shows at zero, in the unit of the log's kind (``2.5 V``) or of the quantity (``-0.6 N``)."""
+    polynomial: Polynomial | dict[str, Polynomial] | None = None
+    matrix: Matrix | None = None
+    unit: str | None = None
+    """In which the logger writes, where neither the log nor the sensor's ``unit`` says so."""
+    date: Day | None = None
+    """When it was calibrated."""
+    reference: str = ""
+    """Certificate, laboratory."""
+
+    @model_validator(mode="after")
+    def _one_law(self) -> "Calibration":
+        given = [n for n in ("sensitivity", "polynomial", "matrix") if getattr(self, n) is not None]
+        if len(given) > 1:
+            raise ValueError(f"{given[0]} and {given[1]}: expected one of sensitivity, polynomial, matrix")
+        if not given and self.offset is None:
+            raise ValueError("expected one of sensitivity, polynomial, matrix, offset")
+        if self.amplifier is not None and self.sensitivity is None:
+            raise ValueError("amplifier: goes with a sensitivity, such as '3.9 pC/N'")
+        if self.offset is not None and self.polynomial is not None:
+            raise ValueError("offset: is the first coefficient of a polynomial; expected one of the two")
+        return self
+
+    def document(self) -> dict[str, Any]:
+        """As it is stored; what is not given is left out."""
+        return self.model_dump(exclude_none=True, exclude_defaults=True)
+
+    def __str__(self) -> str:
+        """On one line, as written."""
+        parts = [
+            _each(self.sensitivity, "{}"),
+            _each(self.amplifier, "amplifier {}"),
+            _polynomials(self.polynomial),
+            "" if self.matrix is None else _size(self.matrix),
+            _each(self.offset, "offset {}"),
+            f"calibrated {self.date}" if self.date else "",
+            self.reference,
+        ]
+        return ", ".join(part for part in parts if part)
+
+
+def of_component(each: "Mapping[str, Any] | Any", component: str) -> Any:  # noqa: ANN401
+    """What is given for a component: for all, or by its name, its letter (``F``) or, of a force, its axis."""
+    if not isinstance(each, Mapping):
+        return each
+    for name in names_of(component):
+        if name in each:
+            return each[name]
+    return None
+
+
+def names_of(component: str) -> tuple[str, ...]:
+    """The keys that mean a component: ``Fx`` is also meant by ``F`` and ``x``, ``Mz`` by ``M``."""
+    if len(component) == 2 and component[0] in "FM" and component[1] in "xyz":
+        return (component, component[0], component[1]) if component[0] == "F" else (component, component[0])
+    return (component,)
+
+
+def _each(each: Each | None, form: str) -> str:
+    if each is None:
+        return ""
+    return form.format(each if isinstance(each, str) else ", ".join(f"{name} {text}" for name, text in each.items()))
+
+
+def _polynomials(found: Polynomial | dict[str, Polynomial] | None) -> str:
+    if found is None:
+        return ""
+    by_name = found if isinstance(found, dict) else {"": found}
+    return ", ".join(
+        f"{name} polynomial {' '.join(f'{c:g}' for c in p.coefficients)} ({p.raw} to {p.physical})".strip()
+        for name, p in by_name.items()
+    )
+
+
+def _size(matrix: Matrix) -> str:
+    out = matrix.physical if isinstance(matrix.physical, str) else ", ".join(matrix.physical.values())
+    return f"matrix {len(matrix.rows)} x {len(matrix.rows[0])} ({matrix.raw} to {out})"

@@ -1,0 +1,181 @@
+"""The arithmetic of a calibration, once the unit of each channel is known: a polynomial a channel, then a matrix."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from balance.arrays import Floats
+from balance.errors import UnitError
+from balance.quantities import SI_UNITS
+
+from .amounts import Amount, amount, measures, unit
+from .document import Calibration, Polynomial, names_of, of_component
+
+WORST_CONDITION = 1e8
+"""Of a matrix: beyond, its rows tell one load from another no more."""
+
+
+class Channel(Protocol):
+    """What must be known of a channel of a sensor."""
+
+    @property
+    def component(self) -> str:
+        """``x``, ``Fz``, or the joint."""
+        ...
+
+    @property
+    def dimensions(self) -> tuple[str, ...]:
+        """What it may measure, such as ("angle", "length")."""
+        ...
+
+
+@dataclass(frozen=True)
+class Law:
+    """From the channels of one sensor as written to its components in SI.
+
+    ``polynomials`` hold the coefficients, in the unit as written, of each channel; ``matrix`` (k, k) comes after.
+    """
+
+    polynomials: tuple[tuple[float, ...], ...]
+    matrix: Floats | None = None
+
+    def component(self, index: int, written: Callable[[int], Floats]) -> Floats:
+        """One component (n,) [SI]; ``written`` gives channel i as the logger wrote it, (n,)."""
+        if self.matrix is None:
+            return _value(self.polynomials[index], written(index))
+        readings = [_value(c, written(i)) for i, c in enumerate(self.polynomials)]
+        return np.asarray(np.einsum("j,jn->n", self.matrix[index], np.stack(readings)))
+
+    def written(self, index: int, values: Floats) -> Floats:
+        """What a logger writes of a component (n,) [SI]; of a straight line only. Raises UnitError otherwise."""
+        line = self.polynomials[index]
+        if self.matrix is not None or len(line) != 2:
+            raise UnitError("only a calibration by sensitivity and offset can be turned round")
+        return (values - line[0]) / line[1]
+
+
+def _value(coefficients: tuple[float, ...], x: Floats) -> Floats:
+    if len(coefficients) == 2 and coefficients[0] == 0.0:
+        return x * coefficients[1]
+    return np.asarray(np.polynomial.polynomial.polyval(x, coefficients))
+
+
+def check(calibration: Calibration, channels: Sequence[Channel]) -> None:
+    """What is wrong whatever the unit of the log: keys that name no component, a matrix of another size."""
+    components = [channel.component for channel in channels]
+    known = {name for component in components for name in names_of(component)}
+    for field in ("sensitivity", "amplifier", "offset", "polynomial"):
+        given = getattr(calibration, field)
+        if not isinstance(given, dict):
+            continue
+        if wrong := [name for name in given if name not in known]:
+            raise UnitError(f"{field}: the sensor has no component {wrong[0]!r}: expected {', '.join(components)}")
+        if field != "offset" and (left := [c for c in components if of_component(given, c) is None]):
+            raise UnitError(f"{field}: is missing for {left[0]}")
+    if calibration.matrix is not None:
+        _check_matrix(calibration.matrix.rows, components)
+
+
+def _check_matrix(rows: Sequence[Sequence[float]], components: Sequence[str]) -> None:
+    size = len(components)
+    if len(rows) != size or any(len(row) != size for row in rows):
+        shape = f"{len(rows)} rows of {sorted({len(row) for row in rows})} numbers"
+        raise UnitError(f"matrix: {shape}: expected {size} rows of {size}, for {', '.join(components)}")
+    scaled = np.array(rows) / np.maximum(np.abs(rows).max(axis=1, keepdims=True), 1e-300)
+    if not np.linalg.cond(scaled) < WORST_CONDITION:
+        raise UnitError("matrix: its rows depend on each other, so that loads cannot be told apart")
+
+
+def bind(calibration: Calibration, channels: Sequence[Channel], units: Sequence[str]) -> Law:
+    """The law for channels written in ``units``. Raises UnitError if the calibration does not lead to what is measured.
+
+    No guess: the units of raw value, sensitivity and amplifier must give those of the quantity exactly.
+    """
+    check(calibration, channels)
+    if calibration.matrix is not None:
+        return _matrix(calibration, channels, units)
+    return Law(tuple(_channel(calibration, c, u) for c, u in zip(channels, units, strict=True)))
+
+
+def _channel(calibration: Calibration, channel: Channel, written: str) -> tuple[float, ...]:
+    dimensions, component = channel.dimensions, channel.component
+    raw = unit(written, dimensions)
+    polynomial = of_component(calibration.polynomial, component)
+    if polynomial is not None:
+        return _polynomial(polynomial, channel, written)
+    per, text = _sensitivity(calibration, channel, raw)
+    found = raw / per
+    if not measures(found.units, dimensions):
+        raise UnitError(f"{component}: {written!r} {text}is no {_wanted(dimensions)}: a unit is wrong")
+    before, after = _offset(calibration, channel, raw)
+    return (-before / per.value - after, found.value)
+
+
+def _sensitivity(calibration: Calibration, channel: Channel, raw: Amount) -> tuple[Amount, str]:
+    """Raw value of one SI unit of the quantity, and how it was given."""
+    text = of_component(calibration.sensitivity, channel.component)
+    if text is None:
+        return unit("V/V", ()), ""
+    per = amount(text, channel.dimensions)
+    if per.value == 0.0:
+        raise UnitError(f"sensitivity {text!r}: expected one that is not zero")
+    behind = of_component(calibration.amplifier, channel.component)
+    if behind is None:
+        return per, f"by {text!r} "
+    gain = amount(behind, channel.dimensions)
+    if not gain.value > 0.0:
+        raise UnitError(f"amplifier {behind!r}: expected one that is positive")
+    both = per * gain if measures((raw / (per * gain)).units, channel.dimensions) else per / gain
+    return both, f"by {text!r} and {behind!r} "
+
+
+def _offset(calibration: Calibration, channel: Channel, raw: Amount) -> tuple[float, float]:
+    """What to subtract before and after the sensitivity [SI]: by the unit that it is given in."""
+    text = of_component(calibration.offset, channel.component)
+    if text is None:
+        return 0.0, 0.0
+    offset = amount(text, channel.dimensions)
+    if measures(offset.units, channel.dimensions) and offset.units != raw.units:
+        return 0.0, offset.value
+    if offset.units == raw.units:
+        return offset.value, 0.0
+    wanted = _wanted(channel.dimensions)
+    raise UnitError(f"{channel.component}: offset {text!r} is neither in the log's unit nor a {wanted}")
+
+
+def _polynomial(found: Polynomial, channel: Channel, written: str) -> tuple[float, ...]:
+    raw, into = unit(written, channel.dimensions), unit(found.raw, channel.dimensions)
+    out, wanted = unit(found.physical, channel.dimensions), _wanted(channel.dimensions)
+    if raw.units != into.units:
+        raise UnitError(f"{channel.component}: the polynomial takes {found.raw!r}, the channel is in {written!r}")
+    if not measures(out.units, channel.dimensions):
+        raise UnitError(f"{channel.component}: the polynomial gives {found.physical!r}, no {wanted}")
+    step = raw.value / into.value
+    return tuple(c * step**i * out.value for i, c in enumerate(found.coefficients))
+
+
+def _matrix(calibration: Calibration, channels: Sequence[Channel], units: Sequence[str]) -> Law:
+    assert calibration.matrix is not None
+    matrix, lines, out = calibration.matrix, [], []
+    for channel, written in zip(channels, units, strict=True):
+        raw, into = unit(written, channel.dimensions), unit(matrix.raw, channel.dimensions)
+        if raw.units != into.units:
+            raise UnitError(f"{channel.component}: the matrix takes {matrix.raw!r}, the channel is in {written!r}")
+        text = of_component(matrix.physical, channel.component)
+        if text is None:
+            raise UnitError(f"matrix: physical: no unit for {channel.component}")
+        given = unit(text, channel.dimensions)
+        if not measures(given.units, channel.dimensions):
+            raise UnitError(f"matrix: {text!r} for {channel.component} is no {_wanted(channel.dimensions)}")
+        before, after = _offset(calibration, channel, raw)
+        if after:
+            raise UnitError(f"{channel.component}: an offset before a matrix is in the unit of the log")
+        lines.append((-before / into.value, raw.value / into.value))
+        out.append(given.value)
+    return Law(tuple(lines), np.array(matrix.rows) * np.array(out)[:, None])
+
+
+def _wanted(dimensions: tuple[str, ...]) -> str:
+    return " or ".join(f"{d} ({SI_UNITS[d]})" for d in dimensions)

@@ -1,0 +1,60 @@
+"""What a sensor says of itself: the fields of IEEE 1451.4, as text in a rig or as the 64 bits of the Basic TEDS."""
+
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from ..errors import RigError
+from .document import Day, Each
+
+BASIC_BYTES = 8
+_FIELDS = (("manufacturer_id", 14), ("model_number", 15), ("version_letter", 5), ("version", 6), ("serial", 24))
+"""Of the Basic TEDS of IEEE 1451.4, in bits, least significant first."""
+_FIRST_MANUFACTURER = 17
+
+
+class Teds(BaseModel):
+    """Transducer electronic data sheet. It is kept and shown; what is applied is the ``calibration`` beside it."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    manufacturer: str | None = None
+    manufacturer_id: int | None = Field(default=None, ge=_FIRST_MANUFACTURER, lt=1 << 14)
+    model: str | None = None
+    model_number: int | None = Field(default=None, ge=0, lt=1 << 15)
+    version_letter: str | None = Field(default=None, pattern="^[A-Z]$")
+    version: int | None = Field(default=None, ge=0, lt=1 << 6)
+    serial: str | None = None
+    sensitivity: Each | None = None
+    calibration_date: Day | None = None
+    calibration_initials: str | None = Field(default=None, max_length=3)
+    calibration_period_days: int | None = Field(default=None, ge=0, le=4095)
+
+    def document(self) -> dict[str, Any]:
+        """The fields that are given."""
+        return self.model_dump(exclude_none=True)
+
+
+def basic(content: bytes) -> Teds:
+    """Read the Basic TEDS: manufacturer, model, version letter (A is 1), version, serial number; least bit first.
+
+    Raises RigError if there are not 64 bits, or all are alike, as an absent memory reads.
+    """
+    if len(content) != BASIC_BYTES:
+        raise RigError(f"Basic TEDS: {len(content)} bytes: expected {BASIC_BYTES}")
+    if content in {bytes(BASIC_BYTES), b"\xff" * BASIC_BYTES}:
+        raise RigError("Basic TEDS: all bits are alike: an empty or absent memory")
+    bits, values = int.from_bytes(content, "little"), {}
+    for name, width in _FIELDS:
+        values[name] = bits & ((1 << width) - 1)
+        bits >>= width
+    letter, maker = values["version_letter"], values["manufacturer_id"]
+    if maker < _FIRST_MANUFACTURER or letter > 26:
+        raise RigError(f"Basic TEDS: manufacturer {maker}, version letter {letter}: there are no such ones")
+    return Teds(
+        manufacturer_id=maker,
+        model_number=values["model_number"],
+        version_letter=chr(ord("A") + letter - 1) if letter else None,
+        version=values["version"],
+        serial=str(values["serial"]),
+    )

@@ -1,0 +1,26 @@
+"""The Basic TEDS: 64 bits, put together by hand."""
+
+import pytest
+
+from testbench.calibration.teds import basic
+from testbench.errors import RigError
+
+BITS = 0
+for VALUE, AT in ((43, 0), (7115, 14), (2, 29), (1, 34), (2007, 40)):
+    BITS |= VALUE << AT
+"""Manufacturer 43, model 7115, version B 1, serial 2007: each from its bit on."""
+
+
+def test_fields_of_the_basic_teds():
+    """14 bits of manufacturer, 15 of model, 5 of letter, 6 of version, 24 of serial number."""
+    teds = basic(BITS.to_bytes(8, "little"))
+    assert teds.document() == {
+        "manufacturer_id": 43, "model_number": 7115, "version_letter": "B", "version": 1, "serial": "2007",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("content", [b"", bytes(8), b"\xff" * 8, bytes(7), (3).to_bytes(8, "little")])
+def test_what_is_no_teds(content):
+    """An absent memory, a part of one, a manufacturer that there cannot be."""
+    with pytest.raises(RigError, match="Basic TEDS"):
+        basic(content)
