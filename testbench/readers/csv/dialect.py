@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from . import marks
+from . import marks, moments
 
 COMMENT_SIGNS = ("#", "%", "//")
 _DELIMITERS = ("\t", ";", "|", ",", " ")
@@ -56,9 +56,10 @@ def is_comment(line: str) -> bool:
 
 
 def is_data(cells: Sequence[str]) -> bool:
-    """Whether cells are a row of data: a number among them, and at least half of them numbers or missing."""
-    numbers = sum(map(marks.is_numberish, cells))
-    return numbers > 0 and numbers + sum(map(marks.is_missing, cells)) >= 0.5 * len(cells)
+    """Whether cells are a row of data: a number among them, and at least half of them numbers, times or missing."""
+    times = [moments.read(cell) is not None for cell in cells]
+    numbers = sum(marks.is_numberish(cell) for cell, is_time in zip(cells, times, strict=True) if not is_time)
+    return numbers > 0 and numbers + sum(times) + sum(map(marks.is_missing, cells)) >= 0.5 * len(cells)
 
 
 def detect(lines: Sequence[str], delimiter: str | None = None, decimal: str | None = None) -> Dialect:

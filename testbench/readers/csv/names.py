@@ -10,6 +10,8 @@ _BRACKETS = re.compile(r"\(([^()]*)\)|\[([^][]*)\]")
 _TIME_SUFFIX = re.compile(r"(.*?)[_ ](s|sec|ms|us|µs|ns|min)", re.IGNORECASE)
 _TIME_NAMES = frozenset({
     "t", "time", "timestamp", "time stamp", "elapsed", "elapsed time", "relative time", "test time",
+    "unix", "epoch", "posix", "unix time", "unixtime", "epoch time", "posix time", "unix timestamp", "time unix",
+    "timestamp unix", "time epoch",
     "zaman", "süre", "sure", "geçen süre", "zaman damgası", "zeit", "temps", "tiempo", "tempo",
 })  # fmt: skip
 
@@ -29,7 +31,7 @@ def _channel(name: str, below: str) -> Channel:
             label = (name[: match.start()].rstrip() + " " + name[match.end() :].lstrip()).strip()
             return Channel(name, text, label or name)
     suffixed = _TIME_SUFFIX.fullmatch(name)
-    if suffixed is not None and suffixed[1].casefold() in _TIME_NAMES:
+    if suffixed is not None and _plain(suffixed[1]) in _TIME_NAMES:
         return Channel(name, suffixed[2], suffixed[1])
     return Channel(name, None, name)
 
@@ -37,7 +39,12 @@ def _channel(name: str, below: str) -> Channel:
 def is_time(name: str) -> bool:
     """Whether a header cell names time."""
     label = _BRACKETS.sub("", _channel(name, "").label)
-    return label.strip().replace("İ", "i").casefold() in _TIME_NAMES
+    return _plain(label) in _TIME_NAMES
+
+
+def _plain(name: str) -> str:
+    """A name in small letters, with blanks between its words."""
+    return name.strip().replace("İ", "i").casefold().replace("_", " ")
 
 
 def time_column(channels: Sequence[Channel]) -> TimeColumn | None:

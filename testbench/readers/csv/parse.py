@@ -1,6 +1,7 @@
 """Text of regular rows into float64 columns, in the bits that ``float()`` gives."""
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -20,11 +21,15 @@ _NO_NUMBER = b"\x1a"
 
 @dataclass(frozen=True)
 class Form:
-    """How rows are cut into cells once :meth:`plain` has made them plain: by one byte, with one decimal mark."""
+    """How rows are cut into cells once :meth:`plain` has made them plain: by one byte, with one decimal mark.
+
+    ``rewriting`` spells cells such as times of day as numbers, and keeps the lines.
+    """
 
     dialect: Dialect
     fields: int
     padded: bool = False
+    rewriting: Callable[[bytes], bytes] | None = None
 
     @property
     def separator(self) -> str:
@@ -34,7 +39,11 @@ class Form:
         return self.dialect.delimiter or _ONE_COLUMN
 
     def plain(self, text: bytes) -> bytes:
-        """The same rows without quotes round numbers and without blanks that only fill up."""
+        """The same rows without quotes round numbers and blanks that only fill up, all numbers spelled as such."""
+        text = self._bare(text)
+        return text if self.rewriting is None else self.rewriting(text)
+
+    def _bare(self, text: bytes) -> bytes:
         if self.dialect.quoted:
             text = unquoted(text, self.dialect.delimiter.encode(), self.separator.encode())
         if self.separator == " ":

@@ -9,7 +9,7 @@ from ..registry import Reader, ReadOptions
 from . import dialect as dialects
 from . import encoding as encodings
 from . import header as headers
-from . import marks, names, preamble
+from . import marks, preamble, spelling
 from .dialect import Dialect, UnclearDialect
 from .header import Header
 from .parse import Form
@@ -21,18 +21,20 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
     """Read the first lines of a text; its rows are read when asked for."""
     sample = take(path, options.encoding)
     dialect, header = _understood(path, sample, options)
-    texts = _text_fields([dialect.split(line) for line in sample.lines[header.first_data_line - 1 :]], header)
-    kept = tuple(i for i in range(len(header.channels)) if i not in texts)
+    spelled = spelling.find(path, sample, dialect, header)
+    texts = spelled.texts | _text_fields(spelled.rows, header) - spelled.fields
+    kept = tuple(i for i in range(len(header.channels)) if i not in texts | spelled.times.taken_up)
     if not kept:
         raise Refusal(path.name, Finding("no_data", None, None, "no column of numbers; expected rows of numbers"))
     said = tuple(preamble.strip(text) for text in header.preamble)
     rate = preamble.stated_rate_hz(said)
-    channels = tuple(header.channels[i] for i in kept)
-    group = Group(path.stem, channels, names.time_column(channels) or (UniformClock(rate) if rate else None))
+    channels = spelled.times.channels(header.channels)
+    clock = spelled.times.clock(channels, kept) or (UniformClock(rate) if rate else None)
+    group = Group(path.stem, tuple(channels[i] for i in kept), clock)
     table = Table(
         path,
         sample.encoding,
-        Form(dialect, header.fields, padded=_is_padded(sample, header)),
+        spelled.form(Form(dialect, header.fields, padded=_is_padded(sample, header))),
         group,
         kept,
         header.first_data_line,
@@ -45,14 +47,14 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
         format="CSV",
         reader="testbench.readers.csv",
         groups=(group,),
-        read=table.blocks,
+        read=spelled.continued(table.blocks, kept),
         origin=preamble.origin(said),
         settings=_settings(sample, dialect, header),
-        metadata=preamble.pairs(said),
+        metadata=preamble.pairs(said) | spelled.times.zeros(channels),
         comments=said,
         ranges=preamble.ranges(said),
         stated_rate_hz=rate,
-        findings=(*_said(sample, dialect, header), *left_out),
+        findings=(*_said(sample, dialect, header), *spelled.findings, *left_out),
     )
 
 

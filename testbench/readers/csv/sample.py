@@ -13,6 +13,7 @@ from .lines import LONGEST_LINE, too_long
 
 SAMPLE_BYTES = 256 << 10
 MOST_LINES = 400
+_LAST_BYTES = 64 << 10
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,15 @@ def take(path: Path, given: str | None = None) -> Sample:
     if more or len(lines) > 2:
         lines.pop()  # it may be cut
     return Sample(encoding, tuple(lines[:MOST_LINES]))
+
+
+def last_lines(path: Path, encoding: Encoding) -> list[str]:
+    """The last whole lines of the file, from which its last dates are told."""
+    with path.open("rb") as stream:
+        size = stream.seek(0, 2)
+        stream.seek(max(encoding.mark, (size - _LAST_BYTES) // 4 * 4))
+        text = stream.read().decode(encoding.name, "replace")
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")[1:-1]
 
 
 def _given(path: Path, head: bytes, name: str) -> Encoding:

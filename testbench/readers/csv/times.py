@@ -1,0 +1,199 @@
+"""Which columns of a text hold times that no float64 spells, and which column is the clock."""
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from itertools import pairwise
+
+from ...findings import Finding
+from ...recording import Channel, TimeColumn
+from . import marks, moments, names
+from .header import Header
+from .moments import DAY, Notation
+from .stamps import Counted, Stamps, is_plain
+
+_SIGNIFICANT = 15
+"""Digits of a decimal number that float64 holds whatever they are."""
+_TEN_DIGITS = 10
+"""Seconds since 1970 have no more before the point until the year 2286."""
+_SINCE_1970 = {13: 1e-3, 16: 1e-6, 19: 1e-9}
+"""Seconds in a unit, by the digits of a time since 1970 that is counted in it, from 2001 to 2286."""
+
+Rows = Sequence[Sequence[str]]
+
+
+@dataclass(frozen=True)
+class Times:
+    """The times that were found: columns that become numbers, ``texts`` that do not, what is said of them.
+
+    ``coarse`` columns repeat their times; ``digits`` is how many a number called time has before its point.
+    """
+
+    columns: tuple[Stamps | Counted, ...] = ()
+    texts: frozenset[int] = frozenset()
+    coarse: frozenset[int] = frozenset()
+    findings: tuple[Finding, ...] = ()
+    digits: dict[int, int] = field(default_factory=dict)
+
+    @property
+    def taken_up(self) -> frozenset[int]:
+        """Columns of dates, which the times beside them take up."""
+        return frozenset(c.date_field for c in self.columns if isinstance(c, Stamps) and c.date_field is not None)
+
+    @property
+    def spoken_for(self) -> frozenset[int]:
+        """All columns that hold times, as numbers or not."""
+        return frozenset(column.field for column in self.columns) | self.texts | self.taken_up
+
+    @property
+    def of_day(self) -> frozenset[int]:
+        """Columns that begin again at midnight."""
+        return frozenset(c.field for c in self.columns if isinstance(c, Stamps) and c.is_of_day)
+
+    def channels(self, channels: Sequence[Channel]) -> tuple[Channel, ...]:
+        """The channels, those of times in the unit in which they are given."""
+        given = {column.field: column.channel(channels[column.field]) for column in self.columns}
+        return tuple(given.get(i, channel) for i, channel in enumerate(channels))
+
+    def zeros(self, channels: Sequence[Channel]) -> dict[str, str]:
+        """The first time of each column as it was written."""
+        return {f"zero of {channels[column.field].name}": column.zero_text for column in self.columns}
+
+    def clock(self, channels: Sequence[Channel], kept: Sequence[int]) -> TimeColumn | None:
+        """The clock among the ``kept`` of ``channels``: numbers called time, else times as text that do not repeat."""
+        stamps = {column.field for column in self.columns if isinstance(column, Stamps)}
+        plain = [Channel("-") if i in stamps else channels[i] for i in kept]
+        if (numbers := names.time_column(plain)) is not None:
+            at = kept[numbers.index]
+            return _of_epoch(numbers, channels[at].name, self.digits.get(at, 0))
+        fine = [i for i in kept if i in stamps - self.coarse]
+        named = [i for i in fine if names.is_time(channels[i].name)]
+        return TimeColumn(list(kept).index((named or fine)[0])) if fine else None
+
+
+def _of_epoch(clock: TimeColumn, name: str, digits: int) -> TimeColumn:
+    """Seconds are not assumed of numbers too large for seconds since 1970; ``unix`` and ``epoch`` tell the unit."""
+    if not clock.assumed or digits <= _TEN_DIGITS:
+        return clock
+    return TimeColumn(clock.index, _SINCE_1970.get(digits) if _is_of_epoch(name) else None)
+
+
+def _is_of_epoch(name: str) -> bool:
+    return any(word in name.casefold() for word in ("unix", "epoch", "posix"))
+
+
+def find(rows: Rows, last: Callable[[], Rows], header: Header) -> Times:
+    """The times in the columns of the first ``rows`` of a file; ``last`` gives its last ones, if dates need them."""
+    rows = [cells for cells in rows if len(cells) == header.fields]
+    found = {i: notation for i in range(len(header.channels)) if (notation := _notation(rows, i)) is not None}
+    dates = [i for i, notation in found.items() if not notation.clock]
+    times = Times()
+    for i, notation in found.items():
+        if notation.clock:
+            apart = dates[0] if not notation.date and len(dates) == 1 else None
+            dated = replace(notation, date=notation.date if apart is None else found[apart].date)
+            column = _column(Stamps(i, dated, 0, "", 0, apart), rows, last)
+            times = _with(times, i, column, header.channels[i].name, rows)
+    times = replace(times, texts=times.texts | frozenset(dates) - times.taken_up)
+    for i, channel in enumerate(header.channels):
+        if i not in found and names.is_time(channel.name):
+            times = _with_numbers(times, i, channel, [row[i] for row in rows if not marks.is_missing(row[i])])
+    return times
+
+
+def _notation(rows: Rows, i: int) -> Notation | None:
+    """The notation of time that most cells of a column have, but for those that are missing."""
+    read = Counter(_notation_of(cells[i]) for cells in rows if not marks.is_missing(cells[i]))
+    notation, count = read.most_common(1)[0] if read else (None, 0)
+    return notation if 2 * count > read.total() else None
+
+
+@lru_cache(4096)
+def _notation_of(cell: str) -> Notation | None:
+    moment = moments.read(cell)
+    return None if moment is None else moment.notation
+
+
+def _column(begun: Stamps, rows: Rows, last: Callable[[], Rows]) -> Stamps | str | None:
+    """The column with its zero and the order of day and month, or why they cannot be told apart."""
+    dated = begun.field if begun.date_field is None else begun.date_field
+    whole = [cells for cells in rows if _notation_of(cells[begun.field]) and _notation_of(cells[dated])]
+    if not whole:
+        return None
+    if begun.notation.date.startswith("?"):
+        texts = [row[dated] for row in (*whole, *last()) if len(row) > dated]
+        seen = [moment.date for text in texts if (moment := moments.read(text)) is not None]
+        order = _order(seen) if begun.notation.date == "??y" else ""
+        if not order and len(set(seen)) > 1:
+            other = next(date for date in seen if date != seen[0])
+            return " and ".join("/".join(map(str, date)) for date in (seen[0], other))
+        begun = replace(begun, order=order, only_date=None if order else seen[0])
+    for cells in whole:
+        moment = moments.read(cells[begun.field])
+        if moment is not None and (days := begun.days_of(moment, cells)) is not None:
+            text = " ".join(dict.fromkeys((cells[dated], cells[begun.field])))
+            return replace(begun, zero=days * DAY + moment.nanoseconds, zero_text=text, decimals=moment.decimals)
+    return whole[0][dated]
+
+
+def _order(dates: Sequence[tuple[int, int, int]]) -> str:
+    """Day or month first, if a number above twelve tells."""
+    first, second = (max(date[k] for date in dates) > 12 for k in (0, 1))
+    return "" if first == second else "dmy" if first else "mdy"
+
+
+def _with(times: Times, i: int, column: Stamps | str | None, name: str, rows: Rows) -> Times:
+    """The times and one column more; it is left out where it is no clear one."""
+    if not isinstance(column, Stamps):
+        message = f"{column}: day or month first? export dates as 2024-03-01; without them there are no times"
+        said = (Finding("ambiguous_date", name, None, message),) if column else ()
+        return replace(times, texts=times.texts | {i}, findings=(*times.findings, *said))
+    cells = [row[i] for row in rows]
+    alike = sum(one == other for one, other in pairwise(cells))
+    findings, coarse = [_said(column, name)], 2 * alike > max(1, len(cells) - 1)
+    if coarse:
+        message = f"{alike} of the first {len(cells)} times repeat the one before, for they are written to "
+        message += f"{10.0**-column.decimals:g} s: a channel, and no clock"
+        findings.append(Finding("time_coarse", name, None, message))
+    return replace(
+        times,
+        columns=(*times.columns, column),
+        coarse=times.coarse | ({i} if coarse else set()),
+        findings=(*times.findings, *findings),
+    )
+
+
+def _said(column: Stamps, name: str) -> Finding:
+    """How the column is read."""
+    text = f"written as text, kept as seconds from the first, {column.zero_text!r}"
+    if column.date_field is not None:
+        text += f"; the dates are those of column {column.date_field + 1}"
+    if column.order:
+        text += f"; {'day before month' if column.order == 'dmy' else 'month before day'}, as the dates show"
+    if column.only_date:
+        text += "; all are of one date, of which day and month are not told apart"
+    if column.is_of_day:
+        text += "; without dates, the hours go on after midnight"
+    return Finding("time_as_text", name, None, text)
+
+
+def _with_numbers(times: Times, i: int, channel: Channel, cells: Sequence[str]) -> Times:
+    """The times and a column of numbers called time, counted from the first if float64 does not hold them."""
+    if not cells or not all(map(is_plain, cells)):
+        return times
+    whole, _, decimals = cells[0].lstrip("+-").replace(",", ".").partition(".")
+    times = replace(times, digits=times.digits | {i: len(whole)})
+    name = channel.name
+    said = _SINCE_1970.get(len(whole)) if channel.unit is None and _is_of_epoch(name) else None
+    if said:
+        message = f"times such as {cells[0]} are counted since 1970 in units of {said:g} s, as their digits tell"
+        times = replace(times, findings=(*times.findings, Finding("time_as_text", name, None, message)))
+    if max(sum(c.isdigit() for c in cell.lstrip("+-0.,")) for cell in cells) <= _SIGNIFICANT:
+        return times
+    message = f"numbers of more digits than float64 holds, kept as counted from the first, {cells[0]}"
+    return replace(
+        times,
+        columns=(*times.columns, Counted(i, cells[0], len(decimals))),
+        findings=(*times.findings, Finding("time_as_text", name, None, message)),
+    )

@@ -1,0 +1,200 @@
+"""Times that are written as text: exact seconds from the first one, or said, and never guessed."""
+
+from datetime import datetime, timedelta
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from testbench.readers import ReadOptions
+from testbench.readers.csv import moments
+from testbench.recording import TimeColumn
+
+from .. import reading
+
+START = datetime(2024, 2, 29, 23, 59, 59, 900000)
+NOTATIONS = {
+    "ISO 8601": "{:%Y-%m-%dT%H:%M:%S}.{:03d}Z",
+    "with a blank": "{:%Y-%m-%d %H:%M:%S}.{:03d}",
+    "with a zone": "{:%Y-%m-%d %H:%M:%S}.{:03d}+03:00",
+    "decimal comma": "{:%Y-%m-%d %H:%M:%S},{:03d}",
+    "packed": "{:%Y%m%dT%H%M%S}.{:03d}",
+    "points": "{:%d.%m.%Y %H:%M:%S}.{:03d}",
+    "day above twelve first": "{:%d/%m/%Y %H:%M:%S}.{:03d}",
+    "month first": "{:%m/%d/%Y %I:%M:%S}.{:03d} {:%p}",
+    "named month": "{:%d-%b-%Y %H:%M:%S}.{:03d}",
+    "slashes, year first": "{:%Y/%m/%d %H:%M:%S}.{:03d}",
+    "milliseconds behind a colon": "{:%Y-%m-%d %H:%M:%S}:{:03d}",
+    "time of day": "{:%H:%M:%S}.{:03d}",
+    "date and time apart": "{:%d.%m.%Y;%H:%M:%S}.{:03d}",
+}
+
+
+def stamps(notation, count=400, step_ms=5):
+    """Times through midnight and the end of February, as text."""
+    times = [START + timedelta(milliseconds=step_ms * i) for i in range(count)]
+    return [notation.format(t, t.microsecond // 1000, t) for t in times]
+
+
+@pytest.fixture
+def log(tmp_path):
+    """Write a text as a log and read it to its end."""
+
+    def write_and_read(text, options=None):
+        path = tmp_path / "log.csv"
+        path.write_text(text, encoding="utf-8", newline="")
+        return reading.read(path, options)
+
+    return write_and_read
+
+
+@pytest.mark.parametrize("name", NOTATIONS)
+def test_notations_of_loggers(log, name):
+    """Whatever the notation, the clock is that of 200 Hz, each time the nearest float64 to its exact seconds."""
+    texts = stamps(NOTATIONS[name])
+    header = "Date;Time;F (N)" if ";" in texts[0] else "Time;F (N)"
+    found = log(f"{header}\n" + "".join(f"{text};{i},5\n" for i, text in enumerate(texts)))
+    assert [(c.name, c.unit) for c in found.group().channels] == [("Time", "s"), ("F (N)", "N")]
+    assert found.time().tolist() == [float(Fraction(5 * i, 1000)) for i in range(400)]
+    (check,) = found.checks.values()
+    assert check.rate_hz == pytest.approx(200.0, rel=1e-12)
+    assert found.recording.metadata["zero of Time"] == texts[0].replace(";", " ")
+    assert not [f for f in found.findings if f.severity > 0]
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    moment=st.datetimes(min_value=datetime(1971, 1, 1), max_value=datetime(2200, 1, 1)),
+    nanoseconds=st.integers(0, 999_999_999),
+    zone=st.integers(-14 * 60, 14 * 60),
+)
+def test_a_moment_is_exact(moment, nanoseconds, zone):
+    """Days, nanoseconds and zone of any time are those of the calendar."""
+    sign, minutes = "-" if zone < 0 else "+", abs(zone)
+    text = f"{moment:%Y-%m-%dT%H:%M:%S}.{nanoseconds:09d}{sign}{minutes // 60:02d}:{minutes % 60:02d}"
+    found = moments.read(text)
+    whole = (moment.replace(microsecond=0) - timedelta(minutes=zone) - datetime(1, 1, 1)) // timedelta(seconds=1)
+    assert (found.days() - 1) * moments.DAY + found.nanoseconds == whole * moments.SECOND + nanoseconds
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["12:30", "1.5", "24:00", "12:60:00", "1:2:3", "2024-03-01 12:00:00.1234567891", "120000", "2024-03-01T", "noon",
+     "13:00:00 PM", "", "2024-03-01 25:00:00", "192.168.1.10"],
+)  # fmt: skip
+def test_what_is_no_clear_time_is_none(text):
+    """Hours or minutes, other numbers, tenths of a nanosecond: nothing is made of them."""
+    found = moments.read(text)
+    assert found is None or not found.notation.clock
+
+
+def test_numbers_since_1970_keep_their_last_digit(log):
+    """Nanoseconds of nineteen digits, which no float64 holds, are counted from the first one."""
+    zero = 1709294400123456789
+    times = [zero + 500_001 * i for i in range(300)]
+    found = log("timestamp_ns,F (N)\n" + "".join(f"{t},{i}.5\n" for i, t in enumerate(times)))
+    assert found.time().tolist() == [t - zero for t in times]
+    assert found.group().clock == TimeColumn(0, 1e-9)
+    assert found.recording.metadata["zero of timestamp_ns"] == str(zero)
+
+
+@pytest.mark.parametrize(
+    ("name", "clock"),
+    [("unix_ms", TimeColumn(0, 1e-3)), ("epoch", TimeColumn(0, 1e-3)), ("timestamp", TimeColumn(0, None)),
+     ("timestamp (ms)", TimeColumn(0, 1e-3))],
+)  # fmt: skip
+def test_milliseconds_since_1970_are_not_taken_for_seconds(log, name, clock):
+    """A name or unit tells what they are; without it there is no rate."""
+    found = log(f"{name},F (N)\n" + "".join(f"{1709294400123 + 5 * i},{i}.5\n" for i in range(100)))
+    assert found.group().clock == clock
+    assert found.time()[:2].tolist() == [1709294400123, 1709294400128]
+    (check,) = found.checks.values()
+    assert check.rate_hz == (pytest.approx(200.0) if clock.seconds_per_unit else None)
+
+
+def test_day_and_month_that_cannot_be_told_apart(log):
+    """Over several days it matters and is refused; within one day it does not."""
+    rows = [f"{3 + i // 40:02d}/04/2024 10:00:{i % 40:02d}.0,{i}.5\n" for i in range(80)]
+    found = log("Time,F (N)\n" + "".join(rows))
+    assert found.message("ambiguous_date").startswith("3/4/2024 and 4/4/2024: day or month first?")
+    assert [c.name for c in found.group().channels] == ["F (N)"]
+    found = log("Time,F (N)\n" + "".join(rows[:40]))
+    assert found.time().tolist() == list(range(40))
+    assert "not told apart" in found.message("time_as_text")
+
+
+def test_the_end_of_the_file_has_a_say_in_its_dates(log):
+    """A date far below the first lines is seen before any row is read."""
+    seconds = [f"{s // 3600:02d}:{s % 3600 // 60:02d}:{s % 60:02d}" for s in range(4000)]
+    rows = [f"{day:02d}/04/2024 {text},1\n" for day in (3, 4) for text in seconds]
+    assert "ambiguous_date" in log("Time,F (N)\n" + "".join(rows)).codes
+    later = [row.replace("04/04/2024", "13/04/2024") for row in rows]
+    found = log("Time,F (N)\n" + "".join(later))
+    assert found.time()[4000] == 10 * 86400
+
+
+def test_times_too_coarse_for_a_clock(log):
+    """Whole seconds over samples of 100 Hz are a channel; a rate in a comment is the clock."""
+    rows = "".join(f"2024-03-01 10:00:{i // 100:02d},{i}.5\n" for i in range(500))
+    found = log("Time,F (N)\n" + rows)
+    assert found.group().clock is None
+    assert found.column("Time")[[0, 99, 100, 499]].tolist() == [0, 0, 1, 4]
+    assert "written to 1 s" in found.message("time_coarse")
+    assert log("# rate: 100 Hz\nTime,F (N)\n" + rows).group().clock.rate_hz == 100.0
+
+
+def test_numbers_called_time_go_before_stamps(log):
+    """Beside a column of seconds, times of day are one channel more."""
+    texts = stamps(NOTATIONS["ISO 8601"])
+    found = log("Stamp,Time (s),F (N)\n" + "".join(f"{s},{i / 200},{i}\n" for i, s in enumerate(texts)))
+    assert found.group().clock == TimeColumn(1, 1.0)
+    assert np.array_equal(found.column("Stamp"), found.column("Time (s)"))
+
+
+@pytest.mark.parametrize(
+    "cell", ["2024-03-01 00:00:0x", "00:00:01.000", "2024-02-30 00:00:00.000", "2024-03-01T00:00:00Z"]
+)
+def test_a_cell_in_another_notation_is_no_time(log, cell):
+    """It is NaN and named with its line, and the others stay as they are."""
+    texts = stamps(NOTATIONS["with a blank"])
+    found = log("Time,F (N)\n" + "".join(f"{cell if i == 200 else t},{i}.5\n" for i, t in enumerate(texts)))
+    assert np.flatnonzero(np.isnan(found.time())).tolist() == [200]
+    assert next(f.where for f in found.findings if f.code == "not_a_number") == "line 202"
+    assert found.column("F (N)")[200] == 200.5
+
+
+def test_every_cut_gives_a_prefix_of_the_times(log):
+    """A time that may be cut is never used, also where it stands last in its row."""
+    text = "F (N);Time\n" + "".join(f"{i},5;{t}\n" for i, t in enumerate(stamps(NOTATIONS["time of day"], 8)))
+    whole = log(text).time().tolist()
+    for cut in range(60, len(text)):
+        found = log(text[:cut]).time().tolist()
+        assert found == whole[: len(found)]
+        assert len(found) in (text[:cut].count("\n") - 1, text[:cut].count("\n"))
+
+
+def test_fractions_that_are_left_out_when_zero(log):
+    """Python writes no fraction at full seconds; the times are the same."""
+    times = [START + timedelta(microseconds=100_000 * i) for i in range(50)]
+    found = log("time,F (N)\n" + "".join(f"{t.isoformat()},{i}\n" for i, t in enumerate(times)))
+    assert found.time().tolist() == [float(Fraction(i, 10)) for i in range(50)]
+
+
+def test_a_second_recording_counts_from_the_same_zero(log):
+    """After a header that comes again, the times go on in their own group."""
+    texts = stamps(NOTATIONS["ISO 8601"])
+    parts = ["".join(f"{t},{i}.5\n" for i, t in enumerate(texts[a:b])) for a, b in ((0, 200), (300, 400))]
+    found = log("Time,F (N)\n" + parts[0] + "Time,F (N)\n" + parts[1])
+    assert found.time("log part 2")[0] == 1.5
+
+
+def test_in_quotes_and_wide_encodings(tmp_path):
+    """Quotes round times and UTF-16 change nothing."""
+    path = tmp_path / "log.csv"
+    rows = "".join(f'"{t}","{i},5"\n' for i, t in enumerate(stamps(NOTATIONS["points"])))
+    path.write_bytes(('"Zaman","Kuvvet (N)"\n' + rows).encode("utf-16"))
+    found = reading.read(path, ReadOptions())
+    assert found.time().tolist() == [float(Fraction(5 * i, 1000)) for i in range(400)]
+    assert found.column("Kuvvet (N)")[-1] == 399.5
