@@ -1,0 +1,170 @@
+"""A motion from rest to rest through way-points, or of recorded samples; and its samples at instants."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ..arrays import Floats
+from ..drive import Drive, JointDrive, PointDrive
+from ..errors import DataError
+from ..mechanism import Mechanism
+
+_SAMPLES_IN_RAMP = 2.0
+_MAX_SAMPLES = 50_000_000
+DEFAULT_RATE_HZ = 10_000.0
+"""Sampling of a motion where none is asked for [Hz]: 15 samples in the shortest ramp of the test motions."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """A motion of the driven coordinates at instants."""
+
+    time: Floats
+    """Time, (n,) [s]."""
+    position: Floats
+    """Driven coordinates, (n, d) [m or rad]."""
+    velocity: Floats
+    """Their rates, (n, d) [m/s or rad/s]."""
+    acceleration: Floats
+    """Their second rates, (n, d) [m/s2 or rad/s2]."""
+    joints: tuple[str, ...] = ()
+    """Driven joints; empty where a point is driven."""
+    point: str | None = None
+    """Driven body (its own centre of mass) or site; None for the mechanism's payload body, or its only ``platform``."""
+    axes: tuple[str, ...] = ("x", "y")
+    """Axes of the base along which the point is driven."""
+    sliding: bool | None = None
+    """Whether driven joints are given in lengths, not angles; None where it is not said."""
+
+    def check(self) -> None:
+        """Raise DataError for a motion without samples, of unequal shapes, or with values that are not finite."""
+        count = len(self.time)
+        if not count:
+            raise DataError("the motion holds no sample")
+        for name in ("position", "velocity", "acceleration"):
+            values = getattr(self, name)
+            if values.ndim != 2 or len(values) != count:
+                raise DataError(f"{name} of the motion has the shape {values.shape}: expected {count} rows, as time")
+            if not np.isfinite(values).all():
+                at = int(np.argmax(~np.isfinite(values).all(axis=1)))
+                raise DataError(f"{name} of the motion is not finite at t = {self.time[at]:.6g} s")
+
+    def drive(self, mechanism: Mechanism) -> Drive:
+        """The driven coordinates as functions of a mechanism's joints. Raises ModelError for an unknown name."""
+        if self.joints:
+            return JointDrive.of(mechanism, self.joints, self.sliding)
+        return PointDrive.of(mechanism, self.point or _platform(mechanism), self.axes)
+
+
+def _platform(mechanism: Mechanism) -> str:
+    return mechanism.payload_bodies[0] if mechanism.payload_bodies else "platform"
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A motion from rest to rest through way-points on straight lines, or samples of a file.
+
+    Each leg is one pulse of acceleration and one of deceleration, both trapezoids whose ramps take the share ``ramp``
+    of the pulse each: jerk is limited. A leg of length d and peak acceleration a takes two pulses of
+    T = sqrt(d / (a (1 - ramp))).
+    """
+
+    waypoints: Floats
+    """Start and ends of the legs, (k, d) [m or rad]."""
+    peak_acceleration: float
+    """Along each leg [m/s2 or rad/s2]."""
+    ramp: float
+    """Share of each acceleration pulse spent in each of its two ramps, 0 to 0.5."""
+    rest: float
+    """Rest before the first leg and after each [s]."""
+    joints: tuple[str, ...] = ()
+    point: str | None = None
+    axes: tuple[str, ...] = ("x", "y")
+    recorded: Samples | None = None
+    """Samples of a file, in place of legs."""
+    sliding: bool | None = None
+    """Whether driven joints are given in lengths, not angles."""
+
+    @classmethod
+    def load(cls, name: str | Path) -> "Motion":
+        """Load a shipped motion by name, or a TOML file. Raises DataError, naming the key that is wrong."""
+        from .reading import load
+
+        return load(name)
+
+    @classmethod
+    def from_table(cls, table: Mapping[str, object], folder: Path = Path()) -> "Motion":
+        """Build a motion from the keys of a motion file; ``folder`` is where a file of samples is looked for."""
+        from .reading import from_table
+
+        return from_table(table, folder)
+
+    def with_peak_acceleration(self, acceleration: float) -> "Motion":
+        """The same path with another peak acceleration [m/s2 or rad/s2]."""
+        if self.recorded is not None:
+            raise DataError("a motion of recorded samples has the acceleration that it has: it cannot be set")
+        if not acceleration > 0:
+            raise DataError(f"peak acceleration is {acceleration:g}: expected a positive one")
+        return replace(self, peak_acceleration=acceleration)
+
+    @property
+    def duration(self) -> float:
+        """From the first to the last instant [s]."""
+        if self.recorded is not None:
+            return float(self.recorded.time[-1] - self.recorded.time[0])
+        return float(self._phases()[0][-1])
+
+    def sample(self, rate_hz: float) -> Samples:
+        """Sample the motion at a uniform rate; samples of a file come as they are, whatever the rate."""
+        if self.recorded is not None:
+            return self.recorded
+        if not 0 < rate_hz * self.duration < _MAX_SAMPLES:
+            raise DataError(f"{rate_hz:g} Hz for {self.duration:g} s: expected fewer than {_MAX_SAMPLES} samples")
+        self._refuse_coarse(rate_hz)
+        time = np.arange(int(np.ceil(self.duration * rate_hz)) + 1) / rate_hz
+        return Samples(time, *self._at(time), self.joints, self.point, self.axes, self.sliding)
+
+    def _refuse_coarse(self, rate_hz: float) -> None:
+        """Raise DataError where samples would step over the ramps, or the pulses, of the acceleration."""
+        legs = np.linalg.norm(np.diff(self.waypoints, axis=0), axis=1)
+        pulse = float(np.sqrt(legs.min() / (self.peak_acceleration * (1.0 - self.ramp))))
+        shortest = pulse * (self.ramp or 1.0)
+        if rate_hz * shortest < _SAMPLES_IN_RAMP:
+            raise DataError(
+                f"{rate_hz:g} Hz is too slow for this motion, whose acceleration changes within {shortest:.3g} s: "
+                f"expected at least {_SAMPLES_IN_RAMP / shortest:.3g} Hz"
+            )
+
+    def _at(self, time: Floats) -> tuple[Floats, Floats, Floats]:
+        """Position, velocity, acceleration: p = p0 + v0 t + a0 t2/2 + j t3/6 within each phase of constant jerk."""
+        ends, p0, v0, a0, jerk = self._phases()
+        phase = np.searchsorted(ends[:-1], time, side="right") - 1
+        t = (np.minimum(time, ends[-1]) - ends[phase])[:, None]
+        p, v, a, j = p0[phase], v0[phase], a0[phase], jerk[phase]
+        return p + t * (v + t * (a / 2 + t * j / 6)), v + t * (a + t * j / 2), a + t * j
+
+    def _phases(self) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+        """Bounds of the phases of constant jerk (k + 1,) and the state at the start of each, (k, d)."""
+        duration, jerk = [self.rest], [np.zeros(self.waypoints.shape[1])]
+        for start, end in zip(self.waypoints, self.waypoints[1:], strict=False):
+            for seconds, share in self._leg(float(np.linalg.norm(end - start))):
+                duration.append(seconds)
+                jerk.append(share * (end - start) / np.linalg.norm(end - start))
+            duration.append(self.rest)
+            jerk.append(np.zeros_like(start))
+        ends = np.concatenate([[0.0], np.cumsum(duration)])
+        p, v, a = [self.waypoints[0]], [np.zeros_like(jerk[0])], [np.zeros_like(jerk[0])]
+        for t, j in zip(duration, jerk, strict=True):
+            p.append(p[-1] + t * (v[-1] + t * (a[-1] / 2 + t * j / 6)))
+            v.append(v[-1] + t * (a[-1] + t * j / 2))
+            a.append(a[-1] + t * j)
+        return ends, np.array(p[:-1]), np.array(v[:-1]), np.array(a[:-1]), np.array(jerk)
+
+    def _leg(self, length: float) -> list[tuple[float, float]]:
+        """Durations [s] and jerks of a leg of ``length``, the acceleration being a step where ``ramp`` is zero."""
+        pulse = np.sqrt(length / (self.peak_acceleration * (1.0 - self.ramp)))
+        ramp, flat = max(self.ramp, 1e-9) * pulse, (1.0 - 2.0 * max(self.ramp, 1e-9)) * pulse
+        jerk = self.peak_acceleration / ramp
+        return [(ramp, jerk), (flat, 0.0), (ramp, -jerk), (ramp, -jerk), (flat, 0.0), (ramp, jerk)]
