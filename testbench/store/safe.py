@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import StoreError
+from . import direct
 
 if TYPE_CHECKING:
     import h5py
@@ -60,7 +61,8 @@ def numbers(group: "h5py.Group", path: str) -> NDArray[np.float64]:
     dataset = member(group, path)
     if dataset.dtype.kind not in "fiu" or dataset.ndim != 1:
         raise StoreError(f"{group.file.filename}: {path} does not hold one number a sample")
-    return np.asarray(dataset[()], dtype=np.float64)
+    values = direct.read(dataset) if direct.is_possible(dataset) else dataset[()]
+    return np.asarray(values, dtype=np.float64)
 
 
 def has(group: "h5py.Group", path: str) -> bool:
