@@ -1,7 +1,6 @@
 """Both commands at the face: exit codes, one message each, no traceback ever, quick help."""
 
 import json
-import statistics
 import subprocess
 import sys
 import time
@@ -120,32 +119,19 @@ def test_a_closed_pipe_is_no_error():
     assert shown.stderr == ""
 
 
-def median_seconds(*arguments: str, times: int = 7) -> float:
-    """Median time of a call of Python."""
-    taken = []
-    for _ in range(times):
-        start = time.perf_counter()
-        subprocess.run([sys.executable, *arguments], capture_output=True, check=True)
-        taken.append(time.perf_counter() - start)
-    return statistics.median(taken)
+def seconds(*arguments: str) -> float:
+    """Time of a call of Python."""
+    start = time.perf_counter()
+    subprocess.run([sys.executable, *arguments], capture_output=True, check=True)
+    return time.perf_counter() - start
 
 
 @pytest.mark.parametrize("package", ["balance", "testbench"])
 def test_help_takes_at_most_four_times_bare_python(package):
-    """``--help`` imports nothing heavy."""
-    bare = median_seconds("-c", "pass")
-    assert median_seconds("-c", f"import sys; sys.argv = ['{package}', '--help']\nfrom {package}.cli import main\n"
-                          "try: main()\nexcept SystemExit as end: assert not end.code") < 4 * bare  # fmt: skip
-
-
-@pytest.mark.parametrize("module", ["balance.closed_forms", "balance.cli", "balance.quantities", "balance.conditions"])
-def test_modules_import_without_pinocchio(module):
-    """Only reading a mechanism needs Pinocchio."""
-    code = f"import sys; sys.modules['pinocchio'] = None; import {module}"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-
-
-def test_numbers_of_the_json_are_finite(balance):
-    """One document that any JSON reader takes: no NaN, no Infinity."""
-    out = balance("size", "serial-3r", "--json").out
-    json.loads(out, parse_constant=lambda text: pytest.fail(f"{text} in the JSON"))
+    """``--help`` imports nothing heavy; in turn with bare Python, the least of each, whatever else the machine does."""
+    call = (
+        f"import sys; sys.argv = ['{package}', '--help']\nfrom {package}.cli import main\n"
+        "try: main()\nexcept SystemExit as end: assert not end.code"
+    )
+    bare, shown = zip(*((seconds("-c", "pass"), seconds("-c", call)) for _ in range(9)), strict=True)
+    assert min(shown) < 4 * min(bare)
