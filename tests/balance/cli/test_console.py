@@ -1,6 +1,5 @@
 """Both commands at the face: exit codes, one message each, no traceback ever, quick help."""
 
-import json
 import subprocess
 import sys
 import time
