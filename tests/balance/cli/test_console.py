@@ -1,5 +1,6 @@
 """Both commands at the face: exit codes, one message each, no traceback ever, quick help."""
 
+import json
 import subprocess
 import sys
 import time
@@ -134,3 +135,16 @@ def test_help_takes_at_most_four_times_bare_python(package):
     )
     bare, shown = zip(*((seconds("-c", "pass"), seconds("-c", call)) for _ in range(9)), strict=True)
     assert min(shown) < 4 * min(bare)
+
+
+@pytest.mark.parametrize("module", ["balance.closed_forms", "balance.cli", "balance.quantities", "balance.conditions"])
+def test_modules_import_without_pinocchio(module):
+    """Only reading a mechanism needs Pinocchio."""
+    code = f"import sys; sys.modules['pinocchio'] = None; import {module}"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_numbers_of_the_json_are_finite(balance):
+    """One document that any JSON reader takes: no NaN, no Infinity."""
+    out = balance("size", "serial-3r", "--json").out
+    json.loads(out, parse_constant=lambda text: pytest.fail(f"{text} in the JSON"))
