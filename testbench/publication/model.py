@@ -3,14 +3,15 @@
 Amplitudes are those of the base acceleration along an axis k, told as the mass [kg] whose shaking force at the same
 peak acceleration a would cause them: the base's own gain cancels. They differ in phase and frequency: squares add.
 
-    without^2 = F^2 + R^2 + L^2          F: shaking force without counter-masses
-    with^2    = D^2 + R^2 + L'^2 + C^2   D: shaking force that the built set leaves
-    R  = m_res (1 + h a)                 what balancing does not remove: links, frame and drives that give way
-    C  = e_k T                           couples of the counter-masses, T their own force, planes beside the arms
+    without^2 = F^2 + R^2 + G^2 + L^2          F: shaking force without counter-masses
+    with^2    = D^2 + R^2 + G^2 + L'^2 + C^2   D: shaking force that the built set leaves
+    R  = m_res                       what no counter-mass removes, whatever the payload: drives, play, structure
+    G  = f a F                       links and frame give way in proportion to the load and the acceleration
+    C  = e_k T                       couples of the counter-masses, T their own force, planes beside the arms
     L  = l M across the motion, else 0   the shaking moment M turns the base; L' with the counter-masses' inertia
     reduction = 100 (1 - with / without)
 
-F, D, T, M are computed from the mechanism (``cases``); m_res, e_x, e_y, e_z, h, l are calibrated.
+F, D, T, M are computed from the mechanism (``cases``); m_res, f, l, e_x, e_y, e_z are calibrated.
 """
 
 from collections.abc import Mapping
@@ -50,14 +51,18 @@ def _couple(axis: str) -> Parameter:
 
 PARAMETERS = (
     Parameter(
-        "residual_mass", "kg", 0.0, 4.0, "unbalanced mass that no counter-mass removes: flexible links, frame, drives"
+        "residual_mass",
+        "kg",
+        0.0,
+        4.0,
+        "unbalanced mass that no counter-mass removes, whatever the payload: drives, play",
     ),
     Parameter(
-        "growth",
+        "flexing",
         "s2_per_m",
         0.0,
-        0.2,
-        "how that mass grows with the peak acceleration: (1 + h a); 0.1: doubled at 1 g0",
+        0.05,
+        "links and frame give way: share of the load by which, by the peak acceleration",
     ),
     Parameter(
         "moment_weight", "per_m", 0.0, 4.0, "force that is felt across the motion like a shaking moment of 1 N m"
@@ -81,14 +86,14 @@ def reductions(values: Mapping[str, Floats | float], cases: Cases) -> Floats:
     for axis in set(cases.axis.tolist()):
         at = cases.axis == axis
         couples[..., at] = of(f"couple_share_{axis}") * cases.mechanics[at, 2]
-    return law(of("residual_mass"), of("growth"), of("moment_weight"), couples, cases)
+    return law(of("residual_mass"), of("flexing"), of("moment_weight"), couples, cases)
 
 
-def law(residual: Floats, growth: Floats, moment_weight: Floats, couples: Floats, cases: Cases) -> Floats:
-    """The law itself, on arrays that broadcast to (..., n): masses [kg], h [s2/m], l [1/m], C [kg] -> [%]."""
+def law(residual: Floats, flexing: Floats, moment_weight: Floats, couples: Floats, cases: Cases) -> Floats:
+    """The law itself, on arrays that broadcast to (..., n): m_res [kg], f [s2/m], l [1/m], C [kg] -> [%]."""
     force, left, _, moment, moment_with = cases.mechanics.T
-    flexible = (residual * (1.0 + growth * cases.peak_acceleration)) ** 2
+    stays = residual**2 + (flexing * cases.peak_acceleration * force) ** 2
     turning = (moment_weight * cases.across) ** 2
-    without = force**2 + flexible + turning * moment**2
-    balanced = left**2 + flexible + turning * moment_with**2 + couples**2
+    without = force**2 + stays + turning * moment**2
+    balanced = left**2 + stays + turning * moment_with**2 + couples**2
     return 100.0 * (1.0 - np.sqrt(balanced / without))

@@ -117,10 +117,10 @@ def _centres(ends: Floats, count: int) -> Floats:
 
 def _squares(common: Floats, shares: Floats, cases: Cases) -> Floats:
     """Sums of squared errors of one axis, (cells, couples) [points^2]."""
-    residual, growth, moment_weight = common.T[:, :, None]
+    residual, flexing, moment_weight = common.T[:, :, None]
     total = np.empty((len(common), len(shares)))
     for j, share in enumerate(shares):
-        found = law(residual, growth, moment_weight, share * cases.mechanics[:, 2], cases)
+        found = law(residual, flexing, moment_weight, share * cases.mechanics[:, 2], cases)
         total[:, j] = ((found - cases.printed) ** 2).sum(axis=1)
     return total
 

@@ -9,7 +9,7 @@ from testbench.publication.calibration import fit
 from testbench.publication.model import PARAMETERS, SCATTER, reductions
 from testbench.publication.posterior import marginalise
 
-TRUTH = {"residual_mass": 1.2, "growth": 0.02, "moment_weight": 1.1, "couple_share_x": 0.2, "couple_share_y": 0.3,
+TRUTH = {"residual_mass": 1.2, "flexing": 0.012, "moment_weight": 1.1, "couple_share_x": 0.2, "couple_share_y": 0.3,
          "couple_share_z": 0.45}  # fmt: skip
 
 
@@ -54,7 +54,7 @@ def test_drawn_within_bounds(training):
     posterior = marginalise(training)
     for p in PARAMETERS:
         assert p.low <= posterior.samples[p.name].min() <= posterior.samples[p.name].max() <= p.high
-    assert marginalise(training).interval("growth") == posterior.interval("growth")
+    assert marginalise(training).interval("flexing") == posterior.interval("flexing")
 
 
 def test_least_squares_is_no_worse_than_the_posterior(training):
