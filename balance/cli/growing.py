@@ -8,7 +8,6 @@ import click
 
 from . import options
 from .console import emit_json, emit_table
-from .size import document
 from .tables import first_moment, mass, per_cent
 
 if TYPE_CHECKING:
@@ -20,6 +19,8 @@ Payload = tuple[tuple[str, float], ...]
 
 def grow(mechanism: str, payloads: Sequence[Payload], sites: tuple[str, ...], stock: str | None, as_json: bool) -> None:
     """Size a set for each of ``payloads``, which rise, and print them."""
+    from ..sizing.document import document
+
     models = [options.load(mechanism, payload) for payload in payloads]
     sets = [
         {"payload_kg": dict(payload), **document(sized), "increments_kg": increments}

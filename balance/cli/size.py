@@ -1,6 +1,6 @@
 """``balance size``."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -82,6 +82,8 @@ def size(
 
         save(draw_mechanism(result.after, result.counter_masses), figure)
     if as_json:
+        from ..sizing.document import document
+
         emit_json(document(result) | {name: summary(response) for name, response in responses.items()})
         return
     _print(result, stock)
@@ -115,28 +117,6 @@ def _responses(result: "Sizing", motion: str) -> "dict[str, Response]":
 
     trajectory = Closure(result.before).follow(Motion.load(motion).sample(DEFAULT_RATE_HZ))
     return {"before": simulate(result.before, trajectory), "after": simulate(result.after, trajectory)}
-
-
-def document(result: "Sizing") -> dict[str, Any]:
-    """Counter-masses and what they leave, for JSON."""
-    return {
-        "mechanism": result.before.name,
-        "counter_masses": [
-            {
-                "site": c.site,
-                "mass_kg": c.mass,
-                "position_m": [float(x) for x in c.position],
-                "first_moment_kgm": [float(x) for x in c.first_moment],
-                "plates": list(c.plates),
-            }
-            for c in result.counter_masses
-        ],
-        "residual_first_moment_kgm": result.residual(),
-        "residual_percent": result.residual_percent(),
-        "balanced_payload_kg": result.balanced_payloads(),
-        "added_mass_kg": result.added_mass,
-        "added_inertia_kgm2": result.added_inertia,
-    }
 
 
 def _print(result: "Sizing", stock: str | None) -> None:
