@@ -40,7 +40,9 @@ _ERRORS = {
     "damaged_file": "A structure that contradicts itself; nothing of it can be trusted.",
     "too_large": "More declared or unpacked than such a file can hold; refused to protect the machine.",
     "not_stored": "The run could not be stored, for a reason that lies not in the log alone.",
-    "rig_contradiction": "The rig names channels that the recording does not hold.",
+    "rig_contradiction": "The rig names channels that the recording does not hold, or other units than its.",
+    "calibration_contradiction": "A calibration of the rig that does not lead from the log's unit to what is measured.",
+    "unknown_site": "The sheet puts a counter-mass on a site that the rig's mechanism does not have.",
 }
 _WARNINGS = {
     "cut_last_row": "The file ends inside a row, or in one that may be cut. That row is left out.",
@@ -73,8 +75,11 @@ _WARNINGS = {
     "broken_link": "A link inside the file that leads nowhere; left out.",
     "cyclic_link": "A link inside the file that leads back to where it comes from; left out.",
     "already_stored": "The campaign holds this recording already; nothing was written.",
+    "rate_contradicts_rig": "A log's rate is not the one that the rig states for its logger; the log's is taken.",
+    "sensor_not_recorded": "The rig describes a logger of which the run holds no channel.",
+    "uncalibrated": "Raw values, such as volts, of a sensor without a calibration: no analysis can use them yet.",
     "interrupted": "The ingest was stopped; what it had acknowledged was recovered, what came after is not in the run.",
-    "unit_unknown": "Brackets in a header that hold no unit that is known; kept as written.",
+    "unit_unknown": "Brackets in a header that hold no unit that is understood; kept as written.",
 }
 _NOTES = {
     "simulated": "The log says that it is simulated.",

@@ -1,5 +1,6 @@
 """All checks of a group of channels, and of a whole recording."""
 
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -8,11 +9,15 @@ import numpy as np
 
 from .. import units
 from ..findings import Finding
+from ..readers import doubt
+from ..readers.csv import names as brackets
 from ..recording import Block, Channel, Group, Recording, SensorRange, TimeColumn, UniformClock
 from . import times
 from .channels import ChannelStats
 from .clipping import Clipping
 from .clock import ClockStats
+
+_OTHER_AXES = re.compile(r"(?:.*[./ ])?(?:freq\w*|frekans|frequenz|order|nodes?)", re.IGNORECASE)
 
 
 @dataclass
@@ -70,6 +75,9 @@ class GroupCheck:
         if not self.samples:
             return [Finding("no_data", None, None, f"group {self.group.name!r} holds no sample")]
         found = []
+        if _needs_clock(self.group, self.samples):
+            message = f"group {self.group.name!r} has neither a time column nor a declared rate: no time"
+            found.append(Finding("no_clock", None, None, message))
         if isinstance(self.group.clock, TimeColumn):
             found += times.findings(self.group, self.clock, self.stated_rate_hz)
         for i, channel in enumerate(self.group.channels):
@@ -120,7 +128,10 @@ def header_findings(group: Group) -> list[Finding]:
         for name, count in names.items()
         if count > 1
     ]
-    without = [c.name for i, c in enumerate(group.channels) if c.unit is None and not _is_time(group, i)]
+    odd = {c.name: text for c in group.channels if (text := brackets.unknown_brackets(c))}
+    without = [
+        c.name for i, c in enumerate(group.channels) if c.unit is None and c.name not in odd and not _is_time(group, i)
+    ]
     if without:
         shown = ", ".join(without[:8]) + (f" and {len(without) - 8} more" if len(without) > 8 else "")
         one = without[0] if len(without) == 1 else None
@@ -129,10 +140,18 @@ def header_findings(group: Group) -> list[Finding]:
         if channel.unit is not None and not units.is_unit(channel.unit):
             message = f"{channel.unit!r} is no unit that is known; it is kept as written"
             found.append(Finding("unit_unknown", channel.name, None, message))
-    if group.clock is None:
-        message = "no time column and no declared rate: the samples have an index, and no time"
-        found.append(Finding("no_clock", None, None, message))
+    for name, text in odd.items():
+        message = f"{text!r} in brackets is not understood as a unit; the name is kept as written, without a unit"
+        found.append(Finding("unit_unknown", name, None, message))
+    found += doubt.units_of(group.channels)
     return found
+
+
+def _needs_clock(group: Group, samples: int) -> bool:
+    """Whether the samples ought to follow time: not single numbers, nor values over frequency, order or node."""
+    first = group.channels[0]
+    hertz = any(units.same(first.unit, unit) for unit in ("Hz", "kHz"))
+    return group.clock is None and samples > 1 and not hertz and _OTHER_AXES.fullmatch(first.label) is None
 
 
 def _is_time(group: Group, index: int) -> bool:

@@ -8,14 +8,17 @@ from ..findings import Finding
 from ..recording import Channel
 
 _FORCE = re.compile(r"f|f[xyz_ ]?\d*|(?:force|kraft|kuvvet|hammer|load)\b.*", re.IGNORECASE)
+_PURE_FORCE = re.compile(r"f|f[xyz_ ]?\d*|(?:force|kraft|kuvvet)\b.*", re.IGNORECASE)
 _ACCELERATION = re.compile(r"a|a[xyz]|acc?(?:\b|[_ xyz\d]|el).*|ivme.*|beschl.*", re.IGNORECASE)
 _UNITS_OF_ACCELERATION = ("g", "m/s^2", "m/s2", "mm/s^2", "g0", "gn")
+_UNITS_OF_JERK = ("m/s^3", "mm/s^3")
+_UNITS_OF_MASS = ("kg", "mg", "lb")
 _UNITS_OF_FORCE = ("N", "kN", "lbf", "kgf", "Newtons", "newton")
 _EXACT_ENOUGH = 1e-6
 
 
 def units_of(channels: Iterable[Channel]) -> list[Finding]:
-    """Channels whose name says force and whose unit says acceleration, and the reverse; jerk for acceleration."""
+    """Channels whose name says force and whose unit says acceleration or mass, and the reverse; jerk for either."""
     return [finding for channel in channels if (finding := _unit_of(channel)) is not None]
 
 
@@ -25,9 +28,13 @@ def _unit_of(channel: Channel) -> Finding | None:
         return None
     if _FORCE.fullmatch(label) and _is_one(channel.unit, _UNITS_OF_ACCELERATION):
         said = "the name says force, the unit acceleration"
+    elif _FORCE.fullmatch(label) and _is_one(channel.unit, _UNITS_OF_JERK):
+        said = "the name says force, the unit is of jerk"
+    elif _PURE_FORCE.fullmatch(label) and _is_one(channel.unit, _UNITS_OF_MASS):
+        said = "the name says force, the unit is of mass"
     elif _ACCELERATION.fullmatch(label) and _is_one(channel.unit, _UNITS_OF_FORCE):
         said = "the name says acceleration, the unit force"
-    elif _ACCELERATION.fullmatch(label) and _is_one(channel.unit, ("m/s^3", "mm/s^3")):
+    elif _ACCELERATION.fullmatch(label) and _is_one(channel.unit, _UNITS_OF_JERK):
         said = "the name says acceleration, the unit is of jerk"
     else:
         return None

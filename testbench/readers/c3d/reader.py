@@ -8,7 +8,6 @@ import numpy as np
 
 from ...findings import Finding, Refusal
 from ...recording import Block, Channel, Clock, Group, Recording, Report, Samples
-from .. import doubt
 from ..declared import by_rate
 from ..nonfinite import watched
 from ..registry import Reader, ReadOptions
@@ -48,7 +47,7 @@ def open_c3d(path: Path, options: ReadOptions) -> Recording:
         groups=groups.all,
         read=lambda report: _blocks(path, head, groups, report),
         metadata=_metadata(head),
-        findings=(*head.findings, *doubt.units_of(groups.analog.channels if groups.analog else ()), *_rate(head)),
+        findings=(*head.findings, *_rate(head)),
     )
 
 

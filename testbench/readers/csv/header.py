@@ -10,6 +10,9 @@ from ...recording import Channel
 from . import marks, names
 from .dialect import Dialect, UnclearDialect, is_comment, is_data
 
+_LONGEST_UNIT = 20
+_BRACKETED = re.compile(r"\(.*\)|\[.*\]")
+
 
 @dataclass(frozen=True)
 class Header:
@@ -82,15 +85,28 @@ def _name_rows(rows: Sequence[Sequence[str]], above: Sequence[int], fields: int)
             f"line {last + 1} has {len(rows[last])} names, the rows below it have {fields} fields; quote names that "
             "hold the delimiter, or say --delimiter and --decimal"
         )
-    if len(above) > 1 and len(rows[above[-2]]) == len(rows[last]) and _are_units(rows[last]):
+    if len(above) > 1 and len(rows[above[-2]]) == len(rows[last]) and _are_units(rows[last], rows[above[-2]]):
         return [above[-2], last]
     return [last]
 
 
-def _are_units(cells: Sequence[str]) -> bool:
-    """Whether a row holds units: each cell a unit, in brackets or not, or empty, and not all empty."""
+def _are_units(cells: Sequence[str], over: Sequence[str]) -> bool:
+    """Whether a row holds units, below a row of names: units in brackets or not, or empty, and not all empty.
+
+    Some may be unknown: if all stand in brackets, one of time below a name of time, or most are known below names that
+    are no units.
+    """
     texts = [cell.strip().strip("()[]").strip() for cell in cells]
-    return any(texts) and all(not text or units.is_unit(text) for text in texts)
+    known = sum(map(units.is_unit, texts))
+    given = sum(map(bool, texts))
+    if not given or known == given:
+        return given > 0
+    if any(len(text) > _LONGEST_UNIT for text in texts):
+        return False
+    if all(_BRACKETED.fullmatch(cell.strip()) for cell in cells if cell.strip()):
+        return True
+    of_time = any(names.is_time(name) and units.seconds_per(text) for name, text in zip(over, texts, strict=True))
+    return of_time or (2 * known >= given and 2 * sum(map(units.is_unit, over)) < given)
 
 
 def _labels(rows: Sequence[Sequence[str]], named: Sequence[int], fields: int) -> tuple[list[str], list[str]]:

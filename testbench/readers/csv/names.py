@@ -7,6 +7,7 @@ from ... import units
 from ...recording import Channel, TimeColumn
 
 _BRACKETS = re.compile(r"\(([^()]*)\)|\[([^][]*)\]")
+_SIGNS_OF_UNITS = re.compile(r"[^\W\d_°%µ‰][^\s]{0,9}(?:\s?[/·⋅*^]\s?[^\s]{1,10}|[²³⁻¹]+)+")
 _TIME_SUFFIX = re.compile(r"(.*?)[_ ](s|sec|ms|us|µs|ns|min)", re.IGNORECASE)
 _TIME_NAMES = frozenset({
     "t", "time", "timestamp", "time stamp", "elapsed", "elapsed time", "relative time", "test time",
@@ -22,18 +23,33 @@ def channels(names: Sequence[str], second_row: Sequence[str]) -> tuple[Channel, 
 
 
 def _channel(name: str, below: str) -> Channel:
-    """A channel of this header cell; its unit from the second row, from brackets, or the suffix of a time."""
+    """A channel of this header cell; its unit from the second row, from brackets, or the suffix of a time.
+
+    Round brackets may hold anything (``Force (filtered)``): what is no known unit is one only if it is written as one.
+    """
     if below:
         return Channel(name, below.strip("()[] ") or None, name)
     for match in reversed(list(_BRACKETS.finditer(name))):
         text = (match[1] or match[2] or "").strip()
-        if units.is_unit(text) or (match[2] is not None and text and not text.isdecimal()):
+        if units.is_unit(text) or _is_written_as_unit(text, square=match[2] is not None):
             label = (name[: match.start()].rstrip() + " " + name[match.end() :].lstrip()).strip()
             return Channel(name, text, label or name)
     suffixed = _TIME_SUFFIX.fullmatch(name)
     if suffixed is not None and _plain(suffixed[1]) in _TIME_NAMES:
         return Channel(name, suffixed[2], suffixed[1])
     return Channel(name, None, name)
+
+
+def _is_written_as_unit(text: str, square: bool) -> bool:
+    """Whether an unknown text in brackets is meant as a unit: in square ones, or with the signs of units."""
+    return not text.isdecimal() and (bool(text) if square else _SIGNS_OF_UNITS.fullmatch(text) is not None)
+
+
+def unknown_brackets(channel: Channel) -> str:
+    """What stands in brackets at the end of the name of a channel without a unit; empty if nothing does."""
+    match = re.search(r"\(([^()]*)\)\s*$|\[([^][]*)\]\s*$", channel.name) if channel.unit is None else None
+    text = "" if match is None else (match[1] or match[2] or "").strip()
+    return "" if text.isdecimal() else text
 
 
 def is_time(name: str) -> bool:

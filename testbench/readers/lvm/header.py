@@ -116,7 +116,6 @@ def _parts(
         title = name if len(gathered) == 1 else f"{name} {names[columns[members[0]][1]]}"
         declared = _count(path, said["Samples"]) if said["Samples"] else None
         parts.append(Part(Group(title, tuple(channels), clock), tuple(fields), declared))
-        findings += doubt.units_of(channels)
     return tuple(parts), list(dict.fromkeys(findings))
 
 

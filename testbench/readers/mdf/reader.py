@@ -10,7 +10,6 @@ import numpy as np
 from ...findings import Finding, Refusal
 from ...recording import Block, Channel, Group, Recording, Report, Samples, TimeColumn
 from ...units import seconds_per
-from .. import doubt
 from ..nonfinite import watched
 from ..registry import Reader, ReadOptions
 from ..stream import ByteSource, block_samples, damaged
@@ -37,8 +36,6 @@ def open_mdf(path: Path, options: ReadOptions) -> Recording:
         findings.insert(0, Finding("cut_file", None, None, message))
     if not groups:
         raise Refusal(path.name, next(iter(findings), Finding("no_data", None, None, "no channel has samples")))
-    for group in groups.values():
-        findings += doubt.units_of(group.channels)
     return Recording(
         path=path,
         format="ASAM MDF",

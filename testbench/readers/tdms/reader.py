@@ -10,7 +10,6 @@ from ... import recording as model
 from ...findings import Finding, Refusal
 from ...recording import Block, Clock, Group, Recording, Report, Samples, TimeColumn
 from ...units import seconds_per
-from .. import doubt
 from ..csv.names import is_time
 from ..declared import by_step
 from ..nonfinite import watched
@@ -50,8 +49,6 @@ def open_tdms(path: Path, options: ReadOptions) -> Recording:
     gathered = _gather(contents, path.stem)
     if not gathered:
         raise Refusal(path.name, next(iter(findings), Finding("no_data", None, None, "no channel has samples")))
-    for each in gathered:
-        findings += doubt.units_of(each.group.channels)
     findings += _said(contents, gathered)
     return Recording(
         path=path,

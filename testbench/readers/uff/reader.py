@@ -140,7 +140,7 @@ def _of_set(source: ByteSource, each: _Set) -> Iterator[Block]:
 
 def _said(functions: Sequence[Function]) -> list[Finding]:
     """What is odd in the headers."""
-    findings = doubt.units_of(Channel(f.name, f.unit) for f in functions)
+    findings: list[Finding] = []
     by_dof: dict[tuple[object, ...], list[str]] = {}
     for f in functions:
         by_dof.setdefault((f.kind, f.ids[2], f.node, f.reference), []).append(f.name)

@@ -30,6 +30,28 @@ def test_units_in_a_second_row() -> None:
     assert found.first_data_line == 3
 
 
+@pytest.mark.parametrize(
+    ("first_rows", "expected"),
+    [
+        ("Time;Force;Angle\ns;blorp;deg", [("Time", "s"), ("Force", "blorp"), ("Angle", "deg")]),
+        ("Zeit;Kraft;Weg\n[s];[Furlong];[Elle]", [("Zeit", "s"), ("Kraft", "Furlong"), ("Weg", "Elle")]),
+        ("Load;Span;Angle\nkN;blorp;deg", [("Load", "kN"), ("Span", "blorp"), ("Angle", "deg")]),
+        ("run 7;hall 2;cell 3\nTime;Force;Angle", [("Time", None), ("Force", None), ("Angle", None)]),
+    ],
+)
+def test_an_unknown_unit_in_a_second_row_takes_no_name(first_rows: str, expected: list[tuple[str, str | None]]) -> None:
+    """A row of units with an odd one among them is a row of units still, and the odd one is kept as written."""
+    found = header(f"{first_rows}\n0,1;2,5;1\n0,2;2,6;2")
+    assert [(c.name, c.unit) for c in found.channels] == expected
+
+
+def test_unknown_units_in_brackets() -> None:
+    """Square brackets and the signs of units tell a unit; others in round ones stay in the name, and are said."""
+    found = header("A [blorp],B (kp/Elle),C (filtered),D [2]\n0.1,1.5,2.5,3.5\n0.2,1,2,3").channels
+    assert [c.unit for c in found] == ["blorp", "kp/Elle", None, None]
+    assert [names.unknown_brackets(c) for c in found] == ["", "", "filtered", ""]
+
+
 def test_no_header_loses_no_row() -> None:
     """Without names the first row is data and the columns are numbered."""
     found = header("1.5,2,3,\n1.6,2,3,\n1.7,2,3,")
