@@ -18,6 +18,7 @@ BUILT_IN = (
     "testbench.readers.ide.reader",
     "testbench.readers.lvm.reader",
     "testbench.readers.mat5.reader",
+    "testbench.readers.mat4",
     "testbench.readers.hdf5.reader",
     "testbench.readers.mcap.reader",
     "testbench.readers.mdf.reader",

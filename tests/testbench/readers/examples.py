@@ -62,6 +62,12 @@ def mat5_packed(path):
     savemat(path, {"t": TIME, "a": WAVE, "m": np.ones((30, 3))}, do_compression=True)
 
 
+def mat4(path):
+    """Version 4, of doubles, integers, a text and a rate."""
+    variables = {"t": TIME, "a": WAVE, "n": np.arange(200, dtype="i2"), "name": "hip", "z": WAVE[:40] * 1j, "fs": 64.0}
+    savemat(path, variables, format="4")
+
+
 def tdms(path):
     """Several segments, a scale, timestamps."""
     scale = {"NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear", "NI_Scale[0]_Linear_Slope": 2.0,
@@ -145,7 +151,7 @@ def bag(path):
 
 IN_PROCESS = {
     "run.csv": csv, "run.forces": forces, "run.lvm": lvm, "run.uff": uff, "run.mat": mat5, "packed.mat": mat5_packed,
-    "run.tdms": tdms, "run.mf4": mdf, "run.mdf": mdf3, "packed.mf4": mdf_packed, "run.c3d": c3d, "run.wav": wav,
+    "old.mat": mat4, "run.tdms": tdms, "run.mf4": mdf, "run.mdf": mdf3, "packed.mf4": mdf_packed, "run.c3d": c3d, "run.wav": wav,
 }  # fmt: skip
 ISOLATED = {"run.parquet": parquet, "run.h5": hdf5, "new.mat": mat73, "run.mcap": mcap, "run.bag": bag}
 ALL = IN_PROCESS | ISOLATED
