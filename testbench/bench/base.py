@@ -47,6 +47,14 @@ class BaseMotion:
     acceleration: Floats
     """[m/s2, rad/s2]"""
 
+    def plus(self, other: "BaseMotion") -> "BaseMotion":
+        """This motion and another: the base is linear."""
+        return BaseMotion(
+            self.displacement + other.displacement,
+            self.velocity + other.velocity,
+            self.acceleration + other.acceleration,
+        )
+
     def acceleration_at(self, point: Floats) -> Floats:
         """Acceleration of a point of the base, base axes, (n, 3) [m/s2]; small motions, no centripetal part."""
         return self.acceleration @ displacement_at(point).T
@@ -94,7 +102,7 @@ class Base:
         return a, b
 
     def respond(self, wrench: Floats, step: float) -> BaseMotion:
-        """Motion from rest under a wrench (n, 6) [N, N m] sampled every ``step`` [s]; exact where it is linear between."""
+        """Motion from rest under a wrench (n, 6) [N, N m] sampled every ``step`` [s]; exact where that is linear."""
         a, b = self.state_space()
         state = respond(a, b, wrench, step)
         return BaseMotion(state[:, :6], state[:, 6:], state @ a[6:].T + wrench @ b[6:].T)

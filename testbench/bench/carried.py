@@ -9,25 +9,47 @@ from balance.components import dense
 from balance.kinematics import Pose
 from balance.mechanism import Mechanism
 
-from .base import rigid_body, skew
-
 
 def locked_inertia(mechanism: Mechanism, q: Floats) -> Floats:
-    """Mass matrix of the mechanism, locked at ``q`` (nv,), about the base frame's origin, (6, 6) [kg, kg m, kg m2].
+    """Mass matrix of the mechanism, locked at ``q`` (nv,), about the base frame's origin, (6, 6) [kg, kg m, kg m2]."""
+    return inertia_along(mechanism, q[None])[0]
+
+
+def inertia_along(mechanism: Mechanism, q: Floats) -> Floats:
+    """Mass matrices of the mechanism at configurations (n, nv) about the base frame's origin, (n, 6, 6).
 
     For a body with first moment h and inertia I about its joint's origin o, all in base axes:
     I_0 = I - S(o) S(h) - S(h) S(o) - m S(o) S(o).
     """
-    at = kinematics.pose(mechanism.tree, q[:, None])
-    total = np.zeros((6, 6))
+    at = kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
+    first, second = np.zeros((at.count, 3)), np.zeros((at.count, 3, 3))
     for row, joint in zip(mechanism.parameters, mechanism.tree.bodies, strict=True):
-        turn = _rotation(at, joint)[:, :, 0]
-        origin, first, mass = dense(at.position[joint], 1)[:, 0], turn @ row[1:4], float(row[0])
+        turn = np.moveaxis(_rotation(at, joint), 2, 0)
+        origin, own_first, mass = dense(at.position[joint], at.count).T, turn @ row[1:4], float(row[0])
         xx, xy, yy, xz, yz, zz = row[4:]
-        own = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.T
-        s, h = skew(origin), skew(first)
-        total += rigid_body(mass, mass * origin + first, own - s @ h - h @ s - mass * s @ s)
-    return total
+        own = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.transpose(0, 2, 1)
+        first += mass * origin + own_first
+        second += own + _moved(origin, own_first) + _moved(own_first, origin) + mass * _moved(origin, origin)
+    return _mass_matrices(mechanism.total_mass, first, second)
+
+
+def _moved(a: Floats, b: Floats) -> Floats:
+    """-S(a) S(b) = (a . b) 1 - b a', (n, 3, 3)."""
+    return np.einsum("ni,ni->n", a, b)[:, None, None] * np.eye(3) - np.einsum("ni,nj->nij", b, a)
+
+
+def _mass_matrices(mass: float, first: Floats, inertia: Floats) -> Floats:
+    found = np.zeros((len(first), 6, 6))
+    found[:, :3, :3] = mass * np.eye(3)
+    found[:, 3:, :3] = skews(first)
+    found[:, :3, 3:] = -found[:, 3:, :3]
+    found[:, 3:, 3:] = inertia
+    return found
+
+
+def skews(vectors: Floats) -> Floats:
+    """The matrices S with S b = vector x b for vectors (n, 3), (n, 3, 3)."""
+    return np.cross(vectors[:, None, :], np.eye(3)[None], axis=-1).transpose(0, 2, 1)
 
 
 def acceleration_in_body(

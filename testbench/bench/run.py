@@ -1,10 +1,12 @@
-"""One run of the bench without noise: the mechanism moves, its shaking wrench moves the base.
+"""One run of the bench: the mechanism moves, its shaking wrench moves the base.
 
-Left out in this form, and small beside what is there: the weight's moment, which wanders with the platform; Coriolis
-forces of the moving base; flexible links and frame; what the drives' control does.
+``simulate_run`` makes it without anything random, ``disturbed`` adds what shakes the bench besides. What the rig's
+``[bench]`` does not state is left out: see ``Bench``. Left out in any case: flexible links, play and ripple of gears,
+what the drives' control does (the joints follow the command), and what is of second order in the base's motion.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,32 +21,56 @@ from balance.motion import Motion, Samples
 from ..errors import RigError
 from ..plan import PlannedRun
 from ..rig import Rig
+from ..rig.bench import Bench
+from ..rig.effects import Rotor
+from . import disturbance, gravity, rotors, structure
 from .base import Base, BaseMotion
 from .carried import locked_inertia
+from .coupling import Coupling, torque_of_base
+from .planes import with_planes
 
 RATE_HZ = 10_000.0
 """Of the simulation [Hz], or twice that of the fastest logger: the loggers interpolate between its samples."""
+Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class BenchRun:
-    """What happened on the bench, from the start of the motion until the loggers stop."""
+    """What happened on the bench, from the start of the motion, or a lead before it, until the loggers stop."""
 
     mechanism: Mechanism
-    """With its payload and counter-masses."""
+    """With its payload and counter-masses, planes and rotors, and gravity as it is on the tilted base."""
     command: Samples
     trajectory: Trajectory
     response: Response
+    """With the moment of the rotors."""
     carried: Floats
     """Inertia of the mechanism about the base frame's origin, (6, 6)."""
     base: Base
     motion: BaseMotion
     """Of the base."""
+    gravity: Floats = field(default_factory=lambda: np.zeros(3))
+    """Gravity that the base turns in, (3,) [m/s2]; zero where the rig leaves it out."""
+    at_rest: Floats = field(default_factory=lambda: np.zeros(3))
+    """What accelerometers that were zeroed level show at rest on the tilted base, base axes, (3,) [m/s2]."""
+    coupling: Coupling | None = None
+    """None: the mechanism's inertia is that at the start."""
+    rotors: Mapping[str, Rotor] = field(default_factory=dict)
+    """Of the motors, by joint."""
+    rough: Floats | None = None
+    """What the mechanism exerts on the base beyond wrench and weight, (n, 6) [N, N m]."""
+    elastic: Mapping[Point, Floats] = field(default_factory=dict)
+    """What the frame's modes add to the acceleration of points of the base, (n, 3) [m/s2]."""
 
     @property
     def time(self) -> Floats:
-        """Uniform, (n,) [s]."""
+        """Uniform, zero where the motion starts, (n,) [s]."""
         return self.command.time
+
+    @property
+    def step(self) -> float:
+        """Between two samples [s]."""
+        return float(self.time[1] - self.time[0])
 
     @cached_property
     def wrench(self) -> Floats:
@@ -53,8 +79,41 @@ class BenchRun:
 
     @cached_property
     def transmitted(self) -> Floats:
-        """What the mechanism exerts on the moving base, about its origin, (n, 6) [N, N m]: w - M_mechanism x''."""
-        return self.wrench - self.motion.acceleration @ self.carried.T
+        """What the mechanism exerts on the moving base beyond its weight at rest, about its origin, (n, 6) [N, N m].
+
+        w - M_mechanism x'', and what the rig states of weight, coupling and roughness.
+        """
+        if self.coupling is None:
+            found = self.wrench - self.motion.acceleration @ self.carried.T
+        else:
+            found = self.wrench - self.coupling.reaction(self.motion)
+        if np.any(self.gravity):
+            found = found + gravity.wandering(self.response.weight_moment) + self._turned_weight
+        return found if self.rough is None else found + self.rough
+
+    @property
+    def _turned_weight(self) -> Floats:
+        inertia = self.carried[None] if self.coupling is None else self.coupling.inertia
+        first = np.stack([inertia[:, 5, 1], inertia[:, 3, 2], inertia[:, 4, 0]], axis=1)
+        place = np.broadcast_to(first, (len(self.time), 3))
+        return gravity.turned_weight(self.gravity, place, self.mechanism.total_mass, self.motion.displacement)
+
+    @cached_property
+    def felt(self) -> Floats:
+        """Accelerations of the base as accelerometers feel them, tilt in gravity included, (n, 6) [m/s2, rad/s2]."""
+        turned = gravity.apparent(self.gravity, self.motion.displacement) + self.at_rest
+        return self.motion.acceleration + np.hstack([turned, np.zeros_like(turned)])
+
+    @cached_property
+    def torque(self) -> Mapping[str, Floats]:
+        """Torque of each driven joint on its body, (n,) [N m, N]; with the base's share where the rig couples them."""
+        still = self.response.torque
+        if self.coupling is None:
+            return still
+        field = self.motion.acceleration.copy()
+        field[:, :3] += gravity.apparent(self.gravity, self.motion.displacement)
+        more = torque_of_base(self.mechanism, self.trajectory, self.rotors, field, tuple(still))
+        return {joint: torque + more[joint] for joint, torque in still.items()}
 
 
 def payload_body(mechanism: Mechanism, named: str | None = None) -> str:
@@ -70,22 +129,78 @@ def payload_body(mechanism: Mechanism, named: str | None = None) -> str:
     return own[0]
 
 
-def simulate_run(rig: Rig, mechanism: Mechanism, planned: PlannedRun) -> BenchRun:
-    """Run the bench. ``mechanism`` comes without payload and counter-masses; those of ``planned`` are put on it."""
-    loaded = mechanism.with_payload({payload_body(mechanism): planned.payload})
-    loaded = loaded.with_counter_mass(planned.counter_masses)
+def simulate_run(rig: Rig, mechanism: Mechanism, planned: PlannedRun, lead: float = 0.0) -> BenchRun:
+    """Run the bench. ``mechanism`` comes without payload and counter-masses; those of ``planned`` are put on it.
+
+    ``lead`` is how long the bench rests before the motion, at times below zero [s].
+    """
+    bench = rig.bench
+    loaded = _loaded(mechanism, bench, planned)
     try:
         motion = Motion.load(planned.motion).with_peak_acceleration(planned.peak_acceleration)
     except DataError as error:
         raise RigError(f"motion {planned.motion!r} of run {planned.name}: {error}") from error
-    command = _settling(motion.sample(rate_hz(rig)), rig.bench.settling)
+    command = _settling(motion.sample(rate_hz(rig)), bench.settling, lead)
     trajectory = Closure(loaded).follow(command)
-    response = simulate(loaded, trajectory)
+    response = _with_rotors(simulate(loaded, trajectory), loaded, bench, trajectory)
     carried = locked_inertia(loaded, trajectory.q[0])
-    base = Base.of(rig.bench, carried)
+    base = Base.of(bench, carried)
+    moved, coupling = _moved(bench, loaded, trajectory, response, base, carried)
+    level = mechanism.gravity
+    at_rest, turning = level - loaded.gravity, loaded.gravity if bench.weight else np.zeros(3)
+    run = BenchRun(
+        loaded, command, trajectory, response, carried, base, moved, turning, at_rest, coupling, bench.rotors
+    )
+    return replace(run, elastic=_elastic(rig, run.transmitted, run.step)) if bench.modes else run
+
+
+def disturbed(run: BenchRun, rig: Rig, seed: tuple[int, int]) -> BenchRun:
+    """The run with what else shakes the bench, drawn from ``seed``; the run itself where the rig states nothing."""
+    drawn = disturbance.draw(rig.bench, run.base, len(run.time), run.step, seed)
+    if drawn is None:
+        return run
+    shaken = replace(run, motion=run.motion.plus(drawn.motion), rough=drawn.wrench)
+    return replace(shaken, elastic=_elastic(rig, shaken.transmitted, run.step)) if rig.bench.modes else shaken
+
+
+def _loaded(mechanism: Mechanism, bench: Bench, planned: PlannedRun) -> Mechanism:
+    """The mechanism as it stands on the bench."""
+    placed = rotors.with_rotors(with_planes(mechanism, bench.planes), bench.rotors)
+    if any(bench.tilt):
+        placed = replace(placed, gravity=gravity.tilted(mechanism.gravity, np.array(bench.tilt)))
+    loaded = placed.with_payload({payload_body(mechanism): planned.payload})
+    return loaded.with_counter_mass(planned.counter_masses)
+
+
+def _with_rotors(response: Response, mechanism: Mechanism, bench: Bench, trajectory: Trajectory) -> Response:
+    if not bench.rotors:
+        return response
+    return replace(response, moment=response.moment - rotors.momentum(mechanism, bench.rotors, trajectory.a))
+
+
+def _moved(
+    bench: Bench, mechanism: Mechanism, trajectory: Trajectory, response: Response, base: Base, carried: Floats
+) -> tuple[BaseMotion, Coupling | None]:
+    """How the base moves under what the mechanism does."""
     wrench = np.hstack([response.force, response.moment])
-    moved = base.respond(wrench, float(command.time[1]))
-    return BenchRun(loaded, command, trajectory, response, carried, base, moved)
+    push = wrench + gravity.wandering(response.weight_moment) if bench.weight else wrench
+    step = float(trajectory.time[1] - trajectory.time[0])
+    if bench.coupling == "locked":
+        return base.respond(push, step), None
+    coupling = Coupling.of(mechanism, trajectory, wrench, bench.rotors)
+    return coupling.respond(base, carried, push, step), coupling
+
+
+def _elastic(rig: Rig, transmitted: Floats, step: float) -> dict[Point, Floats]:
+    """What the modes add, by the place of the sensor. Raises RigError for a sensor that is not on the base."""
+    known = rig.base_accelerometers
+    for i, mode in enumerate(rig.bench.modes):
+        if strange := [name for name in mode.at if name not in known]:
+            raise RigError(
+                f"bench.modes.{i}.at: no accelerometer {strange[0]!r} on the base: there are {', '.join(known)}"
+            )
+    added = structure.at_sensors(rig.bench.modes, transmitted, step)
+    return {known[name].position: values for name, values in added.items()}
 
 
 def rate_hz(rig: Rig) -> float:
@@ -93,17 +208,16 @@ def rate_hz(rig: Rig) -> float:
     return max(RATE_HZ, 2.0 * max(logger.rate for logger in rig.loggers.values()))
 
 
-def _settling(samples: Samples, seconds: float) -> Samples:
-    """The motion, then rest."""
+def _settling(samples: Samples, seconds: float, lead: float) -> Samples:
+    """Rest, the motion, then rest."""
     step = float(samples.time[1])
-    more = round(seconds / step)
-    time = np.arange(len(samples.time) + more) * step
-    rest = np.zeros((more, samples.position.shape[1]))
+    before, after = round(lead / step), round(seconds / step)
+    width = ((before, after), (0, 0))
     return Samples(
-        time,
-        np.concatenate([samples.position, rest + samples.position[-1]]),
-        np.concatenate([samples.velocity, rest]),
-        np.concatenate([samples.acceleration, rest]),
+        np.arange(-before, len(samples.time) + after) * step,
+        np.pad(samples.position, width, mode="edge"),
+        np.pad(samples.velocity, width),
+        np.pad(samples.acceleration, width),
         samples.joints,
         samples.point,
         samples.axes,

@@ -11,6 +11,7 @@ from balance.errors import ModelError
 from ..errors import RigError
 from ..rig import Rig
 from ..rig import sensors as kinds
+from .base import displacement_at
 from .carried import acceleration_in_body
 from .run import BenchRun
 from .supports import shares
@@ -33,17 +34,20 @@ def signals(rig: Rig, run: BenchRun) -> dict[str, Floats]:
 
 
 def base_acceleration(sensor: kinds.Accelerometer, run: BenchRun) -> dict[str, Floats]:
-    """Acceleration of a point of the base, by axis, (n,) [m/s2]."""
-    values = run.motion.acceleration_at(np.array(sensor.position))
+    """Acceleration of a point of the base as a sensor there feels it, by axis, (n,) [m/s2]."""
+    values = run.felt @ displacement_at(np.array(sensor.position)).T + run.elastic.get(sensor.position, 0.0)
     return dict(zip(kinds.AXES, values.T, strict=True))
 
 
 def support_signals(rig: Rig, run: BenchRun) -> dict[str, Floats]:
-    """Forces [N] and moments [N m] of the channels of all supports, tared at rest."""
+    """Forces [N] and moments [N m] of all supports' channels, tared at rest, with the cross-talk of the rig."""
     found: dict[str, Floats] = {}
     for name, share in shares(rig.supports).items():
         load = dict(zip(_WRENCH, (run.transmitted @ share.T).T, strict=True))
-        found |= {column.channel: load[column.component] for column in rig.supports[name].columns(name)}
+        support = rig.supports[name]
+        carried = [load[component] for component in support.measured]
+        read = carried if support.crosstalk is None else np.array(support.crosstalk) @ np.array(carried)
+        found |= {column.channel: values for column, values in zip(support.columns(name), read, strict=True)}
     return found
 
 
@@ -51,7 +55,7 @@ def _accelerometer(sensor: kinds.Accelerometer, run: BenchRun) -> dict[str, Floa
     if sensor.attached_to == "base":
         return base_acceleration(sensor, run)
     values = acceleration_in_body(
-        run.mechanism, run.trajectory, run.motion.acceleration, sensor.attached_to, np.array(sensor.position)
+        run.mechanism, run.trajectory, run.felt, sensor.attached_to, np.array(sensor.position)
     )
     return dict(zip(kinds.AXES, values.T, strict=True))
 
@@ -61,7 +65,7 @@ def _encoder(sensor: kinds.Encoder, run: BenchRun) -> dict[str, Floats]:
 
 
 def _torque(sensor: kinds.Torque, run: BenchRun) -> dict[str, Floats]:
-    torque = run.response.torque
+    torque = run.torque
     if sensor.joint not in torque:
         raise ModelError(f"joint {sensor.joint!r} is not driven: expected {', '.join(torque) or 'one that is'}")
     return {sensor.joint: torque[sensor.joint]}

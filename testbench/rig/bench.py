@@ -9,6 +9,7 @@ from typing import Literal
 from pydantic import Field
 
 from . import fields
+from .effects import FloorLevel, Mode, Rotor, Roughness, SensorErrors, Share, Turn
 from .fields import Table
 
 DEFAULT_RATE_HZ = 2000.0
@@ -28,6 +29,20 @@ class Logger(Table):
     """When it is started, from the start of the motion [s]."""
     drift_ppm: float = Field(default=0.0, ge=-1e5, le=1e5)
     """How much too fast its clock runs, in millionths."""
+    start_scatter: fields.Time = Field(default=0.0, ge=0.0)
+    """Standard deviation of the start from run to run [s]."""
+    drift_scatter_ppm: float = Field(default=0.0, ge=0.0, le=1e4)
+    """Standard deviation of the drift from run to run, in millionths."""
+    jitter: fields.Time = Field(default=0.0, ge=0.0)
+    """Standard deviation of the instant of a sample [s]; a recorded time column shows it, a uniform clock does not."""
+    lost: Share = 0.0
+    """Share of samples lost one by one: a gap in a recorded time, on a uniform clock a shift of all that follows."""
+    dropouts_per_minute: float = Field(default=0.0, ge=0.0, le=6e4)
+    """How often a whole block is lost."""
+    dropout: fields.Time = Field(default=0.02, gt=0.0)
+    """Length of such a block [s]."""
+    low_pass: fields.Frequency | None = None
+    """Corner of the anti-alias filter, Butterworth of fourth order [Hz]; None: no filter."""
     delimiter: Literal[",", ";", "\t"] = ","
     decimal: Literal[".", ","] = "."
     decimals: int = Field(default=6, ge=0, le=15)
@@ -69,3 +84,27 @@ class Bench(Table):
     mounts: tuple[Mount, ...] = Field(default_factory=_feet, min_length=1)
     settling: fields.Time = 0.5
     """How long the loggers go on after the motion [s]."""
+    coupling: Literal["locked", "moving"] = "locked"
+    """Mechanism's inertia on the moving base: ``locked`` as the motion starts, or ``moving`` with the configuration,
+    Coriolis forces and the base's share of the drive torques included."""
+    weight: bool = False
+    """Whether the weight's moment wanders with the platform, and sensors and loads turn in gravity with the base."""
+    tilt: tuple[Turn, Turn, Turn] = (0.0, 0.0, 0.0)
+    """Of the base at rest, a rotation vector in its own axes [rad]: it turns gravity; sensors were zeroed level."""
+    planes: dict[str, fields.Length] = Field(default_factory=dict)
+    """How far out along its own z axis a body or the counter-mass of a site lies, beyond what the file says [m]."""
+    rotors: dict[str, Rotor] = Field(default_factory=dict)
+    """Of the motors, by joint."""
+    floor: FloorLevel | None = None
+    """Vibration of the floor: as much as a curve of the generic vibration criteria allows in each band, 4 to 80 Hz."""
+    roughness: Roughness | None = None
+    modes: tuple[Mode, ...] = ()
+    """Elastic modes of the frame."""
+    errors: dict[str, SensorErrors] = Field(default_factory=dict)
+    """Of the sensors, by name."""
+
+
+TABLES: dict[str, type[Table]] = {
+    "mounts": Mount, "rotors": Rotor, "roughness": Roughness, "modes": Mode, "errors": SensorErrors,
+}  # fmt: skip
+"""Tables within ``[bench]``, by key."""

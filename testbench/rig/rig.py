@@ -12,7 +12,7 @@ from balance.errors import DataError
 
 from ..errors import RigError
 from . import sensors as kinds
-from .bench import Bench, Logger, Mount
+from .bench import TABLES, Bench, Logger
 from .columns import Column
 from .fields import Table
 from .messages import explain, suggestion
@@ -127,8 +127,8 @@ def _table_of(path: tuple[str | int, ...]) -> type[BaseModel]:
         if inner := [kinds.INNER[str(part)] for part in path if part in kinds.INNER]:
             return inner[-1]
         return next((kinds.KINDS[str(part)] for part in path if part in kinds.KINDS), Rig)
-    if path[:2] == ("bench", "mounts"):
-        return Mount
+    if path[:1] == ("bench",) and len(path) > 1:
+        return TABLES.get(str(path[1]), Bench)
     if path[:1] == ("loggers",):
         return Logger
     return Bench if path[:1] == ("bench",) else Rig
