@@ -1,29 +1,35 @@
-"""Working ahead: the next items are prepared in threads while this one is used."""
+"""Working ahead: the next items are read and prepared in threads while this one is used."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import TypeVar
+from typing import Any, TypeVar
 
 A = TypeVar("A")
 B = TypeVar("B")
 
-WORKERS = 3
+WORKERS = 2
 DEPTH = 4
 """Items in the air at once: what bounds the memory."""
+_END: Any = object()
 
 
 def in_order(prepare: Callable[[A], B], items: Iterable[A]) -> Iterator[B]:
-    """``map(prepare, items)``, prepared in threads a few items ahead; results in the order of the items."""
-    waiting: deque[Future[B]] = deque()
-    with ThreadPoolExecutor(WORKERS) as pool:
+    """``map(prepare, items)``: items are taken by one thread and prepared by others; results in their order."""
+    source = iter(items)
+    waiting: deque[Future[Any]] = deque()
+
+    def prepared(item: Future[Any]) -> object:
+        return _END if (found := item.result()) is _END else prepare(found)
+
+    with ThreadPoolExecutor(1) as reading, ThreadPoolExecutor(WORKERS) as pool:
         try:
-            for item in items:
-                waiting.append(pool.submit(prepare, item))
-                if len(waiting) >= DEPTH:
-                    yield waiting.popleft().result()
-            while waiting:
-                yield waiting.popleft().result()
+            while True:
+                while len(waiting) < DEPTH:
+                    waiting.append(pool.submit(prepared, reading.submit(next, source, _END)))
+                if (result := waiting.popleft().result()) is _END:
+                    return
+                yield result
         finally:
             for future in waiting:
                 future.cancel()

@@ -18,7 +18,7 @@ LONGEST_LINE = 4 << 20
 
 @dataclass(frozen=True)
 class Lines:
-    """Whole lines, each with its line feed; the file's line of the first; the rest after the last line feed.
+    """Whole lines, each with its line feed, and their count; the file's line of the first; the rest after the last one.
 
     ``rest`` is empty but in the file's last block, and there only if the last line has no end.
     """
@@ -27,16 +27,16 @@ class Lines:
     first: int
     rest: bytes = b""
     bytes_read: int = 0
+    count: int = 0
 
 
 def in_blocks(path: Path, encoding: Encoding, first_line: int, block_bytes: int = BLOCK_BYTES) -> Iterator[Lines]:
     """The lines from ``first_line`` (counted from 1) on, in blocks."""
     line, rest, bytes_read = 1, b"", 0
     for raw in _chunks(path, encoding, block_bytes):
-        data = rest + raw
         bytes_read += len(raw)
-        end = data.rfind(b"\n") + 1
-        whole, rest = data[:end], data[end:]
+        end = raw.rfind(b"\n") + 1
+        whole, rest = b"".join((rest, memoryview(raw)[:end])) if end else b"", raw[end:] if end else rest + raw
         if len(rest) > LONGEST_LINE:
             raise too_long(path, line + count_lines(whole))
         skipped = 0
@@ -44,8 +44,9 @@ def in_blocks(path: Path, encoding: Encoding, first_line: int, block_bytes: int 
             line, skipped = line + 1, at + 1
         if skipped < len(whole):
             text = whole[skipped:] if skipped else whole
-            yield Lines(text, line, bytes_read=bytes_read)
-            line += count_lines(text)
+            count = count_lines(text)
+            yield Lines(text, line, bytes_read=bytes_read, count=count)
+            line += count
     if rest:
         yield Lines(b"", line, rest, bytes_read)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from .encoding import Encoding
 from .lines import Lines, in_blocks
 from .parse import Form
 from .rows import Piece, RowFilter
+from .swift import Swift
 from .tail import last_row
 
 
@@ -53,7 +55,8 @@ class Table:
         """Regular rows: as they stand where the whole block parses to finite numbers, else made regular."""
         before = b""
         blocks = in_blocks(self.path, self.encoding, self.first_data_line)
-        for block, plain, columns in in_order(self._parse, blocks):
+        parse = partial(self._parse, Swift.of(self.path, self.form, self.kept))
+        for block, plain, columns in in_order(parse, blocks):
             if block.rest:
                 plain, finding = last_row(self.form, self.form.plain(block.rest), before, block.first)
                 columns = None
@@ -67,9 +70,11 @@ class Table:
                 for piece in rows.pieces(plain, block.first):
                     yield replace(piece, bytes_read=block.bytes_read)
 
-    def _parse(self, block: Lines) -> tuple[Lines, bytes, list[Samples] | None]:
+    def _parse(self, swift: Swift | None, block: Lines) -> tuple[Lines, bytes, list[Samples] | None]:
         """The block as plain text, and its columns if every cell that is kept is a finite number."""
         plain = self.form.plain(block.text)
+        if swift is not None and plain and (swiftly := swift.columns(plain, block.count)) is not None:
+            return block, plain, swiftly
         columns = self.form.columns(plain) if plain else None
         regular = columns is not None and all(_finite(columns[j]) for j in self.kept)
         return block, plain, columns if regular else None

@@ -1,0 +1,68 @@
+"""Rows of a long log by a compiled loop, which is worth its start only there; all else goes the usual way."""
+
+import math
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...recording import Samples
+from . import native
+from .parse import Form
+
+LONG_BYTES = 50_000_000
+"""Size of a file from which the compiled loop saves more than its start costs [bytes]."""
+_PATIENCE_S = 0.5
+"""How long the first block waits for the loop: a kept one is there by then, one that is compiled anew is not."""
+_FEW = 32
+"""One cell in so many may be left to ``float()``; where there are more, the block goes the usual way."""
+
+
+class Swift:
+    """Parses blocks whose rows are plain numbers throughout; made ready in a thread meanwhile."""
+
+    def __init__(self, form: Form, kept: tuple[int, ...]) -> None:
+        self._form = form
+        self._kept = np.isin(np.arange(form.fields), kept).astype(np.uint8)
+        self._loop: Callable[..., int] | None = None
+        self._thread = threading.Thread(target=self._load, daemon=True)
+        self._thread.start()
+
+    @classmethod
+    def of(cls, path: Path, form: Form, kept: tuple[int, ...]) -> "Swift | None":
+        """One for the rows of a file that is long enough, in a form that the loop knows; else None."""
+        known = form.separator != " " and form.dialect.decimal in (".", ",")
+        return cls(form, kept) if known and path.stat().st_size >= LONG_BYTES else None
+
+    def _load(self) -> None:
+        self._loop = native.loop()
+
+    def columns(self, text: bytes, count: int) -> list[Samples] | None:
+        """The columns of so many whole lines, NaN in fields that are not kept; None if some cell is no plain number."""
+        if self._loop is None:
+            self._thread.join(_PATIENCE_S)
+        if self._loop is None or not text.endswith(b"\n"):
+            return None
+        columns = np.empty((self._form.fields, count))
+        left = np.empty((1 + columns.size // _FEW, 4), np.int64)
+        left[0] = 0
+        if self._rows(self._loop, text, columns, left) != count:
+            return None
+        columns[self._kept == 0] = np.nan
+        for begin, end, field, row in left[1 : 1 + left[0, 0]]:
+            columns[field, row] = value = float(text[begin:end].replace(b",", b"."))
+            if not math.isfinite(value):
+                return None
+        return list(columns)
+
+    def _rows(self, loop: Callable[..., int], text: bytes, columns: Samples, left: NDArray[np.int64]) -> int:
+        """How many rows the loop found, which are in ``columns`` then."""
+        fields, capacity = columns.shape
+        separator, mark = ord(self._form.separator), ord(self._form.dialect.decimal)
+        decimals, stops = np.zeros(fields, np.int64), np.zeros(fields, np.uint8)
+        return loop(
+            np.frombuffer(text, dtype=np.uint8).ctypes.data, len(text), separator, mark, self._kept.ctypes.data, fields,
+            columns.ctypes.data, capacity, left.ctypes.data, len(left) - 1, decimals.ctypes.data, stops.ctypes.data,
+        )  # fmt: skip

@@ -1,0 +1,72 @@
+"""Items read and prepared ahead, in their order."""
+
+import threading
+import time
+
+import pytest
+
+from testbench.readers.ahead import DEPTH, in_order
+
+
+def test_results_come_in_the_order_of_the_items():
+    """However long each takes to prepare."""
+
+    def slow(i):
+        time.sleep(0.01 if i % 3 == 0 else 0.0)
+        return i * i
+
+    assert list(in_order(slow, range(40))) == [i * i for i in range(40)]
+    assert list(in_order(slow, [])) == []
+
+
+def test_few_items_are_in_the_air():
+    """No more are taken than are soon needed: what bounds the memory."""
+    taken = []
+    results = in_order(lambda i: i, (taken.append(i) or i for i in range(100)))
+    for i, _ in zip(range(10), results, strict=False):
+        assert len(taken) <= i + DEPTH + 1
+    results.close()
+
+
+def test_items_are_taken_one_at_a_time():
+    """An iterator that would not bear two threads at once."""
+    inside = threading.Lock()
+
+    def items():
+        for i in range(50):
+            assert inside.acquire(blocking=False)
+            time.sleep(0.001)
+            inside.release()
+            yield i
+
+    assert list(in_order(lambda i: i, items())) == list(range(50))
+
+
+@pytest.mark.parametrize("where", ["items", "prepare"])
+def test_an_error_comes_at_its_place(where):
+    """Results before it are given, then the error."""
+
+    def items():
+        for i in range(20):
+            if where == "items" and i == 7:
+                raise ValueError("7")
+            yield i
+
+    def prepare(i):
+        if where == "prepare" and i == 7:
+            raise ValueError("7")
+        return i
+
+    results = in_order(prepare, items())
+    assert [next(results) for _ in range(7)] == list(range(7))
+    with pytest.raises(ValueError, match="7"):
+        next(results)
+
+
+def test_one_may_stop_early():
+    """Nothing is left running, and the items are closed."""
+    before = threading.active_count()
+    results = in_order(lambda i: i, range(10**6))
+    assert [next(results) for _ in range(3)] == [0, 1, 2]
+    results.close()
+    assert threading.active_count() == before
