@@ -111,12 +111,12 @@ class Ingest:
             if self.rig is not None:
                 recordings = [source.recording for source in sources]
                 sources[0].findings.extend(against_rig.findings(self.rig, recordings))
+                sources[0].findings.extend(against_rig.of_conditions(self.rig, planned.conditions or {}))
             everything = [finding for source in sources for finding in source.findings]
             if grave := refused(everything, self.accepted):
                 codes = ", ".join(dict.fromkeys(finding.code for finding in grave))
                 raise RecordingError(f"{planned.name}: refused for {codes}; --accept CODE stores it nevertheless")
-            for source in sources:
-                source.digested()
+            _refuse_twice([(source.digested(), source.path.name) for source in sources])
             rig = None if self.rig is None else self.rig.text
             writer.describe(origin, planned.conditions or {}, everything, self._provenance(sources), rig)
             writer.seal()
@@ -137,6 +137,7 @@ class Ingest:
             self.progress(block.bytes_read - done)
             done = block.bytes_read
         source.findings += against_rig.without_commanded(self.rig, source.recording, check.findings())
+        source.findings += against_rig.rates(self.rig, check.groups.values())
         if not any(group.samples for group in check.groups.values()):
             raise Refusal(source.path.name, Finding("no_data", None, None, "holds no sample that can be kept"))
         for group in check.groups.values():
@@ -169,6 +170,15 @@ def _origin(planned: PlannedRun, sources: Sequence[Source]) -> Origin:
     return "simulated" if simulated else planned.origin or "unstated"
 
 
+def _refuse_twice(digests: Sequence[tuple[str, str]]) -> None:
+    """Two files of one run that hold the same bytes are one recording."""
+    seen: dict[str, str] = {}
+    for sha256, name in digests:
+        if sha256 in seen:
+            raise RecordingError(f"{name}: holds the same bytes as {seen[sha256]}: one recording twice in one run")
+        seen[sha256] = name
+
+
 def _there(source: Source, run: str) -> Outcome:
     finding = Finding("already_stored", None, None, f"is stored already as {run}; nothing was written")
     origin = source.recording.origin
@@ -185,6 +195,7 @@ def _not_stored(planned: PlannedRun, sources: Sequence[Source], error: Exception
         elif not refused(findings):
             findings = (*findings, Finding("not_stored", None, None, str(error)))
         sha256 = sources[i].sha256 or None if i < len(sources) else None
-        origin = planned.origin or "unstated"
+        said = any(source.recording.origin == "simulated" for source in sources)
+        origin = "simulated" if said else planned.origin or "unstated"
         outcomes.append(Outcome(None, path.name, sha256, origin, "refused", findings, str(error)))
     return outcomes

@@ -94,12 +94,13 @@ def raw_unit(column: "Column", calibration: Calibration, written: str | None) ->
 
 def _law(run: "Run", column: "Column", calibration: Calibration) -> Law:
     try:
-        return check(column, calibration, lambda channel: _written(run, channel))
+        return check(column, calibration, lambda channel: written_unit(run, channel))
     except UnitError as error:
         raise AnalysisError(f"{run.name}: sensor {column.sensor}: {error}") from error
 
 
-def _written(run: "Run", channel: str) -> str | None:
+def written_unit(run: "Run", channel: str) -> str | None:
+    """The unit that the log of a run writes for a channel; None where it writes none."""
     group, index = run.find(channel)
     return group.channels[index].unit
 
@@ -108,8 +109,8 @@ def _factor(run: "Run", column: "Column") -> float:
     """SI per unit without a calibration; the log's unit and the rig's must agree where both are given."""
     from ..rig.fields import unit_factor
 
-    where, written = f"{run.name}: channel {column.channel!r}", _written(run, column.channel)
-    if written and column.unit and not units.same(written, column.unit):
+    where, written = f"{run.name}: channel {column.channel!r}", written_unit(run, column.channel)
+    if written and column.unit and column.stated and not units.same(written, column.unit):
         raise AnalysisError(f"{where} is in {written!r} by its log and in {column.unit!r} by the rig: correct one")
     unit = written or column.unit
     if not unit:

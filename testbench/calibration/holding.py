@@ -60,7 +60,8 @@ def of_runs(runs: "Iterable[Run]", rig: "Rig | None" = None) -> list[Holding]:
         if rig is None and run.rig is None:
             continue
         known = rig or rig_of(run)
-        for column in {c.sensor: c for c in known.columns()}.values():
+        recorded = [c for c in known.columns() if any(g.index(c.channel) is not None for g in run.groups)]
+        for column in {c.sensor: c for c in recorded}.values():
             if (held := of_column(run, column)) is not None:
                 key = (held.sensor, held.source, str(held.calibration))
                 before = found.get(key)

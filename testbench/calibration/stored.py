@@ -41,11 +41,7 @@ def write(campaign: Path, runs: Sequence[Path], sensor: str, calibration: Calibr
 
 def read(campaign: Path) -> tuple[Stored, ...]:
     """The calibrations of a campaign, oldest first. Raises StoreError, naming the file, for one that is damaged."""
-    folder = campaign / records.FOLDER
-    if not folder.is_dir():
-        return ()
-    state = tuple(sorted((p.name, p.stat().st_mtime_ns, p.stat().st_size) for p in folder.glob("*.json")))
-    return _read(campaign.resolve(), state)
+    return _read(campaign.resolve(), _state(campaign)) if (campaign / records.FOLDER).is_dir() else ()
 
 
 def newest(run: Path, sensor: str) -> Stored | None:
@@ -53,7 +49,7 @@ def newest(run: Path, sensor: str) -> Stored | None:
     found = [stored for stored in read(run.parent) if stored.sensor == sensor and run.name in stored.runs]
     if not found:
         return None
-    if found[-1].runs[run.name] != digest.recorded(run):
+    if found[-1].record not in _about(run.resolve(), digest.recorded(run), _state(run.parent)):
         raise StoreError(
             f"{records.FOLDER}/{found[-1].record}: calibrates {sensor} in other bytes of {run.name} than those stored "
             f"now; if the new run is right, calibrate it: testbench calibrate {run} {sensor} ..."
@@ -61,9 +57,19 @@ def newest(run: Path, sensor: str) -> Stored | None:
     return found[-1]
 
 
+def _state(campaign: Path) -> tuple[Any, ...]:
+    """What changes when a record is added or touched, so that what is remembered is what is there."""
+    files = (campaign / records.FOLDER).glob("*.json")
+    return tuple(sorted((p.name, p.stat().st_mtime_ns, p.stat().st_size) for p in files))
+
+
+@lru_cache(maxsize=256)
+def _about(run: Path, sha256: str, state: tuple[Any, ...]) -> frozenset[str]:
+    return frozenset(record.name for record in records.about(run.parent, KIND, run))
+
+
 @lru_cache(maxsize=8)
 def _read(campaign: Path, state: tuple[Any, ...]) -> tuple[Stored, ...]:
-    """``state`` changes with the folder, so that what is remembered is what is there."""
     return tuple(_stored(record) for record in records.read(campaign, KIND))
 
 

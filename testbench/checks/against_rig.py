@@ -1,11 +1,13 @@
-"""A rig against the logs: channels that are missing, units that differ, the ranges of the sensors."""
+"""A rig against the logs: channels that are missing, units and rates that differ, the ranges of the sensors."""
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
 
 from .. import units
 from ..findings import Finding
 from ..recording import Channel, Recording, SensorRange
+from .groups import GroupCheck
+from .times import RATE_TOLERANCE
 
 if TYPE_CHECKING:
     from ..rig import Column, Rig
@@ -17,7 +19,8 @@ _FLAT = {"clipping_suspected", "constant_channel"}
 def ranges(rig: "Rig | None") -> dict[str, SensorRange]:
     """The range of each channel that the rig states, in the unit of the log."""
     columns = () if rig is None else rig.columns()
-    return {c.channel: SensorRange(c.range / c.factor, c.unit) for c in columns if c.range is not None}
+    limits = ((column, column.written_range()) for column in columns)
+    return {column.channel: SensorRange(limit, column.unit) for column, limit in limits if limit is not None}
 
 
 def without_commanded(rig: "Rig | None", recording: Recording, found: Iterable[Finding]) -> list[Finding]:
@@ -27,22 +30,46 @@ def without_commanded(rig: "Rig | None", recording: Recording, found: Iterable[F
     return [f for f in found if not (f.channel in names and f.code in _FLAT)]
 
 
+def rates(rig: "Rig | None", groups: Iterable[GroupCheck]) -> list[Finding]:
+    """Rates of the logs that are not those which the rig states for their loggers."""
+    found = []
+    for check in groups if rig is not None else ():
+        labels = {channel.label for channel in check.group.channels}
+        for name, logger in rig.loggers.items() if rig is not None else ():
+            stated = logger.rate if "rate" in logger.model_fields_set else None
+            if stated is None or check.rate_hz is None or abs(check.rate_hz / stated - 1.0) <= RATE_TOLERANCE:
+                continue
+            if rig is not None and any(column.channel in labels for column in rig.columns(name)):
+                message = f"loggers.{name}: rate {stated:g} Hz in the rig, {check.rate_hz:.6g} Hz in the log"
+                found.append(Finding("rate_contradicts_rig", None, None, f"{message}, which is taken"))
+    return found
+
+
+def of_conditions(rig: "Rig", conditions: Mapping[str, Any]) -> list[Finding]:
+    """Counter-masses that the sheet puts on sites which the rig's mechanism does not have."""
+    if rig.names is None:
+        return []
+    wrong = [rig.names.unknown("site", site) for site in conditions.get("counter_masses", {})]
+    return [Finding("unknown_site", None, None, f"the sheet's counter_masses: {text}") for text in wrong if text]
+
+
 def findings(rig: "Rig", recordings: Iterable[Recording]) -> list[Finding]:
     """Where the rig and the logs of one run differ. A logger of which the run holds no channel is not in the run."""
     channels = {c.label: c for r in recordings for g in r.groups for c in g.channels}
     found: list[Finding] = []
-    matched = 0
+    absent: list[Finding] = []
     for logger in rig.loggers:
         columns = list(rig.columns(logger))
         present = [column for column in columns if column.channel in channels]
-        matched += len(present)
         if present:
             found += [_missing(column, channels) for column in columns if column.channel not in channels]
-        found += [f for column in present for f in _unit(column, channels[column.channel])]
-    if not matched:
+        elif columns:
+            absent.append(_absent(logger, columns))
+        found += _units(present, channels)
+    if len(absent) == sum(any(rig.columns(logger)) for logger in rig.loggers):
         message = f"none of the rig's channels is in the log, which holds {_listed(channels)}"
-        found.append(Finding(_CODE, None, None, message))
-    return found
+        return [*found, Finding(_CODE, None, None, message)]
+    return found + absent
 
 
 def _missing(column: "Column", channels: Iterable[str]) -> Finding:
@@ -50,12 +77,66 @@ def _missing(column: "Column", channels: Iterable[str]) -> Finding:
     return Finding(_CODE, column.channel, None, message)
 
 
+def _absent(logger: str, columns: "Iterable[Column]") -> Finding:
+    names = ", ".join(dict.fromkeys(column.sensor for column in columns))
+    message = f"logger {logger} is not in this run: nothing is recorded of its sensors {names}"
+    return Finding("sensor_not_recorded", None, None, message)
+
+
+def _units(present: "Iterable[Column]", channels: Mapping[str, Channel]) -> list[Finding]:
+    """Units that the rig and the log give, and where a calibration leads from there."""
+    found: list[Finding] = []
+    calibrated = set()
+    for column in present:
+        if column.calibration is None:
+            found += _unit(column, channels[column.channel])
+        elif column.sensor not in calibrated and all(s.channel in channels for s in column.siblings):
+            calibrated.add(column.sensor)
+            found += _calibrated(column, channels)
+    return found
+
+
+def _calibrated(column: "Column", channels: Mapping[str, Channel]) -> list[Finding]:
+    from balance.errors import UnitError
+
+    from ..calibration.applied import check
+
+    assert column.calibration is not None
+    try:
+        check(column, column.calibration, lambda channel: channels[channel].unit)
+    except UnitError as error:
+        message = f"sensors.{column.sensor}.calibration: {error}"
+        return [Finding("calibration_contradiction", channels[column.channel].name, None, message)]
+    return []
+
+
 def _unit(column: "Column", channel: Channel) -> list[Finding]:
-    """The unit that the rig gives a channel against the one that the log writes; a log without units has no say."""
-    if channel.unit is None or units.same(channel.unit, column.unit):
+    """The unit that the rig states against the one that the log writes, and both against what is measured."""
+    if channel.unit and column.unit and column.stated and not units.same(channel.unit, column.unit):
+        message = f"sensors.{column.sensor}: unit {column.unit!r} in the rig, {channel.unit!r} in the log"
+        return [Finding(_CODE, channel.name, None, message)]
+    unit = channel.unit or column.unit
+    if not unit or _measures(unit, column.dimensions):
         return []
-    message = f"sensors.{column.sensor}: unit {column.unit!r} in the rig, {channel.unit!r} in the log"
+    from ..calibration.amounts import is_electrical
+
+    if is_electrical(unit):
+        message = f"is in {unit!r}, and sensors.{column.sensor} has no calibration: testbench calibrate adds one"
+        return [Finding("uncalibrated", channel.name, None, message)]
+    message = f"sensors.{column.sensor}: {unit!r} in the log is no {' or '.join(column.dimensions)}"
     return [Finding(_CODE, channel.name, None, message)]
+
+
+def _measures(unit: str, dimensions: tuple[str, ...]) -> bool:
+    from balance.errors import UnitError
+
+    from ..rig.fields import unit_factor
+
+    try:
+        unit_factor(unit, *dimensions)
+    except UnitError:
+        return False
+    return True
 
 
 def _listed(channels: Iterable[str]) -> str:

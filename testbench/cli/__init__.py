@@ -12,6 +12,7 @@ COMMANDS = {
     "verify": "Check every stored run against its digest.",
     "recover": "Save what a stopped ingest had acknowledged, and say what is lost.",
     "align": "The clocks of several loggers: offset and drift, with intervals.",
+    "calibrate": "Correct the calibration of a sensor: a dated record; the runs never change.",
     "export": "Write stored runs as CSV, Parquet, MAT, UFF or an RO-Crate.",
     "analyze": "How much the vibration amplitude fell.",
     "compare": "Analysed from logs, simulated and published, side by side.",

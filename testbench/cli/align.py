@@ -7,7 +7,7 @@ import click
 
 from balance.cli.console import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 
-from . import stored_runs
+from . import calibrations, stored_runs
 
 if TYPE_CHECKING:
     from ..clocks.run import RunClocks
@@ -69,7 +69,8 @@ def align(
     described = rigs.load(rig) if rig else None
     done: list[tuple[Path, RunClocks]] = []
     refused: list[str] = []
-    for run in stored_runs.opened(runs):
+    opened = stored_runs.opened(runs)
+    for run in opened:
         try:
             if pair:
                 one, other = _split(pair)
@@ -87,9 +88,12 @@ def align(
     records = [] if dry_run else _store(done)
     if as_json:
         rows = [row for _, found in done for row in found.as_rows()]
-        emit_json({"alignments": rows, "refused": refused, "records": [str(path) for path in records]})
+        held = calibrations.document(opened, described)
+        stored = [str(path) for path in records]
+        emit_json({"alignments": rows, "refused": refused, "records": stored, "calibrations": held})
     else:
         _print([found for _, found in done], refused, records)
+        calibrations.say(calibrations.held(opened, described))
     if not done:
         return EXIT_REFUSED
     return EXIT_WITH_FINDINGS if refused else 0

@@ -7,7 +7,7 @@ import click
 
 from balance.cli.console import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 
-from . import measuring
+from . import calibrations, measuring
 
 if TYPE_CHECKING:
     from ..reductions import Analysis, Reduction
@@ -35,15 +35,18 @@ def analyze(campaign: Path, metric: str, band: "Band | None", as_json: bool) -> 
     from ..store import open_campaign
 
     measure = measuring.measure(metric, band)
-    analysis = analyzed(open_campaign(campaign).runs, measure)
+    runs = open_campaign(campaign).runs
+    analysis = analyzed(runs, measure)
     if as_json:
         emit_json({
             "reductions": [reduction.as_dict() for reduction in analysis.reductions],
             "definition": str(measure),
             "findings": [finding.as_dict() for finding in analysis.findings],
+            "calibrations": calibrations.document(runs),
         })  # fmt: skip
     else:
         _print(campaign, analysis, str(measure))
+        calibrations.say(calibrations.held(runs))
     return EXIT_WITH_FINDINGS if analysis.findings else 0
 
 

@@ -7,7 +7,7 @@ import click
 
 from balance.cli.console import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 
-from . import measuring
+from . import calibrations, measuring
 
 if TYPE_CHECKING:
     from ..comparison import Comparison, Row
@@ -39,11 +39,13 @@ def compare(campaign: Path, table: str, mechanism: str | None, metric: str, band
 
     published = load(table)
     measure = measuring.measure(metric, band)
-    comparison = compared(open_campaign(campaign).runs, published, measure, mechanism)
+    runs = open_campaign(campaign).runs
+    comparison = compared(runs, published, measure, mechanism)
     if as_json:
-        emit_json(_document(comparison, published, str(measure)))
+        emit_json({**_document(comparison, published, str(measure)), "calibrations": calibrations.document(runs)})
     else:
         _print(campaign, comparison, published, str(measure))
+        calibrations.say(calibrations.held(runs))
     return EXIT_WITH_FINDINGS if comparison.findings else 0
 
 

@@ -7,6 +7,8 @@ import click
 
 from balance.cli.console import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 
+from . import calibrations
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -44,15 +46,17 @@ def identify(mechanism: str, runs: tuple[Path, ...], rig: str | None, figure: Pa
 
     model = Mechanism.load(mechanism)
     described = rigs.load(rig) if rig else None
-    result = identified([joint_record(open_run(path), model, described) for path in runs], model)
+    opened = [open_run(path) for path in runs]
+    result = identified([joint_record(run, model, described) for run in opened], model)
     if figure is not None:
         _draw(result, figure)
     if as_json:
         from ..identify.document import document
 
-        emit_json(document(result))
+        emit_json({**document(result), "calibrations": calibrations.document(opened, described)})
     else:
         print_result(result)
+        calibrations.say(calibrations.held(opened, described))
     return EXIT_WITH_FINDINGS if result.doubts() else 0
 
 

@@ -7,7 +7,7 @@ import click
 
 from balance.cli.console import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 
-from . import stored_runs
+from . import calibrations, stored_runs
 
 if TYPE_CHECKING:
     from ..clocks.mapping import ClockMap
@@ -67,9 +67,10 @@ def trim(
         opened, Mechanism.load(mechanism), site, plates, by, described, cutoff or CUTOFF_HZ, _stored(opened)
     )
     if as_json:
-        emit_json(result.as_dict())
+        emit_json({**result.as_dict(), "calibrations": calibrations.document(opened, described)})
     else:
         _print(result, stock)
+        calibrations.say(calibrations.held(opened, described))
     return EXIT_WITH_FINDINGS if result.doubts() else 0
 
 

@@ -1,5 +1,6 @@
 """A group of a stored run in pandas or xarray, with names and units; only the channels that are asked for are read."""
 
+import json
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +28,7 @@ def to_pandas(run: "Run", group: str | None, channels: Sequence[str] | None) -> 
     columns = [run.channel_at(where.name, i) for i in indices]
     frame = pandas.DataFrame(dict(enumerate(columns)), index=axis, copy=False)
     frame.columns = pandas.Index([where.channels[i].name for i in indices])
-    frame.attrs.update({"run": run.name, "group": where.name, "origin": run.origin, "units": units})
+    frame.attrs.update({**_about(run, where), "units": units})
     return frame
 
 
@@ -42,7 +43,14 @@ def to_xarray(run: "Run", group: str | None, channels: Sequence[str] | None) -> 
         for i in _asked(run, where, channels)
     }
     axis = {kind: (kind, index, {"units": "s"} if kind == layout.TIME else {})}
-    return xarray.Dataset(found, axis, {"run": run.name, "group": where.name, "origin": run.origin})
+    return xarray.Dataset(found, axis, _about(run, where))
+
+
+def _about(run: "Run", group: "StoredGroup") -> dict[str, Any]:
+    """Where the values are from, and by which calibrations they are in SI, a JSON text: netCDF holds no tables."""
+    about = {"run": run.name, "group": group.name, "origin": run.origin}
+    held = run.provenance.get("calibrations")
+    return about if held is None else {**about, "calibrations": json.dumps(held, ensure_ascii=False)}
 
 
 def _asked(run: "Run", group: "StoredGroup", channels: Sequence[str] | None) -> list[int]:

@@ -1,0 +1,67 @@
+"""A corrected calibration of a sensor in stored runs: checked against each of them, then recorded."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from balance.errors import UnitError
+
+from ..errors import RigError
+from ..pairing import rig_of
+from . import applied, stored
+from .document import Calibration
+
+if TYPE_CHECKING:
+    from ..rig import Column
+    from ..store import Run
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """What was recorded: the record, the runs that it is about, and those that do not hold the sensor."""
+
+    record: Path
+    runs: tuple[str, ...]
+    without: tuple[str, ...]
+
+
+def calibrate(runs: "Sequence[Run]", sensor: str, calibration: Calibration, reason: str) -> Corrected:
+    """Record a calibration of ``sensor`` in ``runs`` of one campaign. Nothing is recorded unless it fits all of them.
+
+    Raises RigError where a rig has no such sensor, no run holds its channels, or the units do not lead to what it
+    measures.
+    """
+    if not reason.strip():
+        raise RigError("a corrected calibration needs a reason, such as 'certificate 4711 of March'")
+    folders = {run.path.parent for run in runs}
+    if len(folders) != 1:
+        raise RigError("a record is about runs of one campaign: give each campaign a command of its own")
+    held: list[Run] = []
+    for run in runs:
+        columns = _columns(run, sensor)
+        if not any(group.index(column.channel) is not None for column in columns for group in run.groups):
+            continue
+        try:
+            applied.check(columns[0], calibration, partial(applied.written_unit, run))
+        except UnitError as error:
+            raise RigError(f"{run.name}: sensor {sensor}: {error}") from error
+        held.append(run)
+    if not held:
+        raise RigError(f"sensor {sensor}: none of the runs holds a channel of it")
+    record = stored.write(folders.pop(), [run.path for run in held], sensor, calibration, reason.strip())
+    names = tuple(run.name for run in held)
+    return Corrected(record, names, tuple(run.name for run in runs if run.name not in names))
+
+
+def _columns(run: "Run", sensor: str) -> "list[Column]":
+    from ..rig.messages import suggestion
+
+    sensors = rig_of(run).sensors
+    if sensor not in sensors:
+        known = ", ".join(sensors)
+        raise RigError(
+            f"{run.name}: its rig has no sensor {sensor!r}{suggestion(sensor, sensors)} (there are: {known})"
+        )
+    return list(sensors[sensor].columns(sensor))

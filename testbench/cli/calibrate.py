@@ -1,0 +1,174 @@
+"""``testbench calibrate``."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from balance.cli.console import emit_json, emit_table, json_option
+
+from .reading import plain
+
+if TYPE_CHECKING:
+    from ..calibration.document import Calibration
+    from ..calibration.holding import Holding
+    from ..calibration.stored import Stored
+    from ..store import Run
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  testbench calibrate campaign base_acc --sensitivity "10.2 mV/g" --reason "certificate of March"
+  testbench calibrate campaign/r001.h5 base_acc --sensitivity "x=10.2 mV/g" --sensitivity "y=9.9 mV/g" --reason "..."
+  testbench calibrate campaign kistler --sensitivity "3.9 pC/N" --amplifier "100 pC/V" --reason "range was 100 pC/V"
+  testbench calibrate campaign k6d40 --matrix cross.csv --raw mV/V --physical "F=N" --physical "M=N m" --reason "..."
+  testbench calibrate campaign load --polynomial 0,250,1.3 --raw V --physical N --reason "dead weights, 5 points"
+  testbench calibrate campaign --list
+\b
+Exit codes: 0 done, 1 refused (nothing recorded): no such sensor, units that do not lead to what it measures."""
+)
+@click.argument("words", metavar="CAMPAIGN|RUN... SENSOR", nargs=-1, required=True)
+@click.option("--sensitivity", multiple=True, metavar="[AXIS=]TEXT", help="Such as '10.2 mV/g' or 'Fx=3.9 pC/N'.")
+@click.option("--amplifier", multiple=True, metavar="[AXIS=]TEXT", help="Behind the sensor: '10 mV/pC' or '100 pC/V'.")
+@click.option("--offset", multiple=True, metavar="[AXIS=]TEXT", help="What it shows at zero: '2.5 V' or '-0.6 N'.")
+@click.option("--polynomial", metavar="C0,C1,...", help="Coefficients from --raw to --physical, the constant first.")
+@click.option(
+    "--matrix", type=click.Path(path_type=Path), metavar="FILE", help="CSV: a row a component, a column a channel."
+)
+@click.option("--raw", metavar="UNIT", help="The unit that a polynomial or matrix takes.")
+@click.option("--physical", multiple=True, metavar="[AXIS=]UNIT", help="The unit that it gives.")
+@click.option("--unit", metavar="UNIT", help="In which the logger wrote, where neither log nor rig says so.")
+@click.option("--date", metavar="YYYY-MM-DD", help="When the sensor was calibrated.")
+@click.option("--reference", metavar="TEXT", default="", help="Certificate, laboratory.")
+@click.option("--reason", metavar="TEXT", help="Why it is corrected; it must be given.")
+@click.option(
+    "--list", "listed", is_flag=True, help="Which calibration holds for which run, and all that were recorded."
+)
+@json_option
+def calibrate(words: tuple[str, ...], listed: bool, reason: str | None, as_json: bool, **given: Any) -> int:  # noqa: ANN401
+    """Correct the calibration of SENSOR in stored runs: a record in the campaign, dated, with a reason.
+
+    It holds from now on for those runs, before earlier records and the rig; the runs themselves never change. SENSOR is
+    called as in the rig.
+    """
+    if listed:
+        runs = _runs(words)
+        _list(runs, as_json)
+        return 0
+    if len(words) < 2:
+        raise click.UsageError("expected CAMPAIGN or RUN..., then SENSOR; or --list")
+    if not reason or not reason.strip():
+        raise click.UsageError("--reason is missing: a correction is recorded with why it was made")
+    calibration = _calibration(given)
+    from ..calibration.correct import calibrate as correct
+
+    done = correct(_runs(words[:-1]), words[-1], calibration, reason)
+    if as_json:
+        emit_json({
+            "record": str(done.record),
+            "sensor": words[-1],
+            "calibration": calibration.document(),
+            "reason": reason.strip(),
+            "runs": list(done.runs),
+            "runs_without_the_sensor": list(done.without),
+        })  # fmt: skip
+        return 0
+    click.echo(f"{words[-1]}: {calibration}, in {len(done.runs)} runs: {', '.join(done.runs)}.")
+    if done.without:
+        click.echo(f"Runs without this sensor: {', '.join(done.without)}.")
+    click.echo(f"Recorded in {plain(str(done.record))}.")
+    return 0
+
+
+def _runs(words: tuple[str, ...]) -> "list[Run]":
+    from . import stored_runs
+
+    paths = [Path(word) for word in words]
+    return stored_runs.opened([p if p.exists() else p.with_name(f"{p.name}.h5") for p in paths])
+
+
+def _calibration(given: dict[str, Any]) -> "Calibration":
+    """The calibration that the options describe. What pydantic says of it is said of the command line."""
+    from pydantic import ValidationError
+
+    from ..calibration.document import Calibration
+
+    table: dict[str, Any] = {name: _each(given[name], name) for name in ("sensitivity", "amplifier", "offset")}
+    table |= {name: given[name] for name in ("unit", "date", "reference")}
+    units = {"raw": given["raw"], "physical": _each(given["physical"], "physical")}
+    if (given["matrix"] or given["polynomial"]) and None in units.values():
+        raise click.UsageError("--matrix and --polynomial need --raw and --physical: the units that they take and give")
+    if given["polynomial"]:
+        table["polynomial"] = units | {"coefficients": given["polynomial"].split(",")}
+    elif not given["matrix"] and any(units.values()):
+        raise click.UsageError("--raw and --physical go with --matrix or --polynomial")
+    if given["matrix"]:
+        from ..calibration.matrixfile import read
+
+        table["matrix"] = units | {"rows": read(given["matrix"])}
+    try:
+        return Calibration.model_validate({key: value for key, value in table.items() if value is not None})
+    except ValidationError as error:
+        found = error.errors(include_url=False)[0]
+        place = " ".join(f"--{part}" for part in found["loc"][:1])
+        raise click.UsageError(f"{place} {found['msg'].removeprefix('Value error, ')}".strip()) from error
+
+
+def _each(texts: tuple[str, ...], option: str) -> str | dict[str, str] | None:
+    """``10.2 mV/g`` for all axes, or ``x=10.2 mV/g`` for each."""
+    if not texts:
+        return None
+    parts = [text.partition("=") for text in texts]
+    if len(parts) == 1 and not parts[0][1]:
+        return texts[0].strip()
+    if any(not equals or not axis.strip() for axis, equals, _ in parts):
+        raise click.UsageError(f"--{option}: expected one text for all axes, or AXIS=TEXT for each")
+    if len({axis.strip() for axis, _, _ in parts}) < len(parts):
+        raise click.UsageError(f"--{option}: an axis is given twice")
+    return {axis.strip(): text.strip() for axis, _, text in parts}
+
+
+def _list(runs: "list[Run]", as_json: bool) -> None:
+    from ..calibration import stored
+    from ..calibration.holding import of_runs
+
+    holding = of_runs(runs)
+    folders = dict.fromkeys(run.path.parent for run in runs)
+    names = {run.path.name for run in runs}
+    records = [record for folder in folders for record in stored.read(folder) if names & record.runs.keys()]
+    if as_json:
+        emit_json({"holds": [held.as_dict() for held in holding], "records": [_document(r, holding) for r in records]})
+        return
+    header = ["sensor", "calibration", "since", "reason", "runs"]
+    emit_table("Calibrations that hold", header, [_row(held) for held in holding], "" if holding else _NONE)
+    if records:
+        rows = [[r.written[:19], r.sensor, str(r.calibration), r.reason, _state(r, holding)] for r in records]
+        emit_table("Recorded", ["written (UTC)", "sensor", "calibration", "reason", ""], rows)
+
+
+_NONE = "none: what the logs hold is taken to be in the physical units that they write"
+
+
+def _row(held: "Holding") -> list[str]:
+    since = "rig" if held.written is None else held.written[:19]
+    return [held.sensor, str(held.calibration), since, held.reason or "", " ".join(held.runs)]
+
+
+def _state(record: "Stored", holding: "list[Holding]") -> str:
+    runs = [run for held in holding if held.source == record.record for run in held.runs]
+    if not runs:
+        return "superseded"
+    return f"holds for {' '.join(runs)}"
+
+
+def _document(record: "Stored", holding: "list[Holding]") -> dict[str, Any]:
+    return {
+        "record": record.record,
+        "written": record.written,
+        "sensor": record.sensor,
+        "calibration": record.calibration.document(),
+        "reason": record.reason,
+        "runs": [Path(name).stem for name in record.runs],
+        "holds_for": [run for held in holding if held.source == record.record for run in held.runs],
+    }

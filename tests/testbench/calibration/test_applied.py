@@ -1,0 +1,168 @@
+"""Raw values stay raw; what is computed on reading is what the sensor felt, by the rig or by a later record."""
+
+import hashlib
+import json
+
+import numpy as np
+import pytest
+
+from testbench import rig as rigs
+from testbench.calibration import applied
+from testbench.calibration.correct import calibrate
+from testbench.calibration.document import Calibration
+from testbench.channels import in_si
+from testbench.errors import AnalysisError, RigError, StoreError
+from testbench.ingest import Ingest
+from testbench.pairing import rig_of
+from testbench.runsheet import PlannedRun
+from testbench.store import open_campaign, open_run, records
+from testbench.wrench import shaking_wrench
+
+from . import volts
+
+
+def column(run, sensor="acc", index=0):
+    """A channel of a sensor, as the run's rig has it."""
+    return list(rig_of(run).sensors[sensor].columns(sensor))[index]
+
+
+def test_volts_stay_and_accelerations_are_computed(tmp_path):
+    """The dataset holds the logger's volts to the bit; in SI it is the acceleration that was put on."""
+    run = volts.stored(tmp_path, volts.HEAD + volts.SENSITIVITY)
+    assert run.channel("ch0")[0] == 2.5
+    values, rate = in_si(run, column(run))
+    assert rate == pytest.approx(1000.0)
+    np.testing.assert_allclose(values, volts.ACCELERATION, atol=1e-9)
+
+
+def test_the_unit_that_the_log_does_not_write(tmp_path):
+    """The rig's unit, or the calibration's, says it; where nobody does, it is refused at ingest and not guessed."""
+    rig = volts.HEAD + volts.SENSITIVITY
+    run = volts.stored(tmp_path, rig.replace("[sensors.acc]", '[sensors.acc]\nunit = "V"'), unit=None)
+    np.testing.assert_allclose(in_si(run, column(run))[0], volts.ACCELERATION, atol=1e-9)
+    (outcome,) = Ingest(tmp_path / "c2", rigs.load(rig)).run(PlannedRun("r1", (tmp_path / "r1.csv",)))
+    assert [f.code for f in outcome.findings if f.severity == 2] == ["calibration_contradiction"]
+    assert "neither in its log nor in the rig" in outcome.message or "no unit" in outcome.findings[-1].message
+
+
+@pytest.mark.parametrize(
+    ("unit", "calibration", "said"),
+    [
+        ("m/s^2", 'sensitivity = "100 mV/g"', "no acceleration"),
+        ("V", 'sensitivity = "4 pC/g"', "no acceleration"),
+        ("V", 'sensitivity = "100 mV/g"\nunit = "mV"', "correct one"),
+    ],
+)
+def test_a_calibration_that_contradicts_the_log(tmp_path, unit, calibration, said):
+    """It is found at ingest, with both sides."""
+    planned = PlannedRun("r1", (volts.log(tmp_path, unit=unit),))
+    rig = rigs.load(f"{volts.HEAD}[sensors.acc.calibration]\n{calibration}\n")
+    (outcome,) = Ingest(tmp_path / "c", rig).run(planned)
+    (found,) = [f for f in outcome.findings if f.code == "calibration_contradiction"]
+    assert outcome.status == "refused"
+    assert said in found.message
+
+
+def test_six_axes(tmp_path):
+    """The matrix gives back the six loads, in N and N m, also to the analysis of the shaking wrench."""
+    run = volts.stored(tmp_path, volts.HEAD + volts.SENSITIVITY + volts.SIX + volts.MATRIX)
+    for i in range(6):
+        np.testing.assert_allclose(in_si(run, column(run, "six", i))[0], volts.LOADS[i], atol=1e-7)
+    wrench = shaking_wrench(run, rig_of(run), preload=True)
+    for i, name in enumerate(volts.NAMES):
+        np.testing.assert_allclose(wrench.values[name], volts.LOADS[i], atol=1e-7)
+
+
+def test_a_matrix_goes_before_the_crosstalk_of_the_rig(tmp_path):
+    """The rig's crosstalk is not taken out a second time: a recorded matrix takes its place."""
+    rows = str((np.eye(6) + 0.1).tolist())
+    rig = volts.HEAD + volts.SENSITIVITY + volts.SIX + f'unit = "V"\ncrosstalk = {rows}\n'
+    run = volts.stored(tmp_path, rig)
+    matrix = {"raw": "V", "physical": {"F": "N", "M": "N m"}, "rows": volts.PER_VOLT.tolist()}
+    calibrate([run], "six", Calibration.model_validate({"matrix": matrix}), "delivered with the sensor")
+    wrench = shaking_wrench(run, rig_of(run), preload=True)
+    np.testing.assert_allclose(wrench.values["Mz"], volts.LOADS[5], atol=1e-7)
+    np.testing.assert_allclose(applied.loads(run, column(run, "six", 5)), volts.LOADS[5], atol=1e-7)
+
+
+def test_a_correction_is_a_later_record(tmp_path):
+    """From 100 to 50 mV/g: accelerations double, raw values, the run's bytes and the older record stay."""
+    run = volts.stored(tmp_path, volts.HEAD + volts.SENSITIVITY)
+    before = hashlib.sha256(run.path.read_bytes()).hexdigest()
+    first = calibrate([run], "acc", Calibration(sensitivity="200 mV/g", offset="2.5 V"), "typing error")
+    old = first.record.read_bytes()
+    np.testing.assert_allclose(in_si(run, column(run))[0], volts.ACCELERATION / 2.0, atol=1e-9)
+    calibrate([run], "acc", Calibration(sensitivity="50 mV/g", offset="2.5 V", date="2026-03-31"), "certificate 12")
+    np.testing.assert_allclose(in_si(run, column(run))[0], 2.0 * volts.ACCELERATION, atol=1e-9)
+    assert run.channel("ch0")[0] == 2.5
+    assert hashlib.sha256(run.path.read_bytes()).hexdigest() == before
+    assert first.record.read_bytes() == old
+    assert {state.status for state in open_campaign(run.path.parent).verify()} == {"intact"}
+
+
+def test_a_sensor_without_calibration_gets_one_later(tmp_path):
+    """Volts without a calibration are stored, flagged and refused by analyses, until a record says what they are."""
+    run = volts.stored(tmp_path, volts.HEAD)
+    assert [f.code for f in run.findings if f.severity == 1] == ["uncalibrated"]
+    with pytest.raises(AnalysisError, match="testbench calibrate"):
+        in_si(run, column(run))
+    calibrate([run], "acc", Calibration(sensitivity="100 mV/g", offset="2.5 V"), "sheet found")
+    np.testing.assert_allclose(in_si(run, column(run))[0], volts.ACCELERATION, atol=1e-9)
+
+
+def test_tables_in_si(tmp_path):
+    """``physical`` gives SI with its unit and says by which calibration; without it all is as recorded."""
+    run = volts.stored(tmp_path, volts.HEAD + volts.SENSITIVITY)
+    calibrate([run], "acc", Calibration(sensitivity="100 mV/g", offset="2.5 V"), "yearly")
+    raw, table = run.to_pandas(), run.to_pandas(physical=True)
+    assert (raw["ch0 (V)"].iloc[0], "calibrations" in raw.attrs) == (2.5, False)
+    np.testing.assert_allclose(table["ch0 (m/s^2)"], volts.ACCELERATION, atol=1e-9)
+    assert table.attrs["units"] == {"ch0 (m/s^2)": "m/s^2"} | {f"ch{i} (V)": "V" for i in range(1, 7)}
+    (held,) = json.loads(table.attrs["calibrations"])
+    assert (held["sensor"], held["calibration"], held["reason"]) == ("acc", "100 mV/g, offset 2.5 V", "yearly")
+    data = run.to_xarray(physical=True)
+    assert data["ch0"].attrs["units"] == "m/s^2"
+    np.testing.assert_array_equal(data["ch0"], table["ch0 (m/s^2)"])
+    np.testing.assert_array_equal(data["ch1"], run.channel("ch1"))
+
+
+@pytest.mark.parametrize(
+    ("sensor", "calibration", "said"),
+    [
+        ("acx", {"sensitivity": "1 mV/g"}, "did you mean 'acc'"),
+        ("acc", {"sensitivity": "1 mV/N"}, "no acceleration"),
+        ("acc", {"sensitivity": {"z": "1 mV/g"}}, "no component 'z'"),
+        ("acc", {"sensitivity": "1 mV/g", "unit": "mV"}, "correct one"),
+    ],
+)
+def test_a_correction_that_does_not_fit_is_not_recorded(tmp_path, sensor, calibration, said):
+    """It is refused before anything is written."""
+    run = volts.stored(tmp_path, volts.HEAD)
+    with pytest.raises(RigError, match=said):
+        calibrate([run], sensor, Calibration.model_validate(calibration), "why")
+    with pytest.raises(RigError, match="reason"):
+        calibrate([run], "acc", Calibration(sensitivity="1 mV/g"), " ")
+    assert not (run.path.parent / records.FOLDER).exists()
+
+
+@pytest.mark.parametrize(("old", "new"), [("100 mV", "900 mV"), ('"acc"', '"bcc"'), ("yearly", "daily"), ("}", "")])
+def test_a_damaged_record_is_refused(tmp_path, old, new):
+    """A digit that changed in a record is noticed, and the file named: no analysis goes on with it."""
+    run = volts.stored(tmp_path, volts.HEAD + volts.SENSITIVITY)
+    done = calibrate([run], "acc", Calibration(sensitivity="100 mV/g"), "yearly")
+    done.record.write_text(done.record.read_text("utf-8").replace(old, new), encoding="utf-8")
+    with pytest.raises(StoreError, match=done.record.name):
+        in_si(run, column(run))
+
+
+def test_a_record_about_other_bytes_is_refused(tmp_path):
+    """A run that was replaced under its name is not calibrated by what was recorded of the old one."""
+    run = volts.stored(tmp_path, volts.HEAD + volts.SENSITIVITY)
+    calibrate([run], "acc", Calibration(sensitivity="200 mV/g", offset="2.5 V"), "yearly")
+    for name in ("r1.h5", "r1.h5.sha256"):
+        (run.path.parent / name).unlink()
+    again = volts.stored(tmp_path, volts.HEAD + volts.SENSITIVITY + volts.SIX)
+    with pytest.raises(StoreError, match=r"other bytes of r1\.h5"):
+        in_si(again, column(again))
+    calibrate([again], "acc", Calibration(sensitivity="100 mV/g", offset="2.5 V"), "of the new run")
+    np.testing.assert_allclose(in_si(open_run(again.path), column(again))[0], volts.ACCELERATION, atol=1e-9)

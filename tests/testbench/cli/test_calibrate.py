@@ -1,0 +1,108 @@
+"""``testbench calibrate``: what is recorded, what holds since when, and that each command says what it applied."""
+
+import json
+
+import click
+import numpy as np
+import pytest
+
+from testbench.cli.calibrate import calibrate
+from testbench.cli.export import export
+from testbench.errors import AnalysisError, RigError
+from testbench.store import open_run
+
+from ..calibration import volts
+
+
+@pytest.fixture
+def campaign(tmp_path):
+    """Two runs of one bench, in volts."""
+    rig = volts.HEAD + volts.SENSITIVITY + volts.SIX
+    volts.stored(tmp_path, rig, name="r1")
+    volts.stored(tmp_path, rig, name="r2", first=2.6)
+    return tmp_path / "campaign"
+
+
+def said(capsys, *words):
+    """The document that a command prints."""
+    assert calibrate.main([*map(str, words), "--json"], standalone_mode=False) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_what_holds_and_since_when(campaign, capsys):
+    """The rig's at first; then the newest record for each run; older ones stay on the list."""
+    (held,) = said(capsys, campaign, "--list")["holds"]
+    assert (held["sensor"], held["from"], held["runs"]) == ("acc", "rig", ["r1", "r2"])
+    why = ("--reason", "certificate 12")
+    done = said(capsys, campaign, "acc", "--sensitivity", "90 mV/g", "--offset", "2.5 V", "--date", "2026-03-31", *why)
+    assert done["runs"] == ["r1", "r2"]
+    assert done["calibration"] == {"sensitivity": "90 mV/g", "offset": "2.5 V", "date": "2026-03-31"}
+    second = said(capsys, campaign / "r2", "acc", "--sensitivity", "x=80 mV/g", *why)
+    listed = said(capsys, campaign, "--list")
+    assert [(h["from"], h["runs"]) for h in listed["holds"]] == [
+        (done["record"].split("/")[-1], ["r1"]), (second["record"].split("/")[-1], ["r2"]),
+    ]  # fmt: skip
+    assert [r["holds_for"] for r in listed["records"]] == [["r1"], ["r2"]]
+    assert [r["reason"] for r in listed["records"]] == ["certificate 12"] * 2
+    assert calibrate.main([str(campaign), "--list"], standalone_mode=False) == 0
+    assert "holds for r1" in capsys.readouterr().out
+
+
+def test_a_matrix_of_a_file(campaign, tmp_path, capsys):
+    """Rows of numbers, with a comment and decimal commas; the loads come back."""
+    rows = [";".join(f"{value!r}".replace(".", ",") for value in row) for row in volts.PER_VOLT.tolist()]
+    (tmp_path / "cross.csv").write_text("# N/V and N m/V\n" + "\n".join(rows) + "\n")
+    units = ("--raw", "V", "--physical", "F=N", "--physical", "M=N m", "--reason", "sheet")
+    said(capsys, campaign, "six", "--matrix", tmp_path / "cross.csv", *units)
+    run = open_run(campaign / "r1.h5").physical()
+    np.testing.assert_allclose(run.channel("ch6"), volts.LOADS[5], atol=1e-7)
+    (tmp_path / "cross.csv").write_text("1,2,x\n")
+    with pytest.raises(RigError, match=r"cross\.csv, line 1: 'x' is no number"):
+        said(capsys, campaign, "six", "--matrix", tmp_path / "cross.csv", *units)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["acc", "--sensitivity", "1 mV/g"], "--reason is missing"),
+        (["acc", "--reason", "x"], "expected one of sensitivity"),
+        (["acc", "--sensitivity", "1 mV/g", "--polynomial", "0,1", "--raw", "V", "--physical", "N", "--reason", "x"],
+         "expected one of"),
+        (["acc", "--polynomial", "0,1", "--reason", "x"], "need --raw and --physical"),
+        (["acc", "--polynomial", "0,y", "--raw", "V", "--physical", "N", "--reason", "x"], "--polynomial"),
+        (["acc", "--sensitivity", "1 mV/g", "--date", "31.3.26", "--reason", "x"], "such as 2026-03-31"),
+        (["acc", "--sensitivity", "x=1 mV/g", "--sensitivity", "2 mV/g", "--reason", "x"], "AXIS=TEXT"),
+        (["acc", "--sensitivity", "1 mV/g", "--physical", "N", "--reason", "x"], "go with --matrix"),
+        ([], "then SENSOR"),
+    ],
+)  # fmt: skip
+def test_a_wrong_command_line(campaign, words, message):
+    """What is wrong is named, and nothing is recorded."""
+    with pytest.raises(click.UsageError, match=message):
+        calibrate.main([str(campaign), *words], standalone_mode=False)
+    assert not (campaign / "records").exists()
+
+
+def test_export_in_si_says_by_what(tmp_path, capsys):
+    """Values, unit and calibration are in the table; as recorded, neither; a crate holds runs as they are."""
+    campaign = volts.stored(tmp_path, volts.HEAD + volts.SENSITIVITY).path.parent
+    words = [str(campaign / "r1.h5"), "--to", "csv", "--json"]
+    assert export.main([*words, "-o", str(tmp_path / "si"), "--physical"], standalone_mode=False) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert [h["from"] for h in document["calibrations"]] == ["rig"]
+    text = (tmp_path / "si" / "r1.csv").read_text("utf-8")
+    assert "ch0 (m/s^2)" in text
+    assert "100 mV/g, offset 2.5 V" in text
+    assert export.main([*words, "-o", str(tmp_path / "raw")], standalone_mode=False) == 0
+    assert json.loads(capsys.readouterr().out)["calibrations"] == []
+    assert "ch0 (V)" in (tmp_path / "raw" / "r1.csv").read_text("utf-8")
+    with pytest.raises(click.UsageError, match="crate"):
+        export.main([str(campaign), "--to", "ro-crate", "-o", str(tmp_path), "--physical"], standalone_mode=False)
+
+
+def test_raw_values_are_not_exported_as_physical(campaign, tmp_path):
+    """A sensor without a calibration has no value in SI: refused, with what to do."""
+    words = [str(campaign / "r1.h5"), "--to", "csv", "-o", str(tmp_path / "si"), "--physical"]
+    with pytest.raises(AnalysisError, match=r"ch1.*testbench calibrate"):
+        export.main(words, standalone_mode=False)
+    assert not list((tmp_path / "si").iterdir())
