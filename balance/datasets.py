@@ -26,4 +26,5 @@ def find(name: str | Path, folder: str, *suffixes: str) -> Path:
         if path.name == str(name) and shipped.is_file():
             return shipped
     known = ", ".join(n for suffix in suffixes for n in names(folder, suffix))
-    raise DataError(f"{name}: no such file, and no shipped one of that name in {folder} (there are: {known})")
+    said = str(name) or "''"
+    raise DataError(f"{said}: no such file, and no shipped one of that name in {folder} (there are: {known})")

@@ -59,12 +59,24 @@ def parse(text: str, dimension: str) -> float:
     match = _QUANTITY.fullmatch(text)
     if match is None:
         raise UnitError(f"{text!r} is no {dimension}: expected a number and a unit, such as '1 {expected}'")
+    if match[2].startswith(","):
+        raise UnitError(_with_comma(text))
     if not match[2]:
         raise UnitError(f"{text!r} has no unit: write for example '{match[1]} {expected}'")
     value = float(match[1]) * factor_to_si(match[2], dimension)
     if not math.isfinite(value):
         raise UnitError(f"{text!r} is beyond all bounds: expected a finite number")
     return value
+
+
+def _with_comma(text: str) -> str:
+    """What to write instead of a number with a comma, which may be of decimals or of thousands."""
+    plain = text.strip()
+    if match := re.fullmatch(r"([+-]?[0-9]+),([0-9]+)(\D.*)?", plain):
+        decimal = f"{match[1]}.{match[2]}{match[3] or ''}"
+        of_thousands = f", or '{match[1]}{match[2]}{match[3] or ''}'" if len(match[2]) == 3 else ""
+        return f"{plain!r} has a comma: write '{decimal}'{of_thousands}"
+    return f"{plain!r} has a comma: write numbers with a decimal point and without marks of thousands"
 
 
 def factor_to_si(unit: str, dimension: str) -> float:

@@ -3,6 +3,7 @@
 import json
 import re
 import sys
+from collections.abc import Sequence
 from importlib import import_module
 from typing import Any, NoReturn
 
@@ -48,6 +49,7 @@ class LazyGroup(click.Group):
 def run(group: click.Group, name: str) -> NoReturn:
     """Run a command; errors of the user's input become one message and an exit code, without a traceback."""
     try:
+        refuse_empty(sys.argv[1:])
         code = group.main(prog_name=name, standalone_mode=False)
     except click.ClickException as error:
         error.show()
@@ -65,6 +67,16 @@ def run(group: click.Group, name: str) -> NoReturn:
         click.echo(": ".join([name, *filter(None, [error.filename]), error.strerror or str(error)]), err=True)
         code = EXIT_REFUSED
     sys.exit(code or 0)
+
+
+def refuse_empty(arguments: Sequence[str]) -> None:
+    """Refuse a command line with an empty argument, as a shell's unset variable leaves it: no name is empty."""
+    for i, argument in enumerate(arguments):
+        if not argument.strip():
+            after = f"after {arguments[i - 1]!r} " if i else ""
+            raise click.UsageError(
+                f"an empty argument {after}is no name and no value; is a variable of the shell unset?"
+            )
 
 
 def emit_json(document: dict[str, Any]) -> None:

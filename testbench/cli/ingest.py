@@ -49,6 +49,7 @@ def ingest(
 
     if unknown := [code for code in accept if code not in MEANING]:
         raise click.UsageError(f"--accept {unknown[0]}: no such code; `testbench info FILE` names those of a file")
+    reading.refuse_patterns(files)
     outcomes = _ingest(files, _rig(rig), sheet, campaign, accept, text)
     if as_json:
         emit_json({"runs": [outcome.as_dict() for outcome in outcomes]})

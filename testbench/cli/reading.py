@@ -2,6 +2,7 @@
 
 import unicodedata
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -40,6 +41,16 @@ def read_options(
         None if decimal is None else _DECIMALS[decimal],
         header,
     )
+
+
+def refuse_patterns(files: Iterable[Path]) -> None:
+    """Refuse patterns such as ``*.csv`` that the shell handed on because no file matches them."""
+    from ..errors import RecordingError
+    from ..readers.registry import missing
+
+    for file in files:
+        if any(sign in str(file) for sign in "*?") and not file.exists():
+            raise RecordingError(missing(file))
 
 
 def exit_code(findings: Iterable["Finding"], accepted: Iterable[str] = ()) -> int:

@@ -1,7 +1,7 @@
 """First bytes of formats that are not text, so that a refused file can be called by its name."""
 
 _MAGIC = {
-    b"PK\x03\x04": "a ZIP archive (perhaps an .xlsx workbook)",
+    b"PK\x03\x04": "a ZIP archive",
     b"\x1f\x8b": "gzip-compressed",
     b"7z\xbc\xaf\x27\x1c": "a 7-Zip archive",
     b"Rar!": "a RAR archive",
@@ -27,8 +27,29 @@ _MAGIC = {
 }
 
 
+_WORKBOOK = (b"[Content_Types].xml", b"xl/", b"_rels/.rels")
+_TO_DO = {
+    "an .xlsx workbook": "save its sheet as CSV",
+    "an old Office document (perhaps an .xls workbook)": "save its sheet as CSV",
+    "a ZIP archive": "unpack it and give the log inside",
+    "gzip-compressed": "unpack it and give the log inside",
+    "a 7-Zip archive": "unpack it and give the log inside",
+    "a RAR archive": "unpack it and give the log inside",
+    "bzip2-compressed": "unpack it and give the log inside",
+    "xz-compressed": "unpack it and give the log inside",
+    "zstd-compressed": "unpack it and give the log inside",
+}
+
+
+def to_do(kind: str | None) -> str:
+    """What a person can do with a file of a kind that is not read; empty if nothing is known."""
+    return _TO_DO.get(kind or "", "")
+
+
 def known_as(head: bytes) -> str | None:
     """The name of the format that begins with these bytes, if it is one of the above."""
+    if head.startswith(b"PK\x03\x04") and any(part in head for part in _WORKBOOK):
+        return "an .xlsx workbook"
     for magic, name in _MAGIC.items():
         if head.startswith(magic):
             return name

@@ -9,7 +9,7 @@ from pathlib import Path
 from ..errors import RecordingError
 from ..findings import Finding, Refusal
 from ..recording import Recording
-from .magic import known_as
+from .magic import known_as, to_do
 
 ENTRY_POINTS = "counterpoise.readers"
 BUILT_IN = (
@@ -77,7 +77,8 @@ def find_reader(path: Path) -> Reader:
             if path.suffix.lower() in reader.extensions:
                 return reader
     formats = ", ".join(reader.name for reader in known)
-    found = f"the content is {kind or 'of no format that is known'}; can be read: {formats}"
+    advice = to_do(kind) or f"can be read: {formats}"
+    found = f"the content is {kind or 'of no format that is known'}; {advice}"
     raise Refusal(path.name, Finding("not_text" if kind is None else "other_format", None, None, found))
 
 
@@ -94,4 +95,11 @@ def _head(path: Path) -> bytes:
         with path.open("rb") as stream:
             return stream.read(HEAD_BYTES)
     except FileNotFoundError as error:
-        raise RecordingError(f"{path}: no such file; expected a log file") from error
+        raise RecordingError(missing(path)) from error
+
+
+def missing(path: Path) -> str:
+    """That there is no file at ``path``; a pattern that the shell left as it was matched none."""
+    if any(sign in str(path) for sign in "*?["):
+        return f"{path}: no file matches; expected a log file"
+    return f"{path}: no such file; expected a log file"

@@ -30,7 +30,7 @@ def test_quantities(text: str, dimension: str, value: float) -> None:
 
 BAD = {
     "5": "has no unit", "": "no mass", "kg": "no mass", "5 m": "not a unit of mass", "5 kgg": "not a known unit",
-    "5,5 kg": "not a known unit", "nan kg": "no mass", "inf kg": "no mass", "1_000 kg": "not a known unit",
+    "5,5 kg": "has a comma", "nan kg": "no mass", "inf kg": "no mass", "1_000 kg": "not a known unit",
     "1e999 kg": "beyond all bounds", "5 kg kg": "not a unit of mass", "\N{ARABIC-INDIC DIGIT FIVE} kg": "no mass",
     "5 g0": "not a unit of mass", "1 m; 2 m": "not a known unit", "0x10 kg": "not a", "5 1kg": "not a known unit",
 }  # fmt: skip
@@ -101,3 +101,19 @@ def test_revolutions_a_minute() -> None:
     """rev/min and rpm are turns a minute."""
     assert parse("60 rev/min", "angular velocity") == pytest.approx(6.283185307179586, rel=1e-15)
     assert parse("60 rpm", "angular velocity") == pytest.approx(6.283185307179586, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("1,5kg", "write '1.5kg'"),
+        ("-0,25 kg", "write '-0.25 kg'"),
+        ("1,500kg", "write '1.500kg', or '1500kg'"),
+        ("1.500,5kg", "with a decimal point and without marks of thousands"),
+    ],
+)
+def test_a_comma_is_said_with_what_to_write(text: str, said: str) -> None:
+    """A decimal comma is refused by what to write instead, and no mark of thousands is taken for one."""
+    with pytest.raises(UnitError, match="has a comma") as refused:
+        parse(text, "mass")
+    assert said in str(refused.value)

@@ -1,9 +1,11 @@
 """Which encoding a text is in: by its mark, else UTF-8 if it is valid, else by the letters that it would hold."""
 
+import re
 from dataclasses import dataclass
 
 from ..magic import known_as
 
+_NUL_RUN = re.compile(rb"\0{16,}")
 _MARKS = (
     (b"\xef\xbb\xbf", "utf-8"),
     (b"\xff\xfe\x00\x00", "utf-32-le"),
@@ -57,9 +59,15 @@ def _without_mark(head: bytes) -> Encoding | None:
     return Encoding(name, 0, "every other byte is zero, and there is no byte order mark")
 
 
+def without_nul_runs(head: bytes) -> bytes:
+    """The bytes without long runs of NUL, as a logger leaves them in a text when its power fails."""
+    return _NUL_RUN.sub(b"", head)
+
+
 def _looks_binary(head: bytes) -> bool:
+    head = without_nul_runs(head)
     control = sum(head.count(c) for c in range(32) if c not in b"\t\n\r\f\x1a\x00")
-    return control > 0.005 * len(head) or head.count(0) > 0.3 * len(head)
+    return not head or control > 0.005 * len(head) or head.count(0) > 0.3 * len(head)
 
 
 def _is_utf8(head: bytes) -> bool:

@@ -36,7 +36,7 @@ def take(path: Path, given: str | None = None) -> Sample:
         raise Refusal(path.name, Finding("empty_file", None, None, "the file is empty (0 bytes)"))
     encoding = _given(path, head, given) if given else encodings.detect(head)
     if encoding is None:
-        kind = known_as(head) or "binary"
+        kind = known_as(head) or ("nothing but NUL bytes" if not head.strip(b"\0") else "binary")
         raise Refusal(path.name, Finding("not_text", None, None, f"expected text, the content is {kind}"))
     lines = _decoded(path, head[encoding.mark :], encoding).replace("\r\n", "\n").replace("\r", "\n").split("\n")
     if more and len(lines[-1]) > LONGEST_LINE // 2:

@@ -1,0 +1,95 @@
+"""Files and names as people give them by mistake: one clear message, and never a traceback."""
+
+import gzip
+import json
+import sys
+import zipfile
+
+import pytest
+
+from testbench.cli import main
+
+ROWS = "Time (s),F [N]\n" + "".join(f"{i / 100:.2f},{i * 1.5:.2f}\n" for i in range(200))
+
+
+@pytest.fixture
+def command(monkeypatch, capsys, tmp_path):
+    """Run the command in an empty folder; its exit code, stdout and stderr."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["testbench", *map(str, words)])
+        with pytest.raises(SystemExit) as stop:
+            main()
+        out, err = capsys.readouterr()
+        return stop.value.code, out, err
+
+    return run
+
+
+def workbook(path):
+    """What a spreadsheet saves."""
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("[Content_Types].xml", "")
+        file.writestr("xl/workbook.xml", "")
+
+
+def archive(path):
+    """An archive with a log in it."""
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("run.csv", ROWS)
+
+
+CONTENTS = {
+    "a workbook": (workbook, "save its sheet as CSV"),
+    "a ZIP archive": (archive, "unpack it and give the log inside"),
+    "gzip": (lambda path: path.write_bytes(gzip.compress(ROWS.encode())), "unpack it and give the log inside"),
+    "NUL bytes": (lambda path: path.write_bytes(bytes(5000)), "nothing but NUL bytes"),
+    "a header alone": (lambda path: path.write_text("Time (s),F [N]"), "no row of numbers"),
+    "a web page": (lambda path: path.write_text("<html><body>404</body></html>\n"), "no row of numbers"),
+    "nothing": (lambda path: path.write_bytes(b""), "the file is empty"),
+    "a folder": (lambda path: path.mkdir(), "is a folder; expected a log file"),
+    "one endless line": (lambda path: path.write_bytes(b"1" * 50_000_000), "longer than 4 MiB"),
+    "an endless line below rows": (lambda path: path.write_bytes(ROWS.encode() + b"1," * 25_000_000), "line 202"),
+}
+
+
+@pytest.mark.parametrize("name", CONTENTS)
+def test_what_is_no_log_is_refused_by_what_it_is(command, tmp_path, name):
+    """One line that names the file and says what to do; exit code 1; as JSON one document."""
+    make, said = CONTENTS[name]
+    make(tmp_path / "run.csv")
+    code, out, err = command("info", "run.csv")
+    assert (code, out) == (1, "")
+    assert err.startswith("testbench: run.csv")
+    assert said in err
+    assert err.count("\n") == 1
+    if name != "a folder":
+        code, out, _ = command("info", "run.csv", "--json")
+        assert (code, len(json.loads(out)["findings"])) == (1, 1)
+
+
+@pytest.mark.parametrize("words", [["info", "*.csv"], ["ingest", "*.csv", "-o", "campaign"]])
+def test_a_pattern_that_matches_nothing(command, tmp_path, words):
+    """The shell hands it on as it is; no run of that name is tried."""
+    code, _, err = command(*words)
+    assert (code, err) == (1, "testbench: *.csv: no file matches; expected a log file\n")
+    assert not (tmp_path / "campaign").exists()
+
+
+@pytest.mark.parametrize("words", [["info", ""], ["ingest", "run.csv", "-o", ""], ["list", " "]])
+def test_an_empty_argument_is_a_wrong_command_line(command, words):
+    """An unset variable of the shell is no folder and no file."""
+    code, _, err = command(*words)
+    assert code == 2
+    assert "an empty argument" in err
+
+
+def test_rows_before_a_power_failure(command, tmp_path):
+    """A small text that ends in more NUL bytes than letters is a text, found cut by the failure."""
+    (tmp_path / "run.csv").write_bytes(ROWS.encode() + bytes(8192))
+    code, out, _ = command("info", "run.csv", "--json")
+    found = json.loads(out)
+    assert code == 1
+    assert found["groups"][0]["samples"] == 200
+    assert [f["where"] for f in found["findings"] if f["code"] == "nul_bytes"] == ["line 202"]
