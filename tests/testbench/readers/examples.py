@@ -23,6 +23,13 @@ def csv(path):
     path.write_text("Time (s),F [N]\n" + "".join(f"{t:.6f},{x:.6f}\n" for t, x in zip(TIME, WAVE, strict=True)))
 
 
+def times(path):
+    """Date and time of day in two columns through midnight, and marks of thousands."""
+    stamps = [f"{7 + i // 100:02d}.03.2024;{'23:59:59' if i < 100 else '00:00:00'}.{i % 100:02d}" for i in range(200)]
+    values = [f"{1000 * x:,.2f}".replace(",", " ") for x in WAVE * 3]
+    path.write_text("Date;Time;F [N]\n" + "".join(f"{s};{x}\n" for s, x in zip(stamps, values, strict=True)))
+
+
 def forces(path):
     """Cortex."""
     rows = "".join(f"{i}\t{x:.2f}\t0.00\t\n" for i, x in enumerate(WAVE, 1))
@@ -151,7 +158,8 @@ def bag(path):
 
 IN_PROCESS = {
     "run.csv": csv, "run.forces": forces, "run.lvm": lvm, "run.uff": uff, "run.mat": mat5, "packed.mat": mat5_packed,
-    "old.mat": mat4, "run.tdms": tdms, "run.mf4": mdf, "run.mdf": mdf3, "packed.mf4": mdf_packed, "run.c3d": c3d, "run.wav": wav,
+    "old.mat": mat4, "run.tdms": tdms, "run.mf4": mdf, "run.mdf": mdf3, "packed.mf4": mdf_packed,
+    "run.c3d": c3d, "run.wav": wav, "times.csv": times,
 }  # fmt: skip
 ISOLATED = {"run.parquet": parquet, "run.h5": hdf5, "new.mat": mat73, "run.mcap": mcap, "run.bag": bag}
 ALL = IN_PROCESS | ISOLATED

@@ -1,6 +1,6 @@
 """Damaged files of every format: a recording or a clear error, and never a crash, a hang, or memory without end.
 
-``COUNTERPOISE_FUZZ`` sets how many damaged copies of each example are read; a long campaign takes some thousands.
+``COUNTERPOISE_FUZZ`` sets how many damaged copies of each example are read; ``fuzz.py`` beside is the long campaign.
 """
 
 import os
@@ -72,7 +72,7 @@ def test_damaged_public_recordings_are_read_or_refused(tmp_path, name):
     _all_of(path, max(6, CASES // 10), seed=3)
 
 
-_GROWS = {"run.csv", "run.c3d"}
+_GROWS = {"run.csv", "times.csv", "run.c3d"}
 """Formats that a cut may leave whole: rows without a declared count; bytes behind the last frame that only fill up."""
 
 
