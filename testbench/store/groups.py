@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..recording import Channel, Group, Samples, TimeColumn, UniformClock
-from . import layout
+from . import chunks, layout
 from .journal import Piece
 
 if TYPE_CHECKING:
@@ -60,8 +60,11 @@ class GroupWriter:
             chunk = CHUNK if count >= CHUNK else max(1, count)
             self._datasets = [_dataset(self.node, key, chunk) for key in self.keys]
         for dataset, waiting in zip(self._datasets, self._waiting, strict=True):
-            samples = waiting[0] if len(waiting) == 1 else np.concatenate([np.empty(0), *waiting])
             dataset.resize((self._written + count,))
+            if chunks.are_possible(dataset, count):
+                waiting[:] = chunks.write(dataset, self._written, waiting, count)
+                continue
+            samples = waiting[0] if len(waiting) == 1 else np.concatenate([np.empty(0), *waiting])
             dataset[self._written : self._written + count] = samples[:count]
             waiting[:] = [samples[count:]]
             dataset.flush()
