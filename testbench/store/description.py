@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import StoreError
 from ..recording import Channel, Clock, Conditions, Origin, TimeColumn, UniformClock
-from . import layout, safe
+from . import forms, layout, safe
+from .forms import Decimals, Form
 
 if TYPE_CHECKING:
     import h5py
@@ -52,10 +53,14 @@ def _group(writer: "GroupWriter") -> dict[str, Any]:
         "rate_source": writer.rate_source,
         "clock": _clock(writer.group.clock),
         "channels": [
-            {"key": key, "name": channel.name, "label": channel.label, "unit": channel.unit}
-            for key, channel in zip(writer.keys, writer.group.channels, strict=True)
+            {"key": key, "name": channel.name, "label": channel.label, "unit": channel.unit, **_form(form)}
+            for key, channel, form in zip(writer.keys, writer.group.channels, writer.forms, strict=True)
         ],
     }
+
+
+def _form(form: Form) -> dict[str, Any]:
+    return {"whole": form.as_dict()} if isinstance(form, Decimals) else {}
 
 
 def _clock(clock: Clock | None) -> dict[str, Any] | None:
@@ -76,3 +81,8 @@ def clock(document: Mapping[str, Any] | None) -> Clock | None:
 def channels(document: Iterable[Mapping[str, Any]]) -> tuple[Channel, ...]:
     """The channels of a group, from its part of the description."""
     return tuple(Channel(str(c["name"]), c["unit"], str(c["label"])) for c in document)
+
+
+def whole_numbers(document: Iterable[Mapping[str, Any]]) -> tuple[Decimals | None, ...]:
+    """How channels are kept as whole numbers; None for each that is float64."""
+    return tuple(forms.from_dict(channel.get("whole")) for channel in document)

@@ -83,7 +83,7 @@ def _read(handle: int, places: Sequence[int], values: Samples, written: NDArray[
 
 
 def _fill(handle: int, buffers: Sequence[NDArray[Any]], at: int) -> None:
-    views = [memoryview(buffer).cast("B") for buffer in buffers]
+    views = [buffer.data.cast("B") for buffer in buffers]
     while views:
         count = os.preadv(handle, views, at)
         if not count:

@@ -5,9 +5,11 @@ from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..recording import Channel, Group, Samples, TimeColumn, UniformClock
 from . import chunks, layout
+from .forms import COMPRESSED, PLAIN, Decimals, Form, minus_bits
 from .journal import Piece
 
 if TYPE_CHECKING:
@@ -26,12 +28,21 @@ class GroupWriter:
     """The samples of one group, gathered to whole chunks and written.
 
     ``acknowledge`` is told where the chunks of each channel lie, once they do; ``writing`` puts failures in words.
+    ``forms`` says how the samples of each channel are stored; without it as they are.
     """
 
     def __init__(
-        self, node: "h5py.Group", group: Group, acknowledge: Acknowledge, writing: Callable[[], Writing]
+        self,
+        node: "h5py.Group",
+        group: Group,
+        acknowledge: Acknowledge,
+        writing: Callable[[], Writing],
+        forms: Sequence[Form] | None = None,
     ) -> None:
         self.node, self.group, self.samples = node, group, 0
+        self.forms = [PLAIN] * len(group.channels) if forms is None else list(forms)
+        self._form_of_time = PLAIN if forms is None else COMPRESSED
+        self._minus: list[list[NDArray[np.uint8]]] = [[] for _ in group.channels]
         self._acknowledge, self._writing = acknowledge, writing
         self.rate_hz: float | None = None
         self.rate_source: str | None = None
@@ -58,14 +69,16 @@ class GroupWriter:
         """Write ``count`` of the waiting samples of each channel."""
         if not self._datasets:
             chunk = CHUNK if count >= CHUNK else max(1, count)
-            self._datasets = [_dataset(self.node, key, chunk) for key in self.keys]
-        for dataset, waiting in zip(self._datasets, self._waiting, strict=True):
+            self._datasets = [_dataset(self.node, k, chunk, f) for k, f in zip(self.keys, self.forms, strict=True)]
+        for i, (dataset, form, waiting) in enumerate(zip(self._datasets, self.forms, self._waiting, strict=True)):
             dataset.resize((self._written + count,))
             if chunks.are_possible(dataset, count):
                 waiting[:] = chunks.write(dataset, self._written, waiting, count)
                 continue
             samples = waiting[0] if len(waiting) == 1 else np.concatenate([np.empty(0), *waiting])
-            dataset[self._written : self._written + count] = samples[:count]
+            dataset[self._written : self._written + count] = form.stored(samples[:count])
+            if isinstance(form, Decimals) and form.negative_zeros:
+                self._minus[i].append(minus_bits(samples[:count]))
             waiting[:] = [samples[count:]]
             dataset.flush()
         self._acknowledge([_pieces(dataset, self._written) for dataset in self._datasets])
@@ -92,16 +105,30 @@ class GroupWriter:
                 self.node.attrs["seconds_per_unit"] = clock.seconds_per_unit
         else:
             self.node.attrs["clock"] = "none"
-        for dataset, channel in zip(self._datasets, self.group.channels, strict=True):
+        for dataset, channel, form in zip(self._datasets, self.group.channels, self.forms, strict=True):
             _name(dataset, channel)
+            dataset.attrs.update(form.attributes)
+        self._write_minus()
         self._attach(self._dimension(clock))
+
+    def _write_minus(self) -> None:
+        """Write what whole numbers do not hold; each dataset is its own dimension, for netCDF readers."""
+        for key, bits in zip(self.keys, self._minus, strict=True):
+            if bits:
+                node = self.node.file
+                for name in (*layout.MINUS.split("/"), self.key):
+                    node = node.require_group(name)
+                    node.attrs.setdefault("NX_class", "NXcollection")
+                content = np.concatenate(bits)
+                node.create_dataset(key, data=content, fletcher32=True, **COMPRESSED.options).make_scale(key)
 
     def _dimension(self, clock: UniformClock | TimeColumn | None) -> "h5py.Dataset":
         """The scale of the samples: recorded time, time by index and rate, or a length without values."""
         if isinstance(clock, TimeColumn):
             return self._datasets[clock.index]
         if isinstance(clock, UniformClock):
-            time = _dataset(self.node, layout.TIME, CHUNK if self.samples >= CHUNK else max(1, self.samples))
+            chunk = CHUNK if self.samples >= CHUNK else max(1, self.samples)
+            time = _dataset(self.node, layout.TIME, chunk, self._form_of_time)
             time.resize((self.samples,))
             for begin in range(0, self.samples, GATHERED):
                 index = np.arange(begin, min(begin + GATHERED, self.samples))
@@ -127,8 +154,10 @@ def _is_time(group: Group, index: int) -> bool:
     return isinstance(group.clock, TimeColumn) and group.clock.index == index
 
 
-def _dataset(node: "h5py.Group", key: str, chunk: int) -> "h5py.Dataset":
-    return node.create_dataset(key, shape=(0,), maxshape=(None,), dtype=np.float64, chunks=(chunk,), fletcher32=True)
+def _dataset(node: "h5py.Group", key: str, chunk: int, form: Form) -> "h5py.Dataset":
+    return node.create_dataset(
+        key, shape=(0,), maxshape=(None,), dtype=form.kind, chunks=(chunk,), fletcher32=True, **form.options
+    )
 
 
 def _pieces(dataset: "h5py.Dataset", start: int) -> list[Piece]:

@@ -15,6 +15,7 @@ from uuid import uuid4
 
 from ..errors import StoreError
 from . import digest
+from .archive import identities
 
 FOLDER = "records"
 LAYOUT = 1
@@ -65,8 +66,26 @@ def read(campaign: Path, kind: str | None = None) -> list[Record]:
 
 
 def about(campaign: Path, kind: str, run: Path) -> list[Record]:
-    """The records of a kind about a run as it is stored now, oldest first."""
-    return [record for record in read(campaign, kind) if record.runs.get(run.name) == digest.recorded(run)]
+    """The records of a kind about a run as it is stored now, or as it was before it was archived, oldest first."""
+    found = read(campaign, kind)
+    known = identities(run) if found else frozenset()
+    return [record for record in found if record.runs.get(run.name) in known]
+
+
+def copy(campaign: Path, folder: Path) -> list[Path]:
+    """Copy the records of ``campaign`` as they are into that in ``folder``; returns the files that were new there."""
+    if not (campaign / FOLDER).is_dir():
+        return []
+    (folder / FOLDER).mkdir(exist_ok=True)
+    added = []
+    for record in read(campaign):
+        source, target = campaign / FOLDER / record.name, folder / FOLDER / record.name
+        if not target.exists():
+            _write(target, source.read_text("utf-8"))
+            added.append(target)
+        elif target.read_bytes() != source.read_bytes():
+            raise StoreError(f"{target}: is there already and says something else; nothing was replaced")
+    return added
 
 
 def _record(path: Path) -> Record:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import StoreError
-from . import digest, fletcher, journal, lock
+from . import archive, digest, fletcher, journal, lock
 from .journal import Journal, Kept
 from .run import Run, open_run
 from .writer import PART, place
@@ -73,6 +73,11 @@ class Leftover:
         known = journal.read(self.journal)
         if self._complete(known.sealed):
             return Recovery(self.run, "completed", "was written whole; nothing is lost", self.target.name)
+        if archive.INTENT in known.intent:
+            message = (
+                f"the archive of {known.intent[archive.INTENT]} was not finished; that run is whole: archive it again"
+            )
+            return Recovery(self.run, "superseded", message)
         if not any(kept.samples for kept in known.groups):
             return Recovery(self.run, "empty", "no sample had been acknowledged; ingest the log again")
         if (stored := self._superseded(known)) is not None:

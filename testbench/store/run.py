@@ -12,6 +12,7 @@ from ..errors import StoreError
 from ..findings import Finding
 from ..recording import Conditions, Group, Origin, Samples, UniformClock
 from . import description, layout, safe
+from .forms import Decimals
 
 if TYPE_CHECKING:
     import h5py
@@ -28,6 +29,25 @@ class StoredGroup(Group):
     rate_source: str | None = None
     path: str = ""
     keys: tuple[str, ...] = ()
+    whole: tuple[Decimals | None, ...] = ()
+    """How each channel is kept as whole numbers, if it is."""
+
+    def places(self, index: int) -> tuple[str, ...]:
+        """Where a channel lies in the file: its samples, and the signs of its zeros where these lie apart."""
+        path, form = f"{self.path}/{self.keys[index]}", self.whole[index] if self.whole else None
+        apart = form is not None and form.negative_zeros
+        return (path, path.replace(layout.ENTRY, layout.MINUS, 1)) if apart else (path,)
+
+    def samples_of(self, file: "h5py.File", index: int, begin: int = 0, end: int | None = None) -> Samples:
+        """The values of a channel as recorded, from sample ``begin``, a multiple of eight, to ``end``."""
+        path, *beside = self.places(index)
+        form = self.whole[index] if self.whole else None
+        if form is None:
+            return safe.numbers(file, path, begin, end)
+        stored = safe.whole_numbers(file, path, form.kind, begin, end)
+        bits = begin // 8, begin // 8 - (-len(stored) // 8)
+        minus = safe.whole_numbers(file, beside[0], "u1", *bits) if beside else None
+        return form.restored(stored, minus)
 
     def index(self, name: str) -> int | None:
         """The channel of this name as written; else of this name without its unit; else of this HDF5 name."""
@@ -83,12 +103,12 @@ class Run:
     def channel(self, name: str, group: str | None = None) -> Samples:
         """The values of a channel as recorded, in its unit as written, (n,)."""
         where, i = self.find(name, group)
-        return self._read(f"{where.path}/{where.keys[i]}")
+        return self._read(where, i)
 
     def channel_at(self, group: str, index: int) -> Samples:
         """The values of the channel of this index in its group, whatever its name, (n,)."""
         where = self.group(group)
-        return self._read(f"{where.path}/{where.keys[index]}")
+        return self._read(where, index)
 
     def physical(self) -> "Run":
         """The run in SI, by the calibration that holds now; channels that its rig does not name stay as recorded."""
@@ -127,12 +147,12 @@ class Run:
             raise StoreError(
                 f"{self.path.name}: group {where.name!r} has no time column in a unit of time, and no rate"
             )
-        recorded = self._read(f"{where.path}/{where.keys[where.clock.index]}")
+        recorded = self._read(where, where.clock.index)
         return recorded if where.clock.seconds_per_unit == 1.0 else recorded * where.clock.seconds_per_unit
 
-    def _read(self, path: str) -> Samples:
+    def _read(self, group: StoredGroup, index: int) -> Samples:
         with safe.open_for_reading(self.path) as file:
-            return safe.numbers(file, path)
+            return group.samples_of(file, index)
 
 
 def open_run(path: str | Path) -> Run:
@@ -161,6 +181,7 @@ def _group(file: "h5py.File", known: Mapping[str, Any]) -> StoredGroup:
         rate_source=known["rate_source"],
         path=f"{layout.ENTRY}/{known['key']}",
         keys=tuple(str(channel["key"]) for channel in known["channels"]),
+        whole=description.whole_numbers(known["channels"]),
     )
     for key in group.keys:
         if (found := safe.member(file, f"{group.path}/{key}").shape) != (group.samples,):

@@ -1,5 +1,6 @@
 """Opening HDF5 without letting the file make us open another one, loop, or read what was never written."""
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,7 +15,11 @@ from . import direct
 if TYPE_CHECKING:
     import h5py
 
-_FILTERS = frozenset({"fletcher32", "shuffle", "gzip"})
+_DEFLATE, _SHUFFLE, _FLETCHER32 = 1, 2, 3
+_FILTERS = frozenset({_DEFLATE, _SHUFFLE, _FLETCHER32})
+"""Numbers of the filters that every HDF5 library has."""
+_LARGEST_RATIO = 1040
+"""Times that deflated values may be larger than what holds them: no such stream grows by more than 1032."""
 
 
 @contextmanager
@@ -56,13 +61,27 @@ def texts(group: "h5py.Group", path: str, largest: int) -> list[str]:
     return [bytes(text).decode("utf-8") for text in dataset[()]]
 
 
-def numbers(group: "h5py.Group", path: str) -> NDArray[np.float64]:
-    """The samples of a dataset of numbers."""
+def numbers(group: "h5py.Group", path: str, begin: int = 0, end: int | None = None) -> NDArray[np.float64]:
+    """The samples of a dataset of numbers, from ``begin`` to ``end``."""
     dataset = member(group, path)
     if dataset.dtype.kind not in "fiu" or dataset.ndim != 1:
         raise StoreError(f"{group.file.filename}: {path} does not hold one number a sample")
-    values = direct.read(dataset) if direct.is_possible(dataset) else dataset[()]
+    whole = begin == 0 and end is None
+    values = direct.read(dataset) if whole and direct.is_possible(dataset) else dataset[begin:end]
     return np.asarray(values, dtype=np.float64)
+
+
+def whole_numbers(group: "h5py.Group", path: str, kind: str, begin: int = 0, end: int | None = None) -> NDArray[Any]:
+    """What a dataset of whole numbers of this kind holds from ``begin`` to ``end``, all of it there."""
+    dataset = member(group, path)
+    if dataset.dtype != np.dtype(kind) or dataset.ndim != 1 or (end or 0) > len(dataset):
+        raise StoreError(f"{group.file.filename}: {path} does not hold the numbers that its description declares")
+    return np.asarray(dataset[begin:end])
+
+
+def stored_bytes(group: "h5py.Group", path: str) -> int:
+    """What the values of a dataset take in the file [bytes]."""
+    return int(member(group, path).id.get_storage_size())
 
 
 def has(group: "h5py.Group", path: str) -> bool:
@@ -82,8 +101,17 @@ def _refuse_outside(dataset: "h5py.Dataset") -> None:
     plist = dataset.id.get_create_plist()
     if dataset.is_virtual or plist.get_external_count():
         raise StoreError(f"{dataset.file.filename}: {dataset.name} lies in another file, which is refused")
-    filters = {dataset.compression, "fletcher32" if dataset.fletcher32 else None} - {None}
+    filters = {plist.get_filter(n)[0] for n in range(plist.get_nfilters())}
     if not filters <= _FILTERS:
         raise StoreError(f"{dataset.file.filename}: {dataset.name} needs a filter that is not a standard one")
-    if dataset.compression is None and dataset.id.get_storage_size() < dataset.nbytes:
+    ratio = _LARGEST_RATIO if _DEFLATE in filters else 1
+    if dataset.nbytes > ratio * dataset.id.get_storage_size() or _has_holes(dataset):
         raise StoreError(f"{dataset.file.filename}: {dataset.name} declares more values than the file holds")
+
+
+def _has_holes(dataset: "h5py.Dataset") -> bool:
+    """Whether a chunk was never written: HDF5 would make up its values."""
+    if not dataset.chunks or dataset.id.get_storage_size() >= dataset.nbytes:
+        return False
+    chunks = [-(-length // size) for length, size in zip(dataset.shape, dataset.chunks, strict=True)]
+    return dataset.id.get_num_chunks() < math.prod(chunks)

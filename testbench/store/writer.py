@@ -7,7 +7,7 @@ import contextlib
 import errno
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -19,6 +19,7 @@ from ..errors import StoreError
 from ..findings import Finding
 from ..recording import Conditions, Group, Origin
 from . import description, digest, journal, layout
+from .forms import Form
 from .groups import GroupWriter
 from .outfile import OutFile
 
@@ -60,6 +61,11 @@ class RunWriter:
             raise
         return self
 
+    @property
+    def part(self) -> Path:
+        """The file while it is written."""
+        return self._part
+
     def _begin(self) -> None:
         import h5py
 
@@ -84,8 +90,8 @@ class RunWriter:
                 "stored, and stored runs are as they were"
             ) from error
 
-    def group(self, group: Group) -> GroupWriter:
-        """The writer of this group's samples; a new one if there is none of its name."""
+    def group(self, group: Group, forms: Sequence[Form] | None = None) -> GroupWriter:
+        """The writer of this group's samples; a new one if there is none of its name, that stores in these forms."""
         assert self._file is not None
         assert self._journal is not None
         if group.name not in self._groups:
@@ -94,7 +100,7 @@ class RunWriter:
                 node = self._file[layout.ENTRY].create_group(key)
                 self._journal.group(number, group)
             acknowledge = partial(self._journal.acknowledge, number)
-            self._groups[group.name] = GroupWriter(node, group, acknowledge, self._writing)
+            self._groups[group.name] = GroupWriter(node, group, acknowledge, self._writing, forms)
         return self._groups[group.name]
 
     def describe(
@@ -213,7 +219,7 @@ def _write_conditions(file: "h5py.File", conditions: Conditions) -> None:
 
 
 def _collection(file: "h5py.File", path: str) -> "h5py.Group":
-    node = file.create_group(path)
+    node = file.require_group(path)
     node.attrs["NX_class"] = "NXcollection"
     return node
 

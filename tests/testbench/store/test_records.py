@@ -2,19 +2,23 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from testbench.errors import StoreError
+from testbench.recording import Channel, Group
 from testbench.store import digest, open_campaign, records
+
+from .test_writer import store
+
+GROUP = Group("log", (Channel("AccX (g)", "g", "AccX"),))
 
 
 @pytest.fixture
 def campaign(tmp_path):
-    """A folder with two files that stand for runs, and their digests."""
-    for name in ("a.h5", "b.h5"):
-        run = tmp_path / name
-        run.write_bytes(name.encode())
-        digest.beside(run).write_text(digest.line_for(name, digest.sha256_of(run)), encoding="utf-8")
+    """A folder with two runs and their digests."""
+    for number, name in enumerate(("a", "b")):
+        store(tmp_path, GROUP, [np.full(3, float(number))], name=name)
     return tmp_path
 
 
@@ -36,8 +40,9 @@ def test_a_record_is_about_the_bytes_that_it_names(campaign):
     records.append(campaign, "alignment", [run], {})
     assert len(records.about(campaign, "alignment", run)) == 1
     assert not records.about(campaign, "alignment", campaign / "b.h5")
-    run.write_bytes(b"other")
-    digest.beside(run).write_text(digest.line_for(run.name, digest.sha256_of(run)), encoding="utf-8")
+    run.unlink()
+    digest.beside(run).unlink()
+    store(campaign, GROUP, [np.full(3, 7.0)], name="a")
     assert not records.about(campaign, "alignment", run)
 
 

@@ -1,0 +1,138 @@
+"""A stored run made small, losing nothing: the archive.
+
+Channels of fixed decimals become whole numbers, all others stay float64; both are compressed by HDF5's own filters, so
+that every HDF5 tool reads them. The archived run says of which run it was made, by SHA-256 of the file and of each
+channel's values, and is committed only if it gives back the same bits.
+"""
+
+import hashlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..errors import StoreError
+from ..recording import Group, Samples
+from . import digest, forms, safe
+from .run import Run, StoredGroup, open_run
+from .writer import RunWriter
+
+if TYPE_CHECKING:
+    import h5py
+
+ARCHIVED_FROM = "archived_from"
+"""Key of the provenance of an archived run."""
+INTENT = "archive_of"
+"""Key of what an unfinished archive says of itself."""
+AT_ONCE = 1 << 20
+"""Samples of a channel that are in memory at once."""
+Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class Archived:
+    """A run that was ``archived``, or ``already_archived``: what it takes, and what its values take as float64."""
+
+    file: Path
+    status: str
+    sha256_of_original: str
+    float64_bytes: int
+    sample_bytes: int
+    file_bytes: int
+    channels: int
+    whole_numbers: int
+    """Channels that became whole numbers of decimals; the others are compressed float64."""
+
+    @property
+    def ratio(self) -> float:
+        """Size of the samples over their size as float64."""
+        return self.sample_bytes / self.float64_bytes if self.float64_bytes else 1.0
+
+
+def archive(run: Run, folder: Path, progress: Progress = lambda count: None) -> Archived:
+    """Store ``run`` in ``folder`` as an archive. Raises StoreError if it is damaged, or an archive already."""
+    if ARCHIVED_FROM in run.provenance:
+        raise StoreError(f"{run.path.name}: is an archive already, of {run.provenance[ARCHIVED_FROM]['file']}")
+    original = _intact(run)
+    there = folder / run.path.name
+    if there.exists() and original in identities(there):
+        if there.samefile(run.path):
+            raise StoreError(f"{folder}: holds the run itself; name another folder for the archive")
+        return _measured(open_run(there), original, "already_archived")
+    with safe.open_for_reading(run.path) as file, RunWriter(folder, run.name, {INTENT: run.path.name}) as writer:
+        content = {}
+        for group in run.groups:
+            found = [_searched(file, group, i, progress) for i in range(len(group.channels))]
+            content[group.name] = [sha256 for _, sha256 in found]
+            to = writer.group(Group(group.name, group.channels, group.clock), [form for form, _ in found])
+            for columns in _blocks(file, group):
+                to.append(columns)
+            to.finish(group.rate_hz, group.rate_source)
+        known = {"file": run.path.name, "sha256": original, "channels_sha256": content, **_now()}
+        writer.describe(run.origin, run.conditions, run.findings, {**run.provenance, ARCHIVED_FROM: known}, run.rig)
+        writer.seal()
+        _check(writer.part, run, content)
+        return _measured(open_run(writer.commit()), original, "archived")
+
+
+def _measured(run: Run, original: str, status: str) -> Archived:
+    channels = [(group, i) for group in run.groups for i in range(len(group.channels))]
+    with safe.open_for_reading(run.path) as file:
+        size = sum(safe.stored_bytes(file, path) for group, i in channels for path in group.places(i))
+    values = sum(8 * group.samples for group, _ in channels)
+    whole = sum(group.whole[i] is not None for group, i in channels)
+    return Archived(run.path, status, original, values, size, run.path.stat().st_size, len(channels), whole)
+
+
+def identities(run: Path) -> frozenset[str]:
+    """SHA-256 of a stored run, and of the run that it is the archive of: what is said of one holds for the other."""
+    own = digest.recorded(run)
+    known = open_run(run).provenance.get(ARCHIVED_FROM)
+    return frozenset({own, str(known["sha256"])} if isinstance(known, dict) and "sha256" in known else {own})
+
+
+def _intact(run: Run) -> str:
+    """The digest of a run, which must be right."""
+    recorded = digest.recorded(run.path)
+    if digest.sha256_of(run.path) != recorded:
+        raise StoreError(f"{run.path.name}: is not what was stored, see `testbench verify`; it was not archived")
+    return recorded
+
+
+def _searched(file: "h5py.File", group: StoredGroup, index: int, progress: Progress) -> tuple[forms.Form, str]:
+    """The form in which a channel is smallest, and the SHA-256 of its values."""
+    search, total = forms.Search(), hashlib.sha256()
+    for values in _channel(file, group, index):
+        search.update(values)
+        total.update(values.tobytes())
+        progress(values.nbytes)
+    return search.result(), total.hexdigest()
+
+
+def _channel(file: "h5py.File", group: StoredGroup, index: int) -> Iterator[Samples]:
+    for begin in range(0, group.samples, AT_ONCE):
+        yield group.samples_of(file, index, begin, min(begin + AT_ONCE, group.samples))
+
+
+def _blocks(file: "h5py.File", group: StoredGroup) -> Iterator[tuple[Samples, ...]]:
+    yield from zip(*(_channel(file, group, i) for i in range(len(group.channels))), strict=True)
+
+
+def _check(part: Path, run: Run, content: Mapping[str, Sequence[str]]) -> None:
+    """Raise StoreError unless what was written gives back the same bits."""
+    stored = open_run(part)
+    with safe.open_for_reading(part) as file:
+        for group in stored.groups:
+            for index, expected in enumerate(content[group.name]):
+                total = hashlib.sha256()
+                for values in _channel(file, group, index):
+                    total.update(values.tobytes())
+                if total.hexdigest() != expected:
+                    name = group.channels[index].name
+                    raise StoreError(f"{run.path.name}: channel {name!r} does not come back to the bit; not archived")
+
+
+def _now() -> dict[str, str]:
+    return {"written": datetime.now(UTC).isoformat(timespec="seconds"), "counterpoise": version("counterpoise")}
