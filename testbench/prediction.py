@@ -10,7 +10,7 @@ from balance.arrays import Floats
 from balance.mechanism import Mechanism
 from balance.quantities import G0
 
-from .bench.loggers import instants
+from .bench.sampling import instants
 from .bench.run import BenchRun, simulate_run
 from .bench.sensors import base_acceleration
 from .errors import AnalysisError

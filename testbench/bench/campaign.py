@@ -6,15 +6,15 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
+from balance import conditions
 from balance.mechanism import Mechanism
 
 from ..errors import RigError
 from ..plan import Plan, PlannedRun
 from ..rig import Rig
-from . import logfile, truth
-from .loggers import record
-from .run import BenchRun, payload_body, simulate_run
-from .sensors import signals
+from . import logfile, recorded, truth
+from .recorded import SimulatedRun
+from .run import payload_body
 
 SHEET = "runs.csv"
 _COLUMNS = ("run", "file", "origin", "payload_kg", "counter_masses", "motion", "peak_acceleration_g", "repeat")
@@ -47,14 +47,14 @@ def _write_all(
     plan: Plan, rig: Rig, mechanism: Mechanism, folder: Path, progress: Callable[[int, int], None] | None
 ) -> list[str]:
     (folder / truth.FOLDER).mkdir(parents=True)
-    runs, sheet, facts = plan.runs(), [], []
-    for number, planned in enumerate(runs):
-        run = simulate_run(rig, mechanism, planned)
-        names = _write_logs(folder, rig, planned, run, (plan.seed, number))
-        sheet += [_row(planned, name) for name in names]
-        facts.append(truth.write_run(folder / truth.FOLDER, rig, planned, run))
+    total, sheet, facts = len(plan.runs()), [], []
+    balance = conditions.find(mechanism)
+    for number, run in enumerate(recorded.simulate(plan, rig), 1):
+        names = _write_logs(folder, rig, run)
+        sheet += [_row(run.planned, name) for name in names]
+        facts.append(truth.write_run(folder / truth.FOLDER, rig, run, balance))
         if progress:
-            progress(number + 1, len(runs))
+            progress(number, total)
     truth.write_campaign(folder / truth.FOLDER, rig, plan.seed, facts)
     with (folder / SHEET).open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, _COLUMNS, lineterminator="\n")
@@ -63,17 +63,12 @@ def _write_all(
     return [row["file"] for row in sheet]
 
 
-def _write_logs(folder: Path, rig: Rig, planned: PlannedRun, run: BenchRun, seed: tuple[int, int]) -> list[str]:
-    seen = signals(rig, run)
+def _write_logs(folder: Path, rig: Rig, run: SimulatedRun) -> list[str]:
     names = []
-    for number, (name, logger) in enumerate(rig.loggers.items()):
-        columns = list(rig.columns(name))
-        if not columns:
-            continue
-        log = record(logger, columns, run.time, seen, (*seed, number))
-        names.append(f"{planned.name}_{name}.csv")
-        about = {"rig": rig.name or rig.mechanism, "run": planned.name, "logger": name}
-        logfile.write(folder / names[-1], logger, columns, log, about)
+    for name, log in run.logs.items():
+        names.append(f"{run.planned.name}_{name}.csv")
+        about = {"rig": rig.name or rig.mechanism, "run": run.planned.name, "logger": name}
+        logfile.write(folder / names[-1], rig.loggers[name], list(rig.columns(name)), log, about)
     return names
 
 

@@ -1,4 +1,4 @@
-"""What a logger makes of a signal: its own instants, noise, the sensor's range, steps of the converter."""
+"""What a logger makes of a signal: anti-alias filter, instants, noise, the sensor's range, the converter's steps."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,6 +9,11 @@ from balance.arrays import Floats
 
 from ..rig import Column
 from ..rig.bench import Logger
+from .filters import low_pass
+from .sampling import sampled
+
+CLOCK = 1_000_003
+"""Which stream of a logger's seed its clock draws from, beside those of the channels."""
 
 
 @dataclass(frozen=True)
@@ -19,17 +24,10 @@ class Log:
     """On its own clock, from its own start, (n,) [s]."""
     columns: Mapping[str, Floats]
     """By channel, in the unit in which it is written, (n,)."""
-
-
-def instants(logger: Logger, end: float) -> tuple[Floats, Floats]:
-    """Its own time, from zero, and the true time of each sample until ``end``, (n,) [s].
-
-    t = start + own / (1 + drift).
-    """
-    pace = 1.0 + 1e-6 * logger.drift_ppm
-    count = int(max(end - logger.start, 0.0) * pace * logger.rate) + 1
-    own = np.arange(count) / logger.rate
-    return own, logger.start + own / pace
+    true: Floats
+    """When the samples were taken, from the start of the motion, (n,) [s]; no log tells it."""
+    lost: int = 0
+    """Samples that are missing."""
 
 
 def record(
@@ -43,12 +41,15 @@ def record(
 
     Every channel draws its noise from ``seed`` and its place among the columns, whatever other channels there are.
     """
-    own, true = instants(logger, float(time[-1]))
+    taken = sampled(logger, float(time[-1]), np.random.default_rng([*seed, CLOCK]))
     read = {}
     for i, column in enumerate(columns):
         rng = np.random.default_rng([*seed, i])
-        read[column.channel] = reading(column, np.interp(true, time, signals[column.channel]), rng)
-    return Log(own, read)
+        signal = signals[column.channel]
+        if logger.low_pass is not None and not column.commanded:
+            signal = low_pass(signal, logger.low_pass, float(time[1] - time[0]))
+        read[column.channel] = reading(column, np.interp(taken.true, time, signal), rng)
+    return Log(taken.own, read, taken.true, taken.lost)
 
 
 def reading(column: Column, signal: Floats, rng: np.random.Generator) -> Floats:

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from testbench.bench.loggers import instants, reading, record
+from testbench.bench.loggers import reading, record
+from testbench.bench.sampling import instants
 from testbench.rig import Column
 from testbench.rig.bench import Logger
 

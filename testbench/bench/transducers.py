@@ -1,0 +1,109 @@
+"""What sensors make of what they are exposed to: true and unknown sensitivities, cross-talk, offset, drift, coupling.
+
+A sensor that sees s shows H(A s) + b + d t: A its sensitivity matrix, near one; H its high pass; b its offset and d t
+its drift from the reset before the motion. A, b and d are drawn once a campaign, from the scatter that the rig states.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from balance.arrays import Floats
+
+from ..errors import RigError
+from .filters import high_pass
+from .streams import stream
+
+if TYPE_CHECKING:
+    from ..rig import Column, Rig
+    from ..rig.effects import SensorErrors
+
+
+@dataclass(frozen=True)
+class Transducer:
+    """One sensor as it is."""
+
+    channels: tuple[str, ...]
+    sensitivity: Floats
+    """A, in SI, (k, k)."""
+    offset: Floats
+    """b, (k,) [SI]."""
+    drift: Floats
+    """d, (k,) [SI/s]."""
+    corner: float | None
+    """Of the high pass [Hz]."""
+
+    def shown(self, seen: Floats, time: Floats) -> Floats:
+        """What it shows, (k, n) [SI], of ``seen`` (k, n) at ``time`` (n,) [s], reset at the first instant."""
+        values = self.sensitivity @ seen
+        if self.corner is not None:
+            values = np.array([high_pass(row, self.corner, float(time[1] - time[0])) for row in values])
+        return values + self.offset[:, None] + self.drift[:, None] * (time - time[0])
+
+    @property
+    def truth(self) -> dict[str, Any]:
+        """As the truth file has it."""
+        return {
+            "channels": list(self.channels),
+            "sensitivity_si": self.sensitivity.tolist(),
+            "offset_si": self.offset.tolist(),
+            "drift_si_per_s": self.drift.tolist(),
+            "high_pass_hz": self.corner,
+        }
+
+
+def draw(rig: "Rig", seed: int) -> dict[str, Transducer]:
+    """The sensors of a campaign for which the rig states errors. Raises RigError for one that it does not have."""
+    if strange := [name for name in rig.bench.errors if name not in rig.sensors]:
+        raise RigError(f"bench.errors: no sensor {strange[0]!r}: there are {', '.join(rig.sensors)}")
+    return {
+        name: _drawn(name, list(rig.sensors[name].columns(name)), errors, stream("sensor", seed, name))
+        for name, errors in rig.bench.errors.items()
+    }
+
+
+def shown(transducers: Mapping[str, Transducer], seen: Mapping[str, Floats], time: Floats) -> dict[str, Floats]:
+    """The signals of all channels, (n,) [SI], from what their sensors are exposed to."""
+    found = dict(seen)
+    for sensor in transducers.values():
+        values = sensor.shown(np.array([seen[channel] for channel in sensor.channels]), time)
+        found |= dict(zip(sensor.channels, values, strict=True))
+    return found
+
+
+def _drawn(name: str, columns: "Sequence[Column]", errors: "SensorErrors", rng: np.random.Generator) -> Transducer:
+    count = len(columns)
+    gain, cross, zero, drift = rng.normal(size=count), rng.normal(size=(count, count)), *rng.normal(size=(2, count))
+    sensitivity = np.eye(count) + np.diag(errors.sensitivity * gain)
+    if errors.cross:
+        sensitivity += errors.cross * _between(name, columns) * cross * (1.0 - np.eye(count))
+    ranges = np.zeros(count)
+    if errors.offset or errors.drift_per_minute:
+        ranges = np.array([_range(name, column) for column in columns])
+    return Transducer(
+        tuple(column.channel for column in columns),
+        sensitivity,
+        errors.offset * ranges * zero,
+        errors.drift_per_minute / 60.0 * ranges * drift,
+        errors.high_pass,
+    )
+
+
+def _between(name: str, columns: "Sequence[Column]") -> Floats:
+    """What a cross-talk of one means between channels: one, and between unlike units the ratio of the ranges."""
+    like = np.array([[a.dimensions == b.dimensions for b in columns] for a in columns])
+    if like.all():
+        return np.ones(like.shape)
+    ranges = np.array([_range(name, column) for column in columns])
+    return np.where(like, 1.0, ranges[:, None] / ranges[None, :])
+
+
+def _range(name: str, column: "Column") -> float:
+    if column.range is None:
+        raise RigError(
+            f"bench.errors.{name}: channel {column.channel!r} has no range, of which offset, drift and cross-talk "
+            f"between unlike units are shares: state sensors.{name}.range"
+        )
+    return column.range
