@@ -10,6 +10,7 @@ COMMANDS = {
     "watch": "Ingest what arrives in a folder, each log once.",
     "list": "The runs of a campaign.",
     "verify": "Check every stored run against its digest.",
+    "archive": "Store runs anew, small, and the same to the bit.",
     "recover": "Save what a stopped ingest had acknowledged, and say what is lost.",
     "align": "The clocks of several loggers: offset and drift, with intervals.",
     "calibrate": "Correct the calibration of a sensor: a dated record; the runs never change.",
