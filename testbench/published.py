@@ -7,6 +7,7 @@ from balance import datasets
 from balance.errors import DataError
 
 from .errors import AnalysisError
+from .publication.slide import MOTION, PAYLOAD_KG, PEAK_G, ForceSlide
 
 LABEL_STEP_KG = 0.01
 """Payloads are printed to two decimals [kg]: 1.451 kg as 1.45, 3.4116 kg as 3.41."""
@@ -23,6 +24,16 @@ class Published:
     definition: str
     """What the source says on how amplitudes were taken."""
     rows: dict[tuple[float, str, float], dict[str, float]]
+    slide: ForceSlide | None = None
+    """Extremes of force sensors that are printed beside the table."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a reader of the table must know."""
+        logs = (ORIGINAL_LOGS,) if self.name == "kiper2019" else ()
+        if self.slide is None:
+            return logs
+        return (*logs, f"{self.slide.contradiction()} testbench predict says what can reconcile them, and what cannot.")
 
     def reduction(self, payload_kg: float, motion: str, peak_acceleration_g: float, axis: str) -> float | None:
         """The printed reduction [%] of a condition and axis, or None if there is none.
@@ -47,10 +58,18 @@ def load(name: str) -> Published:
             (float(payload), str(motion), float(acceleration)): dict(zip(axes, map(float, percents), strict=True))
             for payload, motion, acceleration, *percents in table["rows"]
         }
-        return Published(path.stem, str(document["source"]), str(table["definition"]), rows)
+        slide = ForceSlide.of(document.get("tests", {}), _axis(rows, PAYLOAD_KG, MOTION, PEAK_G))
+        return Published(path.stem, str(document["source"]), str(table["definition"]), rows, slide)
     except DataError as error:
         raise AnalysisError(f"--published {error}") from error
     except (UnicodeDecodeError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise AnalysisError(
             f"{name}: not a table of published reductions: expected JSON with {_TABLE}: columns, rows, definition"
         ) from error
+
+
+def _axis(
+    rows: dict[tuple[float, str, float], dict[str, float]], payload: float, motion: str, acceleration: float
+) -> float | None:
+    """The printed reduction along the motion [%]."""
+    return rows.get((payload, motion, acceleration), {}).get(motion)

@@ -17,6 +17,7 @@ COMMANDS = {
     "export": "Write stored runs as CSV, Parquet, MAT, UFF or an RO-Crate.",
     "analyze": "How much the vibration amplitude fell.",
     "compare": "Analysed from logs, simulated and published, side by side.",
+    "predict": "Printed reductions of heavier payloads, predicted from those of the lightest.",
     "identify": "Inertial parameters and friction of a mechanism from the torques of runs.",
     "trim": "What first moment is missing on which arm, and which mass to add.",
     "speed": "Speed over a turn and its fluctuation, from the instants of encoder edges.",

@@ -82,18 +82,22 @@ def reductions(values: Mapping[str, Floats | float], cases: Cases) -> Floats:
     def of(name: str) -> Floats:
         return np.asarray(values.get(name, 0.0))[..., None]
 
-    couples = np.zeros((*np.broadcast_shapes(*(np.shape(v) for v in values.values())), len(cases.printed)))
-    for axis in set(cases.axis.tolist()):
-        at = cases.axis == axis
-        couples[..., at] = of(f"couple_share_{axis}") * cases.mechanics[at, 2]
-    return law(of("residual_mass"), of("flexing"), of("moment_weight"), couples, cases)
+    without, balanced = felt(of("residual_mass"), of("flexing"), of("moment_weight"), cases)
+    shares = sum(of(f"couple_share_{axis}") * (cases.axis == axis) for axis in AXES)
+    return percent(without, balanced + (shares * cases.mechanics[:, 2]) ** 2)
 
 
-def law(residual: Floats, flexing: Floats, moment_weight: Floats, couples: Floats, cases: Cases) -> Floats:
-    """The law itself, on arrays that broadcast to (..., n): m_res [kg], f [s2/m], l [1/m], C [kg] -> [%]."""
+def felt(residual: Floats, flexing: Floats, moment_weight: Floats, cases: Cases) -> tuple[Floats, Floats]:
+    """Squares of what is felt without counter-masses, and with them but for their couples, (..., n) [kg2].
+
+    For m_res [kg], f [s2/m] and l [1/m] that broadcast to (..., n).
+    """
     force, left, _, moment, moment_with = cases.mechanics.T
     stays = residual**2 + (flexing * cases.peak_acceleration * force) ** 2
     turning = (moment_weight * cases.across) ** 2
-    without = force**2 + stays + turning * moment**2
-    balanced = left**2 + stays + turning * moment_with**2 + couples**2
+    return force**2 + stays + turning * moment**2, left**2 + stays + turning * moment_with**2
+
+
+def percent(without: Floats, balanced: Floats) -> Floats:
+    """Reduction [%] of the square roots."""
     return 100.0 * (1.0 - np.sqrt(balanced / without))

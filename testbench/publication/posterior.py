@@ -5,17 +5,18 @@ scatter, the axes are independent: their couples are summed out one by one.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from balance.arrays import Floats
 
 from .cases import AXES, Cases
-from .model import COMMON, NAMES, PARAMETERS, SCATTER, law, reductions
+from .model import COMMON, NAMES, PARAMETERS, SCATTER, felt, percent, reductions
 
-CELLS = (28, 20, 20)
+CELLS = (20, 14, 14)
 """Cells of the grid along the common parameters; zoomed once onto where the weight lies."""
-COUPLES = 40
+COUPLES = 30
 SCATTERS = 20
 SAMPLES = 8000
 LEVEL = 0.95
@@ -77,8 +78,16 @@ class _Grid:
             _squares(common, shares, cases.where(cases.axis == axis))
             for axis, shares in zip(AXES, couples, strict=True)
         ])  # fmt: skip
-        return cls(box, common, couples, squares, np.geomspace(SCATTER.low, SCATTER.high, SCATTERS), len(cases.printed))
+        return cls(
+            box,
+            common,
+            couples,
+            squares,
+            np.exp(_centres(np.log([SCATTER.low, SCATTER.high]), SCATTERS)),
+            len(cases.printed),
+        )
 
+    @cached_property
     def log_weights(self) -> Floats:
         """Of common parameters and scatter, the couples summed out, (cells, SCATTERS)."""
         from scipy.special import logsumexp
@@ -90,7 +99,7 @@ class _Grid:
     def drawn(self) -> dict[str, Floats]:
         """Draw by weight; within a cell every value is as likely."""
         rng = np.random.default_rng(_SEED)
-        weights = _normal(self.log_weights().ravel())
+        weights = _normal(self.log_weights.ravel())
         cell, scatter = np.unravel_index(rng.choice(len(weights), SAMPLES, p=weights), (len(self.common), SCATTERS))
         columns = [*self.common[cell].T]
         for squares, shares in zip(self.squares, self.couples, strict=True):
@@ -98,11 +107,13 @@ class _Grid:
         widths = np.diff(self.box, axis=1)[:, 0] / [*CELLS, *[COUPLES] * len(AXES)]
         within = rng.uniform(-0.5, 0.5, (SAMPLES, len(columns))) * widths
         values = np.stack(columns, axis=1) + within
-        return dict(zip(NAMES, values.T, strict=True)) | {SCATTER.name: self.scatter[scatter]}
+        step = float(np.log(self.scatter[1] / self.scatter[0]))
+        spread = self.scatter[scatter] * np.exp(step * rng.uniform(-0.5, 0.5, SAMPLES))
+        return dict(zip(NAMES, values.T, strict=True)) | {SCATTER.name: spread}
 
     def zoomed(self) -> Floats:
         """The part of the box that holds weight."""
-        weights = _normal(self.log_weights().ravel()).reshape(*CELLS, SCATTERS)
+        weights = _normal(self.log_weights.ravel()).reshape(*CELLS, SCATTERS)
         margins = [weights.sum(axis=tuple(j for j in range(4) if j != i)) for i in range(len(COMMON))]
         drawn = self.drawn()
         for name, ends in zip(NAMES[len(COMMON) :], self.box[len(COMMON) :], strict=True):
@@ -117,10 +128,10 @@ def _centres(ends: Floats, count: int) -> Floats:
 
 def _squares(common: Floats, shares: Floats, cases: Cases) -> Floats:
     """Sums of squared errors of one axis, (cells, couples) [points^2]."""
-    residual, flexing, moment_weight = common.T[:, :, None]
+    without, balanced = felt(common[:, :1], common[:, 1:2], common[:, 2:], cases)
     total = np.empty((len(common), len(shares)))
     for j, share in enumerate(shares):
-        found = law(residual, flexing, moment_weight, share * cases.mechanics[:, 2], cases)
+        found = percent(without, balanced + (share * cases.mechanics[:, 2]) ** 2)
         total[:, j] = ((found - cases.printed) ** 2).sum(axis=1)
     return total
 

@@ -1,11 +1,13 @@
 """Analysed, simulated and published side by side."""
 
+import dataclasses
+
 import numpy as np
 import polars
 import pytest
 
 from testbench.bench import truth
-from testbench.comparison import compare
+from testbench.comparison import compare, why
 from testbench.errors import AnalysisError
 from testbench.pairing import pairs
 from testbench.prediction import Prediction
@@ -63,6 +65,20 @@ def test_notes(comparison):
     assert ORIGINAL_LOGS in comparison.notes
     assert comparison.origins == {"simulated": 8}
     assert {row.as_dict()["origin"] for row in comparison.rows} == {"simulated"}
+
+
+def test_the_reason_is_computed(comparison):
+    """Why simulated is not published is said with the numbers of these rows; without both, nothing is said."""
+    (reason,) = why(comparison.rows)
+    y = [row.published for row in comparison.rows if row.analyzed.key.motion == "y"]
+    assert f"the published base by {min(y):.1f} .. {max(y):.1f} %" in reason
+    assert reason in comparison.notes
+    assert why([dataclasses.replace(row, published=None) for row in comparison.rows]) == []
+
+
+def test_the_force_sensors_contradict(comparison):
+    """Both printed numbers stand in the notes: 14.6 % of the force, 62.8 % of the acceleration."""
+    assert any("14.6 %" in note and "62.8 %" in note for note in comparison.notes)
 
 
 def test_rows_have_every_key(comparison):

@@ -1,0 +1,84 @@
+"""``testbench predict``."""
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from testbench.cli.predict import predict
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """The document and the figure."""
+    figure = tmp_path_factory.mktemp("figure") / "predicted.png"
+    result = CliRunner().invoke(
+        predict, ["kiper2019", "--json", "--forms", "--figure", str(figure)], standalone_mode=False
+    )
+    assert result.exception is None
+    return json.loads(result.stdout), figure
+
+
+def test_error_on_what_was_held_out(made):
+    """At most 9.0 points on 54 numbers; not below 5, which is inside the scatter and would mean tuning."""
+    document = made[0]
+    errors = [abs(row["predicted_percent"] - row["printed_percent"]) for row in document["predictions"]]
+    assert len(errors) == document["numbers_predicted"] == 54
+    assert sum(errors) / 54 == pytest.approx(document["mean_absolute_error_points"])
+    assert 5.0 < document["mean_absolute_error_points"] <= 9.0
+
+
+def test_at_most_eight_parameters_from_one_payload(made):
+    """Each has bounds, an interval within them and a meaning; the calibration saw 24 numbers of 1.451 kg."""
+    document = made[0]
+    assert document["calibrated_on"] == {"payload_kg": 1.451, "numbers": 24}
+    assert len(document["parameters"]) <= 8
+    for parameter in document["parameters"]:
+        low, high = parameter["bounds"]
+        assert low <= parameter["interval"][0] <= parameter["median"] <= parameter["interval"][1] <= high
+        assert parameter["meaning"]
+
+
+def test_baselines_stand_beside(made):
+    """The model errs least on what was held out and with payloads left out; every way shows its three errors."""
+    model, *others = made[0]["errors"]
+    rivals = [row for row in others if not row["name"].startswith("model")]
+    assert [row["name"] for row in rivals] == ["constant", "per axis", "nearest acceleration"]
+    for key in ("held_out_points", "leave_one_payload_out_points"):
+        assert all(model[key] < row[key] for row in rivals)
+
+
+def test_where_it_fails_is_said(made):
+    """3.41 kg along x and 5 kg along z, computed, in the document and in words."""
+    document = made[0]
+    assert {(row["payload_kg"], row["axis"]) for row in document["fails_at"]} == {(3.4116, "x"), (5.0, "z")}
+    assert any("It fails" in note and "5 kg along z" in note for note in document["notes"])
+
+
+def test_the_slide_is_explained(made):
+    """Both numbers, what cannot and what could reconcile them, and that the logs are not available."""
+    sensors, notes = made[0]["force_sensors"], made[0]["notes"]
+    assert sensors["force_reduction_percent"]["peak_to_peak"] == pytest.approx(14.57, abs=0.01)
+    assert sensors["acceleration_reduction_percent"] == 62.76
+    assert len(sensors["cannot_reconcile"]) == len(sensors["could_reconcile"]) == 4
+    assert "not available" in notes[-1]
+
+
+def test_forms_and_figure(made):
+    """The terms are compared on the calibrated table; the figure is drawn."""
+    assert len(made[0]["forms"]) > 5
+    assert made[1].read_bytes()[:4] == b"\x89PNG"
+
+
+def test_tables_for_people():
+    """Every printed number, the parameters and the errors."""
+    result = CliRunner().invoke(predict, ["kiper2019"], standalone_mode=False)
+    assert result.exception is None
+    for text in ("73.1", "residual_mass_kg", "nearest acceleration", "fails", "14.6 %"):
+        assert text in result.stdout
+
+
+def test_an_unknown_table():
+    """The shipped tables are named."""
+    result = CliRunner().invoke(predict, ["kiper2020"], standalone_mode=False)
+    assert "kiper2019" in str(result.exception)
