@@ -14,7 +14,7 @@ import numpy as np
 
 from testbench.cli.recover import recover
 from testbench.errors import StoreError
-from testbench.store import digest, open_campaign, open_run
+from testbench.store import archive, digest, open_campaign, open_run
 
 ROWS = 400_000
 CHILD = """
@@ -37,6 +37,15 @@ outcomes = work.run(run)
 print("end", *(outcome.status for outcome in outcomes), flush=True)
 """
 """An ingest that says each time how many samples it has acknowledged, in small chunks so that there are many."""
+ARCHIVING = """
+import sys
+from pathlib import Path
+from testbench.store import archive, open_run
+run = open_run(sys.argv[1])
+print("ready", flush=True)
+print("end", archive.archive(run, Path(sys.argv[2])).status, flush=True)
+"""
+"""An archive of one run."""
 
 
 def write_log(path, rows=ROWS):
@@ -47,18 +56,18 @@ def write_log(path, rows=ROWS):
     return columns
 
 
-def start(log, campaign):
-    """An ingest in a process of its own, about to begin."""
-    child = subprocess.Popen([sys.executable, "-c", CHILD, str(log), str(campaign)], stdout=subprocess.PIPE, text=True)
+def start(log, campaign, code=CHILD):
+    """An ingest, or an archive, in a process of its own, about to begin."""
+    child = subprocess.Popen([sys.executable, "-c", code, str(log), str(campaign)], stdout=subprocess.PIPE, text=True)
     assert child.stdout.readline() == "ready\n"
     return child
 
 
-def duration(log, folder):
-    """How long an ingest takes that nobody kills [s]."""
-    child = start(log, folder)
+def duration(log, folder, code=CHILD):
+    """How long it takes where nobody kills it [s]."""
+    child = start(log, folder, code)
     begin = time.perf_counter()
-    assert child.communicate()[0].endswith("end stored\n")
+    assert child.communicate()[0].endswith(("end stored\n", "end archived\n"))
     return time.perf_counter() - begin
 
 
@@ -100,6 +109,25 @@ def recovered(campaign, acknowledged, columns):
     return code
 
 
+def kill_archive(run, folder, chance, whole):
+    """Kill an archive at a random moment; returns what ``testbench recover`` makes of it, and archives again.
+
+    The run stays as it was, no half file has a final name, and the archive then holds every bit.
+    """
+    child = start(run, folder, ARCHIVING)
+    time.sleep(chance.uniform(0, whole))
+    child.kill()
+    child.communicate()
+    folder.mkdir(exist_ok=True)
+    original = open_run(run)
+    columns = [original.channel_at(original.group().name, i) for i in range(len(original.group().channels))]
+    code = recovered(folder, 0, columns)
+    assert archive.archive(original, folder).status in {"archived", "already_archived"}
+    assert recovered(folder, original.group().samples, columns) == 0
+    assert digest.recorded(run) == digest.sha256_of(run)
+    return code
+
+
 def flipped(run, random_numbers):
     """Flip one bit of a run or its digest; whether verify names the run, and then flip it back."""
     sizes = {path: path.stat().st_size for path in (run, digest.beside(run))}
@@ -135,6 +163,7 @@ def main():
     parser.add_argument("--kills", type=int, default=300)
     parser.add_argument("--flips", type=int, default=1000)
     parser.add_argument("--cuts", type=int, default=1000)
+    parser.add_argument("--archive-kills", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
     chance = random.Random(given.seed)
@@ -152,11 +181,19 @@ def main():
                 print(f"{number + 1} kills", file=sys.stderr)  # noqa: T201
         print(f"kills: {given.kills}, all acknowledged samples there; exit codes "  # noqa: T201
               + ", ".join(f"{code}: {codes.count(code)}" for code in sorted(set(codes))))  # fmt: skip
+        (run,) = open_campaign(folder / "whole").run_paths
+        whole = duration(run, folder / "a", ARCHIVING)
+        codes = [kill_archive(run, folder / f"a{n}", chance, whole) for n in range(given.archive_kills)]
+        print(f"archives killed: {len(codes)}, all made again; exit codes of recover "  # noqa: T201
+              + ", ".join(f"{code}: {codes.count(code)}" for code in sorted(set(codes))))  # fmt: skip
         write_log(folder / "small.csv", 5000)
         start(folder / "small.csv", folder / "small").wait()
-        run = folder / "small" / "small.h5"
-        print("flips found:", sum(flipped(run, chance) for _ in range(given.flips)), "of", given.flips)  # noqa: T201
-        print("cuts found:", sum(cut(run, chance) for _ in range(given.cuts)), "of", given.cuts)  # noqa: T201
+        stored = folder / "small" / "small.h5"
+        small = archive.archive(open_run(stored), folder / "archive").file
+        for kind, run in (("run", stored), ("archive", small)):
+            flips, cuts = ([test(run, chance) for _ in range(n)]
+                           for test, n in ((flipped, given.flips), (cut, given.cuts)))  # fmt: skip
+            print(f"{kind}: flips found: {sum(flips)} of {len(flips)}; cuts found: {sum(cuts)} of {len(cuts)}")  # noqa: T201
 
 
 if __name__ == "__main__":

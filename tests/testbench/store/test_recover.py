@@ -14,6 +14,7 @@ from testbench.recording import Channel, Group, TimeColumn, UniformClock
 from testbench.recovery import recover
 from testbench.runsheet import plan
 from testbench.store import digest, groups, open_campaign, open_run
+from testbench.store.archive import archive
 from testbench.store.journal import JournalWriter
 from testbench.store.writer import RunWriter
 
@@ -181,10 +182,26 @@ def test_the_command_says_what_is_lost(tmp_path, monkeypatch, capsys):
 
 
 def test_a_random_bit_or_cut_is_found(tmp_path):
-    """60 flipped bits of runs and digests, 60 cuts: each is named by verify, and no cut run gives fewer samples."""
+    """60 flipped bits of runs and digests, 60 cuts: each is named by verify, and no cut run gives fewer samples.
+
+    So it is of an archive.
+    """
     faults.write_log(tmp_path / "log.csv", 3000)
     Ingest(tmp_path / "c").run(plan([tmp_path / "log.csv"], None)[0])
     chance = random.Random(21)
     run = tmp_path / "c" / "log.h5"
-    assert all(faults.flipped(run, chance) for _ in range(60))
-    assert all(faults.cut(run, chance) for _ in range(60))
+    for stored in (run, archive(open_run(run), tmp_path / "a").file):
+        assert all(faults.flipped(stored, chance) for _ in range(60))
+        assert all(faults.cut(stored, chance) for _ in range(60))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a killed process keeps its files open for a while")
+def test_archives_killed_at_random_moments(tmp_path):
+    """Four killed archives: the run is whole, nothing half has a name, and the archive is made again."""
+    faults.write_log(tmp_path / "log.csv", 100_000)
+    Ingest(tmp_path / "c").run(plan([tmp_path / "log.csv"], None)[0])
+    run = tmp_path / "c" / "log.h5"
+    whole = faults.duration(run, tmp_path / "a", faults.ARCHIVING)
+    chance = random.Random(22)
+    for number in range(4):
+        assert faults.kill_archive(run, tmp_path / f"a{number}", chance, whole) == 0
