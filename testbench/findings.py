@@ -75,6 +75,7 @@ _WARNINGS = {
     "broken_link": "A link inside the file that leads nowhere; left out.",
     "cyclic_link": "A link inside the file that leads back to where it comes from; left out.",
     "already_stored": "The campaign holds this recording already; nothing was written.",
+    "conditions_differ": "The sheet says other conditions than are stored with the run, which never changes.",
     "rate_contradicts_rig": "A log's rate is not the one that the rig states for its logger; the log's is taken.",
     "sensor_not_recorded": "The rig describes a logger of which the run holds no channel.",
     "uncalibrated": "Raw values, such as volts, of a sensor without a calibration: no analysis can use them yet.",

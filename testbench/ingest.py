@@ -15,7 +15,7 @@ from .readers import ReadOptions, open_recording
 from .recording import Origin
 from .runsheet import PlannedRun
 from .source import Source
-from .store import Campaign, lock
+from .store import Campaign, lock, open_run
 from .store.writer import RunWriter
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ Progress = Callable[[int], None]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one log file: ``stored``, ``already_stored`` or ``refused``; and the run's file."""
+    """What became of one log file: ``stored``, ``already_stored``, ``refused``, ``waiting``; and the run's file."""
 
     file: str | None
     source: str
@@ -72,7 +72,7 @@ class Ingest:
                 sources.append(Source(path, open_recording(path, self.options)))
             for source, recording in zip(sources, apart([s.recording for s in sources]), strict=True):
                 source.recording = recording
-            return self._already(sources) or self._stored_anew(planned, sources)
+            return self._already(planned, sources) or self._stored_anew(planned, sources)
         except (RecordingError, StoreError) as error:
             return _not_stored(planned, sources, error)
 
@@ -81,7 +81,7 @@ class Ingest:
         try:
             return self._store(planned, sources)
         except StoreError:
-            if others := self._already(sources):
+            if others := self._already(planned, sources):
                 return others
             raise
 
@@ -91,7 +91,7 @@ class Ingest:
             self._known.add(run.path)
             self._stored.update({(s["size_bytes"], s["sha256"]): run.path.name for s in run.provenance["sources"]})
 
-    def _already(self, sources: Sequence[Source]) -> list[Outcome]:
+    def _already(self, planned: PlannedRun, sources: Sequence[Source]) -> list[Outcome]:
         """The outcomes if the campaign holds these recordings already; none if it holds none of them."""
         self._look()
         sizes = {size for size, _ in self._stored}
@@ -101,7 +101,22 @@ class Ingest:
         if None in held and any(held):
             known = ", ".join(s.path.name for s, run in zip(sources, held, strict=True) if run)
             raise StoreError(f"{known}: stored already, but not with the other files of this run; stored runs stay")
-        return [_there(source, run) for source, run in zip(sources, held, strict=True) if run]
+        return [
+            _there(source, run, self._differs(planned, run)) for source, run in zip(sources, held, strict=True) if run
+        ]
+
+    def _differs(self, planned: PlannedRun, run: str) -> list[Finding]:
+        """Where the sheet says something else than what is stored with a run, which never changes."""
+        if planned.conditions is None:
+            return []
+        stored = open_run(self.folder / run)
+        found = []
+        for name in sorted(planned.conditions.keys() | stored.conditions.keys()):
+            now, then = planned.conditions.get(name), stored.conditions.get(name)
+            if now != then:
+                message = f"{name} is {now} in the sheet, {then} in the stored {run}; stored runs never change"
+                found.append(Finding("conditions_differ", None, None, message))
+        return found
 
     def _store(self, planned: PlannedRun, sources: Sequence[Source]) -> list[Outcome]:
         origin = _origin(planned, sources)
@@ -121,7 +136,7 @@ class Ingest:
             writer.describe(origin, planned.conditions or {}, everything, self._provenance(sources), rig)
             writer.seal()
             with lock.one_at_a_time(self.folder):
-                if others := self._already(sources):
+                if others := self._already(planned, sources):
                     return others
                 target = writer.commit().name
         return [Outcome(target, s.path.name, s.sha256, origin, "stored", tuple(s.findings)) for s in sources]
@@ -179,10 +194,11 @@ def _refuse_twice(digests: Sequence[tuple[str, str]]) -> None:
         seen[sha256] = name
 
 
-def _there(source: Source, run: str) -> Outcome:
+def _there(source: Source, run: str, differing: Sequence[Finding]) -> Outcome:
     finding = Finding("already_stored", None, None, f"is stored already as {run}; nothing was written")
     origin = source.recording.origin
-    return Outcome(run, source.path.name, source.sha256, origin, "already_stored", (finding,), finding.message)
+    found = (finding, *differing)
+    return Outcome(run, source.path.name, source.sha256, origin, "already_stored", found, finding.message)
 
 
 def _not_stored(planned: PlannedRun, sources: Sequence[Source], error: Exception) -> list[Outcome]:

@@ -107,7 +107,7 @@ def load(name: str | Path) -> Plan:
 def from_text(text: str, source: str = "plan") -> Plan:
     """Read a plan from its text; ``source`` is what messages call it."""
     try:
-        return Plan.model_validate(tomllib.loads(text))
+        return Plan.model_validate(tomllib.loads(text.removeprefix("\ufeff")))
     except tomllib.TOMLDecodeError as error:
         raise RigError(f"{source}: not TOML: {error}") from error
     except ValidationError as error:

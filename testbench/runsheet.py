@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import cast, get_args
 
 from .errors import RigError
@@ -16,6 +16,7 @@ COLUMNS = ("file", "run", "origin", "payload_kg", "counter_masses", "motion", "p
 """Columns of a sheet; ``file`` alone must be there. Files of one ``run`` are stored together."""
 
 
+_NUMBERS = ("payload_kg", "counter_masses", "peak_acceleration_g")
 _NAME = re.compile(r"[\w+(#@][\w+()#@,=~ .-]{0,119}")
 
 
@@ -28,6 +29,8 @@ class SheetRow:
     run: str | None
     origin: Origin
     conditions: Conditions
+    marks: frozenset[str] = frozenset()
+    """Decimal marks in its numbers."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +51,51 @@ def plan(files: Sequence[Path], sheet: Path | None) -> list[PlannedRun]:
     if sheet is None:
         runs = [PlannedRun(path.stem, (path,)) for path in files]
     else:
-        files = [path for path in files if not _same_file(path, sheet)]
+        files = [path for path in files if not same_file(path, sheet)]
         runs = _from_sheet(read(sheet), files, sheet)
+    _check_names(runs)
+    return runs
+
+
+@dataclass(frozen=True)
+class Ready:
+    """What a sheet makes of the files that are there so far."""
+
+    runs: tuple[PlannedRun, ...]
+    """Those of which all files are there."""
+    waiting: dict[Path, str]
+    """Files of other runs, and what they wait for."""
+    unnamed: tuple[Path, ...]
+    """Files that the sheet does not name."""
+
+
+def ready(rows: Sequence[SheetRow], files: Sequence[Path], sheet: Path) -> Ready:
+    """The runs of a sheet that are complete, of the files that are there so far.
+
+    Raises RigError if rows of one run differ in their conditions, or runs would have one name.
+    """
+    there = {row.line: path for row in rows for path in files if _means(row, path, sheet)}
+    groups: dict[str, list[SheetRow]] = {}
+    for row in rows:
+        groups.setdefault(row.run or PurePath(row.file).stem, []).append(row)
+    runs, waiting = [], {}
+    for name, together in groups.items():
+        missing = [row.file for row in together if row.line not in there]
+        if not missing:
+            runs.append(_run(name, together, there, sheet))
+            continue
+        for row in together:
+            if row.line in there:
+                waiting[there[row.line]] = f"waits for {', '.join(missing)}, of the same run {name!r}"
+    _check_names(runs)
+    return Ready(tuple(runs), waiting, tuple(path for path in files if path not in there.values()))
+
+
+def _means(row: SheetRow, path: Path, sheet: Path) -> bool:
+    return path.name == row.file or same_file(path, sheet.parent / row.file)
+
+
+def _check_names(runs: Sequence[PlannedRun]) -> None:
     names = [run.name for run in runs]
     for name in names:
         if _NAME.fullmatch(name) is None:
@@ -57,17 +103,23 @@ def plan(files: Sequence[Path], sheet: Path | None) -> list[PlannedRun]:
         if names.count(name) > 1:
             same = ", ".join(str(run.files[0]) for run in runs if run.name == name)
             raise RigError(f"{same}: would all be stored as run {name!r}; name them apart by a column 'run' of a sheet")
-    return runs
 
 
 def read(sheet: Path) -> list[SheetRow]:
-    """The rows of a sheet. Raises RigError, with line and column, for what it does not understand."""
+    """The rows of a sheet. Raises RigError, with line and column, for what it does not understand.
+
+    Commas, tabs or semicolons separate the cells, as the first line shows; with semicolons, as spreadsheets of half of
+    Europe write them, numbers may have decimal commas, all or none.
+    """
     try:
         text = sheet.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
-        raise RigError(f"{sheet.name}: not UTF-8; save the sheet as UTF-8") from error
+        raise RigError(f"{sheet.name}: not UTF-8; save the sheet as UTF-8 (in a spreadsheet: CSV UTF-8)") from error
+    except FileNotFoundError as error:
+        raise RigError(f"{sheet}: no such file; expected a sheet of run conditions") from error
     first = text.partition("\n")[0]
-    table = csv.DictReader(io.StringIO(text), delimiter=";" if ";" in first else "\t" if "\t" in first else ",")
+    delimiter = ";" if ";" in first else "\t" if "\t" in first else ","
+    table = csv.DictReader(io.StringIO(text), delimiter=delimiter)
     columns = [name.strip() for name in table.fieldnames or []]
     table.fieldnames = columns
     if "file" not in columns:
@@ -75,17 +127,38 @@ def read(sheet: Path) -> list[SheetRow]:
     if unknown := [name for name in columns if name not in COLUMNS]:
         raise RigError(f"{sheet.name}: unknown column {unknown[0]!r}; expected some of {', '.join(COLUMNS)}")
     try:
-        rows = [_row(sheet, table.line_num, cells) for cells in table if any(cells.values())]
+        rows = [_row(sheet, table.line_num, cells, delimiter) for cells in table if any(cells.values())]
     except csv.Error as error:
         raise RigError(f"{sheet.name}, line {table.line_num}: {error}") from error
     if not rows:
         raise RigError(f"{sheet.name}: names no file")
+    _check_rows(sheet, rows)
     return rows
 
 
-def _row(sheet: Path, line: int, cells: Mapping[str | None, str | None]) -> SheetRow:
+def _check_rows(sheet: Path, rows: Sequence[SheetRow]) -> None:
+    """Each file once, and one decimal mark throughout."""
+    lines: dict[PurePath, int] = {}
+    for row in rows:
+        place = PurePath(row.file)
+        if place in lines:
+            raise RigError(
+                f"{sheet.name}, line {row.line}: names {row.file} a second time, after line {lines[place]}; "
+                "expected each file once: its conditions would be those of either line"
+            )
+        lines[place] = row.line
+    marks = {mark: row.line for row in rows for mark in row.marks}
+    if len(marks) > 1:
+        raise RigError(
+            f"{sheet.name}: decimal commas (line {marks[',']}) and decimal points (line {marks['.']}): expected one of "
+            "the two, lest 1,451 and 1.451 be taken for the same"
+        )
+
+
+def _row(sheet: Path, line: int, cells: Mapping[str | None, str | None], delimiter: str) -> SheetRow:
     if None in cells or None in cells.values():
-        raise RigError(f"{sheet.name}, line {line}: more or fewer cells than columns")
+        hint = "" if delimiter != ";" else "; counter_masses with several sites need quotes in a sheet with semicolons"
+        raise RigError(f"{sheet.name}, line {line}: more or fewer cells than columns{hint}")
     text = {str(name): (cell or "").strip() for name, cell in cells.items()}
     place = f"{sheet.name}, line {line}"
     if not text["file"]:
@@ -93,8 +166,12 @@ def _row(sheet: Path, line: int, cells: Mapping[str | None, str | None]) -> Shee
     origin = text.get("origin") or "unstated"
     if origin not in get_args(Origin):
         raise RigError(f"{place}: origin {origin!r}; expected {', '.join(get_args(Origin))}, or nothing")
+    numbers = " ".join(text.get(name, "") for name in _NUMBERS)
+    marks = frozenset(re.findall(r"(?<=\d)[.,](?=\d)", numbers))
+    if delimiter == ";" and marks == {","}:
+        text |= {name: text[name].replace(",", ".") for name in _NUMBERS if name in text}
     run = text.get("run") or None
-    return SheetRow(line, text["file"], run, cast(Origin, origin), _conditions(place, text))
+    return SheetRow(line, text["file"], run, cast(Origin, origin), _conditions(place, text), marks)
 
 
 def _conditions(place: str, text: Mapping[str, str]) -> Conditions:
@@ -167,7 +244,7 @@ def _run(name: str, rows: Sequence[SheetRow], paths: Mapping[int, Path], sheet: 
 def _given(row: SheetRow, files: Iterable[Path], sheet: Path) -> Path:
     """The given file that a row means: the one at that place beside the sheet, else the only one of that name."""
     beside = sheet.parent / row.file
-    exact = [path for path in files if _same_file(path, beside)]
+    exact = [path for path in files if same_file(path, beside)]
     matches = exact or [path for path in files if path.name == row.file]
     if len(matches) == 1:
         return matches[0]
@@ -175,5 +252,6 @@ def _given(row: SheetRow, files: Iterable[Path], sheet: Path) -> Path:
     raise RigError(f"{sheet.name}, line {row.line}: {problem} the name {row.file!r}; give the file, or mend the line")
 
 
-def _same_file(one: Path, other: Path) -> bool:
+def same_file(one: Path, other: Path) -> bool:
+    """Whether two paths are one file."""
     return one.resolve() == other.resolve()

@@ -1,6 +1,10 @@
 """Logs as they arrive in a folder: each is ingested once it has stopped growing, once, also after a crash.
 
 Nothing is remembered beside the campaign: a log that a stored run was made of is known by its SHA-256.
+
+With a sheet of run conditions, which is read again when it changes, the rule is: a file that the sheet names is
+ingested with its conditions, once all files of its run are there; a file that it does not name waits until it does, or,
+where asked for, is ingested without conditions. While the sheet cannot be read, or is being saved, everything waits.
 """
 
 import time
@@ -10,10 +14,9 @@ from pathlib import Path
 
 from .errors import RecordingError, RigError
 from .ingest import Ingest, Outcome
-from .runsheet import plan
+from .runsheet import PlannedRun, plan, ready, same_file
+from .watchedsheet import State, WatchedSheet, state_of
 
-State = tuple[int, int]
-"""Size [bytes] and time of the last change [ns] of a file."""
 _SKIPPED = (".part", ".tmp", ".crdownload", ".filepart", "~")
 """Endings of files on their way from elsewhere."""
 
@@ -29,15 +32,23 @@ class Watch:
     ingest: Ingest
     settle_s: float = 2.0
     """A file that did not change for so long has stopped growing [s]."""
+    sheet: WatchedSheet | None = None
+    """The sheet of run conditions; it may lie in the folder."""
+    store_unnamed: bool = False
+    """Whether files that the sheet does not name are ingested without conditions; otherwise they wait."""
     growing: list[Path] = field(default_factory=list, init=False)
     """Files that had changed shortly before the last look."""
+    waiting: dict[Path, str] = field(default_factory=dict, init=False)
+    """Files that have stopped growing, and what they wait for."""
     _done: dict[Path, State] = field(default_factory=dict, init=False)
     _seen: dict[Path, tuple[State, float]] = field(default_factory=dict, init=False)
 
     def once(self) -> Iterator[Outcome]:
         """One pass: what is there and does not grow. Files that still grow are named by ``growing``."""
         self._look()
-        if any(path not in self._done for path in self._seen):
+        if any(path not in self._done for path in self._seen) or self.sheet is not None:
+            if self.sheet is not None:
+                self.sheet.note(time.monotonic())
             time.sleep(self.settle_s)
         yield from self.look()
 
@@ -51,23 +62,73 @@ class Watch:
         """Ingest what has not changed for a while. A file that cannot be taken is said once, and the next one comes."""
         self._look()
         now = time.monotonic()
-        waiting = sorted((path, *seen) for path, seen in self._seen.items() if path not in self._done)
-        self.growing = [path for path, _, since in waiting if now - since < self.settle_s]
-        for path, state, _ in waiting:
-            if path not in self.growing:
-                self._done[path] = state
-                yield from self._one(path)
+        yield from self._reread(now)
+        pending = sorted((path, *seen) for path, seen in self._seen.items() if path not in self._done)
+        self.growing = [path for path, _, since in pending if now - since < self.settle_s]
+        settled = [path for path, _, _ in pending if path not in self.growing]
+        if self.sheet is None:
+            self.waiting = {}
+            for path in settled:
+                yield from self._one(PlannedRun(path.stem, (path,)))
+        else:
+            yield from self._by_sheet(settled)
 
-    def _one(self, path: Path) -> list[Outcome]:
+    def _reread(self, now: float) -> Iterator[Outcome]:
+        """Read the sheet again if it changed; files whose row changed come again."""
+        if self.sheet is None:
+            return
         try:
-            (run,) = plan([path], None)
+            changed = self.sheet.look(now)
+        except RigError as error:
+            yield _refused(self.sheet.path, str(error))
+            return
+        for path in [path for path in self._done if path.name in changed]:
+            self._done.pop(path)
+
+    def _by_sheet(self, settled: list[Path]) -> Iterator[Outcome]:
+        """Ingest the runs that are complete; say of the other files, once, what they wait for."""
+        assert self.sheet is not None
+        if self.sheet.rows is None:
+            reason = f"waits for {self.sheet.path.name}, the sheet of run conditions"
+            yield from self._wait(dict.fromkeys(settled, reason))
+            return
+        there = [path for path in self._seen if path not in self.growing]
+        try:
+            found = ready(self.sheet.rows, there, self.sheet.path)
+        except RigError as error:
+            yield from self._wait(dict.fromkeys(settled, f"waits for the sheet to be mended: {error}"))
+            return
+        unnamed = [path for path in found.unnamed if path in settled]
+        runs = [run for run in found.runs if any(path in settled for path in run.files)]
+        if self.store_unnamed:
+            runs += [PlannedRun(path.stem, (path,)) for path in unnamed]
+            unnamed = []
+        reasons = {path: reason for path, reason in found.waiting.items() if path in settled}
+        yield from self._wait(reasons | dict.fromkeys(unnamed, f"waits: {self.sheet.path.name} does not name it"))
+        for run in runs:
+            yield from self._one(run)
+
+    def _wait(self, reasons: dict[Path, str]) -> Iterator[Outcome]:
+        before, self.waiting = self.waiting, reasons
+        for path, reason in reasons.items():
+            if before.get(path) != reason:
+                yield Outcome(None, path.name, None, "unstated", "waiting", (), reason)
+
+    def _one(self, run: PlannedRun) -> list[Outcome]:
+        for path in run.files:
+            self._done[path] = self._seen[path][0]
+        try:
+            if run.conditions is None:
+                (run,) = plan(run.files, None)
             return self.ingest.run(run)
         except (RecordingError, RigError, OSError) as error:
-            return [Outcome(None, path.name, None, "unstated", "refused", (), str(error))]
+            return [_refused(path, str(error)) for path in run.files]
 
     def _look(self) -> None:
         """Note the state of every file, and since when it has been in it."""
         now, there = time.monotonic(), _files(self.folder)
+        for path in [path for path in there if self.sheet is not None and same_file(path, self.sheet.path)]:
+            there.pop(path)
         for path in [*self._seen]:
             if path not in there:
                 self._seen.pop(path)
@@ -78,15 +139,15 @@ class Watch:
                 self._done.pop(path, None)
 
 
+def _refused(path: Path, message: str) -> Outcome:
+    return Outcome(None, path.name, None, "unstated", "refused", (), message)
+
+
 def _files(folder: Path) -> dict[Path, State]:
     found = {}
     for path in folder.iterdir():
         if path.name.startswith(".") or path.name.endswith(_SKIPPED) or path.is_symlink():
             continue
-        try:
-            stat = path.stat()
-        except FileNotFoundError:
-            continue  # it was there a moment ago
-        if path.is_file():
-            found[path] = stat.st_size, stat.st_mtime_ns
+        if (state := state_of(path)) is not None and path.is_file():
+            found[path] = state
     return found

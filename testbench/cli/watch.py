@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.console import EXIT_REFUSED, emit_json, json_option
+from balance.cli.console import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, json_option
 
 from . import reading
 
@@ -19,15 +19,27 @@ if TYPE_CHECKING:
     epilog="""\b
 Examples:
   testbench watch incoming -o campaign --rig rig.toml
+  testbench watch incoming -o campaign --rig rig.toml --runs runs.csv
   testbench watch incoming -o campaign --once --json
 \b
-Exit codes of --once: 0 all stored, 3 stored with findings or still growing, 1 some file was refused."""
+With --runs, files that the sheet names are ingested with its conditions, once all files of a run are there; others wait
+until it names them (--unnamed store: are stored without conditions). The sheet is read again when it changes.
+\b
+Exit codes of --once: 0 all stored, 3 stored with findings, still growing or waiting, 1 some file was refused."""
 )
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option(
     "-o", "--output", "campaign", required=True, type=click.Path(path_type=Path), help="The campaign's folder."
 )
 @click.option("--rig", metavar="RIG", help="What is measured where: a rig file, kept with each run.")
+@click.option("--runs", "sheet", type=click.Path(path_type=Path), help="The sheet of run conditions; it may change.")
+@click.option(
+    "--unnamed",
+    type=click.Choice(["wait", "store"]),
+    default="wait",
+    show_default=True,
+    help="What becomes of files that the sheet does not name.",
+)
 @click.option("--accept", multiple=True, metavar="CODE", help="Store in spite of findings of this code.")
 @click.option("--once", is_flag=True, help="One pass over what is there, then stop.")
 @click.option(
@@ -39,6 +51,8 @@ def watch(
     folder: Path,
     campaign: Path,
     rig: str | None,
+    sheet: Path | None,
+    unnamed: str,
     accept: tuple[str, ...],
     once: bool,
     settle: str,
@@ -56,19 +70,25 @@ def watch(
     if not folder.is_dir():
         raise RecordingError(f"{folder}: no such folder; expected one that logs arrive in")
     watching = _watching(folder, campaign, rig, accept, settle, text)
+    watching.store_unnamed = unnamed == "store"
+    if sheet is not None:
+        from ..watchedsheet import WatchedSheet
+
+        watching.sheet = WatchedSheet(sheet, watching.settle_s)
     if not once:
         click.echo(f"watching {reading.plain(str(folder))}; Ctrl-C ends it", err=True)
         _say(watching.forever(), quiet=False)
-    outcomes = _say(watching.once(), quiet=as_json)
+    outcomes = [o for o in _say(watching.once(), quiet=as_json) if o.status != "waiting"]
     if as_json:
         growing = [path.name for path in watching.growing]
-        emit_json({"runs": [outcome.as_dict() for outcome in outcomes], "growing": growing})
+        waiting = [{"file": path.name, "reason": reason} for path, reason in watching.waiting.items()]
+        emit_json({"runs": [outcome.as_dict() for outcome in outcomes], "growing": growing, "waiting": waiting})
     for path in watching.growing:
         click.echo(f"testbench: {reading.plain(path.name)}: still grows; left for later", err=True)
     if any(outcome.status == "refused" for outcome in outcomes):
         return EXIT_REFUSED
     kept = [f for o in outcomes if o.status == "stored" for f in o.findings]
-    return max(reading.exit_code(kept, accept), 3 if watching.growing else 0)
+    return max(reading.exit_code(kept, accept), EXIT_WITH_FINDINGS if watching.growing or watching.waiting else 0)
 
 
 def _watching(
@@ -91,6 +111,8 @@ def _say(outcomes: "Iterable[Outcome]", quiet: bool) -> "list[Outcome]":
         told.append(outcome)
         if outcome.status == "refused":
             click.echo(f"testbench: {reading.plain(outcome.message)}", err=True)
+        elif outcome.status == "waiting":
+            click.echo(f"testbench: {reading.plain(outcome.source)}: {reading.plain(outcome.message)}", err=True)
         elif not quiet:
             name = reading.plain(outcome.source)
             click.echo(f"{name}: {outcome.status.replace('_', ' ')} as {reading.plain(outcome.file or '-')}")

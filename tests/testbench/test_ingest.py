@@ -138,6 +138,7 @@ def test_a_simulated_log_cannot_be_called_measured(folder):
     (folder / "r001.csv").write_text("# origin: simulated\n" + HEADER + "".join(ROWS))
     (outcome,) = ingested(folder, PlannedRun("r001", (folder / "r001.csv",), "measured", {}))
     assert outcome.status == "refused"
+    assert outcome.origin == outcome.as_dict()["origin"] == "simulated"
     assert [f.code for f in outcome.findings] == ["origin_contradiction"]
 
 
@@ -205,3 +206,53 @@ def test_plan_and_ingest_of_a_sheet(folder):
     ingested(folder, run)
     stored = open_run(folder / "campaign" / "r001.h5")
     assert stored.conditions == {"payload_kg": 1.451, "counter_masses": {"counter_A0A": 10.0}}
+
+
+def test_one_recording_twice_in_one_run(folder):
+    """The same bytes under two names are no second logger."""
+    (folder / "copy.csv").write_bytes((folder / "r001.csv").read_bytes())
+    outcomes = ingested(folder, PlannedRun("r001", (folder / "r001.csv", folder / "copy.csv")))
+    assert {o.status for o in outcomes} == {"refused"}
+    assert "copy.csv: holds the same bytes as r001.csv" in outcomes[0].message
+    assert not (folder / "campaign").exists()
+
+
+@pytest.mark.parametrize(("rate", "found"), [("1 kHz", 0), ("1.004 kHz", 0), ("2 kHz", 1), ("990 Hz", 1)])
+def test_the_rate_of_the_rig_against_that_of_the_log(folder, rate, found):
+    """Beyond the tolerance of a printed rate it is said; the log's clock counts."""
+    rig = rigs.load((RIG % "50 g").replace("[loggers.daq]", f'[loggers.daq]\nrate = "{rate}"'))
+    (outcome,) = ingested(folder, rig=rig)
+    assert outcome.status == "stored"
+    assert [f.code for f in outcome.findings].count("rate_contradicts_rig") == found
+    assert open_run(folder / "campaign" / "r001.h5").rate_hz == pytest.approx(1000.0)
+
+
+def test_sensors_of_a_logger_that_is_not_in_the_run(folder):
+    """It is said which sensors are not recorded."""
+    (outcome,) = ingested(folder, rig=rigs.load(RIG % "50 g"))
+    (found,) = [f for f in outcome.findings if f.code == "sensor_not_recorded"]
+    assert "logger forces" in found.message
+    assert "futek_1" in found.message
+
+
+def test_a_site_that_the_mechanism_does_not_have(folder):
+    """A counter-mass on a site that the rig's mechanism does not know keeps the run out, unless a person says so."""
+    (folder / "rig.toml").write_text(RIG % "50 g")
+    planned = PlannedRun("r001", (folder / "r001.csv",), None, {"counter_masses": {"counter_AOA": 1.0}})
+    rig = rigs.load(folder / "rig.toml")
+    (outcome,) = ingested(folder, planned, rig=rig)
+    assert outcome.status == "refused"
+    (found,) = [f for f in outcome.findings if f.code == "unknown_site"]
+    assert "no site 'counter_AOA'" in found.message
+    assert "did you mean 'counter_A0A'" in found.message
+    (outcome,) = ingested(folder, planned, rig=rig, accepted=frozenset({"unknown_site"}))
+    assert outcome.status == "stored"
+
+
+def test_conditions_that_were_corrected_too_late(folder):
+    """Ingesting again with another payload changes nothing, and says so."""
+    ingested(folder, PlannedRun("r001", (folder / "r001.csv",), None, {"payload_kg": 5.0}))
+    (outcome,) = ingested(folder, PlannedRun("r001", (folder / "r001.csv",), None, {"payload_kg": 3.0}))
+    assert outcome.status == "already_stored"
+    assert [f.code for f in outcome.findings] == ["already_stored", "conditions_differ"]
+    assert open_run(folder / "campaign" / "r001.h5").conditions == {"payload_kg": 5.0}

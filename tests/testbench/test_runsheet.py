@@ -123,3 +123,34 @@ def test_names_of_runs_stay_in_the_campaign(sheet):
     with pytest.raises(RigError, match="is no name for a stored run"):
         plan(logs, path)
     assert Path(path).is_file()
+
+
+SEMICOLONS = "file;payload_kg;counter_masses;peak_acceleration_g\n"
+
+
+@pytest.mark.parametrize(
+    "row", ['a.csv;1,451;"A=24,26;B=1";3\n', 'a.csv;1.451;"A=24.26;B=1";3\n', "a.csv;1,451;A=24,26;3\n"]
+)
+def test_a_sheet_with_semicolons(sheet, row):
+    """As spreadsheets of half of Europe write it: decimal commas, or points, and sites within quotes."""
+    path, _ = sheet(row, head=SEMICOLONS)
+    (found,) = read(path)
+    assert found.conditions["payload_kg"] == 1.451
+    assert found.conditions["counter_masses"]["A"] == 24.26
+    assert found.conditions["peak_acceleration_g"] == 3.0
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ("a.csv;1,451;;3\nb.csv;1.451;;3\n", r"decimal commas \(line 2\) and decimal points \(line 3\)"),
+        ("a.csv;1,451;A=24,26;B=1;3\n", "need quotes in a sheet with semicolons"),
+        ("a.csv;1.451,5;;3\n", "payload_kg '1.451,5'; expected a number"),
+        ("a.csv;1;;3\n./a.csv;2;;3\n", "line 3: names ./a.csv a second time, after line 2"),
+    ],
+)
+def test_what_semicolons_leave_unclear(sheet, rows, message):
+    """Two decimal marks, a set of sites that falls apart, two lines for one file: refused, and nothing guessed."""
+    path, _ = sheet(rows, head=SEMICOLONS)
+    with pytest.raises(RigError, match=message):
+        read(path)

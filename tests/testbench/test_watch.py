@@ -13,6 +13,7 @@ from testbench.errors import RecordingError
 from testbench.ingest import Ingest
 from testbench.store import open_campaign
 from testbench.watch import Watch
+from testbench.watchedsheet import WatchedSheet
 
 HEADER = "Time (s),AccX (g)\n"
 
@@ -115,3 +116,86 @@ def test_the_command(watching, tmp_path, capsys):
         command.main([*words, "--json"], standalone_mode=False)
     with pytest.raises(RecordingError, match="no such folder"):
         command.main([str(tmp_path / "x"), *words[1:], "--once"], standalone_mode=False)
+
+
+def sheet_of(path, *rows):
+    """Write a sheet of run conditions."""
+    path.write_text("file,run,payload_kg\n" + "".join(f"{row}\n" for row in rows))
+
+
+@pytest.fixture
+def sheeted(watching, tmp_path):
+    """The watched folder with a sheet in it, which names the first log."""
+    sheet_of(tmp_path / "in" / "runs.csv", "a.csv,ra,5")
+    watching.sheet = WatchedSheet(tmp_path / "in" / "runs.csv", watching.settle_s)
+    return watching
+
+
+def test_conditions_of_a_sheet_that_goes_on(sheeted, tmp_path):
+    """What the sheet names gets its conditions; the other log waits, said once, until a line is added for it."""
+    assert told(sheeted.once()) == {"a.csv": "stored", "b.csv": "waiting"}
+    assert told(sheeted.once()) == {}
+    assert {path.name: reason for path, reason in sheeted.waiting.items()} == {
+        "b.csv": "waits: runs.csv does not name it"
+    }
+    sheet_of(tmp_path / "in" / "runs.csv", "a.csv,ra,5", "b.csv,rb,3")
+    assert told(sheeted.once()) == {"b.csv": "stored"}
+    assert not sheeted.waiting
+    assert [(r.name, r.conditions) for r in open_campaign(tmp_path / "c").runs] == [
+        ("ra", {"payload_kg": 5.0}), ("rb", {"payload_kg": 3.0}),
+    ]  # fmt: skip
+
+
+def test_a_run_waits_for_all_its_files(sheeted, tmp_path):
+    """Two loggers, one run: stored once both are there."""
+    sheet_of(tmp_path / "in" / "runs.csv", "a.csv,r1,5", "c.csv,r1,5")
+    found = {o.source: o.message for o in sheeted.once()}
+    assert found == {"a.csv": "waits for c.csv, of the same run 'r1'", "b.csv": "waits: runs.csv does not name it"}
+    log(tmp_path / "in" / "c.csv", first=9.0)
+    assert told(sheeted.once()) == {"a.csv": "stored", "c.csv": "stored"}
+    (run,) = open_campaign(tmp_path / "c").runs
+    assert len(run.groups) == 2
+
+
+def test_a_sheet_that_cannot_be_read_holds_everything(sheeted, tmp_path):
+    """No log is taken with conditions of yesterday: the sheet is refused once, and all wait until it is mended."""
+    (tmp_path / "in" / "runs.csv").write_text("file,paylod\na.csv,5\n")
+    assert told(sheeted.once()) == {"runs.csv": "refused", "a.csv": "waiting", "b.csv": "waiting"}
+    assert told(sheeted.once()) == {}
+    sheet_of(tmp_path / "in" / "runs.csv", "a.csv,ra,5", "b.csv,rb,3")
+    assert told(sheeted.once()) == {"a.csv": "stored", "b.csv": "stored"}
+    (tmp_path / "in" / "runs.csv").unlink()
+    log(tmp_path / "in" / "c.csv", first=9.0)
+    assert told(sheeted.once()) == {"c.csv": "waiting"}
+
+
+def test_a_line_that_changes_after_its_run_was_stored(sheeted, tmp_path):
+    """The stored run stays, and the contradiction is said."""
+    sheet_of(tmp_path / "in" / "runs.csv", "a.csv,ra,5", "b.csv,rb,3")
+    list(sheeted.once())
+    sheet_of(tmp_path / "in" / "runs.csv", "b.csv,rb,3", "a.csv,ra,7")
+    (outcome,) = sheeted.once()
+    assert (outcome.source, outcome.status) == ("a.csv", "already_stored")
+    assert [f.message for f in outcome.findings if f.code == "conditions_differ"] == [
+        "payload_kg is 7.0 in the sheet, 5.0 in the stored ra.h5; stored runs never change"
+    ]
+
+
+def test_files_without_a_line_may_be_stored(sheeted, tmp_path):
+    """Where asked for: without conditions, which nothing invents."""
+    sheeted.store_unnamed = True
+    assert told(sheeted.once()) == {"a.csv": "stored", "b.csv": "stored"}
+    assert [run.conditions for run in open_campaign(tmp_path / "c").runs] == [{}, {"payload_kg": 5.0}]
+
+
+def test_the_command_with_a_sheet(watching, tmp_path, capsys):
+    """Who waits, and for what, is in the document; the exit code says that something is left."""
+    sheet_of(tmp_path / "runs.csv", "a.csv,ra,5")
+    words = [str(tmp_path / "in"), "-o", str(tmp_path / "c"), "--settle", "20ms", "--once"]
+    words += ["--runs", str(tmp_path / "runs.csv")]
+    assert command.main([*words, "--json"], standalone_mode=False) == 3
+    document = json.loads(capsys.readouterr().out)
+    assert [(run["source"], run["file"]) for run in document["runs"]] == [("a.csv", "ra.h5")]
+    assert document["waiting"] == [{"file": "b.csv", "reason": "waits: runs.csv does not name it"}]
+    assert command.main([*words, "--unnamed", "store"], standalone_mode=False) == 0
+    assert len(open_campaign(tmp_path / "c").runs) == 2

@@ -112,3 +112,61 @@ def test_unknown_name():
     """An unknown name lists the shipped rigs."""
     with pytest.raises(RigError, match="parallelogram-6bar"):
         load("parallelogram-7bar")
+
+
+def calibrated(table, sensor="acc"):
+    """A rig with one calibrated accelerometer."""
+    return f"""
+mechanism = "none"
+[loggers.daq]
+[sensors.{sensor}]
+kind = "accelerometer"
+logger = "daq"
+channels = {{ x = "a" }}
+position = ["0 m", "0 m", "0 m"]
+{table}
+"""
+
+
+def test_calibration_and_teds():
+    """They stand beside the sensor; nothing of them changes what a channel is."""
+    text = calibrated(
+        '[sensors.acc.calibration]\nsensitivity = "10.2 mV/g"\ndate = 2026-03-31\nreference = "certificate 12"\n'
+        '[sensors.acc.teds]\nmanufacturer = "M"\nversion_letter = "A"\nserial = "2007"\ncalibration_date = 2026-03-31'
+    )
+    sensor = load(text).sensors["acc"]
+    assert str(sensor.calibration) == "10.2 mV/g, calibrated 2026-03-31, certificate 12"
+    assert sensor.teds.document() == {
+        "manufacturer": "M", "version_letter": "A", "serial": "2007", "calibration_date": "2026-03-31",
+    }  # fmt: skip
+    (column,) = load(text).columns()
+    assert (column.unit, column.stated) == ("", False)
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "said"),
+    [
+        (
+            '[sensors.acc.calibration]\nsensitivty = "1 mV/g"',
+            "sensors.acc.calibration.sensitivty",
+            "mean 'sensitivity'",
+        ),
+        ('[sensors.acc.calibration]\nreference = "x"', "sensors.acc.calibration", "expected one of"),
+        ('unit = "V"\n[sensors.acc.calibration]\nsensitivity = "1 mV/N"', "sensors.acc", "no acceleration"),
+        ('unit = "V"\n[sensors.acc.calibration]\nsensitivity = "1 mV/g"\nunit = "mV"', "sensors.acc", "say it once"),
+        ('[sensors.acc.calibration]\nsensitivity = { q = "1 mV/g" }', "sensors.acc", "no component 'q'"),
+        (
+            '[sensors.acc.calibration]\nsensitivity = "1 mV/g"\ndate = "31.3."',
+            "sensors.acc.calibration.date",
+            "2026-03",
+        ),
+        ('[sensors.acc.teds]\nversion_letter = "AB"', "sensors.acc.teds.version_letter", "AB"),
+        ('unit = "N"', "sensors.acc.unit", "or an electrical one"),
+    ],
+)
+def test_a_calibration_that_cannot_be(table, key, said):
+    """It is blamed on its key."""
+    with pytest.raises(RigError) as refusal:
+        load(calibrated(table))
+    assert f"{key}: " in str(refusal.value)
+    assert said in str(refusal.value)
