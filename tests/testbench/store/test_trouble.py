@@ -2,16 +2,19 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from testbench.errors import StoreError
 from testbench.ingest import Ingest
+from testbench.recovery import recover
 from testbench.runsheet import plan
 from testbench.store import open_campaign
+from testbench.store.archive import archive
 
 from . import faults
 
@@ -114,15 +117,67 @@ def test_different_logs_at_once(tmp_path):
     assert [run.group().samples for run in open_campaign(tmp_path / "c").runs] == [20_000 + n for n in range(5)]
 
 
-def test_a_small_file_system(tmp_path):
-    """On a file system of 3 MB that fills up: a clear error, and what was stored before is intact."""
-    disk = Path(os.environ.get("COUNTERPOISE_SMALL_DISK", "/nowhere"))
-    if not disk.is_dir():
-        pytest.skip("COUNTERPOISE_SMALL_DISK names no folder on a small file system")
+@pytest.fixture
+def disk(tmp_path):
+    """A file system of 1 MB in memory, where this user may mount one."""
+    mounted = tmp_path / "disk"
+    mounted.mkdir()
+    if not mount("-t", "tmpfs", "-o", "size=1m", "tmpfs", mounted):
+        pytest.skip("no file system can be mounted here")
+    yield mounted
+    subprocess.run(["umount", "--lazy", mounted], check=True)
+
+
+def mount(*words):
+    """Whether a file system was mounted."""
+    if sys.platform != "linux" or os.geteuid() != 0 or shutil.which("mount") is None:
+        return False
+    return subprocess.run(["mount", *map(str, words)], capture_output=True).returncode == 0
+
+
+def test_a_file_system_that_fills_up(tmp_path, disk):
+    """A clear error for the ingest and for the archive; what was stored before is intact, and nothing half is left."""
     faults.write_log(tmp_path / "first.csv", 2000)
     faults.write_log(tmp_path / "log.csv", 300_000)
     for name, status in (("first", "stored"), ("log", "refused")):
         (outcome,) = Ingest(disk / "c").run(plan([tmp_path / f"{name}.csv"], None)[0])
         assert outcome.status == status, outcome.message
     assert "No space left on device" in outcome.message
+    Ingest(tmp_path / "c").run(plan([tmp_path / "log.csv"], None)[0])
+    (run,) = open_campaign(tmp_path / "c").runs
+    with pytest.raises(StoreError, match="No space left on device"):
+        archive(run, disk / "c")
     assert intact(disk / "c") == ["first.h5"]
+    assert sorted(path.name for path in (disk / "c").iterdir()) == ["first.h5", "first.h5.sha256"]
+    assert intact(tmp_path / "c") == ["log.h5"]
+
+
+def test_a_file_system_that_is_read_only(tmp_path, disk):
+    """To everybody, root included: it is read as ever, and each way of writing to it is one clear error."""
+    faults.write_log(tmp_path / "first.csv", 2000)
+    faults.write_log(tmp_path / "log.csv", 3000)
+    Ingest(disk / "c").run(plan([tmp_path / "first.csv"], None)[0])
+    if not mount("-o", "remount,ro", disk):
+        pytest.skip("this file system cannot be made read-only here")
+    (outcome,) = Ingest(disk / "c").run(plan([tmp_path / "log.csv"], None)[0])
+    assert outcome.status == "refused"
+    assert "cannot be written (Read-only file system)" in outcome.message
+    (run,) = open_campaign(disk / "c").runs
+    assert run.channel("AccX").size == 2000
+    with pytest.raises(StoreError, match="Read-only file system"):
+        archive(run, disk / "archive")
+    assert archive(run, tmp_path / "archive").status == "archived"
+    assert recover(disk / "c") == []
+    assert intact(disk / "c") == ["first.h5"]
+
+
+def test_there_is_no_index_to_lose(campaign):
+    """A campaign is its files: what else comes or goes, the runs and their digests stay as they are."""
+    before = {path.name: path.read_bytes() for path in campaign.iterdir()}
+    copied = campaign.parent / "moved"
+    shutil.copytree(campaign, copied)
+    (copied / "index.json").write_text("{}")
+    assert [run.name for run in open_campaign(copied).runs] == ["first"]
+    (outcome,) = Ingest(copied).run(plan([campaign.parent / "first.csv"], None)[0])
+    assert outcome.status == "already_stored"
+    assert {name: (copied / name).read_bytes() for name in before} == before
