@@ -35,7 +35,8 @@ class Member:
 class Records:
     """Records of one kind: their size without identifier [bytes], the size of their data, how many are declared.
 
-    ``size`` is None for texts of varying length, which are passed over.
+    ``size`` is None for texts of varying length, which are passed over. ``master`` is the address of the records that
+    hold their time, 0 if they do themselves.
     """
 
     name: str
@@ -44,6 +45,8 @@ class Records:
     data: int
     declared: int | None
     members: tuple[Member, ...]
+    address: int = 0
+    master: int = 0
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 import struct
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,8 @@ from ..nonfinite import watched
 from ..registry import Reader, ReadOptions
 from ..stream import ByteSource, block_samples, damaged
 from . import v3, v4
-from .model import DataGroup, File, Records
+from .joined import Columns, joined
+from .model import DataGroup, File, Member, Records
 from .numbers import Bytes, column, invalid
 from .records import Torn, parts
 
@@ -29,8 +30,11 @@ def open_mdf(path: Path, options: ReadOptions) -> Recording:
         (version,) = struct.unpack_from("<H", head, 28)
         unfinished = head[:8] == _MARKS[1]
         file = (v4 if version >= 400 else v3).read(source, unfinished)
-    groups = _groups(path.stem, file, unfinished)
-    findings = [*file.findings, *_said(file, groups)]
+    sets, lost = joined(file)
+    if lost:
+        raise damaged(path, f"channel group {lost!r}: its time lies in another group, which cannot be read beside it")
+    groups = _groups(path.stem, file, sets, unfinished)
+    findings = [*file.findings, *_said(file, groups, sets)]
     if unfinished:
         message = "its writer never finished the file: what was in memory then is lost"
         findings.insert(0, Finding("cut_file", None, None, message))
@@ -41,16 +45,22 @@ def open_mdf(path: Path, options: ReadOptions) -> Recording:
         format="ASAM MDF",
         reader="testbench.readers.mdf",
         groups=tuple(groups.values()),
-        read=lambda report: watched(_blocks(path, file, groups, unfinished, report), report),
+        read=lambda report: watched(_blocks(path, file, sets, groups, unfinished, report), report),
         settings={"version": file.version},
         metadata=file.metadata,
         findings=tuple(findings),
     )
 
 
-def _groups(stem: str, file: File, unfinished: bool) -> dict[int, Group]:
-    """A group for each kind of records that has channels and samples; the key is that of its records."""
+def _groups(stem: str, file: File, sets: Sequence[Columns], unfinished: bool) -> dict[int, Group]:
+    """A group for each kind of records that has channels and samples; the key is that of its records.
+
+    Records stored by column are one group together, whose key is that of the records with their time.
+    """
+    followers = _followers(sets)
+    members = {id(one.first): one.members for one in sets}
     kept = [r for g in file.groups for r in g.records if r.members and _has_samples(g, r, unfinished)]
+    kept = [r for r in kept if id(r) not in followers]
     names = Counter(r.name for r in kept)
     groups, numbers = {}, Counter[str]()
     for records in kept:
@@ -58,9 +68,14 @@ def _groups(stem: str, file: File, unfinished: bool) -> dict[int, Group]:
         name = records.name or (stem if names[records.name] == 1 else f"{stem} group")
         if names[records.name] > 1:
             name = f"{name} {numbers[records.name]}"
-        channels = tuple(Channel(member.name, member.unit) for member in records.members)
-        groups[id(records)] = Group(name, channels, _clock(records))
+        held = members.get(id(records), records.members)
+        groups[id(records)] = Group(name, tuple(Channel(m.name, m.unit) for m in held), _clock(held))
     return groups
+
+
+def _followers(sets: Sequence[Columns]) -> set[int]:
+    """Keys of the records whose time lies in others."""
+    return {id(records) for one in sets for _, records in one.streams[1:]}
 
 
 def _has_samples(group: DataGroup, records: Records, unfinished: bool) -> bool:
@@ -69,16 +84,23 @@ def _has_samples(group: DataGroup, records: Records, unfinished: bool) -> bool:
     return bool(group.bytes and (records.declared or unfinished))
 
 
-def _clock(records: Records) -> TimeColumn | None:
-    for i, member in enumerate(records.members):
+def _clock(members: Sequence[Member]) -> TimeColumn | None:
+    for i, member in enumerate(members):
         if member.is_time:
             return TimeColumn(i, seconds_per(member.unit) if member.unit else 1.0, assumed=member.unit is None)
     return None
 
 
-def _blocks(path: Path, file: File, groups: Mapping[int, Group], unfinished: bool, report: Report) -> Iterator[Block]:
+def _blocks(
+    path: Path, file: File, sets: Sequence[Columns], groups: Mapping[int, Group], unfinished: bool, report: Report
+) -> Iterator[Block]:
     invalid_samples = Counter[str]()
+    by_column = _followers(sets) | {id(one.first) for one in sets}
+    for one in sets:
+        yield from _side_by_side(one, groups, invalid_samples, report)
     for data in file.groups:
+        if any(id(records) in by_column for records in data.records):
+            continue
         done: Counter[int] = Counter()
         try:
             for part in parts(data):
@@ -96,6 +118,27 @@ def _blocks(path: Path, file: File, groups: Mapping[int, Group], unfinished: boo
         report(Finding("invalid_samples", name, None, message))
 
 
+def _side_by_side(
+    one: Columns, groups: Mapping[int, Group], invalid_samples: Counter[str], report: Report
+) -> Iterator[Block]:
+    """Records of several streams as blocks of one group."""
+    if (group := groups.get(id(one.first))) is None:
+        return
+    start = 0
+    for rows in one.rows():
+        step = block_samples(len(group.channels))
+        for begin in range(0, len(rows[0]), step):
+            columns: list[Samples] = []
+            for (_, records), piece in zip(one.streams, rows, strict=True):
+                columns += _columns(records, piece[begin : begin + step], start, invalid_samples)
+            yield Block(group, tuple(columns), start)
+            start += len(columns[0])
+    if one.declared != {start}:
+        listed = ", ".join(sorted(map(str, one.declared)))
+        message = f"group {group.name!r}: its columns declare {listed} samples, {start} of all of them are there"
+        report(Finding("count_contradiction", None, None, message))
+
+
 def _of_part(
     records: Records, rows: Bytes, group: Group, done: Counter[int], invalid_samples: Counter[str]
 ) -> Iterator[Block]:
@@ -103,18 +146,21 @@ def _of_part(
     step = block_samples(len(group.channels))
     for begin in range(0, len(rows), step):
         piece, first = rows[begin : begin + step], done[id(records)]
-        columns: list[Samples] = []
-        for member in records.members:
-            values = column(member, piece, first)
-            if (bad := invalid(member, piece, records)) is not None and bad.any():
-                values = np.where(bad, np.nan, values)
-                invalid_samples[member.name] += int(bad.sum())
-            columns.append(values)
-        yield Block(group, tuple(columns), first)
+        yield Block(group, tuple(_columns(records, piece, first, invalid_samples)), first)
         done[id(records)] += len(piece)
 
 
-def _said(file: File, groups: Mapping[int, Group]) -> list[Finding]:
+def _columns(records: Records, rows: Bytes, first: int, invalid_samples: Counter[str]) -> Iterator[Samples]:
+    """The channels of records, of which the first has the number ``first``."""
+    for member in records.members:
+        values = column(member, rows, first)
+        if (bad := invalid(member, rows, records)) is not None and bad.any():
+            values = np.where(bad, np.nan, values)
+            invalid_samples[member.name] += int(bad.sum())
+        yield values
+
+
+def _said(file: File, groups: Mapping[int, Group], sets: Sequence[Columns]) -> list[Finding]:
     findings = []
     if file.converted:
         message = f"raw numbers of {file.converted} channels were made physical by the laws in the file"
@@ -124,7 +170,8 @@ def _said(file: File, groups: Mapping[int, Group]) -> list[Finding]:
     if file.left_out:
         listed = ", ".join(file.left_out[:10]) + (" and more" if len(file.left_out) > 10 else "")
         findings.append(Finding("left_out", None, None, f"no series of numbers: {listed}"))
-    empty = [r.name or "without a name" for g in file.groups for r in g.records if r.members and id(r) not in groups]
+    known = groups.keys() | _followers(sets)
+    empty = [r.name or "without a name" for g in file.groups for r in g.records if r.members and id(r) not in known]
     if empty:
         listed = ", ".join(empty[:10]) + (" and more" if len(empty) > 10 else "")
         findings.append(Finding("empty_group", None, None, f"no sample in {len(empty)} groups: {listed}"))

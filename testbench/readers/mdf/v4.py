@@ -8,7 +8,7 @@ from typing import Literal
 
 from ...findings import Finding
 from ..stream import ByteSource, damaged
-from . import laws
+from . import columns, laws
 from . import v4blocks as blocks
 from .model import DataGroup, File, Law, Member, Records
 from .numbers import fits
@@ -49,9 +49,12 @@ def _data_group(source: ByteSource, block: Block, file: File, unfinished: bool) 
         return
     stretches, missing = blocks.stored(source, block.links[2], unfinished)
     blocks.refuse_bombs(source, stretches)
+    if columns.is_by_column(source, block.links[2]):
+        records = tuple(columns.records(each, stretches) for each in records)
+    widths = records[0].data, (records[0].size or 0) - records[0].data
     group = DataGroup(
-        identifier_size[0], False, "<", records, partial(_pieces, source.path, stretches),
-        sum(stretch.unpacked for stretch in stretches),
+        identifier_size[0], False, "<", records, partial(_pieces, source.path, stretches, widths),
+        sum(stretch.unpacked + (stretch.beside.unpacked if stretch.beside else 0) for stretch in stretches),
     )  # fmt: skip
     if missing:
         there = _there(group)
@@ -78,9 +81,12 @@ def _count(group: DataGroup, records: Records, file: File) -> None:
         file.findings.append(Finding("count_contradiction", None, None, message))
 
 
-def _pieces(path: Path, stretches: list[blocks.Stored]) -> Iterator[bytes]:
+def _pieces(path: Path, stretches: list[blocks.Stored], widths: tuple[int, int]) -> Iterator[bytes]:
     with ByteSource(path) as source:
-        yield from blocks.pieces(source, stretches)
+        if any(stretch.beside for stretch in stretches):
+            yield from columns.pieces(source, stretches, *widths)
+        else:
+            yield from blocks.pieces(source, stretches)
 
 
 def _records(source: ByteSource, block: Block, file: File) -> Records:
@@ -91,10 +97,11 @@ def _records(source: ByteSource, block: Block, file: File) -> Records:
     name = text(source, block.links[2]) or text(source, block.links[5])
     if flags & _VLSD:
         return Records(name, identifier, None, 0, declared, ())
-    if flags & _REMOTE_MASTER:
-        raise damaged(source.path, f"channel group {name!r}: its time lies in another group, which is not read")
+    master = block.links[6] if flags & _REMOTE_MASTER and len(block.links) > 6 else 0
+    if flags & _REMOTE_MASTER and not master:
+        raise damaged(source.path, f"channel group {name!r}: its time lies in another group, which is not named")
     members = tuple(_members(source, block.links[1], file, size, ""))
-    return Records(name, identifier, size + invalidation, size, declared, members)
+    return Records(name, identifier, size + invalidation, size, declared, members, block.address, master)
 
 
 def _members(source: ByteSource, address: int, file: File, size: int, prefix: str, depth: int = 0) -> Iterator[Member]:

@@ -4,7 +4,7 @@ import re
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ _HEAD = 24
 _LONGEST = 64 << 20
 _LARGEST_UNPACKED = 256 << 20
 _MOST = 1_000_000
+_INVALIDATION_APART = 1 << 31
 _MOST_RATIO, _ALWAYS_ALLOWED = 200, 1 << 30
 _TAGS = re.compile(r"<[^>]*>")
 
@@ -79,12 +80,16 @@ def text(source: ByteSource, address: int) -> str:
 
 @dataclass(frozen=True)
 class Stored:
-    """A stretch of samples: its bytes in the file; unpacked size and columns that were turned, if it is packed."""
+    """A stretch of samples: its bytes in the file; unpacked size and columns that were turned, if it is packed.
+
+    ``beside`` are the bytes of its invalidation bits, where these are stored apart.
+    """
 
     begin: int
     end: int
     unpacked: int
     columns: int | None = None
+    beside: "Stored | None" = None
 
     @property
     def is_packed(self) -> bool:
@@ -100,7 +105,7 @@ def stored(source: ByteSource, address: int, unfinished: bool) -> tuple[list[Sto
     kinds = ("DT", "DV", "DZ", "DL", "HL", "LD", "SD")
     first = head(source, address, *kinds)
     if first.kind == "LD":
-        raise damaged(source.path, f"byte {address}: samples stored by column (LD), which are not read")
+        return _by_column(source, address, unfinished)
     if first.kind == "HL":
         first = head(source, first.links[0], "DL") if first.links and first.links[0] else first
         if first.kind == "HL":
@@ -120,6 +125,31 @@ def stored(source: ByteSource, address: int, unfinished: bool) -> tuple[list[Sto
             found += more
             if missing:
                 return found, missing
+    return found, ""
+
+
+def _by_column(source: ByteSource, address: int, unfinished: bool) -> tuple[list[Stored], str]:
+    """The stretches of a list LD, each with its invalidation bits if they are there."""
+    found: list[Stored] = []
+    for block in chain(source, address, "LD"):
+        flags, count = struct.unpack("<II", source.read(block.begin, 8, "the head of a list LD"))
+        apart = bool(flags & _INVALIDATION_APART)
+        if len(block.links) < 1 + count * (1 + apart):
+            raise damaged(source.path, f"byte {block.address}: a list of {count} with {len(block.links)} links")
+        for i in range(count):
+            place, bits = block.links[1 + i], block.links[1 + count + i] if apart else 0
+            if not place:
+                continue
+            try:
+                stretches, missing = _one(source, head(source, place, "DT", "DV", "DZ"), unfinished)
+                beside, lacking = _one(source, head(source, bits, "DI", "DZ"), unfinished) if bits else ([], "")
+            except Refusal as refusal:
+                if refusal.finding.code != "cut_file":
+                    raise
+                return found, refusal.finding.message
+            if missing or lacking:
+                return found if lacking else [*found, *stretches], missing or lacking
+            found += [replace(stretch, beside=beside[0] if beside else None) for stretch in stretches]
     return found, ""
 
 
@@ -143,6 +173,7 @@ def _one(source: ByteSource, block: Block, unfinished: bool) -> tuple[list[Store
 
 def refuse_bombs(source: ByteSource, stretches: list[Stored]) -> None:
     """Refuse samples that lie over one another, or that unpack to far more than the file holds."""
+    stretches = [*stretches, *(stretch.beside for stretch in stretches if stretch.beside)]
     plain = sum(stretch.unpacked for stretch in stretches if not stretch.is_packed)
     packed = sum(stretch.end - stretch.begin for stretch in stretches if stretch.is_packed)
     unpacked = sum(stretch.unpacked for stretch in stretches if stretch.is_packed)
@@ -155,13 +186,13 @@ def pieces(source: ByteSource, stretches: list[Stored]) -> Iterator[bytes]:
     """The bytes of all stretches, in pieces of bounded size."""
     for stretch in stretches:
         if stretch.is_packed:
-            yield _unpacked(source, stretch)
+            yield unpacked(source, stretch)
             continue
         for begin in range(stretch.begin, stretch.end, BLOCK_BYTES):
             yield source.read(begin, min(BLOCK_BYTES, stretch.end - begin), "samples")
 
 
-def _unpacked(source: ByteSource, stretch: Stored) -> bytes:
+def unpacked(source: ByteSource, stretch: Stored) -> bytes:
     """One compressed stretch; where its bytes were turned to columns, turned back."""
     packed = source.read(stretch.begin, stretch.end - stretch.begin, "compressed samples")
     unpack = zlib.decompressobj()
