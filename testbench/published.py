@@ -1,6 +1,7 @@
 """Printed tables of reductions (``datasets/published``), as printed."""
 
 import json
+import math
 from dataclasses import dataclass
 
 from balance import datasets
@@ -58,10 +59,13 @@ def load(name: str) -> Published:
             (float(payload), str(motion), float(acceleration)): dict(zip(axes, map(float, percents), strict=True))
             for payload, motion, acceleration, *percents in table["rows"]
         }
+        for condition, percents in rows.items():
+            if not all(map(math.isfinite, (*percents.values(), condition[0], condition[2]))):
+                raise AnalysisError(f"{path.name}: {condition} has {percents}: expected numbers")
         slide = ForceSlide.of(document.get("tests", {}), _axis(rows, PAYLOAD_KG, MOTION, PEAK_G))
         return Published(path.stem, str(document["source"]), str(table["definition"]), rows, slide)
     except DataError as error:
-        raise AnalysisError(f"--published {error}") from error
+        raise AnalysisError(str(error)) from error
     except (UnicodeDecodeError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise AnalysisError(
             f"{name}: not a table of published reductions: expected JSON with {_TABLE}: columns, rows, definition"

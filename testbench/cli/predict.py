@@ -1,11 +1,11 @@
 """``testbench predict``."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from balance.cli.console import emit_json, emit_table, json_option
+from balance.cli.options import figure_option
 
 if TYPE_CHECKING:
     from ..publication.forecast import Forecast
@@ -26,9 +26,9 @@ Exit codes: 0 done, 1 refused (no such table, a plan without its conditions)."""
     "--plan", "tests", metavar="PLAN", help="The plan of these tests, shipped or a file; else that of the name."
 )
 @click.option("--forms", "with_forms", is_flag=True, help="Also what the law is without some of its terms.")
-@click.option("--figure", type=click.Path(path_type=Path), help="Draw into this file (.png, .svg, .pdf).")
+@figure_option
 @json_option
-def predict(published: str, tests: str | None, with_forms: bool, figure: Path | None, as_json: bool) -> None:
+def predict(published: str, tests: str | None, with_forms: bool, figure: str | None, as_json: bool) -> None:
     """Calibrate on the lightest payload of a printed table, and predict all other payloads.
 
     Beside it: the error on what was calibrated on, each payload left out in turn, and baselines without mechanics.
@@ -40,16 +40,29 @@ def predict(published: str, tests: str | None, with_forms: bool, figure: Path | 
     from ..publication.forms import forms
 
     table = tables.load(published)
-    made = forecast(table, plan.load(tests or table.name))
+    made = forecast(table, plan.load(tests or _plan_of(table.name)))
     compared = forms(made.known) if with_forms else []
     if figure:
+        from balance.figures.drawing import save
+
         from ..figures.prediction import prediction
 
-        prediction(made).savefig(figure, dpi=150)
+        save(prediction(made), figure)
     if as_json:
         emit_json(document(made, compared))
     else:
         _print(made, compared)
+
+
+def _plan_of(table: str) -> str:
+    """The shipped plan that has the name of a table."""
+    from balance import datasets
+
+    from ..errors import AnalysisError
+
+    if table not in datasets.names("plans", ".toml"):
+        raise AnalysisError(f"{table}: no plan of that name is shipped: give that of these tests, --plan FILE")
+    return table
 
 
 def _print(made: "Forecast", compared: "list[Form]") -> None:

@@ -42,3 +42,13 @@ def test_no_table(tmp_path):
     other.write_text('{"source": 1}', encoding="utf-8")
     with pytest.raises(AnalysisError, match="not a table"):
         load(str(other))
+
+
+def test_what_is_no_number_is_refused(tmp_path):
+    """A number that is none is named with its condition, not carried into a mean."""
+    document = json.loads(datasets.find("kiper2019", "published", ".json").read_text("utf-8"))
+    document["acceleration_amplitude_reduction_percent"]["rows"][5][4] = float("nan")
+    other = tmp_path / "other.json"
+    other.write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(AnalysisError, match=r"1\.45, 'y', 2"):
+        load(str(other))

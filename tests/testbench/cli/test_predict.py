@@ -5,7 +5,10 @@ import json
 import pytest
 from click.testing import CliRunner
 
+from balance import datasets
+from balance.errors import DataError
 from testbench.cli.predict import predict
+from testbench.errors import AnalysisError
 
 
 @pytest.fixture(scope="module")
@@ -82,3 +85,21 @@ def test_an_unknown_table():
     """The shipped tables are named."""
     result = CliRunner().invoke(predict, ["kiper2020"], standalone_mode=False)
     assert "kiper2019" in str(result.exception)
+
+
+def test_a_table_without_a_plan(tmp_path):
+    """A table of one's own needs the plan of its tests, and is predicted with it."""
+    own = tmp_path / "own.json"
+    own.write_bytes(datasets.find("kiper2019", "published", ".json").read_bytes())
+    refused = CliRunner().invoke(predict, [str(own)], standalone_mode=False)
+    assert isinstance(refused.exception, AnalysisError)
+    assert "--plan" in str(refused.exception)
+    done = CliRunner().invoke(predict, [str(own), "--plan", "kiper2019"], standalone_mode=False)
+    assert "nearest acceleration" in done.stdout
+
+
+def test_an_unknown_kind_of_figure(tmp_path):
+    """An ending that is no picture is refused, with the endings that are."""
+    result = CliRunner().invoke(predict, ["kiper2019", "--figure", str(tmp_path / "a.foo")], standalone_mode=False)
+    assert isinstance(result.exception, DataError)
+    assert "svg" in str(result.exception)
