@@ -14,7 +14,7 @@ import numpy as np
 from balance.arrays import Floats
 
 from ..errors import RigError
-from .linear import respond
+from .linear import respond, times
 
 if TYPE_CHECKING:
     from ..rig.bench import Bench
@@ -105,4 +105,4 @@ class Base:
         """Motion from rest under a wrench (n, 6) [N, N m] sampled every ``step`` [s]; exact where that is linear."""
         a, b = self.state_space()
         state = respond(a, b, wrench, step)
-        return BaseMotion(state[:, :6], state[:, 6:], state @ a[6:].T + wrench @ b[6:].T)
+        return BaseMotion(state[:, :6], state[:, 6:], times(a[6:], state) + times(b[6:], wrench))

@@ -23,6 +23,7 @@ from ..errors import RigError
 from ..rig.effects import Rotor
 from .base import Base, BaseMotion
 from .carried import inertia_along, skews
+from .linear import times
 from .rotors import momentum as spin
 
 ROUNDS = 40
@@ -62,7 +63,7 @@ class Coupling:
         """
         moved = base.respond(push, step)
         for _ in range(ROUNDS):
-            more = self.reaction(moved) - moved.acceleration @ carried.T + _times(self.turning, moved.displacement)
+            more = self.reaction(moved) - times(carried, moved.acceleration) + _times(self.turning, moved.displacement)
             after = base.respond(push - more, step)
             change = np.abs(after.acceleration - moved.acceleration).max()
             moved = after

@@ -42,14 +42,23 @@ def record(
     Every channel draws its noise from ``seed`` and its place among the columns, whatever other channels there are.
     """
     taken = sampled(logger, float(time[-1]), np.random.default_rng([*seed, CLOCK]))
-    read = {}
+    passed, read = _anti_aliased(logger, columns, time, signals), {}
     for i, column in enumerate(columns):
         rng = np.random.default_rng([*seed, i])
-        signal = signals[column.channel]
-        if logger.low_pass is not None and not column.commanded:
-            signal = low_pass(signal, logger.low_pass, float(time[1] - time[0]))
-        read[column.channel] = reading(column, np.interp(taken.true, time, signal), rng)
+        read[column.channel] = reading(column, np.interp(taken.true, time, passed[column.channel]), rng)
     return Log(taken.own, read, taken.true, taken.lost)
+
+
+def _anti_aliased(
+    logger: Logger, columns: Sequence[Column], time: Floats, signals: Mapping[str, Floats]
+) -> dict[str, Floats]:
+    """The signals behind the logger's filter; what a controller computes does not pass it."""
+    found = {column.channel: signals[column.channel] for column in columns}
+    through = [column.channel for column in columns if not column.commanded]
+    if logger.low_pass is None or not through:
+        return found
+    passed = low_pass(np.column_stack([found[name] for name in through]), logger.low_pass, float(time[1] - time[0]))
+    return found | dict(zip(through, passed.T, strict=True))
 
 
 def reading(column: Column, signal: Floats, rng: np.random.Generator) -> Floats:

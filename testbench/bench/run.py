@@ -27,6 +27,7 @@ from . import disturbance, gravity, rotors, structure
 from .base import Base, BaseMotion
 from .carried import locked_inertia
 from .coupling import Coupling, torque_of_base
+from .linear import times
 from .planes import with_planes
 
 RATE_HZ = 10_000.0
@@ -84,7 +85,7 @@ class BenchRun:
         w - M_mechanism x'', and what the rig states of weight, coupling and roughness.
         """
         if self.coupling is None:
-            found = self.wrench - self.motion.acceleration @ self.carried.T
+            found = self.wrench - times(self.carried, self.motion.acceleration)
         else:
             found = self.wrench - self.coupling.reaction(self.motion)
         if np.any(self.gravity):

@@ -13,6 +13,7 @@ from ..rig import Rig
 from ..rig import sensors as kinds
 from .base import displacement_at
 from .carried import acceleration_in_body
+from .linear import times
 from .run import BenchRun
 from .supports import shares
 
@@ -35,7 +36,7 @@ def signals(rig: Rig, run: BenchRun) -> dict[str, Floats]:
 
 def base_acceleration(sensor: kinds.Accelerometer, run: BenchRun) -> dict[str, Floats]:
     """Acceleration of a point of the base as a sensor there feels it, by axis, (n,) [m/s2]."""
-    values = run.felt @ displacement_at(np.array(sensor.position)).T + run.elastic.get(sensor.position, 0.0)
+    values = times(displacement_at(np.array(sensor.position)), run.felt) + run.elastic.get(sensor.position, 0.0)
     return dict(zip(kinds.AXES, values.T, strict=True))
 
 
@@ -43,7 +44,7 @@ def support_signals(rig: Rig, run: BenchRun) -> dict[str, Floats]:
     """Forces [N] and moments [N m] of all supports' channels, tared at rest, with the cross-talk of the rig."""
     found: dict[str, Floats] = {}
     for name, share in shares(rig.supports).items():
-        load = dict(zip(_WRENCH, (run.transmitted @ share.T).T, strict=True))
+        load = dict(zip(_WRENCH, times(share, run.transmitted).T, strict=True))
         support = rig.supports[name]
         carried = [load[component] for component in support.measured]
         read = carried if support.crosstalk is None else np.array(support.crosstalk) @ np.array(carried)

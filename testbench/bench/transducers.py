@@ -39,7 +39,7 @@ class Transducer:
         """What it shows, (k, n) [SI], of ``seen`` (k, n) at ``time`` (n,) [s], reset at the first instant."""
         values = self.sensitivity @ seen
         if self.corner is not None:
-            values = np.array([high_pass(row, self.corner, float(time[1] - time[0])) for row in values])
+            values = high_pass(values.T, self.corner, float(time[1] - time[0])).T
         return values + self.offset[:, None] + self.drift[:, None] * (time - time[0])
 
     @property
