@@ -12,6 +12,7 @@ from ...findings import Finding, Refusal
 from ...recording import Block, Recording, Report
 from ..extras import library
 from ..nonfinite import watched
+from ..ros import protobuf
 from ..ros.decode import Decoder, Message, Unreadable
 from ..ros.definitions import Unclear, parse
 from ..ros.rows import Decode, Topic, from_json
@@ -125,6 +126,11 @@ def _topic(channel: Any, file: _File) -> Topic:  # noqa: ANN401
     name = channel.topic if channel.topic not in taken else f"{channel.topic} {channel.id}"
     if channel.message_encoding == "json":
         return Topic(name, from_json, 0)
+    if schema is not None and encodings == ("protobuf", "protobuf"):
+        try:
+            return Topic(name, protobuf.parse(schema.data, schema.name).decode, 0)
+        except Unclear as error:
+            return Topic(name, _nothing, 0, reason=f"messages are encoded as 'protobuf', and {error}")
     if schema is None or encodings not in _ENCODINGS:
         return Topic(name, _nothing, 0, reason=f"messages are encoded as {encodings[1]!r} with {encodings[0]!r}")
     try:

@@ -112,9 +112,21 @@ def _walk(value: object, path: str, message: Message, depth: int) -> None:
     if isinstance(value, bool | int | float):
         message.numbers.append(value)
         message.names.append(path or "value")
+    elif isinstance(value, dict) and (stamp := _stamp(path, value)) is not None:
+        message.times.append(len(message.numbers))
+        message.numbers.append(stamp or None)
+        message.names.append(path)
     elif isinstance(value, dict):
         for key, inner in value.items():
             _walk(inner, f"{path}.{key}" if path else str(key), message, depth + 1)
     elif isinstance(value, list):
         for i, inner in enumerate(value):
             _walk(inner, f"{path}[{i}]", message, depth + 1)
+
+
+def _stamp(path: str, value: dict[str, object]) -> int | None:
+    """A point in time as Foxglove and ROS 2 write it in JSON, in nanoseconds since 1970; None if it is none."""
+    seconds, rest = value.get("sec"), value.get("nsec", value.get("nanosec"))
+    if len(value) != 2 or not path.endswith("stamp") or type(seconds) is not int or type(rest) is not int:
+        return None
+    return seconds * 1_000_000_000 + rest
