@@ -69,10 +69,10 @@ def why(rows: Sequence[Row]) -> list[str]:
         row.analyzed.percent is not None and row.analyzed.percent < (row.simulated or 0.0) - 1.0 for row in both
     )
     return [
-        f"Why simulated is not published: {'; '.join(ranges)}. The simulated bench is rigid, its base, mounts and "
-        "positions are assumed, and nothing in it was tuned to the table: of what a real bench keeps, it has the "
-        "shaking moment with the counter-masses' own inertia, and neither links, frame and drives that give way nor "
-        "couples of planes that lie apart. testbench predict calibrates these on one payload and predicts the others. "
+        f"Why simulated is not published: {'; '.join(ranges)}. The simulated bench is what its rig describes; much of "
+        "that is assumed, and nothing was tuned to the table. Of a real one it has the shaking moment with the "
+        "counter-masses' own inertia; links, frame and drives that give way and couples of planes that lie apart only "
+        "as far as the rig has them. testbench predict calibrates these on one payload and predicts the others. "
         f"Analysed lies more than a point below simulated in {lower} of {len(both)} rows."
     ]
 
@@ -85,8 +85,8 @@ def _ranges(motion: str, rows: Sequence[Row]) -> str:
         "the simulated shaking force": [row.shaking_force for row in rows],
     }
     known = {name: [value for value in values if value is not None] for name, values in kinds.items()}
-    falls = [f"{name} by {min(values):.1f} .. {max(values):.1f} %" for name, values in known.items() if values]
-    return f"in motion {motion} falls {', '.join(falls)}"
+    falls = [f"{name} falls by {min(values):.1f} .. {max(values):.1f} %" for name, values in known.items() if values]
+    return f"in motion {motion} {', '.join(falls)}"
 
 
 def compare(runs: Iterable["Run"], published: Published, measure: Measure, mechanism: str | None = None) -> Comparison:

@@ -71,7 +71,7 @@ def test_the_reason_is_computed(comparison):
     """Why simulated is not published is said with the numbers of these rows; without both, nothing is said."""
     (reason,) = why(comparison.rows)
     y = [row.published for row in comparison.rows if row.analyzed.key.motion == "y"]
-    assert f"the published base by {min(y):.1f} .. {max(y):.1f} %" in reason
+    assert f"the published base falls by {min(y):.1f} .. {max(y):.1f} %" in reason
     assert reason in comparison.notes
     assert why([dataclasses.replace(row, published=None) for row in comparison.rows]) == []
 
