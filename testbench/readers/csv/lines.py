@@ -3,6 +3,7 @@
 import codecs
 from collections.abc import Iterator
 from dataclasses import dataclass
+from io import FileIO
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from .encoding import Encoding
 
 BLOCK_BYTES = 4 << 20
 """Size of a block: large enough to parse on all cores, small enough for many blocks in memory [bytes]."""
+_LOOK_BACK = 4096
 LONGEST_LINE = 4 << 20
 """A line longer than this is no row of a log [bytes]."""
 
@@ -35,8 +37,12 @@ def in_blocks(path: Path, encoding: Encoding, first_line: int, block_bytes: int 
     line, rest, bytes_read = 1, b"", 0
     for raw in _chunks(path, encoding, block_bytes):
         bytes_read += len(raw)
-        end = raw.rfind(b"\n") + 1
-        whole, rest = b"".join((rest, memoryview(raw)[:end])) if end else b"", raw[end:] if end else rest + raw
+        if raw.endswith(b"\n") and not rest:
+            whole = raw
+        else:
+            data = rest + raw
+            end = data.rfind(b"\n") + 1
+            whole, rest = data[:end], data[end:]
         if len(rest) > LONGEST_LINE:
             raise too_long(path, line + count_lines(whole))
         skipped = 0
@@ -66,9 +72,9 @@ def _chunks(path: Path, encoding: Encoding, size: int) -> Iterator[bytes]:
     """The file's content after its mark; other encodings than ASCII's kin as UTF-8, line ends as line feeds."""
     decoder = None if encoding.keeps_ascii else codecs.getincrementaldecoder(encoding.name)("replace")
     returns_only: bool | None = None
-    with path.open("rb") as stream:
+    with path.open("rb", buffering=0) as stream:
         stream.seek(encoding.mark)
-        while raw := stream.read(size):
+        while raw := stream.read(_to_line_end(stream, size)):
             if decoder is not None:
                 raw = decoder.decode(raw).encode("utf-8", "replace")
             if returns_only is None:
@@ -76,3 +82,12 @@ def _chunks(path: Path, encoding: Encoding, size: int) -> Iterator[bytes]:
             yield raw.replace(b"\r", b"\n") if returns_only else raw
     if decoder is not None and (tail := decoder.decode(b"", final=True)):
         yield tail.encode("utf-8", "replace")
+
+
+def _to_line_end(stream: FileIO, size: int) -> int:
+    """How much of the next ``size`` bytes ends with a line feed: no line need be put together from two reads then."""
+    at = stream.tell()
+    stream.seek(max(at, at + size - _LOOK_BACK))
+    found = stream.tell() - at + stream.read(min(size, _LOOK_BACK)).rfind(b"\n") + 1
+    stream.seek(at)
+    return found if found > max(0, size - _LOOK_BACK) else size

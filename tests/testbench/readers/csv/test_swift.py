@@ -77,7 +77,7 @@ def test_numbers_have_the_bits_of_float_or_are_left(rows, end, comma):
 @given(
     places=st.lists(st.integers(0, 8), min_size=1, max_size=6),
     seed=st.integers(0, 2**32),
-    scale=st.sampled_from([1e-3, 1.0, 1e3, 9e6, 9e7]),
+    scale=st.sampled_from([1e-3, 1.0, 1e3, 9e6]),
     end=st.sampled_from(["\n", "\r\n"]),
 )
 def test_what_loggers_write_is_never_left(places, seed, scale, end):
