@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from testbench.publication import posterior
 from testbench.publication.calibration import fit
 from testbench.publication.model import PARAMETERS, SCATTER, reductions
 from testbench.publication.posterior import marginalise
@@ -27,9 +28,9 @@ def test_known_parameters_are_found(printed):
 
 def test_the_posterior_holds_the_truth(printed):
     """With scatter the intervals hold the known parameters and the known scatter."""
-    posterior = marginalise(made(printed, 4.0))
+    drawn = marginalise(made(printed, 4.0))
     for name, value in {**TRUTH, SCATTER.name: 4.0}.items():
-        _, low, high = posterior.interval(name)
+        _, low, high = drawn.interval(name)
         assert low < value < high
 
 
@@ -49,12 +50,22 @@ def test_intervals_of_predictions_cover(training, printed):
     assert 0.85 < np.mean(held) <= 1.0
 
 
+def test_bounds_do_not_decide(training, printed, monkeypatch):
+    """Doubling every bound moves no prediction by more than 3 points, and their mean by less than 1."""
+    found = marginalise(training).predict(printed)[0]
+    doubled = tuple(replace(p, high=2.0 * p.high) for p in PARAMETERS)
+    monkeypatch.setattr(posterior, "PARAMETERS", doubled)
+    wide = marginalise(training).predict(printed)[0]
+    assert np.abs(wide - found).max() < 3.0
+    assert abs(np.mean(wide - found)) < 1.0
+
+
 def test_drawn_within_bounds(training):
     """No parameter leaves its bounds, and a second drawing gives the same."""
-    posterior = marginalise(training)
+    drawn = marginalise(training)
     for p in PARAMETERS:
-        assert p.low <= posterior.samples[p.name].min() <= posterior.samples[p.name].max() <= p.high
-    assert marginalise(training).interval("flexing") == posterior.interval("flexing")
+        assert p.low <= drawn.samples[p.name].min() <= drawn.samples[p.name].max() <= p.high
+    assert marginalise(training).interval("flexing") == drawn.interval("flexing")
 
 
 def test_least_squares_is_no_worse_than_the_posterior(training):
