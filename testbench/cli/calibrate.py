@@ -74,7 +74,7 @@ def calibrate(words: tuple[str, ...], listed: bool, reason: str | None, as_json:
             "runs_without_the_sensor": list(done.without),
         })  # fmt: skip
         return 0
-    click.echo(f"{words[-1]}: {calibration}, in {len(done.runs)} runs: {', '.join(done.runs)}.")
+    click.echo(f"{words[-1]}: {calibration}, from now on for {', '.join(done.runs)}.")
     if done.without:
         click.echo(f"Runs without this sensor: {', '.join(done.without)}.")
     click.echo(f"Recorded in {plain(str(done.record))}.")

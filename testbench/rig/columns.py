@@ -59,6 +59,10 @@ class Column:
         from ..calibration.law import bind
 
         units = [s.unit or self.calibration.unit or "" for s in self.siblings]
+        if not all(units):
+            raise UnitError(
+                f"sensors.{self.sensor}: no unit in which its logger writes: say sensors.{self.sensor}.unit"
+            )
         return bind(self.calibration, self.siblings, units).written(self.index, values)
 
     def written_range(self) -> float | None:

@@ -6,9 +6,11 @@ import shutil
 import numpy as np
 import pytest
 
+from balance import datasets
 from balance.mechanism import Mechanism
 from balance.quantities import G0
 from testbench import base_motion
+from testbench import rig as rigs
 from testbench.calibration.correct import calibrate
 from testbench.calibration.document import Calibration
 from testbench.cli.analyze import analyze
@@ -18,6 +20,8 @@ from testbench.pairing import rig_of
 from testbench.store import open_campaign
 from testbench.vibration import base_accelerations
 from testbench.wrench import shaking_wrench
+
+from .. import memory
 
 
 @pytest.fixture
@@ -76,6 +80,18 @@ def test_forces_torques_angles_and_base(campaign):
     moved = followed(run, rig, mechanism, 40.0)[1].q - path.q
     assert np.abs(moved).max() == pytest.approx(np.pi / 180.0, rel=0.2)
     assert not any(h.sensor == "futek_1" for h in _held(other))
+
+
+def test_a_simulated_bench_that_writes_volts():
+    """The simulated loggers write what a calibrated sensor gives; on reading, the accelerations are the same again."""
+    plain = datasets.find("parallelogram-6bar", "rigs", ".toml").read_text("utf-8")
+    table = '[sensors.base_acc.calibration]\nsensitivity = "100 mV/g"\noffset = "2.5 V"\n[sensors.base_acc]'
+    volts = plain.replace('unit = "g"', 'unit = "mV"', 1).replace("[sensors.base_acc]", table, 1)
+    runs = [memory.scene("x", rig=rigs.load(text)).run(0) for text in (plain, volts)]
+    assert runs[1].channel("AccX").mean() == pytest.approx(2500.0, abs=5.0)
+    first, second = (base_accelerations(run, rig_of(run)) for run in runs)
+    for place, (values, _) in first.items():
+        np.testing.assert_allclose(second[place][0], values, atol=1.1 * 0.5e-5 * G0)
 
 
 def _held(run):
