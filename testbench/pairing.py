@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from .rig import Rig
     from .store import Run
 
+MENDED = frozenset({"uncalibrated", "calibration_contradiction"})
+"""Findings that a later record mends; until then reading the channel is refused."""
 _NEEDED = ("payload_kg", "motion", "peak_acceleration_g")
 
 
@@ -90,6 +92,8 @@ def doubts(run: "Run") -> list[Finding]:
     }
     found = []
     for finding in run.findings:
+        if finding.code in MENDED:
+            continue
         if finding.severity >= Severity.WARNING and _label(run, finding.channel) in used:
             found.append(
                 Finding(finding.code, finding.channel, run.name, f"{run.name}: {finding.channel}: {finding.message}")

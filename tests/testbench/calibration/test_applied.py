@@ -13,7 +13,7 @@ from testbench.calibration.document import Calibration
 from testbench.channels import in_si
 from testbench.errors import AnalysisError, RigError, StoreError
 from testbench.ingest import Ingest
-from testbench.pairing import rig_of
+from testbench.pairing import doubts, rig_of
 from testbench.runsheet import PlannedRun
 from testbench.store import open_campaign, open_run, records
 from testbench.wrench import shaking_wrench
@@ -108,6 +108,7 @@ def test_a_sensor_without_calibration_gets_one_later(tmp_path):
         in_si(run, column(run))
     calibrate([run], "acc", Calibration(sensitivity="100 mV/g", offset="2.5 V"), "sheet found")
     np.testing.assert_allclose(in_si(run, column(run))[0], volts.ACCELERATION, atol=1e-9)
+    assert doubts(run) == []
 
 
 def test_tables_in_si(tmp_path):
