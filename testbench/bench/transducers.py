@@ -37,7 +37,7 @@ class Transducer:
 
     def shown(self, seen: Floats, time: Floats) -> Floats:
         """What it shows, (k, n) [SI], of ``seen`` (k, n) at ``time`` (n,) [s], reset at the first instant."""
-        values = self.sensitivity @ seen
+        values: Floats = self.sensitivity @ seen
         if self.corner is not None:
             values = high_pass(values.T, self.corner, float(time[1] - time[0])).T
         return values + self.offset[:, None] + self.drift[:, None] * (time - time[0])
