@@ -20,15 +20,14 @@ if TYPE_CHECKING:
 _CHECKSUM = 4
 
 
-def are_possible(dataset: "h5py.Dataset", count: int) -> bool:
-    """Whether ``count`` samples are whole chunks of ``dataset``, float64 with no filter but the checksum."""
-    length = dataset.chunks[0]
+def are_possible(dataset: "h5py.Dataset") -> bool:
+    """Whether ``dataset`` is float64 with no filter but the checksum, in chunks of a length that is known here."""
     plain = dataset.dtype == np.dtype("<f8") and dataset.fletcher32 and dataset.compression is None
-    return plain and sys.byteorder == "little" and fletcher.ROW % length == 0 and count > 0 and count % length == 0
+    return plain and sys.byteorder == "little" and fletcher.ROW % dataset.chunks[0] == 0
 
 
 def write(dataset: "h5py.Dataset", start: int, waiting: Sequence[Samples], count: int) -> list[Samples]:
-    """Write the first ``count`` of the ``waiting`` samples from sample ``start`` on; the others."""
+    """Write the first ``count`` of the ``waiting`` samples, whole chunks, from sample ``start`` on; the others."""
     length = dataset.chunks[0]
     rows = count // length
     chunks = np.empty((rows, length + 1))  # so that each begins aligned; the last four bytes are not used

@@ -55,6 +55,8 @@ class GroupWriter:
         self._waiting: list[list[Samples]] = [[] for _ in group.channels]
         self._datasets: list[h5py.Dataset] = []
         self._written = 0
+        self._chunk = CHUNK
+        self._whole: list[bool] = []
 
     def append(self, columns: Sequence[Samples]) -> None:
         """Take in the next samples, one column a channel."""
@@ -68,11 +70,14 @@ class GroupWriter:
     def _write(self, count: int) -> None:
         """Write ``count`` of the waiting samples of each channel."""
         if not self._datasets:
-            chunk = CHUNK if count >= CHUNK else max(1, count)
-            self._datasets = [_dataset(self.node, k, chunk, f) for k, f in zip(self.keys, self.forms, strict=True)]
+            self._chunk = CHUNK if count >= CHUNK else max(1, count)
+            self._datasets = [
+                _dataset(self.node, k, self._chunk, f) for k, f in zip(self.keys, self.forms, strict=True)
+            ]
+            self._whole = [chunks.are_possible(dataset) for dataset in self._datasets]
         for i, (dataset, form, waiting) in enumerate(zip(self._datasets, self.forms, self._waiting, strict=True)):
             dataset.resize((self._written + count,))
-            if chunks.are_possible(dataset, count):
+            if self._whole[i] and count and count % self._chunk == 0:
                 waiting[:] = chunks.write(dataset, self._written, waiting, count)
                 continue
             samples = waiting[0] if len(waiting) == 1 else np.concatenate([np.empty(0), *waiting])
@@ -163,9 +168,10 @@ def _dataset(node: "h5py.Group", key: str, chunk: int, form: Form) -> "h5py.Data
 def _pieces(dataset: "h5py.Dataset", start: int) -> list[Piece]:
     """The chunks from sample ``start`` to the end."""
     pieces = []
-    for begin in range(start, len(dataset), dataset.chunks[0]):
+    total, length = len(dataset), dataset.chunks[0]
+    for begin in range(start, total, length):
         info = dataset.id.get_chunk_info_by_coord((begin,))
-        pieces.append(Piece(info.byte_offset, info.size, min(dataset.chunks[0], len(dataset) - begin)))
+        pieces.append(Piece(info.byte_offset, info.size, min(length, total - begin)))
     return pieces
 
 

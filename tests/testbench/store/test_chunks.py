@@ -23,7 +23,7 @@ def test_chunks_are_those_of_hdf5(tmp_path, length, sizes):
     values, count = np.concatenate(waiting), 4096 * times
     with h5py.File(tmp_path / "ours.h5", "w") as ours, h5py.File(tmp_path / "theirs.h5", "w") as theirs:
         mine, other = dataset(ours, length), dataset(theirs, length)
-        assert chunks.are_possible(mine, count)
+        assert chunks.are_possible(mine)
         for d in (mine, other):
             d.resize((count,))
         rest = chunks.write(mine, 0, waiting, count)
@@ -51,11 +51,9 @@ def test_a_flipped_bit_is_noticed(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("options", "count"),
-    [({}, 1000), ({"dtype": "<f4"}, 1024), ({"fletcher32": False}, 1024), ({"compression": "gzip"}, 1024),
-     ({"length": 1000}, 1000)],
-)  # fmt: skip
-def test_anything_else_is_left_to_hdf5(tmp_path, options, count):
-    """Parts of chunks, other types, other filters, chunks of other lengths."""
+    "options", [{"dtype": "<f4"}, {"dtype": ">f8"}, {"fletcher32": False}, {"compression": "gzip"}, {"length": 1000}]
+)
+def test_anything_else_is_left_to_hdf5(tmp_path, options):
+    """Other types, other filters, chunks of other lengths."""
     with h5py.File(tmp_path / "x.h5", "w") as file:
-        assert not chunks.are_possible(dataset(file, **options), count)
+        assert not chunks.are_possible(dataset(file, **options))
