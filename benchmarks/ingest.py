@@ -2,26 +2,21 @@
 
     python -m benchmarks.ingest [--mb 300] [--rounds 3]
 
-Ours also detects the dialect, checks every channel and the clock, keeps a checksum of each chunk and a digest of the
-file, and waits for the disk; the peer does none of it. What both stored is compared first.
+Ours also detects the dialect, checks every channel and the clock, keeps a checksum of each chunk and digests of both
+files, and waits for the disk; the peer does none of it. What both stored is compared first.
 """
 
 import argparse
 import hashlib
-import resource
-import statistics
-import subprocess
-import sys
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
 
+from . import apart
+
 CHANNELS = 5
 RATE_HZ = 5000.0
-MEMORY_MB = 300.0
-"""Peak memory that ingest keeps within, however long the log [MB]."""
 LONG_MB = 200.0
 """Size from which start-up no longer decides [1e6 bytes]."""
 _ROWS_WRITTEN = 100_000
@@ -42,17 +37,6 @@ def generate(path: Path, megabytes: float) -> None:
             row += _ROWS_WRITTEN
 
 
-def ours(log: Path, folder: Path) -> None:
-    """Ingest as the command does."""
-    from testbench.ingest import Ingest
-    from testbench.runsheet import plan
-
-    folder.mkdir()
-    (outcome,) = Ingest(folder).run(plan([log], None)[0])
-    if outcome.status != "stored":
-        raise SystemExit(outcome.message)
-
-
 def naive(log: Path, folder: Path) -> None:
     """What one writes first: the whole table into memory, then each column into a file."""
     import h5py
@@ -65,24 +49,7 @@ def naive(log: Path, folder: Path) -> None:
             file.create_dataset(f"column {number}", data=table[name].to_numpy())
 
 
-SIDES = {"ours": ours, "naive": naive}
-
-
-def measure(side: str, log: Path, folder: Path) -> tuple[float, float]:
-    """Wall time [s] and peak memory [MB] of one side in a process of its own."""
-    code = f"import sys; from benchmarks.ingest import child; child({side!r}, sys.argv[1], sys.argv[2])"
-    begin = time.perf_counter()
-    done = subprocess.run([sys.executable, "-c", code, str(log), str(folder)], capture_output=True, text=True)
-    seconds = time.perf_counter() - begin
-    if done.returncode:
-        raise SystemExit(f"{side}: {done.stderr}")
-    return seconds, float(done.stdout)
-
-
-def child(side: str, log: str, folder: str) -> None:
-    """Run one side and print its peak memory [MB]."""
-    SIDES[side](Path(log), Path(folder))
-    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+SIDES = {"ours": apart.ingest, "naive": naive}
 
 
 def same(ours_folder: Path, naive_folder: Path) -> bool:
@@ -100,41 +67,23 @@ def same(ours_folder: Path, naive_folder: Path) -> bool:
         )
 
 
-def compare(megabytes: float, rounds: int) -> dict[str, float]:
-    """Medians of interleaved rounds: the ratio naive / ours of the times, and both peaks of memory [MB]."""
-    results: dict[str, list[tuple[float, float]]] = {side: [] for side in SIDES}
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary)
-        generate(folder / "log.csv", megabytes)
-        for number in range(rounds):
-            for side in SIDES:
-                results[side].append(measure(side, folder / "log.csv", folder / f"{side}{number}"))
-            if number == 0 and not same(folder / "ours0", folder / "naive0"):
-                raise SystemExit("the two sides did not store the same numbers")
-    seconds = {side: statistics.median(s for s, _ in rows) for side, rows in results.items()}
-    memory = {side: max(m for _, m in rows) for side, rows in results.items()}
-    return {
-        "ratio": seconds["naive"] / seconds["ours"],
-        "ours_s": seconds["ours"],
-        "naive_s": seconds["naive"],
-        "ours_peak_MB": memory["ours"],
-        "naive_peak_MB": memory["naive"],
-    }
-
-
 def main() -> int:
     """Print the comparison; 1 if ours needs too much memory or, on a long log, is the slower one."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--mb", type=float, default=300.0, help="size of the log [1e6 bytes]")
     parser.add_argument("--rounds", type=int, default=3)
     given = parser.parse_args()
-    found = compare(given.mb, given.rounds)
+    with tempfile.TemporaryDirectory() as temporary:
+        log = Path(temporary) / "log.csv"
+        generate(log, given.mb)
+        found = apart.compare("benchmarks.ingest", log, given.rounds, same)
+    ours, peer = found["ours"], found["naive"]
     print(f"{given.mb:g} MB of CSV into HDF5, medians of {given.rounds} interleaved rounds, same bits stored")
-    print(f"  pandas.read_csv + h5py   {found['naive_s']:6.2f} s   peak {found['naive_peak_MB']:6.0f} MB")
-    print(f"  testbench ingest         {found['ours_s']:6.2f} s   peak {found['ours_peak_MB']:6.0f} MB")
-    print(f"  {found['ratio']:.2f} times as fast")
-    slower = given.mb >= LONG_MB and found["ratio"] < 1.0
-    return int(slower or found["ours_peak_MB"] > MEMORY_MB)
+    print(peer.line("pandas.read_csv + h5py"))
+    print(ours.line("testbench ingest"))
+    print(f"  {peer.seconds / ours.seconds:.2f} times as fast")
+    slower = given.mb >= LONG_MB and peer.seconds < ours.seconds
+    return int(slower or ours.peak_mb > apart.MEMORY_MB)
 
 
 if __name__ == "__main__":
