@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,7 +10,6 @@ import numpy as np
 from .. import units
 from ..findings import Finding
 from ..readers import doubt
-from ..readers.csv import names as brackets
 from ..recording import Block, Channel, Group, Recording, SensorRange, TimeColumn, UniformClock
 from . import times
 from .channels import ChannelStats
@@ -114,37 +113,39 @@ class RecordingCheck:
 
     def findings(self) -> list[Finding]:
         """What the header and the data show."""
-        found = [finding for group in self.recording.groups for finding in header_findings(group)]
+        said = {f.channel for f in self.recording.findings if f.code == "unit_unknown"}
+        found = [finding for group in self.recording.groups for finding in header_findings(group, said)]
         if self.recording.origin == "simulated":
             found.append(Finding("simulated", None, None, "the log says that it is simulated, and not measured"))
         return found + [finding for check in self.groups.values() for finding in check.findings()]
 
 
-def header_findings(group: Group) -> list[Finding]:
-    """What the names and units of a group show."""
+def header_findings(group: Group, said: Collection[str | None] = ()) -> list[Finding]:
+    """What the names and units of a group show, but missing units of channels of which they are ``said``."""
     names = Counter(channel.name for channel in group.channels)
     found = [
         Finding("duplicate_names", name, None, f"{count} channels have this name")
         for name, count in names.items()
         if count > 1
     ]
-    odd = {c.name: text for c in group.channels if (text := brackets.unknown_brackets(c))}
     without = [
-        c.name for i, c in enumerate(group.channels) if c.unit is None and c.name not in odd and not _is_time(group, i)
+        c.name for i, c in enumerate(group.channels) if c.unit is None and c.name not in said and not _is_time(group, i)
     ]
     if without:
         shown = ", ".join(without[:8]) + (f" and {len(without) - 8} more" if len(without) > 8 else "")
         one = without[0] if len(without) == 1 else None
         found.append(Finding("unit_missing", one, None, f"no unit is written for {shown}"))
     for channel in group.channels:
-        if channel.unit is not None and not units.is_unit(channel.unit):
+        if channel.unit is not None and not units.is_unit(channel.unit) and not _is_date(channel.unit):
             message = f"{channel.unit!r} is no unit that is known; it is kept as written"
             found.append(Finding("unit_unknown", channel.name, None, message))
-    for name, text in odd.items():
-        message = f"{text!r} in brackets is not understood as a unit; the name is kept as written, without a unit"
-        found.append(Finding("unit_unknown", name, None, message))
     found += doubt.units_of(group.channels)
     return found
+
+
+def _is_date(unit: str) -> bool:
+    """Whether a unit is time since a date, as netCDF writes it."""
+    return " since " in unit and units.seconds_per(unit.split(" since ")[0]) is not None
 
 
 def _needs_clock(group: Group, samples: int) -> bool:

@@ -11,6 +11,9 @@ _MAGIC = {
     b"%PDF": "a PDF document",
     b"\xd0\xcf\x11\xe0": "an old Office document (perhaps an .xls workbook)",
     b"\x89HDF": "HDF5",
+    b"CDF\x01": "netCDF 3",
+    b"CDF\x02": "netCDF 3",
+    b"CDF\x05": "netCDF 3",
     b"TDSm": "NI TDMS",
     b"MDF     ": "ASAM MDF",
     b"UnFinMF ": "an unfinished ASAM MDF",
@@ -31,6 +34,7 @@ _WORKBOOK = (b"[Content_Types].xml", b"xl/", b"_rels/.rels")
 _TO_DO = {
     "an .xlsx workbook": "save its sheet as CSV",
     "an old Office document (perhaps an .xls workbook)": "save its sheet as CSV",
+    "netCDF 3": "convert it by `nccopy -k nc4`",
     "a ZIP archive": "unpack it and give the log inside",
     "gzip-compressed": "unpack it and give the log inside",
     "a 7-Zip archive": "unpack it and give the log inside",

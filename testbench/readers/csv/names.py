@@ -49,7 +49,7 @@ def unknown_brackets(channel: Channel) -> str:
     """What stands in brackets at the end of the name of a channel without a unit; empty if nothing does."""
     match = re.search(r"\(([^()]*)\)\s*$|\[([^][]*)\]\s*$", channel.name) if channel.unit is None else None
     text = "" if match is None else (match[1] or match[2] or "").strip()
-    return "" if text.isdecimal() else text
+    return text if any(map(str.isalpha, text)) else ""
 
 
 def is_time(name: str) -> bool:

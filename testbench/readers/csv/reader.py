@@ -9,7 +9,7 @@ from ..registry import Reader, ReadOptions
 from . import dialect as dialects
 from . import encoding as encodings
 from . import header as headers
-from . import marks, preamble, spelling
+from . import marks, names, preamble, spelling
 from .dialect import Dialect, UnclearDialect
 from .header import Header
 from .parse import Form
@@ -107,6 +107,10 @@ def _said(sample: Sample, dialect: Dialect, header: Header) -> list[Finding]:
     if dialect.doubt:
         message = f"{dialect.doubt}: decimals, or thousands? say --decimal"
         findings.append(Finding("ambiguous_number", None, f"line {header.first_data_line}", message))
+    for channel in header.channels:
+        if text := names.unknown_brackets(channel):
+            message = f"{text!r} in brackets is not understood as a unit; the name is kept as written, without a unit"
+            findings.append(Finding("unit_unknown", channel.name, None, message))
     if not header.named:
         message = "the first row is data: the columns are named col0, col1, ... and have no units"
         findings.append(Finding("no_header", None, f"line {header.first_data_line}", message))

@@ -87,12 +87,12 @@ def _understood(file: h5py.File, path: Path) -> tuple[_Found, Gathering]:
 def _take(file: h5py.File, path: str, dataset: h5py.Dataset, found: _Found) -> None:
     """Sort a dataset: a series of samples, a number, a text, or something else."""
     name = matlab.name_of(path) if found.is_matlab else path.rpartition("/")[2]
+    if axes.is_netcdf_dimension(dataset):
+        return
     if (reason := judge.refusal(path, dataset)) is not None:
         found.findings.append(reason)
     elif dataset.shape is None or not dataset.size or (found.is_matlab and matlab.is_empty(dataset)):
         found.metadata[path.strip("/")] = ""
-    elif axes.is_netcdf_dimension(dataset):
-        return
     elif found.is_matlab and (said := matlab.text(dataset)) is not None:
         found.metadata[name] = said
     elif found.is_matlab and h5py.check_ref_dtype(dataset.dtype) is h5py.Reference:

@@ -26,18 +26,21 @@ def open_library(path: Path) -> Recording:
         raise damaged(path, f"polars cannot read it: {error}") from error
     if len(schema) > _MOST_COLUMNS:
         raise Refusal(path.name, Finding("too_large", None, None, f"{len(schema)} columns"))
-    findings, kept = [], []
+    findings: list[Finding] = []
+    kept: list[Column] = []
     for name, kind in schema.items():
         if (found := columns_.column(name, kind, lambda name: _first(table, name))) is not None:
             kept.append(found)
         elif isinstance(kind, polars.String | polars.Categorical | polars.Enum):
             findings.append(Finding("text_channel", name, None, "holds text, not numbers; it is not kept"))
         else:
-            findings.append(Finding("left_out", name, None, f"holds {kind}, no numbers"))
+            findings.append(Finding("left_out", name, None, f"holds {kind}, not one number a row"))
     if not kept or not rows:
-        raise Refusal(path.name, Finding("no_data", None, None, f"{len(kept)} columns of numbers with {rows} rows"))
-    said = {f"{c.name}: zero": f"{c.zero} ns since 1970" for c in kept if c.zero}
-    said |= {key: text[:_LONGEST_TEXT] for key, text in metadata.items() if key != "ARROW:schema"}
+        said = "; ".join(f"{f.channel} {f.message}" for f in findings[:10])
+        message = f"{len(kept)} columns of numbers with {rows} rows{f' ({said})' if said else ''}"
+        raise Refusal(path.name, Finding("no_data", None, None, message))
+    zeros = {f"{c.name}: zero": f"{c.zero} ns since 1970" for c in kept if c.zero}
+    zeros |= {key: text[:_LONGEST_TEXT] for key, text in metadata.items() if key != "ARROW:schema"}
     group = Group(path.stem, tuple(c.channel for c in kept), columns_.clock(kept))
     return Recording(
         path=path,
@@ -45,7 +48,7 @@ def open_library(path: Path) -> Recording:
         reader="testbench.readers.parquet",
         groups=(group,),
         read=lambda report: watched(_blocks(path, group, kept, report), report),
-        metadata=said,
+        metadata=zeros,
         findings=tuple(findings),
     )
 

@@ -97,7 +97,9 @@ def test_netcdf_dimensions_are_the_axes(tmp_path):
         packed = file.create_variable("acc", ("when",), data=np.arange(300, dtype="i2"), fillvalue=np.int16(7))
         packed.attrs["scale_factor"], packed.attrs["add_offset"], packed.attrs["units"] = 0.5, 10.0, "m s-2"
         file.create_variable("psd", ("f",), data=np.ones(300))
+        file.create_variable("three", ("when", "none"), data=np.ones((300, 4)))
     found = reading.read(path)
+    assert not [f for f in found.findings if f.severity == 2], "a length without values is no cut"
     acc = next(g for g in found.groups.values() if "acc" in [c.name for c in g.channels])
     assert isinstance(acc.clock, TimeColumn)
     assert acc.channels[acc.clock.index].name == "when"

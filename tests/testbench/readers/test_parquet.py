@@ -87,3 +87,9 @@ def test_cut_and_empty_files_are_refused(tmp_path):
         reading.read(path)
     with pytest.raises(RecordingError, match="with 0 rows"):
         reading.read(_write(tmp_path, {"a": polars.Series([], dtype=polars.Float64)}))
+
+
+def test_nested_columns_alone_are_refused_by_name(tmp_path):
+    """Lists and structures are no single number a row; what they are is said."""
+    with pytest.raises(RecordingError, match=r"acc holds List\(Float64\), not one number a row"):
+        reading.read(_write(tmp_path, {"acc": [[1.0, 2.0], [3.0]]}))

@@ -297,3 +297,11 @@ def test_noise_gives_clear_errors_only(tmp_path):
             refusals.append(str(error))
     assert refusals
     assert all("noise.csv" in message for message in refusals)
+
+
+def test_brackets_that_are_not_understood_are_no_missing_unit(log):
+    """They are said as what they are, and indices are no brackets of units."""
+    found = log("Time (s),A (filtered),B,C [2]\n" + "".join(f"{i / 10},{i},{-i},{i * i}\n" for i in range(30)))
+    units = {(f.code, f.channel) for f in found.findings if f.code.startswith("unit_")}
+    assert units == {("unit_unknown", "A (filtered)"), ("unit_missing", None)}
+    assert "for B, C [2]" in found.message("unit_missing")
