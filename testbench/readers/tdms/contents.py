@@ -60,11 +60,14 @@ def read(source: ByteSource) -> Contents:
     contents, known = Contents(), dict[str, Index | None]()
     objects: dict[str, Index | None] = {}
     raw: dict[str, Index] = {}
+    last: tuple[bytes, str, bool] | None = None
     for segment in segments(source):
         before = {} if segment.is_whole else {path: channel.length for path, channel in contents.channels.items()}
-        if segment.has_metadata:
+        now = (segment.metadata(source), segment.order, segment.is_new_list) if segment.has_metadata else last
+        if now is not None and now != last:  # the same once more, as many writers repeat it, says nothing new
+            last = now
             try:
-                declared = parse(segment.metadata(source), segment.order, known)
+                declared = parse(now[0], segment.order, known)
             except Unreadable as error:
                 if segment.is_whole:
                     raise damaged(source.path, f"the metadata of segment {segment.number}: {error}") from error

@@ -304,3 +304,15 @@ def test_a_malformed_recording_is_refused_with_its_counts():
     message = found.message("cut_file")
     for part in ("the file ends at byte 970283", "segment 2586", "Time 12940", "Load Cell 4040. 1 12930"):
         assert part in message
+
+
+def test_metadata_repeated_and_changed_and_repeated(tmp_path):
+    """Segments that say the same again add samples; a change between them counts from where it stands."""
+    parts = [("a", 3, "V"), ("a", 3, "V"), ("a", 5, "V"), ("a", 5, "V"), ("b", 4, "A"), ("a", 5, "mV"), ("a", 5, "mV")]
+    segments = [[_channel(name, RANDOM.normal(size=count), unit_string=unit)] for name, count, unit in parts]
+    found = reading.read(_write(tmp_path, *segments))
+    for name in "ab":
+        written = np.concatenate([s[0].data for s, part in zip(segments, parts, strict=True) if part[0] == name])
+        assert found.column(name).tobytes() == written.tobytes()
+    units = {channel.name: channel.unit for group in found.recording.groups for channel in group.channels}
+    assert units == {"a": "mV", "b": "A"}
