@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from .checks import GroupCheck, RecordingCheck, times
-from .findings import Finding
+from .findings import Finding, placed
 from .readers import ReadOptions, open_recording
 from .recording import Recording, UniformClock
 
@@ -34,7 +34,9 @@ def describe(path: str | Path, options: ReadOptions | None = None) -> Descriptio
     findings = list(recording.findings)
     for block in recording.blocks(findings.append):
         check.update(block)
-    return Description(recording, tuple(check.groups.values()), (*findings, *check.findings()))
+    groups = [one.group for one in check.groups.values()]
+    found = placed([*findings, *check.findings()], groups, len(groups) > 1)
+    return Description(recording, tuple(check.groups.values()), tuple(found))
 
 
 def _group(check: GroupCheck, stats: bool) -> dict[str, Any]:

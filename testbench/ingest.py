@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from .apart import apart
 from .checks import RecordingCheck, against_rig
 from .errors import RecordingError, StoreError
-from .findings import Finding, Refusal, refused
+from .findings import Finding, Refusal, placed, refused
 from .readers import ReadOptions, open_recording
-from .recording import Origin
+from .recording import Group, Origin
 from .runsheet import PlannedRun
 from .source import Source
 from .store import Campaign, lock, open_run
@@ -121,8 +121,9 @@ class Ingest:
     def _store(self, planned: PlannedRun, sources: Sequence[Source]) -> list[Outcome]:
         origin = _origin(planned, sources)
         with RunWriter(self.folder, planned.name, self._intent(planned, origin, sources)) as writer:
-            for source in sources:
-                self._copy(source, writer)
+            groups = [self._copy(source, writer) for source in sources]
+            for source, own in zip(sources, groups, strict=True):
+                source.findings = placed(source.findings, own, sum(map(len, groups)) > 1)
             if self.rig is not None:
                 recordings = [source.recording for source in sources]
                 sources[0].findings.extend(against_rig.findings(self.rig, recordings))
@@ -141,8 +142,8 @@ class Ingest:
                 target = writer.commit().name
         return [Outcome(target, s.path.name, s.sha256, origin, "stored", tuple(s.findings)) for s in sources]
 
-    def _copy(self, source: Source, writer: RunWriter) -> None:
-        """Read one file to its end, checking and writing each block."""
+    def _copy(self, source: Source, writer: RunWriter) -> list[Group]:
+        """Read one file to its end, checking and writing each block; the groups that it held."""
         check = RecordingCheck(source.recording, against_rig.ranges(self.rig))
         source.findings += source.recording.findings
         done = 0
@@ -157,6 +158,7 @@ class Ingest:
             raise Refusal(source.path.name, Finding("no_data", None, None, "holds no sample that can be kept"))
         for group in check.groups.values():
             writer.group(group.group).finish(group.rate_hz, group.rate_source)
+        return [group.group for group in check.groups.values()]
 
     def _intent(self, planned: PlannedRun, origin: Origin, sources: Sequence[Source]) -> dict[str, Any]:
         """What `testbench recover` must know if this process is killed."""

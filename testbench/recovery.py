@@ -9,7 +9,7 @@ from typing import Any
 
 from .checks import RecordingCheck
 from .errors import StoreError
-from .findings import Finding
+from .findings import Finding, placed
 from .recording import Block, Recording, Report
 from .store import recover as leftover
 from .store.journal import Journal
@@ -46,6 +46,7 @@ def save(left: Leftover, known: Journal) -> Recovery:
             if group.samples:
                 writer.group(group.group).finish(group.rate_hz, group.rate_source)
         findings += [f for f in check.findings() if f.code != "no_data"]
+        findings = placed(findings, recording.groups, len(recording.groups) > 1)
         writer.describe(intent["origin"], intent["conditions"], findings, _provenance(left, intent), intent["rig"])
         stored = writer.commit().name
     samples = {kept.group.name: kept.samples for kept in known.groups}

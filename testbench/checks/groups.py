@@ -3,7 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -114,10 +114,10 @@ class RecordingCheck:
     def findings(self) -> list[Finding]:
         """What the header and the data show."""
         said = {f.channel for f in self.recording.findings if f.code == "unit_unknown"}
-        found = [finding for group in self.recording.groups for finding in header_findings(group, said)]
+        found = [replace(f, group=group.name) for group in self.recording.groups for f in header_findings(group, said)]
         if self.recording.origin == "simulated":
             found.append(Finding("simulated", None, None, "the log says that it is simulated, and not measured"))
-        return found + [finding for check in self.groups.values() for finding in check.findings()]
+        return found + [replace(f, group=name) for name, check in self.groups.items() for f in check.findings()]
 
 
 def header_findings(group: Group, said: Collection[str | None] = ()) -> list[Finding]:

@@ -69,7 +69,8 @@ def print_findings(title: str, findings: Iterable["Finding"]) -> None:
     if ordered:
         click.echo(plain(title))
     for finding in ordered:
-        place = ", ".join(filter(None, (finding.channel, finding.where)))
+        group = finding.group and f"group {finding.group}"
+        place = ", ".join(filter(None, (finding.channel, group, finding.where)))
         text = f"{place}: {finding.message}" if place else finding.message
         click.echo(f"  {finding.severity.name.lower():7} {finding.code}: {plain(text)}")
 

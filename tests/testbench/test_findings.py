@@ -1,6 +1,12 @@
 from pathlib import Path
 
-from testbench.findings import MEANING, Finding, Severity, refused, worst
+from testbench.cli.reading import print_findings
+from testbench.describe import describe
+from testbench.findings import MEANING, Finding, Severity, placed, refused, worst
+from testbench.ingest import Ingest
+from testbench.recording import Channel, Group
+from testbench.runsheet import PlannedRun
+from testbench.store import open_run
 
 PAGE = Path(__file__).parents[2] / "docs" / "findings.md"
 
@@ -21,3 +27,32 @@ def test_only_accepted_errors_pass():
     assert worst(found) is Severity.ERROR
     assert [f.code for f in refused(found, ["nul_bytes"])] == ["ragged_row"]
     assert worst(found[:1]) is worst([]) is Severity.NOTE
+
+
+def test_the_group_is_named_where_the_channel_does_not_say_it():
+    """Of two groups with a channel of one name each; not where there is one group, nor where a name is in both."""
+    x, y, z = (Channel(name) for name in "xyz")
+    groups = (Group("daq", (x, y)), Group("forces", (y, z)))
+    found = [Finding("clipping", name, None, "") for name in ("x", "y", "z", None)]
+    assert [f.group for f in placed(found, groups, True)] == ["daq", None, "forces", None]
+    known = [Finding("clipping", "y", None, "", "forces")]
+    assert placed(known, groups, True) == known
+    assert placed(known, groups, False)[0].group is None
+
+
+def test_two_logs_of_one_run_keep_their_findings_apart(tmp_path, capsys):
+    """The same channel is dead in both logs: each finding names its group."""
+    for period, name in ((7, "left"), (5, "right")):
+        rows = [f"{i / 100},{i % period},5\n" for i in range(200)]
+        (tmp_path / f"{name}.csv").write_text("Time (s),AccX (g),AccY (g)\n" + "".join(rows), encoding="utf-8")
+    planned = PlannedRun("r1", (tmp_path / "left.csv", tmp_path / "right.csv"))
+    outcomes = Ingest(tmp_path / "c").run(planned)
+    assert {outcome.status for outcome in outcomes} == {"stored"}, outcomes[0].message
+    run = open_run(tmp_path / "c" / "r1.h5")
+    dead = [f for f in run.findings if f.code == "constant_channel"]
+    assert [(f.channel, f.group) for f in dead] == [("AccY (g)", "left"), ("AccY (g)", "right")]
+    print_findings("r1", dead)
+    assert "AccY (g), group left: all 200 samples are 5" in capsys.readouterr().out
+    Ingest(tmp_path / "alone").run(PlannedRun("r1", (tmp_path / "left.csv",)))
+    assert {f.group for f in open_run(tmp_path / "alone" / "r1.h5").findings} == {None}
+    assert {f.group for f in describe(tmp_path / "left.csv").findings} == {None}
