@@ -16,15 +16,32 @@ if TYPE_CHECKING:
     epilog="""\b
 Examples:
   testbench simulate --plan kiper2019 --rig parallelogram-6bar -o logs
-  testbench ingest logs/r*.csv --rig parallelogram-6bar --runs logs/runs.csv -o campaign"""
+  testbench simulate --plan kiper2019-brief --rig parallelogram-6bar-deep --seed 7 -o logs
+  testbench ingest logs/r*.csv --rig parallelogram-6bar --runs logs/runs.csv -o campaign
+
+\b
+What a rig may state of the bench, in [bench], and of its loggers:
+  coupling, planes, rotors, weight, tilt    mechanics of a base that moves
+  floor, roughness, modes                   what else vibrates
+  errors                                    sensors that are not what their data sheet says
+  start_scatter, drift_scatter_ppm, jitter, lost, dropouts_per_minute, low_pass    [loggers.NAME]
+parallelogram-6bar states none of these, parallelogram-6bar-deep all, with reasons; docs/bench.md explains each."""
 )
-@click.option("--plan", required=True, metavar="PLAN", help="Which runs: a plan file, or a shipped one: kiper2019.")
-@click.option("--rig", required=True, metavar="RIG", help="A rig file, or a shipped one: parallelogram-6bar.")
+@click.option(
+    "--plan", required=True, metavar="PLAN",
+    help="Which runs: a plan file, or a shipped one: kiper2019, kiper2019-brief, kiper2019-deep.",
+)  # fmt: skip
+@click.option(
+    "--rig", required=True, metavar="RIG",
+    help="A rig file, or a shipped one: parallelogram-6bar, parallelogram-6bar-deep.",
+)  # fmt: skip
 @click.option("-o", "--output", "folder", required=True, type=click.Path(path_type=Path), help="A new or empty folder.")
-def simulate(plan: str, rig: str, folder: Path) -> None:
+@click.option("--seed", type=click.IntRange(min=0), help="Of all that is drawn; the plan's own unless given.")
+def simulate(plan: str, rig: str, folder: Path, seed: int | None) -> None:
     """Make the logs that a test bench would write, each marked as simulated, and the sheet of runs.
 
-    What really happened lies apart in FOLDER/truth, which no analysis reads. The same plan and rig give the same logs.
+    What really happened lies apart in FOLDER/truth, which no analysis reads. The same plan, rig and seed give the same
+    logs.
     """
     from .. import plan as plans
     from .. import rig as rigs
@@ -32,6 +49,8 @@ def simulate(plan: str, rig: str, folder: Path) -> None:
     from ..bench.campaign import simulate as simulated
 
     planned, bench = plans.load(plan), rigs.load(rig)
+    if seed is not None:
+        planned = planned.model_copy(update={"seed": seed})
     with _progress(len(planned.runs())) as progress:
         logs = simulated(planned, bench, folder, progress)
     size = sum(path.stat().st_size for path in logs) / 1e6
