@@ -16,7 +16,7 @@ import numpy as np
 
 from balance.arrays import Floats
 from balance.closure import Trajectory
-from balance.dynamics import driven_rates, momentum
+from balance.dynamics import momentum
 from balance.mechanism import Mechanism
 
 from ..errors import RigError
@@ -77,22 +77,6 @@ class Coupling:
     def reaction(self, motion: BaseMotion) -> Floats:
         """M x'' + G x', base axes, (n, 6) [N, N m]."""
         return _times(self.inertia, motion.acceleration) + _times(self.gyration, motion.velocity)
-
-
-def torque_of_base(
-    mechanism: Mechanism, trajectory: Trajectory, rotors: Mapping[str, Rotor], field: Floats, driven: tuple[str, ...]
-) -> dict[str, Floats]:
-    """Torque that an acceleration field (a, alpha) of the base, (n, 6), asks of the driven joints, (n,) [N m, N].
-
-    With A_k the momentum (p, L) of mechanism and rotors per rate of drive k: tau_k = A_k (a, alpha). Its Coriolis part,
-    some 0.5 % of the torques on the default bench, is left out.
-    """
-    rates, found = driven_rates(mechanism, trajectory.per_drive, driven), {}
-    for k, joint in enumerate(driven):
-        per_rate = momentum(mechanism, trajectory.q, rates[:, :, k])
-        per_rate[:, 3:] += spin(mechanism, rotors, rates[:, :, k])
-        found[joint] = np.einsum("ni,ni->n", per_rate, field)
-    return found
 
 
 def _times(matrices: Floats, vectors: Floats) -> Floats:

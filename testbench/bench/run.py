@@ -25,8 +25,9 @@ from ..rig.bench import Bench
 from ..rig.effects import Rotor
 from . import disturbance, gravity, rotors, structure
 from .base import Base, BaseMotion
+from .basetorque import torque_of_base
 from .carried import locked_inertia
-from .coupling import Coupling, torque_of_base
+from .coupling import Coupling
 from .linear import times
 from .planes import with_planes
 
@@ -113,7 +114,8 @@ class BenchRun:
             return still
         field = self.motion.acceleration.copy()
         field[:, :3] += gravity.apparent(self.gravity, self.motion.displacement)
-        more = torque_of_base(self.mechanism, self.trajectory, self.rotors, field, tuple(still))
+        turning, driven = self.motion.velocity[:, 3:], tuple(still)
+        more = torque_of_base(self.mechanism, self.trajectory, self.rotors, field, turning, driven)
         return {joint: torque + more[joint] for joint, torque in still.items()}
 
 
