@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from decimal import Decimal
 from functools import lru_cache
 from itertools import pairwise
 
@@ -178,6 +179,14 @@ def _said(column: Stamps, name: str) -> Finding:
     return Finding("time_as_text", name, None, text)
 
 
+def _is_held(cell: str) -> bool:
+    """Whether float64 holds a number: few digits, or those that Python and others write so that they are read back."""
+    written = cell.replace(",", ".")
+    if sum(c.isdigit() for c in written.lstrip("+-0.")) <= _SIGNIFICANT:
+        return True
+    return Decimal(repr(float(written))) == Decimal(written)
+
+
 def _with_numbers(times: Times, i: int, channel: Channel, cells: Sequence[str]) -> Times:
     """The times and a column of numbers called time, counted from the first if float64 does not hold them."""
     if not cells or not all(map(is_plain, cells)):
@@ -189,7 +198,7 @@ def _with_numbers(times: Times, i: int, channel: Channel, cells: Sequence[str]) 
     if said:
         message = f"times such as {cells[0]} are counted since 1970 in units of {said:g} s, as their digits tell"
         times = replace(times, findings=(*times.findings, Finding("time_as_text", name, None, message)))
-    if max(sum(c.isdigit() for c in cell.lstrip("+-0.,")) for cell in cells) <= _SIGNIFICANT:
+    if all(map(_is_held, cells)):
         return times
     message = f"numbers of more digits than float64 holds, kept as counted from the first, {cells[0]}"
     return replace(
