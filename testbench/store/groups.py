@@ -136,8 +136,8 @@ class GroupWriter:
             time = _dataset(self.node, layout.TIME, chunk, self._form_of_time)
             time.resize((self.samples,))
             for begin in range(0, self.samples, GATHERED):
-                index = np.arange(begin, min(begin + GATHERED, self.samples))
-                time[begin : begin + len(index)] = clock.start_s + index / clock.rate_hz
+                end = min(begin + GATHERED, self.samples)
+                time[begin:end] = clock.times(begin, end)
             _name(time, Channel(layout.TIME, "s"))
             return time
         scale = self.node.create_dataset(layout.SAMPLE, shape=(self.samples,), dtype=">f4")

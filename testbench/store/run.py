@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-import numpy as np
-
 from ..errors import StoreError
 from ..findings import Finding
 from ..recording import Conditions, Group, Origin, Samples, UniformClock
@@ -142,7 +140,7 @@ class Run:
         """Time of each sample on its logger's own clock, (n,) [s]."""
         where = self.group(group)
         if isinstance(where.clock, UniformClock):
-            return where.clock.start_s + np.arange(where.samples) / where.clock.rate_hz
+            return where.clock.times(0, where.samples)
         if where.clock is None or where.clock.seconds_per_unit is None:
             raise StoreError(
                 f"{self.path.name}: group {where.name!r} has no time column in a unit of time, and no rate"
