@@ -239,3 +239,18 @@ def test_a_campaign_is_analysed_from_its_archive(brief, tmp_path, capsys):
         documents.append(capsys.readouterr().out.replace(str(folder), "").replace(f'"{folder.name}"', '"campaign"'))
     assert json.loads(documents[0]) == json.loads(documents[1])
     assert len(testbench.open_run(tmp_path / "a" / "r001.h5").groups) == 3
+
+
+def test_a_calibration_of_a_run_holds_for_its_archive(tmp_path, capsys):
+    """What `testbench calibrate` recorded is applied to the archive as it is to the run."""
+    from testbench.cli.calibrate import calibrate
+
+    from ..calibration import volts
+
+    run = volts.stored(tmp_path, volts.HEAD + volts.SENSITIVITY)
+    words = [str(run.path), "acc", "--sensitivity", "90 mV/g", "--offset", "2.5 V", "--reason", "certificate 12"]
+    assert calibrate.main(words, standalone_mode=False) == 0
+    assert command.main([str(run.path.parent), "-o", str(tmp_path / "a")], standalone_mode=False) == 0
+    both = [open_run(folder / "r1.h5").physical().channel("ch0") for folder in (run.path.parent, tmp_path / "a")]
+    assert both[0].tobytes() == both[1].tobytes()
+    np.testing.assert_allclose(both[0], volts.ACCELERATION / 0.9, atol=1e-9)
