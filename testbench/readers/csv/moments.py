@@ -73,6 +73,13 @@ def read(text: str) -> Moment | None:
     return Moment(Notation(notation, with_clock, "zone" in found), numbers, clock, len(fraction))
 
 
+def fraction_of(text: str) -> tuple[int, int] | None:
+    """Where the digits behind the seconds begin and end; None if there are none, or it is no time."""
+    match = _TEXT.fullmatch(text)
+    spans = [] if match is None else [match.span(name) for name in ("f", "f2", "f3", "ms") if match[name]]
+    return spans[0] if spans else None
+
+
 def _date(found: dict[str, str]) -> tuple[str, tuple[int, int, int]]:
     """The date's notation and numbers. Points go with the day first: no country writes months first with points."""
     if "y" in found:

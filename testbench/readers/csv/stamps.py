@@ -1,6 +1,6 @@
 """Columns of times that are written as text, or too long for float64: their numbers, exactly."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ...recording import Channel
@@ -47,7 +47,13 @@ class Stamps:
         decimals = moment.decimals if moment.decimals >= self.decimals else self.decimals + 1
         return _decimal(days * DAY + moment.nanoseconds - self.zero, decimals)
 
-    def days_of(self, moment: Moment, cells: Sequence[str]) -> int | None:
+    def nanoseconds(self, cells: Mapping[int, str]) -> int | None:
+        """The time in the row of these cells, counted as ``zero`` is; None if there is none."""
+        moment = moments.read(cells[self.field])
+        days = None if moment is None else self.days_of(moment, cells)
+        return None if moment is None or days is None else days * DAY + moment.nanoseconds
+
+    def days_of(self, moment: Moment, cells: Sequence[str] | Mapping[int, str]) -> int | None:
         """The days of the row's date; None if it is no date, or in another notation."""
         dated = moment if self.date_field is None else moments.read(cells[self.date_field])
         if dated is None or (moment.notation, dated.notation.date) != (_of_clock(self), self.notation.date):
