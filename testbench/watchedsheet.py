@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from .errors import RigError
-from .runsheet import SheetRow, read
+from .sheetrows import SheetRow, read
 
 State = tuple[int, int]
 """Size [bytes] and time of the last change [ns] of a file."""

@@ -12,8 +12,10 @@ from testbench.calibration.correct import calibrate
 from testbench.calibration.document import Calibration
 from testbench.channels import in_si
 from testbench.errors import AnalysisError, RigError, StoreError
+from testbench.export import export
 from testbench.ingest import Ingest
 from testbench.pairing import doubts, rig_of
+from testbench.readers import open_recording
 from testbench.runsheet import PlannedRun
 from testbench.store import open_campaign, open_run, records
 from testbench.wrench import shaking_wrench
@@ -125,6 +127,20 @@ def test_tables_in_si(tmp_path):
     assert data["ch0"].attrs["units"] == "m/s^2"
     np.testing.assert_array_equal(data["ch0"], table["ch0 (m/s^2)"])
     np.testing.assert_array_equal(data["ch1"], run.channel("ch1"))
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet", "mat", "uff"])
+def test_exports_in_si(tmp_path, form):
+    """Each form takes the view in SI as it takes a run."""
+    run = volts.stored(tmp_path, volts.HEAD + volts.SENSITIVITY)
+    (written,) = export(run.physical(), form, tmp_path / "out")
+    recording = open_recording(written.file)
+    names = [channel.name for group in recording.groups for channel in group.channels]
+    units = [channel.unit for group in recording.groups for channel in group.channels]
+    columns = next(iter(recording.blocks(lambda finding: None))).columns
+    place = next(i for i, name in enumerate(names) if "ch0" in name)
+    assert units[place] in {"m/s^2", None} if form == "mat" else units[place] == "m/s^2"
+    np.testing.assert_allclose(columns[place], volts.ACCELERATION, atol=1e-9)
 
 
 @pytest.mark.parametrize(
