@@ -36,6 +36,11 @@ def rigid_body(mass: float, first: Floats, inertia: Floats) -> Floats:
     return np.block([[mass * np.eye(3), -skew(first)], [skew(first), inertia]])
 
 
+def first_moment(mass: Floats) -> Floats:
+    """First moment of mass (..., 3) [kg m] of mass matrices (..., 6, 6)."""
+    return np.stack([mass[..., 5, 1], mass[..., 3, 2], mass[..., 4, 0]], axis=-1)
+
+
 @dataclass(frozen=True)
 class BaseMotion:
     """Motion of the base frame, translations first: (n, 6) each."""

@@ -21,7 +21,7 @@ from balance.mechanism import Mechanism
 
 from ..errors import RigError
 from ..rig.effects import Rotor
-from .base import Base, BaseMotion
+from .base import Base, BaseMotion, first_moment, skew
 from .carried import inertia_along, skews
 from .linear import times
 from .rotors import momentum as spin
@@ -40,13 +40,18 @@ class Coupling:
     gyration: Floats
     """G, (n, 6, 6)."""
     turning: Floats
-    """N with -N x = (phi x F, phi x M), (n, 6, 6)."""
+    """N with -N x = (phi x F, phi x M + (phi x s) x g), (n, 6, 6); s: first moment of mass less that at the start."""
 
     @classmethod
     def of(
-        cls, mechanism: Mechanism, trajectory: Trajectory, wrench: Floats, rotors: Mapping[str, Rotor]
+        cls,
+        mechanism: Mechanism,
+        trajectory: Trajectory,
+        wrench: Floats,
+        rotors: Mapping[str, Rotor],
+        gravity: Floats,
     ) -> "Coupling":
-        """Along a trajectory with shaking wrench (n, 6) [N, N m], that of the rotors included."""
+        """Along a trajectory with shaking wrench (n, 6) [N, N m], that of the rotors included; gravity (3,) or zero."""
         inertia = inertia_along(mechanism, trajectory.q)
         moving = momentum(mechanism, trajectory.q, trajectory.v)
         gyration, turning = np.zeros((2, len(wrench), 6, 6))
@@ -54,6 +59,8 @@ class Coupling:
         rate = np.gradient(inertia[:, 3:, 3:], float(trajectory.time[1] - trajectory.time[0]), axis=0)
         gyration[:, 3:, 3:] = rate - skews(moving[:, 3:] + spin(mechanism, rotors, trajectory.v))
         turning[:, :3, 3:], turning[:, 3:, 3:] = skews(wrench[:, :3]), skews(wrench[:, 3:])
+        wandered = first_moment(inertia) - first_moment(inertia[:1])
+        turning[:, 3:, 3:] -= skew(gravity) @ skews(wandered)
         return cls(inertia, gyration, turning)
 
     def respond(self, base: Base, carried: Floats, push: Floats, step: float) -> BaseMotion:

@@ -1,12 +1,20 @@
 """Gravity on a base that moves: what the weight does as the platform wanders and the base tilts.
 
-The mounts carry the weight at rest, and sensors are zeroed there. Left out is what the weight adds to the mounts'
-stiffness, like that of a pendulum upside down: m g h beside their turning stiffness, some 0.2 % on the default frame.
+The mounts carry the weight at rest, and sensors are zeroed there. As the base turns, the weight acts at another place,
+and so do the forces of the mounts that hold it: a pendulum upside down, some 0.2 % of the default frame's stiffness.
 """
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from balance.arrays import Floats
+
+from .base import displacement_at, first_moment, skew
+
+if TYPE_CHECKING:
+    from ..rig.bench import Mount
 
 
 def rotation(turn: Floats) -> Floats:
@@ -38,3 +46,20 @@ def turned_weight(gravity: Floats, first: Floats, mass: float, displacement: Flo
     """
     change = -apparent(gravity, displacement)
     return np.hstack([mass * change, np.cross(first, change)])
+
+
+def stiffness(mounts: "Sequence[Mount]", elastic: Floats, mass: Floats, gravity: Floats) -> Floats:
+    """What weight and preload of the mounts add to the ``elastic`` stiffness of the mounts, (6, 6) each [N m/rad].
+
+    A force f at p of the base, constant in space, has the moment (p + phi x p) x f about the base's origin, so it adds
+    -S(f) S(p); here the weight at the centre of mass, and what each mount holds of it at rest.
+    """
+    first, total = first_moment(mass), float(mass[0, 0])
+    sunk = np.linalg.solve(elastic, np.concatenate([total * gravity, np.cross(first, gravity)]))
+    added = np.zeros((6, 6))
+    added[3:, 3:] = -skew(gravity) @ skew(first)
+    for mount in mounts:
+        at = np.array(mount.position)
+        held = -np.array(mount.stiffness) * (displacement_at(at) @ sunk)
+        added[3:, 3:] -= skew(held) @ skew(at)
+    return added

@@ -24,7 +24,7 @@ from ..rig import Rig
 from ..rig.bench import Bench
 from ..rig.effects import Rotor
 from . import disturbance, gravity, rotors, structure
-from .base import Base, BaseMotion
+from .base import Base, BaseMotion, first_moment
 from .basetorque import torque_of_base
 from .carried import locked_inertia
 from .coupling import Coupling
@@ -95,8 +95,7 @@ class BenchRun:
 
     @property
     def _turned_weight(self) -> Floats:
-        inertia = self.carried[None] if self.coupling is None else self.coupling.inertia
-        first = np.stack([inertia[:, 5, 1], inertia[:, 3, 2], inertia[:, 4, 0]], axis=1)
+        first = first_moment(self.carried if self.coupling is None else self.coupling.inertia)
         place = np.broadcast_to(first, (len(self.time), 3))
         return gravity.turned_weight(self.gravity, place, self.mechanism.total_mass, self.motion.displacement)
 
@@ -147,7 +146,7 @@ def simulate_run(rig: Rig, mechanism: Mechanism, planned: PlannedRun, lead: floa
     trajectory = Closure(loaded).follow(command)
     response = _with_rotors(simulate(loaded, trajectory), loaded, bench, trajectory)
     carried = locked_inertia(loaded, trajectory.q[0])
-    base = Base.of(bench, carried)
+    base = _standing(bench, carried, loaded)
     moved, coupling = _moved(bench, loaded, trajectory, response, base, carried)
     level = mechanism.gravity
     at_rest, turning = level - loaded.gravity, loaded.gravity if bench.weight else np.zeros(3)
@@ -175,6 +174,15 @@ def _loaded(mechanism: Mechanism, bench: Bench, planned: PlannedRun) -> Mechanis
     return loaded.with_counter_mass(planned.counter_masses)
 
 
+def _standing(bench: Bench, carried: Floats, mechanism: Mechanism) -> Base:
+    """The base under what it carries; where the rig states the weight, with what that does to its stiffness."""
+    base = Base.of(bench, carried)
+    if not bench.weight:
+        return base
+    added = gravity.stiffness(bench.mounts, base.stiffness, base.mass, mechanism.gravity)
+    return replace(base, stiffness=base.stiffness + added)
+
+
 def _with_rotors(response: Response, mechanism: Mechanism, bench: Bench, trajectory: Trajectory) -> Response:
     if not bench.rotors:
         return response
@@ -190,7 +198,8 @@ def _moved(
     step = float(trajectory.time[1] - trajectory.time[0])
     if bench.coupling == "locked":
         return base.respond(push, step), None
-    coupling = Coupling.of(mechanism, trajectory, wrench, bench.rotors)
+    pull = mechanism.gravity if bench.weight else np.zeros(3)
+    coupling = Coupling.of(mechanism, trajectory, wrench, bench.rotors, pull)
     return coupling.respond(base, carried, push, step), coupling
 
 

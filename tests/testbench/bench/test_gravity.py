@@ -6,6 +6,7 @@ import pytest
 from balance.mechanism import Mechanism
 from testbench.bench import gravity
 from testbench.bench import run as runs
+from testbench.bench.base import Base, displacement_at, first_moment
 from testbench.bench.run import simulate_run
 from testbench.bench.sensors import base_acceleration, signals
 from testbench.bench.supports import transport
@@ -57,18 +58,40 @@ def _first_moment_x(done, i: int) -> float:
 
 
 def test_wandering_against_mujoco():
-    """In gravity MuJoCo asks the mounts for the wandering moment; what is left is the pendulum's share of stiffness."""
+    """In gravity MuJoCo asks the mounts for the wandering moment, and gets it to first order from mounts that turn."""
     rig = benched(weight=True, coupling="moving")
     done, still = run(rig, 9.81), run(benched(coupling="moving"), 9.81)
     samples = np.arange(0, len(done.time), 97)
     referee = FreeBase(rig, done, 5.0, {}, G)
     asked = referee.linear(samples)[0] - referee.loads(samples[:1], 0.0)[0]
-    given = -(done.motion.displacement @ done.base.stiffness + done.motion.velocity @ done.base.damping)[samples]
+    bare = Base.of(rig.bench, done.carried)
+    sunk = np.linalg.solve(bare.stiffness, np.r_[bare.mass[0, 0] * G, np.cross(first_moment(bare.mass), G)])
+    given = np.zeros((len(samples), 6))
+    for mount in rig.bench.mounts:
+        at = np.array(mount.position)
+        held = -np.array(mount.stiffness) * (displacement_at(at) @ sunk)
+        x, v = done.motion.displacement[samples], done.motion.velocity[samples]
+        moved, moving = (s[:, :3] + np.cross(s[:, 3:], at) for s in (x, v))
+        force = -np.array(mount.stiffness) * moved - np.array(mount.damping) * moving
+        given += np.hstack([force, np.cross(at, force) + np.cross(np.cross(x[:, 3:], at), held)])
     wandered = np.abs(gravity.wandering(done.response.weight_moment)[:, 5]).max()
     assert wandered > 1.0
-    pendulum = rig.bench.mass * 9.81 * 0.2 * np.abs(done.motion.displacement[:, 3:]).max()
-    assert np.abs(asked - given)[:, 5].max() < 2.0 * pendulum < 0.2 * wandered
+    assert np.abs(asked - given).max() < 3e-5 * np.abs(done.wrench).max()
     assert np.abs(done.motion.displacement - still.motion.displacement)[:, 5].max() > 1e-6
+
+
+def test_a_pendulum_upside_down():
+    """A frame on legs k at half width b turns about z by 2 k b^2 less m g h; as m g h reaches it, it would fall."""
+    legs = [
+        {"position": [f"{x} m", "-1 m", f"{z} m"], "stiffness": ["1e9 N/m", "1e5 N/m", "1e9 N/m"], "damping": "1 N s/m"}
+        for x in (-0.2, 0.2)
+        for z in (-0.2, 0.2)
+    ]
+    frame = {"mass": "100 kg", "centre": ["0 m", "0 m", "0 m"], "inertia": "1 kg m^2", "mounts": legs}
+    base = Base.of(Bench.model_validate(frame))
+    added = gravity.stiffness(Bench.model_validate(frame).mounts, base.stiffness, base.mass, G)
+    assert added[3:, 3:] == pytest.approx(np.diag([-981.0, 0.0, -981.0]), abs=1e-9)
+    assert not np.any(added[:3])
 
 
 def test_what_supports_carry():
