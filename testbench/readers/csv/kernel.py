@@ -239,7 +239,7 @@ def rows(
 def compiled() -> str:
     """The loop for this processor, as text that LLVM takes; its entry is called ``rows``."""
     function = cfunc(_SIGNATURE, error_model="numpy")(rows)
-    return str(function.inspect_llvm()).replace(function._wrapper_name, "rows")
+    return str(function.inspect_llvm()).replace(function.native_name, "rows")
 
 
 if __name__ == "__main__":

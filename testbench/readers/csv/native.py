@@ -26,14 +26,20 @@ def folder() -> Path:
     return (Path(stated) if stated else Path.home() / ".cache") / "counterpoise"
 
 
-def loop() -> Callable[..., int] | None:
+def loop(compiling: Callable[[], None] = lambda: None) -> Callable[..., int] | None:
     """The loop of ``kernel.rows``; None if it cannot be had here.
 
-    Where it is not kept, or damaged, it is compiled: some seconds, in another process that gives way to all others.
+    Where it is not kept, or damaged, it is compiled: some seconds, in another process that gives way to all others;
+    ``compiling`` is called before.
     """
+    if sys.platform == "win32" or sys.byteorder != "little":
+        return None  # its words begin with the lowest byte; LLVM's loader of kept code is not to be had on Windows
     try:
         path = folder() / f"{ENTRY}-{_state()}.o"
-        return _kept(path) or _compiled(path)
+        if (kept := _kept(path)) is not None:
+            return kept
+        compiling()
+        return _compiled(path)
     except (ImportError, PackageNotFoundError, OSError, RuntimeError, ValueError):
         return None
 

@@ -14,8 +14,8 @@ from .parse import Form
 
 LONG_BYTES = 50_000_000
 """Size of a file from which the compiled loop saves more than its start costs [bytes]."""
-_PATIENCE_S = 0.5
-"""How long the first block waits for the loop: a kept one is there by then, one that is compiled anew is not."""
+_PATIENCE_S = 1.0
+"""How long the first block waits for a loop that is kept; one that is compiled anew is not waited for."""
 _FEW = 32
 """One cell in so many may be left to ``float()``; where there are more, the block goes the usual way."""
 
@@ -27,6 +27,7 @@ class Swift:
         self._form = form
         self._kept = np.isin(np.arange(form.fields), kept).astype(np.uint8)
         self._loop: Callable[..., int] | None = None
+        self._decided = threading.Event()
         self._thread = threading.Thread(target=self._load, daemon=True)
         self._thread.start()
 
@@ -37,12 +38,12 @@ class Swift:
         return cls(form, kept) if known and path.stat().st_size >= LONG_BYTES else None
 
     def _load(self) -> None:
-        self._loop = native.loop()
+        self._loop = native.loop(compiling=self._decided.set)
+        self._decided.set()
 
     def columns(self, text: bytes, count: int) -> list[Samples] | None:
         """The columns of so many whole lines, NaN in fields that are not kept; None if some cell is no plain number."""
-        if self._loop is None:
-            self._thread.join(_PATIENCE_S)
+        self._decided.wait(_PATIENCE_S)
         if self._loop is None or not text.endswith(b"\n"):
             return None
         columns = np.empty((self._form.fields, count))

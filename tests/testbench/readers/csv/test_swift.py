@@ -225,9 +225,10 @@ def test_it_is_compiled_once_and_again_where_damaged(tmp_path, monkeypatch):
 def test_while_it_is_compiled_the_usual_way_is_taken(tmp_path, monkeypatch):
     """No log waits for a compiler."""
     go_on = threading.Event()
-    monkeypatch.setattr(native, "loop", lambda: go_on.wait(30) and None)
+    monkeypatch.setattr(native, "_kept", lambda path: None)
+    monkeypatch.setattr(native, "_compiled", lambda path: go_on.wait(30) and None)
     monkeypatch.setattr(swift, "LONG_BYTES", 0)
-    monkeypatch.setattr(swift, "_PATIENCE_S", 0.01)
+    monkeypatch.setattr(swift, "_PATIENCE_S", 60.0)
     path = tmp_path / "log.csv"
     path.write_text(HEADER + "0.0;1;2\n0.1;3;4\n")
     samples, _ = everything(path, ReadOptions())
