@@ -1,6 +1,7 @@
 """``testbench verify``."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -9,6 +10,9 @@ from balance.cli.console import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emi
 from .progress import progress
 from .reading import plain
 
+if TYPE_CHECKING:
+    from ..store.campaign import FileState
+
 
 @click.command(
     epilog="""\b
@@ -16,17 +20,17 @@ Examples:
   testbench verify campaign
   testbench verify campaign --json
 \b
-Exit codes: 0 every run is intact, 1 a run is damaged or missing, 3 there are files that are no runs."""
+Exit codes: 0 every run is intact, 1 a run or record is damaged or missing, 3 there are files that are no runs."""
 )
 @click.argument("campaign", type=click.Path(path_type=Path))
 @json_option
 def verify(campaign: Path, as_json: bool) -> int:
-    """Check every stored run, to the bit, against the digest that was written beside it."""
+    """Check every stored run, to the bit, against the digest that was written beside it; and the later records."""
     from ..store import open_campaign
 
     opened = open_campaign(campaign)
     with progress("verifying", sum(path.stat().st_size for path in opened.run_paths)) as done:
-        files = opened.verify(done)
+        files = [*opened.verify(done), *_records(campaign)]
     if as_json:
         emit_json({"campaign": campaign.name, "files": [file.as_dict() for file in files]})
     else:
@@ -36,3 +40,17 @@ def verify(campaign: Path, as_json: bool) -> int:
     if states & {"damaged", "missing"}:
         return EXIT_REFUSED
     return EXIT_WITH_FINDINGS if states - {"intact"} else 0
+
+
+def _records(campaign: Path) -> "list[FileState]":
+    """The first record that cannot be used, if any: analyses refuse it as well."""
+    from ..calibration import stored
+    from ..errors import StoreError
+    from ..store import records
+    from ..store.campaign import FileState
+
+    try:
+        stored.read(campaign)
+    except StoreError as error:
+        return [FileState(records.FOLDER, "damaged", str(error))]
+    return []

@@ -1,6 +1,7 @@
 """``testbench calibrate``: what is recorded, what holds since when, and that each command says what it applied."""
 
 import json
+from pathlib import Path
 
 import click
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from testbench.cli.calibrate import calibrate
 from testbench.cli.export import export
+from testbench.cli.verify import verify
 from testbench.errors import AnalysisError, RigError
 from testbench.store import open_run
 
@@ -106,3 +108,15 @@ def test_raw_values_are_not_exported_as_physical(campaign, tmp_path):
     with pytest.raises(AnalysisError, match=r"ch1.*testbench calibrate"):
         export.main(words, standalone_mode=False)
     assert not list((tmp_path / "si").iterdir())
+
+
+def test_verify_reads_the_records(campaign, capsys):
+    """A calibration that was edited afterwards is damage, like that of a run."""
+    done = said(capsys, campaign, "acc", "--sensitivity", "90 mV/g", "--reason", "yearly")
+    assert verify.main([str(campaign), "--json"], standalone_mode=False) == 0
+    record = Path(done["record"])
+    record.write_text(record.read_text("utf-8").replace("90 mV/g", "80 mV/g"), encoding="utf-8")
+    capsys.readouterr()
+    assert verify.main([str(campaign), "--json"], standalone_mode=False) == 1
+    (state,) = [f for f in json.loads(capsys.readouterr().out)["files"] if f["status"] != "intact"]
+    assert record.name in state["message"]
