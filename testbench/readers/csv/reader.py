@@ -4,12 +4,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ...findings import Finding, Refusal
-from ...recording import Channel, Group, Recording, UniformClock
+from ...recording import Group, Recording, UniformClock
 from ..registry import Reader, ReadOptions
 from . import dialect as dialects
 from . import encoding as encodings
 from . import header as headers
 from . import marks, names, preamble, spelling
+from .cells import shown
 from .dialect import Dialect, UnclearDialect
 from .header import Header
 from .parse import Form
@@ -41,7 +42,7 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
         names=header.lines[0] if header.lines else None,
         above=(*header.lines[1:], *header.preamble),
     )
-    left_out = _texts_left_out([header.channels[i] for i in sorted(texts)])
+    left_out = _texts_left_out([(header.channels[i].name, i) for i in sorted(texts)], spelled.rows)
     return Recording(
         path=path,
         format="CSV",
@@ -117,10 +118,14 @@ def _said(sample: Sample, dialect: Dialect, header: Header) -> list[Finding]:
     return findings
 
 
-def _texts_left_out(channels: Sequence[Channel]) -> list[Finding]:
-    return [
-        Finding("text_channel", channel.name, None, "holds text, not numbers; it is not kept") for channel in channels
-    ]
+def _texts_left_out(fields: Sequence[tuple[str, int]], rows: Sequence[Sequence[str]]) -> list[Finding]:
+    """Columns of text by name, with the first of their texts."""
+    found = []
+    for name, i in fields:
+        texts = list(dict.fromkeys(cells[i] for cells in rows if len(cells) > i and cells[i]))
+        listed = ", ".join(shown(text) for text in texts[:3]) + (", ..." if len(texts) > 3 else "")
+        found.append(Finding("text_channel", name, None, f"holds text ({listed}), not numbers; it is not kept"))
+    return found
 
 
 READER = Reader(

@@ -191,6 +191,7 @@ def test_columns_of_text_are_named_and_left_out(log):
     )
     assert [c.name for c in found.group().channels] == ["Time (s)", "AccX (g)"]
     assert next(f.channel for f in found.findings if f.code == "text_channel") == "phase"
+    assert found.message("text_channel") == "holds text ('stop', 'run'), not numbers; it is not kept"
     assert found.column("AccX (g)")[-1] == 29
 
 
