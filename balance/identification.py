@@ -4,6 +4,10 @@ tau = W pi, W = W[pivots] @ combinations: the base parameters b = combinations @
 Rows of a joint are weighted by its residual noise. Residuals are correlated in time, so intervals do not come from
 their number: whole stretches of the record are left out in turn (delete-block jackknife), which also counts what the
 model lacks, as long as a stretch outlasts the correlation.
+
+Where W itself carries noise, least squares is biased towards zero: Z' W b = Z' tau with instruments Z, a W made
+without that noise, is not (instrumental variables; Janot, Vandanjon, Gautier, IEEE Trans. Control Syst. Technol. 22,
+2014).
 """
 
 from collections.abc import Mapping, Sequence
@@ -71,23 +75,43 @@ class Identified:
 
 
 def solve(
-    regressor: Floats, torque: Floats, observability: Observability, blocks: Indices, used: Floats | None = None
+    regressor: Floats,
+    torque: Floats,
+    observability: Observability,
+    blocks: Indices,
+    used: Floats | None = None,
+    instruments: Floats | None = None,
 ) -> Identified:
-    """Identify from W (n, joints, p) and tau (n, joints) [N m, N].
+    """Identify from W (n, rows, p) and tau (n, rows) [N m, N].
 
     ``blocks`` (n,) numbers the stretch that each sample is in, at least as long as residuals are correlated; ``used``
-    (n, joints), zero or one, leaves out single torques. Raises DataError where there are too few stretches.
+    (n, rows), zero or one, leaves out single torques; ``instruments`` (n, rows, r) stand for the base columns of W
+    where these carry noise. Raises DataError where there are too few stretches.
     """
     columns = base_columns(regressor, observability)
+    return solve_base(columns, torque, observability, blocks, used, instruments)
+
+
+def solve_base(
+    columns: Floats,
+    torque: Floats,
+    observability: Observability,
+    blocks: Indices,
+    used: Floats | None = None,
+    instruments: Floats | None = None,
+) -> Identified:
+    """The same from the base columns of W alone, (n, rows, r)."""
     length = np.sqrt(np.mean(columns**2, axis=(0, 1)))
-    sums = BlockSums.of(columns / length, torque, blocks, np.ones_like(torque) if used is None else used)
+    everything = np.ones_like(torque) if used is None else used
+    scaled = None if instruments is None else instruments / length
+    sums = BlockSums.of(columns / length, torque, blocks, everything, scaled).informed()
     if sums.count < 3:
         raise DataError(f"an interval needs three stretches of the record to leave out in turn: there are {sums.count}")
-    weights, scaled = sums.solve(np.ones(sums.count))
+    weights, found = sums.solve(np.ones(sums.count))
     left_out = np.array([sums.solve(1.0 - one, weights)[1] for one in np.eye(sums.count)])
     spread = (left_out - left_out.mean(axis=0)) / length
     covariance = (sums.count - 1) / sums.count * spread.T @ spread
-    return Identified(observability, scaled / length, covariance, 1.0 / np.sqrt(weights), sums.count)
+    return Identified(observability, found / length, covariance, 1.0 / np.sqrt(weights), sums.count)
 
 
 def base_columns(regressor: Floats, observability: Observability) -> Floats:
@@ -97,50 +121,72 @@ def base_columns(regressor: Floats, observability: Observability) -> Floats:
 
 @dataclass(frozen=True)
 class BlockSums:
-    """Normal equations of each stretch and joint, from which any choice of stretches is solved without the samples."""
+    """Normal equations of each stretch and row, from which any choice of stretches is solved without the samples."""
 
     matrix: Floats
-    """Sums of w' w, (blocks, joints, r, r)."""
+    """Sums of w' w, (blocks, rows, r, r)."""
     vector: Floats
-    """Sums of w' tau, (blocks, joints, r)."""
+    """Sums of w' tau, (blocks, rows, r)."""
     square: Floats
-    """Sums of tau^2, (blocks, joints)."""
+    """Sums of tau^2, (blocks, rows)."""
     samples: Floats
-    """Number of torques, (blocks, joints)."""
+    """Number of torques, (blocks, rows)."""
+    instrumented: tuple[Floats, Floats] | None = None
+    """Sums of z' w and z' tau where there are instruments z."""
 
     @classmethod
-    def of(cls, columns: Floats, torque: Floats, blocks: Indices, used: Floats) -> "BlockSums":
-        """Sum over samples: ``columns`` (n, joints, r), ``torque`` and ``used`` (n, joints), ``blocks`` (n,)."""
+    def of(
+        cls, columns: Floats, torque: Floats, blocks: Indices, used: Floats, instruments: Floats | None = None
+    ) -> "BlockSums":
+        """Sum over samples: ``columns`` (n, rows, r), ``torque`` and ``used`` (n, rows), ``blocks`` (n,)."""
         labels, place = np.unique(blocks, return_inverse=True)
         parts = [np.flatnonzero(place == k) for k in range(len(labels))]
-        joints = np.moveaxis(columns * used[:, :, None], 1, 0)
-        matrix = np.array([[w[part].T @ w[part] for w in joints] for part in parts])
-        vector = np.array([[w[part].T @ tau[part] for w, tau in zip(joints, torque.T, strict=True)] for part in parts])
+        own = _sums(columns, columns, torque, parts, used)
+        other = None if instruments is None else _sums(instruments, columns, torque, parts, used)
         square = np.array([np.sum(used[part] * torque[part] ** 2, axis=0) for part in parts])
-        return cls(matrix, vector, square, np.array([used[part].sum(axis=0) for part in parts]))
+        return cls(*own, square, np.array([used[part].sum(axis=0) for part in parts]), other)
 
     @property
     def count(self) -> int:
         """Number of stretches."""
         return len(self.matrix)
 
+    def informed(self) -> "BlockSums":
+        """Only the stretches in which anything is used."""
+        some = self.samples.any(axis=1)
+        other = None if self.instrumented is None else (self.instrumented[0][some], self.instrumented[1][some])
+        return BlockSums(self.matrix[some], self.vector[some], self.square[some], self.samples[some], other)
+
     def solve(self, chosen: Floats, weights: Floats | None = None) -> tuple[Floats, Floats]:
-        """Weights (joints,) and parameters (r,) from the ``chosen`` stretches (blocks,), zero or one.
+        """Weights (rows,) and parameters (r,) from the ``chosen`` stretches (blocks,), zero or one.
 
         Weights not given are those of the residuals: 1 / their mean square, found by repetition.
         """
         matrix, vector = np.tensordot(chosen, self.matrix, 1), np.tensordot(chosen, self.vector, 1)
+        solved = matrix, vector
+        if self.instrumented is not None:
+            solved = np.tensordot(chosen, self.instrumented[0], 1), np.tensordot(chosen, self.instrumented[1], 1)
         if weights is not None:
-            return weights, _solved(matrix, vector, weights)
+            return weights, _solved(*solved, weights)
         square, samples = chosen @ self.square, chosen @ self.samples
         weights = samples / square
         for _ in range(_REWEIGHTINGS):
-            parameters = _solved(matrix, vector, weights)
+            parameters = _solved(*solved, weights)
             left = square - 2 * vector @ parameters + np.einsum("i,jik,k->j", parameters, matrix, parameters)
             before, weights = weights, samples / np.maximum(left, _EXACT**2 * square)
             if np.abs(weights / before - 1.0).max() < _SETTLED:
                 break
-        return weights, _solved(matrix, vector, weights)
+        return weights, _solved(*solved, weights)
+
+
+def _sums(
+    left: Floats, columns: Floats, torque: Floats, parts: Sequence[Indices], used: Floats
+) -> tuple[Floats, Floats]:
+    """Sums of l' w (blocks, rows, r, r) and l' tau (blocks, rows, r) over what is used."""
+    rows = np.moveaxis(left * used[:, :, None], 1, 0)
+    matrix = np.array([[z[p].T @ w[p] for z, w in zip(rows, np.moveaxis(columns, 1, 0), strict=True)] for p in parts])
+    vector = np.array([[z[p].T @ tau[p] for z, tau in zip(rows, torque.T, strict=True)] for p in parts])
+    return matrix, vector
 
 
 def _solved(matrix: Floats, vector: Floats, weights: Floats) -> Floats:

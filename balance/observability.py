@@ -19,6 +19,8 @@ RANK_LIMIT = 1e-9
 
 Identities of the mechanics hold for measured states too, to rounding: what lies above is excitation, however weak.
 """
+_LARGE = 0.3
+"""Share in the weakest direction, of the largest one, from which a base parameter is named."""
 _OUTSIDE = 1e-7
 """Part of a combination outside the row space, relative to it, that is rounding."""
 
@@ -41,11 +43,27 @@ class Observability:
     """Smallest kept and largest dropped singular value, relative to the largest, of columns of unit length."""
     condition: float
     """Condition number of the base columns, each of unit length: how well the motion tells them apart."""
+    weak: Floats
+    """Share of each base parameter in the direction that the motion excites least, (r,), of unit length."""
+    per_unit: Floats
+    """Standard error of each base parameter where every row had white noise of 1 N m, 1 N, (r,) [SI]."""
 
     @property
     def rank(self) -> int:
         """Number of base parameters."""
         return len(self.pivots)
+
+    @property
+    def weakest(self) -> str:
+        """The base parameters that the motion hardly tells from each other."""
+        size = np.abs(self.weak)
+        return ", ".join(self.text(int(k)) for k in np.argsort(-size) if size[k] > _LARGE * size.max())
+
+    @property
+    def undetermined(self) -> tuple[str, ...]:
+        """Parameters that the record does not determine by themselves."""
+        rows = np.eye(len(self.names))
+        return tuple(name for name, row in zip(self.names, rows, strict=True) if not self.is_observable(row))
 
     def coefficients(self, row: int) -> dict[str, float]:
         """Coefficients of one base parameter by name, zeros left out."""
@@ -108,9 +126,17 @@ def observe(regressor: Floats, names: Sequence[str]) -> Observability:
     combinations = echelon(basis, order)
     pivots = tuple(next(k for k in order if row[k] != 0.0) for row in combinations)
     dropped = float(relative[rank]) if rank < len(relative) else 0.0
-    kept = stacked[:, list(pivots)] / length[list(pivots)]
+    own = length[list(pivots)]
+    sizes, directions = np.linalg.svd(np.linalg.qr(stacked[:, list(pivots)] / own, mode="r"))[1:]
+    errors = np.sqrt(np.sum((directions / sizes[:, None]) ** 2, axis=0)) / own
     return Observability(
-        tuple(names), combinations, pivots, (float(relative[rank - 1]), dropped), float(np.linalg.cond(kept))
+        tuple(names),
+        combinations,
+        pivots,
+        (float(relative[rank - 1]), dropped),
+        float(sizes[0] / sizes[-1]),
+        directions[-1],
+        errors,
     )
 
 

@@ -1,18 +1,16 @@
 """``testbench identify``."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.console import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from balance.cli.console import EXIT_WITH_FINDINGS, emit_json, json_option
 
-from . import calibrations
+from . import calibrations, stored_runs
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from ..identify import Identification, Value
+    from ..identify import Identification
 
 
 @click.command(
@@ -20,97 +18,80 @@ if TYPE_CHECKING:
 Examples:
   testbench ingest 09_double_pendulum_A0_061705.csv --rig two-joint-arm-a0 -o campaign
   testbench identify two-joint-arm-a0 campaign/09_double_pendulum_A0_061705.h5 --figure torque.png
-  testbench identify two-joint-arm-a0 campaign/*.h5 --json
+  testbench identify two-joint-arm-a0 campaign/first.h5 --validate campaign/second.h5 --json
+  testbench identify parallelogram-6bar campaign/r0*.h5 --by both
 \b
 Exit codes: 0 done, 3 done but doubtful for the reasons listed, 1 refused."""
 )
 @click.argument("mechanism", metavar="MECH")
 @click.argument("runs", metavar="RUN...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "--by",
+    type=click.Choice(["torque", "wrench", "both"]),
+    help="What tells: motor torques, force sensors, or both, weighted by their noise.  [default: torque, if any]",
+)
+@click.option(
+    "--method",
+    type=click.Choice(["ls", "iv", "oe"]),
+    help="Least squares, instrumental variables, output error.  [default: iv; ls by force sensors alone]",
+)
+@click.option(
+    "--validate",
+    "separate",
+    metavar="RUN",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="A run, or a campaign, that has no part in it, to hold the result against; give it again for more.",
+)
+@click.option(
+    "--accept",
+    multiple=True,
+    type=click.Choice(["mechanism_differs"]),
+    help="Identify though the rig of the runs is of another mechanism than MECH.",
+)
 @click.option("--rig", help="A rig in place of the one stored with the runs.")
 @click.option(
     "--figure", type=click.Path(path_type=Path), help="Draw measured and predicted torque (.png, .svg, .pdf)."
 )
 @json_option
-def identify(mechanism: str, runs: tuple[Path, ...], rig: str | None, figure: Path | None, as_json: bool) -> int:
-    """Inertial parameters and friction of MECH from the positions and torques of stored runs.
+def identify(mechanism: str, runs: tuple[Path, ...], figure: Path | None, as_json: bool, **options: Any) -> int:  # noqa: ANN401
+    """Inertial parameters and friction of MECH from the positions, torques and forces of stored runs.
 
-    What the record determines is found before solving. Cut-off and delay are chosen by the torque error on held-out
-    stretches. Intervals (95 %) contain the answers at half and double that cut-off, and without the delay.
+    What the runs determine is found before solving, and what they do not is named. MECH comes bare: payload and
+    counter-masses are those of the first run's conditions, what other runs mounted beyond them is taken off. Cut-off
+    and delay are chosen by the torque error on held-out stretches. Intervals (95 %) contain the answers at half and
+    double that cut-off, without the delay, and by the other methods.
     """
     from balance.mechanism import Mechanism
 
     from .. import rig as rigs
     from ..identify import identify as identified
-    from ..identify import joint_record
-    from ..store import open_run
+    from ..identify.assembly import assemble
+    from ..identify.validation import validate
 
     model = Mechanism.load(mechanism)
-    described = rigs.load(rig) if rig else None
-    opened = [open_run(path) for path in runs]
-    result = identified([joint_record(run, model, described) for run in opened], model)
+    described = rigs.load(options["rig"]) if options["rig"] else None
+    opened = stored_runs.opened(runs)
+    taken = assemble(opened, model, options["by"], described, options["accept"])
+    result = identified(taken.records, taken.mechanism, options["method"])
+    others = stored_runs.opened(options["separate"])
+    validation = None
+    if others:
+        records = assemble([opened[0], *others], model, taken.by, described, options["accept"]).records[1:]
+        validation = validate(result, records)
     if figure is not None:
         _draw(result, figure)
     if as_json:
         from ..identify.document import document
 
-        emit_json({**document(result), "calibrations": calibrations.document(opened, described)})
+        found = {**document(result, validation), "by": taken.by, "left_out": list(taken.notes)}
+        emit_json({**found, "calibrations": calibrations.document(opened, described)})
     else:
-        print_result(result)
+        from .identified import print_result
+
+        print_result(result, validation, taken.notes)
         calibrations.say(calibrations.held(opened, described))
-    return EXIT_WITH_FINDINGS if result.doubts() else 0
-
-
-def print_result(result: "Identification") -> None:
-    """The tables for people."""
-    about = f"{result.mechanism.name} from {', '.join(result.runs)} (origin {result.origin})"
-    header = ["", "value", "unit", "95 % interval", *result.variants, "in MECH's file"]
-    emit_table(f"Identified: {about}", header, [_row(value) for value in result.base_values()])
-    emit_table("Friction and drives", header, [_row(value) for value in result.joint_values()])
-    if result.mechanism.counter_sites and not result.undetermined_moments():
-        rows = [
-            [found.site, f"{found.position[0] * 1e3:.4g}", *_cells(found.mass, 3), *_cells(found.first_moment, 4)]
-            for found in result.counter_masses()
-        ]
-        columns = ["site", "x [mm]", "mass [kg]", "95 % interval", "first moment [kg m]", "95 % interval"]
-        emit_table("Counter-masses that would balance it", columns, rows)
-    click.echo("\n".join(_notes(result)))
-
-
-def _notes(result: "Identification") -> list[str]:
-    """What stands below the tables: how much is unexplained, how it was chosen, what else it could be, the verdict."""
-    chosen, observability = result.chosen, result.identified.observability
-    shares = zip(result.joints, result.rms_ratio_in_band, result.rms_ratio, strict=True)
-    side = "after" if chosen.delay >= 0 else "before"
-    return [
-        *(
-            f"Torque of {joint} unexplained on held-out stretches: {below:.1%} below the cut-off, {raw:.1%} as recorded"
-            for joint, below, raw in shares
-        ),
-        f"Cut-off {chosen.cutoff:.3g} Hz, torques logged {abs(chosen.delay) * 1e3:.3g} ms {side} the motion: chosen by "
-        "the torque error on held-out stretches.",
-        f"{observability.rank} combinations of {len(observability.names)} parameters are observable, condition "
-        f"{observability.condition:.3g}. Intervals: delete-block jackknife over {result.identified.blocks} stretches, "
-        "widened to contain the answers of the other columns.",
-        "Smoothing torque and rates but not positions, as is often done, is biased and would have given: "
-        + "; ".join(f"{value.name} {_listed(value.one_sided)}" for value in result.first_moments() if value.in_file),
-        f"Verdict: {result.verdict}",
-        *(f"  {doubt}" for doubt in result.doubts()),
-    ]
-
-
-def _listed(values: "Mapping[str, float]") -> str:
-    return ", ".join(f"{value:.4f} ({label})" for label, value in values.items())
-
-
-def _row(value: "Value") -> list[str]:
-    shown = [f"{other:.4f}" for other in value.variants.values()]
-    number, interval = _cells(value, 4)
-    return [value.name, number, value.unit, interval, *shown, f"{value.in_file:.4f}"]
-
-
-def _cells(value: "Value", decimals: int) -> tuple[str, str]:
-    low, high = value.interval
-    return f"{value.value:.{decimals}f}", f"{low:.{decimals}f} .. {high:.{decimals}f}"
+    return EXIT_WITH_FINDINGS if result.doubts() or (validation and validation.doubts()) else 0
 
 
 def _draw(result: "Identification", path: Path) -> None:

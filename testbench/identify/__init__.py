@@ -1,78 +1,85 @@
-"""Parameters of a mechanism from the positions and torques of runs."""
+"""Parameters of a mechanism from the positions, torques and forces of runs."""
 
 from collections.abc import Sequence
 
-from balance.identification import Identified, solve
+from balance.identification import Identified, solve_base
 from balance.mechanism import Mechanism
 from balance.observability import Observability, observe
 
 from .. import rig as rigs
 from ..recording import Origin
 from ..store import Run
-from .choice import choose, possible_cutoffs
-from .evidence import Evidence, gather
+from .assembly import assemble
+from .choice import Choice, choose, possible_cutoffs
+from .evidence import gather
 from .evidence import one_sided as one_sided_evidence
+from .methods import STRETCH_PERIODS, Method, Methods, allowed
 from .record import JointRecord, joint_record
 from .result import CounterMassValue, Identification, Value
 
 __all__ = ["CounterMassValue", "Identification", "JointRecord", "Value", "identify", "identify_run", "joint_record"]
 
-STRETCH_PERIODS = 1.0
-"""Length of the stretches that are left out in turn for an interval, in periods of the cut-off: beyond half a period
-what a low-pass leaves of white noise is no longer correlated."""
-
 
 def identify_run(run: Run, mechanism: Mechanism, rig: "rigs.Rig | None" = None) -> Identification:
     """Identify a mechanism from one stored run; the rig is the one stored with it unless given."""
-    return identify([joint_record(run, mechanism, rig)], mechanism)
+    assembled = assemble([run], mechanism, rig=rig)
+    return identify(assembled.records, assembled.mechanism)
 
 
-def identify(records: Sequence[JointRecord], mechanism: Mechanism) -> Identification:
+def identify(records: Sequence[JointRecord], mechanism: Mechanism, method: Method | None = None) -> Identification:
     """Identify a mechanism from records of its driven joints.
 
-    What is observable is found first, then the cut-off and the delay by held-out torque error, then the parameters; at
-    half and at double that cut-off, and without delay, once more.
+    What is observable is found first, then the cut-off and the delay by held-out torque error, then the parameters by
+    ``method``; at half and at double that cut-off, without delay, and by the other methods, once more. The method is
+    ``iv`` unless named, and ``ls`` where there are forces alone. Raises NotObservable where nothing is observable.
     """
-    possible = possible_cutoffs(records)
-    middle = gather(records, mechanism, possible[len(possible) // 2])
-    choice = choose(records, mechanism, observe(middle.columns, middle.names))
-    chosen, evidence = choice.chosen, choice.evidence
-    observability = observe(evidence.columns, evidence.names)
+    torques = bool(records[0].torque.shape[1])
+    method = method or ("iv" if torques else "ls")
+    observability = observed(records, mechanism)
+    choice = choose(records, mechanism, observability, method)
+    delay, cutoff = choice.chosen.delay, choice.chosen.cutoff
+    at = choice.held_out.at(delay)
     variants = {
-        f"{label} ({factor * chosen.cutoff:.3g} Hz)": _solved(
-            gather(records, mechanism, factor * chosen.cutoff), observability, chosen.delay
-        )
+        f"{label} ({factor * cutoff:.3g} Hz)": Methods(
+            gather(records, mechanism, factor * cutoff), mechanism, observability, delay
+        ).identified(method)
         for label, factor in (("half cut-off", 0.5), ("double cut-off", 2.0))
     }
-    if chosen.delay:
-        variants["no delay"] = _solved(evidence, observability, 0.0)
-    one_sided = {
-        f"{factor * chosen.cutoff:.3g} Hz": _one_sided(records, mechanism, observability, factor * chosen.cutoff)
-        for factor in (1.0, 2.0**0.5, 2.0)
-    }
+    if delay:
+        variants["no delay"] = choice.held_out.at(0.0).identified(method)
+    variants |= {other: at.identified(other) for other in allowed(choice.evidence) if other != method}
     return Identification(
         mechanism,
         tuple(record.name for record in records),
         _origin(records),
         choice,
-        _solved(evidence, observability, chosen.delay),
+        at.identified(method),
         variants,
-        one_sided,
+        _one_sided(records, mechanism, observability, choice),
     )
 
 
-def _solved(evidence: Evidence, observability: Observability, delay: float) -> Identified:
-    columns = evidence.low_passed_columns(range(len(evidence.names)))
-    blocks = evidence.stretches(STRETCH_PERIODS / evidence.cutoff)
-    return solve(columns, evidence.low_passed_torque(delay), observability, blocks, evidence.moving)
+def observed(records: Sequence[JointRecord], mechanism: Mechanism) -> Observability:
+    """What the records determine, before anything is solved. Raises NotObservable where that is nothing."""
+    possible = possible_cutoffs(records)
+    middle = gather(records, mechanism, possible[len(possible) // 2])
+    return observe(middle.columns * middle.moving[:, :, None], middle.names)
 
 
 def _one_sided(
-    records: Sequence[JointRecord], mechanism: Mechanism, observability: Observability, cutoff: float
-) -> Identified:
-    evidence = one_sided_evidence(records, mechanism, cutoff)
-    blocks = evidence.stretches(STRETCH_PERIODS / cutoff)
-    return solve(evidence.columns, evidence.low_passed_torque(0.0), observability, blocks, evidence.moving)
+    records: Sequence[JointRecord], mechanism: Mechanism, observability: Observability, choice: Choice
+) -> dict[str, Identified]:
+    """As often done: torque and rates smoothed, positions not. Of torques alone: forces do not feel positions so."""
+    found = {}
+    for factor in (1.0, 2.0**0.5, 2.0):
+        cutoff = factor * choice.chosen.cutoff
+        evidence = one_sided_evidence(records, mechanism, cutoff)
+        blocks = evidence.stretches(STRETCH_PERIODS["ls"] / cutoff)
+        columns = evidence.columns[:, :, list(observability.pivots)]
+        found[f"{cutoff:.3g} Hz"] = solve_base(
+            columns, evidence.low_passed_torque(0.0), observability, blocks, evidence.moving
+        )
+    return found
 
 
 def _origin(records: Sequence[JointRecord]) -> Origin:

@@ -12,24 +12,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from balance.arrays import Floats, Indices
-from balance.identification import BlockSums
 from balance.mechanism import Mechanism
 from balance.observability import Observability
 
 from ..derivatives import HIGHEST_CUTOFF
 from ..errors import AnalysisError
 from .evidence import POSITION_BANDWIDTH, Evidence, gather
-from .record import JointRecord
+from .methods import Method, Methods
+from .record import LONGEST_DELAY_S, JointRecord
 
 CUTOFFS_HZ = tuple(1.25 * 2 ** (k / 2) for k in range(11))
 """Half octaves from 1.25 to 40 Hz: what arms and linkages of this size do and what their encoders resolve."""
 LEAST_PERIODS = 10.0
 """Periods of the cut-off that the records must last, so that there are stretches to take an interval from."""
-LONGEST_DELAY_S = 0.02
-"""Either way: a few turns of a control loop [s]."""
 STRETCHES = 10
 FOLDS = 5
 """Each holds out two stretches that are half a record apart."""
+MOST_DELAYS = 10
+"""Tried either way, evenly."""
 GUARD_PERIODS = 0.25
 """Periods of the cut-off left out beside what is held out, over which a low-pass would carry its torque."""
 
@@ -47,25 +47,35 @@ class Candidate:
 class Choice:
     """The chosen candidate, the best of each cut-off beside it, and what the choice saw of the chosen one."""
 
+    method: Method
     chosen: Candidate
     best_of_each: tuple[Candidate, ...]
-    evidence: Evidence
+    held_out: "HeldOut"
     predicted: Floats
-    """Torque of each stretch as predicted without it, (n, joints) [N m, N]."""
+    """Rows of each stretch as predicted without it, (n, rows) [N m, N]."""
     predicted_smooth: Floats
     """The same from low-passed columns, to stand beside the low-passed torque."""
 
+    @property
+    def evidence(self) -> Evidence:
+        """At the chosen cut-off."""
+        return self.held_out.evidence
 
-def choose(records: Sequence[JointRecord], mechanism: Mechanism, observability: Observability) -> Choice:
-    """Apply the rule. Raises AnalysisError if the records are too short for any cut-off."""
-    best = [_best(gather(records, mechanism, cutoff), observability) for cutoff in possible_cutoffs(records)]
-    chosen, evidence = min(best, key=lambda pair: pair[0].error)
-    held_out = HeldOut(evidence, observability)
-    parameters = held_out.parameters(chosen.delay)
+
+def choose(
+    records: Sequence[JointRecord], mechanism: Mechanism, observability: Observability, method: Method = "ls"
+) -> Choice:
+    """Apply the rule, by least squares whatever the method. Raises AnalysisError for records that are too short."""
+    found = [
+        _best(gather(records, mechanism, cutoff), mechanism, observability) for cutoff in possible_cutoffs(records)
+    ]
+    chosen, held_out = min(found, key=lambda pair: pair[0].error)
+    parameters = held_out.parameters(chosen.delay, method)
     return Choice(
+        method,
         chosen,
-        tuple(candidate for candidate, _ in best),
-        evidence,
+        tuple(candidate for candidate, _ in found),
+        held_out,
         held_out.predict(parameters, held_out.columns),
         held_out.predict(parameters, held_out.smooth_columns),
     )
@@ -90,47 +100,57 @@ def possible_cutoffs(records: Sequence[JointRecord]) -> list[float]:
 
 
 def delays(records: Sequence[JointRecord]) -> list[float]:
-    """Whole samples up to LONGEST_DELAY_S either way [s]."""
+    """Whole samples, zero among them, up to LONGEST_DELAY_S either way; none where there are forces alone [s]."""
+    if not records[0].torque.shape[1]:
+        return [0.0]
     step = max(record.grid.step for record in records)
     most = int(LONGEST_DELAY_S / step + 1e-6)
-    return [k * step for k in range(-most, most + 1)]
+    stride = max(1, -(-most // MOST_DELAYS))
+    return [k * step for k in range(-(most // stride) * stride, most + 1, stride)]
 
 
-def _best(evidence: Evidence, observability: Observability) -> tuple[Candidate, Evidence]:
-    held_out = HeldOut(evidence, observability)
+def _best(evidence: Evidence, mechanism: Mechanism, observability: Observability) -> "tuple[Candidate, HeldOut]":
+    held_out = HeldOut(evidence, mechanism, observability)
     found = [
         Candidate(evidence.cutoff, delay, held_out.error(delay))
         for delay in delays([part.record for part in evidence.parts])
     ]
-    return min(found, key=lambda candidate: candidate.error), evidence
+    return min(found, key=lambda candidate: candidate.error), held_out
 
 
 class HeldOut:
     """Predictions for stretches from the rest of the record."""
 
-    def __init__(self, evidence: Evidence, observability: Observability) -> None:
+    def __init__(self, evidence: Evidence, mechanism: Mechanism, observability: Observability) -> None:
         self.evidence = evidence
+        self.mechanism, self.observability = mechanism, observability
         pivots = list(observability.pivots)
         self.columns = evidence.columns[:, :, pivots]
         self.smooth_columns = evidence.low_passed_columns(pivots)
         self.fold = np.arange(len(self.columns)) * STRETCHES // len(self.columns) % FOLDS
+        self._methods: dict[float, Methods] = {}
         self._training = [_training(self.fold == k, evidence) for k in range(FOLDS)]
 
-    def parameters(self, delay: float) -> Floats:
+    def parameters(self, delay: float, method: Method = "ls") -> Floats:
         """Base parameters identified without each fold, (FOLDS, r)."""
-        torque = self.evidence.low_passed_torque(delay)
-        whole = np.zeros(len(torque), dtype=np.intp)
-        sums = (BlockSums.of(self.smooth_columns, torque, whole, used) for used in self._training)
-        return np.array([one.solve(np.ones(1))[1] for one in sums])
+        return self.at(delay).held_out(method, self._training)
+
+    def at(self, delay: float) -> Methods:
+        """The methods at a delay [s]."""
+        if delay not in self._methods:
+            made = Methods(self.evidence, self.mechanism, self.observability, delay, self.smooth_columns)
+            self._methods[delay] = made
+        return self._methods[delay]
 
     def predict(self, parameters: Floats, columns: Floats) -> Floats:
         """Torque of every stretch, from the parameters that were identified without it, (n, joints) [N m, N]."""
         return np.einsum("njr,nr->nj", columns, parameters[self.fold])
 
-    def error(self, delay: float) -> float:
-        """Rms over the joints of the torque error on held-out stretches, as a part of the torque's rms."""
+    def error(self, delay: float, method: Method = "ls") -> float:
+        """Rms over the rows of the torque error on held-out stretches, as a part of the torque's rms."""
         torque = self.evidence.torque(delay)
-        shares = unexplained(torque, self.predict(self.parameters(delay), self.columns), self.evidence.moving)
+        predicted = self.predict(self.parameters(delay, method), self.columns)
+        shares = unexplained(torque, predicted, self.evidence.moving)
         return float(np.sqrt(np.mean(shares**2)))
 
 
@@ -145,4 +165,4 @@ def _training(held_out: Indices, evidence: Evidence) -> Floats:
 
     guard = int(GUARD_PERIODS / evidence.cutoff / evidence.parts[0].record.grid.step)
     near = maximum_filter1d(held_out.astype(float), 2 * guard + 1)
-    return evidence.moving * (1.0 - near)[:, None]
+    return (1.0 - near)[:, None]

@@ -3,31 +3,35 @@
 from collections.abc import Mapping
 from typing import Any
 
-from .choice import CUTOFFS_HZ, LONGEST_DELAY_S, STRETCHES
+from balance.errors import DataError
+
+from .choice import CUTOFFS_HZ, STRETCHES
+from .explanation import Explanation
+from .methods import NAMES
+from .record import LONGEST_DELAY_S
 from .result import CounterMassValue, Identification, Value
+from .validation import Validation
 
 RULE = (
-    f"least torque error, as recorded, on {STRETCHES} held-out stretches, of cut-offs {CUTOFFS_HZ[0]:g} to "
-    f"{CUTOFFS_HZ[-1]:g} Hz and delays up to {LONGEST_DELAY_S * 1e3:g} ms"
+    f"least torque error of least squares, as recorded, on {STRETCHES} held-out stretches, of cut-offs "
+    f"{CUTOFFS_HZ[0]:g} to {CUTOFFS_HZ[-1]:g} Hz and delays up to {LONGEST_DELAY_S * 1e3:g} ms"
 )
 
 
-def document(result: Identification) -> dict[str, Any]:
+def document(result: Identification, validation: Validation | None = None) -> dict[str, Any]:
     """All that was found, units in the keys or beside the values."""
-    observability = result.identified.observability
     return {
         "mechanism": result.mechanism.name,
         "runs": list(result.runs),
         "origin": result.origin,
+        "rows": list(result.rows),
+        "method": {"name": result.method, "what": NAMES[result.method], "compared": _compared(result)},
         "parameters": [_parameter(name, value) for name, value in result.parameters()],
         "base_parameters": [_value(value) for value in [*result.base_values(), *result.joint_values()]],
         "first_moments": [_value(value) for value in result.first_moments()],
         "counter_masses": _counter_masses(result),
-        "identifiability": {
-            "rank": observability.rank,
-            "condition": observability.condition,
-            "singular_value_gap": list(observability.singular_values),
-        },
+        "consistent": _consistent(result),
+        "identifiability": _identifiability(result),
         "cutoff": {
             "chosen_Hz": result.chosen.cutoff,
             "rule": RULE,
@@ -40,14 +44,70 @@ def document(result: Identification) -> dict[str, Any]:
         "interval": {
             "confidence": 0.95,
             "statistical": f"delete-block jackknife over {result.identified.blocks} stretches",
-            "method": "widened to contain half and double the cut-off, and no delay",
+            "method": f"widened to contain: {', '.join(result.variants)}",
         },
-        "validation": {
-            "rms_ratio": _by_joint(result, result.rms_ratio),
-            "rms_ratio_below_cutoff": _by_joint(result, result.rms_ratio_in_band),
-        },
-        "verdict": result.verdict,
-        "doubts": result.doubts(),
+        "evidence": Explanation(result).document(),
+        "validation": _validation(result, validation),
+        "verdict": "doubtful" if result.doubts() or (validation and validation.doubts()) else "usable",
+        "doubts": result.doubts() + (validation.doubts() if validation else []),
+    }
+
+
+def _compared(result: Identification) -> list[Mapping[str, object]]:
+    return [one.document(result.rows, result.mechanism.driven) for one in result.comparison]
+
+
+def _identifiability(result: Identification) -> dict[str, Any]:
+    """What was found before anything was solved."""
+    seen = result.identified.observability
+    return {
+        "rank": seen.rank,
+        "condition": seen.condition,
+        "excitation": result.excitation,
+        "weakest": seen.weakest,
+        "singular_value_gap": list(seen.singular_values),
+        "base_parameters": [
+            {"name": seen.text(k), "standard_error_per_unit_noise": float(error)}
+            for k, error in enumerate(seen.per_unit)
+        ],
+        "not_observable": list(seen.undetermined),
+    }
+
+
+def _consistent(result: Identification) -> dict[str, Any]:
+    """The nearest bodies that can exist, a member of the set that the record leaves; or why there are none."""
+    try:
+        found = result.consistent
+    except DataError as error:
+        return {"free_estimate_feasible": None, "reason": str(error)}
+    undetermined = set(result.identified.observability.undetermined)
+    return {
+        "free_estimate_feasible": found.free_is_feasible,
+        "distance_in_standard_errors": found.distance,
+        "what": "one of those that the record leaves, nearest to the mechanism's file where it does not tell",
+        "parameters": [
+            {"name": name, "value": float(value), "determined": name not in undetermined}
+            for name, value in zip(result.identified.observability.names, found.parameters, strict=True)
+        ],
+    }
+
+
+def _validation(result: Identification, validation: Validation | None) -> dict[str, Any]:
+    if validation is None:
+        return {
+            "on": "held-out stretches",
+            "rms_ratio": _by_row(result, result.rms_ratio),
+            "rms_ratio_below_cutoff": _by_row(result, result.rms_ratio_in_band),
+        }
+    angles = validation.angles
+    return {
+        "on": "separate runs",
+        "runs": list(validation.runs),
+        "rms_ratio": _by_row(result, validation.rms_ratio),
+        "rms_ratio_below_cutoff": _by_row(result, validation.rms_ratio_in_band),
+        "simulated_angle_error_rad": None if angles is None else dict(angles.document(result.joints)),
+        "held_out_rms_ratio": _by_row(result, result.rms_ratio),
+        "held_out_rms_ratio_below_cutoff": _by_row(result, result.rms_ratio_in_band),
     }
 
 
@@ -88,5 +148,5 @@ def _counter_mass(found: CounterMassValue) -> dict[str, Any]:
     }
 
 
-def _by_joint(result: Identification, values: Any) -> Mapping[str, float]:  # noqa: ANN401
-    return {joint: float(value) for joint, value in zip(result.joints, values, strict=True)}
+def _by_row(result: Identification, values: Any) -> Mapping[str, float]:  # noqa: ANN401
+    return {row: float(value) for row, value in zip(result.rows, values, strict=True)}

@@ -13,10 +13,10 @@ import numpy as np
 
 from balance.arrays import Floats, Indices
 from balance.closure import Closure
-from balance.joint_terms import joint_terms
+from balance.joint_terms import TERMS, joint_terms
 from balance.mechanism import Mechanism
 from balance.motion import Samples
-from balance.regressor import driven_torque_regressor
+from balance.regressor import driven_torque_regressor, wrench_regressor
 
 from ..derivatives import Rates, low_pass, rates
 from ..errors import AnalysisError
@@ -24,8 +24,6 @@ from .record import JointRecord
 
 POSITION_BANDWIDTH = 2.0
 """Cut-off for the positions, in cut-offs of the comparison."""
-EDGE_S = 0.25
-"""Left out at both ends of a record, where low-passes start up [s]."""
 REST_SPEED = 0.1
 """A joint slower than this is at rest, where dry friction may hold any torque: it says nothing [rad/s, m/s]."""
 
@@ -39,24 +37,46 @@ class Part:
     """Of the comparison [Hz]."""
     names: tuple[str, ...]
     """Of the parameters: inertial ones of the bodies, then terms of the joints, (p)."""
+    motion: Rates
+    """Of the driven joints, positions smoothed, over the whole record."""
     whole: Floats
-    """W of the whole record, positions smoothed, (samples, joints, p)."""
+    """W of the whole record, positions smoothed, (samples, rows, p)."""
     moving: Floats
-    """One where a joint moves, zero where it rests, (samples, joints)."""
+    """One where a joint moves, zero where it rests, (samples, rows)."""
+
+    def late(self, values: Floats, delay: float) -> Floats:
+        """Rows (samples, rows) of the whole record, those of torques as they stand ``delay`` [s] later."""
+        joints = self.record.torque.shape[1]
+        shift = round(delay / self.record.grid.step)
+        place = np.clip(np.arange(len(values)) + shift, 0, len(values) - 1)
+        return np.concatenate([values[place, :joints], values[:, joints:]], axis=1)
 
     @cached_property
-    def low_passed_torque(self) -> Floats:
-        """Torque of the whole record, low-passed at the cut-off, (samples, joints) [N m, N]."""
-        return low_pass(self.record.torque, self.cutoff, self.record.grid.rate)
+    def known(self) -> Floats:
+        """What masses that are known to be mounted in this run alone take of each row, (samples, rows) [N m, N]."""
+        return np.asarray(self.whole[:, :, : len(self.record.mounted)] @ self.record.mounted)
+
+    def measured(self, delay: float) -> Floats:
+        """What was measured of the whole record less what is known, (samples, rows) [N m, N]."""
+        return self.late(self.record.measured, delay) - self.known
+
+    def low_passed_measured(self, delay: float) -> Floats:
+        """The same, low-passed at the cut-off, (samples, rows) [N m, N]."""
+        rate = self.record.grid.rate
+        return self.late(self._smooth, delay) - low_pass(self.known, self.cutoff, rate)
+
+    @cached_property
+    def _smooth(self) -> Floats:
+        return low_pass(self.record.measured, self.cutoff, self.record.grid.rate)
 
     def low_passed_columns(self, pivots: Sequence[int]) -> Floats:
-        """Columns of the whole record's W, low-passed at the cut-off, (samples, joints, pivots)."""
+        """Columns of the whole record's W, low-passed at the cut-off, (samples, rows, pivots)."""
         return low_pass(self.whole[:, :, list(pivots)], self.cutoff, self.record.grid.rate)
 
-    def inside(self, values: Floats, delay: float = 0.0) -> Floats:
-        """``values`` of the whole record without its ends, as they stand ``delay`` [s] later."""
-        edge, shift = round(EDGE_S / self.record.grid.step), round(delay / self.record.grid.step)
-        return values[edge + shift : len(values) - edge + shift]
+    def inside(self, values: Floats) -> Floats:
+        """``values`` of the whole record without its ends."""
+        edge = self.record.edge
+        return values[edge : len(values) - edge]
 
 
 @dataclass(frozen=True)
@@ -82,34 +102,34 @@ class Evidence:
 
     @cached_property
     def columns(self) -> Floats:
-        """W of smoothed positions, (n, joints, p)."""
+        """W of smoothed positions, (n, rows, p)."""
         return self._joined(lambda part: part.inside(part.whole))
 
     @cached_property
     def moving(self) -> Floats:
-        """One where a joint moves, zero where it rests, (n, joints)."""
+        """One where a joint moves, zero where it rests, (n, rows)."""
         return self._joined(lambda part: part.inside(part.moving))
 
     def low_passed_columns(self, pivots: Sequence[int]) -> Floats:
-        """Columns of W low-passed at the cut-off, (n, joints, pivots)."""
+        """Columns of W low-passed at the cut-off, (n, rows, pivots)."""
         return self._joined(lambda part: part.inside(part.low_passed_columns(pivots)))
 
     def torque(self, delay: float) -> Floats:
-        """Torque as recorded ``delay`` [s] after the motion, (n, joints) [N m, N]."""
-        return self._joined(lambda part: part.inside(part.record.torque, delay))
+        """Rows as recorded, torques ``delay`` [s] after the motion, less what is known, (n, rows) [N m, N]."""
+        return self._joined(lambda part: part.inside(part.measured(delay)))
 
     def low_passed_torque(self, delay: float) -> Floats:
-        """The same, low-passed at the cut-off, (n, joints) [N m, N]."""
-        return self._joined(lambda part: part.inside(part.low_passed_torque, delay))
+        """The same, low-passed at the cut-off, (n, rows) [N m, N]."""
+        return self._joined(lambda part: part.inside(part.low_passed_measured(delay)))
 
     def stretches(self, seconds: float) -> Indices:
-        """Numbers of equal stretches at least so long, none over two records, (n,)."""
+        """Numbers of stretches with equal motion, at least so long, none over two records, (n,)."""
         numbers: list[Indices] = []
         for part in self.parts:
-            samples = len(part.inside(part.moving))
-            count = max(1, int(samples * part.record.grid.step / seconds))
+            moved = np.cumsum(part.inside(part.moving).any(axis=1))
+            count = max(1, int(moved[-1] * part.record.grid.step / seconds))
             first = 0 if not numbers else int(numbers[-1][-1]) + 1
-            numbers.append(first + np.arange(samples) * count // samples)
+            numbers.append(first + np.maximum(moved - 1, 0) * count // max(int(moved[-1]), 1))
         return np.concatenate(numbers)
 
     def _joined(self, of: Callable[[Part], Floats]) -> Floats:
@@ -122,7 +142,7 @@ def gather(records: Sequence[JointRecord], mechanism: Mechanism, cutoff: float) 
     Raises ClosureError where its loops cannot be closed at the recorded positions, AnalysisError if a joint rests.
     """
     evidence = Evidence(tuple(_part(record, mechanism, cutoff) for record in records))
-    for joint, moving in zip(mechanism.driven, evidence.moving.T, strict=True):
+    for joint, moving in zip(mechanism.driven, evidence.moving.T, strict=False):
         if not moving.any():
             raise AnalysisError(
                 f"{', '.join(r.name for r in records)}: joint {joint!r} never moves faster than {REST_SPEED} rad/s: "
@@ -143,18 +163,49 @@ def one_sided(records: Sequence[JointRecord], mechanism: Mechanism, cutoff: floa
     return Evidence(tuple(parts))
 
 
+def names_of(mechanism: Mechanism, rows: Sequence[str]) -> tuple[str, ...]:
+    """Parameters that rows can tell of: inertial ones of the bodies, terms of the joints, offsets of forces."""
+    terms = [f"{term}[{joint}]" for joint in mechanism.driven if joint in rows for term in TERMS]
+    return (*mechanism.parameter_names, *terms, *(f"offset[{row}]" for row in rows if row not in mechanism.driven))
+
+
+def regressor(record: JointRecord, mechanism: Mechanism, motion: Rates) -> Floats:
+    """W of a record's rows for any motion of its driven joints, (samples, rows, p): columns as ``names_of`` says."""
+    samples = Samples(record.grid.time, motion.q, motion.v, motion.a, joints=mechanism.driven)
+    path = Closure(mechanism).follow(samples)
+    bodies: list[Floats] = []
+    own: list[Floats] = []
+    if record.torque.shape[1]:
+        bodies.append(driven_torque_regressor(mechanism, path.q, path.v, path.a, path.per_drive))
+        own.append(joint_terms(mechanism.driven, motion.v, motion.a)[0])
+    if record.loads is not None:
+        bodies.append(record.loads.seen(wrench_regressor(mechanism, path.q, path.v, path.a)))
+        own.append(np.broadcast_to(np.eye(len(record.loads.names)), (len(path.q), *[len(record.loads.names)] * 2)))
+    return np.concatenate([np.concatenate(bodies, axis=1), _diagonal(own)], axis=2)
+
+
+def _diagonal(blocks: Sequence[Floats]) -> Floats:
+    """Blocks (n, rows, columns) side by side, each for its own rows alone."""
+    rows, columns = (sum(block.shape[axis] for block in blocks) for axis in (1, 2))
+    whole = np.zeros((len(blocks[0]), rows, columns))
+    row = column = 0
+    for block in blocks:
+        whole[:, row : row + block.shape[1], column : column + block.shape[2]] = block
+        row, column = row + block.shape[1], column + block.shape[2]
+    return whole
+
+
 def _part(record: JointRecord, mechanism: Mechanism, cutoff: float) -> Part:
     return _part_of(record, mechanism, cutoff, rates(record.q, POSITION_BANDWIDTH * cutoff, record.grid.rate))
 
 
 def _part_of(record: JointRecord, mechanism: Mechanism, cutoff: float, smooth: Rates) -> Part:
-    samples = Samples(record.grid.time, smooth.q, smooth.v, smooth.a, joints=mechanism.driven)
-    path = Closure(mechanism).follow(samples)
-    bodies = driven_torque_regressor(mechanism, path.q, path.v, path.a, path.per_drive)
-    terms, names = joint_terms(mechanism.driven, smooth.v, smooth.a)
-    whole = np.concatenate([bodies, terms], axis=2)
+    whole = regressor(record, mechanism, smooth)
     moving = _moving(smooth.v, record.grid.rate / cutoff)
-    return Part(record, cutoff, (*mechanism.parameter_names, *names), whole, moving)
+    forces = len(record.rows(mechanism)) - record.torque.shape[1]
+    any_moves = np.repeat(moving.max(axis=1, keepdims=True), forces, axis=1)
+    used = np.concatenate([moving[:, : record.torque.shape[1]], any_moves], axis=1)
+    return Part(record, cutoff, names_of(mechanism, record.rows(mechanism)), smooth, whole, used)
 
 
 def _moving(v: Floats, reach: float) -> Floats:

@@ -1,6 +1,6 @@
 """Positions and torques of the driven joints of a stored run, by what its rig says, in SI on one even grid."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -14,6 +14,13 @@ from ..errors import AnalysisError
 from ..recording import Origin
 from ..rig.sensors import Encoder, Torque
 from ..store import Run
+from .loads import Loads
+
+EDGE_S = 0.25
+EDGE_SHARE = 0.05
+"""Left out at both ends of a record, where low-passes start up: so long [s], of short records this share."""
+LONGEST_DELAY_S = 0.02
+"""Of torques after or before positions: a few turns of a control loop [s]."""
 
 
 @dataclass(frozen=True)
@@ -26,21 +33,38 @@ class JointRecord:
     q: Floats
     """Positions as recorded, carried over to the grid, (n, joints) [rad, m]."""
     torque: Floats
-    """Torques likewise, (n, joints) [N m, N]."""
+    """Torques likewise, (n, joints) [N m, N]; (n, 0) where forces alone count."""
+    loads: Loads | None = None
+    """What force sensors measured, if they count."""
+    mounted: Floats = field(default_factory=lambda: np.zeros(0))
+    """Inertial parameters that this run is known to have beyond the mechanism's, (10 nb,), or none, (0,)."""
+
+    @property
+    def measured(self) -> Floats:
+        """All rows: torques, then forces, (n, rows) [N m, N]."""
+        return self.torque if self.loads is None else np.hstack([self.torque, self.loads.values])
+
+    @property
+    def edge(self) -> int:
+        """Samples left out at both ends, where low-passes start up and delays reach beyond the record."""
+        seconds = min(EDGE_S, EDGE_SHARE * self.grid.count * self.grid.step)
+        return round(max(seconds, LONGEST_DELAY_S) / self.grid.step)
+
+    def rows(self, mechanism: Mechanism) -> tuple[str, ...]:
+        """Names of the rows: driven joints, then components of force and moment."""
+        joints = mechanism.driven if self.torque.shape[1] else ()
+        return (*joints, *(() if self.loads is None else self.loads.names))
 
 
-def joint_record(run: Run, mechanism: Mechanism, rig: "rigs.Rig | None" = None) -> JointRecord:
-    """Positions and torques of ``mechanism.driven`` from a run; the rig is the one stored with it unless given.
+def joint_record(run: Run, mechanism: Mechanism, rig: "rigs.Rig | None" = None, *, torque: bool = True) -> JointRecord:
+    """Positions and, unless told not to, torques of ``mechanism.driven`` from a run, by its stored rig unless given.
 
     Raises AnalysisError if the run has no rig, a driven joint no encoder or torque, or they are on several clocks.
     """
-    if rig is None and run.rig is None:
-        raise AnalysisError(
-            f"{run.name}: stored without a rig, so nothing says which channel is which joint: "
-            "ingest the log with --rig RIG"
-        )
-    rig = rig or rigs.load(run.rig or "")
-    channels = [*_channels(run, rig, Encoder, mechanism.driven), *_channels(run, rig, Torque, mechanism.driven)]
+    rig = rig_for(run, rig)
+    channels = _channels(run, rig, Encoder, mechanism.driven)
+    if torque:
+        channels += _channels(run, rig, Torque, mechanism.driven)
     groups = {run.find(column.channel)[0].name for column in channels}
     if len(groups) > 1:
         raise AnalysisError(
@@ -54,6 +78,16 @@ def joint_record(run: Run, mechanism: Mechanism, rig: "rigs.Rig | None" = None) 
     even = on_grid(time, values, grid)
     joints = len(mechanism.driven)
     return JointRecord(run.name, run.origin, grid, even[:, :joints], even[:, joints:])
+
+
+def rig_for(run: Run, rig: "rigs.Rig | None") -> "rigs.Rig":
+    """The rig that is given, or the one stored with a run. Raises AnalysisError if there is neither."""
+    if rig is None and run.rig is None:
+        raise AnalysisError(
+            f"{run.name}: stored without a rig, so nothing says which channel is which joint: "
+            "ingest the log with --rig RIG"
+        )
+    return rig or rigs.load(run.rig or "")
 
 
 def _channels(

@@ -9,16 +9,25 @@ import numpy as np
 from balance import conditions
 from balance.arrays import Floats
 from balance.combinations import text_of
+from balance.consistency import Consistent, consistent
 from balance.identification import Estimate, Identified, counter_mass_rows
 from balance.joint_terms import TERMS
 from balance.mechanism import Mechanism
 from balance.observability import NotObservable
 
 from ..recording import Origin
-from .choice import LONGEST_DELAY_S, Candidate, Choice, unexplained
+from ..wrench import COMPONENTS
+from .choice import Candidate, Choice, unexplained
+from .comparison import Compared, compare
+from .methods import Method
+from .record import LONGEST_DELAY_S
 
 DOUBTFUL_RATIO = 0.3
 """Part of the torque, low-passed like the model, that may stay unexplained before a result is doubtful."""
+FAIR_CONDITION = 30.0
+POOR_CONDITION = 100.0
+"""Of the base columns, scaled to unit length, from which an excitation is no longer good, and poor (Gautier, Khalil,
+Int. J. Robot. Res. 11, 1992)."""
 DOUBTFUL_WIDTH = 0.5
 """Half of an interval, as a part of the largest first moment, from which a first moment is doubtful."""
 
@@ -38,7 +47,7 @@ class Value:
     estimate: Estimate
     """At the chosen cut-off and delay; its interval is statistical alone."""
     variants: Mapping[str, float]
-    """The same by other choices: half and double the cut-off, no delay."""
+    """The same by other choices: half and double the cut-off, no delay, the other methods."""
     in_file: float
     """What the mechanism's file says."""
     one_sided: Mapping[str, float]
@@ -89,19 +98,39 @@ class Identification:
         return self.choice.chosen
 
     @property
+    def method(self) -> Method:
+        """By which the values are found; the others are among the variants."""
+        return self.choice.method
+
+    @property
+    def rows(self) -> tuple[str, ...]:
+        """What was measured, in the order of every array: driven joints' torques, then components of force."""
+        return self.choice.evidence.parts[0].record.rows(self.mechanism)
+
+    @property
     def joints(self) -> tuple[str, ...]:
-        """The driven joints, in the order of every array of torques."""
-        return self.mechanism.driven
+        """The driven joints whose torques count."""
+        return tuple(row for row in self.rows if row in self.mechanism.driven)
+
+    @cached_property
+    def comparison(self) -> list[Compared]:
+        """All methods side by side on held-out stretches."""
+        return compare(self.choice, self.mechanism, self.identified.observability)
+
+    @cached_property
+    def consistent(self) -> Consistent:
+        """The nearest bodies that can exist. Raises DataError where none is proven to be the nearest."""
+        return consistent(self.identified, self.mechanism, self.in_file)
 
     @cached_property
     def rms_ratio(self) -> Floats:
-        """Part of the torque as recorded that stays unexplained on held-out stretches, (joints,)."""
+        """Part of each row as recorded that stays unexplained on held-out stretches, (rows,)."""
         evidence = self.choice.evidence
         return unexplained(evidence.torque(self.chosen.delay), self.choice.predicted, evidence.moving)
 
     @cached_property
     def rms_ratio_in_band(self) -> Floats:
-        """The same below the cut-off, torque and model low-passed alike, (joints,)."""
+        """The same below the cut-off, torque and model low-passed alike, (rows,)."""
         evidence = self.choice.evidence
         torque = evidence.low_passed_torque(self.chosen.delay)
         return unexplained(torque, self.choice.predicted_smooth, evidence.moving)
@@ -116,7 +145,7 @@ class Identification:
             unit or self.unit_of(next(iter(coefficients), "")),
             self.identified.estimate(vector),
             {label: other.estimate(vector).value for label, other in self.variants.items()},
-            float(vector @ self._in_file),
+            float(vector @ self.in_file),
             {label: other.estimate(vector).value for label, other in self.one_sided.items()},
         )
 
@@ -143,6 +172,11 @@ class Identification:
         """The left-hand sides of the balance conditions that the record determines [kg m]."""
         return [self.value(row, text) for text, row in self._conditions if self._observable(row)]
 
+    def moment_rows(self) -> list[tuple[str, dict[str, float]]]:
+        """The balance conditions by name, with the coefficients of their parameters."""
+        names = self.identified.observability.names
+        return [(text, {names[k]: float(row[k]) for k in np.flatnonzero(row)}) for text, row in self._conditions]
+
     def undetermined_moments(self) -> list[str]:
         """The balance conditions whose left-hand sides the record does not determine."""
         return [text for text, row in self._conditions if not self._observable(row)]
@@ -159,10 +193,16 @@ class Identification:
     def doubts(self) -> list[str]:
         """Why the result is doubtful; empty if it is not."""
         doubts = [
-            f"{ratio:.0%} of the torque of {joint} below {self.chosen.cutoff:.3g} Hz stays unexplained"
-            for joint, ratio in zip(self.joints, self.rms_ratio_in_band, strict=True)
+            f"{ratio:.0%} of {self.named(row)} below {self.chosen.cutoff:.3g} Hz stays unexplained"
+            for row, ratio in zip(self.rows, self.rms_ratio_in_band, strict=True)
             if ratio > DOUBTFUL_RATIO
         ]
+        seen = self.identified.observability
+        if seen.condition > POOR_CONDITION:
+            doubts.append(
+                f"the motion tells the parameters poorly apart: condition {seen.condition:.3g}, expected below "
+                f"{POOR_CONDITION:g}; weakest: {seen.weakest}"
+            )
         if abs(self.chosen.delay) > LONGEST_DELAY_S - 0.5 * self.choice.evidence.parts[0].record.grid.step:
             doubts.append(f"the delay of the torques, {self.chosen.delay * 1e3:.3g} ms, is at the end of what is tried")
         doubts += [f"{text} is not determined by this record" for text in self.undetermined_moments()]
@@ -174,13 +214,25 @@ class Identification:
         return doubts
 
     @property
+    def excitation(self) -> str:
+        """``good``, ``fair`` or ``poor``: how well the motion tells the base parameters apart, before solving."""
+        condition = self.identified.observability.condition
+        return "poor" if condition > POOR_CONDITION else "fair" if condition > FAIR_CONDITION else "good"
+
+    @property
     def verdict(self) -> str:
         """``usable`` or ``doubtful``."""
         return "doubtful" if self.doubts() else "usable"
 
+    def named(self, row: str) -> str:
+        """What a row is called: the torque of a joint, or a component of force or moment."""
+        return f"the torque of {row}" if row in self.mechanism.driven else row
+
     def unit_of(self, parameter: str) -> str:
         """Unit of a parameter by name."""
         kind, _, of = parameter.rstrip("]").partition("[")
+        if kind in TERMS and of in COMPONENTS:
+            return "N" if of.startswith("F") else "N m"
         if kind in TERMS:
             place = self.mechanism.coordinate_index(of)
             turning = self.mechanism.tree.joints[place].revolute
@@ -197,16 +249,17 @@ class Identification:
         return [(text_of(found.coefficients(i)), self._padded(row)) for i, row in enumerate(found.matrix)]
 
     @cached_property
-    def _in_file(self) -> Floats:
+    def in_file(self) -> Floats:
         """Parameters as the mechanism's file has them, (p,)."""
         m = self.mechanism
         places = [m.coordinate_index(joint) for joint in self.joints]
         none = np.zeros_like(m.viscous)
         by_term = {"coulomb": m.coulomb, "viscous": m.viscous, "offset": none, "armature": m.armature}
-        return np.concatenate([m.pi, [by_term[term][place] for place in places for term in TERMS]])
+        forces = np.zeros(len(self.rows) - len(self.joints))
+        return np.concatenate([m.pi, [by_term[term][place] for place in places for term in TERMS], forces])
 
     def _padded(self, row: Floats) -> Floats:
-        return np.concatenate([row, np.zeros(len(self._in_file) - len(row))])
+        return np.concatenate([row, np.zeros(len(self.in_file) - len(row))])
 
     def _observable(self, row: Floats) -> bool:
         return self.identified.observability.is_observable(row)

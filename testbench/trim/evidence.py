@@ -71,33 +71,34 @@ def run_evidence(
     """
     model = loaded(run, mechanism)
     wrench = shaking_wrench(run, rig)
-    _refuse_saturation(run, rig, wrench)
+    refuse_saturation(run, rig, wrench)
     grid, path = followed(run, rig, model, 2.0 * cutoff)
     columns = trim.columns_of(conditions, wrench_regressor(model, path.q, path.v, path.a)[:, :3])
     rows = _rows(run, wrench, columns)
     base = base_motion.recorded(run, rig)
     needed = {wrench.group} | ({base.group} if base else set())
-    maps = _clocks(run, rig, model, needed, clocks)
+    maps = clock_maps(run, rig, model, needed, clocks)
     seen = np.column_stack([v for i in rows if (v := wrench.values[f"F{'xyz'[i]}"]) is not None])
-    force = _carried(wrench.time, seen, wrench.group, maps, grid)
+    force = carried(wrench.time, seen, wrench.group, maps, grid)
     columns = columns[:, rows]
-    nuisance = [_rate(force, grid)]
+    nuisance = [rate_of(force, grid)]
     if base is not None:
         share = base_motion.projector(base_motion.force_rows(model, path)[:, rows], base.rows)
-        felt = model.total_mass * _carried(base.time, base.values, base.group, maps, grid)
+        felt = model.total_mass * carried(base.time, base.values, base.group, maps, grid)
         k = len(rows)
         turned = share[:, :, :k]
         nuisance = [
             np.einsum("nij,nj->ni", turned, nuisance[0]),
-            np.einsum("nij,nj->ni", share[:, :, k:], _rate(felt, grid)),
+            np.einsum("nij,nj->ni", share[:, :, k:], rate_of(felt, grid)),
         ]
         force = np.einsum("nij,nj->ni", turned, force) + np.einsum("nij,nj->ni", share[:, :, k:], felt)
         columns = np.einsum("nij,njk->nik", turned, columns)
-    record = _record(grid, columns, force, nuisance, cutoff, path)
+    record = _record(motion_of(run), grid, columns, force, nuisance, cutoff, path)
     return RunEvidence(record, base is not None, wrench.findings)
 
 
-def _refuse_saturation(run: "Run", rig: "Rig", wrench: MeasuredWrench) -> None:
+def refuse_saturation(run: "Run", rig: "Rig", wrench: MeasuredWrench) -> None:
+    """Raise AnalysisError where a force sensor or an accelerometer on the base is at the end of its range."""
     if wrench.findings:
         raise AnalysisError(
             f"{wrench.findings[0].message}: a clipped force cannot tell what is missing; use gentler runs"
@@ -126,9 +127,10 @@ def _rows(run: "Run", wrench: MeasuredWrench, columns: Floats) -> list[int]:
     return rows
 
 
-def _clocks(
+def clock_maps(
     run: "Run", rig: "Rig", model: Mechanism, needed: set[str], known: Mapping[str, ClockMap] | None
 ) -> Mapping[str, ClockMap]:
+    """Maps of the groups that are needed to the encoders' clock: those that are known, else found."""
     reference = group_of_encoders(run, rig)
     needed = needed - {reference}
     if known is not None and needed <= known.keys():
@@ -140,7 +142,7 @@ def _clocks(
     return {group: found.map_of(group) for group in needed}
 
 
-def _carried(time: Floats, values: Floats, group: str, maps: Mapping[str, ClockMap], grid: Grid) -> Floats:
+def carried(time: Floats, values: Floats, group: str, maps: Mapping[str, ClockMap], grid: Grid) -> Floats:
     """Values (m, k) of a group on the encoders' grid; smoothed first where the grid is coarser."""
     at = maps[group].to_reference(time) if group in maps else time
     rate = (len(time) - 1) / float(time[-1] - time[0])
@@ -149,18 +151,30 @@ def _carried(time: Floats, values: Floats, group: str, maps: Mapping[str, ClockM
     return np.column_stack([np.interp(grid.time, at, v) for v in values.T])
 
 
-def _rate(values: Floats, grid: Grid) -> Floats:
+def rate_of(values: Floats, grid: Grid) -> Floats:
     """Rates (n, k) [1/s] by central differences; smoothed later with everything else."""
     return np.gradient(values, grid.step, axis=0)
 
 
+def motion_of(run: "Run") -> str:
+    """What repeats of one motion have in common; empty where the conditions do not say."""
+    motion, peak = run.conditions.get("motion"), run.conditions.get("peak_acceleration_g")
+    return "" if motion is None or peak is None else f"{motion} at {peak:.9g} g0"
+
+
 def _record(
-    grid: Grid, columns: Floats, force: Floats, nuisance: list[Floats], cutoff: float, path: "Trajectory"
+    motion: str,
+    grid: Grid,
+    columns: Floats,
+    force: Floats,
+    nuisance: list[Floats],
+    cutoff: float,
+    path: "Trajectory",
 ) -> trim.Record:
     """All low-passed alike, cut to the motion with a margin, with an offset and a drift for every row."""
     count, rows, _ = columns.shape
     margin = MARGIN_PERIODS / cutoff
-    used = _used(path, grid, margin)
+    used = span_of(path, grid, margin)
     smooth = low_pass(np.concatenate([columns.reshape(count, -1), force, *nuisance], axis=1), cutoff, grid.rate)[used]
     split = np.cumsum([columns[0].size, rows, *(n.shape[1] for n in nuisance)])[:-1]
     made, pushed, *delays = np.split(smooth, split, axis=1)
@@ -168,15 +182,16 @@ def _record(
     slope = np.linspace(-1.0, 1.0, len(made))
     own: list[Floats] = [np.eye(rows)[None] * np.ones((len(made), 1, 1)), np.eye(rows)[None] * slope[:, None, None]]
     own += [delay[:, :, None] for delay in delays]
-    return trim.Record(made, pushed, np.concatenate(own, axis=2), _stretches(made, 1.0 / (cutoff * grid.step)))
+    blocks = stretches_of(made, 1.0 / (cutoff * grid.step))
+    return trim.Record(made, pushed, np.concatenate(own, axis=2), blocks, motion)
 
 
-def _used(path: "Trajectory", grid: Grid, margin: float) -> slice:
+def span_of(path: "Trajectory", grid: Grid, margin: float) -> slice:
     spans = [moving(v, grid.rate, margin) for v in path.v.T if np.ptp(v) > 0.0]
     return slice(min(s.start for s in spans), max(s.stop for s in spans))
 
 
-def _stretches(columns: Floats, shortest: float) -> Indices:
+def stretches_of(columns: Floats, shortest: float) -> Indices:
     """Numbers of stretches of equal information on the conditions, each at least so many samples long, (n,)."""
     energy = np.sum(columns**2, axis=(1, 2))
     numbers = np.minimum((np.cumsum(energy) / energy.sum() * STRETCHES).astype(np.intp), STRETCHES - 1)

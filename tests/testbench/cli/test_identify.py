@@ -82,10 +82,22 @@ def test_doubtful_results_exit_with_3(run, tmp_path):
     assert any("stays unexplained" in doubt for doubt in found["doubts"])
 
 
-def test_a_rig_without_its_joints_is_refused(run):
-    """A run of another mechanism is refused, naming the joint that its rig lacks."""
-    with pytest.raises(AnalysisError, match="on joint 'A0'"):
+def test_a_run_of_another_mechanism_is_refused(run):
+    """A run whose rig is of another mechanism is refused; where that is accepted, the joint that lacks is named."""
+    with pytest.raises(AnalysisError, match=r"rig is of 'two-joint-arm-a0', expected 'parallelogram-6bar'"):
         invoke("parallelogram-6bar", run)
+    with pytest.raises(AnalysisError, match="on joint 'A0'"):
+        invoke("parallelogram-6bar", run, "--accept", "mechanism_differs")
+
+
+def test_the_same_machine_by_another_name(run, tmp_path):
+    """A copy of the mechanism's file under another name is another mechanism until a person accepts it."""
+    other = tmp_path / "my-arm.xml"
+    other.write_text(datasets.find(ARM, "mechanisms", ".xml").read_text("utf-8"), "utf-8")
+    with pytest.raises(AnalysisError, match="expected 'my-arm'"):
+        invoke(other, run)
+    found = json.loads(invoke(other, run, "--accept", "mechanism_differs", "--method", "ls", "--json"))
+    assert found["method"]["name"] == "ls"
 
 
 def test_no_run_is_a_wrong_command_line():

@@ -28,10 +28,10 @@ def test_a_stretch_is_predicted_from_the_others():
     torque = record.torque.copy()
     evidence = gather([record], ARM, 5.0)
     seen = observe(evidence.columns, evidence.names)
-    before = HeldOut(evidence, seen)
+    before = HeldOut(evidence, ARM, seen)
     stretch = slice(425, 445)  # the middle of the fourth of ten stretches
     torque[stretch] += 50.0
-    after = HeldOut(gather([type(record)("x", "simulated", record.grid, record.q, torque)], ARM, 5.0), seen)
+    after = HeldOut(gather([type(record)("x", "simulated", record.grid, record.q, torque)], ARM, 5.0), ARM, seen)
     changed = np.abs(after.parameters(0.0) - before.parameters(0.0)).max(axis=1)
     own = before.fold[435 - 50]
     assert changed[own] < 0.05 * np.delete(changed, own).min()
@@ -48,6 +48,7 @@ def test_cutoffs_fit_the_record():
 def test_delays_are_whole_samples():
     """Delays are whole samples of up to 20 ms either way."""
     assert delays([arms.record(ARM)]) == pytest.approx([k / arms.RATE for k in range(-4, 5)])
+    assert delays([arms.record(ARM, rate=1000.0)]) == pytest.approx([2e-3 * k for k in range(-10, 11)])
 
 
 def test_unexplained():

@@ -38,10 +38,12 @@ def test_delay_is_found(result):
 
 
 def test_intervals_contain_the_other_choices(result):
-    """Half and double the cut-off, and no delay, lie inside every interval."""
-    assert [label.partition(" (")[0] for label in result.variants] == ["half cut-off", "double cut-off", "no delay"]
+    """Half and double the cut-off, no delay, and the other methods lie inside every interval."""
+    labels = [label.partition(" (")[0] for label in result.variants]
+    assert labels == ["half cut-off", "double cut-off", "no delay", "ls", "oe"]
+    assert result.method == "iv"
     for value in [*result.base_values(), *result.joint_values()]:
-        assert len(value.variants) == 3
+        assert len(value.variants) == 5
         assert all(value.interval[0] <= other <= value.interval[1] for other in value.variants.values())
 
 

