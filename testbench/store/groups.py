@@ -46,6 +46,7 @@ class GroupWriter:
         self._acknowledge, self._writing = acknowledge, writing
         self.rate_hz: float | None = None
         self.rate_source: str | None = None
+        self.has_plot = False
         self.key = node.name.rpartition("/")[2]
         taken = {layout.TIME, layout.SAMPLE}
         self.keys = [
@@ -151,8 +152,12 @@ class GroupWriter:
         others = [(key, d) for key, d in zip(self.keys, self._datasets, strict=True) if d.name != scale.name]
         for _, dataset in others:
             dataset.dims[0].attach_scale(scale)
-        self.node.attrs["signal"] = others[0][0] if others else layout.TIME
-        self.node.attrs["axes"] = [layout.TIME if scale.name.endswith(layout.TIME) and others else "."]
+        shown = [key for key, form in zip(self.keys, self.forms, strict=True) if not isinstance(form, Decimals)]
+        signals = [key for key, _ in others if key in shown]
+        self.has_plot = bool(signals)
+        if signals or not others:  # NeXus viewers apply no scale: of whole numbers they would plot other values
+            self.node.attrs["signal"] = signals[0] if signals else layout.TIME
+            self.node.attrs["axes"] = [layout.TIME if scale.name.endswith(layout.TIME) and others else "."]
 
 
 def _is_time(group: Group, index: int) -> bool:

@@ -125,7 +125,8 @@ class RunWriter:
     ) -> None:
         assert self._file is not None
         keys = [writer.key for writer in self._groups.values()]
-        self._file[layout.ENTRY].attrs.update({"origin": origin, "groups": keys, "default": keys[0]})
+        default = next((writer.key for writer in self._groups.values() if writer.has_plot), keys[0])
+        self._file[layout.ENTRY].attrs.update({"origin": origin, "groups": keys, "default": default})
         _write_conditions(self._file, conditions)
         node = _collection(self._file, layout.PROVENANCE)
         node.attrs["json"] = json.dumps(provenance, ensure_ascii=False)

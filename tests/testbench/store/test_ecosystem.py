@@ -5,11 +5,14 @@ import sys
 import warnings
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
 import testbench
 from testbench.recording import Channel, Group, TimeColumn, UniformClock
+from testbench.store.archive import archive
+from testbench.store.writer import RunWriter
 
 from .test_writer import store
 
@@ -78,6 +81,87 @@ def test_a_nexus_library_finds_the_default_plot(run):
     if kind != "none":
         assert [axis.nxname for axis in plot.nxaxes] == ["time"]
         assert plot.nxaxes[0].shape == (N,)
+
+
+SEVERAL = {
+    Group("edges", (Channel("t", "s"),), TimeColumn(0)): None,
+    Group(
+        "DAQ 1 / left",
+        (Channel("Time (ms)", "ms", "Time"), Channel("Acc X [m/s²]", "m/s²", "Acc X")),
+        CLOCKS["recorded"],
+    ): "ms",
+    Group("force plate", (Channel("F z (N)", "N", "F z"), Channel("sample", None)), UniformClock(2000.0, 0.5)): "s",
+    Group("loose numbers", (Channel("a b"), Channel("T", "degC")), None): None,
+    Group("ticks", (Channel("tick", "ticks"), Channel("U", "V")), TimeColumn(0, None)): "ticks",
+}
+"""Groups of one run, and the unit of the axis against which each is plotted."""
+
+
+@pytest.fixture
+def several(tmp_path):
+    """A run of groups of every clock, of different lengths, with names of several words; its archive."""
+    with RunWriter(tmp_path, "run 1") as writer:
+        for number, group in enumerate(SEVERAL):
+            writer.group(group).append([np.sqrt(np.arange(N + number)) for _ in group.channels])
+            writer.group(group).finish(None, None)
+        source = {"name": "a b.csv", "sha256": "0" * 64, "size_bytes": 1}
+        writer.describe("simulated", {"counter_masses": {"counter A": 1.0}}, [], {"sources": [source]}, "a = 1\n")
+        run = testbench.open_run(writer.commit())
+    return run, testbench.open_run(archive(run, tmp_path / "archive").file)
+
+
+def test_several_groups_of_different_clocks_open_in_xarray(several):
+    """Each with its own time, names and units, as one tree and one by one, without a warning."""
+    xarray = pytest.importorskip("xarray")
+    for run in several:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            with xarray.open_datatree(run.path, engine="h5netcdf") as tree:
+                for number, (group, unit) in enumerate(SEVERAL.items()):
+                    key = run.group(group.name).path
+                    found = tree[key]
+                    assert set(found.sizes.values()) == {N + number}
+                    for name, channel in zip(run.group(group.name).keys, group.channels, strict=True):
+                        assert found[name].attrs["long_name"] == channel.name
+                        assert found[name].attrs.get("units") == channel.unit
+                    if unit is not None:
+                        assert found["time"].attrs["units"] == unit
+                    with xarray.open_dataset(run.path, engine="h5netcdf", group=key) as alone:
+                        assert alone.sizes == found.sizes
+
+
+def test_the_default_plot_of_several_groups(several):
+    """Every group has a class; the default is no list of edges; each group plots against its own axis."""
+    nexusformat = pytest.importorskip("nexusformat.nexus")
+    run, _ = several
+    root = nexusformat.nxload(str(run.path))
+    assert root.get_default().nxpath == "/entry/DAQ_1_left"
+    for group, unit in SEVERAL.items():
+        data = root[run.group(group.name).path]
+        assert data.nxclass == "NXdata"
+        channel = group.channels[0 if unit is None or len(group.channels) == 1 or unit == "s" else 1]
+        assert data.nxsignal.attrs["long_name"] == channel.name
+        assert data.nxsignal.attrs.get("units") == channel.unit
+        if unit is not None:
+            (axis,) = data.nxaxes
+            assert (axis.nxname, axis.attrs["units"], axis.shape) == ("time", unit, data.nxsignal.shape)
+    with h5py.File(run.path) as file:
+        found = []
+        file.visititems(
+            lambda name, node: found.append("NX_class" in node.attrs) if isinstance(node, h5py.Group) else None
+        )
+        assert all(found)
+
+
+def test_no_viewer_plots_whole_numbers_for_values(tmp_path):
+    """An archive's channel of decimals is no signal; one of full precision is."""
+    full = np.sqrt(np.arange(N))
+    run = store(tmp_path, GROUP, [COLUMNS[0], np.round(full, 3), full])
+    with h5py.File(run.path) as plain, h5py.File(archive(run, tmp_path / "a").file) as small:
+        assert (plain["entry/daq"].attrs["signal"], small["entry/daq"].attrs["signal"]) == ("Time", "Ivme")
+    alone = store(tmp_path, Group("daq", GROUP.channels[:2]), [COLUMNS[0], np.round(full, 3)], name="r002")
+    with h5py.File(archive(alone, tmp_path / "a").file) as small:
+        assert "signal" not in small["entry/daq"].attrs
 
 
 @pytest.mark.skipif(not Path("/proc/self/io").exists(), reason="the system does not count what a process reads")

@@ -9,6 +9,7 @@ import pytest
 from testbench.errors import StoreError
 from testbench.recording import Channel, Group, TimeColumn
 from testbench.store import open_run
+from testbench.store.archive import archive
 
 from .test_writer import store
 
@@ -115,6 +116,63 @@ def test_a_cut_run_does_not_open(run):
         run.write_bytes(whole[:cut])
         with pytest.raises(StoreError):
             open_run(run).channel("AccX")
+
+
+def deflated_hole(node, folder):
+    """A compressed dataset of which no chunk was written: it would read as zeros."""
+    node.create_dataset("AccX", (4,), "f8", chunks=(2,), compression="gzip")
+
+
+def half_a_hole(node, folder):
+    """A compressed dataset of which one chunk was written."""
+    node.create_dataset("AccX", (4,), "f8", chunks=(2,), compression="gzip")[:2] = 1.0
+
+
+def foreign_filter(node, folder):
+    """A filter that only some libraries have."""
+    node.create_dataset("AccX", data=np.ones(4), chunks=(4,), compression="lzf")
+
+
+@pytest.mark.parametrize("make", [deflated_hole, half_a_hole, foreign_filter])
+def test_compressed_data_must_be_there(run, make):
+    """What archives are made of is no way round the rules."""
+    with pytest.raises(StoreError, match=r"declares more values than the file holds|filter that is not a standard one"):
+        open_run(replaced(run, make)).channel("AccX")
+
+
+@pytest.fixture
+def archived(tmp_path):
+    """An archive with a missing value and a zero with a minus sign."""
+    group = Group("log", (Channel("Time (s)", "s", "Time"), Channel("AccX (g)", "g", "AccX")), TimeColumn(0))
+    values = np.array([0.25, -0.0, np.nan, 1.5])
+    return archive(store(tmp_path, group, [np.arange(4.0), values]), tmp_path / "a").file
+
+
+OTHERS = {
+    "another type": ("entry/log/AccX", np.zeros(4, "<f8")),
+    "a smaller type": ("entry/log/AccX", np.zeros(4, "u1")),
+    "another length": ("entry/log/AccX", np.zeros(3, "<u4")),
+    "no signs": ("entry/notes/negative_zeros/log/AccX", None),
+    "signs of another type": ("entry/notes/negative_zeros/log/AccX", np.zeros(1, "<u4")),
+    "too few signs": ("entry/notes/negative_zeros/log/AccX", np.zeros(0, "u1")),
+}
+
+
+@pytest.mark.parametrize("other", OTHERS)
+def test_an_archive_must_hold_what_its_description_declares(archived, other):
+    """Numbers and signs of zeros: whatever else lies in their place is refused, no number is made up."""
+    path, content = OTHERS[other]
+    with h5py.File(archived, "r+") as file:
+        del file[path]
+        if content is not None:
+            file[path] = content
+    with pytest.raises(StoreError):
+        open_run(archived).channel("AccX")
+
+
+def test_flipped_bits_never_change_a_number_of_an_archive(archived):
+    """As in any run: an error, or the numbers to the bit."""
+    test_flipped_bits_never_change_a_number(archived)
 
 
 def test_flipped_bits_never_change_a_number(run):
