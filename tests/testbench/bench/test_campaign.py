@@ -139,3 +139,33 @@ position = ["0 m", "0 m", "0 m"]
 """
     made = make(tmp_path / "logs", rig=rigs.load(text))
     assert "# rate: 2000 Hz" in (made / "r001_daq.csv").read_text("utf-8")
+
+
+def test_seed_of_the_command(made, tmp_path):
+    """``--seed`` goes before the plan's own seed: the plan's seed gives the plan's logs, another one others."""
+    from click.testing import CliRunner
+
+    from testbench.cli.simulate import simulate
+
+    (tmp_path / "plan.toml").write_text(PLAN.replace("seed = 5", "seed = 9"), encoding="utf-8")
+    words = ["--plan", str(tmp_path / "plan.toml"), "--rig", "parallelogram-6bar"]
+    for seed in ("5", "9"):
+        said = CliRunner().invoke(simulate, [*words, "--seed", seed, "-o", str(tmp_path / seed)])
+        assert said.exit_code == 0, said.output
+    assert contents(tmp_path / "5") == contents(made)
+    assert contents(tmp_path / "9")["r001_daq.csv"] != contents(made)["r001_daq.csv"]
+    assert CliRunner().invoke(simulate, [*words, "--seed", "-1", "-o", str(tmp_path / "x")]).exit_code == 2
+
+
+def test_help_has_examples():
+    """``--help`` shows examples, and what a rig may state of the bench."""
+    from click.testing import CliRunner
+
+    from testbench.cli.simulate import simulate
+    from testbench.rig.bench import Bench, Logger
+
+    said = CliRunner().invoke(simulate, ["--help"]).output
+    assert "testbench simulate --plan kiper2019-brief --rig parallelogram-6bar-deep" in said
+    plain = {"mass", "centre", "inertia", "mounts", "settling"}
+    assert not [name for name in Bench.model_fields.keys() - plain if name not in said]
+    assert "jitter" in Logger.model_fields

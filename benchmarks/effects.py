@@ -1,6 +1,6 @@
 """What each effect of the deep rig does to the base's acceleration and to its reduction, one at a time and together.
 
-    python benchmarks/bench_effects.py
+    python -m benchmarks.effects
 
 Simulated without noise of sensors; 5 kg at 3 g0 with the built counter-masses and without; half of peak to peak, all
 frequencies, at the base accelerometer of the rig.
