@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ..errors import RigError
 from .document import Day, Each
@@ -29,6 +29,21 @@ class Teds(BaseModel):
     calibration_date: Day | None = None
     calibration_initials: str | None = Field(default=None, max_length=3)
     calibration_period_days: int | None = Field(default=None, ge=0, le=4095)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_basic(cls, given: Any) -> Any:  # noqa: ANN401
+        """``basic``, the 64 bits as a reader prints them in hexadecimal, in place of the fields that they hold."""
+        if not isinstance(given, dict) or "basic" not in given:
+            return given
+        try:
+            read = basic(bytes.fromhex(str(given["basic"])))
+        except (ValueError, RigError) as error:
+            raise ValueError(f"basic = {given['basic']!r}: expected 16 hexadecimal digits: {error}") from error
+        rest = {key: value for key, value in given.items() if key != "basic"}
+        if twice := sorted(rest.keys() & read.document().keys()):
+            raise ValueError(f"{twice[0]} stands in basic already: take one of them out")
+        return {**read.document(), **rest}
 
     def document(self) -> dict[str, Any]:
         """The fields that are given."""

@@ -1,8 +1,9 @@
 """The Basic TEDS: 64 bits, put together by hand."""
 
 import pytest
+from pydantic import ValidationError
 
-from testbench.calibration.teds import basic
+from testbench.calibration.teds import Teds, basic
 from testbench.errors import RigError
 
 BITS = 0
@@ -24,3 +25,15 @@ def test_what_is_no_teds(content):
     """An absent memory, a part of one, a manufacturer that there cannot be."""
     with pytest.raises(RigError, match="Basic TEDS"):
         basic(content)
+
+
+def test_a_rig_may_give_the_bits():
+    """Hexadecimal, as a reader prints them, with further fields beside; nothing is said twice."""
+    bits = BITS.to_bytes(8, "little")
+    teds = Teds.model_validate({"basic": bits.hex(), "calibration_initials": "AB"})
+    assert teds == basic(bits).model_copy(update={"calibration_initials": "AB"})
+    with pytest.raises(ValidationError, match="serial stands in basic already"):
+        Teds.model_validate({"basic": bits.hex(), "serial": "7"})
+    for wrong in ("zz", "00" * 8, "ab"):
+        with pytest.raises(ValidationError, match="expected 16 hexadecimal digits"):
+            Teds.model_validate({"basic": wrong})
