@@ -52,7 +52,12 @@ def write_run(folder: Path, rig: "Rig", run: "SimulatedRun", balance: "Condition
         "base_frequencies_hz": run.bench.base.frequencies_hz.tolist(),
         "first_moment_residual_kg_m": balance.values(run.bench.mechanism).tolist(),
         "clocks": {
-            name: {"start_s": logger.start, "drift_ppm": logger.drift_ppm, "lost_samples": run.logs[name].lost}
+            name: {
+                "start_s": logger.start,
+                "drift_ppm": logger.drift_ppm,
+                "filter_delay_s": logger.delay,
+                "lost_samples": run.logs[name].lost,
+            }
             for name, logger in run.loggers.items()
             if name in run.logs
         },

@@ -4,6 +4,7 @@ The defaults are assumptions, with their reasons, and nothing that the source of
 that is simulated should state its own.
 """
 
+import math
 from typing import Literal
 
 from pydantic import Field
@@ -16,6 +17,10 @@ DEFAULT_RATE_HZ = 2000.0
 """Of a logger whose rate the rig does not state [Hz]: ten times the vibration that the motions excite."""
 DEFAULT_START_S = -0.2
 """When a logger is started, from the start of the motion [s]."""
+
+
+BUTTERWORTH_DELAY = 2.0 * (math.cos(math.pi / 8.0) + math.cos(3.0 * math.pi / 8.0))
+"""Group delay of a Butterworth filter of fourth order at rest, per period of its corner over 2 pi."""
 
 
 class Logger(Table):
@@ -47,6 +52,11 @@ class Logger(Table):
     decimal: Literal[".", ","] = "."
     decimals: int = Field(default=6, ge=0, le=15)
     """Digits written after the decimal mark."""
+
+    @property
+    def delay(self) -> float:
+        """By which its filter delays what is slow beside the corner [s]: sum of 2 cos over the poles, per 2 pi f."""
+        return 0.0 if self.low_pass is None else BUTTERWORTH_DELAY / (2.0 * math.pi * self.low_pass)
 
 
 class Mount(Table):

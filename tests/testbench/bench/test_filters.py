@@ -30,6 +30,15 @@ def test_butterworth(frequency):
     assert found == pytest.approx(expected * lines_between_samples, abs=2e-3 * abs(expected))
 
 
+def test_delay():
+    """What is slow beside the corner comes later by the stated delay, and not smaller."""
+    logger = Logger.model_validate({"low_pass": "200 Hz"})
+    found = gain(lambda s: low_pass(s, 200.0, STEP), 5.0)
+    assert -np.angle(found) / (2 * np.pi * 5.0) == pytest.approx(logger.delay, rel=1e-3)
+    assert abs(found) == pytest.approx(1.0, abs=1e-4)
+    assert Logger().delay == 0.0
+
+
 @pytest.mark.parametrize("frequency", [0.5, 1.0, 20.0])
 def test_high_pass(frequency):
     """First order: i f / (f0 + i f)."""
