@@ -56,10 +56,15 @@ def is_comment(line: str) -> bool:
 
 
 def is_data(cells: Sequence[str]) -> bool:
-    """Whether cells are a row of data: a number among them, and at least half of them numbers, times or missing."""
-    times = [moments.read(cell) is not None for cell in cells]
-    numbers = sum(marks.is_numberish(cell) for cell, is_time in zip(cells, times, strict=True) if not is_time)
-    return numbers > 0 and numbers + sum(times) + sum(map(marks.is_missing, cells)) >= 0.5 * len(cells)
+    """Whether cells are a row of data: a number among them, and at least half of them numbers, times or missing.
+
+    A row of nothing but times of day is one too, as of events.
+    """
+    times = [moment for cell in cells if (moment := moments.read(cell)) is not None]
+    numbers = sum(marks.is_numberish(cell) and moments.read(cell) is None for cell in cells)
+    if not numbers:
+        return 0 < len(times) == len(cells) and any(moment.notation.clock for moment in times)
+    return numbers + len(times) + sum(map(marks.is_missing, cells)) >= 0.5 * len(cells)
 
 
 def detect(lines: Sequence[str], delimiter: str | None = None, decimal: str | None = None) -> Dialect:

@@ -11,6 +11,7 @@ from . import marks, names
 from .dialect import Dialect, UnclearDialect, is_comment, is_data
 
 _LONGEST_UNIT = 20
+_NOTATION = re.compile(r"[ymdhsf]+(?:[-/.:, t]+[ymdhsfz]+)+", re.IGNORECASE)
 _BRACKETED = re.compile(r"\(.*\)|\[.*\]")
 
 
@@ -105,8 +106,13 @@ def _are_units(cells: Sequence[str], over: Sequence[str]) -> bool:
         return False
     if all(_BRACKETED.fullmatch(cell.strip()) for cell in cells if cell.strip()):
         return True
-    of_time = any(names.is_time(name) and units.seconds_per(text) for name, text in zip(over, texts, strict=True))
+    of_time = any(names.is_time(name) and _is_of_time(text) for name, text in zip(over, texts, strict=True))
     return of_time or (2 * known >= given and 2 * sum(map(units.is_unit, over)) < given)
+
+
+def _is_of_time(text: str) -> bool:
+    """Whether a text is a unit of time, or how times are written, such as ``hh:mm:ss.fff``."""
+    return units.seconds_per(text) is not None or _NOTATION.fullmatch(text) is not None
 
 
 def _labels(rows: Sequence[Sequence[str]], named: Sequence[int], fields: int) -> tuple[list[str], list[str]]:

@@ -1,6 +1,6 @@
 """Reader of text with delimiters: comma, semicolon, tab, bar or blanks; decimal point or comma."""
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from pathlib import Path
 
 from ...findings import Finding, Refusal
@@ -55,7 +55,7 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
         comments=said,
         ranges=preamble.ranges(said),
         stated_rate_hz=rate,
-        findings=(*_said(sample, dialect, header), *spelled.findings, *left_out),
+        findings=(*_said(sample, dialect, header, spelled.fields), *spelled.findings, *left_out),
     )
 
 
@@ -98,8 +98,8 @@ def _is_padded(sample: Sample, header: Header) -> bool:
     )
 
 
-def _said(sample: Sample, dialect: Dialect, header: Header) -> list[Finding]:
-    """What was detected, and what of it was inferred."""
+def _said(sample: Sample, dialect: Dialect, header: Header, known: Set[int]) -> list[Finding]:
+    """What was detected, and what of it was inferred; the units of ``known`` columns are."""
     message = f"{dialect}, encoding {sample.encoding.name}, first row of data in line {header.first_data_line}"
     findings = [Finding("dialect", None, None, message)]
     if sample.encoding.inferred:
@@ -108,8 +108,8 @@ def _said(sample: Sample, dialect: Dialect, header: Header) -> list[Finding]:
     if dialect.doubt:
         message = f"{dialect.doubt}: decimals, or thousands? say --decimal"
         findings.append(Finding("ambiguous_number", None, f"line {header.first_data_line}", message))
-    for channel in header.channels:
-        if text := names.unknown_brackets(channel):
+    for i, channel in enumerate(header.channels):
+        if i not in known and (text := names.unknown_brackets(channel)):
             message = f"{text!r} in brackets is not understood as a unit; the name is kept as written, without a unit"
             findings.append(Finding("unit_unknown", channel.name, None, message))
     if not header.named:

@@ -198,3 +198,20 @@ def test_in_quotes_and_wide_encodings(tmp_path):
     found = reading.read(path, ReadOptions())
     assert found.time().tolist() == [float(Fraction(5 * i, 1000)) for i in range(400)]
     assert found.column("Kuvvet (N)")[-1] == 399.5
+
+
+def test_times_alone_are_events(log):
+    """A column of nothing but times of day, with and without decimal comma, is one of events."""
+    for mark in ".,":
+        found = log("Time\n" + "".join(f"12:00:{i:02d}{mark}25\n" for i in range(40)))
+        assert found.time().tolist() == list(range(40))
+        assert "event_times" in found.codes
+
+
+def test_a_notation_in_the_header_is_no_odd_unit(log):
+    """What stands in brackets, or in a second row, behind the name of a time is how it is written."""
+    rows = "".join(f"{t};{i}\n" for i, t in enumerate(stamps(NOTATIONS["time of day"])))
+    for header in ("Time (hh:mm:ss);F (N)\n", "Time;F\nhh:mm:ss.fff;N\n"):
+        found = log(header + rows)
+        assert [c.unit for c in found.group().channels] == ["s", "N"]
+        assert not [f for f in found.findings if f.severity > 0]
