@@ -47,7 +47,7 @@ class Stamps:
         decimals = moment.decimals if moment.decimals >= self.decimals else self.decimals + 1
         return _decimal(days * DAY + moment.nanoseconds - self.zero, decimals)
 
-    def nanoseconds(self, cells: Mapping[int, str]) -> int | None:
+    def nanoseconds(self, cells: Sequence[str] | Mapping[int, str]) -> int | None:
         """The time in the row of these cells, counted as ``zero`` is; None if there is none."""
         moment = moments.read(cells[self.field])
         days = None if moment is None else self.days_of(moment, cells)

@@ -150,11 +150,10 @@ def _with(times: Times, i: int, column: Stamps | str | None, name: str, rows: Ro
         message = f"{column}: day or month first? export dates as 2024-03-01; without them there are no times"
         said = (Finding("ambiguous_date", name, None, message),) if column else ()
         return replace(times, texts=times.texts | {i}, findings=(*times.findings, *said))
-    cells = [row[i] for row in rows]
-    alike = sum(one == other for one, other in pairwise(cells))
-    findings, coarse = [_said(column, name)], 2 * alike > max(1, len(cells) - 1)
+    alike, coarse = _repeats(column, rows)
+    findings = [_said(column, name)]
     if coarse:
-        message = f"{alike} of the first {len(cells)} times repeat the one before, for they are written to "
+        message = f"{alike} of the first {len(rows)} times repeat the one before, for they are written to "
         message += f"{10.0**-column.decimals:g} s: a channel, and no clock"
         findings.append(Finding("time_coarse", name, None, message))
     return replace(
@@ -163,6 +162,18 @@ def _with(times: Times, i: int, column: Stamps | str | None, name: str, rows: Ro
         coarse=times.coarse | ({i} if coarse else set()),
         findings=(*times.findings, *findings),
     )
+
+
+def _repeats(column: Stamps, rows: Rows) -> tuple[int, bool]:
+    """How many times repeat the one before; whether they are written too coarsely for a clock.
+
+    They are if most repeat, or if some do and the others go on by the last digit that is written.
+    """
+    times = [time for row in rows if (time := column.nanoseconds(row)) is not None]
+    steps = [after - before for before, after in pairwise(times)]
+    alike, longer = steps.count(0), sorted(step for step in steps if step > 0)
+    by_last_digit = bool(longer) and longer[len(longer) // 2] <= 10 ** (9 - min(9, column.decimals))
+    return alike, alike > 0 and (2 * alike > len(steps) or by_last_digit)
 
 
 def _said(column: Stamps, name: str) -> Finding:

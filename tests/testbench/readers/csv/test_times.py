@@ -145,6 +145,17 @@ def test_times_too_coarse_for_a_clock(log):
     assert log("# rate: 100 Hz\nTime,F (N)\n" + rows).group().clock.rate_hz == 100.0
 
 
+def test_a_repeat_is_coarse_only_where_the_last_digit_counts(log):
+    """Whole seconds at 1.5 Hz are too coarse; one row twice in times of milliseconds at 100 Hz stands still."""
+    found = log("Time,F (N)\n" + "".join(f"10:00:{2 * i // 3:02d},{i}.5\n" for i in range(60)))
+    assert "time_coarse" in found.codes
+    texts = stamps(NOTATIONS["ISO 8601"], 100, 10)
+    texts.insert(50, texts[49])
+    found = log("Time,F (N)\n" + "".join(f"{t},{i}.5\n" for i, t in enumerate(texts)))
+    assert "time_coarse" not in found.codes
+    assert next(f.where for f in found.findings if f.code == "time_not_increasing") == "line 52"
+
+
 def test_numbers_called_time_go_before_stamps(log):
     """Beside a column of seconds, times of day are one channel more."""
     texts = stamps(NOTATIONS["ISO 8601"])
