@@ -11,7 +11,7 @@ from .apart import apart
 from .checks import RecordingCheck, against_rig
 from .errors import RecordingError, StoreError
 from .findings import Finding, Refusal, placed, refused
-from .readers import ReadOptions, open_recording
+from .readers import ReadOptions
 from .recording import Group, Origin
 from .runsheet import PlannedRun
 from .source import Source
@@ -69,7 +69,7 @@ class Ingest:
         sources: list[Source] = []
         try:
             for path in planned.files:
-                sources.append(Source(path, open_recording(path, self.options)))
+                sources.append(Source.opened(path, self.options))
             for source, recording in zip(sources, apart([s.recording for s in sources]), strict=True):
                 source.recording = recording
             return self._already(planned, sources) or self._stored_anew(planned, sources)
