@@ -26,12 +26,15 @@ def identify_run(run: Run, mechanism: Mechanism, rig: "rigs.Rig | None" = None) 
     return identify(assembled.records, assembled.mechanism)
 
 
-def identify(records: Sequence[JointRecord], mechanism: Mechanism, method: Method | None = None) -> Identification:
+def identify(
+    records: Sequence[JointRecord], mechanism: Mechanism, method: Method | None = None, *, others: bool = True
+) -> Identification:
     """Identify a mechanism from records of its driven joints.
 
     What is observable is found first, then the cut-off and the delay by held-out torque error, then the parameters by
     ``method``; at half and at double that cut-off, without delay, and by the other methods, once more. The method is
-    ``iv`` unless named, and ``ls`` where there are forces alone. Raises NotObservable where nothing is observable.
+    ``iv`` unless named, and ``ls`` where there are forces alone; without ``others`` no interval is
+    widened by the other methods, which take long through loops. Raises NotObservable where nothing is observable.
     """
     torques = bool(records[0].torque.shape[1])
     method = method or ("iv" if torques else "ls")
@@ -47,7 +50,7 @@ def identify(records: Sequence[JointRecord], mechanism: Mechanism, method: Metho
     }
     if delay:
         variants["no delay"] = choice.held_out.at(0.0).identified(method)
-    variants |= {other: at.identified(other) for other in allowed(choice.evidence) if other != method}
+    variants |= {other: at.identified(other) for other in allowed(choice.evidence) if others and other != method}
     return Identification(
         mechanism,
         tuple(record.name for record in records),

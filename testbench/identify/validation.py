@@ -17,7 +17,8 @@ from .result import DOUBTFUL_RATIO, Identification
 from .simulation import Strayed, strayed
 
 OWN_FACTOR = 2.0
-"""What stays unexplained may be so many times what did on the held-out stretches of the identifying runs."""
+NEGLIGIBLE = 0.05
+"""What stays unexplained may be so many times what did on held-out stretches of the identifying runs, or so little."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class Validation:
         for row, ratio, own in zip(
             self.result.rows, self.rms_ratio_in_band, self.result.rms_ratio_in_band, strict=True
         ):
-            if ratio > max(DOUBTFUL_RATIO, OWN_FACTOR * own):
+            if ratio > min(DOUBTFUL_RATIO, max(NEGLIGIBLE, OWN_FACTOR * own)):
                 doubts.append(
                     f"{', '.join(self.runs)}: {ratio:.0%} of {self.result.named(row)} below the cut-off stays "
                     f"unexplained, {own:.0%} did in the runs identified from"
