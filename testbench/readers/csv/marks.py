@@ -6,7 +6,7 @@ _POINT = re.compile(r"[+-]?(?:\d+\.\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _COMMA = re.compile(r"[+-]?(?:\d+,\d*|,\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _INTEGER = re.compile(r"[+-]?\d+(?:[eE][+-]?\d+)?", re.ASCII)
 _LOOSE = re.compile(
-    r"[+-]?(?:[\d.,'’]*\d[\d.,'’]*|\d{1,3}(?:[ \u00a0\u202f]\d{3})+(?:[.,]\d*)?)(?:[eE][+-]?\d+)?", re.ASCII
+    r"[+-]?(?:(?=[.,'’]*\d)[\d.,'’]++|\d{1,3}(?:[ \u00a0\u202f]\d{3})+(?:[.,]\d*)?)(?:[eE][+-]?\d+)?", re.ASCII
 )
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}", re.ASCII)
 _MISSING_WORDS = "nan +nan -nan inf +inf -inf infinity -infinity na n/a #n/a null none - -- --- ? *"

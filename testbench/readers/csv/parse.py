@@ -47,9 +47,9 @@ class Form:
         if self.dialect.quoted:
             text = unquoted(text, self.dialect.delimiter.encode(), self.separator.encode())
         if self.separator == " ":
-            return re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", text))
+            return re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]++|(?<![ \t])[ \t]++(?=\r?$)", b"", text))
         if self.padded:
-            text = re.sub(rb"[ \t]+(?=[%b\r\n])" % re.escape(self.separator.encode()), b"", text)
+            text = re.sub(rb"(?<![ \t])[ \t]++(?=[%b\r\n])" % re.escape(self.separator.encode()), b"", text)
         return text
 
     def columns(self, plain: bytes) -> list[Samples] | None:

@@ -17,6 +17,8 @@ _RATE = re.compile(
     r"\brate_hz\s*[:=]\s*(\d+(?:\.\d+)?)",
     re.IGNORECASE,
 )
+_LONGEST = 2000
+"""Letters of a comment that are looked at."""
 _PAIR = re.compile(r"\s*([^:=]{1,60}?)\s*[:=]\s*(.*?)\s*")
 
 
@@ -27,7 +29,7 @@ def strip(line: str) -> str:
 
 def origin(texts: Iterable[str]) -> Origin:
     """``simulated`` if the log says so; that a log calls itself measured counts for nothing."""
-    found = {match[1].casefold() for text in texts for match in _ORIGIN.finditer(text)}
+    found = {match[1].casefold() for text in texts for match in _ORIGIN.finditer(text[:_LONGEST])}
     return "simulated" if "simulated" in found else "unstated"
 
 
@@ -35,8 +37,8 @@ def ranges(texts: Iterable[str]) -> tuple[SensorRange, ...]:
     """Ranges such as ``range +-16 g, 16 bit``."""
     found = []
     for text in texts:
-        bits = _BITS.search(text)
-        for match in _RANGE.finditer(text):
+        bits = _BITS.search(text[:_LONGEST])
+        for match in _RANGE.finditer(text[:_LONGEST]):
             if units.is_unit(match[2]):
                 limit = float(match[1].replace(",", "."))
                 found.append(SensorRange(limit, match[2], int(bits[1]) if bits else None))
@@ -47,7 +49,7 @@ def stated_rate_hz(texts: Iterable[str]) -> float | None:
     """The sampling rate that the texts state [Hz], if it is only one."""
     found = set()
     for text in texts:
-        for match in _RATE.finditer(text):
+        for match in _RATE.finditer(text[:_LONGEST]):
             value = float((match[1] or match[3]).replace(",", "."))
             found.add(value * (1000.0 if match[2] else 1.0))
     return found.pop() if len(found) == 1 else None
@@ -55,5 +57,5 @@ def stated_rate_hz(texts: Iterable[str]) -> float | None:
 
 def pairs(texts: Iterable[str]) -> dict[str, str]:
     """Lines of the form ``key: value`` or ``key = value``."""
-    matches = (_PAIR.fullmatch(strip(text)) for text in texts)
+    matches = (_PAIR.fullmatch(strip(text[:_LONGEST])) for text in texts)
     return {match[1]: match[2] for match in matches if match}

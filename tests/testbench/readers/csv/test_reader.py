@@ -1,8 +1,10 @@
 """Texts as loggers write them, and as they should not."""
 
+import contextlib
 import json
 import math
 import random
+import time
 
 import numpy as np
 import pytest
@@ -306,3 +308,27 @@ def test_brackets_that_are_not_understood_are_no_missing_unit(log):
     units = {(f.code, f.channel) for f in found.findings if f.code.startswith("unit_")}
     assert units == {("unit_unknown", "A (filtered)"), ("unit_missing", None)}
     assert "for B, C [2]" in found.message("unit_missing")
+
+
+ENDLESS = {
+    "digits": b"7" * 1_000_000 + b"x",
+    "digits and a rest": b"1.5" + b"7" * 1_000_000 + b"e",
+    "blanks": b"1" + b" " * 1_000_000 + b"x",
+    "marks": b"1" + b".," * 500_000,
+    "words": b"# " + b"rate " * 200_000,
+    "brackets": b"(" * 500_000 + b"[" * 500_000,
+}
+
+
+@pytest.mark.parametrize("place", ["above", "inside", "in its last line"])
+@pytest.mark.parametrize("name", ENDLESS)
+def test_long_lines_take_no_time(tmp_path, name, place):
+    """A megabyte in one cell, whatever it holds, is read or refused in seconds, and never by backtracking."""
+    rows, endless = (HEADER + "".join(ROWS)).encode(), ENDLESS[name]
+    at = {"above": 0, "inside": rows.index(b"0.2000"), "in its last line": len(rows)}[place]
+    path = tmp_path / "log.csv"
+    path.write_bytes(rows[:at] + endless + (b"" if place == "in its last line" else b",1\n") + rows[at:])
+    began = time.process_time()
+    with contextlib.suppress(RecordingError):
+        reading.read(path)
+    assert time.process_time() - began < 10.0
