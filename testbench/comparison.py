@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from .store import Run
 
 
+_OF_THE_ANALYSIS = ("interval_percent", "confidence_percent", "method", "limit", "at_least_percent", "below_noise",
+                    "amplitude_m_s2", "noise_floor_m_s2", "resolution_m_s2", "n")  # fmt: skip
+
+
 @dataclass(frozen=True)
 class Row:
     """One reduction in three ways [%]; None where there is none."""
@@ -37,7 +41,7 @@ class Row:
             "simulated_percent": self.simulated,
             "published_percent": self.published,
             "simulated_shaking_force_percent": self.shaking_force,
-            **{name: row[name] for name in ("origin", "runs", "sensor", "counter_masses_kg")},
+            **{name: row[name] for name in (*_OF_THE_ANALYSIS, "origin", "runs", "sensor", "counter_masses_kg")},
         }
 
 

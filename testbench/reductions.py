@@ -1,22 +1,28 @@
-"""By how many per cent the vibration of the base fell, with intervals where there are repeats."""
+"""By how many per cent the vibration of the base fell, with intervals: from repeats, or from the noise at rest."""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from .amplitudes import Ratio, Side
+from .amplitudes.recorded import Place, amplitudes
+from .amplitudes.unified import CONFIDENCE
 from .errors import AnalysisError
 from .findings import Finding
-from .pairing import Key, Pair, doubts, pairs, rig_of
-from .vibration import Measure, base_accelerations
+from .pairing import Key, Pair, doubts, pairs
+from .vibration import Measure
 
 if TYPE_CHECKING:
+    from .amplitudes import Amplitude
     from .store import Run
 
-CONFIDENCE = 0.95
-"""Of the intervals."""
+__all__ = ["CONFIDENCE", "Analysis", "Reduction", "analyze", "percent", "reduce"]
+Method = Literal["repeats", "propagation"]
+"""Where an interval comes from: the scatter of repeats, or noise at rest, propagated."""
+Limit = Literal["at_least", "at_most"]
 
 
 @dataclass(frozen=True)
@@ -30,10 +36,29 @@ class Reduction:
     axis: str
     measure: Measure
     percent: float | None
-    """None where nothing vibrated without counter-masses."""
+    """Of what is left when noise is taken off; None where nothing vibrated above it without counter-masses."""
     interval: tuple[float, float] | None
-    """Of 95 % confidence, from repeats; None without repeats on both sides."""
+    """Of 95 % confidence; None where there is none."""
+    method: Method | None
+    """Where the interval comes from."""
+    limit: Limit | None
+    """``at_least``: what is left is below the noise, or the sensor clipped without counter-masses."""
+    below_noise: bool
+    """Whether what is left with counter-masses is not above the noise."""
+    amplitudes: tuple[float, float]
+    """With and without counter-masses, noise taken off [m/s2]."""
+    noise_floor: tuple[float | None, float | None]
+    """What the metric shows of noise alone, with and without counter-masses [m/s2]; None where no rest shows it."""
+    resolution: float
+    """Step of the channel [m/s2]; zero where none is known."""
+    n: tuple[int, int]
+    """How many runs with and without counter-masses."""
     runs: tuple[str, ...]
+
+    @property
+    def at_least(self) -> float | None:
+        """The reduction that is surely reached [%], where it is a lower bound."""
+        return self.interval[0] if self.limit == "at_least" and self.interval else None
 
     def as_dict(self) -> dict[str, Any]:
         """The reduction as it is printed."""
@@ -46,6 +71,15 @@ class Reduction:
             "band_hz": self.measure.band_hz,
             "reduction_percent": self.percent,
             "interval_percent": list(self.interval) if self.interval else None,
+            "confidence_percent": 100.0 * CONFIDENCE,
+            "method": self.method,
+            "limit": self.limit,
+            "at_least_percent": self.at_least,
+            "below_noise": self.below_noise,
+            "amplitude_m_s2": _both(self.amplitudes),
+            "noise_floor_m_s2": _both(self.noise_floor),
+            "resolution_m_s2": self.resolution,
+            "n": _both(self.n),
             "origin": self.key.origin,
             "runs": list(self.runs),
             "sensor": self.sensor,
@@ -73,63 +107,118 @@ def analyze(runs: Iterable["Run"], measure: Measure) -> Analysis:
     found, findings = pairs(runs)
     if not found:
         raise AnalysisError("no two runs can be compared:\n" + "\n".join(f"  {f.message}" for f in findings))
-    reductions = [reduction for pair in found for reduction in reduce(pair, measure)]
-    findings += [doubt for pair in found for run in pair.runs for doubt in doubts(run)]
+    reductions = []
+    for pair in found:
+        some = reduce(pair, measure)
+        findings += [*_limits(pair, some), *(doubt for run in pair.runs for doubt in doubts(run))]
+        reductions += some
     return Analysis(tuple(found), tuple(reductions), tuple(dict.fromkeys(findings)))
 
 
 def reduce(pair: Pair, measure: Measure) -> list[Reduction]:
     """The reductions of one pair, for each axis of each accelerometer on the base."""
-    balanced, unbalanced = ([amplitudes(run, measure) for run in some] for some in (pair.balanced, pair.unbalanced))
-    places = balanced[0].keys()
-    for run, found in zip(pair.runs, [*balanced, *unbalanced], strict=True):
-        if found.keys() != places:
+    found = [amplitudes(run, measure) for run in pair.runs]
+    for run, some in zip(pair.runs, found, strict=True):
+        if some.keys() != found[0].keys():
             raise AnalysisError(f"{run.name}: its rig has other accelerometers on the base than {pair.runs[0].name}")
+    return [_reduction(pair, place, _lent([some[place] for some in found])) for place in found[0]]
+
+
+def _lent(found: "list[Amplitude]") -> "list[Amplitude]":
+    """A run whose rest shows no noise has that of another with the same rate: it is the same channel."""
+    known = {run.rate_hz: run.noise for run in reversed(found) if run.noise is not None}
+    return [run if run.noise else replace(run, noise=known.get(run.rate_hz)) for run in found]
+
+
+def _reduction(pair: Pair, place: Place, found: "list[Amplitude]") -> Reduction:
+    count = len(pair.balanced), len(pair.unbalanced)
+    repeated = min(count) > 1
+    sides = Side(tuple(found[: count[0]]), repeated), Side(tuple(found[count[0] :]), repeated)
+    silent = not all(run.reading > 0.0 for run in found)
+    if silent or not (repeated or all(run.noise for run in found)):
+        return _bare(pair, place, sides)
+    ratio = Ratio(*sides)
+    interval = None if ratio.interval is None else (_fall(ratio.interval[1]), _fall(ratio.interval[0]))
+    return Reduction(
+        pair.key,
+        pair.counter_masses,
+        *place,
+        found[0].measure,
+        None if ratio.value is None or interval is None else _fall(ratio.value),
+        _bounded(interval, sides),
+        None if interval is None else "repeats" if repeated else "propagation",
+        _limit(sides, ratio.defined and ratio.below_noise),
+        ratio.defined and ratio.below_noise,
+        (sides[0].amplitude, sides[1].amplitude),
+        (sides[0].floor, sides[1].floor),
+        max((run.noise.step for run in found if run.noise), default=0.0),
+        count,
+        tuple(run.name for run in pair.runs),
+    )
+
+
+def _bare(pair: Pair, place: Place, sides: tuple[Side, Side]) -> Reduction:
+    """Of what was read, noise included: neither repeats nor a rest stretch say how sure it is."""
+    read = [[side.statistic.amplitude(run.reading) for run in side.runs] for side in sides]
+    means = float(np.mean(read[0])), float(np.mean(read[1]))
+    floors = (None, None)
+    count = len(read[0]), len(read[1])
     names = tuple(run.name for run in pair.runs)
+    return Reduction(
+        pair.key, pair.counter_masses, *place, sides[0].runs[0].measure, percent(read[0], read[1]), None, None,
+        _limit(sides, False), False, means, floors, 0.0, count, names,
+    )  # fmt: skip
+
+
+def _bounded(interval: tuple[float, float] | None, sides: tuple[Side, Side]) -> tuple[float, float] | None:
+    """A sensor that clipped without counter-masses leaves the upper end open; one that clipped with them, the lower."""
+    if interval is None or sides[0].bound:
+        return None
+    return (interval[0], 100.0) if sides[1].bound else interval
+
+
+def _limit(sides: tuple[Side, Side], below_noise: bool) -> Limit | None:
+    if sides[0].bound:
+        return None if sides[1].bound else "at_most"
+    return "at_least" if sides[1].bound or below_noise else None
+
+
+def _limits(pair: Pair, found: Sequence[Reduction]) -> list[Finding]:
+    """What the reductions of a pair cannot say, a finding each."""
+    where = " ".join(run.name for run in pair.runs)
+    kinds = {
+        "below_noise": (
+            [r for r in found if r.below_noise],
+            "what is left with counter-masses is not above the noise: the reductions are lower bounds",
+        ),
+        "no_reduction": (
+            [r for r in found if r.percent is None],
+            "nothing vibrates above the noise without counter-masses: there is no reduction",
+        ),
+        "no_noise_floor": (
+            [r for r in found if None in r.noise_floor],
+            "no stretch at rest before the motion is long enough to show the noise, which is in the amplitudes",
+        ),
+    }
     return [
-        Reduction(
-            pair.key,
-            pair.counter_masses,
-            *place,
-            measure,
-            percent([a[place] for a in balanced], [a[place] for a in unbalanced]),
-            interval([a[place] for a in balanced], [a[place] for a in unbalanced]),
-            names,
-        )
-        for place in places
+        Finding(code, None, where, f"{pair.key}, base along {', '.join(r.axis for r in some)}: {says} ({where})")
+        for code, (some, says) in kinds.items()
+        if some
     ]
 
 
-def amplitudes(run: "Run", measure: Measure) -> dict[tuple[str, str], float]:
-    """Amplitude of the base's vibration by (sensor, axis) [m/s2]."""
-    signals = base_accelerations(run, rig_of(run))
-    return {place: measure.of(values, rate) for place, (values, rate) in signals.items()}
+def _fall(ratio: float) -> float:
+    return 100.0 * (1.0 - ratio)
+
+
+def _both(values: tuple[Any, Any]) -> dict[str, Any]:
+    return {"with": values[0], "without": values[1]}
 
 
 def percent(balanced: Sequence[float], unbalanced: Sequence[float]) -> float | None:
-    """Reduction of amplitudes [%]; of their geometric means where there are repeats. None of nothing."""
+    """Reduction of amplitudes without noise [%]; of their geometric means where there are several. None of nothing."""
     if min(unbalanced) <= 0.0:
         return None
     if min(balanced) <= 0.0:
         return 100.0
-    return 100.0 * (1.0 - float(np.exp(np.mean(np.log(balanced)) - np.mean(np.log(unbalanced)))))
-
-
-def interval(balanced: Sequence[float], unbalanced: Sequence[float]) -> tuple[float, float] | None:
-    """Interval of 95 % confidence of the reduction [%]: Welch's t, on the logarithms of repeated amplitudes.
-
-    None with fewer than two repeats on either side, or where an amplitude is zero.
-    """
-    if min(len(balanced), len(unbalanced)) < 2 or min(*balanced, *unbalanced) <= 0.0:
-        return None
-    from scipy.stats import t
-
-    logs = [np.log(balanced), np.log(unbalanced)]
-    shares = [float(np.var(values, ddof=1)) / len(values) for values in logs]
-    middle, spread = float(logs[0].mean() - logs[1].mean()), sum(shares)
-    if spread == 0.0:
-        half = 0.0
-    else:
-        freedom = spread**2 / sum(s**2 / (len(values) - 1) for s, values in zip(shares, logs, strict=True))
-        half = float(t.ppf(0.5 + CONFIDENCE / 2.0, freedom)) * spread**0.5
-    return 100.0 * (1.0 - float(np.exp(middle + half))), 100.0 * (1.0 - float(np.exp(middle - half)))
+    return _fall(float(np.exp(np.mean(np.log(balanced)) - np.mean(np.log(unbalanced)))))

@@ -12,6 +12,11 @@ ORDER = 4
 """Of the Butterworth filters; run forwards and backwards, so that the phase is zero and the order twice that."""
 
 
+_PERIODS = 4.0
+"""Of the band's slowest edge, for which a record is mirrored at its ends. Turned over there as well, as is usual, the
+raw first and last sample would pass unfiltered, and with them noise of all frequencies into every peak."""
+
+
 @dataclass(frozen=True)
 class Band:
     """Frequencies that are kept, by a zero-phase Butterworth filter. A low end of zero keeps all that is slow."""
@@ -27,19 +32,36 @@ class Band:
         return f"{self.low_hz:g}..{self.high_hz:g} Hz"
 
     def of(self, values: Floats, rate_hz: float) -> Floats:
-        """The part of a signal (n,) that lies in the band. Raises AnalysisError if rate or length forbid it."""
-        from scipy.signal import butter, sosfiltfilt
+        """The part of a signal (..., n) that lies in the band. Raises AnalysisError if rate or length forbid it."""
+        from scipy.signal import sosfiltfilt
 
         if not self.high_hz < rate_hz / 2.0:
             raise AnalysisError(
                 f"band {self} needs more than {2 * self.high_hz:g} samples a second, the record has {rate_hz:g}: "
                 "name a lower band, or none"
             )
-        edges = (self.low_hz, self.high_hz) if self.low_hz > 0.0 else self.high_hz
-        sos = butter(ORDER, edges, "bandpass" if self.low_hz > 0.0 else "lowpass", fs=rate_hz, output="sos")
-        if len(values) <= 6 * len(sos) + 3:
-            raise AnalysisError(f"{len(values)} samples are too few for a filter: expected a longer record, or no band")
-        return np.asarray(sosfiltfilt(sos, values), dtype=float)
+        sos = self._sections(rate_hz)
+        if values.shape[-1] <= 6 * len(sos) + 3:
+            raise AnalysisError(
+                f"{values.shape[-1]} samples are too few for a filter: expected a longer record, or no band"
+            )
+        settled = round(_PERIODS * rate_hz / (self.low_hz or self.high_hz))
+        length = min(max(settled, 6 * len(sos) + 3), values.shape[-1] - 1)
+        return np.asarray(sosfiltfilt(sos, values, padtype="even", padlen=length), dtype=float)
+
+    def gain(self, frequency: Floats, rate_hz: float) -> Floats:
+        """What becomes of an amplitude at each frequency (n,) [Hz]: |H|^2, since the filter runs both ways."""
+        from scipy.signal import sosfreqz
+
+        within = np.minimum(frequency, rate_hz / 2.0)
+        return np.abs(sosfreqz(self._sections(rate_hz), within, fs=rate_hz)[1]) ** 2
+
+    def _sections(self, rate_hz: float) -> Floats:
+        from scipy.signal import butter
+
+        if self.low_hz > 0.0:
+            return np.asarray(butter(ORDER, (self.low_hz, self.high_hz), "bandpass", fs=rate_hz, output="sos"))
+        return np.asarray(butter(ORDER, self.high_hz, "lowpass", fs=rate_hz, output="sos"))
 
 
 def without_offset(values: Floats) -> Floats:

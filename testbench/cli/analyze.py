@@ -10,7 +10,7 @@ from balance.cli.console import EXIT_WITH_FINDINGS, emit_json, emit_table, json_
 from . import calibrations, measuring
 
 if TYPE_CHECKING:
-    from ..reductions import Analysis, Reduction
+    from ..reductions import Analysis
     from ..signals import Band
 
 
@@ -20,7 +20,7 @@ Examples:
   testbench analyze campaign
   testbench analyze campaign --metric rms --band 1..100 --json
 \b
-Exit codes: 0 done, 3 done with findings (runs without a partner, doubtful channels), 1 nothing to compare."""
+Exit codes: 0 done, 3 done with findings (no partner, doubtful channels, lower bounds), 1 nothing to compare."""
 )
 @click.argument("campaign", type=click.Path(path_type=Path))
 @measuring.measure_options
@@ -28,8 +28,9 @@ Exit codes: 0 done, 3 done with findings (runs without a partner, doubtful chann
 def analyze(campaign: Path, metric: str, band: "Band | None", as_json: bool) -> int:
     """How much the vibration amplitude of the base fell, runs with counter-masses against runs without.
 
-    Runs of one payload, motion, acceleration and origin are compared. Intervals (95 %) come from repeats: Welch's t on
-    the logarithms of the amplitudes; without repeats on both sides there are none.
+    Runs of one payload, motion, acceleration and origin are compared. Noise, as the rest before the motion shows it,
+    is taken off. Intervals (95 %) come from the scatter of repeats where both sides have some, else from that noise,
+    propagated. Where what is left is not above the noise, the reduction is a lower bound: ">= 97.2 < noise".
     """
     from ..reductions import analyze as analyzed
     from ..store import open_campaign
@@ -53,16 +54,17 @@ def analyze(campaign: Path, metric: str, band: "Band | None", as_json: bool) -> 
 def _print(campaign: Path, analysis: "Analysis", definition: str) -> None:
     rows = [
         [*map(str, (f"{r.key.payload_kg:g}", r.key.motion, f"{r.key.peak_acceleration_g:g}", r.sensor, r.axis)),
-         measuring.per_cent(r.percent), _interval(r), r.key.origin, " ".join(r.runs)]
+         measuring.fell(r), _pair(r.amplitudes), _pair(r.noise_floor), "/".join(map(str, r.n)), r.method or "-",
+         r.key.origin, " ".join(r.runs)]
         for r in analysis.reductions
     ]  # fmt: skip
-    header = ["payload kg", "motion", "peak g0", "sensor", "axis", "fell by %", "95 % interval", "origin", "runs"]
+    header = ["payload kg", "motion", "peak g0", "sensor", "axis", "fell by % [95 %]", "with/without m/s2",
+              "noise m/s2", "n", "interval from", "origin", "runs"]  # fmt: skip
     emit_table(f"Reduction of the base's vibration, {campaign.name}", header, rows, definition)
     click.echo(measuring.origins(analysis.origins))
     measuring.print_findings(analysis.findings)
 
 
-def _interval(reduction: "Reduction") -> str:
-    if reduction.interval is None:
-        return "-"
-    return " .. ".join(measuring.per_cent(value) for value in reduction.interval)
+def _pair(values: tuple[float | None, float | None]) -> str:
+    """With and without counter-masses."""
+    return "/".join("-" if value is None else f"{value:.2g}" for value in values)

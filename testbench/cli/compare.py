@@ -61,7 +61,7 @@ def _document(comparison: "Comparison", published: "Published", definition: str)
 
 
 def _print(campaign: Path, comparison: "Comparison", published: "Published", definition: str) -> None:
-    header = ["payload kg", "motion", "peak g0", "sensor", "axis", "analysed %", "simulated %", "published %",
+    header = ["payload kg", "motion", "peak g0", "sensor", "axis", "analysed % [95 %]", "simulated %", "published %",
               "simulated shaking force %", "origin"]  # fmt: skip
     title = f"Reduction of the base's vibration, {campaign.name}, beside {published.name}"
     emit_table(title, header, [_cells(row) for row in comparison.rows], definition)
@@ -73,6 +73,6 @@ def _print(campaign: Path, comparison: "Comparison", published: "Published", def
 
 def _cells(row: "Row") -> list[str]:
     key = row.analyzed.key
-    values = (row.analyzed.percent, row.simulated, row.published, row.shaking_force)
+    values = (row.simulated, row.published, row.shaking_force)
     place = [f"{key.payload_kg:g}", key.motion, f"{key.peak_acceleration_g:g}", row.analyzed.sensor, row.analyzed.axis]
-    return [*place, *map(measuring.per_cent, values), key.origin]
+    return [*place, measuring.fell(row.analyzed), *map(measuring.per_cent, values), key.origin]

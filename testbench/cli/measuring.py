@@ -8,6 +8,7 @@ import click
 
 if TYPE_CHECKING:
     from ..findings import Finding
+    from ..reductions import Reduction
     from ..signals import Band
     from ..vibration import Measure
 
@@ -65,6 +66,18 @@ def measure(metric: Any, band: "Band | None") -> "Measure":  # noqa: ANN401
 def per_cent(value: float | None) -> str:
     """One decimal, or a dash where there is none."""
     return "-" if value is None else f"{value:.1f}"
+
+
+def fell(reduction: "Reduction") -> str:
+    """``94.2 [93.1, 95.0]``; a lower bound as ``>= 97.2``, with what bounds it."""
+    if reduction.limit == "at_least" and reduction.at_least is not None:
+        return f">= {per_cent(reduction.at_least)} {'< noise' if reduction.below_noise else 'clipped'}"
+    value = per_cent(reduction.percent)
+    if reduction.limit == "at_most":
+        return f"<= {value} clipped"
+    if reduction.interval is None:
+        return value
+    return f"{value} [{', '.join(map(per_cent, reduction.interval))}]"
 
 
 def print_findings(findings: Iterable["Finding"]) -> None:

@@ -21,7 +21,7 @@ _LOOKS: tuple[tuple[str, str, dict[str, Any]], ...] = (
 
 
 def reductions(comparison: Comparison) -> "Figure":
-    """A panel for each motion and axis, in it the conditions by payload and acceleration; intervals if any."""
+    """A panel for each motion and axis, conditions by payload and acceleration; intervals; a triangle: at least."""
     rows = comparison.rows
     motions = list(dict.fromkeys(row.analyzed.key.motion for row in rows))
     axes_of = list(dict.fromkeys(row.analyzed.axis for row in rows))
@@ -54,6 +54,8 @@ def _panel(panel: "Axes", rows: Sequence[Row]) -> None:
     for x, row in zip(at, rows, strict=True):
         if row.analyzed.interval:
             panel.vlines(x, *row.analyzed.interval, color=style.ANALYSED, lw=1.2)
+        if row.analyzed.at_least is not None:
+            panel.plot(x, row.analyzed.at_least, "^", color=style.ANALYSED, ms=4.0)
     panel.set_xticks(at, [f"{row.analyzed.key.peak_acceleration_g:g}" for row in rows], fontsize=8)
     for payload in payloads:
         here = [x for x, row in zip(at, rows, strict=True) if row.analyzed.key.payload_kg == payload]

@@ -43,10 +43,11 @@ def test_base_acceleration_states_the_reduction(brief, runs):
     """The title of each panel states the reduction that the analysis finds."""
     from testbench.reductions import analyze
 
-    found = {r.axis: r.percent for r in analyze(runs, Measure()).reductions}
+    found = {r.axis: r for r in analyze(runs, Measure()).reductions}
     figure = figures.base_acceleration(*runs)
     for axis, axes in zip("xyz", figure.axes, strict=True):
-        assert f"{found[axis]:.1f} %" in axes.get_title(loc="left")
+        assert f"{found[axis].percent:.1f} % [{found[axis].interval[0]:.1f}, " in axes.get_title(loc="left")
+        assert axes.patches  # the noise floor
 
 
 def test_command_performance(runs):

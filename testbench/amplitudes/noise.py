@@ -1,0 +1,87 @@
+"""The noise of a channel, as the stretch at rest before the motion shows it."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from balance.arrays import Floats
+
+from ..errors import AnalysisError
+
+if TYPE_CHECKING:
+    from ..signals import Band
+
+BANDWIDTH = 4.0
+"""Time-bandwidth product of the tapers: seven of them, sidelobes below 1e-8."""
+ENOUGH = 12.0
+"""Degrees of freedom below which a stretch tells too little of the noise in a band."""
+_SEGMENT = 8192
+"""Longest piece of which a spectrum is taken [samples]."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """A spectrum of noise, and how well it is known."""
+
+    frequency: Floats
+    """(m,) [Hz]"""
+    density: Floats
+    """One-sided power spectral density, (m,) [unit^2/Hz]."""
+    seconds: float
+    """Of the stretch that it was taken of."""
+    rate_hz: float
+    step: float
+    """Resolution of the channel [unit]."""
+
+    @classmethod
+    def of(cls, resting: Floats, rate_hz: float, step: float = 0.0) -> "Noise":
+        """By Thomson's multitaper method, of a stretch at rest (n,) of a channel with steps of ``step``.
+
+        A channel with coarse steps may show no noise at rest; in motion its steps are noise of step^2 / 12, spread
+        over all frequencies (GUM, JCGM 100, F.2.2.1). What is slower than the stretch can tell is taken to be as at
+        its slowest. Raises AnalysisError for a stretch too short for any spectrum.
+        """
+        from scipy.signal.windows import dpss
+
+        size = min(len(resting), _SEGMENT)
+        if size < 4 * BANDWIDTH:
+            raise AnalysisError(f"{len(resting)} samples at rest are too few for a spectrum of the noise")
+        pieces = resting[: len(resting) // size * size].reshape(-1, 1, size)
+        tapers = dpss(size, BANDWIDTH, round(2 * BANDWIDTH - 1))
+        power = np.abs(np.fft.rfft((pieces - pieces.mean(axis=-1, keepdims=True)) * tapers)) ** 2
+        density = 2.0 * power.mean(axis=(0, 1)) / rate_hz
+        frequency = np.fft.rfftfreq(size, 1.0 / rate_hz)
+        slow = round(BANDWIDTH)
+        density[:slow] = density[slow : 2 * slow].mean()
+        return cls(frequency, np.maximum(density, step**2 / (6.0 * rate_hz)), len(resting) / rate_hz, rate_hz, step)
+
+    def at(self, frequency: Floats) -> Floats:
+        """The density at other frequencies, (k,) [unit^2/Hz]."""
+        return np.interp(frequency, self.frequency, self.density)
+
+    def power(self, band: "Band | None") -> float:
+        """Mean square of the noise in a band [unit^2]."""
+        return float(np.trapezoid(self._weighted(band), self._fine))
+
+    def freedom(self, band: "Band | None", seconds: float | None = None) -> float:
+        """Degrees of freedom of the power in a band over ``seconds``; as it is known, of the stretch at rest.
+
+        2 T (int S df)^2 / int S^2 df, with the scatter of the seven tapers taken out of the lower integral.
+        """
+        weighted = self._weighted(band)
+        square = np.trapezoid(weighted**2, self._fine) / (1.0 + 1.0 / round(2 * BANDWIDTH - 1))
+        if square <= 0.0:
+            return np.inf
+        whole = np.trapezoid(weighted, self._fine) ** 2
+        return float(2.0 * (self.seconds if seconds is None else seconds) * whole / square)
+
+    @cached_property
+    def _fine(self) -> Floats:
+        """Frequencies of integrals [Hz]."""
+        return np.linspace(0.0, self.rate_hz / 2.0, 4001)
+
+    def _weighted(self, band: "Band | None") -> Floats:
+        gain = band.gain(self._fine, self.rate_hz) if band else 1.0
+        return self.at(self._fine) * gain**2

@@ -1,0 +1,62 @@
+"""The amplitudes of a stored run: each axis of each accelerometer on the base, with the noise of its own rest."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from balance.arrays import Floats
+
+from ..errors import AnalysisError
+from ..pairing import doubts, rig_of
+from ..segments import rest_before
+from ..vibration import Measure, base_accelerations
+from .amplitude import Amplitude
+from .noise import ENOUGH, Noise
+
+if TYPE_CHECKING:
+    from ..rig import Rig
+    from ..store import Run
+
+Place = tuple[str, str]
+"""Sensor and axis."""
+_CLIPPED = ("clipping", "clipping_suspected")
+
+
+def amplitudes(run: "Run", measure: Measure) -> dict[Place, Amplitude]:
+    """Amplitude of the base's vibration by (sensor, axis), in m/s2; without noise where no rest stretch shows it."""
+    rig = rig_of(run)
+    clipped = {f.channel for f in doubts(run) if f.code in _CLIPPED}
+    columns = {(c.sensor, c.component): c for n, s in rig.base_accelerometers.items() for c in s.columns(n)}
+    rests: dict[str, slice | None] = {}
+    found = {}
+    for place, (values, rate) in base_accelerations(run, rig).items():
+        group, index = run.find(columns[place].channel)
+        if group.name not in rests:
+            rests[group.name] = _rest(run, rig, group.name, rate)
+        noise = _noise(values, rate, rests[group.name], columns[place].resolution, measure)
+        found[place] = Amplitude(values, rate, measure, noise, group.channels[index].name in clipped)
+    return found
+
+
+def _noise(values: Floats, rate_hz: float, still: slice | None, step: float, measure: Measure) -> Noise | None:
+    if still is None:
+        return None
+    try:
+        noise = Noise.of(values[still], rate_hz, step or smallest_step(values))
+    except AnalysisError:
+        return None
+    return noise if noise.freedom(measure.band) >= ENOUGH else None
+
+
+def _rest(run: "Run", rig: "Rig", group: str, rate_hz: float) -> slice | None:
+    """The stretch before anything moves that the logger of ``group`` records."""
+    where = run.group(group)
+    signals = [run.channel(c.channel, group) for c in rig.columns() if where.index(c.channel) is not None]
+    return rest_before([s for s in signals if np.isfinite(s).all()], rate_hz)
+
+
+def smallest_step(values: Floats) -> float:
+    """The smallest step between values that a channel took: its resolution, where the rig states none."""
+    steps = np.diff(np.unique(values))
+    real = steps[steps > 1e-9 * max(float(np.abs(values).max(initial=0.0)), 1e-300)]
+    return float(real.min()) if real.size else 0.0

@@ -1,0 +1,119 @@
+"""Ratios of amplitudes in noise: the truth without noise, coverage with, and what cannot be told."""
+
+import numpy as np
+import pytest
+from scipy.stats import ttest_ind
+
+from testbench.amplitudes import Amplitude, Noise, Ratio, Side
+from testbench.signals import Band
+from testbench.vibration import METRICS, Measure
+
+from ..coverage import assert_holds
+
+RATE, BAND = 1000.0, Band(0.0, 100.0)
+TIME = np.arange(900) / RATE
+MOVED = (TIME > 0.3) * np.sin(2 * np.pi * 9.0 * TIME) * np.exp(-3.0 * (TIME - 0.3))
+"""A rest of 0.3 s, then a decaying swing."""
+ROCKED = (TIME > 0.35) * np.sin(2 * np.pi * 23.0 * TIME) * np.exp(-5.0 * (TIME - 0.35))
+"""Of another course."""
+SIGMA = np.sqrt(0.2 * 0.875 * (np.pi / 8) / np.sin(np.pi / 8))
+"""Of noise of standard deviation 1 in the band: the integral of (1 + x^8)^-2, 100 Hz of 500."""
+
+
+def amplitude(signal, sigma: float, rng, measure: Measure, step: float = 0.0) -> Amplitude:
+    """A record of a signal in white noise."""
+    values = signal + sigma * rng.normal(size=len(signal))
+    if step:
+        values = np.round(values / step) * step
+    return Amplitude(values, RATE, measure, Noise.of(values[:280], RATE, step))
+
+
+def ratio(with_size: float, without: float, sigma: float, rng, measure: Measure, repeats: int = 1) -> Ratio:
+    """Of two sizes in noise."""
+    sides = (
+        Side(tuple(amplitude(s, sigma, rng, measure) for _ in range(repeats)), repeats > 1)
+        for s in (with_size * ROCKED, without * MOVED)
+    )
+    return Ratio(*sides)
+
+
+@pytest.mark.parametrize("repeats", [1, 2])
+@pytest.mark.parametrize("metric", METRICS)
+def test_without_noise(metric, repeats):
+    """Without noise the ratio is that of the amplitudes, and its interval has hardly any width."""
+    measure, rng = Measure(metric, BAND), np.random.default_rng(0)
+    found = ratio(1.0, 4.0, 0.0, rng, measure, repeats)
+    truth = measure.of(ROCKED, RATE) / measure.of(4.0 * MOVED, RATE)
+    assert found.value == pytest.approx(truth, rel=1e-5)
+    assert found.interval == pytest.approx((truth, truth), rel=2e-5)
+    assert not found.below_noise
+
+
+@pytest.mark.parametrize(
+    ("metric", "size"), [("rms", 0.0), ("rms", 2.0), ("rms", 40.0), ("peak", 0.0), ("peak", 40.0),
+                         ("peak_to_peak", 0.0), ("peak_to_peak", 40.0)]
+)  # fmt: skip
+def test_coverage(metric, size):
+    """Of 40 intervals 95 % hold the truth: nothing left, much, and of the RMS also something near the noise."""
+    measure, held = Measure(metric, BAND), 0
+    truth = measure.of(size * ROCKED, RATE) / measure.of(60.0 * MOVED, RATE)
+    for seed in range(40):
+        low, high = ratio(size, 60.0, 1.0, np.random.default_rng(seed), measure).interval
+        held += low <= truth <= high
+    assert_holds(held, 40)
+
+
+@pytest.mark.parametrize("repeats", [2, 3])
+def test_coverage_of_repeats(repeats):
+    """Repeats that differ by 5 % in truth: their scatter is in the interval, which one run's noise knows nothing of."""
+    measure, held, alone = Measure("rms", BAND), 0, 0
+    truth = measure.of(ROCKED, RATE) / measure.of(4.0 * MOVED, RATE)
+    for seed in range(60):
+        rng = np.random.default_rng([seed, repeats])
+        runs = [
+            tuple(amplitude(s * (1.0 + 0.05 * rng.normal()), 0.003, rng, measure) for _ in range(repeats))
+            for s in (ROCKED, 4.0 * MOVED)
+        ]
+        low, high = Ratio(Side(runs[0], True), Side(runs[1], True)).interval
+        held += low <= truth <= high
+        low, high = Ratio(Side(runs[0][:1], False), Side(runs[1][:1], False)).interval
+        alone += low <= truth <= high
+    assert_holds(held, 60)
+    assert alone < 30
+
+
+def test_repeats_against_scipy():
+    """Far above the noise the interval of repeats is Welch's, of the logarithms."""
+    measure, rng = Measure("peak", BAND), np.random.default_rng(5)
+    sizes = [1.0 + 0.01 * rng.normal(size=3), 4.0 + 0.02 * rng.normal(size=4)]
+    runs = [[amplitude(s * MOVED, 1e-6, rng, measure) for s in some] for some in sizes]
+    found = Ratio(*(Side(tuple(some), True) for some in runs)).interval
+    logs = [np.log([run.reading for run in some]) for some in runs]
+    between = ttest_ind(*logs, equal_var=False).confidence_interval(0.95)
+    assert found == pytest.approx((np.exp(between.low), np.exp(between.high)), rel=2e-3)
+
+
+def test_noise_is_taken_off():
+    """The RMS of 40 records near the noise is not inflated by it: on average it is the truth."""
+    measure = Measure("rms", BAND)
+    read = [amplitude(3.0 * ROCKED, 1.0, np.random.default_rng(s), measure) for s in range(40)]
+    squares = [Side((r,), False).amplitude ** 2 for r in read]
+    assert np.mean(squares) == pytest.approx(measure.of(3.0 * ROCKED, RATE) ** 2, rel=0.1)
+    assert np.mean([r.reading for r in read]) > 1.3 * measure.of(3.0 * ROCKED, RATE) ** 2
+    assert np.mean([Side((r,), False).floor for r in read]) == pytest.approx(SIGMA, rel=0.05)
+
+
+def test_nothing_moves():
+    """Where nothing vibrates above the noise without counter-masses, any ratio goes: none is given."""
+    found = [ratio(0.0, 0.0, 1.0, np.random.default_rng(s), Measure("rms", BAND)) for s in range(20)]
+    assert sum(f.interval is None for f in found) >= 16
+
+
+def test_coarse_steps():
+    """Steps far above the noise are in the interval: it is as wide as their noise asks, and holds the truth."""
+    measure, rng = Measure("rms", BAND), np.random.default_rng(7)
+    sides = (Side((amplitude(s, 1e-4, rng, measure, step=0.2),), False) for s in (ROCKED, 4.0 * MOVED))
+    low, high = Ratio(*sides).interval
+    truth = measure.of(ROCKED, RATE) / measure.of(4.0 * MOVED, RATE)
+    assert low < truth < high
+    assert 1e-3 < high - low < 0.05
