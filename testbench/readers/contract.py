@@ -128,6 +128,11 @@ def _of_damage(reader: Reader, example: Path) -> Iterator[str]:
         "cut by one byte": whole[:-1],
         "zeroed in its middle": whole[: half // 2] + bytes(half) + whole[half // 2 + half :],
         "followed by zeros": whole + bytes(1000),
+        "followed by itself": whole + whole,
+        "with its halves exchanged": whole[half:] + whole[:half],
+        "with a piece from elsewhere": whole[:half] + whole[half // 3 : half // 3 + 100] + whole[half:],
+        "behind a byte order mark": b"\xff\xfe" + whole,
+        "with a line without end": whole[:half] + b"7" * (1 << 20) + whole[half:],
     }
     copy = example.with_name(f"damaged{example.suffix}")
     for how, content in copies.items():
