@@ -54,6 +54,8 @@ class Solution:
     """Factor of each row's reading in what is made small, (rows,)."""
     bound: float
     """Proven lower bound of what is made small."""
+    is_free: bool = False
+    """Whether the weights are those of least squares and no limit binds: then they can be differentiated."""
 
     @property
     def residual(self) -> Complexes:
@@ -79,7 +81,7 @@ def identify(weights: Complexes, readings: Complexes) -> Coefficients:
     runs, planes = weights.shape
     scale = np.abs(weights).max(axis=0, initial=0.0)
     scale[scale == 0.0] = 1.0
-    known = np.hstack([np.ones((runs, 1)), weights / scale])
+    known = known_of(weights / scale)
     rank = int(np.linalg.matrix_rank(known))
     if rank < planes + 1:
         raise SizingError(
@@ -89,6 +91,11 @@ def identify(weights: Complexes, readings: Complexes) -> Coefficients:
     found = np.linalg.lstsq(known, readings, rcond=None)[0]
     misfit = float(np.sqrt(np.mean(np.abs(readings - known @ found) ** 2)))
     return Coefficients(found[0], found[1:].T / scale, misfit if runs > planes + 1 else 0.0)
+
+
+def known_of(weights: Complexes) -> Complexes:
+    """What multiplies v0 and the coefficients in each run: one, and its weights, (runs, planes + 1)."""
+    return np.hstack([np.ones((len(weights), 1)), weights])
 
 
 def effect(before: Complexes, after: Complexes) -> float:
@@ -131,7 +138,8 @@ def solve(
         weights, bound = least(matrix, initial, bounds, total=method == "robust")
     else:
         raise SizingError(f"method is {method!r}: expected one of {', '.join(METHODS)}")
-    return Solution(coefficients, weights, method, weighting, bound)
+    is_free = method == "least-squares" and bool((np.abs(weights) < bounds * (1.0 - 1e-9)).all())
+    return Solution(coefficients, weights, method, weighting, bound, is_free)
 
 
 def _cost(readings: Complexes, method: str) -> float:

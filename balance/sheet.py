@@ -9,6 +9,8 @@ from pathlib import Path
 from .errors import DataError, UnitError
 from .quantities import factor_to_si, parse, parse_unit
 
+_WITHIN = re.compile(r"\s*(?:±|\+/?-)\s*")
+"""Between a value and the half width of its interval."""
 _NUMBER = re.compile(r"\s*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _TURNING = {"radian", "degree", "turn", "revolution", "revolutions_per_minute", "grade", "arcminute"}
 _SPELLINGS = {
@@ -70,6 +72,13 @@ class Sheet:
             return default
         return self._number(self.value(key), key)
 
+    def positive(self, key: str) -> float:
+        """A plain number above zero."""
+        found = self.number(key)
+        if not found > 0.0:
+            raise self.refuse(key, f"is {found:g}: expected more than zero")
+        return found
+
     def quantity(self, key: str, dimension: str, default: float | None = None, positive: bool = False) -> float:
         """A text with a unit, such as ``80 mm``, in SI."""
         if default is not None and key not in self:
@@ -95,6 +104,16 @@ class Sheet:
             raise self.refuse(key, f"is {found!r}: expected a text such as '1 g @ 30 deg'")
         try:
             return vector(found, *dimensions)
+        except UnitError as error:
+            raise self.refuse(key, f"is {found!r}: {error}") from error
+
+    def uncertain(self, key: str, *dimensions: str) -> tuple[complex, tuple[float, float] | None]:
+        """A vector that may have intervals, see ``uncertain``."""
+        found = self.value(key)
+        if not isinstance(found, str):
+            raise self.refuse(key, f"is {found!r}: expected a text such as '1 um ± 0.1 um @ 30 deg ± 2 deg'")
+        try:
+            return uncertain(found, *dimensions)
         except UnitError as error:
             raise self.refuse(key, f"is {found!r}: {error}") from error
 
@@ -175,9 +194,36 @@ def vector(text: str, *dimensions: str) -> complex:
     return magnitude * complex(math.cos(turned), math.sin(turned))
 
 
+def uncertain(text: str, *dimensions: str) -> tuple[complex, tuple[float, float] | None]:
+    """Read ``170 um ± 2 um @ 112 deg ± 1 deg``: a vector in SI, and half its interval along and across, in SI.
+
+    ``± 2 %`` is of the magnitude. Without an interval of the angle that of the magnitude holds in every direction;
+    without any there is None.
+    """
+    size, separator, angle = text.partition("@")
+    magnitude, *within = _WITHIN.split(size)
+    turned, *about = _WITHIN.split(angle)
+    found = vector(f"{magnitude.strip()} {separator} {turned.strip()}", *dimensions)
+    if len(within) > 1 or len(about) > 1 or (about and not within):
+        raise UnitError(f"{text!r}: expected ± once after the magnitude, and once after the angle if at all")
+    if not within:
+        return found, None
+    along = _half_width(within[0].strip(), dimension_of(magnitude.strip(), *dimensions), abs(found))
+    return found, (along, abs(found) * _half_width(about[0].strip(), "angle", 0.0) if about else along)
+
+
+def _half_width(text: str, dimension: str, whole: float) -> float:
+    """Half an interval, in SI; per cent are of the ``whole``, where there is one."""
+    number, unit = _split(text)
+    half = float(number) / 100.0 * whole if number and unit == "%" and whole else quantity(text, dimension)
+    if not 0.0 < half < math.inf:
+        raise UnitError(f"± {text}: expected more than zero")
+    return half
+
+
 def dimension_of(text: str, *dimensions: str) -> str:
     """Which of ``dimensions`` a quantity has; the first where it has none of them, so that reading it says so."""
-    unit = _split(text.partition("@")[0])[1]
+    unit = _split(_WITHIN.split(text.partition("@")[0])[0])[1]
     for dimension in dimensions:
         try:
             factor_to_si(_SPELLINGS.get(dimension, {}).get(unit, unit), dimension)

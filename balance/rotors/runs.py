@@ -11,6 +11,7 @@ import numpy as np
 from .. import influence
 from ..arrays import Floats
 from ..errors import DataError
+from ..scatter import Scatter, Sureness, of_coefficients, of_runs, propagate
 from .moduli import Complexes
 
 
@@ -36,6 +37,8 @@ class Run:
     """Whether they stayed on after it; None where nothing was put on."""
     readings: Complexes
     """Readings, (rows,) [m, m/s or m/s2]."""
+    errors: Floats | None = None
+    """Covariance of the parts of each reading, (rows, 2, 2), where the sheet states their intervals."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,8 @@ class Runs:
     published: Mapping[str, complex]
     """Weights by plane that the source prints, in the sheet's own sense [kg or kg m]."""
     note: str
+    given_errors: Floats | None = None
+    """Covariances of given readings and coefficients, (planes + 1, rows, 2, 2), where intervals are stated."""
 
     @property
     def on_now(self) -> Complexes:
@@ -87,8 +92,23 @@ class Runs:
                     f"{100 * effect:.1f} % (expected {100 * self.least_effect:g} %): too little effect to compute "
                     "from; repeat the run with a larger trial weight, or state a smaller least_effect in the sheet"
                 )
-        stacked = np.array([run.weights for run in self.runs]), np.array([run.readings for run in self.runs])
-        return influence.identify(*stacked)
+        return influence.identify(*self._stacked())
+
+    def _stacked(self) -> tuple[Complexes, Complexes]:
+        """Weights (runs, planes) and readings (runs, rows) of all runs."""
+        return np.array([run.weights for run in self.runs]), np.array([run.readings for run in self.runs])
+
+    def scatter(self) -> Scatter | None:
+        """Covariance of the coefficients by stated intervals of readings, else by repeated runs; None by neither."""
+        if self.given is not None:
+            return None if self.given_errors is None else of_coefficients(self.given_errors)
+        stated = [run.errors for run in self.runs if run.errors is not None]
+        return of_runs(*self._stacked(), np.array(stated) if stated else None)
+
+    def sureness(self, solution: influence.Solution) -> Sureness | None:
+        """Intervals of a solution of this sheet; None where nothing tells how far readings scatter."""
+        found = self.scatter()
+        return None if found is None else propagate(solution, found, lambda c: self._solved(c, solution.method))
 
     def effects(self) -> dict[str, float]:
         """Largest change of a reading by each trial weight, relative to the last run with the same other weights."""
@@ -97,14 +117,17 @@ class Runs:
             if run.stayed_on is None:
                 continue
             others = run.weights - run.trial
-            before = [r for r in self.runs[:i] if np.allclose(r.weights, others, rtol=1e-12, atol=0.0)]
+            tiny = 1e-9 * float(np.abs(run.trial).max())
+            before = [r for r in self.runs[:i] if np.allclose(r.weights, others, rtol=0.0, atol=tiny)]
             found[run.name] = influence.effect(before[-1].readings * self.factors, run.readings * self.factors)
         return found
 
     def solve(self, method: str) -> influence.Solution:
         """Correction weights, in the sense of lead and with rotation."""
-        limits = [plane.limit for plane in self.planes]
-        return influence.solve(self.coefficients(), method, self.factors, limits)
+        return self._solved(self.coefficients(), method)
+
+    def _solved(self, coefficients: influence.Coefficients, method: str) -> influence.Solution:
+        return influence.solve(coefficients, method, self.factors, [plane.limit for plane in self.planes])
 
     def in_sheet_sense(self, weights: Complexes) -> Complexes:
         """Weights with their angles counted as the sheet counts them."""

@@ -14,9 +14,8 @@ from ..errors import DataError
 from ..sheet import Sheet, dimension_of, quantity
 from .moduli import Complexes
 from .runs import Run, Runs, TrialPlane
+from .sensors import READING, Half, Sensors, covariances
 
-READING = ("length", "velocity", "acceleration")
-"""What an instrument may read."""
 WEIGHT = ("mass", "first moment")
 """A weight is a mass at its plane's radius, or mass times radius."""
 _UNSTATED = "unstated"
@@ -58,6 +57,7 @@ def from_sheet(sheet: Sheet) -> Runs:
         least_effect,
         published,
         sheet.text("note", ""),
+        reader.given_errors,
     )
     sheet.finish()
     return result
@@ -72,6 +72,8 @@ class _Reader:
         self.rows: list[tuple[str, str]] = []
         self.dimensions: dict[str, str] = {}
         self.weight = ""
+        self.sensors = Sensors(sheet)
+        self.given_errors: Floats | None = None
 
     def planes(self) -> tuple[TrialPlane, ...]:
         found = []
@@ -95,6 +97,11 @@ class _Reader:
                 raise item.refuse("name", f"is {run.name!r}, which another run has")
             found.append(run)
             on = run.weights if run.stayed_on else on
+        if bare := [run.name for run in found if (run.errors is None) != (found[0].errors is None)]:
+            raise DataError(
+                f"{self.sheet.where}: readings of run {bare[0]!r} and of run {found[0].name!r} do not both have "
+                "intervals: give all of them one, or none"
+            )
         return tuple(found)
 
     def _run(self, item: Sheet, on: Complexes, first: bool) -> Run:
@@ -109,9 +116,9 @@ class _Reader:
                     "stayed_on", "is missing: say whether this run's trial weight stayed on after it (true or false)"
                 )
             stayed = item.flag("stayed_on")
-        readings = self._readings(item.sheet("readings"), first)
+        readings, errors = self._readings(item.sheet("readings"), first)
         item.finish()
-        return Run(name, on + trial, trial, stayed, readings)
+        return Run(name, on + trial, trial, stayed, readings, errors)
 
     def _weights(self, table: Sheet) -> Complexes:
         for key in table.keys():  # noqa: SIM118
@@ -121,8 +128,9 @@ class _Reader:
             raise DataError(f"{table.where}: expected a trial weight above zero in one of {', '.join(self.names)}")
         return np.array(values)
 
-    def _readings(self, speeds: Sheet, first: bool) -> Complexes:
-        found: dict[tuple[str, str], complex] = {}
+    def _readings(self, speeds: Sheet, first: bool) -> tuple[Complexes, Floats | None]:
+        """Readings (rows,) and their covariances (rows, 2, 2), where their intervals are stated."""
+        found: dict[tuple[str, str], tuple[complex, Half | None]] = {}
         for speed in speeds.keys():  # noqa: SIM118
             self._check_speed(speeds, speed)
             table = speeds.sheet(speed)
@@ -133,18 +141,22 @@ class _Reader:
         if not found or set(found) != set(self.rows):
             odd = sorted({f"{sensor} at {speed}" for sensor, speed in set(found) ^ set(self.rows)})
             raise DataError(f"{speeds.where}: {odd[0] if odd else 'nothing'} is not read in every run alike")
-        return np.array([found[row] for row in self.rows])
+        values, halves = np.array([found[row][0] for row in self.rows]), [found[row][1] for row in self.rows]
+        return values, covariances(values, halves, speeds.where, [f"{sensor} at {v}" for sensor, v in self.rows])
 
     def coefficients(self) -> influence.Coefficients:
         """Coefficients and readings that the sheet gives, by speed and sensor, a list in the order of the planes."""
         if "coefficients" not in self.sheet:
             raise self.sheet.refuse("runs", "are missing (or coefficients and initial)")
-        initial = self._readings(self.sheet.sheet("initial"), first=True)
+        initial, errors = self._readings(self.sheet.sheet("initial"), first=True)
         self.weight = self.weight or dimension_of(f"1 {self.sheet.text('per')}", *WEIGHT)
         per = quantity(f"1 {self.sheet.text('per')}", self.weight)
         speeds = self.sheet.sheet("coefficients")
         matrix = [[c / per for c in self._coefficient_row(speeds.sheet(v), sensor)] for sensor, v in self.rows]
         speeds.finish()
+        if errors is not None:
+            exact = np.zeros((len(self.names), *errors.shape))
+            self.given_errors = np.concatenate([errors[None], exact])
         return influence.Coefficients(initial, np.array(matrix), 0.0)
 
     def _coefficient_row(self, table: Sheet, sensor: str) -> list[complex]:
@@ -163,34 +175,14 @@ class _Reader:
         )
 
     def factors(self) -> Floats:
-        """Factor of each row: root of its sensor's weight, or one over its scale, times root of its speed's weight."""
-        sensors = self._sensor_factors()
+        """Factor of each row: its sensor's, times the root of its speed's weight."""
+        sensors = self.sensors.factors(self.dimensions)
         speeds = self.sheet.sheet("speed_weights") if "speed_weights" in self.sheet else Sheet({}, "")
         for speed in speeds.keys():  # noqa: SIM118
             if speed not in {s for _, s in self.rows}:
                 raise speeds.refuse(speed, "is no speed of this sheet")
-        weights = {speed: self._positive(speeds, speed) for speed in speeds.keys()}  # noqa: SIM118
+        weights = {speed: speeds.positive(speed) for speed in speeds.keys()}  # noqa: SIM118
         return np.array([sensors[sensor] * weights.get(speed, 1.0) ** 0.5 for sensor, speed in self.rows])
-
-    def _sensor_factors(self) -> dict[str, float]:
-        found = {sensor: 1.0 for sensor, _ in self.rows}
-        scaled = set()
-        for item in self.sheet.sheets("sensors") if "sensors" in self.sheet else []:
-            name = item.text("name")
-            if name not in found:
-                raise item.refuse("name", f"is {name!r}, which no run reads: there are {', '.join(found)}")
-            if "scale" in item:
-                found[name] = 1.0 / item.quantity("scale", self.dimensions[name], positive=True)
-                scaled.add(name)
-            if "weight" in item:
-                found[name] *= self._positive(item, "weight") ** 0.5
-            item.finish()
-        if len(set(self.dimensions.values())) > 1 and scaled != set(found):
-            raise DataError(
-                f"{self.sheet.where}: sensors read {' and '.join(sorted(set(self.dimensions.values())))}: give every "
-                "sensor a scale, the reading that counts as one, or they cannot be weighed against each other"
-            )
-        return found
 
     @property
     def reading(self) -> str:
@@ -214,18 +206,12 @@ class _Reader:
         if speed != _UNSTATED:
             Sheet({speed: speed}, table.where).quantity(speed, "angular velocity", positive=True)
 
-    def _positive(self, table: Sheet, key: str) -> float:
-        value = table.number(key)
-        if not value > 0.0:
-            raise table.refuse(key, f"is {value:g}: expected more than zero")
-        return value
-
-    def _reading(self, table: Sheet, sensor: str) -> complex:
+    def _reading(self, table: Sheet, sensor: str) -> tuple[complex, Half | None]:
         dimension = dimension_of(str(table.value(sensor)), *READING)
         if self.dimensions.setdefault(sensor, dimension) != dimension:
             raise table.refuse(sensor, f"is a {dimension} here and a {self.dimensions[sensor]} in another run")
-        found = table.vector(sensor, dimension)
-        return found.conjugate() if self.lag else found
+        found, half = table.uncertain(sensor, dimension)
+        return found.conjugate() if self.lag else found, half or self.sensors.within(sensor)
 
     def _weight(self, table: Sheet, key: str) -> complex:
         self._dimension(table, key)

@@ -11,16 +11,6 @@ if TYPE_CHECKING:
     from ...influence import Solution
     from ...rotors.runs import Runs
 
-ILL_CONDITIONED = 30.0
-"""Condition number of the coefficients above which planes act so much alike that it is a finding."""
-_READING = {
-    "length": ("um", "um", 1e6),
-    "velocity": ("mm/s", "mm_per_s", 1e3),
-    "acceleration": ("m/s2", "m_per_s2", 1.0),
-    "mixed": ("SI", "SI", 1.0),
-}
-_WEIGHT = {"mass": ("g", "g", 1e3), "first moment": ("g mm", "gmm", 1e6)}
-
 
 @click.command(
     epilog="""\b
@@ -44,6 +34,8 @@ A sheet of trial runs (TOML); several speeds are several tables of readings:
   stayed_on = false                   # required: did this trial weight stay on after the run?
   readings."3000 rpm" = { A = "235 um @ 94 deg", B = "58 um @ 68 deg" }
 \b
+Intervals (95 %) of the weights come from those of the readings, "170 um ± 2 um @ 112 deg ± 1 deg" (or "+- 1 %";
+without the angle's in every direction), or from within = "2 um" in [[sensors]], or else from repeated runs.
 Optional: least_effect = 0.25; speed_weights = { "3000 rpm" = 2.0 }; [[sensors]] with name and weight or scale.
 In place of runs: per = "g", initial and coefficients, by speed and sensor, a list over the planes."""
 )
@@ -64,140 +56,90 @@ def influence(ctx: click.Context, runs: str, method: str, figure: str | None, as
     A trial weight that changed no reading enough is refused by name. Whether each trial weight stayed on must be
     recorded; the weights are given in all, and as what is to be added to those still on.
     """
+    from ...rotors.document import of_solution
     from ...rotors.runsheet import load
 
     sheet = load(runs)
     solution = sheet.solve(method)
-    findings = _findings(sheet, solution)
+    found = of_solution(sheet, solution)
     if figure:
-        from ...figures.drawing import save
-        from ...figures.vectors import draw_readings
-
-        (reading, _, r), (weight, _, w) = _READING[sheet.reading], _WEIGHT[sheet.weight]
-        save(draw_readings(sheet, solution, (reading, r), (weight, w)), figure)
+        _draw(sheet, solution, figure)
     if as_json:
-        emit_json(_document(sheet, solution, findings))
+        emit_json(found)
     else:
-        _print(sheet, solution, findings)
-    if findings:
+        _print(sheet, found)
+    if found["findings"]:
         ctx.exit(EXIT_WITH_FINDINGS)
 
 
-def _findings(sheet: "Runs", solution: "Solution") -> list[str]:
-    found = []
-    condition = solution.coefficients.condition
-    if condition > ILL_CONDITIONED:
-        found.append(
-            f"condition number {condition:.3g}: the planes act so much alike that small errors of reading give large "
-            "weights; use fewer planes or more sensors"
-        )
-    if sheet.reading == "mixed":
-        found.append("sensors read different quantities: each was divided by its scale")
-    return found
+def _draw(sheet: "Runs", solution: "Solution", path: str) -> None:
+    from ...figures.drawing import save
+    from ...figures.vectors import draw_readings
+    from ...rotors.document import READING, WEIGHT
+
+    (reading, _, r), (weight, _, w) = READING[sheet.reading], WEIGHT[sheet.weight]
+    save(draw_readings(sheet, solution, (reading, r), (weight, w)), path)
 
 
-def _document(sheet: "Runs", solution: "Solution", findings: list[str]) -> dict[str, Any]:
-    from ...rotors.polar import document
+def _print(sheet: "Runs", found: dict[str, Any]) -> None:
+    from ...rotors.document import READING, WEIGHT
 
-    _, reading, r = _READING[sheet.reading]
-    _, weight, w = _WEIGHT[sheet.weight]
-    coefficients, effects = solution.coefficients, sheet.effects()
-    turned = sheet.in_sheet_sense
-    phased = sheet.as_sheet_phase
-    rows = []
-    for i, (sensor, speed) in enumerate(sheet.rows):
-        row: dict[str, Any] = {"sensor": sensor, "speed": speed, "factor": float(solution.factors[i])}
-        row["before"] = document(complex(phased(coefficients.initial)[i]), reading, r)
-        row["after"] = document(complex(phased(solution.residual)[i]), reading, r)
-        row["coefficients_lead_with_rotation"] = {
-            plane.name: document(complex(coefficients.matrix[i, j]), f"{reading}_per_{weight}", r / w)
-            for j, plane in enumerate(sheet.planes)
-        }
-        rows.append(row)
-    planes = []
-    for j, plane in enumerate(sheet.planes):
-        printed = sheet.published.get(plane.name)
-        planes.append(
-            {
-                "plane": plane.name,
-                "total": document(complex(turned(solution.weights)[j]), weight, w),
-                "on_now": document(complex(turned(sheet.on_now)[j]), weight, w),
-                "add": document(complex(turned(solution.weights - sheet.on_now)[j]), weight, w),
-                "published": None if printed is None else document(printed, weight, w),
-            }
-        )
-    return {
-        "name": sheet.name,
-        "source": sheet.source or None,
-        "note": sheet.note or None,
-        "phase": sheet.phase,
-        "angles": sheet.angles,
-        "amplitude": sheet.amplitude,
-        "method": solution.method,
-        "trial_weights": {
-            run.name: {"stayed_on": run.stayed_on, "largest_effect": _finite(effects[run.name])}
-            for run in sheet.runs
-            if run.stayed_on is not None
-        },
-        "planes": planes,
-        "readings": rows,
-        f"rms_before_{reading}": _rms(coefficients.initial) * r,
-        f"rms_after_{reading}": _rms(solution.residual) * r,
-        "cost_SI": solution.cost,
-        "cost_lower_bound_SI": solution.bound,
-        "condition": coefficients.condition,
-        f"misfit_of_runs_{reading}": coefficients.misfit * r,
-        "findings": findings,
-    }
-
-
-def _finite(value: float) -> float | None:
-    return value if value < float("inf") else None
-
-
-def _rms(readings: Any) -> float:  # noqa: ANN401
-    import numpy as np
-
-    return float(np.sqrt(np.mean(np.abs(readings) ** 2)))
-
-
-def _print(sheet: "Runs", solution: "Solution", findings: list[str]) -> None:
-    from ...rotors.polar import polar
-
-    reading, _, r = _READING[sheet.reading]
-    weight, _, w = _WEIGHT[sheet.weight]
-    turned, phased = sheet.in_sheet_sense, sheet.as_sheet_phase
-    total, on, add = (turned(x) for x in (solution.weights, sheet.on_now, solution.weights - sheet.on_now))
-    rows = [
-        [
-            plane.name,
-            polar(complex(total[j]), w),
-            polar(complex(on[j]), w),
-            polar(complex(add[j]), w),
-            polar(sheet.published[plane.name], w) if plane.name in sheet.published else "-",
-        ]
-        for j, plane in enumerate(sheet.planes)
-    ]
+    (reading, r, _), (weight, w, _) = READING[sheet.reading], WEIGHT[sheet.weight]
+    sure = found["intervals"]
+    rows = [[p["plane"], *(_vector(p[key], w) for key in ("total", "on_now", "add", "published"))]
+            for p in found["planes"]]  # fmt: skip
     header = ["plane", f"all weights [{weight}]", "still on", "to add now", "published"]
-    emit_table(f"Correction weights, {sheet.name}, {solution.method}", header, rows, sheet.source)
-    before, after = phased(solution.coefficients.initial), phased(solution.residual)
+    note = "" if sure is None else f"Intervals of 95 %, {_origin(sure)}."
+    emit_table(f"Correction weights, {found['name']}, {found['method']}", header, rows, note or found["source"] or "")
     rows = [
-        [sensor, speed, polar(complex(before[i]), r), polar(complex(after[i]), r)]
-        for i, (sensor, speed) in enumerate(sheet.rows)
+        [row["sensor"], row["speed"], _vector(row["before"], r), _vector(row["after"], r)]
+        + ([] if sure is None else [f"{row[f'after_within_{r}']:.3g}"])
+        for row in found["readings"]
     ]
-    emit_table("Readings", ["sensor", "speed", f"before [{reading}]", f"predicted after [{reading}]"], rows)
-    for run, effect in sheet.effects().items():
-        stayed = next(other.stayed_on for other in sheet.runs if other.name == run)
-        click.echo(
-            f"Trial weight of run {run!r}: largest effect {100 * effect:.3g} % of the reading before; "
-            f"it {'stayed on' if stayed else 'was taken off'}."
-        )
+    header = ["sensor", "speed", f"before [{reading}]", f"predicted after [{reading}]"]
+    emit_table("Readings", header + ([] if sure is None else ["within (95 %)"]), rows)
+    if sure is None:
+        click.echo("No intervals: state those of the readings (170 um ± 2 um @ 112 deg ± 1 deg), or repeat a run.")
+    _print_trials(found)
     click.echo(
-        f"RMS {_rms(before) * r:.4g} -> {_rms(after) * r:.4g} {reading}; condition number "
-        f"{solution.coefficients.condition:.3g}; phase counts as {sheet.phase}, weight angles {sheet.angles}, "
+        f"RMS {found[f'rms_before_{r}']:.4g} -> {found[f'rms_after_{r}']:.4g} {reading}; condition number "
+        f"{found['condition']:.3g}; phase counts as {sheet.phase}, weight angles {sheet.angles}, "
         f"amplitude {sheet.amplitude}."
     )
-    if sheet.note:
-        click.echo(f"Note: {sheet.note}")
-    for finding in findings:
+    if sure is not None and found["source"]:
+        click.echo(f"Source: {found['source']}")
+    if found["note"]:
+        click.echo(f"Note: {found['note']}")
+    for finding in found["findings"]:
         click.echo(f"Finding: {finding}")
+
+
+def _origin(sure: dict[str, Any]) -> str:
+    """Where intervals come from, for people."""
+    how = "from the stated intervals of readings"
+    if sure["from"] == "repeats":
+        how = f"from what the runs leave over ({sure['degrees_of_freedom_a_row']:.0f} degrees of freedom a row)"
+    return how if sure["draws"] is None else f"{how}, {sure['draws']} solutions drawn"
+
+
+def _vector(value: dict[str, float] | None, unit: str) -> str:
+    """A vector of the document for people, with its intervals where it has any."""
+    if value is None:
+        return "-"
+    size, angle = value[f"magnitude_{unit}"], round(value["angle_deg"], 3) % 360.0
+    within = value.get(f"magnitude_{unit}_within")
+    if within is None:
+        return f"{size:.6g} @ {angle:.3f} deg" if size > 1e-9 else "0"
+    about = value["angle_deg_within"]
+    turned = "any angle" if about >= 180.0 else f"{angle:.2f} ± {about:.2g} deg"
+    return f"{size:.5g} ± {within:.2g} @ {turned}"
+
+
+def _print_trials(found: dict[str, Any]) -> None:
+    for run, trial in found["trial_weights"].items():
+        effect = trial["largest_effect"]
+        said = "a reading that was zero" if effect is None else f"{100 * effect:.3g} % of the reading before"
+        click.echo(
+            f"Trial weight of run {run!r}: largest effect {said}; it "
+            f"{'stayed on' if trial['stayed_on'] else 'was taken off'}."
+        )

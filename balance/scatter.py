@@ -1,0 +1,221 @@
+"""How sure correction weights are: from the errors of readings to coefficients, to weights, to what they leave.
+
+Influence coefficients are linear in the readings of the runs, so their covariance follows from that of the readings.
+Weights of least squares, w = -(A^H A)^-1 A^H v0, are differentiated; of other methods and limits they are drawn.
+Errors of readings are taken as independent between runs and between rows. Intervals are of 95 %.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2, f, t
+
+from .arrays import Floats
+from .errors import SizingError
+from .influence import Coefficients, Solution, known_of
+from .rotors.moduli import Complexes
+
+DRAWS = 100
+"""Draws where weights are not differentiated: their standard deviation is known to 7 %."""
+_DOUBT = 0.01
+"""Probability below which runs scatter more than the stated errors allow."""
+_SEED = 0
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Covariance of the coefficients that runs give."""
+
+    covariance: Floats
+    """Of each row's (Re v0, Re alpha_1, ..., Im v0, Im alpha_1, ...), (rows, 2 planes + 2, 2 planes + 2)."""
+    spare: float
+    """Degrees of freedom of each row's covariance; infinite where the errors of readings are stated."""
+    source: str
+    """Where it comes from: ``stated`` or ``repeats``."""
+    widened: float = 1.0
+    """Factor on the stated errors, above one where runs scatter more than they allow."""
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Half widths of the 95 % intervals of a vector's magnitude and angle."""
+
+    magnitude: float
+    """In the vector's unit."""
+    angle: float
+    """At most pi, where the vector is not told from none [rad]."""
+
+
+@dataclass(frozen=True)
+class Sureness:
+    """Intervals of correction weights and of the readings that they leave."""
+
+    scatter: Scatter
+    total: Complexes
+    """The weights, (planes,)."""
+    covariance: Floats
+    """Of the weight in each plane, components at 0 and 90 degrees, (planes, 2, 2)."""
+    after: Floats
+    """Distance from the predicted reading within which the true one lies with 95 %, (rows,)."""
+    draws: int | None
+    """How many solutions were drawn; None where the weights were differentiated."""
+    spare: tuple[float, ...]
+    """Degrees of freedom of each plane's covariance."""
+
+    @property
+    def weights(self) -> list[Interval]:
+        """Of the weight in each plane."""
+        return self.about(self.total)
+
+    def about(self, weights: Complexes) -> list[Interval]:
+        """Intervals of the weights (planes,) less others that are known, such as those that are on already."""
+        given = zip(weights, self.covariance, self.spare, strict=True)
+        return [interval(complex(w), c, n) for w, c, n in given]
+
+
+def of_reading(value: complex, along: float, across: float) -> Floats:
+    """Covariance of a reading's parts from the half widths of its 95 % intervals along and across it, (2, 2)."""
+    c, s = (value.real / abs(value), value.imag / abs(value)) if value else (1.0, 0.0)
+    turn = np.array([[c, -s], [s, c]])
+    spread: Floats = turn @ np.diag(np.square([along, across]) / _two_sided(np.inf) ** 2) @ turn.T
+    return spread
+
+
+def of_runs(weights: Complexes, readings: Complexes, errors: Floats | None) -> Scatter | None:
+    """Scatter of the coefficients of runs: weights (runs, planes), readings (runs, rows).
+
+    ``errors`` (runs, rows, 2, 2) are the readings' covariances where they are stated; else what repeated runs leave
+    over tells them, and without runs to spare nothing does: None.
+    """
+    known = known_of(weights)
+    inverse = np.linalg.pinv(known)
+    left = readings - known @ (inverse @ readings)
+    spare = 2 * (known.shape[0] - known.shape[1])
+    if errors is not None:
+        widened = _widening(left, known @ inverse, errors, spare)
+        return Scatter(_propagated(inverse, errors * widened**2), np.inf, "stated", widened)
+    if spare == 0:
+        return None
+    variance = (np.abs(left) ** 2).sum(axis=0) / spare
+    each = np.broadcast_to(variance[:, None, None] * np.eye(2), (*readings.shape, 2, 2))
+    return Scatter(_propagated(inverse, each), spare, "repeats")
+
+
+def of_coefficients(errors: Floats) -> Scatter:
+    """Scatter of stated coefficients: covariances of each row's v0, alpha_1, ..., (planes + 1, rows, 2, 2)."""
+    return Scatter(_propagated(np.eye(len(errors), dtype=complex), errors), np.inf, "stated")
+
+
+def propagate(solution: Solution, scatter: Scatter, again: Callable[[Coefficients], Solution]) -> Sureness:
+    """Intervals of a solution; ``again`` solves for other coefficients, where weights have to be drawn."""
+    weights, rows = solution.weights, len(solution.residual)
+    mounted = _parts(np.r_[1.0, weights][None, :])
+    left = np.array([mounted @ c @ mounted.T for c in scatter.covariance])
+    reach = np.sqrt(chi2.ppf(0.95, 2) if np.isinf(scatter.spare) else 2.0 * f.ppf(0.95, 2, scatter.spare))
+    after = reach * np.sqrt([float(np.linalg.eigvalsh(c)[-1]) for c in left])
+    if solution.is_free:
+        by_row = _differentiated(solution, scatter)
+        draws = None
+    else:
+        by_row, draws = _drawn(solution, scatter, again)[None], DRAWS
+    spare = [_effective(np.trace(by_row[:, p], axis1=1, axis2=2), scatter.spare) for p in range(len(weights))]
+    if draws is not None:
+        spare = [min(draws - 1.0, rows * scatter.spare)] * len(weights)
+    return Sureness(scatter, weights, by_row.sum(axis=0), after, draws, tuple(spare))
+
+
+def interval(value: complex, covariance: Floats, spare: float = np.inf) -> Interval:
+    """Intervals of a vector's magnitude and angle from the covariance of its parts (2, 2)."""
+    u = np.array([value.real, value.imag]) / abs(value) if value else np.array([1.0, 0.0])
+    reach = _two_sided(spare)
+    along = reach * float(np.sqrt(u @ covariance @ u))
+    across = reach * float(np.sqrt(np.array([-u[1], u[0]]) @ covariance @ np.array([-u[1], u[0]])))
+    told = max(along, across) < abs(value)
+    return Interval(along, float(np.arcsin(across / abs(value))) if told else np.pi)
+
+
+def _two_sided(spare: float) -> float:
+    return float(t.ppf(0.975, spare))
+
+
+def _parts(matrix: Complexes) -> Floats:
+    """The same map on real parts followed by imaginary parts, (2 m, 2 n)."""
+    return np.block([[matrix.real, -matrix.imag], [matrix.imag, matrix.real]])
+
+
+def _propagated(inverse: Complexes, errors: Floats) -> Floats:
+    """Covariance of each row's coefficients, from those of its readings (runs, rows, 2, 2)."""
+    taken = _parts(inverse)
+    runs = inverse.shape[1]
+    found = []
+    for row in range(errors.shape[1]):
+        blocks = [[np.diag(errors[:, row, i, j]) for j in (0, 1)] for i in (0, 1)]
+        found.append(taken @ np.block(blocks).reshape(2 * runs, 2 * runs) @ taken.T)
+    return np.array(found)
+
+
+def _widening(left: Complexes, hat: Complexes, errors: Floats, spare: int) -> float:
+    """Factor on stated errors: one, unless what the runs leave over is beyond them with less than one per cent."""
+    if spare == 0:
+        return 1.0
+    rest = _propagated(np.eye(len(hat)) - hat, errors)
+    expected = np.trace(rest, axis1=1, axis2=2)
+    ratio = float(np.mean((np.abs(left) ** 2).sum(axis=0) / expected))
+    freedom = spare * left.shape[1]
+    return float(np.sqrt(ratio)) if chi2.sf(ratio * freedom, freedom) < _DOUBT else 1.0
+
+
+def _differentiated(solution: Solution, scatter: Scatter) -> Floats:
+    """Share of each row in the covariance of each plane's weight, (rows, planes, 2, 2).
+
+    dw = -(A^H A)^-1 sum_i [conj(a_i) (dv0_i + da_i w) + conj(da_i) r_i], rows times their factors.
+    """
+    factors, weights = solution.factors, solution.weights
+    matrix, left = solution.coefficients.matrix * factors[:, None], solution.residual * factors
+    normal = np.linalg.inv(matrix.conj().T @ matrix)
+    planes, shares = len(weights), []
+    mirror = np.kron(np.diag([1.0, -1.0]), np.eye(planes + 1))
+    none = np.zeros((planes, 1))
+    for row, factor, rest, covariance in zip(matrix, factors, left, scatter.covariance, strict=True):
+        straight = -factor * (normal @ np.outer(row.conj(), np.r_[1.0, weights]))
+        mirrored = -factor * rest * normal @ np.hstack([none, np.eye(planes)])
+        slope = _parts(straight) + _parts(mirrored) @ mirror
+        shares.append(_by_plane(slope @ covariance @ slope.T, planes))
+    return np.array(shares)
+
+
+def _drawn(solution: Solution, scatter: Scatter, again: Callable[[Coefficients], Solution]) -> Floats:
+    """Covariance of each plane's weight, from coefficients drawn about those found, (planes, 2, 2)."""
+    rng = np.random.default_rng(_SEED)
+    about, planes = solution.coefficients, len(solution.weights)
+    roots = np.array([_root(c) for c in scatter.covariance])
+    found = []
+    for _ in range(DRAWS):
+        parts = (roots @ rng.normal(size=(*roots.shape[:2], 1)))[..., 0]
+        off = parts[:, : planes + 1] + 1j * parts[:, planes + 1 :]
+        found.append(again(Coefficients(about.initial + off[:, 0], about.matrix + off[:, 1:], 0.0)).weights)
+    drawn = np.array(found)
+    return _by_plane(np.cov(np.hstack([drawn.real, drawn.imag]).T), planes)
+
+
+def _root(covariance: Floats) -> Floats:
+    """A matrix whose product with its transpose is the covariance."""
+    values, vectors = np.linalg.eigh(covariance)
+    root: Floats = vectors * np.sqrt(np.maximum(values, 0.0))
+    return root
+
+
+def _by_plane(covariance: Floats, planes: int) -> Floats:
+    """Blocks of the real and imaginary part of each plane, (planes, 2, 2)."""
+    return np.array([covariance[np.ix_([p, planes + p], [p, planes + p])] for p in range(planes)])
+
+
+def _effective(shares: Floats, spare: float) -> float:
+    """Degrees of freedom of a sum of variances, each with ``spare`` (Welch, Satterthwaite)."""
+    total = float(shares.sum())
+    if np.isinf(spare) or not total > 0.0:
+        return np.inf
+    if not np.isfinite(total):
+        raise SizingError("the scatter of the runs is not finite")
+    return float(spare * total**2 / (shares**2).sum())

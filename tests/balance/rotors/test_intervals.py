@@ -1,0 +1,135 @@
+"""Intervals in a sheet of trial runs: how they are stated, what is refused, what the command says."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from balance.cli.rotor import rotor
+from balance.errors import DataError, UnitError
+from balance.rotors import runsheet
+from balance.sheet import uncertain
+
+SHEET = """
+phase = "{phase}"
+angles = "with rotation"
+[[planes]]
+name = "fan"
+[[runs]]
+name = "as found"
+readings.unstated = {{ A = "10 um{a} @ 30 deg{b}" }}
+[[runs]]
+name = "trial"
+weights = {{ fan = "5 g @ 20 deg" }}
+stayed_on = {stayed}
+readings.unstated = {{ A = "7 um{c} @ 75 deg" }}
+{more}
+"""
+AGAIN = """
+[[runs]]
+name = "again"
+readings.unstated = { A = "10.4 um @ 31 deg" }
+"""
+GIVEN = {"phase": "lead", "a": "", "b": "", "c": "", "stayed": "false", "more": ""}
+
+
+@pytest.fixture
+def sheet(tmp_path):
+    """Writes the sheet with changes and returns its path."""
+
+    def write(**changes):
+        path = tmp_path / "runs.toml"
+        path.write_text(SHEET.format(**(GIVEN | changes)), encoding="utf-8")
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("mark", ["±", "+-", "+/-"])
+def test_a_reading_with_its_intervals(mark):
+    """Magnitude and angle; per cent; one interval for every direction."""
+    value, half = uncertain(f"170 um {mark} 2 um @ 90 deg {mark} 1 deg", "length")
+    assert value == pytest.approx(170e-6j)
+    assert half == pytest.approx((2e-6, 170e-6 * np.pi / 180))
+    assert uncertain(f"170um{mark}2% @ 90deg", "length")[1] == pytest.approx((3.4e-6, 3.4e-6))
+    assert uncertain("170 um @ 90 deg", "length")[1] is None
+
+
+@pytest.mark.parametrize(
+    "text", ["1 um ± 0 um @ 3 deg", "1 um ± 1 @ 3 deg", "1 um @ 3 deg ± 1 deg", "1 um ± 1 g @ 3 deg", 
+             "1 um ± 1 um ± 1 um @ 1 deg", "1 um ± 1 um", "1 um ± -1 um @ 2 deg", "0 um ± 1 % @ 2 deg"]
+)  # fmt: skip
+def test_intervals_that_mean_nothing_are_refused(text):
+    """None at all, without a unit, of the angle alone, of another quantity, twice, without an angle, negative."""
+    with pytest.raises(UnitError):
+        uncertain(text, "length")
+
+
+def test_sensors_state_intervals_for_readings_that_have_none(sheet):
+    """A sensor's own goes to every reading without one; the weight's interval follows from both."""
+    more = '[[sensors]]\nname = "A"\nwithin = "0.2 um"'
+    runs = runsheet.load(sheet(a=" ± 0.5 um", more=more))
+    sigma = np.array([0.5e-6, 0.2e-6]) / 1.959964
+    found = np.sqrt([np.linalg.eigvalsh(run.errors[0])[-1] for run in runs.runs])
+    np.testing.assert_allclose(found, sigma, rtol=1e-6)
+
+
+def test_intervals_of_some_readings_only_are_refused(sheet):
+    """By name: a reading without an interval would count as exact."""
+    with pytest.raises(DataError, match="run 'trial' and of run 'as found' do not both have intervals"):
+        runsheet.load(sheet(a=" ± 0.5 um"))
+
+
+def test_one_plane_against_the_closed_form(sheet):
+    """w = -v0 / alpha, alpha = (v1 - v0) / w_t: dw = w (dv0 / v0 - (dv1 - dv0) / (v1 - v0)), to first order."""
+    runs = runsheet.load(sheet(a=" ± 0.2 um", c=" ± 0.2 um"))
+    solution = runs.solve("least-squares")
+    v0, v1 = (run.readings[0] for run in runs.runs)
+    w, change = solution.weights[0], v1 - v0
+    relative = np.hypot(abs(1 / v0 + 1 / change), abs(1 / change)) * 0.2e-6
+    (found,) = runs.sureness(solution).weights
+    assert found.magnitude == pytest.approx(abs(w) * relative, rel=1e-6)
+    assert np.sin(found.angle) == pytest.approx(relative, rel=1e-6)
+
+
+def test_lag_and_lead_have_the_same_intervals(sheet):
+    """Counting phases and angles the other way mirrors errors too."""
+    text = {"a": " ± 0.1 um", "b": " ± 5 deg", "c": " ± 0.3 um"}
+    lead, lag = (runsheet.load(sheet(phase=phase, **text)) for phase in ("lead", "lag"))
+    assert lag.runs[0].errors[0, 0, 1] == pytest.approx(-lead.runs[0].errors[0, 0, 1])
+    for one, other in zip(lead.runs, lag.runs, strict=True):
+        np.testing.assert_allclose(np.diagonal(one.errors[0]), np.diagonal(other.errors[0]))
+
+
+def test_the_command_says_intervals_and_where_they_come_from(sheet):
+    """Stated, from repeats, or none and what to do; JSON with units in the keys; a doubtful weight is a finding."""
+    run = CliRunner().invoke
+    stated = run(rotor, ["influence", str(sheet(a=" ± 0.2 um", c=" ± 0.2 um"))])
+    assert stated.exit_code == 0
+    assert "from the stated intervals of readings" in stated.output
+    found = json.loads(run(rotor, ["influence", str(sheet(more=AGAIN)), "--json"]).output)
+    assert found["intervals"]["from"] == "repeats"
+    assert found["planes"][0]["total"]["magnitude_g_within"] > 0.0
+    assert found["readings"][0]["after_within_um"] > 0.0
+    assert "No intervals: state those" in run(rotor, ["influence", str(sheet())]).output
+    doubtful = run(rotor, ["influence", str(sheet(a=" ± 20 um", c=" ± 20 um"))])
+    assert doubtful.exit_code == 3
+    assert "is not told from none" in doubtful.output
+
+
+def test_trial_weights_that_cancel_what_stayed_on(tmp_path):
+    """Taken off by an opposite weight, up to rounding: the next trial is held against the right run."""
+    more = """[[runs]]
+name = "opposite"
+weights = { fan = "5 g @ 200 deg" }
+stayed_on = true
+readings.unstated = { A = "10 um @ 30 deg" }
+[[runs]]
+name = "other"
+weights = { fan = "5 g @ 77 deg" }
+stayed_on = false
+readings.unstated = { A = "13 um @ 30 deg" }"""
+    path = tmp_path / "runs.toml"
+    path.write_text(SHEET.format(**(GIVEN | {"more": more, "stayed": "true"})), encoding="utf-8")
+    assert runsheet.load(path).effects()["other"] == pytest.approx(0.3)

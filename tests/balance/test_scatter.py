@@ -1,0 +1,137 @@
+"""Intervals of correction weights: held against machines of known truth and against solutions drawn anew."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from scipy.stats import binomtest
+
+from balance import influence, scatter
+
+PLANES, ROWS = 2, 5
+
+
+def _random(rng, *shape):
+    return rng.normal(size=shape) + 1j * rng.normal(size=shape)
+
+
+class Trial:
+    """One balancing of a machine that is known, whose readings scatter along and across."""
+
+    def __init__(
+        self, seed, noise=(0.02, 0.02), *, said=1.0, repeats=0, rows=ROWS, limits=None, method="least-squares"
+    ):
+        """``said``: share of the scatter that is stated; none where it is None."""
+        rng = np.random.default_rng(seed)
+        self.initial, self.matrix = 2.0 * _random(rng, rows), _random(rng, rows, PLANES) + 2.0 * np.eye(rows, PLANES)
+        on = np.repeat(np.vstack([np.zeros(PLANES), np.eye(PLANES)]), 1 + repeats, axis=0)
+        true = self.initial + on @ self.matrix.T
+        off = noise[0] * rng.normal(size=true.shape) + 1j * noise[1] * rng.normal(size=true.shape)
+        readings = true + off * true / np.abs(true)
+        half = 1.959964 * np.array(noise) * (said or 1.0)
+        stated = np.array([[scatter.of_reading(v, *half) for v in run] for run in readings]) if said else None
+        self.solve = partial(influence.solve, method=method, limits=limits)
+        self.best = self.solve(influence.Coefficients(self.initial, self.matrix, 0.0))
+        self.found = self.solve(influence.identify(on, readings))
+        self.scatter = scatter.of_runs(on, readings, stated)
+        self.sure = self.scatter and scatter.propagate(self.found, self.scatter, self.solve)
+
+    def hits(self):
+        """Whether magnitude and angle of each weight, and each reading with the weights on, lie in their intervals."""
+        weights, true = self.found.weights, self.best.weights
+        magnitude = np.abs(np.abs(weights) - np.abs(true)) < [i.magnitude for i in self.sure.weights]
+        angle = np.abs(np.angle(weights / true)) < [i.angle for i in self.sure.weights]
+        after = np.abs(self.initial + self.matrix @ weights - self.found.residual) < self.sure.after
+        return magnitude, angle, after
+
+
+def coverage(trials):
+    """Hits and tries for magnitudes, angles and remaining readings."""
+    hits = [trial.hits() for trial in trials]
+    return [(int(np.sum(kind)), int(np.size(kind))) for kind in zip(*hits, strict=True)]
+
+
+def honest(hits, tries, together=PLANES):
+    """Whether hits are 95 % of tries by a binomial test at 0.1 %; ``together`` tries of one machine count as one."""
+    return binomtest(round(hits / together), round(tries / together), 0.95).pvalue > 1e-3
+
+
+@pytest.mark.parametrize("rows", [2, 5])
+def test_stated_errors_give_honest_intervals(rows):
+    """200 machines, the readings' scatter stated: 95 % of magnitudes, angles and remaining readings hold the truth."""
+    magnitude, angle, after = coverage([Trial(seed, rows=rows) for seed in range(200)])
+    assert honest(*magnitude)
+    assert honest(*angle)
+    assert honest(*after, rows)
+
+
+def test_a_phase_that_scatters_more_than_the_amplitude():
+    """Four times more: weights in 95 %; remaining readings in no fewer, their distance being that of a circle."""
+    magnitude, angle, after = coverage([Trial(seed, (0.01, 0.04)) for seed in range(200)])
+    assert honest(*magnitude)
+    assert honest(*angle)
+    assert after[0] / after[1] > 0.94
+
+
+@pytest.mark.parametrize("repeats", [1, 3])
+def test_repeated_runs_give_honest_intervals(repeats):
+    """Scatter unknown, each run made twice or four times: 95 % by Student's distribution."""
+    trials = [Trial(seed, said=None, repeats=repeats) for seed in range(200)]
+    assert trials[0].scatter.spare == 2 * 3 * repeats
+    magnitude, angle, after = coverage(trials)
+    assert honest(*magnitude)
+    assert honest(*angle)
+    assert honest(*after, ROWS)
+
+
+def test_no_run_to_spare_and_nothing_stated_gives_no_interval():
+    """As many runs as are needed say nothing of their scatter."""
+    assert Trial(0, said=None).scatter is None
+
+
+@pytest.mark.parametrize("rows", [2, 5])
+def test_differentiated_weights_are_those_of_a_monte_carlo(rows):
+    """Covariance of the weights by differentiation and of 4000 solutions for coefficients drawn: within 10 %."""
+    trial = Trial(3, (0.01, 0.02), rows=rows)
+    rng, about = np.random.default_rng(1), trial.found.coefficients
+    roots = np.linalg.cholesky(trial.scatter.covariance + 1e-15 * np.eye(2 * PLANES + 2))
+    weights = []
+    for _ in range(4000):
+        off = (roots @ rng.normal(size=(rows, 2 * PLANES + 2, 1)))[..., 0]
+        drawn = about.initial + off[:, 0] + 1j * off[:, 3], about.matrix + off[:, 1:3] + 1j * off[:, 4:]
+        weights.append(trial.solve(influence.Coefficients(*drawn, 0.0)).weights)
+    for plane, expected in enumerate(np.array(weights).T):
+        covariance = np.cov(expected.real, expected.imag)
+        np.testing.assert_allclose(trial.sure.covariance[plane], covariance, atol=0.1 * np.trace(covariance))
+
+
+@pytest.mark.parametrize("method", ["least-squares", "robust", "min-max"])
+def test_limits_and_other_methods_are_drawn(method, monkeypatch):
+    """Where the weights cannot be differentiated: a plane at its limit keeps its magnitude, intervals hold the best."""
+    monkeypatch.setattr(scatter, "DRAWS", 30)
+    limits = [0.5 * abs(Trial(5).best.weights[0]), np.inf]
+    trial = Trial(5, method=method, limits=limits)
+    assert trial.sure.draws == 30
+    first, second = trial.sure.weights
+    assert first.magnitude < 0.01 * limits[0]
+    assert first.angle > 1e-4
+    assert second.magnitude < 0.2 * abs(trial.found.weights[1])
+    assert all(np.all(kind) for kind in trial.hits()[:2])
+
+
+def test_runs_that_scatter_more_than_stated_widen_the_intervals():
+    """A fifth of the true scatter stated: widened fivefold by what repeated runs leave over; all of it: not at all."""
+    few = [Trial(seed, said=0.2, repeats=3).scatter.widened for seed in range(20)]
+    assert np.mean(few) == pytest.approx(5.0, rel=0.05)
+    assert np.mean([Trial(seed, repeats=3).scatter.widened > 1.0 for seed in range(60)]) < 0.1
+
+
+def test_given_coefficients_and_a_vector_of_no_length():
+    """Coefficients taken as exact: only the readings scatter; a weight of none has no angle."""
+    truth = Trial(0)
+    errors = np.zeros((PLANES + 1, ROWS, 2, 2))
+    errors[0] = 1e-4 * np.eye(2)
+    sure = scatter.propagate(truth.best, scatter.of_coefficients(errors), truth.solve)
+    normal = np.linalg.inv(truth.matrix.conj().T @ truth.matrix)
+    np.testing.assert_allclose(np.trace(sure.covariance, axis1=1, axis2=2), 2e-4 * np.diag(normal).real, rtol=1e-9)
+    assert scatter.interval(0j, np.eye(2)).angle == np.pi
