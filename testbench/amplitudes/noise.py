@@ -13,8 +13,8 @@ from ..errors import AnalysisError
 if TYPE_CHECKING:
     from ..signals import Band
 
-BANDWIDTH = 4.0
-"""Time-bandwidth product of the tapers: seven of them, sidelobes below 1e-8."""
+BANDWIDTH = 16.0
+"""Time-bandwidth product of the tapers: 31 of them, so that the noise is known to a fifth also where the signal is."""
 ENOUGH = 12.0
 """Degrees of freedom below which a stretch tells too little of the noise in a band."""
 _SEGMENT = 8192
@@ -40,8 +40,8 @@ class Noise:
         """By Thomson's multitaper method, of a stretch at rest (n,) of a channel with steps of ``step``.
 
         A channel with coarse steps may show no noise at rest; in motion its steps are noise of step^2 / 12, spread
-        over all frequencies (GUM, JCGM 100, F.2.2.1). What is slower than the stretch can tell is taken to be as at
-        its slowest. Raises AnalysisError for a stretch too short for any spectrum.
+        over all frequencies (GUM, JCGM 100, F.2.2.1). What is slower than the stretch is not seen. Raises
+        AnalysisError for a stretch too short for any spectrum.
         """
         from scipy.signal.windows import dpss
 
@@ -53,8 +53,6 @@ class Noise:
         power = np.abs(np.fft.rfft((pieces - pieces.mean(axis=-1, keepdims=True)) * tapers)) ** 2
         density = 2.0 * power.mean(axis=(0, 1)) / rate_hz
         frequency = np.fft.rfftfreq(size, 1.0 / rate_hz)
-        slow = round(BANDWIDTH)
-        density[:slow] = density[slow : 2 * slow].mean()
         return cls(frequency, np.maximum(density, step**2 / (6.0 * rate_hz)), len(resting) / rate_hz, rate_hz, step)
 
     def at(self, frequency: Floats) -> Floats:
@@ -68,7 +66,7 @@ class Noise:
     def freedom(self, band: "Band | None", seconds: float | None = None) -> float:
         """Degrees of freedom of the power in a band over ``seconds``; as it is known, of the stretch at rest.
 
-        2 T (int S df)^2 / int S^2 df, with the scatter of the seven tapers taken out of the lower integral.
+        2 T (int S df)^2 / int S^2 df, with the scatter of the tapers taken out of the lower integral.
         """
         weighted = self._weighted(band)
         square = np.trapezoid(weighted**2, self._fine) / (1.0 + 1.0 / round(2 * BANDWIDTH - 1))
