@@ -1,0 +1,127 @@
+"""How strong every channel of a run is: each metric in a band, the spectrum, and where the spectrum peaks."""
+
+from collections import defaultdict, deque
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from balance.arrays import Floats
+
+from .channels import in_si
+from .held import held
+from .pairing import rig_of
+from .spectra import Spectra, welch
+from .spectra.densities import SEGMENT
+from .spectra.zerophase import LANES
+from .vibration import DEFAULT_BAND, METRICS
+
+if TYPE_CHECKING:
+    from .rig import Column
+    from .signals import Band
+    from .store import Run
+
+AT_ONCE = 2 * LANES
+"""Channels of one rate that are held in memory together."""
+AT_A_TIME = 2
+"""Runs that are analysed side by side."""
+LEAST_PEAK = 10.0
+"""How far a peak of a spectrum must stand above the median of the two octaves around it [times]."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """One channel, in SI."""
+
+    column: "Column"
+    rate_hz: float
+    mean: float
+    band: "Band | None"
+    metrics: dict[str, float]
+    """``peak``, ``peak_to_peak``, ``rms``; mean over the record removed, then the band."""
+    spectrum: Spectra | None
+    """Of the whole record without a band; None where it is shorter than a few segments."""
+
+    def peaks(self, most: int = 5) -> list[dict[str, float]]:
+        """The strongest peaks of the spectrum: frequency [Hz], density [SI^2/Hz], strongest first."""
+        if self.spectrum is None:
+            return []
+        power, frequency = self.spectrum.power(), self.spectrum.frequency
+        tops = [
+            i for i in range(2, len(power) - 1)
+            if power[i - 1] < power[i] >= power[i + 1] and power[i] > LEAST_PEAK * np.median(power[i // 2 : 2 * i + 1])
+        ]  # fmt: skip
+        tops.sort(key=lambda i: -power[i])
+        return [{"frequency_hz": float(frequency[i]), "density": float(power[i])} for i in tops[:most]]
+
+    def as_dict(self) -> dict[str, Any]:
+        """The level as it is printed, its definitions with it."""
+        return {
+            "sensor": self.column.sensor,
+            "component": self.column.component,
+            "channel": self.column.channel,
+            "mean": self.mean,
+            **self.metrics,
+            "band_hz": [self.band.low_hz, self.band.high_hz] if self.band else None,
+            "spectrum_peaks": self.peaks(),
+            "resolution_hz": float(self.spectrum.frequency[1]) if self.spectrum else None,
+        }
+
+
+def definitions(band: "Band | None") -> dict[str, str]:
+    """What each number of a level is."""
+    shared = f"mean over the record removed, band {band or 'not limited'}"
+    return {name: f"{words}, {shared}" for name, (words, _) in METRICS.items()} | {
+        "spectrum": "one-sided power spectral density by Welch, Hann window, half overlap, mean of each segment removed"
+    }
+
+
+def levels(
+    run: "Run", columns: "Iterable[Column]", band: "Band | None" = DEFAULT_BAND, segment: int = SEGMENT
+) -> list[Level]:
+    """Levels of channels of a run, a few at a time. Raises AnalysisError as ``in_si`` and the band do."""
+    wanted = list(columns)
+    run = held(run, wanted)
+    together: dict[tuple[float, int], list[tuple[Column, Floats]]] = defaultdict(list)
+    found: list[Level] = []
+    for column in wanted:
+        values, rate = in_si(run, column)
+        waiting = together[rate, len(values)]
+        waiting.append((column, values))
+        if len(waiting) == AT_ONCE:
+            found += _of(waiting, rate, band, segment)
+            waiting.clear()
+    for (rate, _), waiting in together.items():
+        if waiting:
+            found += _of(waiting, rate, band, segment)
+    return found
+
+
+def of_runs(
+    runs: "Iterable[Run]", band: "Band | None" = DEFAULT_BAND, segment: int = SEGMENT
+) -> "Iterator[tuple[Run, list[Level]]]":
+    """Levels of all channels that the rig of each run names, in the order of the runs; two runs in memory at a time."""
+    waiting: deque[tuple[Run, Future[list[Level]]]] = deque()
+    with ThreadPoolExecutor(AT_A_TIME) as pool:
+        for run in runs:
+            waiting.append((run, pool.submit(levels, run, rig_of(run).columns(), band, segment)))
+            if len(waiting) > AT_A_TIME:
+                done, found = waiting.popleft()
+                yield done, found.result()
+        for done, found in waiting:
+            yield done, found.result()
+
+
+def _of(some: "Sequence[tuple[Column, Floats]]", rate: float, band: "Band | None", segment: int) -> Iterator[Level]:
+    values = np.stack([v for _, v in some])
+    means = values.mean(axis=1)
+    shaped = values - means[:, None]
+    if band:
+        shaped = band.of(shaped, rate)
+    whole = segment if len(values[0]) >= 2 * segment else 0
+    for (column, recorded), mean, shape in zip(some, means, shaped, strict=True):
+        spectrum = welch([recorded], rate, whole) if whole else None
+        metrics: dict[str, float] = {name: measure(shape) for name, (_, measure) in METRICS.items()}
+        yield Level(column, rate, float(mean), band, metrics, spectrum)

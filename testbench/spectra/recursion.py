@@ -1,0 +1,35 @@
+"""The recursion of second-order sections on four channels side by side, compiled. Only this module imports numba."""
+
+from typing import Any
+
+from numba import njit
+from numpy.typing import NDArray
+
+_BLOCK = 2048
+"""Samples that one section after the other passes over while they are in the processor's cache."""
+
+
+@njit("void(f8[:,::1], f8[:,:,::1], f8[:,::1], b1)", cache=True, nogil=True, fastmath={"contract"})  # type: ignore[untyped-decorator]
+def run(sections: NDArray[Any], state: NDArray[Any], x: NDArray[Any], backwards: bool) -> None:
+    """In place, direct form II transposed, (n, 4): y = b0 x + p, p = b1 x - a1 y + q, q = b2 x - a2 y.
+
+    ``sections`` (s, 6), ``state`` p and q of each section and channel, (s, 2, 4).
+    """
+    last, step = len(x) - 1, -1 if backwards else 1
+    for begin in range(0, len(x), _BLOCK):
+        first = last - begin if backwards else begin
+        count = min(_BLOCK, len(x) - begin)
+        for s in range(len(sections)):
+            b0, b1, b2, a1, a2 = sections[s, 0], sections[s, 1], sections[s, 2], sections[s, 4], sections[s, 5]
+            p0, p1, p2, p3 = state[s, 0, 0], state[s, 0, 1], state[s, 0, 2], state[s, 0, 3]
+            q0, q1, q2, q3 = state[s, 1, 0], state[s, 1, 1], state[s, 1, 2], state[s, 1, 3]
+            for k in range(count):
+                i = first + step * k
+                x0, x1, x2, x3 = x[i, 0], x[i, 1], x[i, 2], x[i, 3]
+                y0, y1, y2, y3 = b0 * x0 + p0, b0 * x1 + p1, b0 * x2 + p2, b0 * x3 + p3
+                p0, p1 = b1 * x0 + q0 - a1 * y0, b1 * x1 + q1 - a1 * y1
+                p2, p3 = b1 * x2 + q2 - a1 * y2, b1 * x3 + q3 - a1 * y3
+                q0, q1, q2, q3 = b2 * x0 - a2 * y0, b2 * x1 - a2 * y1, b2 * x2 - a2 * y2, b2 * x3 - a2 * y3
+                x[i, 0], x[i, 1], x[i, 2], x[i, 3] = y0, y1, y2, y3
+            state[s, 0, 0], state[s, 0, 1], state[s, 0, 2], state[s, 0, 3] = p0, p1, p2, p3
+            state[s, 1, 0], state[s, 1, 1], state[s, 1, 2], state[s, 1, 3] = q0, q1, q2, q3
