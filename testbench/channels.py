@@ -32,5 +32,9 @@ def in_si(run: "Run", column: "Column") -> tuple[Floats, float]:
 
 
 def instants(run: "Run", column: "Column") -> Floats:
-    """Time of a channel's samples on its logger's clock, (n,) [s]."""
-    return run.time(run.find(column.channel)[0].name)
+    """When what a channel's samples show happened, on its logger's clock, (n,) [s].
+
+    Where the rig states the logger's filter (``low_pass``), that is earlier than the sample by the filter's delay.
+    """
+    time = run.time(run.find(column.channel)[0].name)
+    return time - column.delay if column.delay else time

@@ -54,6 +54,7 @@ def align(
     """Align the clocks of the loggers of each RUN (a stored run, or a campaign): offset and drift, with intervals.
 
     reference time = offset + (1 + drift) own time. Intervals are of 95 %. What the data do not determine is refused.
+    The delays of the loggers' filters are taken off where the rig states them (low_pass), else they are in the offsets.
     The result is added to the campaign as a dated record; runs never change.
     """
     from .. import rig as rigs
@@ -135,7 +136,17 @@ def _print(found: "list[RunClocks]", refused: list[str], records: list[Path]) ->
         emit_table(title, header, rows, "reference time = offset + (1 + drift) own time")
         origins = sorted({clocks.origin for clocks in found})
         click.echo(f"Origin of the runs: {', '.join(origins)}.")
+        _print_filters(found)
     for path in records:
         click.echo(f"Recorded in {path}.")
     for reason in refused:
         click.echo(f"Not aligned: {reason}", err=not found)
+
+
+def _print_filters(found: "list[RunClocks]") -> None:
+    """Which delays of filters are taken off, and whose may be in the offsets."""
+    delays = {group: delay for clocks in found for group, delay in clocks.delays.items()}
+    if stated := [f"{group} {1e3 * delay:.3f} ms" for group, delay in delays.items() if delay is not None]:
+        click.echo(f"Delays of the loggers' filters, taken off: {', '.join(stated)}.")
+    if unstated := [group for group, delay in delays.items() if delay is None]:
+        click.echo(f"The rig states no filter (low_pass) of {', '.join(unstated)}: a delay of one is in the offsets.")

@@ -22,6 +22,7 @@ from ..bench.carried import acceleration_in_body
 from ..channels import in_si, instants
 from ..errors import AnalysisError
 from ..joint_motion import encoders, followed
+from ..pairing import rig_of
 from ..rig.sensors import Accelerometer
 from .mapping import ClockMap
 from .shared import Shared
@@ -94,12 +95,29 @@ def named(run: "Run", reference: str, own: str, cutoff: float | None = None) -> 
     """Two channels that a person names; their units and signs do not matter."""
     return Shared(
         f"{own} with {reference}",
-        run.time(run.find(reference)[0].name),
+        _happened(run, reference),
         (run.channel(reference)[:, None],),
-        run.time(run.find(own)[0].name),
+        _happened(run, own),
         run.channel(own)[:, None],
         cutoff=cutoff,
     )
+
+
+def delay_of(rig: "Rig", run: "Run", group: str) -> float | None:
+    """Of the filter of the logger that wrote a group [s], as the rig states it; None where it states none."""
+    where = run.group(group)
+    loggers = {column.logger for column in rig.columns() if where.index(column.channel) is not None}
+    stated = [rig.loggers[name].delay for name in loggers if rig.loggers[name].low_pass is not None]
+    return max(stated, default=None)
+
+
+def _happened(run: "Run", channel: str) -> Floats:
+    """When what a channel's samples show happened, (n,) [s]; the filter is known where the stored rig has both."""
+    where, index = run.find(channel)
+    for column in rig_of(run).columns() if run.rig is not None else ():
+        if where.index(column.channel) == index:
+            return instants(run, column)
+    return run.time(where.name)
 
 
 def _same(scene: Scene, reference: str, own: str) -> "Iterator[tuple[Column, Column]]":

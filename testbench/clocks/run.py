@@ -1,7 +1,7 @@
 """The clocks of all loggers of a stored run, aligned with one of them."""
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -11,9 +11,10 @@ from balance.mechanism import Mechanism
 from .. import base_motion
 from ..errors import AnalysisError
 from ..joint_motion import encoders, loaded, mechanism_of
+from ..pairing import rig_of
 from .correlation import Aligned, by_correlation
 from .mapping import ClockMap, same_clock
-from .pairs import Making, Scene, candidates, named
+from .pairs import Making, Scene, candidates, delay_of, named
 
 if TYPE_CHECKING:
     from ..rig import Rig
@@ -33,6 +34,8 @@ class RunClocks:
     reference: str
     aligned: Mapping[str, Aligned]
     refused: Mapping[str, str]
+    delays: Mapping[str, float | None] = field(default_factory=dict)
+    """Of the filter of each group's logger [s], which is taken off; None where the rig states no filter."""
 
     def map_of(self, group: str) -> ClockMap:
         """The map of a group's clock. Raises AnalysisError, saying why, if there is none."""
@@ -55,6 +58,8 @@ class RunClocks:
                 "method": one.method,
                 "content": one.content,
                 "explained": one.explained,
+                "filter_delay_s": self.delays.get(group),
+                "reference_filter_delay_s": self.delays.get(self.reference),
                 **one.clock.as_dict(),
             }
             for group, one in self.aligned.items()
@@ -88,7 +93,8 @@ def align_run(
             aligned[group], known[group] = found, found.clock
         else:
             refused[group] = found
-    return RunClocks(run.name, run.origin, reference, aligned, refused)
+    delays = {group.name: delay_of(rig, run, group.name) for group in run.groups}
+    return RunClocks(run.name, run.origin, reference, aligned, refused, delays)
 
 
 def align_named(run: "Run", reference: str, own: str, drift: bool, cutoff: float | None, way: Way) -> RunClocks:
@@ -97,7 +103,8 @@ def align_named(run: "Run", reference: str, own: str, drift: bool, cutoff: float
     if there == here:
         raise AnalysisError(f"{run.name}: {reference!r} and {own!r} are in one group, {here}: they share a clock")
     found = way(named(run, reference, own, cutoff), drift)
-    return RunClocks(run.name, run.origin, there, {here: found}, {})
+    delays = {group: delay_of(rig_of(run), run, group) for group in (there, here)} if run.rig is not None else {}
+    return RunClocks(run.name, run.origin, there, {here: found}, {}, delays)
 
 
 def scene_mechanism(run: "Run", rig: "Rig", given: str | None) -> Callable[[], Mechanism]:

@@ -39,6 +39,8 @@ class Column:
     """Of the sensor, as the rig has it; a later record of the campaign goes before it."""
     crosstalk: tuple[tuple[float, ...], ...] | None = None
     """Of the sensor: readings = crosstalk @ loads, in SI."""
+    delay: float = 0.0
+    """By which its logger's stated filter delays what is slow [s]; zero where the rig states no filter."""
     siblings: "tuple[Column, ...]" = ()
     """All channels of the sensor in the order of the rig, this one among them."""
 

@@ -3,9 +3,9 @@
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TypeVar
+from typing import Self, TypeVar
 
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from balance import datasets
 from balance.errors import DataError
@@ -33,6 +33,14 @@ class Rig(Table):
     text: str = Field(default="", exclude=True)
     names: Names | None = Field(default=None, exclude=True)
     """Of the mechanism's parts, where its file was looked for."""
+
+    @model_validator(mode="after")
+    def _filtered(self) -> Self:
+        """Sensors know the delay of their logger's filter."""
+        for sensor in self.sensors.values():
+            if sensor.logger in self.loggers:
+                sensor.delayed(self.loggers[sensor.logger].delay)
+        return self
 
     def columns(self, logger: str | None = None) -> Iterator[Column]:
         """The channels of one logger, or of all, in the order of the file."""

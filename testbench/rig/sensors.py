@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, Field, PrivateAttr, model_validator
 
 from balance.errors import UnitError
 
@@ -31,11 +31,26 @@ class _Sensor(Table):
     calibration: Calibration | None = None
     """Where the logger does not write physical units, or writes them with an offset."""
     teds: Teds | None = None
+    _delay: float = PrivateAttr(0.0)
+    """Of its logger's filter [s], as the rig says when it is read."""
 
     def columns(self, name: str) -> Iterator[Column]:
         """The channels of the sensor called ``name``."""
         cross = getattr(self, "crosstalk", None)
-        yield from together([replace(c, calibration=self.calibration, crosstalk=cross) for c in self._channels(name)])
+        yield from together(
+            [
+                replace(c, calibration=self.calibration, crosstalk=cross, delay=self._late(c))
+                for c in self._channels(name)
+            ]
+        )
+
+    def delayed(self, delay: float) -> None:
+        """Take in the delay of the logger's filter [s]."""
+        self._delay = delay
+
+    def _late(self, column: Column) -> float:
+        """What a controller computes passes no filter."""
+        return 0.0 if column.commanded else self._delay
 
     def _channels(self, name: str) -> Iterator[Column]:
         raise NotImplementedError
