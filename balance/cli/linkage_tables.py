@@ -1,6 +1,7 @@
 """Tables of ``balance linkage`` for people."""
 
 from collections.abc import Mapping
+from math import isfinite
 
 import click
 
@@ -20,7 +21,8 @@ def counter_masses(result: Balance) -> None:
         [name, result.tree[name], " + ".join(f"{share:.4f} at {joint}" for joint, share in balance.shares.items())]
         for name, balance in result.force.items()
     ]
-    emit_table(f"{result.linkage.title}: reduction, leaves first", ["body", "joint", "point mass [kg]"], rows)
+    click.echo(f"{result.linkage.title}\n")
+    emit_table("Reduction, leaves first", ["body", "joint", "point mass [kg]"], rows)
     count = len(result.counters("force"))
     rows = [
         [
@@ -78,8 +80,8 @@ def dynamics(check: Verification) -> None:
             [STAGE[stage], *(f"{value:.4g}" for value in run.rms(stage).values()), *_left(run, stage)]
             for stage in run.responses
         ]
-        header = ["stage", "FX [N]", "FY [N]", "M [N m]", "torque [N m]", "peak force left", "peak moment left"]
-        emit_table(f"Simulated, {label}: RMS", header, rows)
+        header = ["stage", "FX [N]", "FY [N]", "M [N m]", "torque [N m]", "force left", "moment left"]
+        emit_table(f"Simulated, {label}: RMS", header, rows, _how_fast(check, run))
     for stage in list(check.mass)[1:]:
         cost = check.penalty(stage)
         torque = [f"{cost[k]:.3g} times ({label})" for k, label in zip(TORQUES, check.labels, strict=True) if k in cost]
@@ -131,8 +133,16 @@ def _ratio(ours: float, theirs: float) -> str:
     return f"{100 * (ours / theirs - 1):+.2f} %" if theirs > 0.05 else "-"
 
 
+def _how_fast(check: Verification, run: Run) -> str:
+    """What moves the driven joint."""
+    what = "cycles of" if check.swings else "at"
+    varied = f" (1 + {check.variation:g} sin wt)" if run is check.varying else ""
+    return f"driven joint {run.drive} {what} {check.speed:.5g}{varied} rad/s; left: largest as a share of before"
+
+
 def _left(run: Run, stage: str) -> list[str]:
-    return [f"{share:.2g}" for share in run.residual(stage).values()]
+    """Shares of before; a dash where there was nothing before."""
+    return [f"{share:.2g}" if isfinite(share) else "-" for share in run.residual(stage).values()]
 
 
 def _verdict(row: Row) -> str:

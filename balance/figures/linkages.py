@@ -14,7 +14,12 @@ _LABEL = {
     "Mz_Nm": "moment M [N m]",
     "torque_Nm": "drive torque [N m]",
 }
-_STAGE = {"before": ("before", "#555555"), "force": ("counter-masses", "#3b6ea5"), "complete": ("and gears", "#e07a3f")}
+_STAGE = {
+    "before": ("before", "#555555", "-"),
+    "force": ("counter-masses", "#3b6ea5", "-"),
+    "complete": ("and gears", "#e07a3f", "--"),
+}
+"""Label, colour and line: dashed, as it lies on the one of counter-masses where both are zero."""
 
 
 def draw_stages(check: Verification, title: str = "") -> "Figure":
@@ -27,8 +32,8 @@ def draw_stages(check: Verification, title: str = "") -> "Figure":
         for row, quantity in enumerate(COLUMNS):
             axes = panels[row, column]
             for stage in run.responses:
-                name, colour = _STAGE[stage]
-                axes.plot(run.trajectory.time, run.series(stage)[quantity], color=colour, label=name, lw=1.4)
+                name, colour, line = _STAGE[stage]
+                axes.plot(run.trajectory.time, run.series(stage)[quantity], line, color=colour, label=name, lw=1.4)
             axes.grid(alpha=0.25)
         panels[0, column].set_title(label)
         panels[-1, column].set_xlabel("time [s]")

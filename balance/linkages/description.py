@@ -138,6 +138,8 @@ class Gear:
     """The real gear on the body; None for one whose mass is left out."""
     pivot: Point | None
     """Pivot of the counter-gear in the carrier's frame; None for the carrier's own reduction joint."""
+    pivot_on: str | None
+    """The body that the pivot is said to be on: the carrier."""
     counter_mass: float | None
     """Mass of the counter-gear and what gives it its inertia [kg]; None where it is not given."""
     counter_gyration: float | None

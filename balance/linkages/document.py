@@ -1,5 +1,6 @@
 """Every number of a balanced linkage as plain values for JSON, units in the keys."""
 
+from math import isfinite
 from typing import Any
 
 from .equations import equations
@@ -76,6 +77,9 @@ def _verification(check: Verification) -> dict[str, Any]:
     stages = list(check.constant.responses)
     return {
         "origin": "simulated",
+        "speed_rad_per_s": check.speed,
+        "variation_share_of_speed": check.variation,
+        "swings": check.swings,
         "constant_speed": _run(check.constant),
         "varying_speed": _run(check.varying),
         "moving_mass_kg": dict(check.mass),
@@ -86,10 +90,15 @@ def _verification(check: Verification) -> dict[str, Any]:
 def _run(run: Run) -> dict[str, Any]:
     return {
         "rms": {stage: run.rms(stage) for stage in run.responses},
-        "share_of_before": {stage: run.residual(stage) for stage in run.responses},
+        "share_of_before": {stage: _shares(run, stage) for stage in run.responses},
         "time_s": run.trajectory.time.tolist(),
         "series": {stage: {k: v.tolist() for k, v in run.series(stage).items()} for stage in run.responses},
     }
+
+
+def _shares(run: Run, stage: str) -> dict[str, float | None]:
+    """What is left as a share of before; None where there was nothing before, and now is."""
+    return {name: share if isfinite(share) else None for name, share in run.residual(stage).items()}
 
 
 def _comparison(comparison: Comparison) -> dict[str, Any]:

@@ -42,9 +42,13 @@ def _force(result: Balance, balance: ForceBalance) -> list[Equation]:
     """sum(m r) + sum(m* p) = 0 about the reduction joint, an axis a line; solved where one counter-mass is in it."""
     if not balance.counters:
         return []
+    lines: list[Equation | None]
     if balance.counters[0].place.radius is not None:
-        return [_at_radius(balance)]
-    lines = [_axis(result, balance, axis) for axis in ("x", "y")]
+        lines = [_at_radius(balance)]
+    elif balance.body in result.linkage.two_point:
+        lines = [_across(result, balance)]
+    else:
+        lines = [_axis(result, balance, axis) for axis in ("x", "y")]
     rules = [_rule(balance.body, counter) for counter in balance.counters]
     return [line for line in (*lines, *rules) if line is not None]
 
@@ -56,15 +60,22 @@ def _axis(result: Balance, balance: ForceBalance, axis: str) -> Equation | None:
     origin = pin(result.linkage, balance.joint, balance.body)
     arms = [(c, _on(c.place.point.plus(origin, -1.0), axis)) for c in balance.counters if c.place.point is not None]
     arms = [(counter, arm) for counter, arm in arms if not arm.is_zero]
-    if len(arms) != 1 or balance.body in result.linkage.two_point:
+    if len(arms) != 1:
         terms = [*loads, *(f"{counter.symbol} {arm.factor_text()}" for counter, arm in arms)]
-        if balance.body in result.linkage.two_point or not terms:
-            return None
-        return Equation(balance.body, f"{axis}: {' + '.join(terms)} = 0")
+        return Equation(balance.body, f"{axis}: {' + '.join(terms)} = 0") if terms else None
     counter, arm = arms[0]
     sum_text = " + ".join(loads) if len(loads) == 1 else f"({' + '.join(loads)})"
     divisor = arm.times(-1.0).factor_text()
     return Equation(balance.body, f"{counter.symbol} = {sum_text or '0'} / {divisor}", counter.mass)
+
+
+def _across(result: Balance, balance: ForceBalance) -> Equation:
+    """A two-point body's counter-mass brings the centre of mass onto the line of its joints."""
+    first, second = result.linkage.two_point[balance.body].joints
+    (counter,) = balance.counters
+    loads = " + ".join(f"{load.text} n[{load.source}]" for load in balance.loads if not load.at.is_zero)
+    text = f"{counter.symbol} = ({loads}) / -n[{counter.symbol}], n across the line {first} {second}"
+    return Equation(balance.body, text, counter.mass)
 
 
 def _at_radius(balance: ForceBalance) -> Equation:

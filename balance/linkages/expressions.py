@@ -126,6 +126,8 @@ def read(text: str, lengths: Mapping[str, Symbol]) -> Expression:
 
 def _term(match: re.Match[str], text: str, lengths: Mapping[str, Symbol]) -> Expression:
     sign = -1.0 if match[1] == "-" else 1.0
+    if match[4] is not None and not float(match[4]):
+        raise UnitError(f"{text!r} divides by zero")
     factor = sign / float(match[4] or 1.0)
     if match[3] in lengths:
         return Expression(((match[3], factor * float(match[2] or 1.0)),))

@@ -35,7 +35,18 @@ def gearing(linkage: Linkage, tree: Mapping[str, str]) -> Gearing:
         own[gear.body] = gear
         joint[gear.name] = _joint_of(linkage, tree, gear)
     carrier = {name: linkage.joints[joint[name]].other(gear.body) for name, gear in linkage.gears.items()}
+    for gear in linkage.gears.values():
+        _check_pivot(gear, carrier[gear.name])
     return Gearing(own, joint, carrier, _passes_to(linkage, own, carrier))
+
+
+def _check_pivot(gear: Gear, carrier: str) -> None:
+    """Raise ModelError for a counter-gear that is said to be pivoted on another body than its carrier."""
+    if gear.pivot_on not in (None, carrier):
+        raise ModelError(
+            f"gear {gear.name}: its counter-gear is said to be pivoted on {gear.pivot_on}, but the pair is carried by "
+            f"{carrier}: give its place on {carrier}, or another joint for the gear"
+        )
 
 
 def _joint_of(linkage: Linkage, tree: Mapping[str, str], gear: Gear) -> str:

@@ -10,15 +10,22 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from ..arrays import Floats
-from ..errors import ModelError
 from .assembly import Assembly, assemble, turned
+from .coupling import Couplings
 from .description import GROUND, Joint
 from .lumps import Lump, lumps, merged
 from .method import Balance
 from .moment import GearResult
 from .skeleton import Skeleton, skeleton
+from .turning import translating
 
 Z_AXIS = np.array([0.0, 0.0, 1.0])
+STILL = 1e-6
+"""Square of the radius of gyration of what never turns: any will do [m2]."""
+POINT = 1e-14
+"""And of a point mass that turns: too little to matter, as engines refuse none [m2]."""
+MUJOCO_LEAST = 1e-15
+"""Inertia below which MuJoCo refuses a file (its mjMINVAL) [kg m2]."""
 STANDING = 1.0
 """Mass in the model of a counter-gear that stands still and has none given: it moves nothing [kg]."""
 
@@ -41,7 +48,7 @@ def mjcf(result: Balance, stage: str, couplings: bool = False, together: bool = 
         ends = {f"site{k}": f"{joint.name}.{end.body}" for k, end in enumerate(joint.ends, 1)}
         SubElement(equality, "connect", {"name": joint.name, **ends})
     if couplings:
-        writer.couple(equality)
+        writer.couple(root, equality)
     motor = SubElement(root, "actuator")
     SubElement(motor, "motor", name=f"motor_{linkage.drive}", joint=str(linkage.drive))
     SubElement(SubElement(root, "keyframe"), "key", name="start", qpos=_text(*writer.positions))
@@ -71,23 +78,27 @@ class _Writer:
             if gear.carrier == parent:
                 self._counter_gear(element, gear)
 
-    def couple(self, equality: Element) -> None:
-        """q* = -(Z/Z*) (angle of the body relative to the carrier): one joint equality where that is one joint."""
-        for gear in self.gears:
-            joint = self.tree.parent[gear.gear.body]
-            if joint.name == gear.joint:
-                sign = -gear.gear.ratio
-            elif gear.carrier != GROUND and self.tree.parent[gear.carrier].name == gear.joint:
-                joint, sign = self.tree.parent[gear.carrier], gear.gear.ratio
-            else:
-                raise ModelError(f"gear {gear.gear.name} closes a loop at {gear.joint}: MJCF has no coupling for it")
-            offset = -sign * self._position(*self._of(joint))
-            SubElement(
-                equality, "joint", joint1=f"{gear.gear.name}*", joint2=joint.name, polycoef=_text(offset, sign, 0, 0, 0)
-            )
+    def couple(self, root: Element, equality: Element) -> None:
+        """Counter-gears geared to the linkage: q* - sum(rate q) stays as at the start.
 
-    def _of(self, joint: Joint) -> tuple[str, Joint]:
-        return next((body, j) for body, j in self.tree.parent.items() if j.name == joint.name)
+        A joint equality where that is one joint; a fixed tendon over all of them, kept at its length, elsewhere.
+        """
+        tendons = None
+        for gear, rates in Couplings.of(self.result).rates.items():
+            offset = -sum(rate * self._start_of(joint) for joint, rate in rates.items())
+            if len(rates) == 1:
+                ((joint, rate),) = rates.items()
+                polynomial = _text(offset, rate, 0, 0, 0)
+                SubElement(equality, "joint", joint1=gear, joint2=joint, polycoef=polynomial)
+                continue
+            tendons = SubElement(root, "tendon") if tendons is None else tendons
+            tendon = SubElement(tendons, "fixed", name=gear)
+            for joint, rate in {gear: -1.0, **rates}.items():
+                SubElement(tendon, "joint", joint=joint, coef=_text(-rate))
+            SubElement(equality, "tendon", tendon1=gear, polycoef=_text(offset, 0, 0, 0, 0))
+
+    def _start_of(self, name: str) -> float:
+        return next(self._position(body, joint) for body, joint in self.tree.parent.items() if joint.name == name)
 
     def _body(self, element: Element, parent: str, name: str, joint: Joint) -> None:
         turn = self._turn(name, parent, joint)
@@ -98,7 +109,8 @@ class _Writer:
             kind = "hinge" if joint.revolute else "slide"
             SubElement(body, "joint", name=label, type=kind, axis=_text(*axis))
             self.positions.append(self._position(name, joint, axis))
-        self._inertial(body, merged(self.lumps[name]), self._origin(name))
+        least = STILL if name in translating(self.linkage) else POINT
+        self._inertial(body, merged(self.lumps[name]), self._origin(name), least)
         self.children(body, name)
 
     def _counter_gear(self, element: Element, gear: GearResult) -> None:
@@ -108,7 +120,7 @@ class _Writer:
         SubElement(body, "joint", name=f"{gear.gear.name}*", type="hinge", axis="0 0 1")
         self.positions.append(0.0)
         mass = STANDING if gear.counter_mass is None else gear.counter_mass
-        self._inertial(body, Lump(mass, gear.inertia, np.zeros(2)), np.zeros(2))
+        self._inertial(body, Lump(mass, gear.inertia, np.zeros(2)), np.zeros(2), POINT)
 
     def _pivot(self, gear: GearResult) -> Floats:
         """In the carrier's frame; a fixed pair without a described one at the joint of its gear."""
@@ -117,9 +129,9 @@ class _Writer:
         assert point is not None
         return point.at(self.result.values) - self._origin(gear.carrier)
 
-    def _inertial(self, element: Element, lump: Lump, origin: Floats) -> None:
-        """A flat body: its inertia about z is the sum of the other two; what never turns gets any inertia."""
-        inertia = lump.inertia or 1e-6 * lump.mass
+    def _inertial(self, element: Element, lump: Lump, origin: Floats, least: float) -> None:
+        """A flat body: its inertia about z is the sum of the other two, ``least`` [m2] times its mass or more."""
+        inertia = max(lump.inertia, least * lump.mass, 4 * MUJOCO_LEAST)
         diagonal = _text(inertia / 2, inertia / 2, inertia)
         SubElement(
             element, "inertial", pos=_text(*(lump.at - origin), 0.0), mass=_text(lump.mass), diaginertia=diagonal

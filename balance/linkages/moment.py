@@ -151,15 +151,15 @@ class _Step:
         for done in self.gears.values():
             if done.carrier == body:
                 at = pin(linkage, done.joint, body).plus(origin, -1.0)
-                loads += self._load(f"m_{done.gear.name}", done.wheel_mass, at)
+                loads += self._load(done.gear.name, done.wheel_mass, at)
                 pivot = done.gear.pivot.plus(origin, -1.0) if done.gear.pivot is not None else Point()
-                loads += self._load(f"m_{done.gear.name}*", self._carried(done, pivot), pivot)
+                loads += self._load(f"{done.gear.name}*", self._carried(done, pivot), pivot)
         places = linkage.bodies[body].gear_places
         return balanced(linkage, tree, values, linkage.bodies[body], loads, places, body in self.still and not places)
 
     @staticmethod
-    def _load(symbol: str, mass: float, at: Point) -> list[Load]:
-        return [Load((symbol,), mass, at, "gear")] if mass else []
+    def _load(gear: str, mass: float, at: Point) -> list[Load]:
+        return [Load((f"m_{gear}",), mass, at, gear)] if mass else []
 
     def _carried(self, done: GearResult, pivot: Point) -> float:
         """Mass of a counter-gear that rides on a carrier. Raises ModelError where it moves and is not given."""

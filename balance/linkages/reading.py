@@ -7,22 +7,23 @@ from pathlib import Path
 from typing import Any
 
 from .. import datasets
-from ..errors import CounterpoiseError, DataError
+from ..errors import CounterpoiseError, DataError, UnitError
 from ..quantities import parse
 from . import expressions
 from .description import GROUND, Body, End, Gear, Joint, Linkage, Part, Place, TwoPoint
 from .expressions import Expression, Point, Symbol
+from .gear_reading import gear
+from .place_reading import check_differ, check_sizes, for_gears, places
 from .placement import Placement, placements
 from .tables import entries, known_keys, needed, pair, stated, table
-from .wheel_reading import positive, wheel
 
 _TOP = {
     "title", "source", "drive", "speed", "swing", "gravity", "lengths", "links", "joints", "reduction", "two_point",
     "gears", "turns_with", "start", "printed",
 }  # fmt: skip
 _LINK = {"mass", "inertia", "centre", "counter_mass", "gear_counter_mass", "fixed_to", "at", "angle"}
-_PLACE = {"name", "at", "radius", "bar", "radius_of_gyration", "inertia"}
-_GEAR = {"body", "joint", "teeth", "disc", "wheel", "counter"}
+RESERVED = {GROUND: "the ground is not described, it is there", "base": "the name of the frame that all stands on"}
+"""Names that no link can have, and why."""
 
 
 def load(name: str | Path) -> Linkage:
@@ -50,7 +51,7 @@ def from_table(content: Mapping[str, Any], name: str) -> Linkage:
         gears={key: reader.gear(key, value) for key, value in entries(content, "gears", required=False)},
         drive=str(content["drive"]) if "drive" in content else None,
         speed=_optional(content, "speed", "angular velocity"),
-        swing=_angles(content["swing"], "swing") if "swing" in content else None,
+        swing=_swing(content["swing"]) if "swing" in content else None,
         gravity=_gravity(content.get("gravity")),
         printed=table(content.get("printed", {}), "printed"),
     )
@@ -59,14 +60,14 @@ def from_table(content: Mapping[str, Any], name: str) -> Linkage:
 
 def _with_bodies_named(linkage: Linkage, content: Mapping[str, Any]) -> Linkage:
     """Fill in what refers to bodies by the name of one of their links."""
-    start = {linkage.body(k).name: parse(str(v), "angle") for k, v in content.get("start", {}).items()}
+    start = {linkage.body(k).name: stated(v, "angle", f"start.{k}").value for k, v in content.get("start", {}).items()}
     reduction = {linkage.body(k).name: linkage.joint(str(v)).name for k, v in content.get("reduction", {}).items()}
     two_point = {linkage.body(k).name: _two_point(linkage, k, v) for k, v in content.get("two_point", {}).items()}
     together = tuple(
         (linkage.body(a).name, GROUND if b == GROUND else linkage.body(b).name)
         for a, b in (pair(value, "turns_with") for value in content.get("turns_with", []))
     )
-    gears = {key: replace(gear, body=linkage.body(gear.body).name) for key, gear in linkage.gears.items()}
+    gears = {key: replace(pair, body=linkage.body(pair.body).name) for key, pair in linkage.gears.items()}
     if linkage.drive is not None:
         linkage.joint(linkage.drive)
     reduction |= {body: shaped.joints[0] for body, shaped in two_point.items()}
@@ -83,26 +84,29 @@ class _Reader:
             for name, value in entries(content, "lengths", required=False)
         }
         self.lengths = dict(self.symbols)
-        if GROUND in self.links:
-            raise DataError(f"links.{GROUND}: the ground is not described, it is there")
+        for name in RESERVED.keys() & self.links.keys():
+            raise DataError(f"links.{name}: {RESERVED[name]}")
+        _check_names(self.lengths)
         self.where = placements(self.links, self.point)
         self.names = self._body_names()
 
     def bodies(self) -> dict[str, Body]:
         """Bodies by name; their masses and inertias become symbols."""
         parts: dict[str, list[Part]] = {}
-        places: dict[str, list[Place]] = {}
+        own: dict[str, list[Place]] = {}
         gear_places: dict[str, list[Place]] = {}
         for link, keys in self.links.items():
             known_keys(keys, _LINK, f"links.{link}")
             body = self.body_of(link)
             parts.setdefault(body, []).append(self._part(link, keys))
-            places.setdefault(body, []).extend(self._places(link, keys, "counter_mass"))
+            own.setdefault(body, []).extend(self._places(link, keys, "counter_mass"))
             gear_places.setdefault(body, []).extend(self._places(link, keys, "gear_counter_mass"))
-        return {
-            body: Body(body, tuple(parts[body]), tuple(places[body]), _gear_places(places[body], gear_places[body]))
+        found = {
+            body: Body(body, tuple(parts[body]), tuple(own[body]), for_gears(own[body], gear_places[body]))
             for body in parts
         }
+        check_differ(found.values())
+        return found
 
     def joint(self, name: str, content: object) -> Joint:
         """A joint: two links, each with the pin's place, or with a point and the direction of sliding."""
@@ -119,26 +123,17 @@ class _Reader:
 
     def gear(self, name: str, content: object) -> Gear:
         """A gear pair."""
-        where, keys = f"gears.{name}", table(content, f"gears.{name}")
-        known_keys(keys, _GEAR, where)
-        teeth = keys.get("teeth", [1, 1])
-        if not (isinstance(teeth, list) and len(teeth) == 2 and all(isinstance(z, int) and z > 0 for z in teeth)):
-            raise DataError(f"{where}: teeth is {teeth!r}: expected [Z, Z*], of the body's gear and the counter-gear")
-        body = str(needed(keys, "body", where))
-        counter = table(keys.get("counter", {}), f"{where}.counter")
-        known_keys(counter, {"at", "on", "mass", "radius_of_gyration"}, f"{where}.counter")
-        pivot = self._pivot(counter, f"{where}.counter") if "at" in counter else None
-        mass, gyration = (positive(counter, key, f"{where}.counter") for key in ("mass", "radius_of_gyration"))
-        joint = str(keys["joint"]) if "joint" in keys else None
-        return Gear(name, body, joint, (teeth[0], teeth[1]), wheel(keys, where), pivot, mass, gyration)
+        return gear(name, content, self._on_link)
 
     def point(self, value: object, where: str) -> Point:
         """A pair of lengths."""
         x, y = pair(value, where)
         return Point(self.length(x, where), self.length(y, where))
 
-    def length(self, text: str, where: str) -> Expression:
+    def length(self, text: object, where: str) -> Expression:
         """A length, of named lengths or with a unit."""
+        if not isinstance(text, str):
+            raise DataError(f"{where} is {text!r}: expected a text such as 'L2/2 + 10 mm'")
         try:
             return expressions.read(text, self.lengths)
         except CounterpoiseError as error:
@@ -167,30 +162,12 @@ class _Reader:
         return Part(link, self.where[link].of(centre), "inertia" in keys)
 
     def _places(self, link: str, keys: Mapping[str, Any], kind: str) -> list[Place]:
-        given = keys.get(kind, [])
-        tables = [given] if isinstance(given, dict) else given
-        if not isinstance(tables, list):
-            raise DataError(
-                f"links.{link}.{kind}: expected a table such as {{ at = ['-R2', '0 m'] }}, or a list of them"
-            )
-        names = [link] if len(tables) == 1 else [f"{link}{chr(97 + i)}" for i in range(len(tables))]
-        mark = "" if kind == "counter_mass" else "z"
-        return [self._place(f"{n}{mark}", link, t, f"links.{link}.{kind}") for n, t in zip(names, tables, strict=True)]
-
-    def _place(self, name: str, link: str, content: object, where: str) -> Place:
-        keys = table(content, where)
-        known_keys(keys, _PLACE, where)
-        if ("at" in keys) == ("radius" in keys):
-            raise DataError(f"{where}: expected either at = [x, y] or radius = '...'")
-        name = str(keys.get("name", name))
-        if "inertia" in keys:
-            self.symbols[f"I{name}*"] = stated(keys["inertia"], "inertia", f"{where}.inertia")
-        at = self.where[link].of(self.point(keys["at"], f"{where}.at")) if "at" in keys else None
-        radius, bar, gyration = (
-            self.length(str(keys[key]), f"{where}.{key}") if key in keys else None
-            for key in ("radius", "bar", "radius_of_gyration")
-        )
-        return Place(name, at, radius, bar, gyration, "inertia" in keys)
+        found = places(link, keys.get(kind, []), kind, self.length, self.where[link])
+        self.symbols |= {f"I{place.name}*": inertia for place, inertia in found if inertia is not None}
+        values = {name: symbol.value for name, symbol in self.lengths.items()}
+        for place, _ in found:
+            check_sizes(place, values, f"links.{link}.{kind}")
+        return [place for place, _ in found]
 
     def _end(self, joint: str, link: str, value: object, revolute: bool) -> End:
         where = f"joints.{joint}.{link}"
@@ -206,22 +183,17 @@ class _Reader:
             return End(body, at.of(self.point(value, where)))
         keys = table(value, where)
         known_keys(keys, {"point", "along"}, where)
-        along = parse(str(needed(keys, "along", where)), "angle")
+        along = stated(needed(keys, "along", where), "angle", f"{where}.along").value
         return End(body, at.of(self.point(needed(keys, "point", where), where)), along + at.angle)
 
-    def _pivot(self, counter: Mapping[str, Any], where: str) -> Point:
-        point = self.point(counter["at"], f"{where}.at")
-        link = str(needed(counter, "on", where))
+    def _on_link(self, link: str, value: object, where: str) -> tuple[str, Point]:
+        """A point in the frame of a link or of the ground, and the body that it is on, in its frame."""
+        point = self.point(value, f"{where}.at")
         if link == GROUND:
-            return point
+            return GROUND, point
         if link not in self.links:
             raise DataError(f"{where}.on is {link!r}: expected the link in whose frame 'at' is given")
-        return self.where[link].of(point)
-
-
-def _gear_places(places: list[Place], own: list[Place]) -> tuple[Place, ...]:
-    """Places for counter-masses against gears: those given, or else the places of the other counter-masses."""
-    return tuple(own or [replace(place, name=f"{place.name}z", printed_inertia=False) for place in places])
+        return self.body_of(link), self.where[link].of(point)
 
 
 def _two_point(linkage: Linkage, body: str, value: object) -> TwoPoint:
@@ -239,13 +211,25 @@ def _optional(content: Mapping[str, Any], key: str, dimension: str) -> float | N
     return stated(content[key], dimension, key).value if key in content else None
 
 
-def _angles(value: object, where: str) -> tuple[float, float]:
-    first, second = (parse(text, "angle") for text in pair(value, where))
+def _check_names(lengths: Mapping[str, Symbol]) -> None:
+    """Raise DataError for a length whose name is a unit: 2 m would be twice it, silently."""
+    for name in lengths:
+        try:
+            parse(f"1 {name}", "length")
+        except UnitError:
+            continue
+        raise DataError(f"lengths.{name}: the name is a unit of length: give it another")
+
+
+def _swing(value: object) -> tuple[float, float]:
+    first, second = (stated(text, "angle", "swing").value for text in pair(value, "swing"))
+    if first == second:
+        raise DataError(f"swing is {value!r}: both ends are the same angle, so nothing would move")
     return first, second
 
 
 def _gravity(value: object) -> tuple[float, float]:
     if value is None:
         return 0.0, 0.0
-    x, y = (parse(text, "acceleration") for text in pair(value, "gravity"))
+    x, y = (stated(text, "acceleration", "gravity").value for text in pair(value, "gravity"))
     return x, y

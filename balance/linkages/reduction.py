@@ -7,7 +7,7 @@ from math import inf, prod
 from ..errors import ModelError, SizingError
 from .description import GROUND, Linkage
 from .force import force_balance
-from .walk import depth
+from .walk import depth, parents
 
 MOST_TREES = 20_000
 """Beyond so many combinations the shortest paths to the ground are taken."""
@@ -32,7 +32,7 @@ def reduction_tree(linkage: Linkage, values: Mapping[str, float]) -> dict[str, s
         if best is None or mass < least - 1e-9 * abs(least):
             best, least = tree, mass
     if best is None:
-        raise refusal or ModelError(f"{linkage.name}: the given reduction joints lead in a circle, not to the ground")
+        raise refusal or ModelError(_circle(linkage, choices))
     return best
 
 
@@ -68,6 +68,13 @@ def _trees(linkage: Linkage, choices: Mapping[str, list[str]]) -> Iterator[dict[
         tree = dict(zip(choices, joints, strict=True))
         if all(depth(linkage, tree, body) < inf for body in tree):
             yield tree
+
+
+def _circle(linkage: Linkage, choices: Mapping[str, list[str]]) -> str:
+    tree = {body: joints[0] for body, joints in choices.items()}
+    lost = [body for body in tree if depth(linkage, tree, body) == inf]
+    given = [f"{b} at {' and '.join(joint for joint, _ in parents(linkage, tree, b))}" for b in lost]
+    return f"{linkage.name}: the reductions of {', '.join(given)} lead in a circle, not to the ground"
 
 
 def _shortest(linkage: Linkage, choices: Mapping[str, list[str]], body: str) -> str:

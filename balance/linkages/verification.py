@@ -6,6 +6,7 @@ constant speed some errors of gears on the driven crank are invisible, so both a
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 
@@ -28,6 +29,8 @@ VARIATION = 0.3
 """Amplitude of the varying speed, as a share of its mean."""
 SAMPLES = 720
 """Instants of one turn."""
+ROUNDING = 1e-13
+"""A force, moment or torque this small beside the largest of all runs and stages is nothing."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,8 @@ class Run:
     drive: str
     responses: Mapping[str, Response]
     """By stage: before, force, complete."""
+    noise: Mapping[str, float]
+    """What is nothing, beside the largest force [N], moment and torque [N m] of all runs and stages."""
 
     def series(self, stage: str) -> dict[str, Floats]:
         """FX, FY [N], M about the base origin and drive torque [N m] over time, each (n,)."""
@@ -51,12 +56,12 @@ class Run:
         return {name: float(np.sqrt(np.mean(values**2))) for name, values in self.series(stage).items()}
 
     def residual(self, stage: str) -> dict[str, float]:
-        """Largest force and moment as a share of before, the same way round."""
-        before, after = self.responses["before"], self.responses[stage]
+        """Largest force and moment as a share of before; infinite where there was nothing before, and now is."""
+        before, after = _largest(self.responses["before"]), _largest(self.responses[stage])
         shares = {}
         for name in ("force", "moment"):
-            old, new = (float(np.linalg.norm(getattr(r, name), axis=1).max()) for r in (before, after))
-            shares[name] = new / old if old else float(new > 0)
+            old, new, least = before[name], after[name], self.noise[name]
+            shares[name] = new / old if old > least else 0.0 if new <= least else inf
         return shares
 
 
@@ -68,6 +73,10 @@ class Verification:
     varying: Run
     mass: Mapping[str, float]
     """Moving mass by stage, of the counter-gears only what is given [kg]."""
+    speed: float
+    """Mean speed of the driven joint [rad/s]."""
+    variation: float
+    """Amplitude of the varying speed, as a share of its mean."""
     swings: bool = False
     """Whether the driven joint swings between two ends: its speed is then never constant, but harmonic."""
 
@@ -79,10 +88,11 @@ class Verification:
     def penalty(self, stage: str) -> dict[str, float]:
         """Mass and RMS drive torque at constant and varying speed, as multiples of before."""
         runs = {"torque_constant_speed": self.constant, "torque_varying_speed": self.varying}
+        before = {name: run.rms("before")["torque_Nm"] for name, run in runs.items()}
         torque = {
-            name: run.rms(stage)["torque_Nm"] / run.rms("before")["torque_Nm"]
+            name: run.rms(stage)["torque_Nm"] / before[name]
             for name, run in runs.items()
-            if run.rms("before")["torque_Nm"]
+            if before[name] > run.noise["torque"]
         }
         return {"mass": self.mass[stage] / self.mass["before"], **torque}
 
@@ -103,13 +113,13 @@ def verify(
     models = {stage: Mechanism.from_text(mjcf(result, stage), linkage.name) for stage in stages}
     closure = Closure(models["before"])
     start = float(closure.home[models["before"].coordinate_index(linkage.drive)])
-    runs = []
-    for share in (0.0, variation):
-        trajectory = closure.follow(samples(linkage, speed, share, start, count))
-        runs.append(Run(trajectory, linkage.drive, _responses(result, models, trajectory)))
-    return Verification(
-        runs[0], runs[1], {stage: moving_mass(result, stage) for stage in stages}, linkage.swing is not None
-    )
+    paths = [closure.follow(samples(linkage, speed, share, start, count)) for share in (0.0, variation)]
+    found = [_responses(result, models, path) for path in paths]
+    largest = [_largest(response) for responses in found for response in responses.values()]
+    noise = {name: ROUNDING * max(each[name] for each in largest) for name in largest[0]}
+    constant, varying = (Run(p, linkage.drive, r, noise) for p, r in zip(paths, found, strict=True))
+    mass = {stage: moving_mass(result, stage) for stage in stages}
+    return Verification(constant, varying, mass, speed, variation, linkage.swing is not None)
 
 
 def samples(linkage: Linkage, speed: float, variation: float, start: float, count: int) -> Samples:
@@ -135,6 +145,13 @@ def moving_mass(result: Balance, stage: str) -> float:
     total = sum(piece.mass for pieces in lumps(result, stage).values() for piece in pieces)
     gears: list[GearResult] = list(result.moment.gears.values()) if result.moment and stage == "complete" else []
     return float(total + sum(gear.counter_mass or 0.0 for gear in gears))
+
+
+def _largest(response: Response) -> dict[str, float]:
+    """Largest force [N], moment and drive torque [N m]."""
+    torque = max(float(np.abs(values).max()) for values in response.torque.values())
+    force, moment = (float(np.linalg.norm(values, axis=1).max()) for values in (response.force, response.moment))
+    return {"force": force, "moment": moment, "torque": torque}
 
 
 def _responses(result: Balance, models: Mapping[str, Mechanism], trajectory: Trajectory) -> dict[str, Response]:

@@ -1,6 +1,7 @@
 """``balance linkage``."""
 
 import json
+import math
 
 import pytest
 
@@ -27,7 +28,8 @@ def test_a_balanced_linkage_is_shown_with_force_moment_torque_and_cost(tmp_path)
     files = {kind: tmp_path / f"out.{kind}" for kind in ("png", "csv", "xml")}
     result = run("two-levels", "--figure", files["png"], "--csv", files["csv"], "--mjcf", files["xml"], "--equations")
     assert result.exit_code == 0, result.output
-    assert "peak moment left" in result.output
+    assert "moment left" in result.output
+    assert "driven joint A0 at 12.566 (1 + 0.3 sin wt) rad/s" in result.output
     assert "I_z5 = (Z*/Z) I[5], Z = 45, Z* = 18" in result.output
     assert "RMS drive torque 14.3 times (constant input speed)" in result.output
     assert files["png"].stat().st_size > 10_000
@@ -55,6 +57,7 @@ def test_speed_and_variation_are_taken():
         json.loads(run("two-levels", "--json", "--speed", speed, "--variation", "0.5").output)["simulated"]
         for speed in ("100rpm", "300 rpm")
     )
+    assert (fast["speed_rad_per_s"], fast["variation_share_of_speed"]) == (pytest.approx(10 * math.pi), 0.5)
     ratio = [s["varying_speed"]["rms"]["before"]["Fx_N"] for s in (fast, slow)]
     assert ratio[0] / ratio[1] == pytest.approx(9.0)
 

@@ -1,5 +1,7 @@
 """Linkages as MJCF."""
 
+import xml.etree.ElementTree as ElementTree
+
 import pytest
 
 from balance.closure import Closure
@@ -64,3 +66,86 @@ def test_what_a_simulation_needs_is_named(change, message, slider_crank_keys):
     change(slider_crank_keys)
     with pytest.raises(ModelError, match=message):
         mjcf(balance(from_table(slider_crank_keys, "x")), "before")
+
+
+def shaper():
+    """A crank whose block slides on a rocker, both geared: to the crank and to the ground; a ram on its guide."""
+    place = {"radius": "60 mm", "radius_of_gyration": "20 mm"}
+    sliding = {"point": ["0 m", "0 m"], "along": "0 deg"}
+    return {
+        "drive": "O2",
+        "speed": "80 rpm",
+        "links": {
+            "2": {"mass": "0.9 kg", "centre": ["27 mm", "7 mm"], "inertia": "2e-3 kg m^2", "counter_mass": place},
+            "3": {"mass": "0.3 kg", "centre": ["6 mm", "-4 mm"], "inertia": "2e-4 kg m^2", "counter_mass": place},
+            "4": {"mass": "2 kg", "centre": ["0.2 m", "11 mm"], "inertia": "0.03 kg m^2", "counter_mass": place},
+            "5": {"mass": "0.8 kg", "centre": ["0.1 m", "9 mm"], "inertia": "4e-3 kg m^2", "counter_mass": place},
+            "6": {"mass": "3 kg", "centre": ["50 mm", "0 m"]},
+        },
+        "joints": {
+            "O2": {"ground": ["0 m", "0 m"], "2": ["0 m", "0 m"]},
+            "A": {"2": ["80 mm", "0 m"], "3": ["0 m", "0 m"]},
+            "S": {"kind": "prismatic", "3": sliding, "4": {"point": ["0 m", "5 mm"], "along": "0 deg"}},
+            "O4": {"ground": ["0 m", "-0.2 m"], "4": ["0 m", "0 m"]},
+            "B": {"4": ["0.42 m", "0 m"], "5": ["0 m", "0 m"]},
+            "C": {"5": ["0.25 m", "0 m"], "6": ["0 m", "0 m"]},
+            "G": {"kind": "prismatic", "ground": {"point": ["0 m", "0.2 m"], "along": "0 deg"}, "6": sliding},
+        },
+        "start": {"2": "80 deg", "3": "88 deg", "4": "88 deg", "5": "5 deg"},
+        "gears": {
+            "z2": {"body": "2", "teeth": [50, 20]},
+            "z3": {"body": "3", "teeth": [48, 31], "counter": {"mass": "0.5 kg"}},
+            "z4": {"body": "4", "teeth": [48, 31]},
+            "z5": {"body": "5", "teeth": [22, 37], "counter": {"mass": "0.9 kg", "at": ["0.25 m", "3 cm"], "on": "4"}},
+        },
+    }  # fmt: skip
+
+
+def pushed(text, torque):
+    """How far a free base and the crank have come after 0.1 s of torque on the crank, by MuJoCo forwards."""
+    import mujoco
+    import numpy as np
+
+    mujoco.MjModel.from_xml_string(text)  # as written: no inertia is too small for it
+    root = ElementTree.fromstring(text)
+    base, key = root.find("worldbody/body"), root.find("keyframe/key")
+    for name, kind, axis in (("bz", "hinge", "0 0 1"), ("by", "slide", "0 1 0"), ("bx", "slide", "1 0 0")):
+        base.insert(0, ElementTree.Element("joint", name=name, type=kind, axis=axis))
+    base.insert(3, ElementTree.Element("inertial", pos="0 0 0", mass="5", diaginertia=".5 .5 .5"))
+    key.set("qpos", "0 0 0 " + key.get("qpos"))
+    model = mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
+    model.opt.timestep, model.opt.integrator, model.eq_solref[:] = 1e-4, mujoco.mjtIntegrator.mjINT_RK4, [0.001, 1.0]
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    assert np.abs(data.efc_pos).max() < 1e-9
+    data.ctrl[0], start = torque, data.joint("O2").qpos[0]
+    mujoco.mj_step(model, data, 1000)
+    return np.abs(data.qpos[:3]).max(), data.joint("O2").qpos[0] - start
+
+
+def test_a_pushed_linkage_leaves_a_free_base_where_it_is_in_mujoco():
+    """The file as written, its gears as joint equality and, where several joints turn one, as tendon; both are soft."""
+    result = balance(from_table(shaper(), "x"))
+    text = mjcf(result, "complete", couplings=True)
+    assert [tendon.get("name") for tendon in ElementTree.fromstring(text).findall("tendon/fixed")] == ["z3*"]
+    moved, turned = pushed(text, 100.0)
+    assert turned > 0.3
+    assert moved < 1e-4 * turned
+    moved, turned = pushed(mjcf(result, "before"), 1.0)
+    assert moved > 1e-2 * turned
+    with pytest.raises(ModelError, match=r"coupling between joints|tendon"):
+        Mechanism.from_text(text, "x")
+
+
+def test_a_point_mass_that_turns_gets_no_inertia_worth_mentioning(slider_crank_keys):
+    """A rod without inertia of its own, and none invented: balanced, and its torque that of a point mass."""
+    from balance.linkages.verification import verify
+
+    keys = slider_crank_keys
+    keys["links"]["3"] |= {"inertia": "0 kg m^2", "centre": ["0 m", "0 m"], "mass": "20 kg"}
+    keys["links"]["4"] |= {"mass": "1e-6 kg", "centre": ["0 m", "0 m"]}
+    del keys["gears"]["z3"]
+    keys["gears"]["z3"] = {"body": "3", "counter": {"mass": "1e-9 kg"}}
+    run = verify(balance(from_table(keys, "x")), count=60).varying
+    assert run.residual("complete")["moment"] < 1e-10

@@ -114,3 +114,13 @@ def test_inertia_is_that_of_all_pieces_about_the_joint(slider_crank_keys):
     about = whole.inertia + whole.mass * float(whole.at @ whole.at)
     assert result.moment.bodies["3"].inertia == pytest.approx(about + slider)
     assert np.isclose(result.residual(), 0.0, atol=1e-15)
+
+
+def test_a_counter_gear_is_pivoted_on_its_carrier(crank_rocker_keys):
+    """A pivot that is said to be on another body is refused: its place would be read in the wrong frame."""
+    keys = crank_rocker_keys
+    keys["gears"]["z5"]["counter"] |= {"at": ["20 mm", "0 m"], "on": "2"}
+    with pytest.raises(ModelError, match=r"gear z5: .* pivoted on 2, but the pair is carried by 3"):
+        balance(from_table(keys, "x"))
+    keys["gears"]["z5"]["counter"]["on"] = "3"
+    assert verify(balance(from_table(keys, "x")), count=60).varying.residual("complete")["moment"] < 1e-10

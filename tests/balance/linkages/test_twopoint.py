@@ -3,6 +3,7 @@
 import pytest
 
 from balance.errors import ModelError, SizingError
+from balance.linkages.equations import equations
 from balance.linkages.method import balance
 from balance.linkages.reading import from_table
 from balance.linkages.verification import verify
@@ -44,6 +45,16 @@ def test_the_centre_is_brought_onto_the_line(crank_rocker_keys):
     result = balance(from_table(four_bar(crank_rocker_keys), "x"))
     (counter,) = result.force["3"].counters
     assert counter.mass == pytest.approx(result.values["m3"] * 12 / 50)
+
+
+def test_the_equations_of_a_two_point_body_and_of_a_counter_mass_at_a_radius(crank_rocker_keys):
+    """Across the line of the joints in symbols; at a radius with the rule of its inertia."""
+    keys = four_bar(crank_rocker_keys)
+    keys["links"]["2"]["counter_mass"] = {"radius": "60 mm", "bar": "30 mm"}
+    found = {equation.text: equation.value for equation in equations(balance(from_table(keys, "x")))}
+    assert found["m3* = (m3 n[3]) / -n[m3*], n across the line A B"] == pytest.approx(1.15 * 12 / 50)
+    mass = next(value for text, value in found.items() if text.startswith("m2* = |"))
+    assert found["I2* = m2* (0.03 m)^2/12"] == pytest.approx(mass * 0.03**2 / 12)
 
 
 def test_without_a_place_on_the_other_side_it_is_refused(crank_rocker_keys):
