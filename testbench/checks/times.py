@@ -10,6 +10,8 @@ GAP = 1.5
 """A step longer than this many medians is a gap."""
 IRREGULAR = 0.1
 """Steps whose middle half spreads over more than this share of the median are those of no sampled signal."""
+_SAME_RATE = 1e-6
+"""Rates that differ by less than this share of them are one."""
 RATE_TOLERANCE = 0.005
 """A header's rate and 1 / median step may differ by this share: rates are often printed in three digits."""
 
@@ -25,17 +27,18 @@ def rate_hz(group: Group, clock: ClockStats) -> float | None:
 
 
 def seconds(group: Group, clock: ClockStats) -> dict[str, float | int | None]:
-    """The clock's numbers as they are printed, in seconds; without a known unit as written."""
+    """The clock's numbers as they are printed, in seconds; as written, without ``_s``, if the unit is unknown."""
     assert isinstance(group.clock, TimeColumn)
-    factor = group.clock.seconds_per_unit or 1.0
+    factor = group.clock.seconds_per_unit
     values = {
-        "t_first_s": clock.first,
-        "t_last_s": clock.last,
-        "dt_min_s": clock.dt_min,
-        "dt_median_s": clock.steps.quantile(0.5),
-        "dt_max_s": clock.dt_max,
+        "t_first": clock.first,
+        "t_last": clock.last,
+        "dt_min": clock.dt_min,
+        "dt_median": clock.steps.quantile(0.5),
+        "dt_max": clock.dt_max,
     }
-    finite = {key: value * factor if math.isfinite(value) else None for key, value in values.items()}
+    unit, factor = ("", 1.0) if factor is None else ("_s", factor)
+    finite = {f"{key}{unit}": value * factor if math.isfinite(value) else None for key, value in values.items()}
     return {**finite, "non_increasing": clock.non_increasing}
 
 
@@ -68,7 +71,7 @@ def _steps(group: Group, clock: ClockStats, name: str, unit: str, stated: float 
     """Findings about the lengths of the steps."""
     median, spread = clock.steps.quantile(0.5), _spread(clock)
     if len(group.channels) == 1:
-        message = "a column of times and nothing else: events such as edges, no signal; there is no rate"
+        message = "the only column of numbers is one of times: events such as edges, no signal; there is no rate"
         return [Finding("event_times", name, None, message)]
     if not median > 0:
         return []
@@ -84,11 +87,24 @@ def _steps(group: Group, clock: ClockStats, name: str, unit: str, stated: float 
     if (jitter := clock.steps.quantile(0.95) - clock.steps.quantile(0.05)) > 0.01 * median:
         message = f"nine steps in ten lie within {jitter / median:.1%} of the median {median:.6g} {unit}"
         found.append(Finding("time_jitter", name, None, message))
-    rate = rate_hz(group, clock)
-    if rate and stated and abs(rate / stated - 1) > RATE_TOLERANCE:
+    return found + _against_stated(name, clock, rate_hz(group, clock), stated)
+
+
+def _against_stated(name: str, clock: ClockStats, rate: float | None, stated: float | None) -> list[Finding]:
+    """A header's rate that the steps contradict, or that drifts from the times by more than they are rounded."""
+    if not rate or not stated:
+        return []
+    if abs(rate / stated - 1) > RATE_TOLERANCE:
         message = f"the header states {stated:g} Hz, the steps of time give {rate:.6g} Hz"
-        found.append(Finding("rate_contradiction", name, None, message))
-    return found
+        return [Finding("rate_contradiction", name, None, message)]
+    median, span = clock.steps.quantile(0.5), clock.last - clock.first
+    if clock.dt_max > GAP * median or clock.non_increasing:
+        return []
+    mean = rate * median * clock.steps.above(0.0) / span
+    if abs(mean / stated - 1) <= max(_SAME_RATE, (clock.dt_max - clock.dt_min) / span):
+        return []
+    message = f"the header states {stated:.10g} Hz, the times give {mean:.10g} Hz on average; the times are taken"
+    return [Finding("rate_rounded", name, None, message)]
 
 
 def _spread(clock: ClockStats) -> float:

@@ -10,6 +10,8 @@ from balance.cli.console import EXIT_REFUSED, emit_json, emit_table, json_option
 from . import reading
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from ..checks import GroupCheck
     from ..describe import Description
 
@@ -62,9 +64,15 @@ def _title(check: "GroupCheck") -> str:
     from ..describe import clock
 
     rate = f", {check.rate_hz:.6g} Hz ({check.rate_source})" if check.rate_hz else ", no rate"
-    times = clock(check)
-    span = f", {times['t_first_s']:g} to {times['t_last_s']:g} s" if times and times["t_last_s"] is not None else ""
-    return f"{reading.plain(check.group.name)}: {check.samples} samples{rate}{span}"
+    return f"{reading.plain(check.group.name)}: {check.samples} samples{rate}{_span(clock(check) or {})}"
+
+
+def _span(times: "Mapping[str, float | int | None]") -> str:
+    """From when to when, in seconds where the unit of time is known."""
+    for unit in ("_s", ""):
+        if times.get(f"t_last{unit}") is not None:
+            return f", {times[f't_first{unit}']:g} to {times[f't_last{unit}']:g}{unit.replace('_', ' ')}"
+    return ""
 
 
 def _row(check: "GroupCheck", index: int, stats: bool) -> list[str]:

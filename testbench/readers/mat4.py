@@ -53,7 +53,7 @@ def open_mat4(path: Path, options: ReadOptions) -> Recording:
         read=lambda report: watched(_blocks(path), report),
         metadata=metadata,
         stated_rate_hz=found.stated_rate_hz,
-        findings=(*findings, *found.findings),
+        findings=tuple(findings),
     )
 
 

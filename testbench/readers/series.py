@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..findings import Finding
 from ..recording import Block, Channel, Clock, Group, Samples, TimeColumn, UniformClock
 from ..units import seconds_per
 from .csv import names
@@ -17,7 +16,6 @@ _TIME_LIKE = re.compile(r"(?:.*[. /])?(?:t|time|timestamps?|zeit|zaman)(?:[_ ].*
 _RATE_LIKE = re.compile(r"(?:.*[._ /])?(?:fs|sample_?rate|sampling_?(?:rate|frequency)|rate_?hz)", re.IGNORECASE)
 _STEP_LIKE = re.compile(r"(?:.*[._ /])?(?:dt|ts|delta_?t|sample_?time|sampling_?(?:interval|period))", re.IGNORECASE)
 _SAME_RATE = 1e-9
-_CONTRADICTION = 0.005
 
 
 @dataclass(frozen=True)
@@ -56,10 +54,9 @@ class Gathered:
 
 @dataclass
 class Gathering:
-    """The groups of a file, and what was found in gathering them."""
+    """The groups of a file, and the rate that it states."""
 
     groups: list[Gathered] = field(default_factory=list)
-    findings: list[Finding] = field(default_factory=list)
     stated_rate_hz: float | None = None
 
 
@@ -81,8 +78,6 @@ def gather(stem: str, series: Sequence[Series], scalars: Mapping[str, float]) ->
         if clock is None and len(sorted_out) == 1 and result.stated_rate_hz is not None:
             result.groups.append(_gathered(" ".join(parts), members, UniformClock(result.stated_rate_hz)))
             continue
-        if clock is not None:
-            result.findings += _against_stated(members, clock, result.stated_rate_hz)
         result.groups.append(_gathered(" ".join(parts), members, clock))
     return result
 
@@ -141,17 +136,3 @@ def _grows(member: Series) -> bool:
                 return False
         last = float(column[-1])
     return True
-
-
-def _against_stated(members: Sequence[Series], clock: TimeColumn, stated: float | None) -> list[Finding]:
-    """A stated rate that differs a little from the time column's; a lot is found where the data are checked."""
-    if stated is None or clock.seconds_per_unit is None:
-        return []
-    column = [series for series in members for _ in series.channels][clock.index]
-    first, last = (float(column.block(i, i + 1)[0][0]) for i in (0, column.length - 1))
-    span = (last - first) * clock.seconds_per_unit
-    rate = (column.length - 1) / span if span > 0 else np.inf
-    if not _SAME_RATE < abs(rate / stated - 1) <= _CONTRADICTION:
-        return []
-    message = f"the file states {stated:.10g} Hz, its time column gives {rate:.10g} Hz; the column is taken"
-    return [Finding("rate_rounded", column.channels[0].name, None, message)]

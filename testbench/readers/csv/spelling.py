@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ...findings import Finding
 from ...recording import Block, Report
-from . import midnight, thousands, times
+from . import exact, midnight, thousands, times
 from .dialect import Dialect
 from .encoding import Encoding
 from .header import Header
@@ -59,7 +59,15 @@ class Spelled:
 def find(path: Path, sample: Sample, dialect: Dialect, header: Header) -> Spelled:
     """The columns of the file that begins with ``sample``."""
     rows = [dialect.split(line) for line in sample.lines[header.first_data_line - 1 :]]
-    found = times.find(rows, lambda: [dialect.split(line) for line in last_lines(path, sample.encoding)], header)
+
+    def last() -> list[list[str]]:
+        return [dialect.split(line) for line in last_lines(path, sample.encoding)]
+
+    found = times.find(rows, last, header)
     grouped = [g for g in thousands.find(rows, header, dialect.decimal) if g.field not in found.spoken_for]
-    said = (*found.findings, *thousands.said(grouped, header))
+    said = (
+        *found.findings,
+        *thousands.said(grouped, header),
+        *exact.rounded([*rows, *last()], header, found.spoken_for),
+    )
     return Spelled(rows, found, tuple(grouped), sample.encoding, said)

@@ -10,6 +10,7 @@ from itertools import pairwise
 from ...findings import Finding
 from ...recording import Channel, TimeColumn
 from . import marks, moments, names
+from .exact import is_exact
 from .header import Header
 from .moments import DAY, Notation
 from .stamps import Counted, Stamps, is_plain
@@ -191,10 +192,14 @@ def _said(column: Stamps, name: str) -> Finding:
 
 
 def _is_held(cell: str) -> bool:
-    """Whether float64 holds a number: few digits, or those that Python and others write so that they are read back."""
+    """Whether float64 holds a number: few digits, a whole number that is one of its own, or such a fraction's shortest
+    digits, as Python and others write them so that they are read back.
+    """
     written = cell.replace(",", ".")
     if sum(c.isdigit() for c in written.lstrip("+-0.")) <= _SIGNIFICANT:
         return True
+    if "." not in written:
+        return is_exact(written)
     return Decimal(repr(float(written))) == Decimal(written)
 
 

@@ -49,7 +49,7 @@ def open_mat5(path: Path, options: ReadOptions) -> Recording:
         read=lambda report: watched(_blocks(path), report),
         metadata=found.metadata,
         stated_rate_hz=result.stated_rate_hz,
-        findings=(*found.findings, *result.findings),
+        findings=tuple(found.findings),
     )
 
 

@@ -109,3 +109,18 @@ def test_a_declared_clock_needs_no_column():
     """Rate and source of a uniform clock are the declared ones."""
     group, _ = checked(np.arange(10.0), column=UniformClock(5120.0))
     assert (group.rate_hz, group.rate_source) == (5120.0, "declared")
+
+
+def test_a_small_difference_to_the_header_is_said():
+    """A clock that drifts from its header's rate by 0.1 % is a note; times that are merely rounded are none."""
+    drifting = np.arange(1000) / 99.9
+    assert "rate_rounded" in checked(drifting, stated=100.0)[1]
+    assert "rate_rounded" not in checked(drifting, stated=99.9)[1]
+    assert "rate_rounded" not in checked(np.round(np.arange(5000) / 3000, 6), stated=3000.0)[1]
+
+
+def test_no_seconds_are_printed_where_the_unit_is_unknown():
+    """The numbers of a clock carry their unit in the keys, and none where none is known."""
+    for factor, keys in ((1e-3, "_s"), (None, "")):
+        group, _ = checked(np.arange(100.0), column=TimeColumn(0, factor))
+        assert times.seconds(group.group, group.clock)[f"t_last{keys}"] == 99.0 * (factor or 1.0)

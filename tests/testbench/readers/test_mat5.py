@@ -101,7 +101,7 @@ def test_a_single_number_may_state_the_rate(tmp_path, name, value):
 def test_a_rate_that_is_a_little_off_is_said(tmp_path):
     """1280 Hz stated, 1279.9 Hz in the time column."""
     found = reading.read(_save(tmp_path, t=TIME * 128 / 1279.9, x=TIME, fs=1280.0))
-    assert "states 1280 Hz, its time column gives 1279.9 Hz" in found.message("rate_rounded")
+    assert "states 1280 Hz, the times give 1279.9 Hz" in found.message("rate_rounded")
 
 
 def test_integers_that_do_not_fit_are_said(tmp_path):
@@ -172,7 +172,7 @@ def test_public_recording_gives_its_known_values():
             assert np.hypot(*parts).max() == pytest.approx(values["abs_max"], rel=1e-9)
         else:
             reading.assert_values(found.column(what), values)
-    assert "1280 Hz, its time column gives 1279.95" in found.message("rate_rounded")
+    assert "1280 Hz, the times give 1279.95" in found.message("rate_rounded")
 
 
 def test_a_malformed_recording_names_its_last_whole_variable():

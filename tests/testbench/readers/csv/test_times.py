@@ -226,3 +226,17 @@ def test_a_notation_in_the_header_is_no_odd_unit(log):
         found = log(header + rows)
         assert [c.unit for c in found.group().channels] == ["s", "N"]
         assert not [f for f in found.findings if f.severity > 0]
+
+
+@pytest.mark.parametrize("first", [1709337598000000000, 1709337598000000001])
+def test_nanoseconds_since_1970_are_exact(log, first):
+    """Steps of 10 ms between whole numbers of 19 digits stay 10 ms, whether float64 would write them back or not."""
+    found = log("timestamp,F (N)\n" + "".join(f"{first + 10_000_000 * i},{i}.5\n" for i in range(300)))
+    assert found.time().tolist() == [1e7 * i for i in range(300)]
+
+
+def test_whole_numbers_that_float64_rounds_are_said(log):
+    """A counter beyond 2**53 is kept as float64 holds it, and this is said, also where it grows so late."""
+    for first, said in ((2**53 + 1, True), (2**53, False), (2**53 - 999, True)):
+        found = log("Time (s),count,F (N)\n" + "".join(f"{i},{first + 2 * i},{i}.5\n" for i in range(600)))
+        assert [f.channel for f in found.findings if f.code == "not_exact"] == ["count"] * said, first
