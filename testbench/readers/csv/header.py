@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from ... import units
 from ...recording import Channel
-from . import marks, names
+from . import marks, moments, names
 from .dialect import Dialect, UnclearDialect, is_comment, is_data
 
 _LONGEST_UNIT = 20
@@ -39,6 +39,9 @@ def parse(lines: Sequence[str], dialect: Dialect, has_header: bool | None = None
     rows = [[] if is_comment(line) or not line.strip() else dialect.split(line) for line in lines]
     first = _first_data(rows)
     fields = len(rows[first])
+    while (end := _end_of_pairs(rows, first)) is not None:
+        rows[first:end] = [[] for _ in range(first, end)]
+        first = _first_data(rows)
     above = [i for i in range(first) if rows[i]]
     if has_header is False:
         above = []
@@ -67,6 +70,21 @@ def _first_data(rows: Sequence[Sequence[str]]) -> int:
     while first and len(rows[first - 1]) == fields and _is_all_missing(rows[first - 1]):
         first -= 1
     return first
+
+
+def _end_of_pairs(rows: Sequence[Sequence[str]], first: int) -> int | None:
+    """Where lines such as ``Serial;1234`` end that begin at ``first`` and only look like data; None if they are data.
+
+    They hold text beside numbers, and a blank line or a row of names follows before the first row of numbers alone.
+    """
+    fields = len(rows[first])
+    for i in range(first, len(rows)):
+        texts = sum(not (marks.is_numberish(c) or marks.is_missing(c) or moments.read(c)) for c in rows[i])
+        if rows[i] and len(rows[i]) == fields and not texts:
+            return None
+        if i > first and (not rows[i] or texts == fields):
+            return i
+    return None
 
 
 def _is_all_missing(cells: Sequence[str]) -> bool:

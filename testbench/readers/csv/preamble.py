@@ -1,4 +1,4 @@
-"""What comments and the lines above the header say: origin, sensor range, sampling rate."""
+"""What comments and the lines above the header say: origin, sensor range, pairs of key and value."""
 
 import re
 from collections.abc import Iterable
@@ -12,11 +12,6 @@ _RANGE = re.compile(
     re.IGNORECASE,
 )
 _BITS = re.compile(r"\b(\d{1,2})[ -]?bits?\b", re.IGNORECASE)
-_RATE = re.compile(
-    r"(?:sampl\w*|rate|örnekleme|abtast\w*|fs)[^\d,;]*?(\d+(?:[.,]\d+)?)\s*(k?)Hz\b|"
-    r"\brate_hz\s*[:=]\s*(\d+(?:\.\d+)?)",
-    re.IGNORECASE,
-)
 _LONGEST = 2000
 """Letters of a comment that are looked at."""
 _PAIR = re.compile(r"\s*([^:=]{1,60}?)\s*[:=]\s*(.*?)\s*")
@@ -43,16 +38,6 @@ def ranges(texts: Iterable[str]) -> tuple[SensorRange, ...]:
                 limit = float(match[1].replace(",", "."))
                 found.append(SensorRange(limit, match[2], int(bits[1]) if bits else None))
     return tuple(found)
-
-
-def stated_rate_hz(texts: Iterable[str]) -> float | None:
-    """The sampling rate that the texts state [Hz], if it is only one."""
-    found = set()
-    for text in texts:
-        for match in _RATE.finditer(text[:_LONGEST]):
-            value = float((match[1] or match[3]).replace(",", "."))
-            found.add(value * (1000.0 if match[2] else 1.0))
-    return found.pop() if len(found) == 1 else None
 
 
 def pairs(texts: Iterable[str]) -> dict[str, str]:

@@ -4,12 +4,13 @@ from collections.abc import Sequence, Set
 from pathlib import Path
 
 from ...findings import Finding, Refusal
-from ...recording import Group, Recording, UniformClock
+from ...recording import Group, Recording
 from ..registry import Reader, ReadOptions
 from . import dialect as dialects
 from . import encoding as encodings
 from . import header as headers
 from . import marks, names, preamble, spelling
+from . import stated as above
 from .cells import shown
 from .dialect import Dialect, UnclearDialect
 from .header import Header
@@ -28,9 +29,9 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
     if not kept:
         raise Refusal(path.name, Finding("no_data", None, None, "no column of numbers; expected rows of numbers"))
     said = tuple(preamble.strip(text) for text in header.preamble)
-    rate = preamble.stated_rate_hz(said)
+    stated = above.find(said, dialect.decimal)
     channels = spelled.times.channels(header.channels)
-    clock = spelled.times.clock(channels, kept) or (UniformClock(rate) if rate else None)
+    clock = spelled.times.clock(channels, kept) or stated.clock
     group = Group(path.stem, tuple(channels[i] for i in kept), clock)
     table = Table(
         path,
@@ -48,14 +49,14 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
         format="CSV",
         reader="testbench.readers.csv",
         groups=(group,),
-        read=spelled.continued(table.blocks, kept),
+        read=stated.held_against(spelled.continued(table.blocks, kept)),
         origin=preamble.origin(said),
         settings=_settings(sample, dialect, header),
         metadata=preamble.pairs(said) | spelled.times.zeros(channels),
         comments=said,
         ranges=preamble.ranges(said),
-        stated_rate_hz=rate,
-        findings=(*_said(sample, dialect, header, spelled.fields), *spelled.findings, *left_out),
+        stated_rate_hz=stated.rate_hz,
+        findings=(*_said(sample, dialect, header, spelled.fields), *spelled.findings, *stated.findings, *left_out),
     )
 
 

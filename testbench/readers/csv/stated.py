@@ -1,0 +1,112 @@
+"""What the lines above the data state of them: a rate or step of sampling, and how many samples there are."""
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+
+from ... import units
+from ...findings import Finding
+from ...recording import Block, Report, UniformClock
+from .. import declared, doubt
+from . import marks
+
+_LONGEST = 2000
+"""Letters of a line that are looked at."""
+_NUMBER = r"(?P<number>\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)"
+_RATES = (
+    rf"(?:sampl\w*|rate|örnekleme|abtast\w*|fs)[^\d,;]*?{_NUMBER}\s*(?P<kilo>k?)Hz\b",
+    rf"(?:sampl\w*|rate|örnekleme|abtast\w*|fs)[^\d,;]{{0,40}}[([]\s*(?P<kilo>k?)Hz\s*[)\]]\"?\s*[:=;,\t]\s*\"?{_NUMBER}",
+    rf"\brate_hz(?P<kilo>)\s*[:=]\s*{_NUMBER}",
+)
+_STEP = (
+    r"\b(?:sampl\w*[ _](?:interval|period|time)|time[ _](?:step|interval|increment)|delta[ _]?[tx]|dt|Δt"
+    r"|abtast(?:intervall|zeit|periode)|örnekleme (?:aralığı|süresi|periyodu))"
+)
+_UNIT = r"(?P<unit>s|sec|ms|us|µs|μs|ns)"
+_STEPS = (
+    rf"{_STEP}\"?\s*[:=;,\t ]\s*\"?{_NUMBER}\"?[\s;,]*{_UNIT}\b",
+    rf"{_STEP}\s*[([]\s*{_UNIT}\s*[)\]]\"?\s*[:=;,\t]\s*\"?{_NUMBER}",
+)
+_COUNT = re.compile(
+    r"(?:(?:number|no\.?|count)[ _]?of[ _]?(?:samples|points|rows|scans)|samples(?:[ _]per[ _]channel)?|sample[ _]count"
+    r"|n(?:um)?[ _]?(?:of[ _])?samples|data[ _]points|record[ _]length|rows"
+    r"|anzahl[ _](?:der[ _])?\w*(?:werte|punkte|samples)|örnek sayısı)\s*[:=;,\t]\s*(\d{1,15})(?:[\s;,]+\1)*[\s;,]*",
+    re.IGNORECASE,
+)
+_ONE_RATE = 0.005
+"""Rates that differ by this share are one, written in few digits."""
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What is stated: ``rate_hz``, the ``samples`` of each channel, and what is odd in that."""
+
+    rate_hz: float | None = None
+    samples: int | None = None
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def clock(self) -> UniformClock | None:
+        """The clock of the stated rate, if it can be one."""
+        return declared.by_rate(self.rate_hz) if self.rate_hz else None
+
+    def held_against(self, read: Callable[[Report], Iterator[Block]]) -> Callable[[Report], Iterator[Block]]:
+        """``read``, that says at its end if it brought another number of samples than is stated."""
+        samples = self.samples
+        return read if samples is None else lambda report: _counted(read(report), samples, report)
+
+
+def find(texts: Iterable[str], decimal: str) -> Stated:
+    """What the ``texts`` state in a file whose numbers have this ``decimal`` mark."""
+    texts = [text[:_LONGEST] for text in texts]
+    rates = {float(rate) for text in texts for rate in _rates(text, decimal)}
+    steps = {match["number"]: step for text in texts for match, step in _steps(text, decimal)}
+    stated = [*sorted(rates), *(float(1 / step) for step in steps.values())]
+    counts = {int(match[1]) for text in texts if (match := _COUNT.fullmatch(text.strip()))}
+    samples = counts.pop() if len(counts) == 1 else None
+    if not stated:
+        return Stated(None, samples)
+    if any(abs(rate / stated[0] - 1) > _ONE_RATE for rate in stated):
+        listed = ", ".join(f"{rate:.10g} Hz" for rate in stated)
+        message = f"the lines above the data state several rates ({listed}); none of them is taken"
+        return Stated(None, samples, (Finding("header_contradiction", None, None, message),))
+    coarse = [] if rates else doubt.step_as_text(next(iter(steps)), "the step of time")
+    return Stated(stated[0], samples, tuple(coarse))
+
+
+def _rates(text: str, decimal: str) -> Iterator[Fraction]:
+    """The rates that a line states [Hz]."""
+    for pattern in _RATES:
+        for match in re.finditer(pattern, text, re.IGNORECASE):
+            if value := _value(match["number"], decimal) * (1000 if match["kilo"] else 1):
+                yield value
+
+
+def _steps(text: str, decimal: str) -> Iterator["tuple[re.Match[str], Fraction]"]:
+    """The steps of time that a line states, with their seconds."""
+    for pattern in _STEPS:
+        for match in re.finditer(pattern, text, re.IGNORECASE):
+            factor = units.seconds_per(match["unit"])
+            if factor and (value := _value(match["number"], decimal)):
+                yield match, value * Fraction(repr(factor))
+
+
+def _value(text: str, decimal: str) -> Fraction:
+    """A number with the file's decimal mark; three digits behind the other mark are thousands."""
+    other = "," if decimal == "." else "."
+    if other in text and marks.may_be_thousands(text):
+        text = text.replace(other, "")
+    return Fraction(text.replace(",", "."))
+
+
+def _counted(blocks: Iterator[Block], stated: int, report: Report) -> Iterator[Block]:
+    found: Counter[str] = Counter()
+    for block in blocks:
+        found[block.group.name] += len(block)
+        yield block
+    total = found.total()
+    if stated != total and any(samples != stated for samples in found.values()):
+        code = "count_contradiction" if total < stated else "header_contradiction"
+        report(Finding(code, None, None, f"the lines above the data state {stated} samples, {total} are there"))
