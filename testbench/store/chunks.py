@@ -5,7 +5,7 @@ put together once, checksum behind it, and written; two thirds of the time of wr
 """
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,11 +13,15 @@ from numpy.typing import NDArray
 
 from ..recording import Samples
 from . import fletcher
+from .swift import Swift
 
 if TYPE_CHECKING:
     import h5py
 
 _CHECKSUM = 4
+_WORDS = 4
+"""Words of 16 bits in a sample."""
+_swift = Swift()
 
 
 def are_possible(dataset: "h5py.Dataset") -> bool:
@@ -26,20 +30,46 @@ def are_possible(dataset: "h5py.Dataset") -> bool:
     return plain and sys.byteorder == "little" and fletcher.ROW % dataset.chunks[0] == 0
 
 
-def write(dataset: "h5py.Dataset", start: int, waiting: Sequence[Samples], count: int) -> list[Samples]:
-    """Write the first ``count`` of the ``waiting`` samples, whole chunks, from sample ``start`` on; the others."""
-    length = dataset.chunks[0]
-    rows = count // length
-    chunks = np.empty((rows, length + 1))  # so that each begins aligned; the last four bytes are not used
-    rest = _fill(chunks[:, :length], waiting)
-    sums = fletcher.Sums(rows, length)
-    for row in range(rows):
-        sums.add(row, chunks[row, :length].view("<u8"))
-    chunks.view("<u4")[:, 2 * length] = sums.checksums()
-    for row in range(rows):
-        content = chunks[row].view(np.uint8)[: 8 * length + _CHECKSUM]
-        dataset.id.write_direct_chunk((start + row * length,), content)
-    return rest
+class Room:
+    """Memory in which chunks of ``length`` samples are put together, used again and again; ``size`` of one [bytes]."""
+
+    def __init__(self, length: int) -> None:
+        self.length, self.size = length, 8 * length + _CHECKSUM
+        self._chunks = np.empty((0, length + 1))  # so that each begins aligned; the last four bytes are not used
+
+    def write(
+        self,
+        dataset: "h5py.Dataset",
+        start: int,
+        waiting: Sequence[Samples],
+        count: int,
+        written: Callable[[], object] = lambda: None,
+    ) -> list[Samples]:
+        """Write the first ``count`` of the ``waiting`` samples, whole chunks, from sample ``start`` on; the others.
+
+        ``written`` is called after each chunk.
+        """
+        length, rows = self.length, count // self.length
+        if len(self._chunks) < rows:
+            self._chunks = np.empty((rows, length + 1))
+        chunks = self._chunks[:rows]
+        rest = _fill(chunks[:, :length], waiting)
+        chunks.view("<u4")[:, 2 * length] = _checksums(chunks, length)
+        for row in range(rows):
+            dataset.id.write_direct_chunk((start + row * length,), chunks[row].view(np.uint8)[: self.size])
+            written()
+        return rest
+
+
+def _checksums(chunks: NDArray[np.float64], length: int) -> Sequence[int] | NDArray[np.uint32]:
+    """Fletcher-32 of the first ``length`` samples of each chunk."""
+    if (loop := _swift.loop(chunks.nbytes)) is not None:
+        begin, step = chunks.ctypes.data, chunks.strides[0]
+        return [loop(begin + row * step, _WORDS * length) for row in range(len(chunks))]
+    sums = fletcher.Sums(len(chunks), length)
+    for row, chunk in enumerate(chunks):
+        sums.add(row, chunk[:length].view("<u8"))
+    return sums.checksums()
 
 
 def _fill(chunks: NDArray[np.float64], waiting: Sequence[Samples]) -> list[Samples]:

@@ -11,6 +11,7 @@ from ..recording import Channel, Group, Samples, TimeColumn, UniformClock
 from . import chunks, layout
 from .forms import COMPRESSED, PLAIN, Decimals, Form, minus_bits
 from .journal import Piece
+from .outfile import OutFile
 
 if TYPE_CHECKING:
     import h5py
@@ -27,8 +28,8 @@ _NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable. %10d"
 class GroupWriter:
     """The samples of one group, gathered to whole chunks and written.
 
-    ``acknowledge`` is told where the chunks of each channel lie, once they do; ``writing`` puts failures in words.
-    ``forms`` says how the samples of each channel are stored; without it as they are.
+    ``acknowledge`` is told where the chunks of each channel lie, once they do; ``writing`` puts failures in words;
+    ``out`` is the file below HDF5. ``forms`` says how the samples of each channel are stored; without it as they are.
     """
 
     def __init__(
@@ -37,13 +38,14 @@ class GroupWriter:
         group: Group,
         acknowledge: Acknowledge,
         writing: Callable[[], Writing],
+        out: OutFile,
         forms: Sequence[Form] | None = None,
     ) -> None:
         self.node, self.group, self.samples = node, group, 0
         self.forms = [PLAIN] * len(group.channels) if forms is None else list(forms)
         self._form_of_time = PLAIN if forms is None else COMPRESSED
         self._minus: list[list[NDArray[np.uint8]]] = [[] for _ in group.channels]
-        self._acknowledge, self._writing = acknowledge, writing
+        self._acknowledge, self._writing, self._out = acknowledge, writing, out
         self.rate_hz: float | None = None
         self.rate_source: str | None = None
         self.has_plot = False
@@ -58,6 +60,7 @@ class GroupWriter:
         self._written = 0
         self._chunk = CHUNK
         self._whole: list[bool] = []
+        self._room = chunks.Room(CHUNK)
 
     def append(self, columns: Sequence[Samples]) -> None:
         """Take in the next samples, one column a channel."""
@@ -76,10 +79,12 @@ class GroupWriter:
                 _dataset(self.node, k, self._chunk, f) for k, f in zip(self.keys, self.forms, strict=True)
             ]
             self._whole = [chunks.are_possible(dataset) for dataset in self._datasets]
+            self._room = chunks.Room(self._chunk)
+        pieces: list[Sequence[Piece]] = []
         for i, (dataset, form, waiting) in enumerate(zip(self._datasets, self.forms, self._waiting, strict=True)):
             dataset.resize((self._written + count,))
             if self._whole[i] and count and count % self._chunk == 0:
-                waiting[:] = chunks.write(dataset, self._written, waiting, count)
+                pieces.append(self._write_whole(dataset, waiting, count))
                 continue
             samples = waiting[0] if len(waiting) == 1 else np.concatenate([np.empty(0), *waiting])
             dataset[self._written : self._written + count] = form.stored(samples[:count])
@@ -87,8 +92,18 @@ class GroupWriter:
                 self._minus[i].append(minus_bits(samples[:count]))
             waiting[:] = [samples[count:]]
             dataset.flush()
-        self._acknowledge([_pieces(dataset, self._written) for dataset in self._datasets])
+            pieces.append(_pieces(dataset, self._written))
+        self._out.check()
+        self._acknowledge(pieces)
         self._written += count
+
+    def _write_whole(self, dataset: "h5py.Dataset", waiting: list[Samples], count: int) -> Sequence[Piece]:
+        """Write whole chunks past HDF5's filter; where they went is seen below HDF5, which would look through all."""
+        places: list[tuple[int, int]] = []
+        waiting[:] = self._room.write(dataset, self._written, waiting, count, lambda: places.append(self._out.last))
+        if {size for _, size in places} != {self._room.size}:
+            return _pieces(dataset, self._written)
+        return [Piece(at, size, self._chunk) for at, size in places]
 
     def finish(self, rate_hz: float | None, rate_source: str | None) -> None:
         """Write what waits, then names, units and clock."""

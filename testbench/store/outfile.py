@@ -14,7 +14,10 @@ class OutFile(io.RawIOBase):
 
     def __init__(self, path: Path) -> None:
         self._stream = path.open("x+b", buffering=0)
+        self._at = 0
         self.error: OSError | None = None
+        self.last = (0, 0)
+        """Place and size of what was written last [bytes]."""
 
     def check(self) -> None:
         """Raise what went wrong, if anything did."""
@@ -30,6 +33,8 @@ class OutFile(io.RawIOBase):
                 done += self._stream.write(view[done:])
         except OSError as error:
             self.error = error
+        self.last = (self._at, len(view))
+        self._at += len(view)
         return len(view)
 
     def readinto(self, buffer: Any) -> int:  # noqa: ANN401
@@ -39,11 +44,13 @@ class OutFile(io.RawIOBase):
         while done < len(view) and (count := self._stream.readinto(view[done:])):
             done += count
         view[done:] = bytes(len(view) - done)
+        self._at = self._stream.tell()
         return len(view)
 
     def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
         """Move to a place in the file."""
-        return self._stream.seek(offset, whence)
+        self._at = self._stream.seek(offset, whence)
+        return self._at
 
     def tell(self) -> int:
         """The place in the file."""

@@ -94,13 +94,14 @@ class RunWriter:
         """The writer of this group's samples; a new one if there is none of its name, that stores in these forms."""
         assert self._file is not None
         assert self._journal is not None
+        assert self._out is not None
         if group.name not in self._groups:
             key, number = layout.safe_name(group.name, self._taken), len(self._groups)
             with self._writing():
                 node = self._file[layout.ENTRY].create_group(key)
                 self._journal.group(number, group)
             acknowledge = partial(self._journal.acknowledge, number)
-            self._groups[group.name] = GroupWriter(node, group, acknowledge, self._writing, forms)
+            self._groups[group.name] = GroupWriter(node, group, acknowledge, self._writing, self._out, forms)
         return self._groups[group.name]
 
     def describe(

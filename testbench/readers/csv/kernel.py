@@ -1,4 +1,4 @@
-"""The loop that turns regular rows of numbers into float64, and its compilation: ``python -m ...kernel FILE``.
+"""The loop that turns regular rows of numbers into float64, for the compiler.
 
 A number below 2**53 times or over a power of ten up to 10**22 is made of two exact float64: one product or division
 gives the float64 next to what is written, which is what ``float()`` gives. Other numbers are left to ``float()``.
@@ -7,11 +7,9 @@ Eight characters are handled at once in a word of 64 bits, the first character i
 ``v = word ^ "00000000"`` is a digit's value if it is below 10; ``(v + 0x76...) | v`` has the highest bit of a byte set
 where one is not. Shifting ``v`` to the left by what lies behind the digits puts zeros before them.
 
-Only this module imports numba, and only the process that compiles imports this module.
+Only the process that compiles imports this module.
 """
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -240,9 +238,3 @@ def compiled() -> str:
     """The loop for this processor, as text that LLVM takes; its entry is called ``rows``."""
     function = cfunc(_SIGNATURE, error_model="numpy")(rows)
     return str(function.inspect_llvm()).replace(function.native_name, "rows")
-
-
-if __name__ == "__main__":
-    from .native import keep
-
-    keep(Path(sys.argv[1]), compiled())

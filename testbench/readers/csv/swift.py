@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ...native import BYTE, INTEGER, PLACE, Kernel
 from ...recording import Samples
-from . import native
 from .parse import Form
 
 LONG_BYTES = 50_000_000
@@ -18,6 +18,8 @@ _PATIENCE_S = 1.0
 """How long the first block waits for a loop that is kept; one that is compiled anew is not waited for."""
 _FEW = 32
 """One cell in so many may be left to ``float()``; where there are more, the block goes the usual way."""
+_TEXT, _COLUMNS, _LEFT, _SHAPES = (PLACE, INTEGER), (PLACE, INTEGER), (PLACE, INTEGER), (PLACE, PLACE)
+ROWS = Kernel("readers.csv.kernel", "rows", (*_TEXT, BYTE, BYTE, PLACE, INTEGER, *_COLUMNS, *_LEFT, *_SHAPES))
 
 
 class Swift:
@@ -38,7 +40,7 @@ class Swift:
         return cls(form, kept) if known and path.stat().st_size >= LONG_BYTES else None
 
     def _load(self) -> None:
-        self._loop = native.loop(compiling=self._decided.set)
+        self._loop = ROWS.loop(compiling=self._decided.set)
         self._decided.set()
 
     def columns(self, text: bytes, count: int) -> list[Samples] | None:

@@ -26,7 +26,7 @@ def test_chunks_are_those_of_hdf5(tmp_path, length, sizes):
         assert chunks.are_possible(mine)
         for d in (mine, other):
             d.resize((count,))
-        rest = chunks.write(mine, 0, waiting, count)
+        rest = chunks.Room(length).write(mine, 0, waiting, count)
         other[:] = values[:count]
         theirs.flush()
         assert np.concatenate([np.empty(0), *rest]).tobytes() == values[count:].tobytes()
@@ -41,7 +41,7 @@ def test_a_flipped_bit_is_noticed(tmp_path):
     with h5py.File(tmp_path / "x.h5", "w") as file:
         channel = dataset(file)
         channel.resize((1024,))
-        chunks.write(channel, 0, [np.arange(1024.0)], 1024)
+        chunks.Room(1024).write(channel, 0, [np.arange(1024.0)], 1024)
         place = channel.id.get_chunk_info(0).byte_offset
     content = bytearray((tmp_path / "x.h5").read_bytes())
     content[place + 100] ^= 1

@@ -12,11 +12,12 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from testbench import native
 from testbench.readers import ReadOptions, open_recording
-from testbench.readers.csv import lines, native, swift
+from testbench.readers.csv import lines, swift
 from testbench.readers.csv.dialect import Dialect
 from testbench.readers.csv.parse import Form
-from testbench.readers.csv.swift import Swift
+from testbench.readers.csv.swift import ROWS, Swift
 
 HEADER = "Time (s);AccX (g);AccY (g)\n"
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
@@ -37,7 +38,7 @@ def _kept(tmp_path_factory):
     """A folder of one's own for what is compiled."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
-        assert native.loop() is not None
+        assert ROWS.loop() is not None
         yield
 
 
@@ -209,24 +210,24 @@ def test_it_is_compiled_once_and_again_where_damaged(tmp_path, monkeypatch):
     """What is kept is taken as it is; a flipped bit is noticed; where nothing can be kept, the usual way is left."""
     (there,) = native.folder().iterdir()
     content = there.read_bytes()
-    monkeypatch.setattr(native, "_compiled", lambda path: "anew")
-    assert native.loop() != "anew"
+    monkeypatch.setattr(native.Kernel, "compiled", lambda self, path: "anew")
+    assert ROWS.loop() != "anew"
     try:
         there.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
-        assert native.loop() == "anew"
+        assert ROWS.loop() == "anew"
     finally:
         there.write_bytes(content)
     monkeypatch.undo()
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
-    assert native.loop() is None
+    assert ROWS.loop() is None
 
 
 def test_while_it_is_compiled_the_usual_way_is_taken(tmp_path, monkeypatch):
     """No log waits for a compiler."""
     go_on = threading.Event()
-    monkeypatch.setattr(native, "_kept", lambda path: None)
-    monkeypatch.setattr(native, "_compiled", lambda path: go_on.wait(30) and None)
+    monkeypatch.setattr(native.Kernel, "kept", lambda self, path: None)
+    monkeypatch.setattr(native.Kernel, "compiled", lambda self, path: go_on.wait(30) and None)
     monkeypatch.setattr(swift, "LONG_BYTES", 0)
     monkeypatch.setattr(swift, "_PATIENCE_S", 60.0)
     path = tmp_path / "log.csv"
@@ -239,6 +240,6 @@ def test_while_it_is_compiled_the_usual_way_is_taken(tmp_path, monkeypatch):
 
 def test_reading_imports_no_compiler():
     """What is kept runs without numba, and a short log without LLVM."""
-    code = "import sys, testbench.ingest; from testbench.readers.csv import native, reader; "
-    code += "assert 'llvmlite' not in sys.modules; assert native.loop(); assert 'numba' not in sys.modules"
+    code = "import sys, testbench.ingest; from testbench.readers.csv import reader, swift; "
+    code += "assert 'llvmlite' not in sys.modules; assert swift.ROWS.loop(); assert 'numba' not in sys.modules"
     subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, timeout=60)
