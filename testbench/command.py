@@ -1,7 +1,7 @@
 """How well a commanded acceleration is reached: target, accelerometer, and encoders differentiated."""
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,10 +12,11 @@ from balance.motion import Samples
 
 from .bench.carried import acceleration_in_body
 from .channels import in_si, instants
-from .derivatives import grid_of, on_grid, rates
+from .derivatives import grid_of, noise_gain, on_grid, rates
 from .errors import AnalysisError
 from .pairing import rig_of
 from .rig.sensors import Accelerometer, Encoder, Target
+from .segments import moving
 from .signals import Band, lag
 
 if TYPE_CHECKING:
@@ -38,6 +39,66 @@ class CommandPerformance:
     bandwidth_hz: float
     lag_s: float
     """By how much the accelerometer's logger was started earlier than the controller's, found by correlation [s]."""
+    encoder_noise: dict[str, float] = field(default_factory=dict)
+    """What the steps of the encoders alone make of an acceleration of a joint, by joint [rad/s2, m/s2]."""
+
+    def reached(self) -> list["Reached"]:
+        """How well the command was reached, by axis and by what shows it."""
+        rate = (len(self.time) - 1) / float(self.time[-1] - self.time[0])
+        shown = {"encoders": self.encoders, "accelerometer": self.accelerometer}
+        return [
+            Reached.of(axis, by, self.target[axis], values[axis], rate)
+            for axis in self.target
+            for by, values in shown.items()
+            if axis in values
+        ]
+
+
+@dataclass(frozen=True)
+class Reached:
+    """One axis of what was commanded beside what one source shows, in m/s2."""
+
+    axis: str
+    by: str
+    """``encoders`` or ``accelerometer``."""
+    target_peak: float
+    """Largest absolute value."""
+    peak: float
+    target_rms: float
+    """Over the span in which the command of any size moves this axis; zero where it never does."""
+    error_rms: float
+    """Of what is shown less the target, over the same span."""
+    delay_s: float | None
+    """By which what is shown follows the target, by correlation. None for the accelerometer, whose clock is set by it,
+    and where nothing is commanded."""
+
+    @classmethod
+    def of(cls, axis: str, by: str, target: Floats, shown: Floats, rate_hz: float) -> "Reached":
+        """Compare two signals (n,) of one clock; where nothing is commanded, over all of it."""
+        moved = bool(np.ptp(target) > 0.0)
+        span = moving(target, rate_hz) if moved else slice(None)
+        error = shown[span] - target[span]
+        return cls(
+            axis,
+            by,
+            float(np.abs(target).max()),
+            float(np.abs(shown).max()),
+            float(np.sqrt(np.mean(target[span] ** 2))),
+            float(np.sqrt(np.mean(error**2))),
+            lag(shown, target, rate_hz) if moved and by == "encoders" else None,
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """As it is printed."""
+        return {
+            "axis": self.axis,
+            "by": self.by,
+            "target_peak_m_s2": self.target_peak,
+            "peak_m_s2": self.peak,
+            "target_rms_m_s2": self.target_rms,
+            "error_rms_m_s2": self.error_rms,
+            "delay_s": self.delay_s,
+        }
 
 
 def performance(run: "Run", mechanism: Mechanism, bandwidth_hz: float = BANDWIDTH_HZ) -> CommandPerformance:
@@ -52,6 +113,7 @@ def performance(run: "Run", mechanism: Mechanism, bandwidth_hz: float = BANDWIDT
     target = {axis: values for axis, (values, _) in wanted.items()}
     late = _lag(target, felt, rate)
     grid, moved = encoder_acceleration(run, rig, mechanism, sensor, bandwidth_hz)
+    gain = noise_gain(bandwidth_hz, (len(grid) - 1) / float(grid[-1] - grid[0]))
     if run.find(first.channel)[0] != run.find(_columns(run, rig, Encoder)[0].channel)[0]:
         raise AnalysisError(f"{run.name}: encoders and target are on two loggers, whose clocks are not in line")
     return CommandPerformance(
@@ -61,6 +123,7 @@ def performance(run: "Run", mechanism: Mechanism, bandwidth_hz: float = BANDWIDT
         {axis: np.interp(time, grid, moved[:, "xyz".index(axis)]) for axis in target},
         bandwidth_hz,
         late,
+        {c.component: c.resolution / np.sqrt(12.0) * gain for c in _columns(run, rig, Encoder)},
     )
 
 

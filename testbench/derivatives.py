@@ -100,3 +100,15 @@ def rates(position: Floats, cutoff: float, rate: float) -> Rates:
     first, second = spline.derivative(1), spline.derivative(2)
     instants = np.arange(len(smooth)) / rate
     return Rates(smooth, np.asarray(first(instants)), np.asarray(second(instants)))
+
+
+def noise_gain(cutoff: float, rate: float) -> float:
+    """Standard deviation of the acceleration that :func:`rates` makes of white noise of unit deviation [1/s2].
+
+    sigma_a^2 = 2 / rate int_0^(rate/2) (2 pi f)^4 |H|^4 df, the low-pass H run forwards and backwards.
+    """
+    from scipy.signal import butter, sosfreqz
+
+    frequency = np.linspace(0.0, rate / 2.0, 20_001)
+    response = np.abs(sosfreqz(butter(ORDER, cutoff, fs=rate, output="sos"), frequency, fs=rate)[1])
+    return float(np.sqrt(2.0 / rate * np.trapezoid((2.0 * np.pi * frequency) ** 4 * response**4, frequency)))

@@ -1,14 +1,16 @@
 """Shaking force and moment at a point, from the force sensors that the mechanism stands on.
 
 F = sum F_i, M = sum M_i + (p_i - P) x F_i over all supports. A component is given where every term of it is measured,
-or the rig says that a support does not carry it; otherwise it is None, with the reason. Nothing is guessed.
+or the rig says that a support does not carry it; otherwise it is None, with the reason. Where a sensor is at the end of
+its range, what rests on it is no number. Nothing is guessed.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from balance.arrays import Floats
 
@@ -49,6 +51,10 @@ class MeasuredWrench:
     """Why a component is None."""
     findings: tuple[Finding, ...]
     """Sensors at the end of their range."""
+    tare: str = ""
+    """What was taken off as preload and drift."""
+    clipped: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
+    """By component, the stretches in which a sensor that it rests on was at the end of its range [s]: no numbers there."""
 
     def determined(self, components: Sequence[str]) -> list[str]:
         """Those of the components that are given."""
@@ -70,16 +76,22 @@ def shaking_wrench(
     group = _group(run, [column for some in columns.values() for column in some])
     first = next(iter(columns.values()))[0]
     time, rate = instants(run, first), in_si(run, first)[1]
-    loads, findings = {}, []
+    loads, findings, full = {}, [], {}
     for name, support in rig.supports.items():
         readings = np.column_stack([in_si(run, column)[0] for column in columns[name]])
         findings += [f for c, r in zip(columns[name], readings.T, strict=True) if (f := _saturated(run, c, r))]
+        full[name] = np.column_stack([_at_end(run, c, r) for c, r in zip(columns[name], readings.T, strict=True)])
+        if support.crosstalk is not None or crosses(run, columns[name][0]):
+            full[name][:] = full[name].any(axis=1, keepdims=True)
         loads[name] = readings if crosses(run, columns[name][0]) else _uncrossed(support, readings)
+    tare = "nothing is taken off: what the sensors show at rest is in it"
     if not preload:
         still = _at_rest(np.hstack(list(loads.values())), rate)
-        loads = {name: without_preload(values, still) for name, values in loads.items()}
+        loads, tare = {name: without_preload(values, still) for name, values in loads.items()}, _tare(still, rate)
+    loads = {name: np.where(full[name], np.nan, values) for name, values in loads.items()}
     values, reasons = _total(rig.supports, loads, np.array(point))
-    return MeasuredWrench(group, time, rate, point, values, reasons, tuple(findings))
+    clipped = {n: found for n, v in values.items() if v is not None and (found := _stretches(np.isnan(v), time))}
+    return MeasuredWrench(group, time, rate, point, values, reasons, tuple(findings), tare, clipped)
 
 
 def without_preload(values: Floats, rest: "tuple[slice, slice]") -> Floats:
@@ -95,6 +107,35 @@ def without_preload(values: Floats, rest: "tuple[slice, slice]") -> Floats:
     (a, before), (b, after) = ends
     slope = (after - before) / (b - a)
     return values - before - (np.arange(len(values))[:, None] - a) * slope
+
+
+def _tare(rest: "tuple[slice, slice]", rate: float) -> str:
+    """What :func:`without_preload` does with these rests."""
+    before, after = ((part.stop - part.start) / rate for part in rest)
+    if before and after:
+        return (
+            f"less the line through the means at rest, {before:.3f} s before and {after:.3f} s after: preload and drift"
+        )
+    if before or after:
+        return (
+            f"less the mean at rest, {before or after:.3f} s {'before' if before else 'after'}: preload; drift is in it"
+        )
+    return "less the median of the record, which holds no rest: preload is a guess, drift is in it"
+
+
+def _stretches(odd: NDArray[np.bool_], time: Floats) -> tuple[tuple[float, float], ...]:
+    """Where something is, from its first to its last sample [s]."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], odd, [False]])))
+    return tuple((float(time[a]), float(time[b - 1])) for a, b in edges.reshape(-1, 2))
+
+
+def _at_end(run: "Run", column: "Column", readings: Floats) -> NDArray[np.bool_]:
+    """Which samples (n,) are at the end of the range; without one, the extremes of a channel suspected at ingest."""
+    if column.range is not None:
+        return np.asarray(np.abs(readings) >= AT_RANGE * column.range)
+    if _saturated(run, column, readings) is None:
+        return np.zeros(len(readings), dtype=bool)
+    return np.asarray((readings == readings.max()) | (readings == readings.min()))
 
 
 def _group(run: "Run", columns: "list[Column]") -> str:

@@ -5,6 +5,7 @@ import pytest
 
 from balance.mechanism import Mechanism
 from testbench.command import performance
+from testbench.derivatives import noise_gain, rates
 from testbench.errors import AnalysisError
 from testbench.store import open_campaign
 
@@ -40,3 +41,27 @@ def test_what_the_rig_lacks(brief, monkeypatch):
     object.__setattr__(run, "rig", text)
     with pytest.raises(AnalysisError, match="target"):
         performance(run, Mechanism.load("parallelogram-6bar"))
+
+
+def test_figures_name_peaks_errors_and_delays(shown):
+    """Peaks of all three agree within 3 %; the encoders follow the command within half a millisecond on the bench."""
+    by = {(one.axis, one.by): one for one in shown.reached()}
+    for source in ("encoders", "accelerometer"):
+        one = by["y", source]
+        assert one.peak == pytest.approx(one.target_peak, rel=0.03)
+        assert one.error_rms < 0.05 * one.target_rms
+    assert abs(by["y", "encoders"].delay_s) < 5e-4
+    assert by["x", "encoders"].delay_s is None
+    assert by["x", "encoders"].target_peak == 0.0
+
+
+def test_noise_of_the_encoders_is_stated(shown):
+    """Steps of 4.8e-5 rad through the filter of 80 Hz."""
+    assert shown.encoder_noise.keys() == {"A0", "B0"}
+    assert shown.encoder_noise["A0"] == pytest.approx(4.8e-5 / np.sqrt(12.0) * noise_gain(80.0, 1000.0), rel=1e-3)
+
+
+def test_noise_gain_is_what_white_noise_becomes():
+    """Of 50 thousand samples of unit noise, to 2 %."""
+    noise = np.random.default_rng(0).normal(size=(50_000, 1))
+    assert np.std(rates(noise, 80.0, 1000.0).a[1000:-1000]) == pytest.approx(noise_gain(80.0, 1000.0), rel=0.02)

@@ -112,6 +112,34 @@ def test_saturation_is_flagged(moved):
     assert [(f.code, f.channel) for f in found.findings] == [("clipping", "Fx1")]
 
 
+def test_what_rests_on_a_clipped_sensor_is_no_number_there(moved):
+    """Clipped stretches are no numbers in the components that rest on the sensor, and named in time."""
+    run = moved.run(0)
+    true = run.channel("Fz3")
+    limit = 0.6 * float(np.abs(true).max())
+    rig = rigs.from_text(TEXT.replace('range = "1112 N"', f'range = "{limit} N"', 1))
+    whole, found = (
+        shaking_wrench(memory.with_values(run, "Fz3", values), rig)
+        for values in (0.5 * true, np.clip(true, -limit, limit))
+    )
+    over = np.abs(true) >= (1 - 1e-4) * limit
+    assert not whole.clipped
+    assert set(found.clipped) == {"Fz", "Mx", "My"}
+    for component in ("Fz", "Mx", "My"):
+        assert np.array_equal(np.isnan(found.values[component]), over)
+    assert np.array_equal(found.values["Fx"], whole.values["Fx"])
+    inside = np.zeros(len(true), dtype=bool)
+    for first, last in found.clipped["Fz"]:
+        inside |= (found.time >= first) & (found.time <= last)
+    assert np.array_equal(inside, over)
+
+
+def test_how_preload_is_taken_off_is_said(moved):
+    """Rest on both sides: a line through both means; kept: nothing."""
+    assert "before and" in shaking_wrench(moved.run(0), moved.rig).tare
+    assert shaking_wrench(moved.run(0), moved.rig, preload=True).tare.startswith("nothing")
+
+
 def test_no_force_sensor_is_refused(moved):
     """A rig without supports measures no shaking force."""
     rig = moved.rig.model_copy(update={"sensors": dict(moved.rig.base_accelerometers)})

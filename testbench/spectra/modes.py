@@ -1,0 +1,194 @@
+"""Modes from free decay: what rings on after a motion, as damped sines that all channels share.
+
+y_c(t) = o_c + sum_k e^(-z_k w_k t) (a_ck cos(w_dk t) + b_ck sin(w_dk t)), w_dk = w_k sqrt(1 - z_k^2). Amplitudes and
+offsets are linear and solved for at every step (variable projection); modes are added one by one where what is left has
+most power, until another does not pay by the Bayesian information criterion. Intervals are of 95 %, from the curvature
+of the least squares, with the number of independent samples taken from what is left.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from balance.arrays import Floats
+from balance.identification import student_t
+
+from ..errors import AnalysisError
+
+MOST = 6
+"""Modes that are looked for: as many as a rigid base has."""
+SURE_FREQUENCY = 0.05
+"""Half an interval of a frequency, as a share of it, above which a mode is not determined."""
+SURE_DAMPING = 0.5
+"""The same of a damping ratio."""
+LEAST_SHARE = 0.02
+"""Of the strongest mode, below which what is left of stronger ones may pass for one."""
+LEAST_PERIODS = 2.0
+"""Of a mode within the decay, below which it is not told from a drift."""
+LEAST_SAMPLES = 40
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One mode with intervals of 95 %."""
+
+    frequency: float
+    """Undamped, [Hz]."""
+    frequency_interval: tuple[float, float]
+    damping: float
+    """Ratio to critical."""
+    damping_interval: tuple[float, float]
+    amplitudes: tuple[float, ...]
+    """At the start of the decay, of each channel [unit]."""
+    refused: str | None
+    """Why the mode is not determined; None where it is."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """As it is printed; what is not determined is null."""
+        known = self.refused is None
+        return {
+            "frequency_hz": self.frequency if known else None,
+            "frequency_interval_hz": list(self.frequency_interval) if known else None,
+            "damping_ratio": self.damping if known else None,
+            "damping_interval": list(self.damping_interval) if known else None,
+            "amplitudes": list(self.amplitudes),
+            "near_hz": self.frequency,
+            "reason": self.refused,
+        }
+
+
+def modes(decay: Floats, rate_hz: float, highest_hz: float, most: int = MOST) -> list[Mode]:
+    """Modes of channels (n, k) that ring freely, below ``highest_hz``, rising in frequency.
+
+    Channels are to hold nothing above ``highest_hz``. Raises AnalysisError for a record too short, or without any mode.
+    """
+    values = decay[:: max(1, int(rate_hz / (4.0 * highest_hz)))]
+    rate_hz /= max(1, int(rate_hz / (4.0 * highest_hz)))
+    if len(values) < LEAST_SAMPLES or not np.isfinite(values).all():
+        raise AnalysisError(
+            f"{len(values)} samples of free decay at {rate_hz:g} per second, or some that are no numbers: expected at "
+            f"least {LEAST_SAMPLES}; let the loggers go on for longer after the motion"
+        )
+    size = float(np.abs(values - values.mean(axis=0)).max())
+    if not size > 0.0:
+        raise AnalysisError("the channels do not change after the motion: nothing rings")
+    fit = _Fit(values / size, np.arange(len(values)) / rate_hz)
+    pairs, best = np.empty((0, 2)), fit.criterion(np.empty((0, 2)))
+    for _ in range(most):
+        more = fit.refined(np.vstack([pairs, fit.next(pairs, highest_hz)]), highest_hz)
+        found = fit.criterion(more)
+        if not found < best:
+            break
+        pairs, best = more, found
+    if not len(pairs):
+        raise AnalysisError("nothing rings after the motion above the noise: no mode is determined")
+    return fit.told(pairs[np.argsort(pairs[:, 0])], size)
+
+
+class _Fit:
+    """Least squares of damped sines; a mode is a pair of frequency [Hz] and damping ratio."""
+
+    def __init__(self, values: Floats, time: Floats) -> None:
+        self.values, self.time = values, time
+
+    def basis(self, pairs: Floats) -> Floats:
+        """Columns of the linear part, (n, 1 + 2 modes)."""
+        columns = [np.ones_like(self.time)]
+        for frequency, damping in pairs:
+            omega = 2.0 * np.pi * frequency
+            ring, fall = omega * np.sqrt(1.0 - damping**2) * self.time, np.exp(-damping * omega * self.time)
+            columns += [fall * np.cos(ring), fall * np.sin(ring)]
+        return np.column_stack(columns)
+
+    def left(self, pairs: Floats) -> Floats:
+        """What the modes do not explain, (n, k)."""
+        basis = self.basis(pairs)
+        return self.values - basis @ np.linalg.lstsq(basis, self.values, rcond=1e-10)[0]
+
+    def next(self, pairs: Floats, highest: float) -> Floats:
+        """Where what is left has most power, (1, 2)."""
+        left = self.left(pairs)
+        count = 8 * len(left)
+        frequency = np.fft.rfftfreq(count, float(self.time[1]))
+        power = (np.abs(np.fft.rfft(left, count, axis=0)) ** 2).sum(axis=1)
+        power[(frequency < 1.0 / float(self.time[-1])) | (frequency > highest)] = 0.0
+        return np.array([[float(frequency[power.argmax()]), 0.05]])
+
+    def refined(self, pairs: Floats, highest: float) -> Floats:
+        """The least squares near ``pairs``; frequency and damping bounded."""
+        from scipy.optimize import least_squares
+
+        low = np.tile([0.3 / float(self.time[-1]), 1e-4], len(pairs))
+        high = np.tile([1.2 * highest, 0.7], len(pairs))
+        start = np.clip(pairs.ravel(), 1.001 * low, 0.999 * high)
+        done = least_squares(
+            lambda x: self.left(x.reshape(-1, 2)).ravel(), start, bounds=(low, high), x_scale=start, max_nfev=60
+        )
+        return np.asarray(done.x).reshape(-1, 2)
+
+    def criterion(self, pairs: Floats) -> float:
+        """Bayesian information criterion, of as many samples as what is left has independent ones."""
+        left = self.left(pairs)
+        parameters = 2 * len(pairs) + (1 + 2 * len(pairs)) * left.shape[1]
+        count = left.size
+        return count * float(np.log(np.mean(left**2) + 1e-24)) + parameters * float(np.log(count))
+
+    def told(self, pairs: Floats, size: float) -> list[Mode]:
+        """The modes with their intervals."""
+        left = self.left(pairs)
+        freedom = max(left.size - 2 * len(pairs) - (1 + 2 * len(pairs)) * left.shape[1], 1)
+        slopes = self._slopes(pairs)
+        variance = float((left**2).sum()) / freedom * _correlated(left)
+        covariance = variance * np.linalg.pinv(slopes.T @ slopes)
+        half = student_t(min(freedom, 1000)) * np.sqrt(np.diag(covariance)).reshape(-1, 2)
+        basis = self.basis(pairs)
+        linear = np.linalg.lstsq(basis, self.values, rcond=1e-10)[0][1:].reshape(len(pairs), 2, -1)
+        sizes = size * np.hypot(linear[:, 0], linear[:, 1])
+        shares = sizes.max(axis=1) / sizes.max()
+        return [self._mode(*row) for row in zip(pairs, half, sizes, shares, strict=True)]
+
+    def _slopes(self, pairs: Floats) -> Floats:
+        def at(step: Floats) -> Floats:
+            return self.left((pairs.ravel() + step).reshape(-1, 2)).ravel()
+
+        steps = 1e-5 * np.maximum(pairs.ravel(), 1e-3)
+        return np.column_stack([(at(step) - at(-step)) / (2.0 * step.max()) for step in np.diag(steps)])
+
+    def _mode(self, pair: Floats, half: Floats, sizes: Floats, share: float) -> Mode:
+        (frequency, damping), (f, z) = map(float, pair), map(float, half)
+        weak = f"it rings with {100.0 * share:.1f} % of the strongest: expected {100.0 * LEAST_SHARE:g} %"
+        why = weak if share < LEAST_SHARE else _refused(frequency, damping, f, z, float(self.time[-1]))
+        return Mode(
+            frequency, (frequency - f, frequency + f), damping, (max(damping - z, 0.0), damping + z),
+            tuple(map(float, sizes)), why,
+        )  # fmt: skip
+
+
+def _refused(frequency: float, damping: float, f: float, z: float, seconds: float) -> str | None:
+    if frequency * seconds < LEAST_PERIODS:
+        return f"the decay of {seconds:.3g} s holds {frequency * seconds:.1f} periods: expected {LEAST_PERIODS:g}"
+    if f > SURE_FREQUENCY * frequency:
+        return f"its frequency is known to {100.0 * f / frequency:.0f} %: expected {100.0 * SURE_FREQUENCY:g} %"
+    if z > SURE_DAMPING * damping:
+        return f"its damping is known to {100.0 * z / damping:.0f} %: expected {100.0 * SURE_DAMPING:g} %"
+    return None
+
+
+def _correlated(left: Floats) -> float:
+    """By how much correlation in time widens a variance: 1 + 2 sum of the autocorrelation up to its first zero."""
+    widened = []
+    for column in left.T:
+        power = np.abs(np.fft.rfft(column, 2 * len(column))) ** 2
+        correlation = np.fft.irfft(power)[: len(column) // 4]
+        if not correlation[0] > 0.0:
+            continue
+        first = int(np.argmax(correlation <= 0.0)) or len(correlation)
+        widened.append(float(2.0 * correlation[:first].sum() / correlation[0] - 1.0))
+    return max(widened, default=1.0)
+
+
+def strongest(found: Sequence[Mode]) -> Mode | None:
+    """The determined mode that rings most; None where none is."""
+    return max((m for m in found if m.refused is None), key=lambda m: sum(m.amplitudes), default=None)

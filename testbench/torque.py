@@ -1,0 +1,122 @@
+"""Torques of the drives against the model of the mechanism, with the run's payload and counter-masses, on its motion."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from balance.arrays import Floats
+from balance.dynamics import simulate
+from balance.mechanism import Mechanism
+
+from .channels import in_si, instants
+from .derivatives import low_pass
+from .errors import AnalysisError
+from .joint_motion import encoders, followed, loaded
+from .rig.sensors import Torque
+from .signals import lag
+
+if TYPE_CHECKING:
+    from .rig import Column, Rig
+    from .store import Run
+
+BANDWIDTH_HZ = 80.0
+"""Of both [Hz]: twice what the moves need, and little of the encoders' steps."""
+
+
+@dataclass(frozen=True)
+class DriveTorque:
+    """One drive: what its sensor and what the model says, in the same band [N m, or N of a joint that slides]."""
+
+    joint: str
+    sensor: str
+    time: Floats
+    """On the encoders' clock, (n,) [s]."""
+    measured: Floats
+    model: Floats
+    rate_hz: float
+    bandwidth_hz: float
+
+    @property
+    def residual_share(self) -> float:
+        """Root mean square of measured less model, both less their means, as a share of the measured one's."""
+        return _rms(self._moving(self.measured) - self._moving(self.model)) / _rms(self._moving(self.measured))
+
+    @property
+    def scale(self) -> float:
+        """How many times the model the measured torque is: least squares, both less their means."""
+        model, measured = self._moving(self.model), self._moving(self.measured)
+        return float(model @ measured / (model @ model))
+
+    def as_dict(self) -> dict[str, Any]:
+        """As it is printed."""
+        return {
+            "joint": self.joint,
+            "sensor": self.sensor,
+            "bandwidth_hz": self.bandwidth_hz,
+            "measured_rms": _rms(self.measured),
+            "model_rms": _rms(self.model),
+            "rms_ratio": _rms(self.measured) / _rms(self.model),
+            "measured_peak": float(np.abs(self.measured).max()),
+            "model_peak": float(np.abs(self.model).max()),
+            "mean_difference": float(np.mean(self.measured - self.model)),
+            "residual_share": self.residual_share,
+            "scale": self.scale,
+            "delay_s": lag(self.measured, self.model, self.rate_hz),
+        }
+
+    @staticmethod
+    def _moving(values: Floats) -> Floats:
+        return values - values.mean()
+
+
+DEFINITIONS = {
+    "rms": "root mean square over the record, gravity included",
+    "peak": "largest absolute value over the record, gravity included",
+    "mean_difference": "mean of measured less model: an offset of the sensor, static friction, or gravity",
+    "residual_share": "RMS of measured less model over RMS of measured, means removed",
+    "scale": "least-squares factor of the model, means removed",
+    "delay_s": "by which the measured torque follows the model, by correlation",
+}
+"""What each number of a drive is."""
+
+
+def against_model(
+    run: "Run", rig: "Rig", mechanism: Mechanism, bandwidth_hz: float = BANDWIDTH_HZ
+) -> list[DriveTorque]:
+    """Each drive of a run, ``mechanism`` being without payload and counter-masses, which the run's conditions put on.
+
+    Raises AnalysisError where the rig has no torque, or it is on another clock than the encoders.
+    """
+    columns = [column for name, sensor in rig.of_kind(Torque).items() for column in sensor.columns(name)]
+    if not columns:
+        raise AnalysisError(f"{run.name}: its rig has no sensor of kind torque")
+    model = loaded(run, mechanism)
+    grid, path = followed(run, rig, model, bandwidth_hz)
+    expected = simulate(model, path).torque
+    return [
+        DriveTorque(
+            column.component,
+            column.sensor,
+            grid.time,
+            low_pass(np.interp(grid.time, *_recorded(run, rig, column)), bandwidth_hz, grid.rate),
+            low_pass(expected[column.component], bandwidth_hz, grid.rate),
+            grid.rate,
+            bandwidth_hz,
+        )
+        for column in columns
+        if column.component in expected
+    ]
+
+
+def _recorded(run: "Run", rig: "Rig", column: "Column") -> tuple[Floats, Floats]:
+    reference = run.find(encoders(rig)[0].channel)[0].name
+    if (group := run.find(column.channel)[0].name) != reference:
+        raise AnalysisError(
+            f"{run.name}: torque {column.channel} is of {group}, the encoders of {reference}: two clocks"
+        )
+    return instants(run, column), in_si(run, column)[0]
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))
