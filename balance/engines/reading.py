@@ -46,7 +46,8 @@ def from_sheet(sheet: Sheet, ratio: float = DEFAULT_RATIO) -> Engine:
 
 def slider_crank(sheet: Sheet) -> SliderCrank:
     """Build one slider-crank from its table."""
-    crank = SliderCrank(
+    crank = _turning_round(
+        sheet,
         sheet.quantity("crank_radius", "length", positive=True),
         sheet.quantity("rod_length", "length", positive=True),
         sheet.quantity("crank_mass", "mass", 0.0),
@@ -62,13 +63,24 @@ def slider_crank(sheet: Sheet) -> SliderCrank:
         ("rod_mass", crank.rod_mass),
         ("crank_mass", crank.crank_mass),
         ("piston_mass", crank.piston_mass),
+        ("rod_inertia", crank.rod_inertia),
+        ("crank_inertia", crank.crank_inertia),
     ):
         if value < 0.0:
-            raise sheet.refuse(key, f"is {value:g} kg: expected zero or more")
+            unit = "kg" if key.endswith("mass") else "kg m2"
+            raise sheet.refuse(key, f"is {value:g} {unit}: expected zero or more")
     if crank.rod_mass > 0.0 and "rod_centre" not in sheet:
         raise sheet.refuse("rod_centre", "is missing: how far the rod's centre of mass is from the crank pin")
     sheet.finish()
     return crank
+
+
+def _turning_round(sheet: Sheet, *sizes: float) -> SliderCrank:
+    """A slider-crank; one that cannot turn right round is refused with the sheet's name."""
+    try:
+        return SliderCrank(*sizes)
+    except DataError as error:
+        raise DataError(f"{sheet.where}: {error}") from error
 
 
 def _unit_crank(ratio: float) -> SliderCrank:
@@ -127,5 +139,6 @@ def _order(sheet: Sheet, count: int) -> tuple[int, ...]:
         return ()
     numbers: Sequence[float] = sheet.numbers("firing_order")
     if sorted(numbers) != list(range(1, count + 1)):
-        raise sheet.refuse("firing_order", f"is {[*numbers]}: expected the cylinders 1 to {count}, once each")
+        given = ", ".join(f"{n:g}" for n in numbers)
+        raise sheet.refuse("firing_order", f"is [{given}]: expected the cylinders 1 to {count}, once each")
     return tuple(int(np.rint(n)) for n in numbers)

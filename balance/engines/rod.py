@@ -77,4 +77,5 @@ def _three(crank: SliderCrank) -> Replacement:
 
 def _replacement(name: str, crank: SliderCrank, masses: tuple[PointMass, ...]) -> Replacement:
     inertia = sum(m.mass * (m.at - crank.rod_centre) ** 2 for m in masses)
-    return Replacement(name, masses, crank.rod_inertia - inertia)
+    missing = crank.rod_inertia - inertia
+    return Replacement(name, masses, missing if abs(missing) > 1e-12 * crank.rod_inertia else 0.0)

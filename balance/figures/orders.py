@@ -1,9 +1,13 @@
-"""Order plots: free forces and moments of an engine by orders of its crankshaft's speed."""
+"""Order plots: free forces and moments of an engine by orders, and over a turn before and after balancing."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from ..engines.left import STAGES, OverATurn
 from ..engines.orders import Free, Turning
+from ..engines.slidercrank import Complexes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -11,16 +15,42 @@ if TYPE_CHECKING:
 FORWARD, BACKWARD = "#3b6ea5", "#e07a3f"
 
 
-def draw_orders(free: Sequence[Free], title: str, factor: float, units: tuple[str, str]) -> "Figure":
-    """Bars of the forward and backward parts of force and moment; ``factor`` times the values per omega^2."""
+_COLOURS = {"before": "#555555", "counterweights": "#3b6ea5", "shafts": "#e07a3f"}
+
+
+def draw_orders(
+    free: Sequence[Free], title: str, factor: float, units: tuple[str, str], left: OverATurn | None = None
+) -> "Figure":
+    """Bars of the forward and backward parts of force and moment; ``factor`` times the values per omega^2.
+
+    Below them, where ``left`` is given, what is left of both over a turn.
+    """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(8.4, 3.8), layout="constrained")
-    forces, moments = figure.subplots(1, 2)
-    _bars(forces, [f.force for f in free], factor, f"force [{units[0]}]")
-    _bars(moments, [f.moment for f in free], factor, f"moment [{units[1]}]")
+    rows = 1 if left is None else 2
+    figure = Figure(figsize=(8.4, 3.8 * rows), layout="constrained")
+    panels = figure.subplots(rows, 2, squeeze=False)
+    _bars(panels[0, 0], [f.force for f in free], factor, f"force [{units[0]}]")
+    _bars(panels[0, 1], [f.moment for f in free], factor, f"moment [{units[1]}]")
+    if left is not None:
+        forces = {stage: each.force for stage, each in left.stages.items()}
+        moments = {stage: each.moment for stage, each in left.stages.items()}
+        _turn(panels[1, 0], left, forces, f"size of the force [{units[0]}]")
+        _turn(panels[1, 1], left, moments, f"size of the moment [{units[1]}]")
     figure.suptitle(title)
     return figure
+
+
+def _turn(axes: Any, left: OverATurn, values: Mapping[str, Complexes], label: str) -> None:  # noqa: ANN401
+    """Size of a vector over a turn, by stage; a later stage is drawn dashed on what it leaves as it was."""
+    for k, (stage, vectors) in enumerate(values.items()):
+        line = ("-", "--", ":")[k]
+        axes.plot(np.degrees(left.theta), np.abs(vectors), line, color=_COLOURS[stage], label=STAGES[stage], lw=1.6)
+    largest = max(float(np.abs(vectors).max()) for vectors in values.values())
+    axes.set(xlabel="crank angle [deg]", ylabel=label, xticks=range(0, 361, 90))
+    axes.set_ylim(0.0, 1.35 * largest or 1.0)
+    axes.legend(fontsize=8)
+    axes.grid(alpha=0.25)
 
 
 def _bars(axes: Any, parts: Sequence[Turning], factor: float, label: str) -> None:  # noqa: ANN401
@@ -32,6 +62,7 @@ def _bars(axes: Any, parts: Sequence[Turning], factor: float, label: str) -> Non
     axes.set_xticks(orders)
     axes.set_xlabel("order")
     axes.set_ylabel(label)
+    axes.set_ylim(bottom=0.0)
     if not any([*forward, *backward]):
         axes.set_ylim(0.0, 1.0)
         axes.annotate("none", (0.5, 0.5), xycoords="axes fraction", ha="center")

@@ -1,5 +1,6 @@
 """``balance engine single``."""
 
+from math import isnan
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -35,7 +36,11 @@ An engine sheet (TOML): throws = ["0 deg"], speed = "1000 rpm" and
 @click.argument("engine", metavar="ENGINE")
 @speed_option
 @click.option(
-    "--fraction", "fractions", type=float, multiple=True, help="Balance also this fraction of the reciprocating."
+    "--fraction",
+    "fractions",
+    type=click.FloatRange(-1e3, 1e3),
+    multiple=True,
+    help="Balance also this fraction of the reciprocating.",
 )
 @click.option("--radius", type=Quantity("length", positive=True), metavar="R", help="Choose r_b: the mass follows.")
 @click.option("--mass", type=Quantity("mass", positive=True), metavar="M", help="Choose m_b: the radius follows.")
@@ -61,6 +66,10 @@ def single(
     if radius is not None and mass is not None:
         raise click.UsageError("give either --radius or --mass: m_b r_b is fixed")
     model = load(engine)
+    if model.normalised:
+        raise click.UsageError(f"{model.name} is a layout without sizes: its sheet needs [slider_crank]")
+    if any(isnan(fraction) for fraction in fractions):
+        raise click.UsageError("--fraction: expected a number")
     omega = speed if speed is not None else model.speed
     if omega is None:
         raise click.UsageError("the forces need --speed (or speed in the sheet)")
@@ -74,11 +83,14 @@ def single(
         from ...figures.polar import draw_polar
 
         save(draw_polar(crank, cases, omega), figure)
-    document = _document(model.name, crank, cases, omega, radius, mass)
+    document = {"cylinders": len(model.cylinders)} | _document(model.name, crank, cases, omega, radius, mass)
     if as_json:
         emit_json(document)
     else:
         _print(document)
+        if model.counterweights:
+            names = ", ".join(weight.name for weight in model.counterweights)
+            click.echo(f"The sheet's own counterweights ({names}) are left aside here: see balance engine free.")
 
 
 def _document(
@@ -215,7 +227,8 @@ def _print(document: dict[str, Any]) -> None:
         )
     header = ["counterweight", "m_b r_b [kg mm]", "m_b [kg]", "r_b [mm]", "F max, order 1 [N]", "orders 1+2 [N]"]
     header += ["exact [N]", "F min [N]", "F RMS [N]", "|Fx| max [N]", "|Fy| max [N]"]
-    emit_table(f"Shaking force of {document['engine']}", header, rows)
+    one = f", one of its {document['cylinders']} cylinders" if document["cylinders"] > 1 else ""
+    emit_table(f"Shaking force of {document['engine']}{one}", header, rows)
     best = document["best_fraction"]
     click.echo(
         f"Least largest force: fraction {best['exact']['fraction']:.6f} of the reciprocating mass (exact), "

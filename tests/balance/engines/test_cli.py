@@ -1,12 +1,15 @@
 """``balance engine`` at its face."""
 
 import json
+import re
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from balance.cli.engine import engine
 from balance.conditions import find
+from balance.errors import DataError
 from balance.mechanism import Mechanism
 
 
@@ -62,8 +65,84 @@ def test_mechanism_can_be_used_by_the_other_commands(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "arguments", [["single", "in-line-4"], ["single", "single", "--radius", "1m", "--mass", "1kg"]]
+    ("arguments", "message"),
+    [
+        (["single", "in-line-4", "--speed", "100rpm"], "in-line 4 is a layout without sizes"),
+        (["single", "single", "--radius", "1m", "--mass", "1kg"], "either --radius or --mass"),
+        (["single", "single", "--fraction", "nan"], "--fraction"),
+        (["free", "in-line-4", "--speed", "100rpm"], "--speed: in-line 4 has no sizes"),
+        (["free", "v4-72-offset", "--ratio", "0.3"], "--ratio: .* has sizes"),
+    ],
 )
-def test_wrong_command_lines(arguments):
-    """A missing speed, or both radius and mass, is a wrong command line."""
-    assert CliRunner().invoke(engine, arguments).exit_code == 2
+def test_wrong_command_lines(arguments, message):
+    """What would be ignored, or is no number, is a wrong command line that says why."""
+    result = CliRunner().invoke(engine, arguments)
+    assert result.exit_code == 2
+    assert re.search(message, result.output)
+
+
+SHEET = """
+name = "odd V3"
+throws = ["0 deg", "130 deg", "-77 deg"]
+banks = ["-31 deg", "44 deg", "90 deg"]
+at = [0, 0.4, 1.9]
+spacing = "95 mm"
+speed = "2750 rpm"
+[slider_crank]
+crank_radius = "41 mm"
+rod_length = "131 mm"
+piston_mass = "0.47 kg"
+rod_mass = "0.61 kg"
+rod_centre = "37 mm"
+rod_inertia = "1.9e-3 kg m^2"
+[[counterweights]]
+name = "front"
+unbalance = "21 kg mm @ 173 deg"
+at = 0.2
+"""
+
+
+def test_what_counterweights_and_shafts_leave_over_a_turn(tmp_path):
+    """An odd engine: orders 1 and 2 are gone from the exact force and moment, by their Fourier coefficients."""
+    path, picture = tmp_path / "odd.toml", tmp_path / "odd.png"
+    path.write_text(SHEET, encoding="utf-8")
+    left = _json("free", str(path), "--figure", str(picture))["left_over_a_turn"]
+    assert picture.stat().st_size > 10_000
+    orders = {}
+    for stage in ("before", "counterweights", "shafts"):
+        for what, unit in (("force", "N"), ("moment", "Nm")):
+            x, y = (np.array(left[stage][f"{what}_{axis}_{unit}"][:-1]) for axis in "xy")
+            orders[stage, what] = np.fft.fft(x + 1j * y) / len(x)
+            assert left[stage][f"largest_{what}_{unit}"] == pytest.approx(np.hypot(x, y).max(), rel=1e-3)
+    for what in ("force", "moment"):
+        size = np.abs(orders["before", what]).max()
+        assert abs(orders["counterweights", what][1]) < 1e-10 * size
+        assert abs(orders["counterweights", what][-1]) == pytest.approx(abs(orders["before", what][-1]))
+        assert np.abs(orders["shafts", what][[1, -1, 2, -2]]).max() < 1e-10 * size
+        assert abs(orders["shafts", what][4]) == pytest.approx(abs(orders["before", what][4]))
+    assert "and the balance shafts" in CliRunner().invoke(engine, ["free", str(path)]).output
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("1.9e-3 kg m^2", "-1.9e-3 kg m^2", "slider_crank: rod_inertia is -0.0019 kg m2: expected zero or more"),
+        ("131 mm", "31 mm", r"odd.toml, slider_crank: crank 0.041 m, rod 0.031 m"),
+        ("speed =", "firing_order = [1, 2, 2]\nspeed =", r"firing_order is \[1, 2, 2\]: expected the cylinders 1 to 3"),
+    ],
+)
+def test_a_wrong_sheet_is_named(tmp_path, old, new, message):
+    """With the key."""
+    path = tmp_path / "odd.toml"
+    path.write_text(SHEET.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(DataError, match=message):
+        CliRunner().invoke(engine, ["free", str(path)], catch_exceptions=False)
+
+
+def test_one_cylinder_of_many_is_called_so(tmp_path):
+    """And the sheet's own counterweights, which are left aside, are named."""
+    path = tmp_path / "odd.toml"
+    path.write_text(SHEET, encoding="utf-8")
+    output = CliRunner().invoke(engine, ["single", str(path)], catch_exceptions=False).output
+    assert "one of its 3 cylinders" in output
+    assert "own counterweights (front) are left aside" in output
