@@ -95,6 +95,7 @@ _NOTES = {
     "blank_lines": "Blank lines between the rows.",
     "time_as_text": "Times that are no plain numbers, such as 12:00:01.5: exactly the seconds from the first one.",
     "thousands_marks": "Numbers with marks between thousands, which were taken off beyond doubt.",
+    "number_notation": "Numbers such as 1.5D+03, 0x1F, or with a typographic minus, read as what they say.",
     "time_jitter": "Steps of time that scatter.",
     "empty_group": "Channels without a single sample; left out.",
     "rate_rounded": "Rate or step of time is written in few digits, or differs a little from the time column.",

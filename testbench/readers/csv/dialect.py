@@ -130,7 +130,7 @@ def _comma_or_one_column(
 
 def _decimal(rows: Sequence[Sequence[str]]) -> tuple[str, str]:
     """The mark of the first number that leaves no doubt, and what doubt there is."""
-    numbers = [cell for cells in rows for cell in cells if marks.is_numberish(cell)]
+    numbers = [marks.usual(cell) for cells in rows for cell in cells if marks.is_numberish(cell)]
     for cell in numbers:
         if (mark := marks.mark_of(cell)) and not marks.may_be_thousands(cell):
             return mark, ""

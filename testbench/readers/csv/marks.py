@@ -9,6 +9,9 @@ _LOOSE = re.compile(
     r"[+-]?(?:(?=[.,'’]*\d)[\d.,'’]++|\d{1,3}(?:[ \u00a0\u202f]\d{3})+(?:[.,]\d*)?)(?:[eE][+-]?\d+)?", re.ASCII
 )
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}", re.ASCII)
+MINUS = "\N{MINUS SIGN}"
+_FORTRAN = re.compile(r"([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+))[dD]([+-]?\d{1,3})", re.ASCII)
+_HEXADECIMAL = re.compile(r"0[xX][0-9a-fA-F]{1,13}", re.ASCII)
 _MISSING_WORDS = "nan +nan -nan inf +inf -inf infinity -infinity na n/a #n/a null none - -- --- ? *"
 _MISSING = frozenset(_MISSING_WORDS.split())
 
@@ -35,7 +38,20 @@ def is_ambiguous(cell: str) -> bool:
 
 def is_numberish(cell: str) -> bool:
     """Whether the cell has the look of a number, in whatever dialect."""
-    return _LOOSE.fullmatch(cell.strip()) is not None
+    return _LOOSE.fullmatch(usual(cell.strip())) is not None
+
+
+def usual(cell: str) -> str:
+    """The number ``−1.5D+03`` as ``-1.5e+03``, ``0x1F`` as ``31``; every other cell as it is.
+
+    ``12D4`` stays, for it may be the name of a part: a decimal mark or a sign tells an exponent.
+    """
+    if _HEXADECIMAL.fullmatch(cell):
+        return str(int(cell, 16))
+    plain = cell.replace(MINUS, "-")
+    if (match := _FORTRAN.fullmatch(plain)) and (set(match[1]) & set(".,") or match[2][0] in "+-"):
+        plain = f"{match[1]}e{match[2]}"
+    return plain if mark_of(plain) is not None else cell
 
 
 def is_missing(cell: str) -> bool:

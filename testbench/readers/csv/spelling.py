@@ -1,4 +1,4 @@
-"""Columns of a text that spell numbers in another way: times of day and dates, numbers with marks of thousands."""
+"""Columns of a text that spell numbers in another way: times of day, dates, marks of thousands, other notations."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -6,10 +6,11 @@ from pathlib import Path
 
 from ...findings import Finding
 from ...recording import Block, Report
-from . import exact, midnight, thousands, times
+from . import exact, midnight, notation, thousands, times
 from .dialect import Dialect
 from .encoding import Encoding
 from .header import Header
+from .notation import Noted
 from .parse import Form
 from .rewriting import Rewriting
 from .sample import Sample, last_lines
@@ -25,14 +26,14 @@ class Spelled:
 
     rows: Sequence[Sequence[str]]
     times: Times
-    grouped: tuple[Grouped, ...]
+    numbers: tuple[Grouped | Noted, ...]
     encoding: Encoding
     findings: tuple[Finding, ...]
 
     @property
     def fields(self) -> set[int]:
         """The columns that become numbers, or are taken up by such."""
-        return {column.field for column in (*self.times.columns, *self.grouped)} | self.times.taken_up
+        return {column.field for column in (*self.times.columns, *self.numbers)} | self.times.taken_up
 
     @property
     def texts(self) -> frozenset[int]:
@@ -41,7 +42,7 @@ class Spelled:
 
     def form(self, form: Form) -> Form:
         """The form of rows with these columns as numbers."""
-        columns = (*self.times.columns, *self.grouped)
+        columns = (*self.times.columns, *self.numbers)
         if not columns:
             return form
         name = self.encoding.name if self.encoding.keeps_ascii else "utf-8"
@@ -65,9 +66,7 @@ def find(path: Path, sample: Sample, dialect: Dialect, header: Header) -> Spelle
 
     found = times.find(rows, last, header)
     grouped = [g for g in thousands.find(rows, header, dialect.decimal) if g.field not in found.spoken_for]
-    said = (
-        *found.findings,
-        *thousands.said(grouped, header),
-        *exact.rounded([*rows, *last()], header, found.spoken_for),
-    )
-    return Spelled(rows, found, tuple(grouped), sample.encoding, said)
+    noted = notation.find(rows, header, dialect.decimal, found.spoken_for | {g.field for g in grouped})
+    rounded = exact.rounded([*rows, *last()], header, found.spoken_for)
+    said = (*found.findings, *thousands.said(grouped, header), *notation.said(noted, header), *rounded)
+    return Spelled(rows, found, (*grouped, *noted), sample.encoding, said)
