@@ -16,6 +16,8 @@ STEADY_WITHIN = 0.01
 _REARM = 0.2
 """The signal must fall so far below the level, of its whole swing, before the next pulse counts."""
 _BLOCKS = 8
+_OWN = 0.8
+"""Scatter of pulses, of that of a uniform error of one sample, above which each is early or late on its own."""
 _STEEP = 0.3
 """Share of the swing within one sample above which the crossing between the samples cannot be told."""
 
@@ -29,7 +31,7 @@ class Turns:
     resolution: float
     """Step of the samples that the pulses were timed with [s]."""
     timing: float = 0.0
-    """Half a step where pulses rise within one sample, so that all may be early or late alike; else zero [s]."""
+    """How early or late all pulses may be alike, half a 95 % interval [s]."""
 
     @property
     def count(self) -> int:
@@ -59,10 +61,27 @@ class Turns:
 
 def pulses(time: Floats, signal: Floats, level: float | None = None, falling: bool = False) -> Floats:
     """Instants at which ``signal`` (n,) rises (falls) through ``level``, by default half its swing, (pulses,) [s]."""
-    low, high = float(signal.min()), float(signal.max())
-    level = 0.5 * (low + high) if level is None else level
+    level = half_swing(time, signal, falling)[0] if level is None else level
+    return _crossings(time, signal, level, falling)
+
+
+def half_swing(time: Floats, signal: Floats, falling: bool = False) -> tuple[float, float]:
+    """Midway between largest and smallest value of a turn, the mean of all turns, and its standard error.
+
+    Of the whole record the extremes lie as far apart as noise has it. Without turns: its middle, no error.
+    """
+    middle = 0.5 * float(signal.min() + signal.max())
+    begins = np.searchsorted(time, _crossings(time, signal, middle, falling))
+    if len(begins) < 3:
+        return middle, 0.0
+    inside, starts = signal[begins[0] : begins[-1]], begins[:-1] - begins[0]
+    each = 0.5 * (np.maximum.reduceat(inside, starts) + np.minimum.reduceat(inside, starts))
+    return float(each.mean()), float(each.std(ddof=1) / np.sqrt(len(each)))
+
+
+def _crossings(time: Floats, signal: Floats, level: float, falling: bool) -> Floats:
     rising = level - signal if falling else signal - level
-    above, below = rising > 0.0, rising < -_REARM * (high - low)
+    above, below = rising > 0.0, rising < -_REARM * float(np.ptp(signal))
     known = above | below
     last = np.maximum.accumulate(np.where(known, np.arange(len(signal)), 0))
     state = above[last]
@@ -77,7 +96,7 @@ def steady_turns(name: str, time: Floats, signal: Floats, level: float | None, f
     Raises AnalysisError for a signal without pulses, too few turns, lost or spurious pulses, a speed that changes by
     more than ``within`` of its mean.
     """
-    found = pulses(time, signal, level, falling)
+    guessed, found = level is None, pulses(time, signal, level, falling)
     if len(found) < LEAST_TURNS + 1:
         raise AnalysisError(
             f"{name}: {len(found)} pulses in {time[-1] - time[0]:.3g} s, values {signal.min():g} to {signal.max():g}: "
@@ -85,7 +104,7 @@ def steady_turns(name: str, time: Floats, signal: Floats, level: float | None, f
         )
     _refuse_gaps(name, found)
     step = float(np.median(np.diff(time)))
-    turns = Turns(found, step, 0.5 * step if _is_steep(time, signal, found) else 0.0)
+    turns = Turns(found, step, _timing(time, signal, found, half_swing(time, signal, falling)[1] if guessed else 0.0))
     if turns.change > within:
         raise AnalysisError(
             f"{name}: the speed changes by {100 * turns.change:.2g} % of its mean {60 * turns.speed:.5g} rpm; expected "
@@ -95,10 +114,20 @@ def steady_turns(name: str, time: Floats, signal: Floats, level: float | None, f
     return turns
 
 
-def _is_steep(time: Floats, signal: Floats, found: Floats) -> bool:
-    """Whether pulses rise between two samples: then the instant between them is not known."""
+def _timing(time: Floats, signal: Floats, found: Floats, level_error: float) -> float:
+    """How early or late all pulses may be alike [s]: half a step of the samples where they rise within one.
+
+    But not where they scatter about an even motion as a uniform error of one step does: there each is off on its own.
+    Where they rise slowly, by what the level may be off.
+    """
+    step = float(np.median(np.diff(time)))
     after = np.searchsorted(time, found).clip(1, len(time) - 1)
-    return bool(np.median(np.abs(signal[after] - signal[after - 1])) > _STEEP * np.ptp(signal))
+    rise = float(np.median(np.abs(signal[after] - signal[after - 1])))
+    if rise <= _STEEP * float(np.ptp(signal)):
+        return 1.96 * level_error / rise * step
+    number = np.linspace(-1.0, 1.0, len(found))
+    scatter = float(np.std(found - np.polynomial.Polynomial.fit(number, found, 3)(number)))
+    return 0.5 * step if scatter < _OWN * step / np.sqrt(12.0) else 0.0
 
 
 def _refuse_gaps(name: str, found: Floats) -> None:

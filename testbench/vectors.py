@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from balance.arrays import Floats
 
 from .errors import AnalysisError
+from .orderfit import fit
 from .tacho import STEADY_WITHIN, Turns, steady_turns
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ _SAMPLES_AN_ORDER = 2.5
 
 @dataclass(frozen=True)
 class OrderVector:
-    """One sensor's vector; its intervals (95 %) are from the scatter between parts of the record."""
+    """One sensor's vector; its intervals (95 %) are from the noise on lines beside the order."""
 
     sensor: str
     dimension: str
@@ -48,6 +49,8 @@ class OrderVector:
     """|sum of the parts' vectors|^2 over parts times the sum of their squares: 1 where all parts agree."""
     share: float
     """Power of the order over that of the whole signal, mean removed."""
+    tones: tuple[float, ...] = ()
+    """Frequencies of tones beside the order that do not turn with the rotor, fitted with it [Hz]."""
 
     @property
     def is_told(self) -> bool:
@@ -163,23 +166,25 @@ def order_vector(
     """Vector of ``values`` (n,) [SI] sampled at ``time`` (n,) [s]; orders up to ``orders`` are fitted together."""
     from scipy.stats import t as student
 
-    parts = _parts(values, turns, time, order, orders)
-    value, count = complex(parts.mean()), len(parts)
-    turned = parts * np.exp(-1j * np.angle(value))
-    reach = float(student.ppf(0.975, count - 1)) / count**0.5
-    along, across = reach * float(turned.real.std(ddof=1)), reach * float(turned.imag.std(ddof=1))
+    inside = (time >= turns.pulses[0]) & (time < turns.pulses[-1])
+    found = fit(values[inside], turns.angle(time[inside]), turns.count, order, orders)
+    value, reach = found.value, float(student.ppf(0.975, found.spare))
+    u = np.array([value.real, value.imag]) / abs(value) if value else np.array([1.0, 0.0])
+    along, across = (reach * float(np.sqrt(x @ found.covariance @ x)) for x in (u, np.array([-u[1], u[0]])))
     told = max(along, across) < abs(value)
     across = float(np.hypot(across, abs(value) * 2.0 * np.pi * order * turns.speed * turns.timing))
-    inside = (time >= turns.pulses[0]) & (time < turns.pulses[-1])
-    power, squares = float(np.var(values[inside])), float((np.abs(parts) ** 2).mean())
+    parts = _parts(values, turns, time, order, orders)
+    squares = float((np.abs(parts) ** 2).mean())
+    power = float(np.var(values[inside]))
     return OrderVector(
         sensor,
         dimension,
         value,
         along,
         float(np.arcsin(min(1.0, across / abs(value)))) if told else np.pi,
-        abs(value) ** 2 / squares if squares else 0.0,
+        abs(parts.mean()) ** 2 / squares if squares else 0.0,
         abs(value) ** 2 / 2.0 / power if power else 0.0,
+        tuple(tone / turns.count * turns.speed for tone in found.tones),
     )
 
 

@@ -49,8 +49,9 @@ Exit codes: 0 done, 3 done with findings, 1 refused."""
 def vectors(run_file: Path, **options: Any) -> int:  # noqa: ANN401
     """Amplitude and phase of each vibration sensor of RUN, a stored run, at an order of its speed.
 
-    The tachometer's pulses cut the record into turns, over which it is averaged; intervals (95 %) come from the scatter
-    between ten parts of the record. Refused: lost or spurious pulses, a speed that is not steady, too few turns.
+    The tachometer's pulses cut the record into turns, over which it is averaged; intervals (95 %) come from the noise
+    beside the order, where tones that do not turn with the rotor are fitted and named. Refused: lost or spurious
+    pulses, a speed that is not steady, too few turns.
     """
     _check(options)
     from ..store import open_run
@@ -111,8 +112,6 @@ def _degrees(vector: "OrderVector", phase: str) -> float:
 
 
 def _toml(run: "Run", found: "Vectors", options: dict[str, Any]) -> str:
-    from ..vectors import UNITS
-
     lines = [
         f'# from {run.name}, {run.origin}: phase = "{options["phase"]}", amplitude = "{options["amplitude"]}"',
         "[[runs]]",
@@ -122,12 +121,17 @@ def _toml(run: "Run", found: "Vectors", options: dict[str, Any]) -> str:
         pairs = [text.partition("=") for text in options["weight"]]
         weights = ", ".join(f"{_quoted(plane.strip())} = {_quoted(weight.strip())}" for plane, _, weight in pairs)
         lines += [f"weights = {{ {weights} }}", f"stayed_on = {str(options['stayed_on']).lower()}"]
-    readings = ", ".join(
-        f"{_quoted(v.sensor)} = "
-        f'"{_amplitude(v, options["amplitude"])[0]:.9g} {UNITS[v.dimension]} @ {_degrees(v, options["phase"]):.6f} deg"'
-        for v in found.vectors
-    )
+    readings = ", ".join(f"{_quoted(v.sensor)} = {_quoted(_reading(v, options))}" for v in found.vectors)
     return "\n".join([*lines, f"readings.{_quoted(options['speed'])} = {{ {readings} }}", ""])
+
+
+def _reading(vector: "OrderVector", options: dict[str, Any]) -> str:
+    """A reading of a sheet with its intervals; one that is not told has its scatter in every direction."""
+    from ..vectors import UNITS
+
+    (size, within), unit = _amplitude(vector, options["amplitude"]), UNITS[vector.dimension]
+    about = f" ± {math.degrees(vector.phase_within):.3g} deg" if vector.is_told else ""
+    return f"{size:.9g} {unit} ± {within:.3g} {unit} @ {_degrees(vector, options['phase']):.6f} deg{about}"
 
 
 def _quoted(text: str) -> str:
@@ -146,7 +150,11 @@ def _document(run: "Run", found: "Vectors", phase: str, metric: "Metric") -> dic
         key, (size, within) = f"amplitude_{suffix[UNITS[v.dimension]]}", _amplitude(v, metric)
         row: dict[str, Any] = {"sensor": v.sensor, "reading": v.dimension, key: size, f"{key}_within": within}
         row |= {"phase_deg": _degrees(v, phase), "phase_deg_within": math.degrees(v.phase_within)}
-        rows.append(row | {"coherence": v.coherence, "share_of_power": v.share, "told": v.is_told})
+        rows.append(
+            row
+            | {"coherence": v.coherence, "share_of_power": v.share, "told": v.is_told}
+            | {"foreign_tones_Hz": list(v.tones)}
+        )
     return {
         "run": run.name,
         "origin": run.origin,
@@ -178,5 +186,8 @@ def _print(run: "Run", found: "Vectors", phase: str, metric: "Metric") -> None:
     turns = found.turns
     click.echo(f"{turns.count} turns at {60 * turns.speed:.6g} rpm, changing by {100 * max(turns.change, 0.0):.2g} %.")
     for v in found.vectors:
+        if v.tones:
+            tones = ", ".join(f"{tone:.4g} Hz" for tone in v.tones)
+            click.echo(f"{v.sensor}: beside the order {tones}, which does not turn with the rotor; fitted with it.")
         if not v.is_told:
             click.echo(f"{v.sensor}: order {found.order} is not told from the scatter; its phase means nothing.")

@@ -57,7 +57,7 @@ def test_a_reading_with_its_intervals(mark):
 
 
 @pytest.mark.parametrize(
-    "text", ["1 um ± 0 um @ 3 deg", "1 um ± 1 @ 3 deg", "1 um @ 3 deg ± 1 deg", "1 um ± 1 g @ 3 deg", 
+    "text", ["1 um ± 0 um @ 3 deg", "1 um ± 1 @ 3 deg", "1 um @ 3 deg ± 1 deg", "1 um ± 1 g @ 3 deg",
              "1 um ± 1 um ± 1 um @ 1 deg", "1 um ± 1 um", "1 um ± -1 um @ 2 deg", "0 um ± 1 % @ 2 deg"]
 )  # fmt: skip
 def test_intervals_that_mean_nothing_are_refused(text):

@@ -122,5 +122,11 @@ def _weights(sheet: Path, sense: float) -> np.ndarray:
     code += "from balance.cli import main\nmain()"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert shown.returncode == 0, shown.stderr
-    totals = [plane["total"] for plane in json.loads(shown.stdout)["planes"]]
+    found = json.loads(shown.stdout)
+    assert found["intervals"]["from"] == "stated"
+    totals = [plane["total"] for plane in found["planes"]]
+    assert all(
+        abs(t["magnitude_g"] - abs(u)) < 2 * t["magnitude_g_within"] for t, u in zip(totals, UNBALANCE, strict=True)
+    )
+    assert all(0.002 < t["magnitude_g_within"] < 0.1 for t in totals)
     return np.array([complex(total["x_g"], sense * total["y_g"]) for total in totals])
