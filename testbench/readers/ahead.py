@@ -9,7 +9,7 @@ A = TypeVar("A")
 B = TypeVar("B")
 
 WORKERS = 2
-DEPTH = 4
+DEPTH = 3
 """Items in the air at once: what bounds the memory."""
 _END: Any = object()
 

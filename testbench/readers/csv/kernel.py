@@ -17,8 +17,8 @@ from numba import cfunc, njit, types
 from numba.cpython.unsafe.numbers import trailing_zeros
 from numba.extending import intrinsic
 
-IRREGULAR = -1
-"""Given in place of the number of rows where a line is no row of plain numbers."""
+IRREGULAR, FULL = -1, -2
+"""Given in place of the number of rows where a line is no row of plain numbers, and where there are too many rows."""
 _REACH = 24
 """A number that is read by words ends before this many bytes behind its beginning."""
 _MOST_DECIMALS, _MOST_DIGITS, _MOST_POWER = 8, 19, 22
@@ -88,8 +88,13 @@ def _by_words(text: Any, at: Any, points: Any, decimals: Any, stop: Any) -> Any:
     length = (np.uint64(begin - at - 1) - negative) << _THREE
     before = ((word >> (negative << _THREE)) ^ _ZEROS) << (_WORD - length)
     behind = (_word(text, begin) ^ _ZEROS) << (_WORD - np.uint64(decimals << 3))
-    odd = ((before + _ABOVE_NINE) | before | (behind + _ABOVE_NINE) | behind) & _HIGH
-    whole = _spelled(before) * _WHOLE_POWERS[decimals] + _spelled(behind)
+    if length + np.uint64(decimals << 3) <= _WORD:  # eight digits at most: all in one word
+        digits = behind | before >> np.uint64(decimals << 3)
+        odd = ((digits + _ABOVE_NINE) | digits) & _HIGH
+        whole = _spelled(digits)
+    else:
+        odd = ((before + _ABOVE_NINE) | before | (behind + _ABOVE_NINE) | behind) & _HIGH
+        whole = _spelled(before) * _WHOLE_POWERS[decimals] + _spelled(behind)
     if not length or odd or whole >= _EXACT:
         return 0.0, -1
     value = np.float64(np.int64(whole)) / _POWERS[decimals]
@@ -191,7 +196,7 @@ def rows(
     decimals: Any,
     stops: Any,
 ) -> Any:
-    """Parse ``text``, whole lines of ``size`` bytes, into ``columns``, (fields, capacity); the rows, or IRREGULAR.
+    """Parse ``text``, whole lines of ``size`` bytes, into ``columns``, (fields, capacity); the rows, IRREGULAR or FULL.
 
     Fields that are not ``kept`` are passed over. Of cells that ``float()`` must judge, begin, end, field and row go
     to ``left``, (1 + most_left, 4), behind a row that begins with their number; where it is full, all is irregular.
@@ -201,7 +206,7 @@ def rows(
     at = row = 0
     while at < size:
         if row == capacity:
-            return IRREGULAR
+            return FULL
         for j in range(fields):
             if _get(decimals, j) and at < size - _REACH:  # as many as in the row before, mostly
                 value, end = _by_words(text, at, points, _get(decimals, j), _get(stops, j))

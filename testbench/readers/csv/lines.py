@@ -11,7 +11,7 @@ import numpy as np
 from ...findings import Finding, Refusal
 from .encoding import Encoding
 
-BLOCK_BYTES = 4 << 20
+BLOCK_BYTES = 8 << 20
 """Size of a block: large enough to parse on all cores, small enough for many blocks in memory [bytes]."""
 _LOOK_BACK = 4096
 LONGEST_LINE = 4 << 20
@@ -20,22 +20,24 @@ LONGEST_LINE = 4 << 20
 
 @dataclass(frozen=True)
 class Lines:
-    """Whole lines, each with its line feed, and their count; the file's line of the first; the rest after the last one.
+    """Whole lines, each with its line feed; the file's line of the first; the rest after the last one.
 
-    ``rest`` is empty but in the file's last block, and there only if the last line has no end.
+    ``rest`` is empty but in the file's last block, and there only if the last line has no end. Where nobody counts the
+    lines, ``first`` is that of the first block.
     """
 
     text: bytes
     first: int
     rest: bytes = b""
     bytes_read: int = 0
-    count: int = 0
 
 
-def in_blocks(path: Path, encoding: Encoding, first_line: int, block_bytes: int = BLOCK_BYTES) -> Iterator[Lines]:
-    """The lines from ``first_line`` (counted from 1) on, in blocks."""
+def in_blocks(
+    path: Path, encoding: Encoding, first_line: int, block_bytes: int | None = None, counted: bool = True
+) -> Iterator[Lines]:
+    """The lines from ``first_line`` (counted from 1) on, in blocks; not ``counted`` where the caller does it."""
     line, rest, bytes_read = 1, b"", 0
-    for raw in _chunks(path, encoding, block_bytes):
+    for raw in _chunks(path, encoding, block_bytes or BLOCK_BYTES):
         bytes_read += len(raw)
         if raw.endswith(b"\n") and not rest:
             whole = raw
@@ -50,9 +52,8 @@ def in_blocks(path: Path, encoding: Encoding, first_line: int, block_bytes: int 
             line, skipped = line + 1, at + 1
         if skipped < len(whole):
             text = whole[skipped:] if skipped else whole
-            count = count_lines(text)
-            yield Lines(text, line, bytes_read=bytes_read, count=count)
-            line += count
+            yield Lines(text, line, bytes_read=bytes_read)
+            line += count_lines(text) if counted else 0
     if rest:
         yield Lines(b"", line, rest, bytes_read)
 

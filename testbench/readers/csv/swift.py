@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...native import BYTE, INTEGER, PLACE, Kernel
 from ...recording import Samples
+from .lines import count_lines
 from .parse import Form
 
 LONG_BYTES = 50_000_000
@@ -18,6 +19,10 @@ _PATIENCE_S = 1.0
 """How long the first block waits for a loop that is kept; one that is compiled anew is not waited for."""
 _FEW = 32
 """One cell in so many may be left to ``float()``; where there are more, the block goes the usual way."""
+_FULL = -2
+"""What the loop gives where there are more rows than room."""
+_MORE = 1.05
+"""Room for rows, times that of a block whose rows are as long as those of the block before."""
 _TEXT, _COLUMNS, _LEFT, _SHAPES = (PLACE, INTEGER), (PLACE, INTEGER), (PLACE, INTEGER), (PLACE, PLACE)
 ROWS = Kernel("readers.csv.kernel", "rows", (*_TEXT, BYTE, BYTE, PLACE, INTEGER, *_COLUMNS, *_LEFT, *_SHAPES))
 
@@ -29,6 +34,7 @@ class Swift:
         self._form = form
         self._kept = np.isin(np.arange(form.fields), kept).astype(np.uint8)
         self._loop: Callable[..., int] | None = None
+        self._density = 0.0  # rows a byte in the block before
         self._decided = threading.Event()
         self._thread = threading.Thread(target=self._load, daemon=True)
         self._thread.start()
@@ -43,29 +49,36 @@ class Swift:
         self._loop = ROWS.loop(compiling=self._decided.set)
         self._decided.set()
 
-    def columns(self, text: bytes, count: int) -> list[Samples] | None:
-        """The columns of so many whole lines, NaN in fields that are not kept; None if some cell is no plain number."""
+    def columns(self, text: bytes) -> list[Samples] | None:
+        """The columns of whole lines, NaN in fields that are not kept; None if some cell is no plain number."""
         self._decided.wait(_PATIENCE_S)
         if self._loop is None or not text.endswith(b"\n"):
             return None
-        columns = np.empty((self._form.fields, count))
-        left = np.empty((1 + columns.size // _FEW, 4), np.int64)
-        left[0] = 0
-        if self._rows(self._loop, text, columns, left) != count:
+        count, columns, left = self._rows(self._loop, text, int(_MORE * self._density * len(text)))
+        if count == _FULL:
+            count, columns, left = self._rows(self._loop, text, count_lines(text))
+        if count < 0:
             return None
+        self._density = count / len(text)
         columns[self._kept == 0] = np.nan
-        for begin, end, field, row in left[1 : 1 + left[0, 0]]:
+        for begin, end, field, row in left:
             columns[field, row] = value = float(text[begin:end].replace(b",", b"."))
             if not math.isfinite(value):
                 return None
-        return list(columns)
+        return list(columns[:, :count])
 
-    def _rows(self, loop: Callable[..., int], text: bytes, columns: Samples, left: NDArray[np.int64]) -> int:
-        """How many rows the loop found, which are in ``columns`` then."""
-        fields, capacity = columns.shape
+    def _rows(
+        self, loop: Callable[..., int], text: bytes, capacity: int
+    ) -> tuple[int, NDArray[np.float64], NDArray[np.int64]]:
+        """How many rows the loop found if there are no more than ``capacity``; the columns; what it left."""
+        fields = self._form.fields
+        columns = np.empty((fields, capacity))
+        left = np.empty((1 + columns.size // _FEW, 4), np.int64)
+        left[0] = 0
         separator, mark = ord(self._form.separator), ord(self._form.dialect.decimal)
         decimals, stops = np.zeros(fields, np.int64), np.zeros(fields, np.uint8)
-        return loop(
+        count = loop(
             np.frombuffer(text, dtype=np.uint8).ctypes.data, len(text), separator, mark, self._kept.ctypes.data, fields,
             columns.ctypes.data, capacity, left.ctypes.data, len(left) - 1, decimals.ctypes.data, stops.ctypes.data,
         )  # fmt: skip
+        return count, columns, left[1 : 1 + left[0, 0]]

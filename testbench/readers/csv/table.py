@@ -12,7 +12,7 @@ from ...recording import Block, Group, Report, Samples, TimeColumn
 from ..ahead import in_order
 from .cells import CellFilter
 from .encoding import Encoding
-from .lines import Lines, in_blocks
+from .lines import Lines, count_lines, in_blocks
 from .parse import Form
 from .rows import Piece, RowFilter
 from .swift import Swift
@@ -53,27 +53,27 @@ class Table:
 
     def _pieces(self, rows: RowFilter, report: Report) -> Iterator[Piece]:
         """Regular rows: as they stand where the whole block parses to finite numbers, else made regular."""
-        before = b""
-        blocks = in_blocks(self.path, self.encoding, self.first_data_line)
+        before, line = b"", self.first_data_line
+        blocks = in_blocks(self.path, self.encoding, self.first_data_line, counted=False)
         parse = partial(self._parse, Swift.of(self.path, self.form, self.kept))
         for block, plain, columns in in_order(parse, blocks):
             if block.rest:
-                plain, finding = last_row(self.form, self.form.plain(block.rest), before, block.first)
+                plain, finding = last_row(self.form, self.form.plain(block.rest), before, line)
                 columns = None
                 if finding is not None:
                     report(finding)
             before = plain or before
             if columns is not None:
-                lines = range(block.first, block.first + len(columns[0]))
-                yield Piece(plain, lines, columns=columns, bytes_read=block.bytes_read)
+                yield Piece(plain, range(line, line + len(columns[0])), columns=columns, bytes_read=block.bytes_read)
             elif plain:
-                for piece in rows.pieces(plain, block.first):
+                for piece in rows.pieces(plain, line):
                     yield replace(piece, bytes_read=block.bytes_read)
+            line += count_lines(block.text) if columns is None else len(columns[0])
 
     def _parse(self, swift: Swift | None, block: Lines) -> tuple[Lines, bytes, list[Samples] | None]:
         """The block as plain text, and its columns if every cell that is kept is a finite number."""
         plain = self.form.plain(block.text)
-        if swift is not None and plain and (swiftly := swift.columns(plain, block.count)) is not None:
+        if swift is not None and plain and (swiftly := swift.columns(plain)) is not None:
             return block, plain, swiftly
         columns = self.form.columns(plain) if plain else None
         regular = columns is not None and all(_finite(columns[j]) for j in self.kept)

@@ -76,7 +76,7 @@ def test_blocks_are_cut_where_a_piece_of_the_file_ends(tmp_path, monkeypatch):
     whole = reading.read(path)
     from testbench.readers.csv import lines
 
-    monkeypatch.setattr(lines.in_blocks, "__defaults__", (32,))
+    monkeypatch.setattr(lines, "BLOCK_BYTES", 32)
     pieces = reading.read(path)
     assert list(pieces.data) == list(whole.data) == ["run", "run part 2", "run part 3"]
     for name in whole.data:

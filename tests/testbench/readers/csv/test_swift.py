@@ -48,7 +48,7 @@ def parsed(rows, separator=";", decimal=".", end="\n", kept=None):
     text = "".join(separator.join(row) + end for row in rows).encode()
     loop = Swift(Form(Dialect(separator, decimal), fields), kept or tuple(range(fields)))
     loop._thread.join()
-    return loop.columns(text, len(rows))
+    return loop.columns(text)
 
 
 def as_floats(rows):
@@ -111,9 +111,10 @@ def test_a_block_with_one_odd_line_is_left(line, place):
     rows[place] = line
     loop = Swift(Form(Dialect(";", "."), 3), (0, 1, 2))
     loop._thread.join()
-    assert loop.columns("".join(rows).encode(), 40) is None
-    assert loop.columns(b"0.5;1.25;-3.125\n" * 40, 39) is None
-    assert loop.columns(b"0.5;1.25;-3.125\n" * 40, 41) is None
+    assert loop.columns("".join(rows).encode()) is None
+    for count in (40, 39, 200):  # more rows in a block than those of the block before let expect
+        assert len(loop.columns(b"0.5;1.25;-3.125\n" * count)[2]) == count
+    assert len(loop.columns(b"0;1;2\n" * 200)[2]) == 200
 
 
 def test_fields_that_are_not_kept_are_passed_over():
@@ -142,7 +143,7 @@ def both_ways(path, monkeypatch, options=None):
     """The same file by the usual way, and with the loop wherever it can; how many blocks the loop took."""
     taken = []
     with monkeypatch.context() as patch:
-        patch.setattr(lines.in_blocks, "__defaults__", (20_000,))
+        patch.setattr(lines, "BLOCK_BYTES", 20_000)
         patch.setattr(swift, "LONG_BYTES", 1 << 60)
         usual = everything(path, options)
         patch.setattr(swift, "LONG_BYTES", 0)
