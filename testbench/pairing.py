@@ -79,7 +79,7 @@ def rig_of(run: "Run") -> "Rig":
     """The rig that was stored with a run. Raises AnalysisError if there is none."""
     if run.rig is None:
         raise AnalysisError(
-            f"{run.name}: stored without a rig, so that nothing says which channel is the base's acceleration; "
+            f"{run.name}: stored without a rig, so that nothing says which channel is of which sensor; "
             "ingest with --rig"
         )
     return _rig(run.rig)

@@ -18,5 +18,8 @@ def write(run: Run, groups: list[str], target: Path) -> list[str]:
     names = unique([column.channel.name for column in found])
     units = {name: column.channel.unit for name, column in zip(names, found, strict=True)}
     table = polars.DataFrame({name: column.values for name, column in zip(names, found, strict=True)})
-    table.write_parquet(target, metadata={KEY: line({"group": group, "units": units, **provenance(run)})})
+    try:
+        table.write_parquet(target, metadata={KEY: line({"group": group, "units": units, **provenance(run)})})
+    except polars.exceptions.PolarsError as error:
+        raise OSError(str(error)) from error
     return []

@@ -47,6 +47,8 @@ def write(run: Run, groups: list[str], to: str, target: Path) -> Exported:
     try:
         losses = import_module(f".{to}", __package__).write(run, groups, part)
         part.rename(target)
+    except OSError as error:
+        raise StoreError(f"{target}: cannot be written ({error.strerror or error}); nothing of it is left") from error
     finally:
         part.unlink(missing_ok=True)
     return Exported(target, tuple(losses))

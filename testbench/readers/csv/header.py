@@ -83,7 +83,7 @@ def _end_of_pairs(rows: Sequence[Sequence[str]], first: int) -> int | None:
         if rows[i] and len(rows[i]) == fields and not texts:
             return None
         if i > first and (not rows[i] or texts == fields):
-            return i
+            return i if any(map(is_data, rows[i:])) else None
     return None
 
 

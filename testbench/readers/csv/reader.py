@@ -25,6 +25,9 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
     dialect, header = _understood(path, sample, options)
     spelled = spelling.find(path, sample, dialect, header)
     texts = spelled.texts | _text_fields(spelled.rows, header) - spelled.fields
+    if options.header is None and _are_notes(spelled.rows, header, texts):
+        message = "a number behind other words on each line, as in notes; if they are data, say --no-header"
+        raise Refusal(path.name, Finding("no_data", None, f"line {header.first_data_line}", message))
     kept = tuple(i for i in range(len(header.channels)) if i not in texts | spelled.times.taken_up)
     if not kept:
         raise Refusal(path.name, Finding("no_data", None, None, "no column of numbers; expected rows of numbers"))
@@ -89,6 +92,13 @@ def _text_fields(rows: Sequence[Sequence[str]], header: Header) -> set[int]:
         if any(not marks.is_missing(cells[i]) for cells in data)
         and not any(marks.is_numberish(cells[i]) for cells in data)
     }
+
+
+def _are_notes(rows: Sequence[Sequence[str]], header: Header, texts: Set[int]) -> bool:
+    """Whether the rows are lines such as ``Payload 5``: no names above, and each has another word before one number."""
+    words = [cells[0] for cells in rows if len(cells) == header.fields]
+    named = header.named and not header.channels[0].name.endswith((":", "="))
+    return not named and 0 in texts and header.fields == len(texts) + 1 and len(set(words)) == len(words)
 
 
 def _is_padded(sample: Sample, header: Header) -> bool:

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from testbench.errors import StoreError
+from testbench.export import export
+from testbench.export.target import TARGETS
 from testbench.ingest import Ingest
 from testbench.recovery import recover
 from testbench.runsheet import plan
@@ -150,6 +152,17 @@ def test_a_file_system_that_fills_up(tmp_path, disk):
     assert intact(disk / "c") == ["first.h5"]
     assert sorted(path.name for path in (disk / "c").iterdir()) == ["first.h5", "first.h5.sha256"]
     assert intact(tmp_path / "c") == ["log.h5"]
+
+
+@pytest.mark.parametrize("to", TARGETS)
+def test_an_export_without_room(tmp_path, disk, to):
+    """A clear error that names the file, and nothing half is left."""
+    faults.write_log(tmp_path / "log.csv", 200_000)
+    Ingest(tmp_path / "c").run(plan([tmp_path / "log.csv"], None)[0])
+    (run,) = open_campaign(tmp_path / "c").runs
+    with pytest.raises(StoreError, match=rf"log\{TARGETS[to]}: cannot be written .*[Nn]o"):
+        export(run, to, disk / "out")
+    assert list((disk / "out").iterdir()) == []
 
 
 def test_a_file_system_that_is_read_only(tmp_path, disk):

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from testbench.findings import Refusal
+from testbench.readers import ReadOptions
 from testbench.readers.csv import stated
 
 from .. import reading
@@ -85,3 +87,21 @@ def test_a_first_row_with_a_word_is_data(log):
     found = log("a (N),b (N)\nOverload,1.5\n" + ROWS)
     assert np.isnan(found.column("a (N)")[0])
     assert found.column("b (N)")[0] == 1.5
+
+
+NOTES = ("Operator: Ali\nPayload 5\nRepeat 3\n", "code 0\n", "# engine\nbore = 82\nstroke = 90\n")
+
+
+@pytest.mark.parametrize("text", NOTES)
+def test_notes_are_no_log(log, text):
+    """A word and a number on each line are notes that lie beside the logs, unless a person says that they are data."""
+    with pytest.raises(Refusal, match="as in notes"):
+        log(text)
+
+
+def test_states_before_numbers_are_data(log, tmp_path):
+    """Words that come again are a column of states; words that do not are data if a person says so."""
+    found = log("OK 1.5\nOK 2.5\nLOW 3.5\n")
+    assert found.column("col1").tolist() == [1.5, 2.5, 3.5]
+    (tmp_path / "notes.txt").write_text(NOTES[0])
+    assert reading.read(tmp_path / "notes.txt", ReadOptions(header=False)).column("col1").tolist() == [5.0, 3.0]
