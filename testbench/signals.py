@@ -35,11 +35,6 @@ class Band:
         """The part of a signal (..., n) that lies in the band. Raises AnalysisError if rate or length forbid it."""
         from .spectra.zerophase import zero_phase
 
-        if not self.high_hz < rate_hz / 2.0:
-            raise AnalysisError(
-                f"band {self} needs more than {2 * self.high_hz:g} samples a second, the record has {rate_hz:g}: "
-                "name a lower band, or none"
-            )
         sos = self._sections(rate_hz)
         if values.shape[-1] <= 6 * len(sos) + 3:
             raise AnalysisError(
@@ -57,8 +52,14 @@ class Band:
         return np.abs(sosfreqz(self._sections(rate_hz), within, fs=rate_hz)[1]) ** 2
 
     def _sections(self, rate_hz: float) -> Floats:
+        """Raises AnalysisError where the rate does not hold the band."""
         from scipy.signal import butter
 
+        if not self.high_hz < rate_hz / 2.0:
+            raise AnalysisError(
+                f"band {self} needs more than {2 * self.high_hz:g} samples a second, the record has {rate_hz:g}: "
+                "name a lower band, or none"
+            )
         if self.low_hz > 0.0:
             return np.asarray(butter(ORDER, (self.low_hz, self.high_hz), "bandpass", fs=rate_hz, output="sos"))
         return np.asarray(butter(ORDER, self.high_hz, "lowpass", fs=rate_hz, output="sos"))
