@@ -89,7 +89,7 @@ def test_a_first_row_with_a_word_is_data(log):
     assert found.column("b (N)")[0] == 1.5
 
 
-NOTES = ("Operator: Ali\nPayload 5\nRepeat 3\n", "code 0\n", "# engine\nbore = 82\nstroke = 90\n")
+NOTES = ("Operator: Ali\nPayload 5\nRepeat 3\n", "code 0\n", "# engine\nbore: 82\nstroke: 90\n")
 
 
 @pytest.mark.parametrize("text", NOTES)
