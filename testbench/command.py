@@ -27,6 +27,18 @@ BANDWIDTH_HZ = 80.0
 """Of the accelerations [Hz]: twice what the moves need, and little of the encoders' steps."""
 
 
+DEFINITIONS = {
+    "peak": "largest absolute value over the record",
+    "rms": "root mean square from the first to the last movement that is commanded along the axis",
+    "error_rms": "of what is shown less the target, over the same span, no delay taken off",
+    "delay_s": "by which what is shown follows the target, by correlation",
+    "accelerometer_shifted_s": "by which the accelerometer's record is shifted to correlate best with the target",
+    "encoder_noise": "standard deviation that the encoders' steps alone give an acceleration of their joint [rad/s2]",
+    "bandwidth_hz": "of the zero-phase low-pass of what is measured; the target is not filtered",
+}
+"""What each number is."""
+
+
 @dataclass(frozen=True)
 class CommandPerformance:
     """Acceleration of a body by axis, (n,) [m/s2], on the controller's clock; what was measured is band-limited."""
@@ -39,6 +51,10 @@ class CommandPerformance:
     bandwidth_hz: float
     lag_s: float
     """By how much the accelerometer's logger was started earlier than the controller's, found by correlation [s]."""
+    group: str = ""
+    """The group of the accelerometer."""
+    first: float = 0.0
+    """Its first instant on its own clock [s]."""
     encoder_noise: dict[str, float] = field(default_factory=dict)
     """What the steps of the encoders alone make of an acceleration of a joint, by joint [rad/s2, m/s2]."""
 
@@ -108,6 +124,7 @@ def performance(run: "Run", mechanism: Mechanism, bandwidth_hz: float = BANDWIDT
     first = _columns(run, rig, Target)[0]
     time, rate = instants(run, first), in_si(run, first)[1]
     name, sensor = _moving_accelerometer(run, rig)
+    sensor_column = next(sensor.columns(name))
     band = Band(0.0, bandwidth_hz)
     felt = {c.component: (band.of(*in_si(run, c)), instants(run, c)) for c in sensor.columns(name)}
     target = {axis: values for axis, (values, _) in wanted.items()}
@@ -123,6 +140,8 @@ def performance(run: "Run", mechanism: Mechanism, bandwidth_hz: float = BANDWIDT
         {axis: np.interp(time, grid, moved[:, "xyz".index(axis)]) for axis in target},
         bandwidth_hz,
         late,
+        run.find(sensor_column.channel)[0].name,
+        float(instants(run, sensor_column)[0]),
         {c.component: c.resolution / np.sqrt(12.0) * gain for c in _columns(run, rig, Encoder)},
     )
 

@@ -27,6 +27,9 @@ AT_ONCE = 2 * LANES
 """Channels of one rate that are held in memory together."""
 AT_A_TIME = 2
 """Runs that are analysed side by side."""
+_UNITS = {"acceleration": "m_s2", "force": "N", "moment": "Nm", "angle": "rad", "length": "m"}
+SHORTEST = 256
+"""Segment of a short record below which there is no spectrum [samples]."""
 LEAST_PEAK = 10.0
 """How far a peak of a spectrum must stand above the median of the two octaves around it [times]."""
 
@@ -42,10 +45,15 @@ class Level:
     metrics: dict[str, float]
     """``peak``, ``peak_to_peak``, ``rms``; mean over the record removed, then the band."""
     spectrum: Spectra | None
-    """Of the whole record without a band; None where it is shorter than a few segments."""
+    """Of the whole record without a band; None where it is shorter than a few short segments."""
+
+    @property
+    def unit(self) -> str:
+        """Of the channel, as it stands in keys."""
+        return _UNITS[self.column.dimensions[0]]
 
     def peaks(self, most: int = 5) -> list[dict[str, float]]:
-        """The strongest peaks of the spectrum: frequency [Hz], density [SI^2/Hz], strongest first."""
+        """The strongest peaks of the spectrum: frequency [Hz], density [SI2/Hz], strongest first."""
         if self.spectrum is None:
             return []
         power, frequency = self.spectrum.power(), self.spectrum.frequency
@@ -54,7 +62,7 @@ class Level:
             if power[i - 1] < power[i] >= power[i + 1] and power[i] > LEAST_PEAK * np.median(power[i // 2 : 2 * i + 1])
         ]  # fmt: skip
         tops.sort(key=lambda i: -power[i])
-        return [{"frequency_hz": float(frequency[i]), "density": float(power[i])} for i in tops[:most]]
+        return [{"frequency_hz": float(frequency[i]), "density_si2_hz": float(power[i])} for i in tops[:most]]
 
     def as_dict(self) -> dict[str, Any]:
         """The level as it is printed, its definitions with it."""
@@ -62,8 +70,8 @@ class Level:
             "sensor": self.column.sensor,
             "component": self.column.component,
             "channel": self.column.channel,
-            "mean": self.mean,
-            **self.metrics,
+            f"mean_{self.unit}": self.mean,
+            **{f"{name}_{self.unit}": value for name, value in self.metrics.items()},
             "band_hz": [self.band.low_hz, self.band.high_hz] if self.band else None,
             "spectrum_peaks": self.peaks(),
             "resolution_hz": float(self.spectrum.frequency[1]) if self.spectrum else None,
@@ -99,6 +107,12 @@ def levels(
     return found
 
 
+def _segment(count: int, wanted: int) -> int:
+    """The segment that is wanted, or a shorter one of which the record holds two; zero where that is too short."""
+    whole = min(wanted, 1 << max(count // 2, 1).bit_length() - 1)
+    return whole if whole >= min(SHORTEST, wanted) else 0
+
+
 def of_runs(
     runs: "Iterable[Run]", band: "Band | None" = DEFAULT_BAND, segment: int = SEGMENT
 ) -> "Iterator[tuple[Run, list[Level]]]":
@@ -120,7 +134,7 @@ def _of(some: "Sequence[tuple[Column, Floats]]", rate: float, band: "Band | None
     shaped = values - means[:, None]
     if band:
         shaped = band.of(shaped, rate)
-    whole = segment if len(values[0]) >= 2 * segment else 0
+    whole = _segment(len(values[0]), segment)
     for (column, recorded), mean, shape in zip(some, means, shaped, strict=True):
         spectrum = welch([recorded], rate, whole) if whole else None
         metrics: dict[str, float] = {name: measure(shape) for name, (_, measure) in METRICS.items()}

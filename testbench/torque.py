@@ -1,4 +1,4 @@
-"""Torques of the drives against the model of the mechanism, with the run's payload and counter-masses, on its motion."""
+"""Torques of the drives against the model of the mechanism with its payload and counter-masses, on the same motion."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -36,6 +36,8 @@ class DriveTorque:
     model: Floats
     rate_hz: float
     bandwidth_hz: float
+    unit: str = "Nm"
+    """``Nm``, or ``N`` of a joint that slides."""
 
     @property
     def residual_share(self) -> float:
@@ -54,12 +56,12 @@ class DriveTorque:
             "joint": self.joint,
             "sensor": self.sensor,
             "bandwidth_hz": self.bandwidth_hz,
-            "measured_rms": _rms(self.measured),
-            "model_rms": _rms(self.model),
+            f"measured_rms_{self.unit}": _rms(self.measured),
+            f"model_rms_{self.unit}": _rms(self.model),
             "rms_ratio": _rms(self.measured) / _rms(self.model),
-            "measured_peak": float(np.abs(self.measured).max()),
-            "model_peak": float(np.abs(self.model).max()),
-            "mean_difference": float(np.mean(self.measured - self.model)),
+            f"measured_peak_{self.unit}": float(np.abs(self.measured).max()),
+            f"model_peak_{self.unit}": float(np.abs(self.model).max()),
+            f"mean_difference_{self.unit}": float(np.mean(self.measured - self.model)),
             "residual_share": self.residual_share,
             "scale": self.scale,
             "delay_s": lag(self.measured, self.model, self.rate_hz),
@@ -93,7 +95,8 @@ def against_model(
         raise AnalysisError(f"{run.name}: its rig has no sensor of kind torque")
     model = loaded(run, mechanism)
     grid, path = followed(run, rig, model, bandwidth_hz)
-    expected = simulate(model, path).torque
+    response = simulate(model, path)
+    expected = response.torque
     return [
         DriveTorque(
             column.component,
@@ -103,6 +106,7 @@ def against_model(
             low_pass(expected[column.component], bandwidth_hz, grid.rate),
             grid.rate,
             bandwidth_hz,
+            "N" if column.component in response.sliding else "Nm",
         )
         for column in columns
         if column.component in expected

@@ -54,7 +54,7 @@ class MeasuredWrench:
     tare: str = ""
     """What was taken off as preload and drift."""
     clipped: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
-    """By component, the stretches in which a sensor that it rests on was at the end of its range [s]: no numbers there."""
+    """By component, stretches in which a sensor that it rests on was at the end of its range [s]: no numbers there."""
 
     def determined(self, components: Sequence[str]) -> list[str]:
         """Those of the components that are given."""

@@ -15,6 +15,7 @@ COMMANDS = {
     "align": "The clocks of several loggers: offset and drift, with intervals.",
     "calibrate": "Correct the calibration of a sensor: a dated record; the runs never change.",
     "export": "Write stored runs as CSV, Parquet, MAT, UFF or an RO-Crate.",
+    "report": "Each run: motions, command, base vibration and its modes, forces, torques; figures.",
     "analyze": "How much the vibration amplitude fell.",
     "compare": "Analysed from logs, simulated and published, side by side.",
     "predict": "Printed reductions of heavier payloads, predicted from those of the lightest.",

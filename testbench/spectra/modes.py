@@ -75,7 +75,8 @@ def modes(decay: Floats, rate_hz: float, highest_hz: float, most: int = MOST) ->
     if not size > 0.0:
         raise AnalysisError("the channels do not change after the motion: nothing rings")
     fit = _Fit(values / size, np.arange(len(values)) / rate_hz)
-    pairs, best = np.empty((0, 2)), fit.criterion(np.empty((0, 2)))
+    pairs: Floats = np.empty((0, 2))
+    best = fit.criterion(pairs)
     for _ in range(most):
         more = fit.refined(np.vstack([pairs, fit.next(pairs, highest_hz)]), highest_hz)
         found = fit.criterion(more)
@@ -123,9 +124,11 @@ class _Fit:
         low = np.tile([0.3 / float(self.time[-1]), 1e-4], len(pairs))
         high = np.tile([1.2 * highest, 0.7], len(pairs))
         start = np.clip(pairs.ravel(), 1.001 * low, 0.999 * high)
-        done = least_squares(
-            lambda x: self.left(x.reshape(-1, 2)).ravel(), start, bounds=(low, high), x_scale=start, max_nfev=60
-        )
+
+        def left(x: Floats) -> Floats:
+            return self.left(x.reshape(-1, 2)).ravel()
+
+        done = least_squares(left, start, bounds=(low, high), x_scale=start, max_nfev=60)
         return np.asarray(done.x).reshape(-1, 2)
 
     def criterion(self, pairs: Floats) -> float:

@@ -28,7 +28,7 @@ class Transfer:
     """Independent ones."""
 
     @property
-    def significant(self) -> Floats:
+    def significant(self) -> NDArray[np.bool_]:
         """Whether the coherence is above what 95 of 100 records of unrelated noise show: 1 - 0.05^(1/(n-1)), (m,).
 
         G. C. Carter, C. H. Knapp and A. H. Nuttall, IEEE Trans. Audio Electroacoust. AU-21, 337 (1973).

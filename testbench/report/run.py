@@ -1,0 +1,131 @@
+"""All that one run tells, each part with what it is by definition, or with why it is not known."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from balance.errors import CounterpoiseError
+from balance.mechanism import Mechanism
+
+from .. import command, motions
+from ..findings import Finding
+from ..joint_motion import mechanism_of
+from ..pairing import rig_of
+from ..vibration import DEFAULT_BAND
+from ..wrench import shaking_wrench
+from . import loads, vibration
+from .part import Part, attempt
+
+if TYPE_CHECKING:
+    from ..motions import FoundMotion
+    from ..signals import Band
+    from ..store import Run
+
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class RunReport:
+    """One run; every part is a document, or has a ``reason`` alone."""
+
+    run: "Run"
+    motions: Part
+    command: Part
+    vibration: Part
+    modes: Part
+    response: Part
+    wrench: Part
+    torque: Part
+    findings: tuple[Part, ...]
+
+    @property
+    def parts(self) -> dict[str, Part]:
+        """By name, in the order in which they are printed."""
+        names = ("motions", "command", "vibration", "modes", "response", "wrench", "torque")
+        return {name: getattr(self, name) for name in names}
+
+    def as_dict(self) -> dict[str, Any]:
+        """As it is printed."""
+        return {
+            "run": self.run.name,
+            "origin": str(self.run.origin),
+            "conditions": dict(self.run.conditions),
+            **self.parts,
+            "findings": list(self.findings),
+        }
+
+
+def report(
+    run: "Run",
+    point: Point = (0.0, 0.0, 0.0),
+    band: "Band | None" = DEFAULT_BAND,
+    bandwidth_hz: float = command.BANDWIDTH_HZ,
+    given: str | None = None,
+) -> RunReport:
+    """Analyse one run: vibration and forces in ``band``, accelerations and torques below ``bandwidth_hz``.
+
+    ``given`` is a mechanism in place of the one that the rig names. Raises AnalysisError if the run has no rig.
+    """
+    rig = rig_of(run)
+    mechanism = cache(lambda: mechanism_of(run, rig, given))
+    found, reasons = motions.found(run, rig, mechanism)
+    shown, of_command = _command(run, mechanism, bandwidth_hz)
+    forces: Part = {}
+    response: Part = {}
+    findings: list[Part] = []
+    try:
+        wrench = shaking_wrench(run, rig, point)
+        forces = attempt(lambda: loads.wrench_part(wrench, band))
+        response = attempt(lambda: vibration.base_response(run, rig, wrench))
+        findings = [finding.as_dict() for finding in wrench.findings]
+    except CounterpoiseError as error:
+        forces = response = {"reason": str(error)}
+    return RunReport(
+        run,
+        _motions(run, found, reasons, findings),
+        of_command,
+        attempt(lambda: vibration.base_levels(run, rig, band)),
+        attempt(lambda: vibration.base_modes(run, rig, vibration.end_on_base_clock(run, rig, found, shown))),
+        response,
+        forces,
+        attempt(lambda: loads.torque_part(run, rig, mechanism(), bandwidth_hz)),
+        tuple(findings),
+    )
+
+
+def _command(
+    run: "Run", mechanism: Callable[[], Mechanism], bandwidth_hz: float
+) -> tuple[command.CommandPerformance | None, Part]:
+    try:
+        shown = command.performance(run, mechanism(), bandwidth_hz)
+    except CounterpoiseError as error:
+        return None, {"reason": str(error)}
+    return shown, {
+        "axes": [one.as_dict() for one in shown.reached()],
+        "bandwidth_hz": bandwidth_hz,
+        "accelerometer_shifted_s": shown.lag_s,
+        "encoder_noise": shown.encoder_noise,
+        "definitions": command.DEFINITIONS,
+    }
+
+
+def _motions(
+    run: "Run",
+    found: "dict[motions.Source, list[FoundMotion]]",
+    reasons: "dict[motions.Source, str]",
+    findings: list[Part],
+) -> Part:
+    """The motions by each source; where sources or the sheet contradict each other, a finding."""
+    names = {source: [one.name for one in some] for source, some in found.items()}
+    known = {source: some for source, some in names.items() if some and "unknown" not in some}
+    said = run.conditions.get("motion")
+    for source, some in known.items():
+        if said is not None and any(name != said for name in some):
+            message = f"{run.name}: its sheet says motion {said}, by {source} it is {', '.join(some)}"
+            findings.append(Finding("motion_contradiction", None, run.name, message).as_dict())
+    return {
+        "found": [one.as_dict() for some in found.values() for one in some],
+        "reasons": dict(reasons),
+        "definition": "from leaving a place at rest to coming back to it, by legs from rest to rest",
+    }

@@ -1,0 +1,129 @@
+"""Base vibration, its modes from the decay after the motion, and its response to the shaking force."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from balance.arrays import Floats
+
+from ..channels import in_si, instants
+from ..clocks import stored
+from ..errors import AnalysisError
+from ..joint_motion import group_of_encoders
+from ..levels import definitions, levels
+from ..signals import Band
+from ..spectra.modes import modes
+from ..spectra.transfer import transfer
+from .part import Part
+
+if TYPE_CHECKING:
+    from ..command import CommandPerformance
+    from ..motions import FoundMotion, Source
+    from ..rig import Column, Rig
+    from ..store import Run
+    from ..wrench import MeasuredWrench
+
+HIGHEST_HZ = 100.0
+"""Of the modes that are looked for [Hz]: a base on its mounts, and what a motion excites."""
+SETTLED_S = 0.02
+"""After the end of the motion from which on the base rings freely; the zero-phase band smears as far [s]."""
+RESPONSE_SEGMENT_S = 0.25
+"""Of the response's segments [s]: several in a motion of a second, 4 Hz apart."""
+
+
+def base_columns(run: "Run", rig: "Rig") -> "list[Column]":
+    """The channels of the accelerometers on the base. Raises AnalysisError if there is none."""
+    columns = [c for name, sensor in rig.base_accelerometers.items() for c in sensor.columns(name)]
+    if not columns:
+        raise AnalysisError(f"{run.name}: its rig has no accelerometer that is attached_to the base")
+    return columns
+
+
+def base_levels(run: "Run", rig: "Rig", band: Band | None) -> Part:
+    """Every metric of every axis, and where its spectrum peaks."""
+    found = levels(run, base_columns(run, rig), band)
+    return {"axes": [level.as_dict() for level in found], "definitions": definitions(band)}
+
+
+def base_modes(run: "Run", rig: "Rig", end: float) -> Part:
+    """Modes from what rings after ``end``, on the clock of the accelerometers on the base [s]."""
+    columns = base_columns(run, rig)
+    group = run.find(columns[0].channel)[0].name
+    columns = [c for c in columns if run.find(c.channel)[0].name == group]
+    time, rate = instants(run, columns[0]), in_si(run, columns[0])[1]
+    band = Band(0.0, min(HIGHEST_HZ, 0.2 * rate))
+    values = np.column_stack([band.of(*in_si(run, c)) for c in columns])
+    after = time > end + SETTLED_S
+    found = modes(values[after], rate, band.high_hz)
+    return {
+        "modes": [_in_si(mode.as_dict()) for mode in found],
+        "channels": [c.channel for c in columns],
+        "from_s": end + SETTLED_S,
+        "to_s": float(time[-1]),
+        "group": group,
+        "band_hz": [band.low_hz, band.high_hz],
+        "definition": "free decay after the motion as damped sines that all channels share, intervals of 95 %",
+    }
+
+
+def _in_si(mode: Part) -> Part:
+    return {"amplitudes_m_s2" if name == "amplitudes" else name: value for name, value in mode.items()}
+
+
+def end_on_base_clock(
+    run: "Run", rig: "Rig", found: "Mapping[Source, list[FoundMotion]]", shown: "CommandPerformance | None"
+) -> float:
+    """When the last motion ended, on the clock of the base's accelerometers [s]. Raises AnalysisError if unknown."""
+    group = run.find(base_columns(run, rig)[0].channel)[0].name
+    for motions in found.values():
+        if motions and motions[-1].group == group and motions[-1].source != "acceleration":
+            return motions[-1].end
+    if shown is not None and shown.group == group and found.get("command"):
+        return found["command"][-1].end - float(shown.time[0]) + shown.lag_s + shown.first
+    if (felt := found.get("acceleration")) and felt[-1].group == group:
+        return felt[-1].end
+    raise AnalysisError(
+        f"{run.name}: no source of motions shares the clock of the base's accelerometers, {group}: nothing says when "
+        "the base rings freely"
+    )
+
+
+def base_response(run: "Run", rig: "Rig", wrench: "MeasuredWrench", highest_hz: float = HIGHEST_HZ) -> Part:
+    """Acceleration of the base along each axis per shaking force along it, where the coherence is significant."""
+    columns = base_columns(run, rig)
+    rows = []
+    for column in columns:
+        force = wrench.values[f"F{column.component}"]
+        if force is None or np.isnan(force).any():
+            continue
+        answer = _beside(run, rig, wrench, column)
+        segment = 2 * round(0.5 * RESPONSE_SEGMENT_S * wrench.rate)
+        told = transfer(force, answer, wrench.rate, segment)
+        kept = told.significant & (told.frequency > 0.0) & (told.frequency <= highest_hz)
+        for i in np.flatnonzero(kept):
+            gain, share = float(np.abs(told.response[i])), 1.96 * float(told.relative_deviation[i])
+            rows.append({
+                "sensor": column.sensor, "axis": column.component, "frequency_hz": float(told.frequency[i]),
+                "gain_1_kg": gain, "gain_interval_1_kg": [gain * max(1.0 - share, 0.0), gain * (1.0 + share)],
+                "phase_rad": float(np.angle(told.response[i])), "coherence": float(told.coherence[i]),
+            })  # fmt: skip
+    return {
+        "rows": rows,
+        "definition": "acceleration of the base per shaking force along the same axis (H1), where the coherence is above "
+        f"what 95 of 100 records of noise show; segments of {RESPONSE_SEGMENT_S:g} s smear narrower resonances",
+    }
+
+
+def _beside(run: "Run", rig: "Rig", wrench: "MeasuredWrench", column: "Column") -> Floats:
+    """A channel at the instants of the forces, (n,). Raises AnalysisError where their clocks are not in line."""
+    group, time = run.find(column.channel)[0].name, instants(run, column)
+    values, at = in_si(run, column)[0], wrench.time
+    if group != wrench.group:
+        maps = stored.read(run.path, group_of_encoders(run, rig)) if run.path.parent.is_dir() else {}
+        if missing := [name for name in (group, wrench.group) if name not in maps]:
+            raise AnalysisError(
+                f"{run.name}: the clock of {', '.join(missing)} is not aligned: testbench align {run.path} first"
+            )
+        time, at = maps[group].to_reference(time), maps[wrench.group].to_reference(at)
+    return np.interp(at, time, values)

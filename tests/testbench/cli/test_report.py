@@ -1,0 +1,60 @@
+"""``testbench report`` as a person calls it."""
+
+import json
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from testbench.cli.report import report
+
+
+def invoke(*arguments, expected=0) -> str:
+    """Run the command; its standard output."""
+    done = CliRunner().invoke(report, [str(a) for a in arguments], standalone_mode=False, catch_exceptions=False)
+    assert done.return_value == expected
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def pair(brief):
+    """The 5 kg runs along x, with counter-masses and without."""
+    return brief.campaign / "r005.h5", brief.campaign / "r006.h5"
+
+
+def test_text_has_every_part_and_says_simulated(pair):
+    """A table a part, its definition below."""
+    text = invoke(pair[0])
+    assert text.startswith("Simulated: r005: payload 5 kg, motion x, peak 3 g0")
+    for words in (
+        "Motions",
+        "Vibration of the base",
+        "Modes of the base",
+        "Shaking force and moment",
+        "against the model",
+    ):
+        assert words in text
+    assert "No response: r005: the clock of" in text
+
+
+def test_json_and_figures_of_two_runs(pair, tmp_path):
+    """One document; the figures of each run and of the two beside each other; torques with and without."""
+    found = json.loads(invoke(*pair, "-o", tmp_path / "out", "--at", "0m,-10cm,0m", "--json"))
+    assert [run["run"] for run in found["runs"]] == ["r005", "r006"]
+    assert found["runs"][0]["wrench"]["point_m"] == [0.0, -0.1, 0.0]
+    (compared,) = found["compared"]
+    assert {row["joint"] for row in compared["torques"]} == {"A0", "B0"}
+    for row in compared["torques"]:
+        assert row["measured_times"] == pytest.approx(row["model_times"], rel=0.02)
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {f"{run}-{what}.svg" for run in ("r005", "r006") for what in ("command", "spectrum")} | {
+        f"r005-r006-{what}.svg" for what in ("base", "torques", "forces")
+    } | {"report.json"}
+    assert json.loads((tmp_path / "out" / "report.json").read_text("utf-8"))["runs"] == found["runs"]
+
+
+@pytest.mark.parametrize("point", ["1,2,3", "0m,0m", "0m,0m,2kg"])
+def test_a_point_without_units_is_a_wrong_command_line(pair, point):
+    """Three lengths are expected."""
+    with pytest.raises(click.UsageError):
+        invoke(pair[0], "--at", point)
