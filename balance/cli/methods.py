@@ -1,14 +1,22 @@
 """``balance methods``."""
 
+from math import isnan
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from . import options
 from .console import emit_json, emit_table, json_option
+from .rotor.given import Quantity
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
+_LENGTH = Quantity("length", positive=True)
+UNITS = {
+    "rad_per_s": "rad/s", "m_per_s": "m/s", "N_per_m": "N/m", "percent": "%", "kgm2": "kg m2", "Nm": "N m", "kg": "kg",
+    "rad": "rad", "m": "m", "N": "N", "W": "W",
+}  # fmt: skip
+"""Endings of keys, longer ones first, and the units that they stand for."""
 
 
 @click.command(
@@ -24,13 +32,35 @@ Examples:
 @options.site_option
 @click.option(
     "--wheel-ratio",
-    type=click.FloatRange(0, min_open=True),
+    type=click.FloatRange(1e-6, 1e6),
     default=1.0,
+    show_default=True,
     help="Counter-inertias turn so many times as fast.",
 )
-@click.option("--wheel-radius", default="100mm", metavar="LENGTH", help="Of counter-inertias, as discs [100mm].")
-@click.option("--stroke", default="100mm", metavar="LENGTH", help="Of active masses, from end to end [100mm].")
-@click.option("--turn", default="360deg", metavar="ANGLE", help="Of the active disc, from end to end [360deg].")
+@click.option(
+    "--wheel-radius",
+    type=_LENGTH,
+    default="100mm",
+    show_default=True,
+    metavar="LENGTH",
+    help="Of counter-inertias, as discs.",
+)
+@click.option(
+    "--stroke",
+    type=_LENGTH,
+    default="100mm",
+    show_default=True,
+    metavar="LENGTH",
+    help="Of active masses, from end to end.",
+)
+@click.option(
+    "--turn",
+    type=Quantity("angle", positive=True),
+    default="360deg",
+    show_default=True,
+    metavar="ANGLE",
+    help="Of the active disc, from end to end.",
+)
 @options.figure_option
 @json_option
 def methods(
@@ -39,9 +69,9 @@ def methods(
     payload: tuple[tuple[str, float], ...],
     site: tuple[str, ...],
     wheel_ratio: float,
-    wheel_radius: str,
-    stroke: str,
-    turn: str,
+    wheel_radius: float,
+    stroke: float,
+    turn: float,
     figure: str | None,
     as_json: bool,
 ) -> None:
@@ -53,14 +83,12 @@ def methods(
     from ..conditions import find
     from ..methods import document as documents
     from ..methods import printed, side_by_side
-    from ..quantities import parse
 
+    if isnan(wheel_ratio):
+        raise click.UsageError("--wheel-ratio: expected a number")
     model = options.load(mechanism, payload)
-    name = motion or model.name
-    lengths = [parse(text, kind) for text, kind in ((wheel_radius, "length"), (stroke, "length"), (turn, "angle"))]
-    if min(lengths) <= 0.0:
-        raise click.UsageError("--wheel-radius, --stroke and --turn: expected values above zero")
-    settings = side_by_side.Settings(site, wheel_ratio, *lengths)
+    name = motion or _own_motion(model.name)
+    settings = side_by_side.Settings(site, wheel_ratio, wheel_radius, stroke, turn)
     outcomes = _outcomes(model, name, settings)
     result = documents.document(model.name, name, outcomes, printed.compare(find(model)))
     if figure:
@@ -69,6 +97,18 @@ def methods(
 
         save(draw_methods(result), figure)
     emit_json(result) if as_json else _print(result)
+
+
+def _own_motion(mechanism: str) -> str:
+    from ..datasets import names
+
+    known = names("motions", ".toml")
+    if mechanism not in known:
+        raise click.UsageError(
+            f"no shipped motion has the name of {mechanism}: give one with --motion, a TOML file or one of "
+            f"{', '.join(known)}"
+        )
+    return mechanism
 
 
 def _outcomes(model: "Mechanism", motion: str, settings: Any) -> Any:  # noqa: ANN401
@@ -95,7 +135,7 @@ def _print(result: dict[str, Any]) -> None:
     )
     for row in result["methods"]:
         if row["note"]:
-            click.echo(f"{row['method']}: {row['note']}.{_needs(row['needs'])}")
+            click.echo(f"{row['method']}: {row['note'].removesuffix('.')}.{_needs(row['needs'])}")
     for printed in result["printed_conditions"]:
         click.echo(
             f"Printed conditions, {printed['method']}: {printed['verdict']} ({printed['printed_rank']} printed, "
@@ -108,5 +148,13 @@ def _value(value: float) -> str:
 
 
 def _needs(needs: dict[str, float]) -> str:
-    parts = [f"{name.replace('_', ' ')} {value:.4g}" for name, value in needs.items()]
+    parts = [f"{' '.join(filter(None, _needed(name, value)))}" for name, value in needs.items()]
     return f" Needs {', '.join(parts)}." if parts else ""
+
+
+def _needed(name: str, value: float) -> tuple[str, str, str]:
+    """Name, value and unit of a need whose key ends in its unit."""
+    for ending, unit in UNITS.items():
+        if name.endswith(f"_{ending}"):
+            return name.removesuffix(f"_{ending}").replace("_", " "), f"{value:.4g}", unit
+    return name.replace("_", " "), f"{value:.4g}", ""

@@ -5,11 +5,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from . import options
-from .console import emit_json, emit_table, json_option
+from .console import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from .rotor.given import Quantity
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
     from ..static.design import Springs
+
+_LENGTH = Quantity("length", positive=True)
+_LEFT = 1e-9
+"""Share of the unbalanced swing above which the potential energy is not called constant."""
 
 
 @click.command(
@@ -25,14 +30,24 @@ A spring file (TOML; unknown keys are refused, quantities carry units); without 
 Examples:
   balance static serial-3r
   balance static parallelogram-6bar --payload platform=5kg --springs parallelogram-6bar
-  balance static four-bar --reach 80mm --height 200mm --figure energy.png --json"""
+  balance static four-bar --reach 80mm --height 200mm --figure energy.png --json
+
+\b
+Exit code 3: the springs or counter-masses leave the potential energy swinging; how much is said."""
 )
 @options.mechanism_argument
 @options.payload_option
 @options.site_option
 @click.option("--springs", metavar="TOML", help="Where springs go, or which they are [default: laid out].")
-@click.option("--reach", metavar="LENGTH", help="Spring ends from joints [default: half the mechanism's length].")
-@click.option("--height", metavar="LENGTH", help="Spring ends from ground pivots [default: the mechanism's length].")
+@click.option(
+    "--reach", type=_LENGTH, metavar="LENGTH", help="Spring ends from joints [default: half the mechanism's length]."
+)
+@click.option(
+    "--height",
+    type=_LENGTH,
+    metavar="LENGTH",
+    help="Spring ends from ground pivots [default: the mechanism's length].",
+)
 @options.figure_option
 @json_option
 def static(
@@ -40,8 +55,8 @@ def static(
     payload: tuple[tuple[str, float], ...],
     site: tuple[str, ...],
     springs: str | None,
-    reach: str | None,
-    height: str | None,
+    reach: float | None,
+    height: float | None,
     figure: str | None,
     as_json: bool,
 ) -> None:
@@ -64,10 +79,16 @@ def static(
 
         save(draw_energy(result), figure)
     emit_json(result) if as_json else _print(result)
+    if any(_share(result, way) > _LEFT for way in ("counter_masses", "springs")):
+        raise click.exceptions.Exit(EXIT_WITH_FINDINGS)
 
 
-def _springs(model: "Mechanism", name: str | None, reach: str | None, height: str | None) -> "Springs":
-    from ..quantities import parse
+def _share(result: dict[str, Any], way: str) -> float:
+    """Share of the unbalanced swing that counter-masses or springs leave; 0 where there are none, or no swing."""
+    return (result[way] or {}).get("share_of_unbalanced") or 0.0
+
+
+def _springs(model: "Mechanism", name: str | None, reach: float | None, height: float | None) -> "Springs":
     from ..static import design, springfile
 
     if name and (reach or height):
@@ -75,11 +96,13 @@ def _springs(model: "Mechanism", name: str | None, reach: str | None, height: st
     if name:
         places, given = springfile.load(name, model)
         return design.judged(model, places) if given else design.design(model, places)
-    lengths = [parse(text, "length") if text else 0.0 for text in (reach, height)]
-    return design.design(model, (), *lengths)
+    return design.design(model, (), reach or 0.0, height or 0.0)
 
 
 def _print(result: dict[str, Any]) -> None:
+    if not result["conditions"]:
+        click.echo(f"Nothing to balance: the weight of {result['mechanism']} does no work in any motion.")
+        return
     emit_table(
         f"Static balance of {result['mechanism']}: what must vanish",
         ["condition", "now [kg m]"],
@@ -94,6 +117,10 @@ def _print(result: dict[str, Any]) -> None:
     emit_table("Potential energy over the workspace", header, rows, note)
     masses = ", ".join(f"{site} = {mass:.4f} kg" for site, mass in counter["masses_kg"].items()) if counter else ""
     click.echo(f"Counter-masses: {masses or 'no site named counter..., name one with --site'}")
+    for way in ("counter_masses", "springs"):
+        if (share := _share(result, way)) > _LEFT:
+            what = way.replace("_", "-").capitalize()
+            click.echo(f"{what} leave {100 * share:.3g} % of the swing: the potential energy is not constant.")
     emit_table(
         "Springs of zero free length; places in the bodies' frames [m]",
         ["from", "to", "stiffness [N/m]", "length [m]", "largest force [N]"],

@@ -16,7 +16,7 @@ def draw_methods(document: dict[str, Any]) -> "Figure":
     panels = {
         "shaking force, RMS [N]": [row["force_rms_N"] for row in rows],
         "shaking moment, RMS [N m]": [row["moment_rms_Nm"] for row in rows],
-        "drive torque, RMS [N m]": [max(row["torque_rms_Nm"].values(), default=0.0) for row in rows],
+        "largest motor torque, RMS [N m]": [max(row["torque_rms_Nm"].values(), default=0.0) for row in rows],
         "added mass [kg]": [row["added_mass_kg"] for row in rows],
     }
     figure = Figure(figsize=(12, 0.42 * len(rows) + 1.4), layout="constrained")

@@ -74,6 +74,9 @@ def _with_counter_masses(mechanism: Mechanism, trajectory: Trajectory, asked: Se
 
 def _with_springs(mechanism: Mechanism, trajectory: Trajectory, plain: Outcome, asked: Settings) -> Outcome:
     """Static balance by springs: they change torques, not momentum."""
+    if not mechanism.gravity.any():
+        note = "not needed: its file has no gravity"
+        return Outcome("springs", plain.force, plain.moment, plain.torque, note=note)
     try:
         found = springs.design(mechanism, (), asked.spring_reach, asked.spring_height)
     except SizingError as error:

@@ -9,7 +9,7 @@ from scipy.optimize import linprog
 
 from ..arrays import Floats
 from ..closure import Closure
-from ..errors import SizingError
+from ..errors import ModelError, SizingError
 from ..mechanism import Mechanism
 from ..potential import potential
 from .springs import End, Spring, energy, unit_energies
@@ -58,8 +58,10 @@ def design(mechanism: Mechanism, places: Sequence[Spring] = (), reach: float = 0
 
     ``places`` are candidate springs whose stiffness is sought; without any they are laid out: ends on each body at
     ``reach`` [m] from its joint along and across it, on the base at ``height`` [m] above and below each ground pivot.
-    Raises SizingError where no stiffnesses of these places do it.
+    Raises SizingError where no stiffnesses of these places do it, ModelError where there is no gravity.
     """
+    if not mechanism.gravity.any():
+        raise ModelError(f"{mechanism.name}: its file has no gravity: there is nothing for springs to balance")
     closure = Closure(mechanism)
     length = closure.length
     candidates = list(places) or layout(mechanism, reach or 0.5 * length, height or length)

@@ -32,7 +32,7 @@ class End:
     def text(self, mechanism: Mechanism) -> str:
         """The place for people, in the body's frame."""
         where = "base" if self.body < 0 else mechanism.bodies[self.body]
-        x, y, z = self.position
+        x, y, z = self.position + 0.0  # -0 is 0
         return f"{where} ({x:.4g}, {y:.4g}{'' if z == 0 else f', {z:.4g}'})"
 
 

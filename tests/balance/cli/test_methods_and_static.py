@@ -1,6 +1,7 @@
 """``balance methods`` and ``balance static``."""
 
 import json
+import re
 
 import pytest
 from click.testing import CliRunner
@@ -78,3 +79,66 @@ def test_static_places(tmp_path):
 def test_shipped_motions_move_their_mechanism(name):
     """Each chain and the four-bar has a motion of its name that drives all its motors."""
     assert set(Motion.load(name).joints) == set(Mechanism.load(name).driven)
+
+
+@pytest.mark.parametrize(
+    ("command", "arguments", "message"),
+    [
+        (methods, ["serial-1r", "--stroke", "5"], "'5' has no unit"),
+        (methods, ["serial-1r", "--turn", "5mm"], "--turn"),
+        (methods, ["serial-1r", "--wheel-ratio", "nan"], "--wheel-ratio: expected a number"),
+        (
+            methods,
+            ["parallelogram-6bar"],
+            "no shipped motion has the name of parallelogram-6bar: give one with --motion",
+        ),
+        (static, ["four-bar", "--reach", "0mm"], "--reach"),
+        (static, ["four-bar", "--height", "-3mm"], "--height"),
+    ],
+)
+def test_wrong_command_lines_say_why(command, arguments, message):
+    """Nothing that was typed is ignored, and no number without its unit is taken."""
+    code, output = run(command, *arguments)
+    assert code == 2
+    assert message in output
+
+
+def test_needs_are_printed_with_their_units():
+    """As in the keys of the JSON document."""
+    output = run(methods, "serial-1r")[1]
+    assert "Needs springs 1, stiffness 36.62 N/m." in output
+    assert re.search(r"disc [\d.]+ kg m2, disc turn 6\.283 rad", output)
+
+
+def test_springs_that_leave_a_swing_are_a_finding(tmp_path):
+    """Stiffness given and wrong: how much they leave is said, and the exit code is 3."""
+    path = tmp_path / "springs.toml"
+    spring = """[[spring]]
+first = { body = "base", at = ["0 m", "0.2 m", "0 m"] }
+second = { body = "AB", at = ["0.1 m", "-0 m", "0 m"] }
+stiffness = "50 N/m"
+"""
+    path.write_text(spring, encoding="utf-8")
+    code, output = run(static, "four-bar", "--springs", str(path))
+    assert code == 3
+    assert "Springs leave 70.6 % of the swing" in output
+    assert "AB (0.1, 0)" in output
+    code, output = run(static, "four-bar", "--springs", str(path), "--json")
+    assert code == 3
+    assert json.loads(output)["springs"]["share_of_unbalanced"] == pytest.approx(0.706, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("gravity", "said"),
+    [("0 0 -9.81", "Needs springs 0"), ("0 0 0", "springs: not needed: its file has no gravity.")],
+)
+def test_a_level_mechanism_needs_no_static_balance(tmp_path, gravity, said):
+    """Weight across the plane does no work, and none does none; the other methods are compared all the same."""
+    path = tmp_path / "level.xml"
+    text = datasets.find("four-bar", "mechanisms", ".xml").read_text(encoding="utf-8")
+    path.write_text(text.replace("0 -9.81 0", gravity), encoding="utf-8")
+    code, output = run(methods, str(path), "--motion", "four-bar")
+    assert code == 0
+    assert said in output
+    if gravity != "0 0 0":
+        assert "Nothing to balance: the weight of level does no work" in run(static, str(path))[1]
