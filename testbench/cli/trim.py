@@ -12,7 +12,7 @@ from . import calibrations, stored_runs
 if TYPE_CHECKING:
     from ..clocks.mapping import ClockMap
     from ..store import Run
-    from ..trim import Trim
+    from ..trim import Missing, Source, Trim
 
 
 @click.command(
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 Examples:
   testbench trim parallelogram-6bar campaign/r021.h5 campaign/r035.h5
   testbench trim parallelogram-6bar campaign/r0*.h5 --stock shelf.csv --json
-  testbench trim two-joint-arm-a0 campaign/swing.h5 --by torque --site counter_link_1
+  testbench trim two-joint-arm-a0 campaign/swing.h5 --from torque --site counter_link_1
+  testbench trim parallelogram-6bar built/*.h5 plus-1kg-A0A/*.h5 plus-1kg-B0B/*.h5 --from trials
 \b
 Exit codes: 0 done, 3 done but doubtful for the reasons listed, 1 refused: the runs cannot tell."""
 )
@@ -29,34 +30,51 @@ Exit codes: 0 done, 3 done but doubtful for the reasons listed, 1 refused: the r
 @click.option("--site", multiple=True, help="Where masses may be added; the sites named counter... unless given.")
 @click.option("--stock", metavar="CSV", help="Add from these plates: columns name,mass_kg,quantity.")
 @click.option(
+    "--from",
     "--by",
-    type=click.Choice(["wrench", "torque"]),
-    help="By force sensors or motor torques; forces where there are any.",
+    "sources",
+    multiple=True,
+    type=click.Choice(["wrench", "torque", "vibration", "trials"]),
+    help="By force sensors, motor torques, the base's vibration with the base that the rig states, or runs with trial "
+    "masses; give it again for several.  [default: what the rig has]",
 )
-@click.option("--cutoff", type=float, metavar="HZ", help="Highest frequency of forces and model alike.  [default: 40]")
+@click.option(
+    "--cutoff",
+    type=float,
+    metavar="HZ",
+    help="Highest frequency of what was measured and model alike.  [default: as is best for the source]",
+)
 @click.option("--rig", help="A rig in place of the one stored with the runs.")
+@click.option(
+    "--figure",
+    type=click.Path(path_type=Path),
+    help="Draw what is missing and what the plates leave (.png, .svg, .pdf).",
+)
 @json_option
 def trim(
     mechanism: str,
     runs: tuple[Path, ...],
     site: tuple[str, ...],
     stock: str | None,
-    by: str | None,
+    sources: "tuple[Source, ...]",
     cutoff: float | None,
     rig: str | None,
+    figure: Path | None,
     as_json: bool,
 ) -> int:
     """What first moment is missing on which arm of MECH, and which mass to add there, from measured runs.
 
-    RUN: stored runs of one mounting; payload and counter-masses are those of their conditions. By force sensors: least
-    squares on the balance conditions, clocks aligned, the base's motion taken out by its accelerometers. By motor
-    torque: as identify does. Intervals are of 95 %. Runs that cannot tell are refused.
+    RUN: stored runs; payload and counter-masses are those of their conditions. Of one mounting: by force sensors, the
+    base's motion taken out by its accelerometers, and by motor torques, weighted where both tell, with whether they
+    agree; or by the base's vibration, through the mass and mounts that the rig states. Of mountings that differ by
+    trial masses: by the base's vibration without any model of the base; what is missing is said of the first run's
+    mounting. Intervals are of 95 %. Runs that cannot tell are refused.
     """
     from balance import stock as stocks
     from balance.mechanism import Mechanism
 
     from .. import rig as rigs
-    from ..trim import CUTOFF_HZ, trim_runs
+    from ..trim import trim_runs
 
     if cutoff is not None and not cutoff > 0.0:
         raise click.UsageError(f"--cutoff {cutoff:g}: expected a positive frequency")
@@ -64,8 +82,14 @@ def trim(
     described = rigs.load(rig) if rig else None
     plates = stocks.load(stock) if stock else []
     result = trim_runs(
-        opened, Mechanism.load(mechanism), site, plates, by, described, cutoff or CUTOFF_HZ, _stored(opened)
+        opened, Mechanism.load(mechanism), site, plates, sources or None, described, cutoff, _stored(opened)
     )
+    if figure:
+        from balance.figures.drawing import save
+
+        from ..trim.figure import draw
+
+        save(draw(result), figure)
     if as_json:
         emit_json({**result.as_dict(), "calibrations": calibrations.document(opened, described)})
     else:
@@ -91,34 +115,49 @@ def _stored(runs: "list[Run]") -> "dict[Path, dict[str, ClockMap]]":
 
 
 def _print(result: "Trim", stock: str | None) -> None:
-    rows = [
-        [
-            m.site,
-            f"{m.first_moment:.4f}",
-            f"{m.interval[0]:.4f} .. {m.interval[1]:.4f}",
-            f"{m.mass:.3f}",
-            f"{m.position[0] * 1e3:.2f}",
-        ]
-        for m in result.missing
-    ]
     header = ["site", "missing [kg m]", "95 % interval", "that is [kg]", "at x [mm]"]
-    emit_table(f"Missing on {result.mechanism.name}, {result.origin}, {_few(result.runs)}", header, rows)
-    added = [c for c in result.addition.counter_masses if c.mass > 0.0]
-    for c in added:
-        plates = f" = {' + '.join(c.plates)}" if c.plates else ""
-        click.echo(f"Add {c.mass:.3f} kg at {c.site}{plates}.")
-    if not added:
-        click.echo(f"Add nothing{f': no plates of {stock} bring it nearer' if stock else ''}.")
-    for m in result.missing:
-        if m.told and m.first_moment < 0.0:
-            click.echo(f"{m.site} has {-m.mass:.3f} kg too much: remove it.")
-    click.echo(f"First-moment residual predicted with that: {result.predicted_residual:.4f} kg m.")
+    title = f"Missing on {result.mechanism.name}, {result.origin}, {_few(result.runs)}, by {result.source}"
+    emit_table(title, header, [_row(m) for m in result.missing])
+    if result.consensus is not None:
+        _print_sources(result)
+    _print_addition(result, stock)
     click.echo("\n".join(result.about))
     click.echo(f"{result.unexplained:.1%} of what was measured stays unexplained. Verdict: {result.verdict}")
     for doubt in result.doubts():
         click.echo(f"  {doubt}")
     if result.origin == "simulated":
         click.echo("The runs are simulated.")
+
+
+def _row(m: "Missing") -> list[str]:
+    low, high = m.interval
+    return [m.site, f"{m.first_moment:.4f}", f"{low:.4f} .. {high:.4f}", f"{m.mass:.3f}", f"{m.position[0] * 1e3:.2f}"]
+
+
+def _print_sources(result: "Trim") -> None:
+    rows = [[share.source, *_row(m)[:3]] for share in result.shares for m in share.missing]
+    emit_table("By source", ["source", "site", "missing [kg m]", "95 % interval"], rows)
+    if (found := result.consensus) is not None:
+        says = "agree" if found.agrees else "contradict each other"
+        click.echo(
+            f"The sources {says}: chi-square {found.chi_square:.2f} with {found.freedom} degrees of freedom, "
+            f"probability {found.probability:.2g}."
+        )
+
+
+def _print_addition(result: "Trim", stock: str | None) -> None:
+    added = [c for c in result.addition.counter_masses if c.mass > 0.0]
+    for c in added:
+        plates = f" = {' + '.join(c.plates)}" if c.plates else ""
+        click.echo(f"Add {c.mass:.3f} kg at {c.site}{plates}.")
+    if not added:
+        click.echo(f"Add nothing{f': no plates of {stock} bring it nearer' if stock else ''}.")
+    for m in result.removal:
+        click.echo(f"{m.site} has {-m.mass:.3f} kg too much: remove it.")
+    low, high = result.predicted_residual_interval
+    click.echo(
+        f"First-moment residual predicted with that: {result.predicted_residual:.4f} kg m, {low:.4f} .. {high:.4f}."
+    )
 
 
 def _few(names: tuple[str, ...]) -> str:

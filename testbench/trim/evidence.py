@@ -81,7 +81,7 @@ def run_evidence(
     seen = np.column_stack([v for i in rows if (v := wrench.values[f"F{'xyz'[i]}"]) is not None])
     force = carried(wrench.time, seen, wrench.group, maps, grid)
     columns = columns[:, rows]
-    nuisance = [_rate(force, grid)]
+    nuisance = [rate_of(force, grid)]
     if base is not None:
         share = base_motion.projector(base_motion.force_rows(model, path)[:, rows], base.rows)
         felt = model.total_mass * carried(base.time, base.values, base.group, maps, grid)
@@ -89,11 +89,11 @@ def run_evidence(
         turned = share[:, :, :k]
         nuisance = [
             np.einsum("nij,nj->ni", turned, nuisance[0]),
-            np.einsum("nij,nj->ni", share[:, :, k:], _rate(felt, grid)),
+            np.einsum("nij,nj->ni", share[:, :, k:], rate_of(felt, grid)),
         ]
         force = np.einsum("nij,nj->ni", turned, force) + np.einsum("nij,nj->ni", share[:, :, k:], felt)
         columns = np.einsum("nij,njk->nik", turned, columns)
-    record = _record(grid, columns, force, nuisance, cutoff, path)
+    record = _record(motion_of(run), grid, columns, force, nuisance, cutoff, path)
     return RunEvidence(record, base is not None, wrench.findings)
 
 
@@ -103,6 +103,11 @@ def refuse_saturation(run: "Run", rig: "Rig", wrench: MeasuredWrench) -> None:
         raise AnalysisError(
             f"{wrench.findings[0].message}: a clipped force cannot tell what is missing; use gentler runs"
         )
+    refuse_clipped_base(run, rig)
+
+
+def refuse_clipped_base(run: "Run", rig: "Rig") -> None:
+    """Raise AnalysisError where an accelerometer on the base is at the end of its range."""
     for name, sensor in rig.base_accelerometers.items():
         for column in sensor.columns(name):
             if column.range is None or all(g.index(column.channel) is None for g in run.groups):
@@ -151,18 +156,30 @@ def carried(time: Floats, values: Floats, group: str, maps: Mapping[str, ClockMa
     return np.column_stack([np.interp(grid.time, at, v) for v in values.T])
 
 
-def _rate(values: Floats, grid: Grid) -> Floats:
+def rate_of(values: Floats, grid: Grid) -> Floats:
     """Rates (n, k) [1/s] by central differences; smoothed later with everything else."""
     return np.gradient(values, grid.step, axis=0)
 
 
+def motion_of(run: "Run") -> str:
+    """What repeats of one motion have in common; empty where the conditions do not say."""
+    motion, peak = run.conditions.get("motion"), run.conditions.get("peak_acceleration_g")
+    return "" if motion is None or peak is None else f"{motion} at {peak:.9g} g0"
+
+
 def _record(
-    grid: Grid, columns: Floats, force: Floats, nuisance: list[Floats], cutoff: float, path: "Trajectory"
+    motion: str,
+    grid: Grid,
+    columns: Floats,
+    force: Floats,
+    nuisance: list[Floats],
+    cutoff: float,
+    path: "Trajectory",
 ) -> trim.Record:
     """All low-passed alike, cut to the motion with a margin, with an offset and a drift for every row."""
     count, rows, _ = columns.shape
     margin = MARGIN_PERIODS / cutoff
-    used = _used(path, grid, margin)
+    used = span_of(path, grid, margin)
     smooth = low_pass(np.concatenate([columns.reshape(count, -1), force, *nuisance], axis=1), cutoff, grid.rate)[used]
     split = np.cumsum([columns[0].size, rows, *(n.shape[1] for n in nuisance)])[:-1]
     made, pushed, *delays = np.split(smooth, split, axis=1)
@@ -170,15 +187,17 @@ def _record(
     slope = np.linspace(-1.0, 1.0, len(made))
     own: list[Floats] = [np.eye(rows)[None] * np.ones((len(made), 1, 1)), np.eye(rows)[None] * slope[:, None, None]]
     own += [delay[:, :, None] for delay in delays]
-    return trim.Record(made, pushed, np.concatenate(own, axis=2), _stretches(made, 1.0 / (cutoff * grid.step)))
+    blocks = stretches_of(made, 1.0 / (cutoff * grid.step))
+    return trim.Record(made, pushed, np.concatenate(own, axis=2), blocks, motion)
 
 
-def _used(path: "Trajectory", grid: Grid, margin: float) -> slice:
+def span_of(path: "Trajectory", grid: Grid, margin: float) -> slice:
+    """Samples from the first to the last motion of any joint, with a margin [s]."""
     spans = [moving(v, grid.rate, margin) for v in path.v.T if np.ptp(v) > 0.0]
     return slice(min(s.start for s in spans), max(s.stop for s in spans))
 
 
-def _stretches(columns: Floats, shortest: float) -> Indices:
+def stretches_of(columns: Floats, shortest: float) -> Indices:
     """Numbers of stretches of equal information on the conditions, each at least so many samples long, (n,)."""
     energy = np.sum(columns**2, axis=(1, 2))
     numbers = np.minimum((np.cumsum(energy) / energy.sum() * STRETCHES).astype(np.intp), STRETCHES - 1)

@@ -9,20 +9,28 @@ import numpy as np
 
 from balance import sizing, trim
 from balance.arrays import Floats
+from balance.combinations import text_of
 from balance.conditions import Conditions
+from balance.consensus import Consensus
 from balance.identification import Estimate
 from balance.mechanism import Mechanism
+from balance.observability import NotObservable
 from balance.stock import Plate
+from balance.trim import Imbalance
 
 from ..errors import AnalysisError
 from ..findings import Finding
 from ..recording import Origin
+from .sources import Source
 
 RESOLUTION = 0.25
 """Half of an interval, as a part of the first moment that the site lacks without counter-masses, from which a record
 cannot tell what is missing."""
 DOUBTFUL_SHARE = 0.3
 """Of the measured force or torque that stays unexplained, from which a result is doubtful."""
+_MEASURED: dict[Source, str] = {
+    "wrench": "force", "torque": "torque", "vibration": "vibration", "trials": "vibration",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -59,6 +67,21 @@ class Missing:
 
 
 @dataclass(frozen=True)
+class Share:
+    """What one source says, where several do or one does."""
+
+    source: Source
+    missing: tuple[Missing, ...]
+    unexplained: float
+    """Share of what it measured."""
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether too much stays unexplained; of trial masses that is noise, which the intervals contain."""
+        return self.source != "trials" and self.unexplained > DOUBTFUL_SHARE
+
+
+@dataclass(frozen=True)
 class Trim:
     """What runs say of a mechanism as it was mounted."""
 
@@ -66,21 +89,40 @@ class Trim:
     mechanism: Mechanism
     """As mounted, by its file and the sheet of runs."""
     bare: Mechanism
-    """Without counter-masses."""
+    """Without payload and counter-masses."""
     runs: tuple[str, ...]
     origin: Origin
-    method: str
-    """``wrench`` or ``torque``."""
+    shares: tuple[Share, ...]
+    """By source."""
     missing: tuple[Missing, ...]
-    values: tuple[tuple[str, Estimate | None], ...]
-    """The balance conditions, left-hand sides as measured; None where the runs do not determine one."""
-    unexplained: float
-    """Share of the measured force or torque."""
+    """By all sources, weighted."""
+    imbalance: Imbalance
+    """The conditions' values, by all sources."""
     about: tuple[str, ...]
     """How it was found, for people."""
     doubts_before: tuple[str, ...]
+    consensus: Consensus | None = None
+    """Whether several sources agree."""
     plates: tuple[Plate, ...] = ()
     findings: tuple[Finding, ...] = ()
+
+    @property
+    def source(self) -> str:
+        """What tells: ``wrench``, ``torque``, ``vibration``, ``trials``, several joined by ``+``."""
+        return "+".join(share.source for share in self.shares)
+
+    @property
+    def unexplained(self) -> float:
+        """The largest share of what a source measured that stays unexplained."""
+        return max(share.unexplained for share in self.shares)
+
+    @cached_property
+    def values(self) -> tuple[tuple[str, Estimate | None], ...]:
+        """The balance conditions, left-hand sides as measured; None where the runs do not determine one."""
+        return tuple(
+            (text_of(self.conditions.coefficients(row)), self._estimate(unit))
+            for row, unit in enumerate(np.eye(self.conditions.rank))
+        )
 
     @cached_property
     def addition(self) -> sizing.Sizing:
@@ -93,9 +135,30 @@ class Trim:
         return sizing.exact(self.conditions, self._measured, lacking)
 
     @property
+    def removal(self) -> tuple[Missing, ...]:
+        """Sites that are told to have too much."""
+        return tuple(m for m in self.missing if m.told and m.first_moment < 0.0)
+
+    @property
     def predicted_residual(self) -> float:
         """First-moment residual with the addition: what the determined conditions keep [kg m]."""
         return self.addition.residual()
+
+    @property
+    def predicted_residual_interval(self) -> tuple[float, float]:
+        """From the least to the most that the conditions' intervals of 95 % leave of it [kg m]."""
+        left = np.abs(self.conditions.values(self.addition.after))
+        half = np.array([0.0 if e is None else e.half_width for _, e in self.values])
+        return float(np.maximum(left - half, 0.0).max(initial=0.0)), float((left + half).max(initial=0.0))
+
+    def left(self) -> list[Missing]:
+        """What each site lacks still, with the addition."""
+        added = {c.site: c.mass * float(np.linalg.norm(c.position)) for c in self.addition.counter_masses}
+        return [
+            Missing(m.site, m.position, m.first_moment - by, (m.interval[0] - by, m.interval[1] - by))
+            for m in self.missing
+            for by in [added.get(m.site, 0.0)]
+        ]
 
     @property
     def _measured(self) -> Mechanism:
@@ -103,11 +166,20 @@ class Trim:
         values = [file if e is None else e.value for (_, e), file in zip(self.values, by_file, strict=True)]
         return trim.adjusted(self.conditions, self.mechanism, np.array(values))
 
+    def _estimate(self, combination: Floats) -> Estimate | None:
+        if self.imbalance.holds(combination):
+            return None
+        try:
+            return self.imbalance.estimate(combination)
+        except NotObservable:
+            return None
+
     def doubts(self) -> list[str]:
         """Why the result is doubtful; empty if it is not."""
         found = list(self.doubts_before)
-        if self.unexplained > DOUBTFUL_SHARE:
-            found.append(f"{self.unexplained:.0%} of the measured {self._measured_name} stays unexplained")
+        for share in self.shares:
+            if share.doubtful:
+                found.append(f"{share.unexplained:.0%} of the measured {_MEASURED[share.source]} stays unexplained")
         return found + [finding.message for finding in self.findings]
 
     @property
@@ -120,17 +192,22 @@ class Trim:
             return "nothing told"
         return "remove" if min(told) < 0.0 else "add"
 
-    @property
-    def _measured_name(self) -> str:
-        return "force" if self.method == "wrench" else "torque"
-
     def as_dict(self) -> dict[str, Any]:
         """The one JSON document of ``testbench trim``."""
         return {
             "mechanism": self.mechanism.name,
             "runs": list(self.runs),
             "origin": self.origin,
-            "method": self.method,
+            "source": self.source,
+            "sources": [
+                {
+                    "source": share.source,
+                    "missing": [m.as_dict() for m in share.missing],
+                    "unexplained": share.unexplained,
+                }
+                for share in self.shares
+            ],
+            "agreement": None if self.consensus is None else _agreement(self.consensus),
             "missing": [m.as_dict() for m in self.missing],
             "add": [
                 {
@@ -141,7 +218,9 @@ class Trim:
                 }
                 for c in self.addition.counter_masses
             ],
+            "remove": [{"site": m.site, "mass_kg": -m.mass, "first_moment_kgm": -m.first_moment} for m in self.removal],
             "predicted_residual_kgm": self.predicted_residual,
+            "predicted_residual_interval_kgm": list(self.predicted_residual_interval),
             "verdict": self.verdict,
             "doubts": self.doubts(),
             "conditions": [
@@ -155,6 +234,15 @@ class Trim:
             "unexplained": self.unexplained,
             "about": list(self.about),
         }
+
+
+def _agreement(found: Consensus) -> dict[str, Any]:
+    return {
+        "chi_square": found.chi_square,
+        "freedom": found.freedom,
+        "probability": found.probability,
+        "agrees": found.agrees,
+    }
 
 
 def refuse_blur(missing: Sequence[Missing], bare: Sequence[float], runs: Sequence[str], hint: str) -> None:

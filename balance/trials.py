@@ -1,0 +1,219 @@
+"""Influence coefficients of a linkage: what is missing where, from how trial masses change the vibration of its base.
+
+The base answers the wrench of run r linearly, Y_r = H U_r at each frequency, with H unknown and the same in all runs.
+What runs differ by is known: their motions, and the trial masses on them. U_r = A_r c + B_r z + K_r, with A and B the
+wrench per unit of the balance conditions' values c and of what else is unknown z, K what is known, trial masses
+included: with them c has a scale. H is solved for with c and z, by least squares (variable projection, Golub, Pereyra,
+SIAM J. Numer. Anal. 10, 1973), as the transform of a response that dies away within MEMORIES_S.
+
+All transforms are at s = sigma + i omega: a base that rings on when a record ends would leak into that of i omega,
+exp(-sigma t) has it die away.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .arrays import Floats, Indices
+from .conditions import Conditions
+from .errors import DataError
+from .observability import NotObservable
+from .rotors.moduli import Complexes
+from .trim import Free, Imbalance
+
+SIGMA = 3.0
+"""Decay of the transforms [1/s]: a base of 8 Hz damped to 6 % rings down alike."""
+MEMORIES_S = (0.5, 0.8)
+"""How long the base remembers a push, decay included [s]: found with both, for neither is right; their mean is given,
+and what they differ by counts as an error."""
+BEFORE_S = 0.04
+"""What a response may show before the push: clocks are aligned to less, band limits need some [s]."""
+TAPS_PER_PERIOD = 2.5
+"""Of the highest frequency: the response in between is given by its band."""
+BAND_HZ = 3.0
+"""Within which noise of one run is correlated, for the decay of the transforms spreads it over about 1 Hz."""
+_DEPENDENT = 1e-4
+"""Singular value of the response's columns, relative to the largest, below which a combination is not used."""
+_BLIND = 1e-3
+"""The same of the unknowns: what lies below is not told by the runs."""
+_SETTLED = 2e-5
+"""Change of a condition's value at which it counts as found [kg m]."""
+_STEPS = 25
+_WHOLE = 1e-3
+"""Part of a condition's value that may lie in what the runs do not tell."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One run, transformed: at K frequencies."""
+
+    columns: Complexes
+    """Wrench per unit of the conditions' values, then of the other unknowns, (K, inputs, rank + shared)."""
+    known: Complexes
+    """Wrench that is known: of trial masses, and of the values that the other unknowns start from, (K, inputs)."""
+    reading: Complexes
+    """Of the accelerometers, (K, channels)."""
+    nuisance: Complexes
+    """What a channel may show beside: offset, drift, (K, k)."""
+
+
+def frequencies(seconds: float, highest: float) -> Floats:
+    """Frequencies of transforms of records of at most so many seconds, (K,) [Hz]."""
+    return np.arange(1, int(highest * seconds) + 1) / seconds
+
+
+def transform(values: Floats, time: Floats, at: Floats) -> Complexes:
+    """Of values (n, ...) at even instants (n,) [s] from zero, at frequencies (K,) [Hz], (K, ...)."""
+    kernel = np.exp(-np.outer(SIGMA + 2j * np.pi * at, time)) * (time[1] - time[0])
+    return np.asarray((kernel @ values.reshape(len(time), -1)).reshape(len(at), *values.shape[1:]))
+
+
+def measure(trials: Sequence[Trial], at: Floats, conditions: Conditions, start: Floats, free: Free) -> Imbalance:
+    """Values of the conditions (rank,) from runs with trial masses, beginning at ``start`` (rank,) [kg m].
+
+    Raises NotObservable where the runs do not tell them, DataError where no solution is found.
+    """
+    short, long = (_measured(_Problem(trials, at, memory, start, free), conditions, free) for memory in MEMORIES_S)
+    apart = 0.5 * (long.values - short.values)
+    covariance = 0.5 * (short.covariance + long.covariance) + np.outer(apart, apart)
+    return replace(short, values=short.values + apart, covariance=covariance)
+
+
+def _measured(problem: "_Problem", conditions: Conditions, free: Free) -> Imbalance:
+    size = len(free.directions)
+    unknown = np.zeros(size + problem.shared)
+    for _ in range(_STEPS):
+        sides = problem.sides(unknown)
+        step, told = sides.step()
+        unknown = unknown + step
+        if np.abs(step[:size]).max() < _SETTLED:
+            break
+    else:
+        raise DataError(
+            f"the runs with trial masses tell too little: after {_STEPS} steps the values still change by "
+            f"{np.abs(step[:size]).max():.2g} kg m; {MORE}"
+        )
+    problem.refuse_blind(told)
+    values = problem.start + unknown[:size] @ free.directions
+    covariance = free.directions.T @ sides.covariance()[:size, :size] @ free.directions
+    return Imbalance(conditions, values, covariance, sides.freedom, free, told, sides.unexplained)
+
+
+MORE = "add runs of another motion (x, y, triangle) with the same trial masses, or heavier trial masses"
+
+
+@dataclass(frozen=True)
+class _Sides:
+    """Least squares of what a step of the unknowns changes, the base's response solved for; rows of unit noise."""
+
+    slope: Floats
+    left: Floats
+    bands: Indices
+    """Number of the run and band that each row is of."""
+    shrunk: float
+    """Share of the equations that the response does not take up."""
+    unexplained: float
+
+    def step(self) -> tuple[Floats, Floats]:
+        """Gauss-Newton step (p,), and the orthonormal combinations that are told, (told, p), unknowns as they are."""
+        length = np.linalg.norm(self.slope, axis=0)
+        length[length == 0.0] = 1.0
+        u, sizes, rows = np.linalg.svd(self.slope / length, full_matrices=False)
+        kept = sizes > _BLIND * sizes[0]
+        step = (rows[kept].T @ ((u[:, kept].T @ self.left) / sizes[kept])) / length
+        told = np.linalg.qr((rows[kept] * length).T)[0].T
+        return step, told
+
+    @property
+    def freedom(self) -> int:
+        """Bands less unknowns."""
+        return len(np.unique(self.bands)) - self.slope.shape[1]
+
+    def covariance(self) -> Floats:
+        """Of the unknowns, (p, p), from what the fit leaves band by band: correlated within one, not between them."""
+        length = np.linalg.norm(self.slope, axis=0)
+        length[length == 0.0] = 1.0
+        _, sizes, rows = np.linalg.svd(self.slope / length, full_matrices=False)
+        kept = sizes > _BLIND * sizes[0]
+        half = rows[kept] / sizes[kept, None] / length
+        scores = np.zeros((int(self.bands.max()) + 1, self.slope.shape[1]))
+        np.add.at(scores, self.bands, self.slope * self.left[:, None])
+        spread = scores @ half.T @ half
+        return np.asarray(spread.T @ spread / self.shrunk)
+
+
+class _Problem:
+    """The equations of all runs."""
+
+    def __init__(self, trials: Sequence[Trial], at: Floats, memory: float, start: Floats, free: Free) -> None:
+        self.free, self.start, rank = len(free.directions), start, len(start)
+        own = [np.concatenate([t.columns[:, :, :rank] @ free.directions.T, t.columns[:, :, rank:]], 2) for t in trials]
+        self.columns = np.concatenate(own)
+        self.known = np.concatenate([t.known + t.columns[:, :, :rank] @ start for t in trials])
+        self.readings = np.concatenate([t.reading for t in trials])
+        s = SIGMA + 2j * np.pi * at
+        taps = np.arange(-BEFORE_S, memory, 1.0 / (TAPS_PER_PERIOD * at[-1]))
+        self.memory = np.tile(np.exp(-np.outer(s, taps)), (len(trials), 1))
+        band = (at / BAND_HZ).astype(np.intp)
+        self.bands = np.concatenate([band + r * (band[-1] + 1) for r in range(len(trials))])
+        self.nuisance = _block_diagonal([t.nuisance for t in trials])
+        self.delay = [_block_diagonal([s[:, None] * t.reading[:, q : q + 1] for t in trials]) for q in self.channels]
+        self.shared = self.columns.shape[2] - self.free
+
+    @property
+    def channels(self) -> range:
+        """Of the accelerometers."""
+        return range(self.readings.shape[1])
+
+    def sides(self, unknown: Floats) -> _Sides:
+        """All channels, each weighted by its noise."""
+        pushed: Complexes = self.known + self.columns @ unknown.astype(complex)
+        slopes, lefts, spares, left_out, whole = [], [], 0, 0.0, 0.0
+        for q in self.channels:
+            slope, left, spare = self._channel(q, pushed)
+            noise = float(np.sqrt(left @ left / spare))
+            slopes.append(slope / noise)
+            lefts.append(left / noise)
+            spares, left_out = spares + spare, left_out + float(left @ left)
+            whole += float(np.sum(np.abs(self.readings[:, q]) ** 2))
+        every = np.concatenate(lefts)
+        bands = np.tile(self.bands, 2 * len(self.channels))
+        return _Sides(np.concatenate(slopes), every, bands, spares / len(every), float(np.sqrt(left_out / whole)))
+
+    def _channel(self, q: int, pushed: Complexes) -> tuple[Floats, Floats, int]:
+        """Slopes and what is left of a channel's readings, free of what its response to pushes can take up."""
+        inputs = range(pushed.shape[1])
+        answer = [pushed[:, j, None] * self.memory for j in inputs]
+        design = _real(np.concatenate([*answer, self.nuisance, self.delay[q]], axis=1))
+        length = np.linalg.norm(design, axis=0)
+        length[length == 0.0] = 1.0
+        u, sizes, rows = np.linalg.svd(design / length, full_matrices=False)
+        kept = sizes > _DEPENDENT * sizes[0]
+        u = u[:, kept]
+        reading = _real(self.readings[:, q])
+        spare = len(reading) - int(kept.sum()) - self.columns.shape[2]
+        if spare < 1:
+            raise DataError(f"{len(reading)} equations for {int(kept.sum())} numbers of the base's response: {MORE}")
+        response = (rows[kept].T @ ((u.T @ reading) / sizes[kept])) / length
+        taps = self.memory.shape[1]
+        gains = np.stack([self.memory @ response[j * taps : (j + 1) * taps] for j in inputs], axis=1)
+        slope = _real(np.einsum("kj,kjp->kp", gains, self.columns))
+        return slope - u @ (u.T @ slope), reading - u @ (u.T @ reading), spare
+
+    def refuse_blind(self, told: Floats) -> None:
+        """Raise NotObservable where a condition's value lies in what the runs do not tell."""
+        eye = np.eye(told.shape[1])[: self.free]
+        outside = np.abs(eye - (eye @ told.T) @ told).max(axis=1, initial=0.0)
+        if (outside > _WHOLE).any():
+            raise NotObservable(f"the runs with trial masses do not tell what is missing; {MORE}")
+
+
+def _real(values: Complexes) -> Floats:
+    return np.concatenate([values.real, values.imag])
+
+
+def _block_diagonal(parts: Sequence[Complexes]) -> Complexes:
+    from scipy.linalg import block_diag
+
+    return np.asarray(block_diag(*parts))

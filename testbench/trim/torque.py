@@ -1,0 +1,166 @@
+"""What the motor torques of runs say of the balance conditions: gravity turns the first moments, inertia shakes them.
+
+Of the torques W pi of the driven joints, loops closed, pi = C^+ c + N z with the conditions C pi = c and N what they
+leave free: the columns of c are W C^+; z (inertias, and what of the first moments balances), friction and the
+drives' own inertia are fitted beside, the same in all runs, offsets and delays of the torques run by run.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import null_space
+
+from balance import trim
+from balance.arrays import Floats
+from balance.conditions import Conditions
+from balance.joint_terms import joint_terms
+from balance.mechanism import Mechanism
+from balance.regressor import driven_torque_regressor
+
+from ..channels import in_si, instants
+from ..clocks.mapping import ClockMap
+from ..derivatives import Grid, low_pass
+from ..errors import AnalysisError
+from ..joint_motion import encoders, followed, loaded
+from ..rig.sensors import Torque
+from ..wrench import AT_RANGE
+from .beside import independent
+from .evidence import carried, clock_maps, motion_of, rate_of, span_of, stretches_of
+
+if TYPE_CHECKING:
+    from balance.closure import Trajectory
+
+    from ..rig import Column, Rig
+    from ..store import Run
+
+CUTOFF_HZ = 20.0
+"""Of torques and columns alike: gravity speaks below, and above the encoders' steps are taken for inertia."""
+POSITION_BANDWIDTH = 4.0
+"""Cut-off of the positions, in cut-offs of the torques: inertia of many N m must be told to a thousandth."""
+REST_SPEED = 0.1
+"""A joint slower than this is at rest, where dry friction may hold any torque: it says nothing [rad/s, m/s]."""
+MARGIN_PERIODS = 3.0
+"""Periods of the cut-off kept before and after the motion."""
+
+
+@dataclass(frozen=True)
+class _Part:
+    """One run before what is shared is made independent."""
+
+    own: Floats
+    """Columns of the conditions, (n, joints, rank)."""
+    beside: Floats
+    """Columns of all that is fitted beside, (n, joints, p)."""
+    torque: Floats
+    """(n, joints) [N m]"""
+    nuisance: Floats
+    """(n, joints, k)"""
+    shortest: float
+    """Of a stretch [samples]."""
+    motion: str
+
+
+def torque_records(
+    runs: "Sequence[Run]",
+    rigs: "Sequence[Rig]",
+    mechanism: Mechanism,
+    conditions: Conditions,
+    cutoff: float,
+    clocks: "Mapping[Path, Mapping[str, ClockMap]]",
+) -> list[trim.Record]:
+    """The equations of the runs of one mounting. Raises AnalysisError where a driven joint has no torque or encoder."""
+    parts = [
+        _part(run, rig, mechanism, conditions, cutoff, clocks.get(run.path))
+        for run, rig in zip(runs, rigs, strict=True)
+    ]
+    beside = independent([part.beside for part in parts])
+    return [_record(*pair) for pair in zip(parts, beside, strict=True)]
+
+
+def _record(part: _Part, beside: Floats) -> trim.Record:
+    columns = np.concatenate([part.own, beside], axis=2)
+    return trim.Record(columns, part.torque, part.nuisance, stretches_of(part.own, part.shortest), part.motion)
+
+
+def _part(
+    run: "Run",
+    rig: "Rig",
+    mechanism: Mechanism,
+    conditions: Conditions,
+    cutoff: float,
+    clocks: "Mapping[str, ClockMap] | None",
+) -> _Part:
+    model = loaded(run, mechanism)
+    channels = torque_channels(run, rig, model)
+    grid, path = followed(run, rig, model, POSITION_BANDWIDTH * cutoff)
+    torque = _on_grid(run, rig, model, channels, grid, clocks)
+    own, beside = _columns(model, conditions, path, _driven_rates(run, rig, model, path))
+    places = [model.coordinate_index(joint) for joint in model.driven]
+    speed = path.v[:, places]
+    terms, _ = joint_terms(model.driven, speed, path.a[:, places])
+    joints = len(places)
+    friction = terms.reshape(len(terms), joints, joints, 4)[..., [0, 1, 3]].reshape(len(terms), joints, -1)
+    beside = np.concatenate([beside, friction], axis=2)
+    sizes = [own.shape[2], beside.shape[2], 1, 1]
+    whole = np.concatenate([own, beside, torque[:, :, None], rate_of(torque, grid)[:, :, None]], axis=2)
+    used = span_of(path, grid, MARGIN_PERIODS / cutoff)
+    moving = (np.abs(speed) > REST_SPEED)[:, :, None]
+    smooth = (low_pass(whole.reshape(len(whole), -1), cutoff, grid.rate).reshape(whole.shape) * moving)[used]
+    own, beside, seen, delay = np.split(smooth, np.cumsum(sizes)[:-1], axis=2)
+    offset = np.eye(joints)[None] * moving[used]
+    nuisance = np.concatenate([offset, delay], axis=2)
+    return _Part(own, beside, seen[:, :, 0], nuisance, 1.0 / (cutoff * grid.step), motion_of(run))
+
+
+def _driven_rates(run: "Run", rig: "Rig", model: Mechanism, path: "Trajectory") -> Floats:
+    """Rates of all coordinates per rate of the driven joints, (n, nv, dof). Raises AnalysisError without encoders."""
+    seen = [column.component for column in encoders(rig)]
+    if sorted(seen) != sorted(model.driven):
+        raise AnalysisError(
+            f"{run.name}: encoders on {', '.join(seen)}, motors on {', '.join(model.driven)}: expected the same joints"
+        )
+    return path.per_drive[:, :, [seen.index(joint) for joint in model.driven]]
+
+
+def _columns(model: Mechanism, conditions: Conditions, path: "Trajectory", rates: Floats) -> tuple[Floats, Floats]:
+    """W C^+ and W N, (n, joints, rank) and (n, joints, 10 nb - rank)."""
+    whole = driven_torque_regressor(model, path.q, path.v, path.a, rates)
+    return whole @ np.linalg.pinv(conditions.matrix), whole @ null_space(conditions.matrix)
+
+
+def torque_channels(run: "Run", rig: "Rig", model: Mechanism) -> "list[Column]":
+    """The torque channel of every driven joint. Raises AnalysisError for a joint that has none, or one at its limit."""
+    known = {column.component: column for name, s in rig.of_kind(Torque).items() for column in s.columns(name)}
+    if lacking := [joint for joint in model.driven if joint not in known]:
+        raise AnalysisError(
+            f"{run.name}: its rig has no motor torque of joint {lacking[0]}: the torques of all driven joints, "
+            f"{', '.join(model.driven)}, are needed"
+        )
+    columns = [known[joint] for joint in model.driven]
+    for column in columns:
+        if column.range is not None and (at := np.abs(in_si(run, column)[0]) >= AT_RANGE * column.range).any():
+            raise AnalysisError(
+                f"{run.name}: {column.channel}: {int(at.sum())} samples at the end of its range of "
+                f"{column.range:g} (SI): a clipped torque cannot tell what is missing; use gentler runs"
+            )
+    return columns
+
+
+def _on_grid(
+    run: "Run",
+    rig: "Rig",
+    model: Mechanism,
+    columns: "Sequence[Column]",
+    grid: Grid,
+    clocks: "Mapping[str, ClockMap] | None",
+) -> Floats:
+    group = {run.find(column.channel)[0].name for column in columns}
+    if len(group) > 1:
+        raise AnalysisError(f"{run.name}: its motor torques are on several loggers, {', '.join(sorted(group))}")
+    (name,) = group
+    maps = clock_maps(run, rig, model, {name}, clocks)
+    values = np.column_stack([in_si(run, column)[0] for column in columns])
+    return carried(instants(run, columns[0]), values, name, maps, grid)

@@ -1,0 +1,139 @@
+"""What runs with trial masses say of the balance conditions, from the vibration of a base of which nothing is known.
+
+Runs differ by masses that the sheet of conditions gives, and by their motions, which the encoders give; the base's
+response to a push is measured with what is missing (see ``balance.trials``). What is missing is said of the first run's
+mounting. A heavier mounting makes a heavier base: what the difference of the masses takes of the base's accelerations
+is counted among the pushes.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import null_space
+
+from balance import trials
+from balance.arrays import Floats
+from balance.conditions import Conditions
+from balance.mechanism import Mechanism
+from balance.regressor import wrench_regressor
+from balance.trim import Free, Imbalance, site_columns
+
+from .. import base_motion
+from ..bench.carried import locked_inertia
+from ..clocks.mapping import ClockMap
+from ..errors import AnalysisError
+from ..joint_motion import followed, loaded
+from .beside import reduction
+from .evidence import carried, clock_maps, refuse_clipped_base
+
+if TYPE_CHECKING:
+    from balance.arrays import Indices
+
+    from ..rig import Rig
+    from ..store import Run
+
+CUTOFF_HZ = 30.0
+"""Highest frequency of readings and pushes: the modes of a base on its mounts lie below."""
+BESIDE = 1e-2
+"""Of what turns the base without pushing it: combinations excited less, relative to the strongest, are the file's."""
+PUSHES = 1e-6
+"""Share of the largest component of the wrench below which one is none."""
+LEAST_CHANGE = 0.02
+"""Change of a site's first moment by trial masses, as a part of what it lacks without counter-masses."""
+
+
+class _Seen:
+    """One run before transforms: on the encoders' grid."""
+
+    def __init__(
+        self,
+        run: "Run",
+        rig: "Rig",
+        mechanism: Mechanism,
+        first: Mechanism,
+        cutoff: float,
+        clocks: "Mapping[str, ClockMap] | None",
+    ) -> None:
+        base = base_motion.recorded(run, rig)
+        if base is None:
+            raise AnalysisError(f"{run.name}: no accelerometer on the base was recorded: nothing shows how it vibrates")
+        refuse_clipped_base(run, rig)
+        model = loaded(run, mechanism)
+        grid, path = followed(run, rig, model, 4.0 * cutoff)
+        maps = clock_maps(run, rig, model, {base.group}, clocks)
+        self.time = grid.time - grid.time[0]
+        self.reading = carried(base.time, base.values, base.group, maps, grid)
+        self.wrench = wrench_regressor(model, path.q, path.v, path.a)
+        heavier = locked_inertia(model, path.q[0]) - locked_inertia(first, path.q[0])
+        moved = self.reading @ np.linalg.pinv(base.rows, rcond=1e-6).T
+        self.known = self.wrench @ (model.pi - first.pi) - moved @ heavier.T
+
+
+def trials_imbalance(
+    runs: "Sequence[Run]",
+    rigs: "Sequence[Rig]",
+    mechanism: Mechanism,
+    conditions: Conditions,
+    sites: Sequence[str],
+    cutoff: float,
+    clocks: "Mapping[Path, Mapping[str, ClockMap]]",
+) -> Imbalance:
+    """Values of the conditions of the first run's mounting, in what masses at ``sites`` can change.
+
+    Raises AnalysisError where trial masses do not differ at every site, NotObservable or DataError where the runs
+    cannot tell.
+    """
+    first = loaded(runs[0], mechanism)
+    refuse_alike(runs, mechanism, conditions, sites)
+    seen = [
+        _Seen(run, rig, mechanism, first, cutoff, clocks.get(run.path)) for run, rig in zip(runs, rigs, strict=True)
+    ]
+    size = np.max([np.abs(one.wrench @ first.pi).max(axis=0) for one in seen], axis=0)
+    rows = np.flatnonzero(size > PUSHES * size.max())
+    own, rest = np.linalg.pinv(conditions.matrix), null_space(conditions.matrix)
+    beside = rest @ reduction([one.wrench[:, rows] @ rest for one in seen], BESIDE)
+    at = trials.frequencies(max(float(one.time[-1]) for one in seen), cutoff)
+    held = first.pi - own @ conditions.values(first)
+    each = [_trial(one, rows, np.hstack([own, beside]), held, at) for one in seen]
+    free = Free.at_sites(conditions, first, sites)
+    return trials.measure(each, at, conditions, conditions.values(first), free)
+
+
+def _trial(seen: _Seen, rows: "Indices", basis: Floats, held: Floats, at: Floats) -> trials.Trial:
+    wrench = seen.wrench[:, rows]
+    known = seen.known[:, rows] + wrench @ held
+    columns = trials.transform(wrench @ basis, seen.time, at)
+    slow = np.stack([np.ones_like(seen.time), seen.time - seen.time.mean()], axis=1)
+    return trials.Trial(
+        columns,
+        trials.transform(known, seen.time, at),
+        trials.transform(seen.reading, seen.time, at),
+        trials.transform(slow, seen.time, at),
+    )
+
+
+def refuse_alike(runs: "Sequence[Run]", mechanism: Mechanism, conditions: Conditions, sites: Sequence[str]) -> None:
+    """Raise AnalysisError, naming the site, where trial masses do not tell the sites apart."""
+    for run in runs:
+        if "counter_masses" not in run.conditions:
+            raise AnalysisError(
+                f"{run.name}: its conditions do not say which masses were mounted: put counter_masses into the sheet "
+                "(nothing mounted is said too) and ingest with --runs"
+            )
+    first = loaded(runs[0], mechanism)
+    values = np.array([conditions.values(loaded(run, mechanism)) - conditions.values(first) for run in runs])
+    columns = site_columns(conditions, first, sites)
+    masses = np.linalg.lstsq(columns, values.T, rcond=None)[0]
+    lacking = np.linalg.lstsq(columns, -conditions.values(mechanism), rcond=None)[0]
+    least = LEAST_CHANGE * np.abs(lacking).max(initial=0.0)
+    for i, site in enumerate(sites):
+        others = np.delete(masses, i, axis=0)
+        apart = masses[i] - (masses[i] @ np.linalg.pinv(others)) @ others if len(others) else masses[i]
+        if np.ptp(apart) < max(least, 1e-12):
+            raise AnalysisError(
+                f"{', '.join(run.name for run in runs)}: no trial mass at {site} that differs from run to run "
+                f"independently of the others: what is missing there is not determined; mount at least {least:.2g} kg "
+                "more or less there in some runs"
+            )

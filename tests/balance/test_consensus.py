@@ -1,0 +1,57 @@
+"""Several sources of one thing: weighted by what each knows, and whether they agree."""
+
+import numpy as np
+import pytest
+
+from balance import conditions, trim
+from balance.consensus import consensus
+from balance.mechanism import Mechanism
+
+
+@pytest.fixture(scope="module")
+def found():
+    """The conditions of an arm of two joints."""
+    return conditions.find(Mechanism.load("serial-2r"))
+
+
+def source(found, values, errors, free=None, freedom=1000):
+    """A source with these values and standard errors."""
+    rank = found.rank
+    free = free or trim.Free.all(found)
+    return trim.Imbalance(found, np.array(values), np.diag(np.square(errors)), freedom, free, np.eye(rank), 0.0)
+
+
+def test_weights(found):
+    """The mean weighted by 1 / variance, and its variance."""
+    rank = found.rank
+    both = consensus([source(found, [1.0] * rank, [0.3] * rank), source(found, [2.0] * rank, [0.6] * rank)]).imbalance
+    assert both.values == pytest.approx(1.2)
+    assert np.diag(both.covariance) == pytest.approx(1.0 / (1.0 / 0.09 + 1.0 / 0.36))
+
+
+def test_agreement_is_chi_square(found):
+    """Sources that scatter as they say contradict each other as seldom as said; twice the scatter is noticed."""
+    rng = np.random.default_rng(3)
+    rank = found.rank
+    seen = []
+    for scatter in (1.0, 4.0):
+        draws = rng.normal(0.0, scatter * 0.1, (400, 2, rank))
+        told = [consensus([source(found, one, [0.1] * rank) for one in draw]) for draw in draws]
+        assert {one.freedom for one in told} == {rank}
+        seen.append(np.mean([one.probability < 0.05 for one in told]))
+    assert 0.02 < seen[0] < 0.09
+    assert seen[1] > 0.7
+
+
+def test_what_a_source_holds_it_does_not_tell(found):
+    """A source that held one condition adds nothing there, whatever it held."""
+    rank = found.rank
+    unit = np.eye(rank)
+    free = trim.Free(unit[1:], np.zeros(rank))
+    errors = np.full(rank, 0.1)
+    errors[0] = 0.0
+    both = consensus(
+        [source(found, [1.0] * rank, [0.1] * rank), source(found, [0.0] + [1.0] * (rank - 1), errors, free)]
+    )
+    assert both.imbalance.values == pytest.approx(1.0)
+    assert both.imbalance.estimate(unit[0]).standard_error == pytest.approx(0.1)

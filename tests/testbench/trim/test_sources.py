@@ -1,0 +1,158 @@
+"""What is missing by motor torque, by the base's vibration, by trial masses; from simulated runs with known truth."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from balance.mechanism import Mechanism
+from testbench import rig as rigs
+from testbench.errors import AnalysisError
+from testbench.trim import trim_runs
+from testbench.trim.figure import draw
+
+from .. import memory
+
+MISSING = 0.0308090
+MOTIONS = ("x", "y", "triangle")
+
+
+@pytest.fixture(scope="module")
+def manipulator():
+    """The mechanism without payload and counter-masses."""
+    return Mechanism.load(memory.MANIPULATOR)
+
+
+@pytest.fixture(scope="module")
+def runs():
+    """A run of each motion with the counter-masses that were built."""
+    return [memory.scene(motion).run(k) for k, motion in enumerate(MOTIONS)]
+
+
+def with_kinds(*kinds):
+    """The bench's rig with sensors of some kinds alone."""
+    rig = rigs.load(memory.MANIPULATOR)
+    return rig.model_copy(update={"sensors": {k: v for k, v in rig.sensors.items() if v.kind in kinds}})
+
+
+def holds(found, widest):
+    """Whether every interval holds the truth and is no wider than this [kg m]."""
+    return all(m.interval[0] < MISSING < m.interval[1] < m.interval[0] + widest for m in found.missing)
+
+
+def test_motor_torques(manipulator, runs):
+    """Gravity turns what is missing: three motions tell it to a fiftieth of what the bare mechanism lacks."""
+    found = trim_runs(runs, manipulator, rig=with_kinds("encoder", "torque"))
+    assert found.source == "torque"
+    assert holds(found, 0.05)
+    assert any("taken from the mechanism's file" in line for line in found.about)
+
+
+def test_torque_scales_with_what_is_missing(manipulator):
+    """Two kilograms less on one arm are found by torque, and only there."""
+    less = {**memory.BUILT, "counter_A0A": memory.BUILT["counter_A0A"] - 2.0}
+    found = trim_runs(
+        [memory.scene(m, masses=less).run(k) for k, m in enumerate(MOTIONS)], manipulator, source="torque"
+    )
+    first, second = found.missing
+    assert first.interval[0] < MISSING + 2.0 * 0.03755 < first.interval[1]
+    assert second.interval[0] < MISSING < second.interval[1]
+
+
+def test_a_joint_without_torque_is_refused(manipulator, runs):
+    """Torques of one of two motors do not tell."""
+    rig = rigs.load(memory.MANIPULATOR)
+    rig = rig.model_copy(update={"sensors": {k: v for k, v in rig.sensors.items() if k != "motor_B0"}})
+    with pytest.raises(AnalysisError, match="no motor torque of joint B0"):
+        trim_runs(runs, manipulator, source="torque", rig=rig)
+
+
+def test_vibration_through_the_stated_base(manipulator, runs):
+    """With the base that the rig states, its vibration tells best; that the base is assumed is said."""
+    found = trim_runs(runs, manipulator, rig=with_kinds("encoder", "accelerometer"))
+    assert found.source == "vibration"
+    assert holds(found, 0.01)
+    assert any("assumed" in line for line in found.about)
+
+
+def test_vibration_without_a_stated_base_is_refused(manipulator, runs):
+    """A rig that states no base: refused, and trial masses are proposed."""
+    rig = rigs.load(memory.MANIPULATOR)
+    silent = rigs.from_text(rig.text[: rig.text.index("[bench]")])
+    with pytest.raises(AnalysisError, match=r"does not state the base.*trial masses"):
+        trim_runs(runs[:1], manipulator, source="vibration", rig=silent)
+
+
+def test_sources_together(manipulator, runs):
+    """Forces and torques agree; together they are no less sure than the surer."""
+    both = trim_runs(runs, manipulator)
+    assert both.source == "wrench+torque"
+    assert both.consensus.agrees
+    assert holds(both, 0.01)
+    for k, one in enumerate(both.missing):
+        alone = [np.ptp(share.missing[k].interval) for share in both.shares]
+        assert np.ptp(one.interval) < 1.2 * min(alone)
+
+
+def test_sources_that_contradict(manipulator, runs):
+    """Torques of a bench with 6 kg less on an arm beside forces of the one that was built: said, and doubtful."""
+    less = {**memory.BUILT, "counter_A0A": memory.BUILT["counter_A0A"] - 6.0}
+    mixed = []
+    for k, (motion, run) in enumerate(zip(MOTIONS, runs, strict=True)):
+        other = memory.scene(motion, masses=less).run(k)
+        for name in ("tau1", "tau2"):
+            run = memory.with_values(run, name, other.channel(name))
+        mixed.append(run)
+    found = trim_runs(mixed, manipulator)
+    assert found.verdict == "doubtful"
+    assert "contradict" in found.doubts()[0]
+
+
+@pytest.fixture(scope="module")
+def trials():
+    """Each motion with what was built, a kilogram more on the first arm, and on the second."""
+    more = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]
+    sets = [{s: m + d for (s, m), d in zip(memory.BUILT.items(), one, strict=True)} for one in more]
+    scenes = [memory.scene(motion, masses=masses) for masses in sets for motion in MOTIONS]
+    return [scene.run(k) for k, scene in enumerate(scenes)]
+
+
+def test_trial_masses(manipulator, trials):
+    """Nothing is known of the base: trial masses of a kilogram tell what is missing on the first run's mounting."""
+    silent = rigs.from_text(rigs.load(memory.MANIPULATOR).text.split("[bench]")[0])
+    found = trim_runs(trials, manipulator, rig=silent)
+    assert found.source == "trials"
+    assert all(m.interval[0] < MISSING < m.interval[1] for m in found.missing)
+    assert all(np.ptp(m.interval) < 0.5 * MISSING for m in found.missing)
+    json.dumps(found.as_dict())
+
+
+def test_an_arm_without_trial_mass_is_named(manipulator, trials):
+    """Trial masses on the first arm alone do not determine the second."""
+    with pytest.raises(AnalysisError, match="no trial mass at counter_B0B"):
+        trim_runs(trials[:6], manipulator)
+
+
+def test_a_trial_mass_that_was_not_recorded_is_refused(manipulator, trials):
+    """A run whose conditions do not say what was mounted cannot be a trial."""
+    forgotten = replace(trials[3], conditions={k: v for k, v in trials[3].conditions.items() if k != "counter_masses"})
+    with pytest.raises(AnalysisError, match="do not say which masses were mounted"):
+        trim_runs([*trials[:3], forgotten, *trials[6:]], manipulator, source="trials")
+
+
+def test_the_figure(manipulator, runs):
+    """A panel an arm; the points are the sources', both together, and what the plates leave."""
+    figure = draw(trim_runs(runs, manipulator))
+    assert len(figure.axes) == 2
+    assert [t.get_text() for t in figure.axes[0].get_xticklabels()] == ["wrench", "torque", "all", "with what is added"]
+
+
+def test_the_predicted_residual_has_an_interval(manipulator, runs):
+    """What is added leaves nothing of what is told, up to what the intervals leave open."""
+    found = trim_runs(runs, manipulator)
+    low, high = found.predicted_residual_interval
+    assert low == 0.0
+    assert found.predicted_residual < high < 0.2 * MISSING
+    left = found.left()
+    assert all(m.interval[0] < 0.0 < m.interval[1] for m in left)
