@@ -11,6 +11,9 @@ from .readers import ReadOptions, open_recording
 from .recording import Recording
 from .store import digest
 
+_AT_ONCE = 16 << 20
+"""Bytes between two waits for Python's lock, which whoever runs Python holds for milliseconds."""
+
 
 class FileDigest:
     """The SHA-256 of a file, computed in a thread from now on; and whether the file changes meanwhile."""
@@ -24,7 +27,7 @@ class FileDigest:
 
     def _compute(self) -> None:
         try:
-            self.sha256 = digest.sha256_of(self.path)
+            self.sha256 = digest.sha256_of(self.path, at_once=_AT_ONCE)
         except OSError as error:
             self._failed = error
 

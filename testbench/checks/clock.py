@@ -79,20 +79,22 @@ class ClockStats:
     def update(self, block: Block, times: Samples) -> None:
         """Take in the times of the next block."""
         finite = np.isfinite(times)
-        index = np.arange(len(times))
+        index: range | NDArray[np.int64] = range(len(times))
         if not finite.all():
             self.unreadable += int(len(times) - finite.sum())
-            times, index = times[finite], index[finite]
+            times, index = times[finite], np.flatnonzero(finite)
         if not len(times):
             return
-        steps = np.diff(times, prepend=self.last)
+        steps = np.empty(len(times))
+        steps[0] = times[0] - self.last
+        np.subtract(times[1:], times[:-1], out=steps[1:])
         if math.isnan(self.last):
             self.first, steps, index = float(times[0]), steps[1:], index[1:]
         self.last = float(times[-1])
         if len(steps):
             self._take(block, steps, index)
 
-    def _take(self, block: Block, steps: Samples, index: NDArray[np.int64]) -> None:
+    def _take(self, block: Block, steps: Samples, index: range | NDArray[np.int64]) -> None:
         self.steps.add(steps)
         smallest, largest = float(steps.min()), float(steps.max())
         self.dt_min, self.dt_max = min(self.dt_min, smallest), max(self.dt_max, largest)

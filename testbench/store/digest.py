@@ -1,8 +1,10 @@
 """SHA-256 of files, and the digest that lies beside each stored run, as ``sha256sum`` writes it."""
 
 import hashlib
+import os
 import re
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from ..errors import StoreError
@@ -12,13 +14,27 @@ _BLOCK = 1 << 20
 _LINE = re.compile(r"([0-9a-f]{64}) [ *](.+)\n")
 
 
-def sha256_of(path: Path, progress: Callable[[int], None] = lambda count: None) -> str:
+def sha256_of(path: Path, progress: Callable[[int], None] = lambda count: None, at_once: int = _BLOCK) -> str:
     """SHA-256 of a file's content, in hexadecimal; ``progress`` is told how many bytes were read since last."""
     total = hashlib.sha256()
     with path.open("rb", buffering=0) as stream:
-        while block := stream.read(_BLOCK):
-            total.update(block)
-            progress(len(block))
+        room = memoryview(bytearray(max(4096, min(at_once, os.fstat(stream.fileno()).st_size))))
+        while count := stream.readinto(room):
+            total.update(room[:count])
+            progress(count)
+    return total.hexdigest()
+
+
+def sha256_alone(path: Path) -> str:
+    """SHA-256 of a file's content, in hexadecimal, where nothing else is to be done: another thread reads ahead."""
+    total, rooms = hashlib.sha256(), [memoryview(bytearray(_BLOCK)) for _ in range(2)]
+    with path.open("rb", buffering=0) as stream, ThreadPoolExecutor(1) as pool:
+        reading = pool.submit(stream.readinto, rooms[0])
+        while count := reading.result():
+            filled, free = rooms
+            rooms = [free, filled]
+            reading = pool.submit(stream.readinto, free)
+            total.update(filled[:count])
     return total.hexdigest()
 
 

@@ -150,7 +150,7 @@ class RunWriter:
             self._close()
             with ThreadPoolExecutor(1) as pool:
                 synced = pool.submit(_sync, self._part)  # the disk writes while the digest is computed
-                found = digest.sha256_of(self._part)
+                found = digest.sha256_alone(self._part)
                 synced.result()
             self._line = digest.line_for(self.target.name, found)
             self._journal.seal(found)
