@@ -1,11 +1,13 @@
 """``balance linkage``."""
 
+from math import isnan
 from typing import TYPE_CHECKING
 
 import click
 
 from . import options
 from .console import EXIT_WITH_FINDINGS, emit_json, json_option
+from .rotor.given import Quantity
 
 if TYPE_CHECKING:
     from ..linkages.description import Linkage
@@ -54,7 +56,12 @@ A linkage is a TOML file; every quantity has a unit, positions are sums of named
 Exit code 3: balanced, but not simulated, or what the source prints differs."""
 )
 @click.argument("linkage", metavar="LINKAGE")
-@click.option("--speed", metavar="SPEED", help="Mean speed of the driven joint, with unit [default: as described].")
+@click.option(
+    "--speed",
+    type=Quantity("angular velocity"),
+    metavar="SPEED",
+    help="Mean speed of the driven joint, with unit [default: as described].",
+)
 @click.option(
     "--variation",
     type=click.FloatRange(0.0, 0.95, min_open=True),
@@ -75,7 +82,7 @@ Exit code 3: balanced, but not simulated, or what the source prints differs."""
 @json_option
 def linkage(
     linkage: str,
-    speed: str | None,
+    speed: float | None,
     variation: float,
     force_only: bool,
     with_equations: bool,
@@ -93,10 +100,13 @@ def linkage(
     from ..linkages.document import document
     from ..linkages.method import balance
     from ..linkages.printed import compare
+    from ..linkages.verification import verify
 
+    if speed == 0.0 or isnan(variation):
+        raise click.UsageError(f"--{'speed' if speed == 0.0 else 'variation'}: expected a number other than zero")
     described = Linkage.load(linkage)
     result = balance(described, gears=False if force_only else None)
-    check = _verified(result, speed, variation) if described.is_placed else None
+    check = verify(result, speed, variation) if described.is_placed else None
     comparison = None if force_only else compare(result)
     _write(result, check, csv, mjcf, figure)
     if as_json:
@@ -105,13 +115,6 @@ def linkage(
         _print(result, check, comparison, with_equations)
     if check is None or (comparison and any(row.verdict == "differs" for row in comparison.rows)):
         raise click.exceptions.Exit(EXIT_WITH_FINDINGS)
-
-
-def _verified(result: "Balance", speed: str | None, variation: float) -> "Verification":
-    from ..linkages.verification import verify
-    from ..quantities import parse
-
-    return verify(result, parse(speed, "angular velocity") if speed else None, variation)
 
 
 def _write(

@@ -105,7 +105,7 @@ def verify(
     Raises ModelError or ClosureError where it cannot be simulated, or bodies said to turn together do not.
     """
     linkage = result.linkage
-    speed = speed or linkage.speed
+    speed = linkage.speed if speed is None else speed
     if not speed or linkage.drive is None:
         raise ModelError(f"{linkage.name}: say which joint is driven, and how fast: drive = 'A0', speed = '50 rpm'")
     stages = STAGES if result.moment is not None else STAGES[:2]

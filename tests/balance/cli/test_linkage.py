@@ -62,6 +62,22 @@ def test_speed_and_variation_are_taken():
     assert ratio[0] / ratio[1] == pytest.approx(9.0)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--speed", "0rpm"], "--speed: expected a number other than zero"),
+        (["--speed", "50"], "'50' has no unit"),
+        (["--variation", "nan"], "--variation"),
+        (["--variation", "0"], "--variation"),
+    ],
+)
+def test_wrong_command_lines(arguments, message):
+    """A speed of nothing is not the described one, and what is no number is none."""
+    result = run("two-levels", *arguments)
+    assert result.exit_code == 2
+    assert message in result.output
+
+
 def test_force_only_leaves_the_gears_out():
     """Two stages, no gears."""
     document = json.loads(run("two-levels", "--force-only", "--json").output)
