@@ -6,7 +6,7 @@ import numpy as np
 
 from balance.arrays import Floats
 
-from .encoder.gaps import lost, spurious
+from .encoder.gaps import Gap, lost, spurious
 from .errors import AnalysisError
 
 LEAST_TURNS = 10
@@ -130,14 +130,22 @@ def _timing(time: Floats, signal: Floats, found: Floats, level_error: float) -> 
     return 0.5 * step if scatter < _OWN * step / np.sqrt(12.0) else 0.0
 
 
+def _count(gaps: list[Gap]) -> str:
+    lost_ones = sum(gap.missing for gap in gaps)
+    return f"{lost_ones} pulse{'s' * (lost_ones > 1)}"
+
+
 def _refuse_gaps(name: str, found: Floats) -> None:
     never_again = len(found)  # no slot of a disc explains an odd interval: there is one pulse a turn
     if gaps := lost(found, never_again):
         places = "; ".join(gap.text().replace("edge", "pulse") for gap in gaps[:8])
         raise AnalysisError(
-            f"{name}: {sum(gap.missing for gap in gaps)} pulses lost: {places}. Turns counted through a gap would be "
+            f"{name}: {_count(gaps)} lost: {places}. Turns counted through a gap would be "
             "wrong: check --level and the sensor's distance, or cut the record"
         )
     if extra := spurious(found, never_again):
         places = ", ".join(f"{found[k]:.6f} s" for k in extra[:8])
-        raise AnalysisError(f"{name}: {len(extra)} pulses too many, at {places}: expected one a turn; check --level")
+        raise AnalysisError(
+            f"{name}: {len(extra)} pulse{'s' * (len(extra) > 1)} too many, at {places}: expected one a turn; check "
+            "--level"
+        )

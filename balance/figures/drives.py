@@ -36,6 +36,7 @@ def draw_inertia(axes: "Axes", reduced: dict[str, Any]) -> None:
             f"{extreme['angle_deg']:.1f}°", (extreme["angle_deg"], value), xytext=(3, 5), textcoords="offset points"
         )
     axes.set(xlabel="crank angle [deg]", ylabel="kg m²", title="Reduced inertia I(φ)", xticks=range(0, 361, 90))
+    axes.margins(y=0.12)
     axes.grid(alpha=0.25)
 
 

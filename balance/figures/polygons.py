@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 GIVEN, CLOSING = "#3b6ea5", "#e07a3f"
-_UNITS = {"kg m": ("kg mm", 1e3), "kg m2": ("kg mm2", 1e6)}
+_UNITS = {"kg m": ("kg mm", 1e3), "kg m2": ("kg mm²", 1e6)}
 
 
 def draw_polygons(polygons: Sequence[Polygon]) -> "Figure":

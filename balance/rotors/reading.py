@@ -74,12 +74,22 @@ def _unbalance(sheet: Sheet) -> Unbalance:
     """One mass: either mass and radius, or their product; its angle and place are required."""
     name = sheet.text("name")
     if "unbalance" in sheet:
-        product = sheet.quantity("unbalance", "first moment")
+        product = _not_negative(sheet, "unbalance", "first moment")
     else:
-        product = sheet.quantity("mass", "mass") * sheet.quantity("radius", "length")
+        product = sheet.quantity("mass", "mass") * _not_negative(sheet, "radius", "length")
     turned, at = sheet.quantity("angle", "angle"), sheet.quantity("at", "length")
     sheet.finish()
     return Unbalance(name, product * complex(math.cos(turned), math.sin(turned)), at)
+
+
+def _not_negative(sheet: Sheet, key: str, dimension: str) -> float:
+    """A quantity of zero or more. A mass may be negative: a hole; a radius or an unbalance has its angle."""
+    found = sheet.quantity(key, dimension)
+    if found < 0.0:
+        raise sheet.refuse(
+            key, f"is {sheet.value(key)!r}: expected zero or more; turn the angle by 180 degrees instead"
+        )
+    return found
 
 
 def _plane(sheet: Sheet) -> Plane:
@@ -107,7 +117,7 @@ def read_table(path: Path) -> list[Unbalance]:
     columns = _columns(header, path.name)
     if not rows:
         raise DataError(f"{path.name}: holds no masses")
-    return [_row(row, columns, f"{path.name}, line {line}") for line, row in rows]
+    return [_row(row, columns, len(header), f"{path.name}, line {line}") for line, row in rows]
 
 
 def _columns(header: list[str], where: str) -> dict[str, tuple[int, float]]:
@@ -134,9 +144,11 @@ def _columns(header: list[str], where: str) -> dict[str, tuple[int, float]]:
     return found
 
 
-def _row(row: list[str], columns: dict[str, tuple[int, float]], where: str) -> Unbalance:
+def _row(row: list[str], columns: dict[str, tuple[int, float]], width: int, where: str) -> Unbalance:
     name = row[columns["name"][0]].strip() if "name" in columns and columns["name"][0] < len(row) else where
     values: dict[str, float] = {}
+    if len(row) > width and any(cell.strip() for cell in row[width:]):
+        raise DataError(f"{where}: {len(row)} cells, the header has {width} columns: is there a comma in a number?")
     for column, (position, factor) in columns.items():
         if column == "name":
             continue
@@ -149,5 +161,9 @@ def _row(row: list[str], columns: dict[str, tuple[int, float]], where: str) -> U
             values[column] = math.nan
         if not math.isfinite(values[column]):
             raise DataError(f"{where}: {column} of mass {name!r} is {cell!r}: expected a number")
+        if values[column] < 0.0 and column in {"radius", "unbalance"}:
+            raise DataError(
+                f"{where}: {column} of mass {name!r} is {cell!r}: expected zero or more; turn the angle by 180 degrees"
+            )
     product = values["unbalance"] if "unbalance" in values else values["mass"] * values["radius"]
     return Unbalance(name, product * complex(math.cos(values["angle"]), math.sin(values["angle"])), values["at"])

@@ -10,6 +10,7 @@ from .edges import Edges
 from .model import Held
 from .pitch import Pitch
 from .turn import Estimate, Turn
+from .turncount import repeats_within
 
 if TYPE_CHECKING:
     from balance.drives.startup import StartUp
@@ -125,6 +126,11 @@ def findings(record: Edges, found: Turn | None) -> list[str]:
     if step is not None and step > COARSE_CLOCK * interval:
         odd.append(
             f"the clock's step of {step * 1e6:g} us is {100 * step / interval:.1f} % of an interval between edges"
+        )
+    if found is not None and (again := repeats_within(record)) is not None:
+        odd.append(
+            f"the motion repeats every {again} edges already, {round(record.disc.per_turn / again)} times a turn of "
+            f"{record.disc.per_turn:g}: so it does where the disc has fewer edges a turn than --pulses says"
         )
     if found is not None and found.repeated > 0.0:
         odd.append(

@@ -103,8 +103,8 @@ def edges_of(name: str, time: Floats, disc: Disc, bridge: bool = False, offset: 
     if extra := spurious(time, disc.pulses):
         places = ", ".join(f"edge {k} at {time[k]:.6f} s" for k in extra[:8])
         raise RecordingError(
-            f"{name}: {len(extra)} edges too many, far closer than their neighbours: {places}; noise on the signal or "
-            "both flanks counted: remove them from the log"
+            f"{name}: {len(extra)} edge{'s' * (len(extra) > 1)} too many, far closer than their neighbours: {places}; "
+            "noise on the signal or both flanks counted: remove them from the log"
         )
     gaps = lost(time, disc.pulses)
     if gaps and not bridge:

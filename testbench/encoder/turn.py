@@ -15,6 +15,7 @@ from balance.arrays import Floats
 from ..errors import AnalysisError
 from . import fit
 from .edges import Edges
+from .turncount import refuse_other_turn
 
 STEADY = 1e-3
 """Share by which the duration of a turn may differ from the median of the later half."""
@@ -185,8 +186,9 @@ class Turn:
 def periodic_turn(edges: Edges, harmonics: int | None = None, steady_within: float = STEADY) -> Turn:
     """The steady turn of a log; harmonics are chosen by the Bayesian information criterion unless given.
 
-    Raises AnalysisError where fewer than two whole turns are steady.
+    Raises AnalysisError where fewer than two whole turns are steady, RecordingError where edges a turn are not so many.
     """
+    refuse_other_turn(edges)
     first, last, whole = fit.steady_turns(edges, steady_within)
     in_turn = np.floor(edges.angle / (2.0 * np.pi) + 1e-9).astype(int)
     used = edges.part(np.flatnonzero((in_turn >= first) & (in_turn < last)))

@@ -40,5 +40,5 @@ def _course(axes: "Axes", document: dict[str, Any]) -> None:
     axes.plot(course["time_s"], course["speed_rpm"], ".", ms=2, color=style.ANALYSED, label="from edges")
     if start:
         axes.plot(start["time_s"], start["speed_rpm"], color=style.PUBLISHED, lw=0.8, label="computed start")
+        axes.legend()
     axes.set(xlabel="time [s]", ylabel="rev/min", title="Edge by edge")
-    axes.legend()

@@ -123,7 +123,7 @@ def test_a_noisy_edge_is_one_pulse() -> None:
 @pytest.mark.parametrize("drop", [[60], [60, 61], [60, 62], [10, 100]])
 def test_lost_pulses_are_named(drop: list[int]) -> None:
     """Not averaged through: how many, and where."""
-    with pytest.raises(AnalysisError, match=rf"{len(drop)} pulses lost: .* after pulse"):
+    with pytest.raises(AnalysisError, match=rf"{len(drop)} pulses? lost: .* after pulse"):
         turns_of(Rotor(drop=drop))
 
 
@@ -133,7 +133,7 @@ def test_a_pulse_too_many_is_named() -> None:
     tacho[(time > 1.0009) & (time < 1.0019)] = 5.0
     first = steady_turns("run", *Rotor().record()[:2], None, False, 0.01).pulses
     assert np.abs(first - 1.0014).min() > 0.0015
-    with pytest.raises(AnalysisError, match=r"pulses too many, at 1\.00"):
+    with pytest.raises(AnalysisError, match=r"pulses? too many, at 1\.00"):
         steady_turns("run", time, tacho, None, False, 0.01)
 
 

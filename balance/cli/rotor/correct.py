@@ -89,6 +89,8 @@ def _given(
         given = tuple(Plane(n, at) for n, at in options.once(planes, "--plane").items())
         model = replace(model, planes=given, published={})
     if bearings:
+        if len(bearings) != 2 or bearings[0] == bearings[1]:
+            raise click.UsageError("--bearing: give two, in two places")
         model = replace(model, bearings=bearings)
     return replace(model, speed=speed) if speed is not None else model
 

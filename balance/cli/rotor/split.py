@@ -225,7 +225,9 @@ def _print(found: "Split", radius: float | None, stocked: bool, remove: bool) ->
         f"Makes {polar(found.made, 1e3)} g of {polar(found.target, 1e3)} g; residual {1e3 * found.residual():.4g} g"
         f" ({'-' if percent is None else f'{percent:.4g} %'}), {1e3 * sum(found.weights):.6g} g in all."
     )
-    if stocked and found.bound > found.residual():
+    if stocked and found.bound > found.residual() + 1e-6 * abs(found.target):
         click.echo(f"Lightest set with a residual of at most {1e3 * found.bound:.4g} g: proven.")
     elif stocked:
-        click.echo(f"No set of these weights leaves less than {1e3 * found.bound:.4g} g: proven.")
+        click.echo(
+            f"No set of these weights leaves less than {1e3 * found.bound:.4g} g, none that does is lighter: proven."
+        )

@@ -48,6 +48,8 @@ def tolerance(
     """Permissible residual unbalance after ISO 21940-11, for rigid rotors only."""
     from ...rotors.grade import SCOPE, permissible
 
+    if residual is not None and residual < 0.0:
+        raise click.UsageError("--residual: expected zero or more")
     if rotor is not None:
         mass, speed, to_bearings = _from_sheet(rotor, mass, speed, to_bearings)
     if mass is None or speed is None:

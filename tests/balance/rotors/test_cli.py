@@ -145,3 +145,18 @@ def test_a_split_too_large_to_prove_is_widened_and_said(monkeypatch):
     assert found["residual_percent"] <= 1.0 + 1e-6
     with pytest.raises(stocked.NotProvenError):
         CliRunner().invoke(rotor, [*arguments, "--within", "0.01%"], catch_exceptions=False)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("correct", "three-masses", "--bearing", "0mm"),
+        ("correct", "three-masses", "--bearing", "0mm", "--bearing", "0 m"),
+        ("tolerance", "--grade", "G6.3", "--mass", "40kg", "--speed", "3000rpm", "--residual", "-5gmm"),
+    ],
+)
+def test_a_wrong_command_line_prints_no_half_answer(arguments):
+    """One bearing, two in one place, a negative residual: exit 2 before any table."""
+    result = CliRunner().invoke(rotor, arguments)
+    assert result.exit_code == 2
+    assert "┃" not in result.output

@@ -96,3 +96,29 @@ def test_a_linkage_is_no_rotor():
     for name in ("four-bar", "elsewhere/own.xml"):
         with pytest.raises(DataError, match="rigid rotors only"):
             reading.load(name)
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ("A,1,-80,20,10", "radius of mass 'A' is '-80'"),
+        ("A,1,80,20,10,7", "6 cells, the header has 5 columns"),
+    ],
+)
+def test_rows_that_are_not_what_they_seem(tmp_path, row, said):
+    """A negative radius, which would turn the mass unseen, and a cell too many, which a comma in a number makes."""
+    path = tmp_path / "masses.csv"
+    path.write_text(f"name,mass (kg),radius (mm),angle (deg),at (mm)\n{row}\n", encoding="utf-8")
+    with pytest.raises(DataError, match=said):
+        reading.read_table(path)
+
+
+def test_a_negative_radius_in_a_sheet_is_refused_and_a_hole_is_not(tmp_path):
+    """A radius has its angle; a hole is a negative mass."""
+    path = tmp_path / "rotor.toml"
+    text = '[[masses]]\nname = "A"\nmass = "{}"\nradius = "{}"\nangle = "0 deg"\nat = "1 mm"\n'
+    path.write_text(text.format("1 kg", "-80 mm"), encoding="utf-8")
+    with pytest.raises(DataError, match="A: radius is '-80 mm': expected zero or more"):
+        reading.load(path)
+    path.write_text(text.format("-1 kg", "80 mm"), encoding="utf-8")
+    assert reading.load(path).unbalances[0].vector == pytest.approx(-0.08)

@@ -64,7 +64,7 @@ def test_disorder_is_named():
         edges_of("log", swapped, Disc(100))
     with pytest.raises(RecordingError, match="ran over"):
         edges_of("log", np.mod(time + 4290.0, 2**32 * 1e-6), Disc(100))
-    with pytest.raises(RecordingError, match="1 edges too many"):
+    with pytest.raises(RecordingError, match="1 edge too many"):
         edges_of("log", np.sort(np.append(time, time[90] + 1e-4)), Disc(100))
     with pytest.raises(RecordingError, match="at least 8"):
         edges_of("log", time[:5], Disc(100))
