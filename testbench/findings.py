@@ -56,6 +56,7 @@ _WARNINGS = {
     "encoding_inferred": "The encoding was inferred from typical letters; it is declared nowhere.",
     "no_header": "The first row is data; the columns are named col0, col1, ...",
     "duplicate_names": "Several channels of one name.",
+    "several_clocks": "Several columns of time in one table: each with the columns behind it is a group of its own.",
     "time_unit_assumed": "The time column carries no unit; seconds were assumed for the rate alone.",
     "time_unit_unknown": "The unit of the time column is no unit of time; there is no rate.",
     "time_coarse": "Times written so coarsely that they repeat: a channel, and no clock.",

@@ -9,6 +9,7 @@ from ...recording import Channel, TimeColumn
 _BRACKETS = re.compile(r"\(([^()]*)\)|\[([^][]*)\]")
 _SIGNS_OF_UNITS = re.compile(r"[^\W\d_°%µ‰][^\s]{0,9}(?:\s?[/·⋅*^]\s?[^\s]{1,10}|[²³⁻¹]+)+")
 _TIME_SUFFIX = re.compile(r"(.*?)[_ ](s|sec|ms|us|µs|ns|min)", re.IGNORECASE)
+_ONE_OF_SEVERAL = re.compile(r"[ .-]*(?:\d+|(?<=[ .-])[abcxyz])$")
 _TIME_NAMES = frozenset({
     "t", "time", "timestamp", "time stamp", "elapsed", "elapsed time", "relative time", "test time",
     "unix", "epoch", "posix", "unix time", "unixtime", "epoch time", "posix time", "unix timestamp", "time unix",
@@ -56,6 +57,15 @@ def is_time(name: str) -> bool:
     """Whether a header cell names time."""
     label = _BRACKETS.sub("", _channel(name, "").label)
     return _plain(label) in _TIME_NAMES
+
+
+def base_of_time(label: str) -> str | None:
+    """The name of time in a label, without the number or letter that tells it from others: ``time`` of ``Time_2``."""
+    plain = _plain(_BRACKETS.sub("", label))
+    if plain in _TIME_NAMES:
+        return plain
+    base = _ONE_OF_SEVERAL.sub("", plain)
+    return base if len(base) > 1 and base in _TIME_NAMES else None
 
 
 def _plain(name: str) -> str:

@@ -9,7 +9,7 @@ from ..registry import Reader, ReadOptions
 from . import dialect as dialects
 from . import encoding as encodings
 from . import header as headers
-from . import marks, names, preamble, spelling
+from . import marks, names, preamble, several, spelling
 from . import stated as above
 from .cells import shown
 from .dialect import Dialect, UnclearDialect
@@ -46,20 +46,29 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
         names=header.lines[0] if header.lines else None,
         above=(*header.lines[1:], *header.preamble),
     )
+    times = [several.named(channel) for channel in channels]
+    clocks = several.find(group, spelled.rows, kept, lambda fields: spelled.times.clock(times, fields))
+    read = spelled.continued(table.blocks, kept)
     left_out = _texts_left_out([(header.channels[i].name, i) for i in sorted(texts)], spelled.rows)
     return Recording(
         path=path,
         format="CSV",
         reader="testbench.readers.csv",
-        groups=(group,),
-        read=stated.held_against(spelled.continued(table.blocks, kept)),
+        groups=clocks.groups if clocks else (group,),
+        read=stated.held_against(clocks.apart(read) if clocks else read),
         origin=preamble.origin(said),
         settings=_settings(sample, dialect, header),
         metadata=preamble.pairs(said) | spelled.times.zeros(channels),
         comments=said,
         ranges=preamble.ranges(said),
         stated_rate_hz=stated.rate_hz,
-        findings=(*_said(sample, dialect, header, spelled.fields), *spelled.findings, *stated.findings, *left_out),
+        findings=(
+            *_said(sample, dialect, header, spelled.fields),
+            *spelled.findings,
+            *stated.findings,
+            *left_out,
+            *([clocks.finding] if clocks else []),
+        ),
     )
 
 
