@@ -9,6 +9,8 @@ from .store import safe
 from .store.run import Run, StoredGroup
 
 if TYPE_CHECKING:
+    import h5py
+
     from .rig import Column
 
 
@@ -30,5 +32,13 @@ def held(run: Run, columns: "Iterable[Column]") -> Run:
     if type(run) is not Run:
         return run
     with safe.open_for_reading(run.path) as file:
-        found = {(group.name, index): group.samples_of(file, index) for group, index in places}
+        nodes = {group.path: safe.member(file, group.path) for group, _ in places}
+        found = {(g.name, i): _samples(file, nodes[g.path], g, i) for g, i in places}
     return HeldRun(**{f.name: getattr(run, f.name) for f in fields(Run)}, held=found)
+
+
+def _samples(file: "h5py.File", node: "h5py.Group", group: StoredGroup, index: int) -> Samples:
+    """As the group reads them; values that are stored as they are without going down to the group once more."""
+    if group.whole and group.whole[index] is not None:
+        return group.samples_of(file, index)
+    return safe.numbers(node, group.keys[index])

@@ -23,11 +23,13 @@ if TYPE_CHECKING:
     from .signals import Band
     from .store import Run
 
-AT_ONCE = 2 * LANES
+AT_ONCE = LANES
 """Channels of one rate that are held in memory together."""
 AT_A_TIME = 2
 """Runs that are analysed side by side."""
 _UNITS = {"acceleration": "m_s2", "force": "N", "moment": "Nm", "angle": "rad", "length": "m"}
+NEAR = 0.1
+"""Share of its frequency within which a peak has no weaker one beside it."""
 SHORTEST = 256
 """Segment of a short record below which there is no spectrum [samples]."""
 LEAST_PEAK = 10.0
@@ -62,7 +64,11 @@ class Level:
             if power[i - 1] < power[i] >= power[i + 1] and power[i] > LEAST_PEAK * np.median(power[i // 2 : 2 * i + 1])
         ]  # fmt: skip
         tops.sort(key=lambda i: -power[i])
-        return [{"frequency_hz": float(frequency[i]), "density_si2_hz": float(power[i])} for i in tops[:most]]
+        apart: list[int] = []
+        for i in tops:
+            if all(abs(i - j) > NEAR * j for j in apart):
+                apart.append(i)
+        return [{"frequency_hz": float(frequency[i]), "density_si2_hz": float(power[i])} for i in apart[:most]]
 
     def as_dict(self) -> dict[str, Any]:
         """The level as it is printed, its definitions with it."""
@@ -129,13 +135,14 @@ def of_runs(
 
 
 def _of(some: "Sequence[tuple[Column, Floats]]", rate: float, band: "Band | None", segment: int) -> Iterator[Level]:
-    values = np.stack([v for _, v in some])
-    means = values.mean(axis=1)
-    shaped = values - means[:, None]
+    means = [float(v.mean()) for _, v in some]
+    shaped = np.empty((len(some), len(some[0][1])))
+    for (_, values), mean, shape in zip(some, means, shaped, strict=True):
+        np.subtract(values, mean, out=shape)
     if band:
         shaped = band.of(shaped, rate)
-    whole = _segment(len(values[0]), segment)
+    whole = _segment(shaped.shape[1], segment)
     for (column, recorded), mean, shape in zip(some, means, shaped, strict=True):
         spectrum = welch([recorded], rate, whole) if whole else None
         metrics: dict[str, float] = {name: measure(shape) for name, (_, measure) in METRICS.items()}
-        yield Level(column, rate, float(mean), band, metrics, spectrum)
+        yield Level(column, rate, mean, band, metrics, spectrum)

@@ -110,7 +110,7 @@ def base_response(run: "Run", rig: "Rig", wrench: "MeasuredWrench", highest_hz: 
             })  # fmt: skip
     return {
         "rows": rows,
-        "definition": "acceleration of the base per shaking force along the same axis (H1), where the coherence is above "
+        "definition": "acceleration of the base per shaking force along the same axis (H1), where coherence is over "
         f"what 95 of 100 records of noise show; segments of {RESPONSE_SEGMENT_S:g} s smear narrower resonances",
     }
 

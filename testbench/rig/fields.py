@@ -1,7 +1,7 @@
 """Fields of rigs and plans: text with a unit, read into SI. In an acceleration, ``g`` means g0 and not gram."""
 
 import re
-from functools import partial
+from functools import lru_cache, partial
 from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict
@@ -40,6 +40,7 @@ def _g_as_g0(text: str) -> str:
     return f"{match[1]} g0" if match else text
 
 
+@lru_cache(maxsize=1024)
 def unit_factor(unit: str, *dimensions: str) -> float:
     """SI units in one ``unit`` of any of ``dimensions``. Raises UnitError if it is a unit of none."""
     if "acceleration" in dimensions and unit.strip() in {"g", "G"}:

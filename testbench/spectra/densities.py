@@ -5,7 +5,6 @@ Segments that overlap by half, each less its own mean, a Hann window: to roundin
 transformed and added up before the next one is touched, and each thread works at blocks of its own.
 """
 
-import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -23,8 +22,10 @@ SEGMENT = 4096
 """Samples of a segment where none is asked for."""
 BLOCK = 1 << 15
 """Samples that are transformed at once: with their spectrum half a megabyte."""
-WORTH = 1 << 20
-"""Samples from which on a second thread pays."""
+WORTH = 1 << 17
+"""Samples of all segments from which on compiled loops pay for their import."""
+WORTH_A_THREAD = 1 << 20
+"""The same of a second thread."""
 Matrix = NDArray[np.complex128]
 
 
@@ -65,61 +66,74 @@ def welch(channels: Sequence[Floats], rate_hz: float, segment: int = SEGMENT) ->
             "segment or more"
         )
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(segment) / segment)
-    views = [sliding_window_view(np.asarray(v, dtype=np.float64), segment)[:: segment // 2] for v in channels]
-    total = _summed(views, window)
-    count = len(views[0])
+    values = [np.ascontiguousarray(v, dtype=np.float64) for v in channels]
+    count = (lengths[0] - segment) // (segment // 2) + 1
+    total = _summed(values, window, count)
     scale = np.full(segment // 2 + 1, 2.0 / (rate_hz * float(window @ window) * count))
     scale[[0, -1]] /= 2.0
     return Spectra(np.fft.rfftfreq(segment, 1.0 / rate_hz), total * scale, count)
 
 
-def _summed(views: Sequence[Floats], window: Floats) -> Matrix:
-    """Sum over all segments of conj(X_i) X_j, (k, k, m)."""
-    count, step = len(views[0]), max(1, BLOCK // len(window))
-    parts = [slice(i, min(i + step, count)) for i in range(0, count, step)]
-    workers = min(2, os.cpu_count() or 1) if count * len(window) * len(views) >= WORTH else 1
-    shares = [parts[i::workers] for i in range(workers)]
-    if workers == 1:
-        return _Share(views, window, step).over(parts)
-    with ThreadPoolExecutor(workers) as pool:
-        return np.sum(list(pool.map(lambda share: _Share(views, window, step).over(share), shares)), axis=0)
+def _summed(channels: Sequence[Floats], window: Floats, count: int) -> Matrix:
+    """Sum over ``count`` segments of conj(X_i) X_j, (k, k, m)."""
+    step = max(1, BLOCK // len(window))
+    parts = [range(i, min(i + step, count)) for i in range(0, count, step)]
+    size = count * len(window) * len(channels)
+    if size < WORTH_A_THREAD:
+        return _Share(channels, window, step, size >= WORTH).over(parts)
+    with ThreadPoolExecutor(2) as pool:
+        shares = [pool.submit(_Share(channels, window, step, True).over, parts[i::2]) for i in range(2)]
+        return np.asarray(shares[0].result() + shares[1].result())
 
 
 class _Share:
     """What one thread adds up, in buffers of its own."""
 
-    def __init__(self, views: Sequence[Floats], window: Floats, step: int) -> None:
-        self.views, self.window = views, window
+    def __init__(self, channels: Sequence[Floats], window: Floats, step: int, compiled: bool) -> None:
+        self.channels, self.window, self.compiled = channels, window, compiled
         self.blocks = np.empty((step, len(window)))
-        self.power = np.zeros((len(views), len(window) + 2))
+        self.power = np.zeros((len(channels), len(window) // 2 + 1))
         self.cross = {
-            (i, j): np.zeros(len(window) // 2 + 1, np.complex128) for i in range(len(views)) for j in range(i)
+            (i, j): np.zeros(len(window) // 2 + 1, np.complex128) for i in range(len(channels)) for j in range(i)
         }
 
-    def over(self, parts: Sequence[slice]) -> Matrix:
+    def over(self, parts: Sequence[range]) -> Matrix:
         """The sums over blocks of segments."""
         for part in parts:
-            spectra = [self._transformed(view[part]) for view in self.views]
+            spectra = [self._transformed(values, part) for values in self.channels]
             for i, spectrum in enumerate(spectra):
-                pairs = spectrum.view(np.float64)
-                self.power[i] += np.einsum("ij,ij->j", pairs, pairs)
+                self._add(spectrum, self.power[i])
                 for j in range(i):
                     self.cross[i, j] += np.einsum("ij,ij->j", spectrum.conj(), spectra[j])
         return self._matrix()
 
-    def _transformed(self, segments: Floats) -> NDArray[Any]:
+    def _transformed(self, values: Floats, part: range) -> NDArray[Any]:
         from scipy.fft import rfft
 
-        block = self.blocks[: len(segments)]
-        np.subtract(segments, segments.mean(axis=1, keepdims=True), out=block)
-        block *= self.window
+        block, half = self.blocks[: len(part)], len(self.window) // 2
+        if self.compiled:
+            from .compiled import windowed
+
+            windowed(values, part.start * half, self.window, block)
+        else:
+            segments = sliding_window_view(values[part.start * half :], 2 * half)[::half][: len(part)]
+            np.subtract(segments, segments.mean(axis=1, keepdims=True), out=block)
+            block *= self.window
         return np.asarray(rfft(block, axis=1))
 
+    def _add(self, spectrum: NDArray[Any], power: Floats) -> None:
+        if self.compiled:
+            from .compiled import add_power
+
+            add_power(spectrum, power)
+        else:
+            power += (spectrum.real**2 + spectrum.imag**2).sum(axis=0)
+
     def _matrix(self) -> Matrix:
-        k, m = len(self.views), len(self.window) // 2 + 1
+        k, m = len(self.channels), len(self.window) // 2 + 1
         found = np.zeros((k, k, m), np.complex128)
         for i in range(k):
-            found[i, i] = self.power[i, 0::2] + self.power[i, 1::2]
+            found[i, i] = self.power[i]
         for (i, j), values in self.cross.items():
             found[i, j], found[j, i] = values, values.conj()
         return found

@@ -4,6 +4,7 @@ What ``scipy.signal.sosfiltfilt`` gives with even extension, to rounding. A recu
 every sample; four channels side by side wait together, and two threads take four channels each.
 """
 
+import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -14,6 +15,9 @@ LANES = 4
 """Channels side by side."""
 WORTH = 1 << 18
 """Samples from which on the compiled form pays for its import."""
+_MOST_KEPT = 1 << 19
+"""Samples of a channel up to which a thread keeps its room, 16 MB."""
+_KEPT = threading.local()
 WORTH_A_THREAD = 1 << 22
 """Samples from which on a second thread pays."""
 
@@ -44,13 +48,23 @@ def zero_phase(sections: Floats, channels: Floats, padding: int) -> Floats:
 
 
 def _both_ways(sections: Floats, settled: Floats, channels: Floats, padding: int, out: Floats) -> None:
-    from .recursion import run
+    from .compiled import recursion
 
     count, length = channels.shape
-    wide = np.zeros((length + 2 * padding, LANES))
+    wide = _wide(length + 2 * padding)
+    wide[:, count:] = 0.0
     wide[padding : padding + length, :count] = channels.T
     wide[:padding] = wide[padding + 1 : 2 * padding + 1][::-1]
     wide[padding + length :] = wide[length - 1 : padding + length - 1][::-1]
     for backwards in (False, True):
-        run(sections, settled[:, :, None] * wide[-1 if backwards else 0], wide, backwards)
+        recursion(sections, settled[:, :, None] * wide[-1 if backwards else 0], wide, backwards)
     out[...] = wide[padding : padding + length, :count].T
+
+
+def _wide(length: int) -> Floats:
+    """Room for four channels side by side: fresh pages cost as much as the filter, so a thread keeps its last one."""
+    kept: Floats | None = getattr(_KEPT, "wide", None)
+    if kept is None or len(kept) < length:
+        kept = np.empty((length, LANES))
+        _KEPT.wide = kept if length <= _MOST_KEPT else None
+    return kept[:length]

@@ -17,9 +17,11 @@ def noise():
     return [common + 40.0, 0.5 * np.roll(common, 3) + own - 7.0]
 
 
+@pytest.mark.parametrize("worth", [1, 1 << 40])
 @pytest.mark.parametrize("segment", [64, 500, 4096])
-def test_same_as_scipy(noise, segment):
-    """Power and cross densities are scipy's to 1e-12 of the value or of the two powers, also where a tail is left."""
+def test_same_as_scipy(noise, segment, worth, monkeypatch):
+    """Compiled or not, densities are scipy's to 1e-12 of the value or of the two powers, also where a tail is left."""
+    monkeypatch.setattr("testbench.spectra.densities.WORTH", worth)
     found = welch(noise, RATE, segment)
     for channel, values in enumerate(noise):
         frequency, power = signal.welch(values, RATE, nperseg=segment)
@@ -34,7 +36,7 @@ def test_same_as_scipy(noise, segment):
 def test_two_threads_add_up_to_one(noise, monkeypatch):
     """Shared among threads, the sums are the same to rounding."""
     alone = welch(noise, RATE, 512)
-    monkeypatch.setattr("testbench.spectra.densities.WORTH", 1)
+    monkeypatch.setattr("testbench.spectra.densities.WORTH_A_THREAD", 1)
     shared = welch(noise, RATE, 512)
     assert np.abs(shared.density / alone.density - 1.0).max() < 1e-12
 

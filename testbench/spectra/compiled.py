@@ -1,4 +1,7 @@
-"""The recursion of second-order sections on four channels side by side, compiled. Only this module imports numba."""
+"""Loops over samples, compiled: filters of four channels side by side, segments of a spectrum, their power.
+
+Only this module imports numba, and it is imported only where there is enough to do.
+"""
 
 from typing import Any
 
@@ -10,7 +13,7 @@ _BLOCK = 2048
 
 
 @njit("void(f8[:,::1], f8[:,:,::1], f8[:,::1], b1)", cache=True, nogil=True, fastmath={"contract"})  # type: ignore[untyped-decorator]
-def run(sections: NDArray[Any], state: NDArray[Any], x: NDArray[Any], backwards: bool) -> None:
+def recursion(sections: NDArray[Any], state: NDArray[Any], x: NDArray[Any], backwards: bool) -> None:
     """In place, direct form II transposed, (n, 4): y = b0 x + p, p = b1 x - a1 y + q, q = b2 x - a2 y.
 
     ``sections`` (s, 6), ``state`` p and q of each section and channel, (s, 2, 4).
@@ -33,3 +36,25 @@ def run(sections: NDArray[Any], state: NDArray[Any], x: NDArray[Any], backwards:
                 x[i, 0], x[i, 1], x[i, 2], x[i, 3] = y0, y1, y2, y3
             state[s, 0, 0], state[s, 0, 1], state[s, 0, 2], state[s, 0, 3] = p0, p1, p2, p3
             state[s, 1, 0], state[s, 1, 1], state[s, 1, 2], state[s, 1, 3] = q0, q1, q2, q3
+
+
+@njit("void(f8[::1], i8, f8[::1], f8[:,::1])", cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})  # type: ignore[untyped-decorator]
+def windowed(values: NDArray[Any], first: int, window: NDArray[Any], block: NDArray[Any]) -> None:
+    """Fill ``block`` (k, n) with segments from sample ``first`` on, overlapping by half, less their means, windowed."""
+    length = len(window)
+    for row in range(len(block)):
+        segment = values[first + row * (length // 2) : first + row * (length // 2) + length]
+        total = 0.0
+        for i in range(length):
+            total += segment[i]
+        mean = total / length
+        for i in range(length):
+            block[row, i] = (segment[i] - mean) * window[i]
+
+
+@njit("void(c16[:,::1], f8[::1])", cache=True, nogil=True, fastmath={"contract"})  # type: ignore[untyped-decorator]
+def add_power(spectra: NDArray[Any], power: NDArray[Any]) -> None:
+    """Add |X|^2 of every row of ``spectra`` (k, m) to ``power`` (m,)."""
+    for row in range(len(spectra)):
+        for i in range(len(power)):
+            power[i] += spectra[row, i].real ** 2 + spectra[row, i].imag ** 2
