@@ -13,7 +13,7 @@ import numpy as np
 from ..arrays import Floats
 from ..closure import Closure, Trajectory
 from ..dynamics import Response, simulate
-from ..errors import ModelError
+from ..errors import ClosureError, ModelError
 from ..mechanism import Mechanism
 from ..motion import Samples
 from .coupling import Couplings
@@ -113,13 +113,23 @@ def verify(
     models = {stage: Mechanism.from_text(mjcf(result, stage), linkage.name) for stage in stages}
     closure = Closure(models["before"])
     start = float(closure.home[models["before"].coordinate_index(linkage.drive)])
-    paths = [closure.follow(samples(linkage, speed, share, start, count)) for share in (0.0, variation)]
+    paths = [_followed(closure, linkage, samples(linkage, speed, share, start, count)) for share in (0.0, variation)]
     found = [_responses(result, models, path) for path in paths]
     largest = [_largest(response) for responses in found for response in responses.values()]
     noise = {name: ROUNDING * max(each[name] for each in largest) for name in largest[0]}
     constant, varying = (Run(p, linkage.drive, r, noise) for p, r in zip(paths, found, strict=True))
     mass = {stage: moving_mass(result, stage) for stage in stages}
     return Verification(constant, varying, mass, speed, variation, linkage.swing is not None)
+
+
+def _followed(closure: Closure, linkage: Linkage, motion: Samples) -> Trajectory:
+    """The trajectory; where the driven joint cannot make its motion, what the description may say is added."""
+    try:
+        return closure.follow(motion)
+    except ClosureError as error:
+        turns = "a joint that makes no full turns needs swing = ['20 deg', '80 deg']"
+        hint = turns if linkage.swing is None else "give it a narrower swing"
+        raise ClosureError(f"{error} ({linkage.drive} in rad); {hint}") from error
 
 
 def samples(linkage: Linkage, speed: float, variation: float, start: float, count: int) -> Samples:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from balance.closure import Closure
-from balance.errors import ModelError
+from balance.errors import ClosureError, ModelError
 from balance.linkages.coupling import Couplings
 from balance.linkages.description import Linkage
 from balance.linkages.method import balance
@@ -99,6 +99,17 @@ def test_varying_speed_is_the_rate_of_its_position():
         for values, rates in ((motion.position, motion.velocity), (motion.velocity, motion.acceleration)):
             numeric = (values[2:, 0] - values[:-2, 0]) / (2 * step)
             assert np.allclose(numeric, rates[1:-1, 0], atol=2e-5 * np.abs(rates).max())
+
+
+def test_a_joint_that_makes_no_full_turn_is_told_to_swing(crank_rocker_keys):
+    """A rocker driven round is refused with what to write; within its swing it is balanced."""
+    keys = crank_rocker_keys | {"drive": "B0", "swing": ["75 deg", "140 deg"]}
+    with pytest.raises(ClosureError, match=r"\(B0 in rad\); a joint that makes no full turns needs swing"):
+        verify(balance(from_table({k: v for k, v in keys.items() if k != "swing"}, "x")), count=60)
+    with pytest.raises(ClosureError, match="give it a narrower swing"):
+        verify(balance(from_table(keys, "x")), count=60)
+    keys["swing"] = ["100 deg", "115 deg"]
+    assert max(verify(balance(from_table(keys, "x")), count=60).varying.residual("complete").values()) < 1e-10
 
 
 def test_a_linkage_without_ground_pivots_is_not_simulated():
