@@ -1,6 +1,7 @@
-"""Sides of a comparison in turn, each in a process of its own: wall time and peak memory."""
+"""Sides of a comparison in turn, each in a process of its own: wall time, processor time and peak memory."""
 
 import importlib
+import os
 import resource
 import statistics
 import subprocess
@@ -19,29 +20,33 @@ FAILED = 2
 
 @dataclass(frozen=True)
 class Taken:
-    """What one side took: median wall time [s] and largest peak of memory [MB] of its rounds."""
+    """What one side took: medians of wall time [s] and processor time [s], and largest peak of memory [MB]."""
 
     seconds: float
+    processor_s: float
     peak_mb: float
 
     def line(self, name: str) -> str:
         """The numbers as they are printed."""
-        return f"  {name:34} {self.seconds:7.2f} s   peak {self.peak_mb:6.0f} MB"
+        used = f"{self.processor_s:6.2f} s of processor"
+        return f"  {name:40} {self.seconds:7.2f} s   {used}   peak {self.peak_mb:6.0f} MB"
 
 
 def compare(module: str, log: Path, rounds: int, same: Callable[[Path, Path], bool]) -> dict[str, Taken]:
-    """The ``SIDES`` of ``module``, ours and a peer, in turn; what both stored in the first round must be the same."""
+    """The ``SIDES`` of ``module``, ours and peers, in turn; what all stored in the first round must be the same."""
     sides = list(importlib.import_module(module).SIDES)
-    results: dict[str, list[tuple[float, float]]] = {side: [] for side in sides}
+    results: dict[str, list[tuple[float, float, float]]] = {side: [] for side in sides}
     for number in range(rounds):
         folders = [log.with_name(f"{side}{number}") for side in sides]
         for side, folder in zip(sides, folders, strict=True):
             results[side].append(_measured(module, side, log, folder))
-        if number == 0 and not same(*folders):
-            _fail("the two sides did not store the same numbers")
+        if number == 0 and not all(same(folders[0], other) for other in folders[1:]):
+            _fail("the sides did not store the same numbers")
         for file in (file for folder in folders for file in folder.iterdir()):
             file.unlink()
-    return {side: Taken(statistics.median(s for s, _ in r), max(m for _, m in r)) for side, r in results.items()}
+    taken = {side: tuple(zip(*rounds_of, strict=True)) for side, rounds_of in results.items()}
+    median = statistics.median
+    return {side: Taken(median(wall), median(used), max(peak)) for side, (wall, used, peak) in taken.items()}
 
 
 def ingest(log: Path, folder: Path) -> None:
@@ -55,15 +60,26 @@ def ingest(log: Path, folder: Path) -> None:
         raise SystemExit(outcome.message)
 
 
-def _measured(module: str, side: str, log: Path, folder: Path) -> tuple[float, float]:
-    """Wall time [s], start included, and peak memory [MB] of one side."""
+def _measured(module: str, side: str, log: Path, folder: Path) -> tuple[float, float, float]:
+    """Wall time [s], start included, processor time [s] and peak memory [MB] of one side.
+
+    Python may keep the bytecode of the checkout, as it has that of installed packages.
+    """
     code = f"import sys; from benchmarks.apart import child; child({module!r}, {side!r}, sys.argv[1], sys.argv[2])"
-    begin = time.perf_counter()
-    done = subprocess.run([sys.executable, "-c", code, str(log), str(folder)], capture_output=True, text=True)
-    seconds = time.perf_counter() - begin
+    command = [sys.executable, "-c", code, str(log), str(folder)]
+    kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    begin, used = time.perf_counter(), _used()
+    done = subprocess.run(command, capture_output=True, text=True, env=kept)
+    seconds, processor_s = time.perf_counter() - begin, _used() - used
     if done.returncode:
         _fail(f"{side}: {done.stderr}")
-    return seconds, float(done.stdout.splitlines()[-1])
+    return seconds, processor_s, float(done.stdout.splitlines()[-1])
+
+
+def _used() -> float:
+    """Processor time of the processes that have ended [s]."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
 
 
 def _fail(message: str) -> None:
