@@ -136,7 +136,7 @@ def of_runs(
 
 def _of(some: "Sequence[tuple[Column, Floats]]", rate: float, band: "Band | None", segment: int) -> Iterator[Level]:
     means = [float(v.mean()) for _, v in some]
-    shaped = np.empty((len(some), len(some[0][1])))
+    shaped: Floats = np.empty((len(some), len(some[0][1])))
     for (_, values), mean, shape in zip(some, means, shaped, strict=True):
         np.subtract(values, mean, out=shape)
     if band:

@@ -20,7 +20,7 @@ from balance.mechanism import Mechanism
 from .channels import in_si, instants
 from .derivatives import grid_of, on_grid
 from .errors import AnalysisError
-from .joint_motion import encoders, followed
+from .joint_motion import followed, group_of_encoders
 from .rig.sensors import Accelerometer, Target
 from .signals import Band
 
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 Source = Literal["command", "encoders", "acceleration"]
 BANDWIDTH_HZ = 80.0
 """Of what motions are found in [Hz]."""
+LARGEST_SHARE = 0.3
+"""Of the encoders' rate, where that is less."""
 REST_S = 0.03
 """Shortest rest between two legs [s]."""
 STILL = {"command": 1e-3, "encoders": 0.02, "acceleration": 0.15}
@@ -224,12 +226,13 @@ def _commanded(run: "Run", rig: "Rig") -> tuple[str, list[Leg]]:
 
 
 def _encoded(run: "Run", rig: "Rig", mechanism: Mechanism) -> tuple[str, list[Leg]]:
-    grid, path = followed(run, rig, mechanism, BANDWIDTH_HZ)
+    group = group_of_encoders(run, rig)
+    rate = run.group(group).rate_hz
+    grid, path = followed(run, rig, mechanism, min(BANDWIDTH_HZ, LARGEST_SHARE * rate if rate else BANDWIDTH_HZ))
     body, position = _driven(rig, mechanism)
     at = kinematics.pose(mechanism.tree, np.ascontiguousarray(path.q.T))
     place = dense(at.point(mechanism.tree.bodies[mechanism.body_index(body)], position), at.count).T
     speed = np.linalg.norm(np.gradient(place, grid.step, axis=0), axis=1)
-    group = run.find(encoders(rig)[0].channel)[0].name
     return group, legs_of_path(grid.time, place, speed, STILL["encoders"])
 
 

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from balance import datasets
 from balance.mechanism import Mechanism
+from testbench import rig as rigs
 from testbench.motions import Leg, found, legs_of_acceleration, named
 
 from . import memory
@@ -69,6 +71,14 @@ def test_nothing_moves():
     """A record at rest holds no motion."""
     time = np.arange(1000) / 1000.0
     assert named(legs_of_acceleration(time, np.zeros((1000, 3)), 0.01), "command", "c") == []
+
+
+def test_slow_encoders_tell_the_motion():
+    """At 200 samples a second the band is narrower, and the motion is still named."""
+    text = datasets.find("parallelogram-6bar", "rigs", ".toml").read_text("utf-8")
+    scene = memory.scene("x", rig=rigs.from_text(text.replace('rate = "1 kHz"', 'rate = "200 Hz"')))
+    by, _ = found(scene.run(0), scene.rig, lambda: MECHANISM)
+    assert [m.name for m in by["encoders"]] == ["x"]
 
 
 def test_what_a_source_lacks_is_said():
