@@ -26,8 +26,9 @@ from .sources import Source
 RESOLUTION = 0.25
 """Half of an interval, as a part of the first moment that the site lacks without counter-masses, from which a record
 cannot tell what is missing."""
-DOUBTFUL_SHARE = 0.3
-"""Of the measured force or torque that stays unexplained, from which a result is doubtful."""
+DOUBTFUL_SHARE = 0.15
+"""Of what was measured that stays unexplained, from which a result is doubtful: noise leaves half of that where
+sensors are as their data sheets say, and what is systematic is not in the intervals."""
 _MEASURED: dict[Source, str] = {
     "wrench": "force", "torque": "torque", "vibration": "vibration", "trials": "vibration",
 }  # fmt: skip
@@ -179,7 +180,10 @@ class Trim:
         found = list(self.doubts_before)
         for share in self.shares:
             if share.doubtful:
-                found.append(f"{share.unexplained:.0%} of the measured {_MEASURED[share.source]} stays unexplained")
+                found.append(
+                    f"{share.unexplained:.0%} of the measured {_MEASURED[share.source]} stays unexplained: more than "
+                    "noise leaves; what is systematic (sensors, levers, the model) may exceed the intervals"
+                )
         return found + [finding.message for finding in self.findings]
 
     @property
