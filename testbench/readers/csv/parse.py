@@ -15,7 +15,7 @@ from .quotes import unquoted
 if TYPE_CHECKING:
     import polars
 
-_ONE_COLUMN = "\x1f"  # a separator that no log holds, so that a mark in the number is never taken for one
+_NEVER_WRITTEN = "\x1f"  # a separator that no log holds, so that a mark in a number or text is never taken for one
 _NO_NUMBER = b"\x1a"
 
 
@@ -34,9 +34,9 @@ class Form:
     @property
     def separator(self) -> str:
         """The one byte between cells of plain text."""
-        if self.dialect.delimiter == "," and self.dialect.quoted:
-            return ";"  # so that a comma inside quotes is never taken for one between cells
-        return self.dialect.delimiter or _ONE_COLUMN
+        if self.dialect.quoted and self.dialect.delimiter != " ":
+            return _NEVER_WRITTEN  # so that no mark inside quotes is taken for one between cells
+        return self.dialect.delimiter or _NEVER_WRITTEN
 
     def plain(self, text: bytes) -> bytes:
         """The same rows without quotes round numbers and blanks that only fill up, all numbers spelled as such."""

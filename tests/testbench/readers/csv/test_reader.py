@@ -332,3 +332,13 @@ def test_long_lines_take_no_time(tmp_path, name, place):
     with contextlib.suppress(RecordingError):
         reading.read(path)
     assert time.process_time() - began < 10.0
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t", "|"])
+@pytest.mark.parametrize("mark", [";", ",", "\t", "|", " "])
+def test_marks_inside_quoted_texts_part_no_cells(log, delimiter, mark):
+    """A note with a mark in it is one cell, and its row a row."""
+    rows = "".join(delimiter.join((f"{i / 100:.2f}", f'"{i}.5"', f'"hot{mark} {i}"')) + "\n" for i in range(300))
+    found = log(delimiter.join(("Time (s)", "F (N)", "note")) + f"\n{rows}")
+    assert found.column("F (N)").tolist() == [i + 0.5 for i in range(300)]
+    assert {f.code for f in found.findings if f.severity > 0} == {"text_channel"}
