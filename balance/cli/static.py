@@ -108,6 +108,20 @@ def _print(result: dict[str, Any]) -> None:
         ["condition", "now [kg m]"],
         [[row["text"], f"{row['value_kgm']:.5g}"] for row in result["conditions"]],
     )
+    _energies(result)
+    emit_table(
+        "Springs of zero free length; places in the bodies' frames [m]",
+        ["from", "to", "stiffness [N/m]", "length [m]", "largest force [N]"],
+        [
+            [s["first"], s["second"], f"{s['stiffness_N_per_m']:.2f}", f"{s['shortest_m']:.3f} to {s['longest_m']:.3f}",
+             f"{s['force_peak_N']:.1f}"]
+            for s in result["springs"]["springs"]
+        ],
+    )  # fmt: skip
+
+
+def _energies(result: dict[str, Any]) -> None:
+    """Swings as it is, with counter-masses and with springs, and what either leaves."""
     counter = result["counter_masses"]
     rows = [_row("as it is", result["as_it_is"], 0.0), _row("springs", result["springs"], 0.0)]
     if counter:
@@ -121,15 +135,6 @@ def _print(result: dict[str, Any]) -> None:
         if (share := _share(result, way)) > _LEFT:
             what = way.replace("_", "-").capitalize()
             click.echo(f"{what} leave {100 * share:.3g} % of the swing: the potential energy is not constant.")
-    emit_table(
-        "Springs of zero free length; places in the bodies' frames [m]",
-        ["from", "to", "stiffness [N/m]", "length [m]", "largest force [N]"],
-        [
-            [s["first"], s["second"], f"{s['stiffness_N_per_m']:.2f}", f"{s['shortest_m']:.3f} to {s['longest_m']:.3f}",
-             f"{s['force_peak_N']:.1f}"]
-            for s in result["springs"]["springs"]
-        ],
-    )  # fmt: skip
 
 
 def _row(name: str, values: dict[str, Any], mass: float) -> list[str]:

@@ -30,38 +30,52 @@ def assemble(linkage: Linkage, values: Mapping[str, float]) -> Assembly:
     """
     from scipy.optimize import least_squares
 
-    names = list(linkage.bodies)
-    pins = {j.name: tuple(_pin(linkage, j, k, values) for k in (0, 1)) for j in linkage.joints.values()}
-    guess = _angles(linkage)
-    driven = _driven_body(linkage)
-
-    def state(x: Floats) -> Assembly:
-        parts = x.reshape(-1, 3)
-        origin = {GROUND: np.zeros(2)} | {name: part[:2] for name, part in zip(names, parts, strict=True)}
-        angle = {GROUND: 0.0} | {name: float(part[2]) for name, part in zip(names, parts, strict=True)}
-        return Assembly(origin, angle)
-
-    def gaps(x: Floats) -> Floats:
-        at = state(x)
-        rows = [row for joint in linkage.joints.values() for row in _gaps(joint, at, *pins[joint.name])]
-        return np.array([*rows, at.angle[driven] - guess[driven]])
-
-    x = np.array([[0.0, 0.0, guess[name]] for name in names]).ravel()
-    places = np.array([k for k in range(len(x)) if k % 3 != 2])
+    closing = _Closing(linkage, values)
+    guess = closing.guess()
+    places = np.array([k for k in range(len(guess)) if k % 3 != 2])
 
     def placed(p: Floats) -> Floats:
-        full = x.copy()
+        full = guess.copy()
         full[places] = p
-        return gaps(full)
+        return closing.gaps(full)
 
-    x[places] = least_squares(placed, x[places]).x
-    found = least_squares(gaps, x, xtol=1e-15, ftol=1e-15, gtol=1e-15)
-    size = max([1e-3, *(float(np.abs(p).max()) for pair in pins.values() for p in pair)])
-    if not np.abs(found.fun).max() < 1e-7 * size:
+    guess[places] = least_squares(placed, guess[places]).x
+    found = least_squares(closing.gaps, guess, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    if not np.abs(found.fun).max() < 1e-7 * closing.size():
         raise ClosureError(
             f"{linkage.name} cannot be closed near the angles under [start]: {np.abs(found.fun).max():.3g} m stays open"
         )
-    return state(found.x)
+    return closing.state(found.x)
+
+
+class _Closing:
+    """What all joints leave open, as a function of where the bodies are: x, y and angle of each in turn."""
+
+    def __init__(self, linkage: Linkage, values: Mapping[str, float]) -> None:
+        self.linkage = linkage
+        self.names = list(linkage.bodies)
+        self.pins = {j.name: tuple(_pin(linkage, j, k, values) for k in (0, 1)) for j in linkage.joints.values()}
+        self.angles, self.driven = _angles(linkage), _driven_body(linkage)
+
+    def guess(self) -> Floats:
+        """All bodies at the origin, as they are said to stand, (3 bodies,) [m, rad]."""
+        return np.array([[0.0, 0.0, self.angles[name]] for name in self.names]).ravel()
+
+    def state(self, x: Floats) -> Assembly:
+        """Where the bodies are."""
+        parts = dict(zip(self.names, x.reshape(-1, 3), strict=True))
+        origin = {GROUND: np.zeros(2)} | {name: part[:2] for name, part in parts.items()}
+        return Assembly(origin, {GROUND: 0.0} | {name: float(part[2]) for name, part in parts.items()})
+
+    def gaps(self, x: Floats) -> Floats:
+        """Of all joints [m, -], and how far the driven body is from where it is said to stand [rad]."""
+        at = self.state(x)
+        rows = [row for joint in self.linkage.joints.values() for row in _gaps(joint, at, *self.pins[joint.name])]
+        return np.array([*rows, at.angle[self.driven] - self.angles[self.driven]])
+
+    def size(self) -> float:
+        """Of the linkage [m]."""
+        return max([1e-3, *(float(np.abs(p).max()) for pair in self.pins.values() for p in pair)])
 
 
 def _angles(linkage: Linkage) -> dict[str, float]:
