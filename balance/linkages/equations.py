@@ -110,16 +110,27 @@ def _two_point(result: Balance, body: BodyMoment) -> list[Equation]:
     """m_B = S / L, m_A = m - m_B, and the inertia that the reshaped link must have."""
     assert result.moment is not None
     shaped = result.linkage.two_point[body.body]
-    first, second = shaped.joints
-    shares = result.force[body.body].shares
+    found, second = _shares(result.force[body.body], "m", shaped.joints), [f"m[{body.body} at {shaped.joints[1]}]"]
+    if body.extra.mass:
+        found += _shares(body.extra, "m_z", shaped.joints)
+        second.append(f"m_z[{body.body} at {shaped.joints[1]}]")
     link = f"I{shaped.reshaped}"
     others = " - ".join(term.text for term in body.terms if term.text != link)
-    b = f"m[{body.body} at {second}]"
-    total = " + ".join(result.force[body.body].symbols)
+    whole = second[0] if len(second) == 1 else f"({' + '.join(second)})"
+    return [*found, Equation(body.body, f"{link} = {whole} L^2 - {others}", result.moment.reshaped[shaped.reshaped])]
+
+
+def _shares(balance: ForceBalance, mass: str, joints: tuple[str, str]) -> list[Equation]:
+    """Two point masses of a body, from its links (m) or from gears (m_z)."""
+    first, second = (f"{mass}[{balance.body} at {joint}]" for joint in joints)
+    total = " + ".join(balance.symbols)
     return [
-        Equation(body.body, f"{b} = |sum(m r)| / L, L from {first} to {second}", shares[second]),
-        Equation(body.body, f"m[{body.body} at {first}] = {total} - {b}", shares[first]),
-        Equation(body.body, f"{link} = {b} L^2 - {others}", result.moment.reshaped[shaped.reshaped]),
+        Equation(
+            balance.body,
+            f"{second} = |sum({mass} r)| / L, L from {joints[0]} to {joints[1]}",
+            balance.shares[joints[1]],
+        ),
+        Equation(balance.body, f"{first} = {total} - {second}", balance.shares[joints[0]]),
     ]
 
 

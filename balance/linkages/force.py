@@ -34,14 +34,16 @@ def force_balance(linkage: Linkage, tree: Mapping[str, str], values: Mapping[str
     return done
 
 
-def received(linkage: Linkage, tree: Mapping[str, str], done: Mapping[str, ForceBalance], body: str) -> list[Load]:
-    """Point masses that a body receives from those that it carries."""
+def received(
+    linkage: Linkage, tree: Mapping[str, str], done: Mapping[str, ForceBalance], body: str, mass: str = "m"
+) -> list[Load]:
+    """Point masses that a body receives from those that it carries; ``mass`` begins the symbols of two-point ones."""
     origin = pin(linkage, tree[body], body)
     found = []
     for child, balance in done.items():
         for joint, parent in parents(linkage, tree, child):
             if parent == body and balance.shares[joint]:
-                symbols = balance.symbols if len(balance.shares) == 1 else (f"m[{child} at {joint}]",)
+                symbols = balance.symbols if len(balance.shares) == 1 else (f"{mass}[{child} at {joint}]",)
                 at = pin(linkage, joint, body).plus(origin, -1.0)
                 found.append(Load(symbols, balance.shares[joint], at, child))
     return found

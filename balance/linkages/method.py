@@ -48,6 +48,9 @@ class Balance:
             found |= {f"m[{name} at {joint}]": share for joint, share in self.force[name].shares.items()}
         if self.moment is None:
             return found
+        for name in self.linkage.two_point:
+            shares = self.moment.bodies[name].extra.shares
+            found |= {f"m_z[{name} at {joint}]": share for joint, share in shares.items() if share}
         found |= {f"I[{name}]": body.inertia for name, body in self.moment.bodies.items() if body.terms}
         found |= {f"I{link} reshaped": inertia for link, inertia in self.moment.reshaped.items()}
         for name, gear in self.moment.gears.items():

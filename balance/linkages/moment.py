@@ -146,7 +146,7 @@ class _Step:
     def _extra(self, body: str) -> ForceBalance:
         linkage, tree, values = self.linkage, self.tree, self.values
         extras = {name: done.extra for name, done in self.bodies.items()}
-        loads = [load for load in received(linkage, tree, extras, body) if load.mass]
+        loads = [load for load in received(linkage, tree, extras, body, "m_z") if load.mass]
         origin = pin(linkage, tree[body], body)
         for done in self.gears.values():
             if done.carrier == body:

@@ -1,5 +1,7 @@
 """Bodies shaped as two point masses."""
 
+import copy
+
 import pytest
 
 from balance.errors import ModelError, SizingError
@@ -55,6 +57,27 @@ def test_the_equations_of_a_two_point_body_and_of_a_counter_mass_at_a_radius(cra
     assert found["m3* = (m3 n[3]) / -n[m3*], n across the line A B"] == pytest.approx(1.15 * 12 / 50)
     mass = next(value for text, value in found.items() if text.startswith("m2* = |"))
     assert found["I2* = m2* (0.03 m)^2/12"] == pytest.approx(mass * 0.03**2 / 12)
+
+
+def test_a_gear_that_rides_on_a_two_point_body_is_in_its_equation(crank_rocker_keys):
+    """A link on the coupler, its gear's mass shared between the coupler's joints: the equation gives its value."""
+    keys = copy.deepcopy(crank_rocker_keys)
+    keys["two_point"] = {"3": {"joints": ["A", "B"], "reshaped": "3"}}
+    keys["links"]["3"] |= {"inertia": "1e-5 kg m^2", "counter_mass": {"at": ["0.15 m", "-70 mm"]}}
+    keys["links"]["5"] |= {"mass": "0.2 kg", "centre": ["0.05 m", "12 mm"]}
+    keys["joints"]["D"]["3"] = ["0.12 m", "30 mm"]
+    del keys["gears"]["z3"], keys["reduction"]["3"]
+    result = balance(from_table(keys, "x"))
+    assert max(verify(result, count=60).varying.residual("complete").values()) < 1e-10
+    known, texts = result.results(), [equation.text for equation in equations(result)]
+    (text,) = (text for text in texts if text.startswith("I3 = "))
+    assert text.startswith("I3 = (m[3 at B] + m_z[3 at B]) L^2 - ")
+    length = 0.3
+    others = result.moment.bodies["3"].inertia - result.values["I3"]
+    shares = known["m[3 at B]"] + known["m_z[3 at B]"]
+    assert known["I3 reshaped"] == pytest.approx(shares * length**2 - others)
+    (gears,) = (text for text in texts if text.startswith("m4z* = "))
+    assert gears.startswith("m4z* = |m_z[3 at B] r[3]|")
 
 
 def test_without_a_place_on_the_other_side_it_is_refused(crank_rocker_keys):
