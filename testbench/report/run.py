@@ -86,7 +86,7 @@ def report(
         _motions(run, found, reasons, findings),
         of_command,
         attempt(lambda: vibration.base_levels(run, rig, band)),
-        attempt(lambda: vibration.base_modes(run, rig, vibration.end_on_base_clock(run, rig, found, shown))),
+        attempt(lambda: vibration.base_modes(run, rig, vibration.motion_on_base_clock(run, rig, found, shown))),
         response,
         forces,
         attempt(lambda: loads.torque_part(run, rig, mechanism(), bandwidth_hz)),

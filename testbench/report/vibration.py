@@ -46,8 +46,9 @@ def base_levels(run: "Run", rig: "Rig", band: Band | None) -> Part:
     return {"axes": [level.as_dict() for level in found], "definitions": definitions(band)}
 
 
-def base_modes(run: "Run", rig: "Rig", end: float) -> Part:
-    """Modes from what rings after ``end``, on the clock of the accelerometers on the base [s]."""
+def base_modes(run: "Run", rig: "Rig", moved: tuple[float, float]) -> Part:
+    """Modes from what rings after the motion ``moved``, on the clock of the accelerometers on the base [s]."""
+    start, end = moved
     columns = base_columns(run, rig)
     group = run.find(columns[0].channel)[0].name
     columns = [c for c in columns if run.find(c.channel)[0].name == group]
@@ -55,7 +56,7 @@ def base_modes(run: "Run", rig: "Rig", end: float) -> Part:
     band = Band(0.0, min(HIGHEST_HZ, 0.2 * rate))
     values = np.column_stack([band.of(*in_si(run, c)) for c in columns])
     after = time > end + SETTLED_S
-    found = modes(values[after], rate, band.high_hz)
+    found = modes(values[after], rate, band.high_hz, ambient=values[time < start - SETTLED_S])
     return {
         "modes": [_in_si(mode.as_dict()) for mode in found],
         "channels": [c.channel for c in columns],
@@ -63,7 +64,8 @@ def base_modes(run: "Run", rig: "Rig", end: float) -> Part:
         "to_s": float(time[-1]),
         "group": group,
         "band_hz": [band.low_hz, band.high_hz],
-        "definition": "free decay after the motion as damped sines that all channels share, intervals of 95 %",
+        "definition": "free decay after the motion as damped sines that all channels share; intervals of 95 %, in them "
+        "what shakes the base before the motion",
     }
 
 
@@ -71,18 +73,22 @@ def _in_si(mode: Part) -> Part:
     return {"amplitudes_m_s2" if name == "amplitudes" else name: value for name, value in mode.items()}
 
 
-def end_on_base_clock(
+def motion_on_base_clock(
     run: "Run", rig: "Rig", found: "Mapping[Source, list[FoundMotion]]", shown: "CommandPerformance | None"
-) -> float:
-    """When the last motion ended, on the clock of the base's accelerometers [s]. Raises AnalysisError if unknown."""
+) -> tuple[float, float]:
+    """When the first motion began and the last ended, on the clock of the base's accelerometers [s].
+
+    Raises AnalysisError where no source of motions tells it on that clock.
+    """
     group = run.find(base_columns(run, rig)[0].channel)[0].name
     for motions in found.values():
         if motions and motions[-1].group == group and motions[-1].source != "acceleration":
-            return motions[-1].end
+            return motions[0].start, motions[-1].end
     if shown is not None and shown.group == group and found.get("command"):
-        return found["command"][-1].end - float(shown.time[0]) + shown.lag_s + shown.first
+        shift = shown.lag_s + shown.first - float(shown.time[0])
+        return found["command"][0].start + shift, found["command"][-1].end + shift
     if (felt := found.get("acceleration")) and felt[-1].group == group:
-        return felt[-1].end
+        return felt[0].start, felt[-1].end
     raise AnalysisError(
         f"{run.name}: no source of motions shares the clock of the base's accelerometers, {group}: nothing says when "
         "the base rings freely"

@@ -3,7 +3,9 @@
 y_c(t) = o_c + sum_k e^(-z_k w_k t) (a_ck cos(w_dk t) + b_ck sin(w_dk t)), w_dk = w_k sqrt(1 - z_k^2). Amplitudes and
 offsets are linear and solved for at every step (variable projection); modes are added one by one where what is left has
 most power, until another does not pay by the Bayesian information criterion. Intervals are of 95 %, from the curvature
-of the least squares, with the number of independent samples taken from what is left.
+of the least squares, with the number of independent samples taken from what is left. Where a record at rest is given,
+what shakes the base all the time (floor, machines), at a mode's own frequency most, widens that mode's intervals: the
+fit cannot tell it from the mode, so that it does not stand in what is left.
 """
 
 from collections.abc import Sequence
@@ -59,13 +61,15 @@ class Mode:
         }
 
 
-def modes(decay: Floats, rate_hz: float, highest_hz: float, most: int = MOST) -> list[Mode]:
-    """Modes of channels (n, k) that ring freely, below ``highest_hz``, rising in frequency.
+def modes(
+    decay: Floats, rate_hz: float, highest_hz: float, most: int = MOST, ambient: Floats | None = None
+) -> list[Mode]:
+    """Modes of channels (n, k) that ring freely, below ``highest_hz``, rising in frequency; ``ambient`` (m, k) at rest.
 
     Channels are to hold nothing above ``highest_hz``. Raises AnalysisError for a record too short, or without any mode.
     """
-    values = decay[:: max(1, int(rate_hz / (4.0 * highest_hz)))]
-    rate_hz /= max(1, int(rate_hz / (4.0 * highest_hz)))
+    stride = max(1, int(rate_hz / (4.0 * highest_hz)))
+    values, rate_hz = decay[::stride], rate_hz / stride
     if len(values) < LEAST_SAMPLES or not np.isfinite(values).all():
         raise AnalysisError(
             f"{len(values)} samples of free decay at {rate_hz:g} per second, or some that are no numbers: expected at "
@@ -74,7 +78,8 @@ def modes(decay: Floats, rate_hz: float, highest_hz: float, most: int = MOST) ->
     size = float(np.abs(values - values.mean(axis=0)).max())
     if not size > 0.0:
         raise AnalysisError("the channels do not change after the motion: nothing rings")
-    fit = _Fit(values / size, np.arange(len(values)) / rate_hz)
+    still = None if ambient is None else ambient[::stride] / size
+    fit = _Fit(values / size, np.arange(len(values)) / rate_hz, still)
     pairs: Floats = np.empty((0, 2))
     best = fit.criterion(pairs)
     for _ in range(most):
@@ -91,8 +96,8 @@ def modes(decay: Floats, rate_hz: float, highest_hz: float, most: int = MOST) ->
 class _Fit:
     """Least squares of damped sines; a mode is a pair of frequency [Hz] and damping ratio."""
 
-    def __init__(self, values: Floats, time: Floats) -> None:
-        self.values, self.time = values, time
+    def __init__(self, values: Floats, time: Floats, ambient: Floats | None) -> None:
+        self.values, self.time, self.ambient = values, time, ambient
 
     def basis(self, pairs: Floats) -> Floats:
         """Columns of the linear part, (n, 1 + 2 modes)."""
@@ -143,14 +148,32 @@ class _Fit:
         left = self.left(pairs)
         freedom = max(left.size - 2 * len(pairs) - (1 + 2 * len(pairs)) * left.shape[1], 1)
         slopes = self._slopes(pairs)
-        variance = float((left**2).sum()) / freedom * _correlated(left)
-        covariance = variance * np.linalg.pinv(slopes.T @ slopes)
-        half = student_t(min(freedom, 1000)) * np.sqrt(np.diag(covariance)).reshape(-1, 2)
+        variance = float((left**2).sum()) / freedom
+        unit = np.sqrt(np.diag(np.linalg.pinv(slopes.T @ slopes))).reshape(-1, 2)
         basis = self.basis(pairs)
         linear = np.linalg.lstsq(basis, self.values, rcond=1e-10)[0][1:].reshape(len(pairs), 2, -1)
         sizes = size * np.hypot(linear[:, 0], linear[:, 1])
+        noise = np.maximum(variance * _correlated(left), self._shaken(pairs, sizes))
+        half = student_t(min(freedom, 1000)) * np.sqrt(noise)[:, None] * unit
         shares = sizes.max(axis=1) / sizes.max()
         return [self._mode(*row) for row in zip(pairs, half, sizes, shares, strict=True)]
+
+    def _shaken(self, pairs: Floats, sizes: Floats) -> Floats:
+        """Variance of white noise of the density that the record at rest has at each mode, (modes,).
+
+        Channels count by how much the mode rings in them. A short record smears a resonance: its largest density within
+        two of its lines is taken.
+        """
+        if self.ambient is None or len(self.ambient) < LEAST_SAMPLES:
+            return np.zeros(len(pairs))
+        rate, count = 1.0 / float(self.time[1]), len(self.ambient)
+        window = np.hanning(count)[:, None]
+        lines = np.abs(np.fft.rfft((self.ambient - self.ambient.mean(axis=0)) * window, 4 * count, axis=0)) ** 2
+        density = lines / float((window**2).sum())
+        frequency = np.fft.rfftfreq(4 * count, 1.0 / rate)
+        near = [np.abs(frequency - f) <= 2.0 * rate / count for f in pairs[:, 0]]
+        top = np.array([density[n].max(axis=0) for n in near])
+        return np.asarray((top * sizes**2).sum(axis=1) / (sizes**2).sum(axis=1))
 
     def _slopes(self, pairs: Floats) -> Floats:
         def at(step: Floats) -> Floats:
