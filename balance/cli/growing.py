@@ -96,10 +96,11 @@ def _print(name: str, sets: list[dict[str, Any]], stock: str | None) -> None:
             for plate in worn.get(site, []):
                 new.remove(plate)
             worn[site] = list(counter["plates"])
-            rows.append([*row, " + ".join(new) or "-"])
+            rows.append([*row, " + ".join(new) or "-"] if stock else row)
             payload = ""
     title = f"Counter-masses for {name}" + (f" from {stock}" if stock else "") + ", sets that only grow"
-    emit_table(title, ["payload [kg]", "site", "mass [kg]", "added [kg]", "plates added"], rows)
+    header = ["payload [kg]", "site", "mass [kg]", "added [kg]"]
+    emit_table(title, [*header, "plates added"] if stock else header, rows)
     for found in sets:
         payload = ", ".join(f"{body} = {mass(value)} kg" for body, value in found["payload_kg"].items())
         left = first_moment(found["residual_first_moment_kgm"])

@@ -69,7 +69,8 @@ def gears(result: Balance) -> None:
 def equations(result: Balance) -> None:
     """The equations in symbols, with their values."""
     for equation in symbols.equations(result):
-        value = "" if equation.value is None else f"   = {equation.value:.5g}"
+        unit = "kg" if equation.text.startswith("m") else "kg m2"
+        value = "" if equation.value is None else f"   = {equation.value:.5g} {unit}"
         click.echo(f"  [{equation.body}]  {equation.text}{value}")
 
 

@@ -3,7 +3,7 @@
 from math import isfinite
 from typing import Any
 
-from .equations import equations
+from .equations import Equation, equations
 from .method import Balance
 from .printed import Comparison, Row
 from .verification import Run, Verification
@@ -23,10 +23,18 @@ def document(result: Balance, check: Verification | None, comparison: Comparison
         "gears": _gears(result),
         "inertias": _inertias(result),
         "reshaped_inertia_kgm2": dict(result.moment.reshaped) if result.moment else {},
-        "equations": [{"body": e.body, "equation": e.text, "value_si": e.value} for e in equations(result)],
+        "equations": [_equation(equation) for equation in equations(result)],
         "simulated": _verification(check) if check else None,
         "printed": _comparison(comparison) if comparison else None,
     }
+
+
+def _equation(equation: Equation) -> dict[str, Any]:
+    """Its text, and the value of its left-hand side: masses in kg, inertias in kg m2, none of a condition."""
+    found: dict[str, Any] = {"body": equation.body, "equation": equation.text}
+    if equation.value is not None:
+        found["value_kg" if equation.text.startswith("m") else "value_kgm2"] = equation.value
+    return found
 
 
 def _counter_masses(result: Balance) -> list[dict[str, Any]]:

@@ -47,6 +47,9 @@ def test_json_holds_what_the_tables_and_the_figure_show():
     assert simulated["origin"] == "simulated"
     assert simulated["varying_speed"]["share_of_before"]["complete"]["moment"] < 1e-10
     assert len(simulated["constant_speed"]["series"]["force"]["Mz_Nm"]) == len(simulated["constant_speed"]["time_s"])
+    values = {e["equation"].split(" = ")[0]: e for e in document["equations"]}
+    assert values["m3*"]["value_kg"] == pytest.approx(10.108, abs=1e-3)
+    assert values["I[2+7]"]["value_kgm2"] == pytest.approx(values["I_z1"]["value_kgm2"])
     differing = [row["symbol"] for row in document["printed"]["values"] if row["verdict"] == "differs"]
     assert differing == ["I_z1", "I_z3"]
 
