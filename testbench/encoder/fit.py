@@ -49,18 +49,36 @@ def _average_turn(edges: Edges, values: Floats, count: int) -> Floats:
     return mean
 
 
-def left_over_variance(edges: Edges, residual: Floats, sought: int) -> float:
-    """Variance to give each instant, so that errors that repeat every turn count once, not once a turn [s2]."""
+def by_place(edges: Edges, residual: Floats, sought: int, turns: int) -> tuple[float, float] | None:
+    """Standard deviation of what repeats every turn, and of what does not [s]; None where nothing can repeat."""
     whole = edges.disc.whole
-    plain = float((residual**2).sum() / max(len(residual) - sought - 1, 1))
-    if whole is None:
-        return plain
+    if whole is None or turns < 2:
+        return None
     slot = edges.pulse % whole
-    have = np.maximum(np.bincount(slot, minlength=whole), 1)
-    mean = np.bincount(slot, residual, whole) / have
-    used = int((np.bincount(slot, minlength=whole) > 0).sum())
-    repeated = float((mean**2).sum() / max(used - sought, 1)) * float(np.mean(have))
-    return max(plain, repeated)
+    have = np.bincount(slot, minlength=whole)
+    mean = np.bincount(slot, residual, whole) / np.maximum(have, 1)
+    used = int((have > 0).sum())
+    apart = float(((residual - mean[slot]) ** 2).sum() / max(len(slot) - used, 1))
+    return float(np.sqrt((mean**2).sum() / max(used - sought, 1))), float(np.sqrt(apart))
+
+
+def covariance(edges: Edges, rows: Floats, residual: Floats, places: tuple[float, float] | None) -> Floats:
+    """Of t0 and the coefficients, from jitter of each instant and from what repeats in each place of the turn [s2].
+
+    A place's error is one error for all turns: what the solution takes from its instants is summed before squaring.
+    """
+    inverse = np.linalg.inv(rows.T @ rows)
+    whole = edges.disc.whole
+    if places is None or whole is None:
+        found: Floats = float((residual**2).sum() / max(len(residual) - rows.shape[1], 1)) * inverse
+        return found
+    pattern, jitter = places
+    turns = len(residual) / whole
+    taken = inverse @ rows.T
+    summed = np.stack([np.bincount(edges.pulse % whole, row, whole) for row in taken])
+    repeated = max(0.0, pattern**2 - jitter**2 / turns)
+    both: Floats = jitter**2 * inverse + repeated * (summed @ summed.T)
+    return both
 
 
 def steady_turns(edges: Edges, within: float) -> tuple[int, int, int]:

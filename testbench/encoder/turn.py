@@ -14,6 +14,7 @@ from balance.arrays import Floats
 
 from ..errors import AnalysisError
 from . import fit
+from .changes import Changes, of_turns
 from .edges import Edges
 from .turncount import refuse_other_turn
 
@@ -21,6 +22,8 @@ STEADY = 1e-3
 """Share by which the duration of a turn may differ from the median of the later half."""
 MOST_HARMONICS = 40
 _GRID = 1440
+_DITHERED = 0.4
+"""Jitter, of the clock's step, above which the rounding of each edge is its own; rounding alone is 0.29."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +53,8 @@ class Turn:
     """P, then a_h, b_h for h = 1, 2, ..., (2 harmonics + 1,) [s]."""
     covariance: Floats
     """Of the coefficients, from what the harmonics leave over: jitter and pitch errors, [s2]."""
-    by_turn: Floats
-    """Coefficients of each turn apart, (turns, 2 harmonics + 1) [s]."""
+    places: tuple[float, float] | None
+    """Standard deviation of what repeats every turn, and of what does not [s]; None where nothing can repeat."""
     residual: Floats
     """What is left over of each instant, (n,) [s]."""
     finer: tuple["Turn", ...] = ()
@@ -107,9 +110,10 @@ class Turn:
     @property
     def mean(self) -> Estimate:
         """Mean speed over time, 2 pi / P [rad/s]."""
-        period, row = self.coefficients[0], np.eye(len(self.coefficients))[:1]
-        half = float(self._half_width(row)[0]) * 2.0 * np.pi / period**2
-        return _about(2.0 * np.pi / period, half)
+        period = self.coefficients[0]
+        variance = self.covariance[0, 0] + self._changes.wander / self.turns + self._rounding
+        half = 1.96 * float(np.sqrt(variance))
+        return _about(2.0 * np.pi / period, half * 2.0 * np.pi / period**2)
 
     def fluctuation(self, nominal: float | None = None) -> Estimate:
         """Coefficient of speed fluctuation, (n_max - n_min) / n, n the nominal or else the mean speed [rad/s]."""
@@ -122,25 +126,20 @@ class Turn:
         found = _about(float((fast - slow) / base), float(self._half_width(gradient[None])[0]))
         return self._widened(found, [t.fluctuation(nominal).value for t in self.finer])
 
-    @cached_property
-    def _by_place(self) -> tuple[float, float] | None:
-        """Standard deviation of what repeats every turn, and of what does not [s]; None where nothing can repeat."""
-        whole = self.edges.disc.whole
-        if whole is None or self.turns < 2:
-            return None
-        slot = self.edges.pulse % whole
-        have = np.bincount(slot, minlength=whole)
-        mean = np.bincount(slot, self.residual, whole) / np.maximum(have, 1)
-        spread = self.residual - mean[slot]
-        used = int((have > 0).sum())
-        apart = float((spread**2).sum() / max(len(slot) - used, 1))
-        sought = len(self.coefficients)
-        return float(np.sqrt((mean**2).sum() / max(used - sought, 1))), float(np.sqrt(apart))
-
     @property
     def jitter(self) -> float:
         """Standard deviation of a single instant, what repeats every turn left out [s]."""
-        return self._by_place[1] if self._by_place else float(np.std(self.residual))
+        return self.places[1] if self.places else float(np.std(self.residual))
+
+    @property
+    def _rounding(self) -> float:
+        """Variance of P by the clock's step, where jitter is too small to make rounding random [s2]."""
+        step = self.edges.clock_step or 0.0
+        return step**2 / 6.0 / self.turns**2 if self.jitter < _DITHERED * step else 0.0
+
+    @cached_property
+    def _changes(self) -> Changes:
+        return of_turns(self.edges, self.residual, self.harmonics, self.jitter)
 
     @property
     def repeated(self) -> float:
@@ -148,9 +147,9 @@ class Turn:
 
         Zero where jitter alone explains it. Slow errors of the disc, such as an eccentric one's, do not show here.
         """
-        if self._by_place is None:
+        if self.places is None:
             return 0.0
-        pattern, jitter = self._by_place
+        pattern, jitter = self.places
         expected = jitter / np.sqrt(self.turns)
         step = self.edges.clock_step or 0.0
         if pattern <= max(2.0 * expected, 0.6 * step):
@@ -170,15 +169,16 @@ class Turn:
     def _half_width(self, rows: Floats) -> Floats:
         """Half widths of 95 % intervals of ``rows @ coefficients``: by what is left over, or from turn to turn.
 
-        The wider of the two: pitch errors repeat and do not show from turn to turn, changes of load do.
+        Pitch errors repeat and do not show from turn to turn; where turns change by more than jitter, as with changes
+        of load, the wider of the two.
         """
         from scipy.stats import t
 
         spare = max(len(np.unique(np.round(self.edges.angle % (2 * np.pi), 9))) - len(self.coefficients) - 1, 1)
         left_over = t.ppf(0.975, spare) * np.sqrt(np.einsum("ki,ij,kj->k", rows, self.covariance, rows))
-        if self.turns < 3:
+        if not self._changes.is_told:
             return left_over
-        each = self.by_turn @ rows.T
+        each = self._changes.shape @ rows[:, 1:].T
         between = t.ppf(0.975, self.turns - 1) * each.std(axis=0, ddof=1) / np.sqrt(self.turns)
         return np.maximum(left_over, between)
 
@@ -203,12 +203,9 @@ def periodic_turn(edges: Edges, harmonics: int | None = None, steady_within: flo
 def _turn(used: Edges, harmonics: int, first: int, last: int, whole: int) -> Turn:
     solved, residual = fit.fit(used, harmonics)
     rows = fit.time_rows(used.angle, harmonics)
-    inverse = np.linalg.inv(rows.T @ rows)[1:, 1:]
-    number = np.floor(used.angle / (2.0 * np.pi) + 1e-9)
-    parts = [used.part(np.flatnonzero(number == k)) for k in range(first, last)]
-    by_turn = [fit.fit(part, harmonics)[0][1:] for part in parts if len(part.time) > 2 * harmonics + 4]
-    covariance = fit.left_over_variance(used, residual, 2 * harmonics + 1) * inverse
-    return Turn(used, last - first, whole - (last - first), solved[1:], covariance, np.array(by_turn), residual)
+    places = fit.by_place(used, residual, 2 * harmonics + 1, last - first)
+    covariance = fit.covariance(used, rows, residual, places)[1:, 1:]
+    return Turn(used, last - first, whole - (last - first), solved[1:], covariance, places, residual)
 
 
 def slope_rows(phi: Floats, harmonics: int) -> Floats:

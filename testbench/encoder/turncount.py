@@ -10,6 +10,8 @@ from .edges import Edges
 _LEAST = 8
 """Shortest repetition that is looked for, in edges."""
 _BESIDE = 3
+_STEPS = 3.0
+"""Steps of the clock, above which scatter is no rounding."""
 _CLEAR = 0.35
 """Scatter of the time for a number of edges, of that for a few more or less, below which the motion repeats."""
 
@@ -17,7 +19,7 @@ _CLEAR = 0.35
 def refuse_other_turn(edges: Edges) -> None:
     """Raise RecordingError where the motion in the later half plainly repeats, but not after the stated turn."""
     stated, lags, scatter = _scatter(edges)
-    for lag in _repetitions(lags, scatter):
+    for lag in _repetitions(edges, lags, scatter):
         if scatter[lag - lags[0]] < _CLEAR * scatter[stated - lags[0]]:
             raise RecordingError(
                 f"{edges.name}: the motion repeats every {lag} edges, not every {stated}: state the edges per turn of "
@@ -28,7 +30,7 @@ def refuse_other_turn(edges: Edges) -> None:
 def repeats_within(edges: Edges) -> int | None:
     """Edges after which the motion repeats already, where they are half or a third of the stated turn; else None."""
     stated, lags, scatter = _scatter(edges)
-    parts = [lag for lag in _repetitions(lags, scatter) if stated in (2 * lag, 3 * lag)]
+    parts = [lag for lag in _repetitions(edges, lags, scatter) if stated in (2 * lag, 3 * lag)]
     return min(parts, default=None)
 
 
@@ -43,11 +45,11 @@ def _scatter(edges: Edges) -> tuple[int, Indices, Floats]:
     return stated, lags, np.array([np.std(time[lag:] - time[:-lag]) for lag in lags]) + 1e-12
 
 
-def _repetitions(lags: Indices, scatter: Floats) -> list[int]:
-    """Numbers of edges after which the motion plainly repeats."""
-    found = []
+def _repetitions(edges: Edges, lags: Indices, scatter: Floats) -> list[int]:
+    """Numbers of edges after which the motion plainly repeats; scatter of a few clock steps is rounding that beats."""
+    found, least = [], _STEPS * (edges.clock_step or 0.0)
     for k in range(_BESIDE, len(lags) - _BESIDE):
         beside = np.r_[scatter[k - _BESIDE : k], scatter[k + 1 : k + 1 + _BESIDE]]
-        if scatter[k] < _CLEAR * np.median(beside) and scatter[k] < beside.min():
+        if np.median(beside) > max(least, scatter[k] / _CLEAR) and scatter[k] < beside.min():
             found.append(int(lags[k]))
     return found

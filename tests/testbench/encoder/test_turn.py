@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import binomtest
 
 from testbench.encoder import Disc, edges_of, periodic_turn, read_times
 from testbench.errors import AnalysisError
@@ -42,18 +43,40 @@ CASES = {
 
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES)
 def test_intervals_hold_the_truth(case):
-    """Of 24 logs with other noise, disc and start each, at least 20 intervals of 95 % hold the true fluctuation."""
-    options = dict(case)
-    pitch, pulses = options.pop("pitch", 0.0), options.get("pulses", 100)
-    hits, speeds = 0, 0
-    for seed in range(24):
+    """24 or 40 logs, other noise, disc and start each: 95 % of intervals hold the truth, binomial at 0.1 %."""
+    options, tries = dict(case), 24 if "pulses" in case else 40
+    pitch, pulses, truth = options.pop("pitch", 0.0), options.get("pulses", 100), discs.truth()
+    hits = np.zeros(3, dtype=int)
+    for seed in range(tries):
         ahead = discs.errors(pulses, pitch, seed) if pitch else None
-        time = discs.turning(**options, ahead=ahead, start=0.25 * seed, seed=seed)
-        turn = found(time, Disc(pulses))
-        hits += turn.fluctuation(NOMINAL).holds(discs.truth().fluctuation())
-        speeds += turn.fastest.holds(discs.truth().fastest[1])
-    assert hits >= 20
-    assert speeds >= 20
+        turn = found(discs.turning(**options, ahead=ahead, start=0.25 * seed, seed=seed), Disc(pulses))
+        hits[0] += turn.fluctuation(NOMINAL).holds(truth.fluctuation())
+        hits[1] += turn.fastest.holds(truth.fastest[1])
+        hits[2] += turn.mean.holds(truth.mean_speed)
+    assert all(binomtest(int(hit), tries, 0.95).pvalue > 1e-3 for hit in hits), hits
+
+
+def test_intervals_are_no_wider_than_their_errors_ask_for():
+    """10 us of jitter: half widths between 1.5 and 3 standard deviations of what 30 logs scatter about the truth."""
+    turns = [found(discs.turning(jitter=1e-5, clock=0.0, seed=seed)) for seed in range(30)]
+    for of in (lambda turn: turn.fluctuation(NOMINAL), lambda turn: turn.mean):
+        estimates = [of(turn) for turn in turns]
+        half = np.median([(e.high - e.low) / 2 for e in estimates])
+        assert 1.5 < half / np.std([e.value for e in estimates]) < 3.0
+
+
+def test_loads_that_change_from_turn_to_turn_widen_the_interval():
+    """Turns whose fluctuation differs by a tenth, and turns whose duration does: told, and in the intervals."""
+    rng, even = np.random.default_rng(0), discs.turning(clock=0.0, turns=12)
+    phi = 2 * np.pi * np.arange(len(even)) / 100
+    waves = rng.normal(size=13)[(np.arange(len(even)) // 100)]
+    swinging = found(even + 1e-4 * waves * np.sin(phi) + 1e-6 * rng.normal(size=len(even)))
+    still = found(even + 1e-6 * rng.normal(size=len(even)))
+    widths = [turn.fluctuation(NOMINAL).high - turn.fluctuation(NOMINAL).low for turn in (swinging, still)]
+    assert widths[0] > 20 * widths[1]
+    longer = np.cumsum(np.r_[0.0, 1e-4 * rng.normal(size=12)])
+    wandering = found(even + np.interp(phi / (2 * np.pi), np.arange(13), longer), steady_within=0.01)
+    assert wandering.mean.high - wandering.mean.low > 20 * (still.mean.high - still.mean.low)
 
 
 def test_jitter_does_not_push_the_extremes_apart():
