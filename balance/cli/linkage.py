@@ -37,7 +37,10 @@ A linkage is a TOML file; every quantity has a unit, positions are sums of named
   mass = "0.47 kg"
   centre = ["L2/2", "0 m"]                      in the frame of the link
   inertia = "1.68e-3 kg m^2"                    about its own centre
-  counter_mass = { at = ["-L2/4", "0 m"], bar = "L2/2" }       or { radius = "45 mm" }
+  counter_mass = { at = ["-L2/4", "0 m"], bar = "L2/2" }       or { radius = "45 mm" }, on whatever side is needed;
+                                                its inertia by bar, radius_of_gyration or inertia, else none;
+                                                several in a list, each with a name
+  gear_counter_mass = { ... }                   optional: against gears, else at the same places
   [links.7]
   fixed_to = "2"                                one body with link 2; also at = [...], angle = "..."
   [joints]
@@ -49,6 +52,9 @@ A linkage is a TOML file; every quantity has a unit, positions are sums of named
   3 = { joints = ["A", "B"], reshaped = "3" }
   [gears]                                       Z on the body, Z* of the counter-gear
   z3 = { body = "3", teeth = [40, 20], counter = { mass = "1 kg" }, wheel = { mass = "0.3 kg", inertia = "..." } }
+                                                also joint = "B", where it is not the reduction joint;
+                                                disc = { mass = "6 kg", diameter = "1 m" }, by its pitch diameter;
+                                                counter = { radius_of_gyration = "...", at = [...], on = "CARRIER" }
   [start]                                       about how each body stands: chooses the assembly branch
   2 = "60 deg"
 
