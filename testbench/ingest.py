@@ -68,6 +68,8 @@ class Ingest:
         """Ingest one run; one outcome for each of its files. The run is stored whole or not at all."""
         sources: list[Source] = []
         try:
+            if planned.problem:
+                raise RecordingError(planned.problem)
             for path in planned.files:
                 sources.append(Source.opened(path, self.options))
             for source, recording in zip(sources, apart([s.recording for s in sources]), strict=True):

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 
 from .errors import RigError
@@ -16,12 +16,16 @@ _NAME = re.compile(r"[\w+(#@][\w+()#@,=~ .-]{0,119}")
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """A run to be: its name, its log files, and what the sheet says of it (None: there is no sheet)."""
+    """A run to be: its name, its log files, and what the sheet says of it (None: there is no sheet).
+
+    ``problem`` is why it cannot be stored under its name; empty if it can.
+    """
 
     name: str
     files: tuple[Path, ...]
     origin: Origin | None = None
     conditions: Conditions | None = None
+    problem: str = ""
 
 
 def plan(files: Sequence[Path], sheet: Path | None) -> list[PlannedRun]:
@@ -31,9 +35,10 @@ def plan(files: Sequence[Path], sheet: Path | None) -> list[PlannedRun]:
     """
     if sheet is None:
         runs = [PlannedRun(path.stem, (path,)) for path in files]
-    else:
-        files = [path for path in files if not same_file(path, sheet)]
-        runs = _from_sheet(read(sheet), files, sheet)
+        problems = _problems(runs)
+        return [replace(run, problem=problems.get(run.name, "")) for run in runs]
+    files = [path for path in files if not same_file(path, sheet)]
+    runs = _from_sheet(read(sheet), files, sheet)
     _check_names(runs)
     return runs
 
@@ -77,13 +82,27 @@ def _means(row: SheetRow, path: Path, sheet: Path) -> bool:
 
 
 def _check_names(runs: Sequence[PlannedRun]) -> None:
-    names = [run.name for run in runs]
-    for name in names:
+    for problem in _problems(runs).values():
+        raise RigError(problem)
+
+
+def _problems(runs: Sequence[PlannedRun]) -> dict[str, str]:
+    """Why runs of these names cannot be stored, by name."""
+    files: dict[str, list[str]] = {}
+    for run in runs:
+        files.setdefault(run.name, []).append(str(run.files[0]))
+    found = {}
+    for name, same in files.items():
         if _NAME.fullmatch(name) is None:
-            raise RigError(f"{name!r} is no name for a stored run; expected letters, digits and - _ . + blanks")
-        if names.count(name) > 1:
-            same = ", ".join(str(run.files[0]) for run in runs if run.name == name)
-            raise RigError(f"{same}: would all be stored as run {name!r}; name them apart by a column 'run' of a sheet")
+            found[name] = (
+                f"{Path(same[0]).name}: {name!r} is no name for a stored run; expected up to 120 letters, digits, "
+                "blanks and - _ . + , = ~ @ # ( ); rename the file, or name the run by a column 'run' of a sheet"
+            )
+        elif len(same) > 1:
+            found[name] = (
+                f"{', '.join(same)}: would all be stored as run {name!r}; name them apart by a column 'run' of a sheet"
+            )
+    return found
 
 
 def _from_sheet(rows: Sequence[SheetRow], files: Sequence[Path], sheet: Path) -> list[PlannedRun]:

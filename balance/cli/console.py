@@ -16,6 +16,9 @@ EXIT_REFUSED = 1
 EXIT_WITH_FINDINGS = 3
 """Done, with findings or losses that are listed."""
 
+_HALF_LETTERS = re.compile("[\ud800-\udfff]")
+"""Bytes of file names that are no UTF-8, as Python holds them."""
+
 json_option = click.option(
     "--json", "as_json", is_flag=True, help="Print one JSON document on stdout, units in the keys."
 )
@@ -88,7 +91,7 @@ def emit_json(document: dict[str, Any]) -> None:
             "a result is no finite number: with these masses, lengths or speeds it is beyond what double precision "
             "holds; check their units"
         ) from error
-    click.echo(text)
+    click.echo(_HALF_LETTERS.sub(lambda match: f"\\u{ord(match[0]):04x}", text))
 
 
 def emit_table(title: str, header: list[str], rows: list[list[str]], note: str = "") -> None:

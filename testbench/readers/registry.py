@@ -91,6 +91,8 @@ def open_recording(path: str | Path, options: ReadOptions | None = None) -> Reco
 def _head(path: Path) -> bytes:
     if path.is_dir():
         raise RecordingError(f"{path}: is a folder; expected a log file")
+    if path.exists() and not path.is_file():
+        raise RecordingError(f"{path}: is a pipe or device; expected a log file on a disk")
     try:
         with path.open("rb") as stream:
             return stream.read(HEAD_BYTES)

@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import os
 import sys
 import zipfile
 
@@ -93,3 +94,42 @@ def test_rows_before_a_power_failure(command, tmp_path):
     assert code == 1
     assert found["groups"][0]["samples"] == 200
     assert [f["where"] for f in found["findings"] if f["code"] == "nul_bytes"] == ["line 202"]
+
+
+def names_of(path):
+    """Names that no run can have, beside a good one; bytes that are no UTF-8 among them."""
+    bad = ["two\nlines.csv", "red\x1b[31m.csv", "-rf.csv", "l" * 200 + ".csv", "half\udcff.csv"]
+    for i, name in enumerate(["good.csv", *bad]):
+        (path / name).write_text(ROWS + f"2.00,{i}.00\n", encoding="utf-8")
+    return ["good.csv", *(f"./{name}" for name in bad)]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are bytes on Linux alone")
+def test_one_odd_name_keeps_no_other_log_out(command, tmp_path):
+    """Files whose names no run can have are refused by name, the others are stored; as JSON one document of UTF-8."""
+    words = ["ingest", *names_of(tmp_path), "-o", "campaign"]
+    code, out, err = command(*words, "--json")
+    runs = json.loads(out.encode("utf-8"))["runs"]
+    assert (code, [run["status"] for run in runs]) == (1, ["stored", *["refused"] * 5])
+    assert all("is no name for a stored run" in line for line in err.splitlines())
+    assert "\x1b" not in out + err
+    assert sorted(p.name for p in (tmp_path / "campaign").iterdir()) == ["good.h5", "good.h5.sha256"]
+
+
+def test_files_of_one_name_keep_no_other_log_out(command, tmp_path):
+    """Two files that would be one run are refused, both by name, and the third is stored."""
+    for i, name in enumerate(["a.csv", "a.txt", "b.csv"]):
+        (tmp_path / name).write_text(ROWS + f"2.00,{i}.00\n")
+    code, out, _ = command("ingest", "a.csv", "a.txt", "b.csv", "-o", "campaign", "--json")
+    found = json.loads(out)["runs"]
+    assert (code, [run["status"] for run in found]) == (1, ["refused", "refused", "stored"])
+    assert "a.csv, a.txt: would all be stored as run 'a'" in found[0]["findings"][0]["message"]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes in folders")
+@pytest.mark.parametrize("words", [["info"], ["ingest", "-o", "campaign"]])
+def test_a_pipe_is_no_log(command, tmp_path, words):
+    """It is refused at once, and not waited for."""
+    os.mkfifo(tmp_path / "log.csv")
+    code, _, err = command(*words, "log.csv")
+    assert (code, "is a pipe or device" in err) == (1, True)
