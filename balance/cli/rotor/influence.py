@@ -97,7 +97,7 @@ def _print(sheet: "Runs", found: dict[str, Any]) -> None:
         for row in found["readings"]
     ]
     header = ["sensor", "speed", f"before [{reading}]", f"predicted after [{reading}]"]
-    emit_table("Readings", header + ([] if sure is None else ["within (95 %)"]), rows)
+    emit_table("Readings", header + ([] if sure is None else [f"± [{reading}], 95 %"]), rows)
     if sure is None:
         click.echo("No intervals: state those of the readings (170 um ± 2 um @ 112 deg ± 1 deg), or repeat a run.")
     _print_trials(found)
