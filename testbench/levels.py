@@ -140,7 +140,7 @@ def _of(some: "Sequence[tuple[Column, Floats]]", rate: float, band: "Band | None
     for (_, values), mean, shape in zip(some, means, shaped, strict=True):
         np.subtract(values, mean, out=shape)
     if band:
-        shaped = band.of(shaped, rate)
+        shaped = band.of(shaped, rate, in_place=True)
     whole = _segment(shaped.shape[1], segment)
     for (column, recorded), mean, shape in zip(some, means, shaped, strict=True):
         spectrum = welch([recorded], rate, whole) if whole else None

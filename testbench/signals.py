@@ -31,8 +31,11 @@ class Band:
     def __str__(self) -> str:
         return f"{self.low_hz:g}..{self.high_hz:g} Hz"
 
-    def of(self, values: Floats, rate_hz: float) -> Floats:
-        """The part of a signal (..., n) that lies in the band. Raises AnalysisError if rate or length forbid it."""
+    def of(self, values: Floats, rate_hz: float, in_place: bool = False) -> Floats:
+        """The part of a signal (..., n) that lies in the band, written over it where that is asked for.
+
+        Raises AnalysisError if rate or length forbid it.
+        """
         from .spectra.zerophase import zero_phase
 
         sos = self._sections(rate_hz)
@@ -42,7 +45,8 @@ class Band:
             )
         settled = round(_PERIODS * rate_hz / (self.low_hz or self.high_hz))
         length = min(max(settled, 6 * len(sos) + 3), values.shape[-1] - 1)
-        return zero_phase(sos, values.reshape(-1, values.shape[-1]), length).reshape(values.shape)
+        rows = values.reshape(-1, values.shape[-1])
+        return zero_phase(sos, rows, length, rows if in_place else None).reshape(values.shape)
 
     def gain(self, frequency: Floats, rate_hz: float) -> Floats:
         """What becomes of an amplitude at each frequency (n,) [Hz]: |H|^2, since the filter runs both ways."""

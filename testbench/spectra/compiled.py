@@ -16,16 +16,21 @@ _BLOCK = 2048
 def recursion(sections: NDArray[Any], state: NDArray[Any], x: NDArray[Any], backwards: bool) -> None:
     """In place, direct form II transposed, (n, 4): y = b0 x + p, p = b1 x - a1 y + q, q = b2 x - a2 y.
 
-    ``sections`` (s, 6), ``state`` p and q of each section and channel, (s, 2, 4).
+    ``sections`` (s, 6), s even, ``state`` p and q of each section and channel, (s, 2, 4). Two sections go over the
+    samples together: one need not wait for the other's last result.
     """
     last, step = len(x) - 1, -1 if backwards else 1
     for begin in range(0, len(x), _BLOCK):
         first = last - begin if backwards else begin
         count = min(_BLOCK, len(x) - begin)
-        for s in range(len(sections)):
+        for s in range(0, len(sections), 2):
             b0, b1, b2, a1, a2 = sections[s, 0], sections[s, 1], sections[s, 2], sections[s, 4], sections[s, 5]
+            d0, d1, d2 = sections[s + 1, 0], sections[s + 1, 1], sections[s + 1, 2]
+            c1, c2 = sections[s + 1, 4], sections[s + 1, 5]
             p0, p1, p2, p3 = state[s, 0, 0], state[s, 0, 1], state[s, 0, 2], state[s, 0, 3]
             q0, q1, q2, q3 = state[s, 1, 0], state[s, 1, 1], state[s, 1, 2], state[s, 1, 3]
+            r0, r1, r2, r3 = state[s + 1, 0, 0], state[s + 1, 0, 1], state[s + 1, 0, 2], state[s + 1, 0, 3]
+            t0, t1, t2, t3 = state[s + 1, 1, 0], state[s + 1, 1, 1], state[s + 1, 1, 2], state[s + 1, 1, 3]
             for k in range(count):
                 i = first + step * k
                 x0, x1, x2, x3 = x[i, 0], x[i, 1], x[i, 2], x[i, 3]
@@ -33,9 +38,15 @@ def recursion(sections: NDArray[Any], state: NDArray[Any], x: NDArray[Any], back
                 p0, p1 = b1 * x0 + q0 - a1 * y0, b1 * x1 + q1 - a1 * y1
                 p2, p3 = b1 * x2 + q2 - a1 * y2, b1 * x3 + q3 - a1 * y3
                 q0, q1, q2, q3 = b2 * x0 - a2 * y0, b2 * x1 - a2 * y1, b2 * x2 - a2 * y2, b2 * x3 - a2 * y3
-                x[i, 0], x[i, 1], x[i, 2], x[i, 3] = y0, y1, y2, y3
+                z0, z1, z2, z3 = d0 * y0 + r0, d0 * y1 + r1, d0 * y2 + r2, d0 * y3 + r3
+                r0, r1 = d1 * y0 + t0 - c1 * z0, d1 * y1 + t1 - c1 * z1
+                r2, r3 = d1 * y2 + t2 - c1 * z2, d1 * y3 + t3 - c1 * z3
+                t0, t1, t2, t3 = d2 * y0 - c2 * z0, d2 * y1 - c2 * z1, d2 * y2 - c2 * z2, d2 * y3 - c2 * z3
+                x[i, 0], x[i, 1], x[i, 2], x[i, 3] = z0, z1, z2, z3
             state[s, 0, 0], state[s, 0, 1], state[s, 0, 2], state[s, 0, 3] = p0, p1, p2, p3
             state[s, 1, 0], state[s, 1, 1], state[s, 1, 2], state[s, 1, 3] = q0, q1, q2, q3
+            state[s + 1, 0, 0], state[s + 1, 0, 1], state[s + 1, 0, 2], state[s + 1, 0, 3] = r0, r1, r2, r3
+            state[s + 1, 1, 0], state[s + 1, 1, 1], state[s + 1, 1, 2], state[s + 1, 1, 3] = t0, t1, t2, t3
 
 
 @njit("void(f8[::1], i8, f8[::1], f8[:,::1])", cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})  # type: ignore[untyped-decorator]

@@ -11,6 +11,8 @@ import numpy as np
 
 from balance.arrays import Floats
 
+_NOTHING = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 0.0])
+"""A section that passes what it is given."""
 LANES = 4
 """Channels side by side."""
 WORTH = 1 << 18
@@ -22,17 +24,21 @@ WORTH_A_THREAD = 1 << 22
 """Samples from which on a second thread pays."""
 
 
-def zero_phase(sections: Floats, channels: Floats, padding: int) -> Floats:
+def zero_phase(sections: Floats, channels: Floats, padding: int, out: Floats | None = None) -> Floats:
     """Filter channels (k, n) along their samples; ``sections`` (s, 6) as of ``scipy.signal.butter``, (k, n).
 
-    Records are mirrored at both ends over ``padding`` samples, below n; the filter starts as if settled there.
+    Records are mirrored at both ends over ``padding`` samples, below n; the filter starts as if settled there. The
+    result is written to ``out`` where that is given, which may be the channels themselves.
     """
     from scipy.signal import sosfilt_zi, sosfiltfilt
 
+    passed = np.empty(channels.shape) if out is None else out
     if channels.size < WORTH:
-        return np.asarray(sosfiltfilt(sections, channels, padtype="even", padlen=padding), dtype=float)
+        passed[...] = sosfiltfilt(sections, channels, padtype="even", padlen=padding)
+        return passed
+    if len(sections) % 2:
+        sections = np.vstack([sections, _NOTHING])
     settled = np.ascontiguousarray(sosfilt_zi(sections), dtype=np.float64)
-    passed = np.empty(channels.shape)
     parts = [slice(i, i + LANES) for i in range(0, len(channels), LANES)]
 
     def run(part: slice) -> None:
@@ -53,7 +59,8 @@ def _both_ways(sections: Floats, settled: Floats, channels: Floats, padding: int
     count, length = channels.shape
     wide = _wide(length + 2 * padding)
     wide[:, count:] = 0.0
-    wide[padding : padding + length, :count] = channels.T
+    for lane, values in enumerate(channels):
+        wide[padding : padding + length, lane] = values
     wide[:padding] = wide[padding + 1 : 2 * padding + 1][::-1]
     wide[padding + length :] = wide[length - 1 : padding + length - 1][::-1]
     for backwards in (False, True):

@@ -23,6 +23,8 @@ def test_same_as_scipy(count, band, monkeypatch):
     found = band.of(channels, RATE)
     assert np.abs(found - expected).max() < 1e-11 * np.abs(expected).max()
     assert np.array_equal(found[0], band.of(channels[0], RATE))
+    assert np.array_equal(band.of(channels, RATE, in_place=True), found)
+    assert np.array_equal(channels, found)
 
 
 def test_two_threads_give_the_same_bits(monkeypatch):
@@ -32,3 +34,12 @@ def test_two_threads_give_the_same_bits(monkeypatch):
     alone = Band(0.0, 100.0).of(channels, RATE)
     monkeypatch.setattr(zerophase, "WORTH_A_THREAD", 1)
     assert np.array_equal(alone, Band(0.0, 100.0).of(channels, RATE))
+
+
+def test_an_odd_number_of_sections(monkeypatch):
+    """Of order 2 there is one section alone."""
+    monkeypatch.setattr(zerophase, "WORTH", 1)
+    channels = np.random.default_rng(1).normal(size=(3, 4000))
+    sections = butter(2, 80.0, fs=RATE, output="sos")
+    expected = sosfiltfilt(sections, channels, padtype="even", padlen=500)
+    assert np.abs(zerophase.zero_phase(sections, channels, 500) - expected).max() < 1e-12
