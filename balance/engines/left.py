@@ -1,12 +1,13 @@
 """What is left of an engine's exact force and moment, once its counterweights and balance shafts turn with it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..arrays import Floats
 from .engine import Engine
+from .orders import scale
 from .peak import largest, turn
 from .shafts import Shaft
 from .slidercrank import Complexes
@@ -18,6 +19,8 @@ STAGES = {
 }
 """As it is; with the unbalances that belong on the crankshaft; and with the balance shafts."""
 _SAMPLES = 360
+ROUNDING = 1e-13
+"""A sum this small beside those that it is the sum of is zero."""
 
 
 @dataclass(frozen=True)
@@ -26,10 +29,12 @@ class Left:
 
     force: Complexes
     """x + iy, (n,) [N]."""
+    largest_force: float
+    """[N]."""
     moment: Complexes
     """Force times distance along the crankshaft, in the direction of the force, (n,) [N m]."""
-    largest_force: float
     largest_moment: float
+    """[N m]."""
 
 
 @dataclass(frozen=True)
@@ -56,8 +61,16 @@ def _left(engine: Engine, shafts: Sequence[Shaft], theta: Floats, omega: float, 
     def moment(at: Floats) -> Complexes:
         return engine.tilting(at, omega, about=about) + omega**2 * _turning(shafts, at, about)
 
-    tops = (largest(lambda at, f=f: np.abs(f(at)))[0] for f in (force, moment))  # type: ignore[misc]
-    return Left(force(theta), moment(theta), *tops)
+    size, length = scale(engine, about)
+    return Left(
+        *_over(force, theta, ROUNDING * size * omega**2), *_over(moment, theta, ROUNDING * size * length * omega**2)
+    )
+
+
+def _over(vector: Callable[[Floats], Complexes], theta: Floats, least: float) -> tuple[Complexes, float]:
+    """Values over a turn and the largest size; what is rounding error of the cylinders' sum is zero."""
+    values, (top, _) = vector(theta), largest(lambda at: np.abs(vector(at)))
+    return np.where(np.abs(values) > least, values, 0.0), top if top > least else 0.0
 
 
 def _turning(shafts: Sequence[Shaft], theta: Floats, about: float | None) -> Complexes:

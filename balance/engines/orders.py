@@ -87,13 +87,18 @@ def free(engine: Engine, orders: int = 8, kind: Series = "exact", about: float |
     ``kind`` is the exact motion or its usual approximation by first and second order.
     """
     point = engine.middle if about is None else about
-    size = sum(c.crank.reciprocating_mass * c.crank.radius + abs(c.crank.rotating) for c in engine.cylinders)
-    length = max((abs(c.at - point) for c in engine.cylinders), default=0.0)
+    size, length = scale(engine, point)
     found = []
     for k in range(1, (2 if kind == "second-order" else orders) + 1):
         force, moment = _sums(engine, k, kind, point)
         found.append(Free(_clean(k, force, size), _clean(k, moment, size * length), point))
     return found
+
+
+def scale(engine: Engine, about: float) -> tuple[float, float]:
+    """What all cylinders would make together if they acted alike [kg m], and the longest arm about a place [m]."""
+    size = sum(c.crank.reciprocating_mass * c.crank.radius + abs(c.crank.rotating) for c in engine.cylinders)
+    return size, max((abs(c.at - about) for c in engine.cylinders), default=0.0)
 
 
 def _sums(engine: Engine, k: int, kind: Series, about: float) -> tuple[list[complex], list[complex]]:

@@ -164,11 +164,9 @@ def _shafts(engine: "Engine", balancing: "list[Shaft]") -> None:
 def _left(left: "OverATurn", units: tuple[str, str]) -> None:
     from ...engines.left import STAGES
 
-    least = 1e-12 * left.stages["before"].largest_force, 1e-12 * left.stages["before"].largest_moment
     rows = [
-        [STAGES[stage], *(f"{v if v > small else 0.0:.5g}" for v, small in zip(tops, least, strict=True))]
+        [STAGES[stage], f"{each.largest_force:.5g}", f"{each.largest_moment:.5g}"]
         for stage, each in left.stages.items()
-        for tops in [(each.largest_force, each.largest_moment)]
     ]
     header = ["engine", f"force [{units[0]}]", f"moment [{units[1]}]"]
     emit_table(f"Largest over a turn, exact; shafts of orders up to {_SHOWN}", header, rows)

@@ -120,6 +120,9 @@ def test_what_counterweights_and_shafts_leave_over_a_turn(tmp_path):
         assert abs(orders["counterweights", what][-1]) == pytest.approx(abs(orders["before", what][-1]))
         assert np.abs(orders["shafts", what][[1, -1, 2, -2]]).max() < 1e-10 * size
         assert abs(orders["shafts", what][4]) == pytest.approx(abs(orders["before", what][4]))
+    boxer = _json("free", "boxer-4")["left_over_a_turn"]["before"]
+    assert set(boxer["force_x_mrw2"]) == {0.0}  # no rounding error is shown as a force
+    assert boxer["largest_force_mrw2"] == 0.0
     assert "and the balance shafts" in CliRunner().invoke(engine, ["free", str(path)]).output
 
 
