@@ -146,7 +146,14 @@ def _print(found: "list[RunClocks]", refused: list[str], records: list[Path]) ->
 def _print_filters(found: "list[RunClocks]") -> None:
     """Which delays of filters are taken off, and whose may be in the offsets."""
     delays = {group: delay for clocks in found for group, delay in clocks.delays.items()}
-    if stated := [f"{group} {1e3 * delay:.3f} ms" for group, delay in delays.items() if delay is not None]:
-        click.echo(f"Delays of the loggers' filters, taken off: {', '.join(stated)}.")
+    stated = sorted({delay for delay in delays.values() if delay is not None})
+    if texts := [f"{1e3 * d:.3f} ms of {_some([g for g, own in delays.items() if own == d])}" for d in stated]:
+        click.echo(f"Delays of the loggers' filters, taken off: {'; '.join(texts)}.")
     if unstated := [group for group, delay in delays.items() if delay is None]:
-        click.echo(f"The rig states no filter (low_pass) of {', '.join(unstated)}: a delay of one is in the offsets.")
+        click.echo(f"The rig states no filter (low_pass) of {_some(unstated)}: a delay of one is in the offsets.")
+
+
+def _some(names: list[str]) -> str:
+    """The first three, and how many more."""
+    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+    return ", ".join(names[:3]) + more

@@ -40,6 +40,11 @@ class ClockMap:
         return student_t(self.freedom) * float(np.sqrt(share @ self.covariance @ share))
 
     @property
+    def deviation(self) -> float:
+        """Standard deviation of an instant in the middle of what both saw [s]."""
+        return float(np.sqrt(self.covariance[0, 0]))
+
+    @property
     def offset(self) -> float:
         """The reference's time when the own clock shows zero [s]."""
         return float(self.to_reference(np.zeros(1))[0])

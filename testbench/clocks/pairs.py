@@ -174,9 +174,8 @@ def _moving_body(scene: Scene, sensor: Accelerometer, columns: "list[Column]", f
         name += ", base motion taken out"
     kept = _strong(expected)
     made = tuple(expected[:, [i]] for i in kept)
-    return Shared(
-        name, grid.time, made, time, seen[:, kept], True, scene.highest, partial=base is None or first is None
-    )
+    partial_ = base is None or first is None
+    return Shared(name, grid.time, made, time, seen[:, kept], True, scene.highest, partial=partial_, modelled=True)
 
 
 def _forces(scene: Scene, columns: "list[Column]", known: Mapping[str, ClockMap], first: ClockMap | None) -> Shared:
@@ -193,7 +192,7 @@ def _forces(scene: Scene, columns: "list[Column]", known: Mapping[str, ClockMap]
         seen[:, "xyz".index(column.component[1])] += in_si(scene.run, column)[0]
     base = base_motion.recorded(scene.run, scene.rig)
     own, name = scene.run.find(columns[0].channel)[0].name, "forces with encoders"
-    fixed = np.zeros((grid.count, 3))
+    fixed, doubt = np.zeros((grid.count, 3)), 0.0
     if base is not None and base.group in {own, *known}:
         share = base_motion.projector(base_motion.force_rows(mechanism, path), base.rows)
         name += ", base motion taken out"
@@ -202,13 +201,16 @@ def _forces(scene: Scene, columns: "list[Column]", known: Mapping[str, ClockMap]
         if base.group == own:
             seen += mechanism.total_mass * np.einsum("...ij,...j->...i", now[..., 3:], base.values)
         else:
-            felt = _carried(base.values, known[base.group].to_reference(base.time), grid.time)
+            clock = known[base.group]
+            felt, doubt = _carried(base.values, clock.to_reference(base.time), grid.time), clock.deviation
             fixed = -mechanism.total_mass * np.einsum("nij,nj->ni", share[:, :, 3:], felt)
         regressor = np.einsum("nij,njk->nik", share[:, :, :3], regressor)
     kept = _strong(regressor)
     made = tuple(regressor[:, i] for i in kept)
     partial_ = first is None or "base" not in name
-    return Shared(name, grid.time, made, time, seen[:, kept], False, scene.highest, fixed[:, kept], partial_)
+    return Shared(
+        name, grid.time, made, time, seen[:, kept], False, scene.highest, fixed[:, kept], partial_, True, doubt
+    )
 
 
 def _carried(values: Floats, time: Floats, instants_: Floats) -> Floats:

@@ -34,6 +34,10 @@ LIVELY = 0.05
 LIVELY_PERIODS = 5.0
 LARGEST_DRIFT = 1e-3
 """A drift that is known no better than this is not determined: no logger's clock is so wrong."""
+LAGS = 12
+"""Delays of the columns by which what the model lacks is looked for, half a period of the cut-off apart."""
+SINGULAR = 1e-2
+"""Share of the strongest direction among them below which one is no other."""
 _STEPS = 50
 _SETTLED = 1e-9
 
@@ -135,7 +139,7 @@ class _Signal:
         self.columns = np.column_stack([np.ones_like(own), value[:, 1:]])
         factors = np.linalg.lstsq(self.columns, seen - value[:, 0], rcond=None)[0]
         self.residual = seen - value[:, 0] - self.columns @ factors
-        self.rates = rate[:, 1:]
+        self.rates, self.fixed_rate = rate[:, 1:], rate[:, 0]
         share = np.r_[1.0, factors[1:]]
         self.speed, self.bow = rate @ share, bow @ share
 
@@ -198,6 +202,10 @@ def _refined(content: Prepared, place: _Place, signals: list[_Signal]) -> Refine
     share, slope = _misfit(signals)
     if content.partial:
         covariance[0, 0] += (np.sqrt(share) / slope / student_t(count - moves)) ** 2
+    elif content.modelled:
+        covariance[0, 0] += share * _coherent(content, place, signals) / (0.5 * LAGS) / slope**2
+    if content.fixed_doubt:
+        covariance[0, 0] += (content.fixed_doubt * _led(signals, whole)) ** 2
     if moves == 1:
         covariance[1, 1] = (0.5 * ASSUMED_DRIFT) ** 2
     span = float(own[0]), float(own[-1])
@@ -217,6 +225,42 @@ def _misfit(signals: list[_Signal]) -> tuple[float, float]:
     seen = sum(float(s.seen @ s.seen) for s in signals)
     rate = sum(float(s.speed @ s.speed) for s in signals)
     return sum(float(s.residual @ s.residual) for s in signals) / seen, float(np.sqrt(rate / seen))
+
+
+def _led(signals: list[_Signal], whole: Floats) -> float:
+    """How much later the answer is, by how much later the fixed part came; ``whole`` is the bend of all, (p, p)."""
+    moves, gradient = signals[0].moves, []
+    for signal in signals:
+        design = np.column_stack([signal.lever * signal.speed[:, None], signal.columns])
+        gradient.append(signal.weight * (design.T @ signal.fixed_rate))
+    joined = np.r_[sum(g[:moves] for g in gradient), np.concatenate([g[moves:] for g in gradient])]
+    return float(np.linalg.solve(whole, joined)[0])
+
+
+def _coherent(content: Prepared, place: _Place, signals: list[_Signal]) -> float:
+    """Share of the residual's energy that follows the columns LAGS times delayed, beyond what chance explains.
+
+    It is what the model lacks: how the base, its modes and the sensors' couplings answer. Noise does not follow. Such
+    an error is taken to be as large along the signals' rate, where it shifts the answer, as along each direction that
+    the delays open: half of them, for signals that lie mostly below half of the cut-off.
+    """
+    delays = (np.arange(LAGS) - LAGS // 4) / (2.0 * content.cutoff)
+    whole = explained = 0.0
+    for signal, spline in zip(signals, _splines(content), strict=True):
+        at = place.instants(signal.own)[:, None] - delays
+        inside = at.clip(content.reference.start, float(content.reference.time[-1]))
+        delayed = spline(inside)[:, :, 1:].reshape(len(at), -1)
+        known = np.column_stack([signal.columns, signal.speed])
+        delayed -= known @ np.linalg.lstsq(known, delayed, rcond=None)[0]
+        left, size, _ = np.linalg.svd(delayed, full_matrices=False)
+        basis = left[:, size > SINGULAR * size[0]]
+        energy = float(signal.residual @ signal.residual)
+        independent = max(2.0 * content.cutoff * content.own.step * len(at), basis.shape[1] + 1.0)
+        found = float(np.sum((basis.T @ signal.residual) ** 2)) / max(energy, 1e-300)
+        chance = (1.0 - found) * basis.shape[1] / (independent - basis.shape[1])
+        whole += signal.weight * energy
+        explained += signal.weight * energy * max(0.0, found - chance)
+    return explained / whole
 
 
 def _stretches(content: Prepared, signals: list[_Signal]) -> Indices:

@@ -39,6 +39,10 @@ class Shared:
     """A part of the signals that is known to its size, on the reference's clock, (n, signals)."""
     partial: bool = False
     """Something else, of no known size, moves one side along: what stays unexplained may shift the answer."""
+    modelled: bool = False
+    """The one side follows from the other by a model, which may lack something that moves along."""
+    fixed_doubt: float = 0.0
+    """Standard deviation of when the fixed part happened [s]."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,8 @@ class Prepared:
     seen: Floats
     signed: bool
     partial: bool
+    modelled: bool
+    fixed_doubt: float
 
 
 def prepare(shared: Shared) -> Prepared:
@@ -87,6 +93,8 @@ def prepare(shared: Shared) -> Prepared:
         _thin(seen, own, cutoff),
         shared.signed,
         shared.partial,
+        shared.modelled,
+        shared.fixed_doubt,
     )
 
 

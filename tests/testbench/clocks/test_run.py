@@ -11,6 +11,8 @@ from testbench.clocks.run import align_named, align_run, scene_mechanism
 from testbench.errors import AnalysisError
 
 from .. import memory
+from ..coverage import assert_holds
+from .benches import CASES, tally
 
 
 @pytest.fixture(scope="module")
@@ -108,3 +110,13 @@ def test_maps_are_stored_and_restored():
     assert again.offset == pytest.approx(clock.offset, abs=1e-15)
     assert again.offset_interval == pytest.approx(clock.offset_interval, abs=1e-15)
     assert clock.half_width(3.0) < clock.half_width(100.0)
+
+
+@pytest.mark.parametrize("case", ["soft-x", "deep-x-without"])
+def test_intervals_hold_on_other_benches(case):
+    """What the model lacks of a softer bench, or of one with modes and inexact sensors, is in the intervals.
+
+    ``benches.py`` is the study of which this is the brief version.
+    """
+    found = tally(CASES[case], range(5)).values()
+    assert_holds(sum(t.held for t in found), sum(t.count for t in found))
