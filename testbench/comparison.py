@@ -69,16 +69,19 @@ def why(rows: Sequence[Row]) -> list[str]:
         return []
     motions = dict.fromkeys(row.analyzed.key.motion for row in both)
     ranges = [_ranges(motion, [row for row in both if row.analyzed.key.motion == motion]) for motion in motions]
-    lower = sum(
-        row.analyzed.percent is not None and row.analyzed.percent < (row.simulated or 0.0) - 1.0 for row in both
-    )
+    known = [row for row in rows if row.simulated is not None and row.analyzed.interval is not None]
+    outside = sum(not _within(row.simulated or 0.0, row.analyzed.interval) for row in known)
     return [
         f"Why simulated is not published: {'; '.join(ranges)}. The simulated bench is what its rig describes; much of "
         "that is assumed, and nothing was tuned to the table. Of a real one it has the shaking moment with the "
         "counter-masses' own inertia; links, frame and drives that give way and couples of planes that lie apart only "
         "as far as the rig has them. testbench predict calibrates these on one payload and predicts the others. "
-        f"Analysed lies more than a point below simulated in {lower} of {len(both)} rows."
+        f"Simulated lies outside the interval of what was analysed in {outside} of {len(known)} rows."
     ]
+
+
+def _within(value: float, interval: tuple[float, float] | None) -> bool:
+    return interval is not None and interval[0] <= value <= interval[1]
 
 
 def _ranges(motion: str, rows: Sequence[Row]) -> str:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from balance.cli.console import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from balance.cli.options import figure_option
 
 from . import calibrations, measuring
 
@@ -17,15 +18,16 @@ if TYPE_CHECKING:
 @click.command(
     epilog="""\b
 Examples:
-  testbench analyze campaign
+  testbench analyze campaign --figure reductions.png
   testbench analyze campaign --metric rms --band 1..100 --json
 \b
 Exit codes: 0 done, 3 done with findings (no partner, doubtful channels, lower bounds), 1 nothing to compare."""
 )
 @click.argument("campaign", type=click.Path(path_type=Path))
 @measuring.measure_options
+@figure_option
 @json_option
-def analyze(campaign: Path, metric: str, band: "Band | None", as_json: bool) -> int:
+def analyze(campaign: Path, metric: str, band: "Band | None", figure: str | None, as_json: bool) -> int:
     """How much the vibration amplitude of the base fell, runs with counter-masses against runs without.
 
     Runs of one payload, motion, acceleration and origin are compared. Noise, as the rest before the motion shows it,
@@ -38,6 +40,8 @@ def analyze(campaign: Path, metric: str, band: "Band | None", as_json: bool) -> 
     measure = measuring.measure(metric, band)
     runs = open_campaign(campaign).runs
     analysis = analyzed(runs, measure)
+    if figure:
+        measuring.draw(analysis, figure)
     if as_json:
         emit_json({
             "reductions": [reduction.as_dict() for reduction in analysis.reductions],
@@ -60,6 +64,7 @@ def _print(campaign: Path, analysis: "Analysis", definition: str) -> None:
     ]  # fmt: skip
     header = ["payload kg", "motion", "peak g0", "sensor", "axis", "fell by % [95 %]", "with/without m/s2",
               "noise m/s2", "n", "interval from", "origin", "runs"]  # fmt: skip
+    header, rows = measuring.with_sets(header, rows, analysis.reductions)
     emit_table(f"Reduction of the base's vibration, {campaign.name}", header, rows, definition)
     click.echo(measuring.origins(analysis.origins))
     measuring.print_findings(analysis.findings)

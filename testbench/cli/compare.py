@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from balance.cli.console import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from balance.cli.options import figure_option
 
 from . import calibrations, measuring
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 @click.command(
     epilog="""\b
 Examples:
-  testbench compare campaign --published kiper2019
+  testbench compare campaign --published kiper2019 --figure reductions.png
   testbench compare campaign --published kiper2019 --metric peak --json
 \b
 Exit codes: 0 done, 3 done with findings (runs without a partner, what cannot be simulated), 1 nothing to compare."""
@@ -27,8 +28,17 @@ Exit codes: 0 done, 3 done with findings (runs without a partner, what cannot be
 @click.option("--published", "table", required=True, metavar="NAME", help="A shipped table, kiper2019, or a file.")
 @click.option("--mechanism", metavar="MECH", help="The mechanism, where the stored rig names one that is not shipped.")
 @measuring.measure_options
+@figure_option
 @json_option
-def compare(campaign: Path, table: str, mechanism: str | None, metric: str, band: "Band | None", as_json: bool) -> int:
+def compare(
+    campaign: Path,
+    table: str,
+    mechanism: str | None,
+    metric: str,
+    band: "Band | None",
+    figure: str | None,
+    as_json: bool,
+) -> int:
     """Reductions in three ways: analysed from the logs, simulated anew, and published.
 
     The simulation starts from the rig and the conditions that are stored with the runs, without noise.
@@ -41,6 +51,8 @@ def compare(campaign: Path, table: str, mechanism: str | None, metric: str, band
     measure = measuring.measure(metric, band)
     runs = open_campaign(campaign).runs
     comparison = compared(runs, published, measure, mechanism)
+    if figure:
+        measuring.draw(comparison, figure)
     if as_json:
         emit_json({**_document(comparison, published, str(measure)), "calibrations": calibrations.document(runs)})
     else:
@@ -64,7 +76,9 @@ def _print(campaign: Path, comparison: "Comparison", published: "Published", def
     header = ["payload kg", "motion", "peak g0", "sensor", "axis", "analysed % [95 %]", "simulated %", "published %",
               "simulated shaking force %", "origin"]  # fmt: skip
     title = f"Reduction of the base's vibration, {campaign.name}, beside {published.name}"
-    emit_table(title, header, [_cells(row) for row in comparison.rows], definition)
+    cells = [_cells(row) for row in comparison.rows]
+    header, cells = measuring.with_sets(header, cells, [row.analyzed for row in comparison.rows])
+    emit_table(title, header, cells, definition)
     printed = f"Published values as printed; amplitudes, says the source: {published.definition}."
     for note in (measuring.origins(comparison.origins), printed, *comparison.notes):
         click.echo(click.wrap_text(note, 110))

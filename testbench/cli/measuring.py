@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 if TYPE_CHECKING:
+    from ..comparison import Comparison
     from ..findings import Finding
-    from ..reductions import Reduction
+    from ..reductions import Analysis, Reduction
     from ..signals import Band
     from ..vibration import Measure
 
@@ -78,6 +79,36 @@ def fell(reduction: "Reduction") -> str:
     if reduction.interval is None:
         return value
     return f"{value} [{', '.join(map(per_cent, reduction.interval))}]"
+
+
+def draw(found: "Analysis | Comparison", file: str) -> None:
+    """Draw the reductions of an analysis, or of a comparison."""
+    from balance.figures.drawing import save
+
+    from ..figures.reductions import reductions
+
+    save(reductions(found), file)
+
+
+def mounted(reductions: Sequence["Reduction"]) -> list[str]:
+    """Counter-masses of each reduction as ``12.5 + 12.9`` [kg], where a condition has several sets; else blanks."""
+    sets: dict[object, set[str]] = {}
+    texts = [" + ".join(f"{mass:g}" for mass in r.counter_masses.values()) for r in reductions]
+    for r, text in zip(reductions, texts, strict=True):
+        sets.setdefault(r.key, set()).add(text)
+    return texts if any(len(several) > 1 for several in sets.values()) else [""] * len(texts)
+
+
+def with_sets(
+    header: list[str], rows: list[list[str]], reductions: Sequence["Reduction"]
+) -> tuple[list[str], list[list[str]]]:
+    """The table with a column of the counter-masses after the acceleration, where they tell rows apart."""
+    sets = mounted(reductions)
+    if not any(sets):
+        return header, rows
+    at = header.index("peak g0") + 1
+    wider = [[*row[:at], text, *row[at:]] for row, text in zip(rows, sets, strict=True)]
+    return [*header[:at], "counter-masses kg", *header[at:]], wider
 
 
 def print_findings(findings: Iterable["Finding"]) -> None:

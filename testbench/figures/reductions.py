@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..comparison import Comparison, Row
+from ..reductions import Analysis
 from . import style
 
 if TYPE_CHECKING:
@@ -20,27 +21,38 @@ _LOOKS: tuple[tuple[str, str, dict[str, Any]], ...] = (
 )  # fmt: skip
 
 
-def reductions(comparison: Comparison) -> "Figure":
-    """A panel for each motion and axis, conditions by payload and acceleration; intervals; a triangle: at least."""
-    rows = comparison.rows
+def reductions(compared: Comparison | Analysis) -> "Figure":
+    """A panel for each motion, sensor and axis, by payload and acceleration; intervals; a triangle: at least.
+
+    Of an analysis alone what was analysed; of a comparison also what was simulated and published.
+    """
+    if isinstance(compared, Analysis):
+        rows = tuple(Row(r, None, None, None) for r in compared.reductions)
+    else:
+        rows = compared.rows
     motions = list(dict.fromkeys(row.analyzed.key.motion for row in rows))
-    axes_of = list(dict.fromkeys(row.analyzed.axis for row in rows))
+    places = list(dict.fromkeys(_place(row) for row in rows))
     with style.styled():
-        figure, panels = style.grid(len(motions), len(axes_of), 2.7, sharey=True)
+        figure, panels = style.grid(len(motions), len(places), 2.7, sharey=True)
         for line, motion in zip(panels, motions, strict=True):
-            for panel, axis in zip(line, axes_of, strict=True):
-                _panel(panel, [r for r in rows if r.analyzed.key.motion == motion and r.analyzed.axis == axis])
-                panel.set_title(f"motion {motion}, base along {axis}")
+            for panel, place in zip(line, places, strict=True):
+                _panel(panel, [r for r in rows if r.analyzed.key.motion == motion and _place(r) == place])
+                name = "base" if len({sensor for sensor, _ in places}) == 1 else place[0]
+                panel.set_title(f"motion {motion}, {name} along {place[1]}")
             line[0].set_ylabel("amplitude falls by [%]")
         panels[0, 0].set_ylim(min(0.0, *(_lowest(row) - 10.0 for row in rows)), 105.0)
         for panel in panels[-1]:
             panel.set_xlabel("peak acceleration [g0], by payload")
-        _legend(figure, panels[0, 0], comparison)
+        _legend(figure, panels[0, 0], rows, " and ".join(compared.origins))
         measure = rows[0].analyzed.measure
-        origin = "Simulated campaign: reduction" if set(comparison.origins) == {"simulated"} else "Reduction"
+        origin = "Simulated campaign: reduction" if set(compared.origins) == {"simulated"} else "Reduction"
         band = f"band {measure.band}" if measure.band else "all frequencies"
         style.headline(figure, f"{origin} of base acceleration\n{measure.metric.replace('_', '-')}, {band}")
     return figure
+
+
+def _place(row: Row) -> tuple[str, str]:
+    return row.analyzed.sensor, row.analyzed.axis
 
 
 def _panel(panel: "Axes", rows: Sequence[Row]) -> None:
@@ -49,7 +61,7 @@ def _panel(panel: "Axes", rows: Sequence[Row]) -> None:
     payloads = list(dict.fromkeys(row.analyzed.key.payload_kg for row in rows))
     at = np.array([i + payloads.index(row.analyzed.key.payload_kg) for i, row in enumerate(rows)], dtype=float)
     for name, _, look in _LOOKS:
-        values = [row.analyzed.percent if name == "analyzed" else getattr(row, name) for row in rows]
+        values = [_told(row) if name == "analyzed" else getattr(row, name) for row in rows]
         panel.plot(at, np.array(values, dtype=float), ls="none", **look)
     for x, row in zip(at, rows, strict=True):
         if row.analyzed.interval:
@@ -65,14 +77,25 @@ def _panel(panel: "Axes", rows: Sequence[Row]) -> None:
     panel.grid(axis="x", visible=False)
 
 
+def _told(row: Row) -> float | None:
+    """What was analysed, where it is more than a bound."""
+    return row.analyzed.percent if row.analyzed.at_least is None else None
+
+
 def _lowest(row: Row) -> float:
-    return min((v for v in (row.analyzed.percent, row.simulated, row.published) if v is not None), default=0.0)
+    """The lowest value of a row, an interval's lower end included as far as -100 %."""
+    end = max(row.analyzed.interval[0], -100.0) if row.analyzed.interval else None
+    return min((v for v in (row.analyzed.percent, end, row.simulated, row.published) if v is not None), default=0.0)
 
 
-def _legend(figure: "Figure", panel: "Axes", comparison: Comparison) -> None:
-    kinds = " and ".join(comparison.origins)
+def _legend(figure: "Figure", panel: "Axes", rows: Sequence[Row], kinds: str) -> None:
+    """Of what there is."""
+    there = {"analyzed"} | {
+        name for name in ("simulated", "published") for row in rows if getattr(row, name) is not None
+    }
     handles = [
         panel.plot([], [], ls="none", label=label.format(kinds), **look)[0]
-        for _, label, look in _LOOKS
+        for name, label, look in _LOOKS
+        if name in there
     ]  # fmt: skip
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))

@@ -16,7 +16,7 @@ WITHOUT, WITH = "#d55e00", "#0072b2"
 TARGET, ENCODERS, ACCELEROMETER = "#000000", "#009e73", "#cc79a7"
 PUBLISHED, SIMULATED, ANALYSED = "#000000", "#56b4e9", "#0072b2"
 WIDTH = 9.0
-"""Of a figure [inch]."""
+"""Of a figure with up to three panels side by side [inch]."""
 _RC: Any = {
     "font.size": 9.5,
     "axes.titlesize": 10.0,
@@ -43,7 +43,7 @@ def grid(rows: int, columns: int, height: float, **shared: Any) -> "tuple[Figure
     """A figure and its axes (rows, columns), each row ``height`` inch high."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(WIDTH, height * rows + 1.0), layout="constrained")
+    figure = Figure(figsize=(WIDTH * max(1.0, columns / 3), height * rows + 1.0), layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False, **shared)
 
 

@@ -72,6 +72,21 @@ def test_reductions(brief):
     assert figure.get_suptitle().startswith("Simulated")
 
 
+def test_reductions_of_an_analysis_alone(runs):
+    """What was analysed, its intervals, and nothing else in the legend; each sensor has panels of its own."""
+    from dataclasses import replace
+
+    from testbench.reductions import analyze
+
+    analysis = analyze(runs, Measure())
+    second = tuple(replace(r, sensor="second") for r in analysis.reductions)
+    figure = figures.reductions(replace(analysis, reductions=(*analysis.reductions, *second)))
+    drawn(figure)
+    assert [axes.get_title(loc="left") for axes in figure.axes][3:] == [f"motion x, second along {a}" for a in "xyz"]
+    assert list(figure.axes[0].lines[2].get_ydata()) == [analysis.reductions[0].percent]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["analysed from simulated logs"]
+
+
 def test_origin(runs):
     """Measured runs carry no mark; a mixture names both."""
     from dataclasses import replace

@@ -50,11 +50,29 @@ def test_from_plan_to_comparison(tmp_path):
     assert 95.0 < low <= first["reduction_percent"] <= high <= 100.0
     assert (first["method"], first["n"]) == ("propagation", {"with": 1, "without": 1})
     assert first["noise_floor_m_s2"]["with"] > 0.0
-    compared = command("compare", campaign, "--published", "kiper2019")
+    compared = command("compare", campaign, "--published", "kiper2019", "--figure", tmp_path / "all.png")
     assert compared.returncode == 3
+    assert (tmp_path / "all.png").read_bytes().startswith(b"\x89PNG")
     assert "< noise" in compared.stdout
     assert "original logs of the manipulator tests are not available" in compared.stdout
     assert "2 of 2 runs are simulated." in compared.stdout
+
+
+def test_sets_of_counter_masses_are_told_apart(brief):
+    """Rows of one condition with two sets name their counter-masses; where there is one set, no column is spent."""
+    from dataclasses import replace
+
+    from testbench.cli.measuring import with_sets
+    from testbench.reductions import analyze
+    from testbench.store import open_campaign
+    from testbench.vibration import Measure
+
+    one = analyze(open_campaign(brief.campaign).runs[4:6], Measure()).reductions[0]
+    header, rows = ["motion", "peak g0", "axis"], [["x", "3", "x"], ["x", "3", "x"]]
+    assert with_sets(header, rows, [one, one]) == (header, rows)
+    wider = with_sets(header, rows, [one, replace(one, counter_masses={"a": 9.0, "b": 12.5})])
+    assert wider[0] == ["motion", "peak g0", "counter-masses kg", "axis"]
+    assert [row[2] for row in wider[1]] == ["24.2626 + 24.2626", "9 + 12.5"]
 
 
 def test_text_of_analyze(brief):
