@@ -161,9 +161,11 @@ def refused(findings: Iterable[Finding], accepted: Iterable[str] = ()) -> list[F
 
 
 class Refusal(RecordingError):
-    """A file that cannot be read at all, with the finding that says why."""
+    """A file that cannot be read at all, with the finding that says why: ``no_data`` where it is no error by itself."""
 
     def __init__(self, name: str, finding: Finding) -> None:
+        if finding.severity is not Severity.ERROR:
+            finding = replace(finding, code="no_data")
         place = f", {finding.where}" if finding.where else ""
         super().__init__(f"{name}{place}: {finding.message}")
         self.finding = finding

@@ -1,8 +1,10 @@
 from pathlib import Path
 
+import pytest
+
 from testbench.cli.reading import print_findings
 from testbench.describe import describe
-from testbench.findings import MEANING, Finding, Severity, placed, refused, worst
+from testbench.findings import MEANING, Finding, Refusal, Severity, placed, refused, worst
 from testbench.ingest import Ingest
 from testbench.recording import Channel, Group
 from testbench.runsheet import PlannedRun
@@ -56,3 +58,13 @@ def test_two_logs_of_one_run_keep_their_findings_apart(tmp_path, capsys):
     Ingest(tmp_path / "alone").run(PlannedRun("r1", (tmp_path / "left.csv",)))
     assert {f.group for f in open_run(tmp_path / "alone" / "r1.h5").findings} == {None}
     assert {f.group for f in describe(tmp_path / "left.csv").findings} == {None}
+
+
+@pytest.mark.parametrize(
+    ("code", "refused_for"), [("empty_group", "no_data"), ("left_out", "no_data"), ("cut_file", "cut_file")]
+)
+def test_a_refusal_is_an_error(code, refused_for):
+    """A file of which everything is left out is refused for an error, and not for the note that says what was."""
+    refusal = Refusal("log.mf4", Finding(code, None, None, "no sample in 1 groups: a"))
+    assert (refusal.finding.code, refusal.finding.severity) == (refused_for, Severity.ERROR)
+    assert str(refusal) == "log.mf4: no sample in 1 groups: a"
