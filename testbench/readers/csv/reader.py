@@ -4,7 +4,7 @@ from collections.abc import Sequence, Set
 from pathlib import Path
 
 from ...findings import Finding, Refusal
-from ...recording import Group, Recording
+from ...recording import Channel, Group, Recording
 from ..registry import Reader, ReadOptions
 from . import dialect as dialects
 from . import encoding as encodings
@@ -16,6 +16,7 @@ from .dialect import Dialect, UnclearDialect
 from .header import Header
 from .parse import Form
 from .sample import Sample, take
+from .spelling import Spelled
 from .table import Table
 
 
@@ -25,30 +26,14 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
     dialect, header = _understood(path, sample, options)
     spelled = spelling.find(path, sample, dialect, header)
     texts = spelled.texts | _text_fields(spelled.rows, header) - spelled.fields
-    if options.header is None and _are_notes(spelled.rows, header, texts):
-        message = "a number behind other words on each line, as in notes; if they are data, say --no-header"
-        raise Refusal(path.name, Finding("no_data", None, f"line {header.first_data_line}", message))
-    kept = tuple(i for i in range(len(header.channels)) if i not in texts | spelled.times.taken_up)
-    if not kept:
-        raise Refusal(path.name, Finding("no_data", None, None, "no column of numbers; expected rows of numbers"))
+    kept = _kept(path, header, spelled, texts, options)
     said = tuple(preamble.strip(text) for text in header.preamble)
     stated = above.find(said, dialect.decimal)
     channels = spelled.times.channels(header.channels)
     clock = spelled.times.clock(channels, kept) or stated.clock
     group = Group(path.stem, tuple(channels[i] for i in kept), clock)
-    table = Table(
-        path,
-        sample.encoding,
-        spelled.form(Form(dialect, header.fields, padded=_is_padded(sample, header))),
-        group,
-        kept,
-        header.first_data_line,
-        names=header.lines[0] if header.lines else None,
-        above=(*header.lines[1:], *header.preamble),
-    )
-    times = [several.named(channel) for channel in channels]
-    clocks = several.find(group, spelled.rows, kept, lambda fields: spelled.times.clock(times, fields))
-    read = spelled.continued(table.blocks, kept)
+    clocks = _several_clocks(group, channels, kept, spelled)
+    read = spelled.continued(_table(path, sample, dialect, header, spelled, group, kept).blocks, kept)
     left_out = _texts_left_out([(header.channels[i].name, i) for i in sorted(texts)], spelled.rows)
     return Recording(
         path=path,
@@ -69,6 +54,39 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
             *left_out,
             *([clocks.finding] if clocks else []),
         ),
+    )
+
+
+def _kept(path: Path, header: Header, spelled: Spelled, texts: Set[int], options: ReadOptions) -> tuple[int, ...]:
+    """The fields that become channels. Raises Refusal if there are none, or the file holds notes."""
+    if options.header is None and _are_notes(spelled.rows, header, texts):
+        message = "a number behind other words on each line, as in notes; if they are data, say --no-header"
+        raise Refusal(path.name, Finding("no_data", None, f"line {header.first_data_line}", message))
+    kept = tuple(i for i in range(len(header.channels)) if i not in texts | spelled.times.taken_up)
+    if not kept:
+        raise Refusal(path.name, Finding("no_data", None, None, "no column of numbers; expected rows of numbers"))
+    return kept
+
+
+def _several_clocks(
+    group: Group, channels: Sequence[Channel], kept: Sequence[int], spelled: Spelled
+) -> several.Several | None:
+    named = [several.named(channel) for channel in channels]
+    return several.find(group, spelled.rows, kept, lambda fields: spelled.times.clock(named, fields))
+
+
+def _table(
+    path: Path, sample: Sample, dialect: Dialect, header: Header, spelled: Spelled, group: Group, kept: tuple[int, ...]
+) -> Table:
+    return Table(
+        path,
+        sample.encoding,
+        spelled.form(Form(dialect, header.fields, padded=_is_padded(sample, header))),
+        group,
+        kept,
+        header.first_data_line,
+        names=header.lines[0] if header.lines else None,
+        above=(*header.lines[1:], *header.preamble),
     )
 
 
