@@ -75,7 +75,7 @@ class Plan(Table):
 
     mechanism: str
     payload_body: str | None = None
-    """The body whose mass is the payload; the mechanism's own payload body where none is named."""
+    """The body whose mass is the payload, for a reader: it must be the one that the mechanism's file names."""
     repeats: int = Field(default=1, ge=1, le=1000)
     seed: int = Field(default=0, ge=0)
     """Of the noise in simulated logs."""
