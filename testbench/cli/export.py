@@ -58,13 +58,14 @@ def export(stored: Path, to: str, output: Path, licence: str | None, physical: b
 
 
 def _files(stored: Path, to: str, output: Path, physical: bool) -> "list[Exported]":
+    from ..calibration.view import physical as in_si
     from ..export import export as write
 
     runs = _runs(stored)
     written = []
     with progress("exporting", sum(run.path.stat().st_size for run in runs)) as done:
         for run in runs:
-            written += write(run.physical() if physical else run, to, output)
+            written += write(in_si(run) if physical else run, to, output)
             done(run.path.stat().st_size)
     return written
 

@@ -108,33 +108,17 @@ class Run:
         where = self.group(group)
         return self._read(where, index)
 
-    def physical(self) -> "Run":
-        """The run in SI, by the calibration that holds now; channels that its rig does not name stay as recorded."""
-        from ..calibration.view import physical
-
-        return physical(self)
-
-    def to_pandas(
-        self, group: str | None = None, channels: Sequence[str] | None = None, physical: bool = False
-    ) -> "pandas.DataFrame":
-        """A group as a table against time [s]; of ``channels`` alone if given. Units are in ``.attrs["units"]``.
-
-        As recorded; with ``physical`` in SI by the calibration that holds, named in ``.attrs["calibrations"]``.
-        """
+    def to_pandas(self, group: str | None = None, channels: Sequence[str] | None = None) -> "pandas.DataFrame":
+        """A group as a table against time [s]; of ``channels`` alone if given. Units are in ``.attrs["units"]``."""
         from .frames import to_pandas
 
-        return to_pandas(self.physical() if physical else self, group, channels)
+        return to_pandas(self, group, channels)
 
-    def to_xarray(
-        self, group: str | None = None, channels: Sequence[str] | None = None, physical: bool = False
-    ) -> "xarray.Dataset":
-        """A group as a dataset against time [s], with units and names; of ``channels`` alone if given.
-
-        As recorded; with ``physical`` in SI by the calibration that holds, named in ``.attrs["calibrations"]``.
-        """
+    def to_xarray(self, group: str | None = None, channels: Sequence[str] | None = None) -> "xarray.Dataset":
+        """A group as a dataset against time [s], with units and names; of ``channels`` alone if given."""
         from .frames import to_xarray
 
-        return to_xarray(self.physical() if physical else self, group, channels)
+        return to_xarray(self, group, channels)
 
     def time(self, group: str | None = None) -> Samples:
         """Time of each sample on its logger's own clock, (n,) [s]."""

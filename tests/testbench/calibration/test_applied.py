@@ -10,6 +10,7 @@ from testbench import rig as rigs
 from testbench.calibration import applied
 from testbench.calibration.correct import calibrate
 from testbench.calibration.document import Calibration
+from testbench.calibration.view import physical
 from testbench.channels import in_si
 from testbench.errors import AnalysisError, RigError, StoreError
 from testbench.export import export
@@ -117,13 +118,13 @@ def test_tables_in_si(tmp_path):
     """``physical`` gives SI with its unit and says by which calibration; without it all is as recorded."""
     run = volts.stored(tmp_path, volts.HEAD + volts.SENSITIVITY)
     calibrate([run], "acc", Calibration(sensitivity="100 mV/g", offset="2.5 V"), "yearly")
-    raw, table = run.to_pandas(), run.to_pandas(physical=True)
+    raw, table = run.to_pandas(), physical(run).to_pandas()
     assert (raw["ch0 (V)"].iloc[0], "calibrations" in raw.attrs) == (2.5, False)
     np.testing.assert_allclose(table["ch0 (m/s^2)"], volts.ACCELERATION, atol=1e-9)
     assert table.attrs["units"] == {"ch0 (m/s^2)": "m/s^2"} | {f"ch{i} (V)": "V" for i in range(1, 7)}
     (held,) = json.loads(table.attrs["calibrations"])
     assert (held["sensor"], held["calibration"], held["reason"]) == ("acc", "100 mV/g, offset 2.5 V", "yearly")
-    data = run.to_xarray(physical=True)
+    data = physical(run).to_xarray()
     assert data["ch0"].attrs["units"] == "m/s^2"
     np.testing.assert_array_equal(data["ch0"], table["ch0 (m/s^2)"])
     np.testing.assert_array_equal(data["ch1"], run.channel("ch1"))
@@ -133,7 +134,7 @@ def test_tables_in_si(tmp_path):
 def test_exports_in_si(tmp_path, form):
     """Each form takes the view in SI as it takes a run."""
     run = volts.stored(tmp_path, volts.HEAD + volts.SENSITIVITY)
-    (written,) = export(run.physical(), form, tmp_path / "out")
+    (written,) = export(physical(run), form, tmp_path / "out")
     recording = open_recording(written.file)
     names = [channel.name for group in recording.groups for channel in group.channels]
     units = [channel.unit for group in recording.groups for channel in group.channels]

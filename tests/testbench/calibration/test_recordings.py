@@ -12,6 +12,7 @@ import pytest
 from testbench import rig as rigs
 from testbench.calibration.correct import calibrate
 from testbench.calibration.document import Calibration
+from testbench.calibration.view import physical
 from testbench.ingest import Ingest
 from testbench.pairing import rig_of
 from testbench.runsheet import PlannedRun
@@ -86,15 +87,15 @@ def test_volts_of_a_force_plate(tmp_path):
     wrench = shaking_wrench(run, rig_of(run), preload=True)
     for name, expected in printed.items():
         np.testing.assert_allclose(wrench.values[name], expected, rtol=1e-9, atol=1e-9)
-    assert run.physical().group().channels[5].unit == "N"
+    assert physical(run).group().channels[5].unit == "N"
 
 
 def test_another_range_of_the_amplifier(tmp_path):
     """Found out later that the amplifier stood at another range: a record, and the forces double."""
     run = ingested("12_", tmp_path, PLATE)
-    before = run.to_pandas(physical=True)["Channel 4 (N)"]
+    before = physical(run).to_pandas()["Channel 4 (N)"]
     calibrate([run], "z1", Calibration(sensitivity=f"{VERTICAL} pC/N", amplifier="1000 pC/V"), "range was 1000 pC/V")
-    np.testing.assert_allclose(run.to_pandas(physical=True)["Channel 4 (N)"], 2.0 * before, rtol=1e-12)
+    np.testing.assert_allclose(physical(run).to_pandas()["Channel 4 (N)"], 2.0 * before, rtol=1e-12)
     assert {state.status for state in open_campaign(run.path.parent).verify()} == {"intact"}
 
 
@@ -104,7 +105,7 @@ def test_offsets_of_a_wheel(tmp_path):
     raw = {name: run.channel(f"col{18 + i}") for i, name in enumerate(("Fx", "Fy", "Fz", "Mx", "My", "Mz"))}
     offset = {name: f"{float(values.mean())!r} {'N' if name[0] == 'F' else 'N m'}" for name, values in raw.items()}
     calibrate([run], "wheel", Calibration(offset=offset), "baseline without load")
-    table = run.to_pandas(physical=True)
+    table = physical(run).to_pandas()
     for i, (name, values) in enumerate(raw.items()):
         found = table[f"col{18 + i} ({'N' if name[0] == 'F' else 'N m'})"].to_numpy()
         assert abs(found.mean()) < 1e-9

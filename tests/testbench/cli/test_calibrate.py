@@ -7,6 +7,7 @@ import click
 import numpy as np
 import pytest
 
+from testbench.calibration.view import physical
 from testbench.cli.calibrate import calibrate
 from testbench.cli.export import export
 from testbench.cli.verify import verify
@@ -56,7 +57,7 @@ def test_a_matrix_of_a_file(campaign, tmp_path, capsys):
     (tmp_path / "cross.csv").write_text("# N/V and N m/V\n" + "\n".join(rows) + "\n")
     units = ("--raw", "V", "--physical", "F=N", "--physical", "M=N m", "--reason", "sheet")
     said(capsys, campaign, "six", "--matrix", tmp_path / "cross.csv", *units)
-    run = open_run(campaign / "r1.h5").physical()
+    run = physical(open_run(campaign / "r1.h5"))
     np.testing.assert_allclose(run.channel("ch6"), volts.LOADS[5], atol=1e-7)
     (tmp_path / "cross.csv").write_text("1,2,x\n")
     with pytest.raises(RigError, match=r"cross\.csv, line 1: 'x' is no number"):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import testbench
+from testbench.calibration.view import physical
 from testbench.cli.archive import archive as command
 from testbench.errors import StoreError
 from testbench.export import export
@@ -251,6 +252,6 @@ def test_a_calibration_of_a_run_holds_for_its_archive(tmp_path, capsys):
     words = [str(run.path), "acc", "--sensitivity", "90 mV/g", "--offset", "2.5 V", "--reason", "certificate 12"]
     assert calibrate.main(words, standalone_mode=False) == 0
     assert command.main([str(run.path.parent), "-o", str(tmp_path / "a")], standalone_mode=False) == 0
-    both = [open_run(folder / "r1.h5").physical().channel("ch0") for folder in (run.path.parent, tmp_path / "a")]
+    both = [physical(open_run(folder / "r1.h5")).channel("ch0") for folder in (run.path.parent, tmp_path / "a")]
     assert both[0].tobytes() == both[1].tobytes()
     np.testing.assert_allclose(both[0], volts.ACCELERATION / 0.9, atol=1e-9)
