@@ -155,15 +155,18 @@ def same(one: Path, other: Path) -> bool:
     return max(apart) <= AGREEMENT
 
 
-def in_turn(folder: Path, rounds: int) -> dict[str, float]:
-    """Median wall time of each side [s], after one round that is not counted."""
-    taken: dict[str, list[float]] = {name: [] for name in SIDES}
+def in_turn(folder: Path, rounds: int) -> dict[str, tuple[float, float]]:
+    """Medians of wall time and processor time of each side [s], after one round that is not counted."""
+    taken: dict[str, list[tuple[float, float]]] = {name: [] for name in SIDES}
     for number in range(rounds + 1):
         for name, side in SIDES.items():
-            begin = time.perf_counter()
+            begin, busy = time.perf_counter(), time.process_time()
             side(folder, folder.with_name(f"turn{number}{name}"))
-            taken[name].append(time.perf_counter() - begin)
-    return {name: statistics.median(times[1:]) for name, times in taken.items()}
+            taken[name].append((time.perf_counter() - begin, time.process_time() - busy))
+    return {
+        name: (statistics.median(s for s, _ in times[1:]), statistics.median(p for _, p in times[1:]))
+        for name, times in taken.items()
+    }
 
 
 def main() -> int:
@@ -177,12 +180,14 @@ def main() -> int:
         folder = Path(temporary) / "campaign"
         generate(folder, given.runs, given.seconds)
         alone = apart.compare("benchmarks.analysis", folder, 1, same)
-        found = {name: replace(alone[name], seconds=taken) for name, taken in in_turn(folder, given.rounds).items()}
+        turns = in_turn(folder, given.rounds)
+        found = {name: replace(alone[name], seconds=s, processor_s=p) for name, (s, p) in turns.items()}
     mine, peer = found["ours"], found["scipy"]
     print(f"{given.runs} runs of {given.seconds:g} s, 12 channels at 10 kHz, medians of {given.rounds} rounds in turn")
     print(peer.line("scipy on whole channels"))
     print(mine.line("testbench"))
-    print(f"  {peer.seconds / mine.seconds:.2f} times as fast; aim: {AIM:g}")
+    share = peer.processor_s / mine.processor_s
+    print(f"  {peer.seconds / mine.seconds:.2f} times as fast, {share:.2f} times less processor time; aim: {AIM:g}")
     return int(peer.seconds < AIM * mine.seconds or mine.peak_mb > MEMORY_MB)
 
 
