@@ -6,7 +6,6 @@ drives' own inertia are fitted beside, the same in all runs, offsets and delays 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,8 +26,8 @@ from ..errors import AnalysisError
 from ..joint_motion import encoders, followed, loaded
 from ..rig.sensors import Torque
 from ..wrench import AT_RANGE
-from .beside import independent
-from .evidence import carried, clock_maps, motion_of, rate_of, span_of, stretches_of
+from .evidence import carried, clock_maps, motion_of, rate_of, span_of
+from .parts import Part, records
 
 if TYPE_CHECKING:
     from balance.closure import Trajectory
@@ -46,23 +45,6 @@ MARGIN_PERIODS = 3.0
 """Periods of the cut-off kept before and after the motion."""
 
 
-@dataclass(frozen=True)
-class _Part:
-    """One run before what is shared is made independent."""
-
-    own: Floats
-    """Columns of the conditions, (n, joints, rank)."""
-    beside: Floats
-    """Columns of all that is fitted beside, (n, joints, p)."""
-    torque: Floats
-    """(n, joints) [N m]"""
-    nuisance: Floats
-    """(n, joints, k)"""
-    shortest: float
-    """Of a stretch [samples]."""
-    motion: str
-
-
 def torque_records(
     runs: "Sequence[Run]",
     rigs: "Sequence[Rig]",
@@ -72,17 +54,12 @@ def torque_records(
     clocks: "Mapping[Path, Mapping[str, ClockMap]]",
 ) -> list[trim.Record]:
     """The equations of the runs of one mounting. Raises AnalysisError where a driven joint has no torque or encoder."""
-    parts = [
-        _part(run, rig, mechanism, conditions, cutoff, clocks.get(run.path))
-        for run, rig in zip(runs, rigs, strict=True)
-    ]
-    beside = independent([part.beside for part in parts])
-    return [_record(*pair) for pair in zip(parts, beside, strict=True)]
-
-
-def _record(part: _Part, beside: Floats) -> trim.Record:
-    columns = np.concatenate([part.own, beside], axis=2)
-    return trim.Record(columns, part.torque, part.nuisance, stretches_of(part.own, part.shortest), part.motion)
+    return records(
+        [
+            _part(run, rig, mechanism, conditions, cutoff, clocks.get(run.path))
+            for run, rig in zip(runs, rigs, strict=True)
+        ]
+    )
 
 
 def _part(
@@ -92,7 +69,7 @@ def _part(
     conditions: Conditions,
     cutoff: float,
     clocks: "Mapping[str, ClockMap] | None",
-) -> _Part:
+) -> Part:
     model = loaded(run, mechanism)
     channels = torque_channels(run, rig, model)
     grid, path = followed(run, rig, model, POSITION_BANDWIDTH * cutoff)
@@ -112,7 +89,7 @@ def _part(
     own, beside, seen, delay = np.split(smooth, np.cumsum(sizes)[:-1], axis=2)
     offset = np.eye(joints)[None] * moving[used]
     nuisance = np.concatenate([offset, delay], axis=2)
-    return _Part(own, beside, seen[:, :, 0], nuisance, 1.0 / (cutoff * grid.step), motion_of(run))
+    return Part(own, beside, seen[:, :, 0], nuisance, 1.0 / (cutoff * grid.step), motion_of(run))
 
 
 def _driven_rates(run: "Run", rig: "Rig", model: Mechanism, path: "Trajectory") -> Floats:

@@ -6,7 +6,6 @@ pi = C^+ c + N z: what does not shake with a force, but turns the base, is fitte
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,8 +25,8 @@ from ..clocks.mapping import ClockMap
 from ..derivatives import low_pass
 from ..errors import AnalysisError
 from ..joint_motion import followed, loaded
-from .beside import independent
-from .evidence import carried, clock_maps, motion_of, rate_of, refuse_clipped_base, span_of, stretches_of
+from .evidence import carried, clock_maps, motion_of, rate_of, refuse_clipped_base, span_of
+from .parts import Part, records
 
 if TYPE_CHECKING:
     from ..rig import Rig
@@ -41,21 +40,6 @@ RINGING_S = 0.25
 """How long the base's ringing after the motion counts [s]."""
 
 
-@dataclass(frozen=True)
-class _Part:
-    own: Floats
-    """Response to the conditions' columns, (n, channels, rank)."""
-    beside: Floats
-    """To all that is fitted beside, (n, channels, p)."""
-    seen: Floats
-    """(n, channels) [m/s2]"""
-    nuisance: Floats
-    """(n, channels, k)"""
-    shortest: float
-    """Of a stretch [samples]."""
-    motion: str
-
-
 def vibration_records(
     runs: "Sequence[Run]",
     rigs: "Sequence[Rig]",
@@ -65,20 +49,12 @@ def vibration_records(
     clocks: "Mapping[Path, Mapping[str, ClockMap]]",
 ) -> list[trim.Record]:
     """The equations of runs of one mounting. Raises AnalysisError where no base is stated, or no sensor is on it."""
-    parts = [
-        _part(run, rig, mechanism, conditions, cutoff, clocks.get(run.path))
-        for run, rig in zip(runs, rigs, strict=True)
-    ]
-    return [
-        trim.Record(
-            np.concatenate([part.own, beside], axis=2),
-            part.seen,
-            part.nuisance,
-            stretches_of(part.own, part.shortest),
-            part.motion,
-        )
-        for part, beside in zip(parts, independent([part.beside for part in parts]), strict=True)
-    ]
+    return records(
+        [
+            _part(run, rig, mechanism, conditions, cutoff, clocks.get(run.path))
+            for run, rig in zip(runs, rigs, strict=True)
+        ]
+    )
 
 
 def states_base(rig: "Rig") -> bool:
@@ -93,7 +69,7 @@ def _part(
     conditions: Conditions,
     cutoff: float,
     clocks: "Mapping[str, ClockMap] | None",
-) -> _Part:
+) -> Part:
     if not states_base(rig):
         raise AnalysisError(
             f"{run.name}: its rig does not state the base (bench: {', '.join(NEEDED)}): state it, or make runs with "
@@ -119,7 +95,7 @@ def _part(
     eye = np.eye(len(base.rows))[None]
     slope = np.linspace(-1.0, 1.0, len(smooth))[:, None, None]
     nuisance = np.concatenate([eye + 0.0 * slope, eye * slope, eye * smooth[:, :, -1:]], axis=2)
-    return _Part(
+    return Part(
         smooth[:, :, :rank],
         smooth[:, :, rank:-2],
         smooth[:, :, -2],

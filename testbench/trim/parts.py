@@ -1,0 +1,43 @@
+"""The runs of one mounting as records of one least squares: what is fitted beside is made independent over all."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from balance import trim
+from balance.arrays import Floats
+
+from .beside import independent
+from .evidence import stretches_of
+
+
+@dataclass(frozen=True)
+class Part:
+    """One run: readings = own @ conditions + beside @ what is shared + nuisance @ what is the run's own."""
+
+    own: Floats
+    """Columns of the conditions, (n, channels, rank)."""
+    beside: Floats
+    """Columns of all that is fitted beside, the same in all runs, (n, channels, p)."""
+    seen: Floats
+    """The readings, (n, channels) [N m, m/s2]."""
+    nuisance: Floats
+    """Offsets, delays: of this run alone, (n, channels, k)."""
+    shortest: float
+    """Of a stretch of the jackknife [samples]."""
+    motion: str
+
+
+def records(parts: Sequence[Part]) -> list[trim.Record]:
+    """The parts as records, their shared columns reduced to the combinations that all of them together excite."""
+    return [
+        trim.Record(
+            np.concatenate([part.own, beside], axis=2),
+            part.seen,
+            part.nuisance,
+            stretches_of(part.own, part.shortest),
+            part.motion,
+        )
+        for part, beside in zip(parts, independent([part.beside for part in parts]), strict=True)
+    ]
