@@ -147,3 +147,13 @@ def test_unpublished_conditions_stay(brief):
     table.rows.clear()
     rows = compare(open_campaign(brief.campaign).runs, table, Measure()).rows
     assert [row.published for row in rows] == [None] * 12
+
+
+def test_a_wrong_sheet_shows(brief):
+    """Logs of 5 kg whose sheet says 2 kg: the simulation of the sheet contradicts them, and the notes say so."""
+    runs = open_campaign(brief.campaign).runs[4:6]
+    wrong = [dataclasses.replace(run, conditions={**run.conditions, "payload_kg": 2.0}) for run in runs]
+    right, contradicted = (compare(some, load("kiper2019"), Measure()).notes[-1] for some in (runs, wrong))
+    assert "outside the interval" in right
+    assert "another bench" not in right
+    assert "3 of 3 rows: the rig or the sheet describes another bench" in contradicted
