@@ -127,7 +127,7 @@ def reduce(pair: Pair, measure: Measure) -> list[Reduction]:
 def _lent(found: "list[Amplitude]") -> "list[Amplitude]":
     """A run whose rest shows no noise has that of another with the same rate: it is the same channel."""
     known = {run.rate_hz: run.noise for run in reversed(found) if run.noise is not None}
-    return [run if run.noise else replace(run, noise=known.get(run.rate_hz)) for run in found]
+    return [run if run.noise else replace(run, noise=known.get(run.rate_hz), rested=False) for run in found]
 
 
 def _reduction(pair: Pair, place: Place, found: "list[Amplitude]") -> Reduction:

@@ -1,8 +1,9 @@
 """The amplitude of one channel in one run: what was read, and what would be read if it were another.
 
 Noise is drawn anew with the spectrum of the rest stretch, at a power that is itself known from that stretch alone, and
-added to the shape that the record shows: propagation of distributions (JCGM 101:2008), so that what noise does to a
-largest value, or to a power, is in the reading and in the interval alike.
+added to the course that the record shows: propagation of distributions (JCGM 101:2008), so that what noise does to a
+largest value, or to a power, is in the reading and in the interval alike. Of a power the distribution is known without
+drawing records: that of the course, twice their product, which is Gaussian, and that of the noise, chi squared.
 """
 
 import zlib
@@ -15,13 +16,20 @@ import numpy as np
 from balance.arrays import Floats
 
 from ..vibration import Measure
+from .lobes import Lobes
 from .noise import Noise
 from .statistic import Statistic
 
 DRAWS = 500
-"""Of noise: a quantile of 2.5 % is known to 0.7 %."""
+"""Of records of noise: a quantile of 2.5 % is known to 0.7 %."""
+POWERS = 4000
+"""Draws of a power."""
 _FINE = 6.0
 """Samples that are drawn per period of the band's upper edge."""
+_NEIGHBOURS = 15
+"""Frequencies whose power is taken together: 30 degrees of freedom."""
+_CLEARLY = 1.5
+"""Of noise, what power stands out of it; noise alone has more once in 25."""
 _BLOCK = 8_000_000
 """Most samples drawn at a time."""
 
@@ -37,6 +45,8 @@ class Amplitude:
     noise: Noise | None
     bound: bool = False
     """Whether the sensor was at the end of its range: the amplitude is at least what was read."""
+    rested: bool = True
+    """Whether the noise is that of this record's own rest, and not of another's."""
 
     @property
     def statistic(self) -> Statistic:
@@ -63,13 +73,47 @@ class Amplitude:
 
         ``known`` draws noise of exactly the power estimated; otherwise of all powers that the stretch speaks for.
         """
+        if self.statistic.squared:
+            return self._powers(amplitudes, known)
         scale = np.ones(DRAWS, np.float32) if known else self._scales
         found, done = [], 0
         for noise in self._noises():
             block = noise * scale[done : done + len(noise), None]
-            found.append(self.statistic.simulate(self._shape, amplitudes, block))
+            found.append(self.statistic.extremes(self._lobes, amplitudes, block))
             done += len(noise)
         return np.concatenate(found).astype(float)
+
+    def _powers(self, amplitudes: Floats, known: bool) -> Floats:
+        """Mean squares a^2 + 2 a c + p: c the mean product of noise and a course of amplitude 1, p the noise's power.
+
+        Of the record only the part after its rest is noise of another power than estimated, by F of both freedoms;
+        c is Student's t, since its variance is that of the noise where the course has its frequencies.
+        """
+        assert self.noise is not None
+        rng, band, power = self._generator(), self.measure.band, self.noise.power(self.measure.band)
+        share = min(self.noise.seconds / self.seconds, 1.0) if self.rested and not known else 0.0
+        variance, freedom = self._product
+        if known:
+            own, cross = _chi_squared(rng, self.noise.freedom(band, self.seconds)), rng.standard_normal(POWERS)
+        else:
+            later = _chi_squared(rng, self.noise.freedom(band, (1.0 - share) * self.seconds))
+            own = share + (1.0 - share) * later / _chi_squared(rng, self.noise.freedom(band))
+            cross = rng.standard_normal(POWERS) / np.sqrt(_chi_squared(rng, freedom))
+        return amplitudes**2 + 2.0 * np.outer(variance**0.5 * cross, amplitudes) + (power * own)[:, None]
+
+    @cached_property
+    def _product(self) -> tuple[float, float]:
+        """Variance of the mean product of noise and the course at RMS 1, and its degrees of freedom.
+
+        sum |course|^2 S / 2 T over both signs of frequency, course and noise as the band leaves them.
+        """
+        assert self.noise is not None
+        course = self._course
+        frequency = np.arange(len(course) // 2 + 1) / self.seconds
+        power = 2.0 * np.abs(np.fft.rfft(course)) ** 2 / max(float(np.sum(course**2)) * len(course), 1e-300)
+        weights = power * self._gain(frequency) ** 2
+        variance = float(weights @ self._density(frequency)) / (2.0 * self.seconds)
+        return variance, self.noise.freedom_at(frequency, weights)
 
     @cached_property
     def _scales(self) -> Floats:
@@ -126,19 +170,37 @@ class Amplitude:
         return band.gain(frequency, self.rate_hz) if band else np.ones_like(frequency)
 
     @cached_property
-    def _shape(self) -> Floats:
-        """The course of the vibration, of amplitude 1, as far as it stands out of the noise, (n,).
+    def _lobes(self) -> Lobes:
+        """Swings of the course; of one that does not stand out of the noise, no more than the highest is taken on."""
+        lobes = Lobes(self._course)
+        return lobes if self._seen.any() else lobes.highest
 
-        Each frequency is kept by the share of its power that is not noise (Wiener); the power is that of a few
-        neighbours together.
+    @cached_property
+    def _course(self) -> Floats:
+        """The course of the vibration as far as it stands out of the noise, (n,) [unit]; all of the record if nowhere.
+
+        Kept as they are, since a share of them would make the heights too small, are the frequencies that stand out.
         """
-        shaped = self.measure.shape(self.values, self.rate_hz)
+        spectrum = self._spectrum
+        return np.fft.irfft(spectrum * self._seen if self._seen.any() else spectrum, self._count)
+
+    @cached_property
+    def _seen(self) -> np.ndarray:
+        """Which frequencies have, with their neighbours, clearly more power than the noise, (m,)."""
         frequency = np.arange(self._count // 2 + 1) / self.seconds
-        spectrum = np.fft.rfft(shaped)[: len(frequency)] * (self._count / len(shaped))
-        spectrum = np.pad(spectrum, (0, len(frequency) - len(spectrum)))
         noise = self._count**2 * self._density(frequency) * self._gain(frequency) ** 2 / (2.0 * self.seconds)
-        power = np.convolve(np.abs(spectrum) ** 2, np.full(5, 0.2), "same")
-        share = np.clip(1.0 - noise / np.maximum(power, 1e-300), 0.0, 1.0)
-        course = np.fft.irfft(spectrum * share if share.any() else spectrum, self._count)
-        size = Measure(self.measure.metric, None).of(course, 1.0)
-        return course / size if size > 0.0 else course
+        power = np.convolve(np.abs(self._spectrum) ** 2, np.full(_NEIGHBOURS, 1.0 / _NEIGHBOURS), "same")
+        return power > _CLEARLY * noise
+
+    @cached_property
+    def _spectrum(self) -> np.ndarray:
+        """Of the record in its band, at as many samples as noise is drawn at, (m,)."""
+        shaped = self.measure.shape(self.values, self.rate_hz)
+        count = self._count // 2 + 1
+        spectrum = np.fft.rfft(shaped)[:count] * (self._count / len(shaped))
+        return np.pad(spectrum, (0, count - len(spectrum)))
+
+
+def _chi_squared(rng: np.random.Generator, freedom: float) -> Floats:
+    """Draws of chi squared over its degrees of freedom, (POWERS,)."""
+    return rng.chisquare(freedom, POWERS) / freedom if np.isfinite(freedom) else np.ones(POWERS)

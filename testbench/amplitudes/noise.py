@@ -1,7 +1,7 @@
 """The noise of a channel, as the stretch at rest before the motion shows it."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,13 +43,11 @@ class Noise:
         over all frequencies (GUM, JCGM 100, F.2.2.1). What is slower than the stretch is not seen. Raises
         AnalysisError for a stretch too short for any spectrum.
         """
-        from scipy.signal.windows import dpss
-
         size = min(len(resting), _SEGMENT)
         if size < 4 * BANDWIDTH:
             raise AnalysisError(f"{len(resting)} samples at rest are too few for a spectrum of the noise")
         pieces = resting[: len(resting) // size * size].reshape(-1, 1, size)
-        tapers = dpss(size, BANDWIDTH, round(2 * BANDWIDTH - 1))
+        tapers = _tapers(size)
         power = np.abs(np.fft.rfft((pieces - pieces.mean(axis=-1, keepdims=True)) * tapers)) ** 2
         density = 2.0 * power.mean(axis=(0, 1)) / rate_hz
         frequency = np.fft.rfftfreq(size, 1.0 / rate_hz)
@@ -75,6 +73,22 @@ class Noise:
         whole = np.trapezoid(weighted, self._fine) ** 2
         return float(2.0 * (self.seconds if seconds is None else seconds) * whole / square)
 
+    def freedom_at(self, frequency: Floats, weights: Floats) -> float:
+        """Degrees of freedom to which a weighted sum of densities (k,) is known from the stretch.
+
+        The tapers take frequencies together over their bandwidth, mirrored at zero: 2 T (sum w S)^2 / int (w~ S)^2 df,
+        w~ the weights as they are spread.
+        """
+        half = BANDWIDTH * float(self.frequency[1])
+        density = weights * self.at(frequency)
+        edges = np.linspace(0.0, self.rate_hz / 2.0 + half, 2001)
+        total = np.concatenate([[0.0], np.cumsum(density)])
+        below = total[np.searchsorted(frequency, np.concatenate([edges + half, np.abs(edges - half)]))]
+        upper, lower = below.reshape(2, -1)
+        spread = np.where(edges < half, upper + lower, upper - lower) / (2.0 * half)
+        square = float(np.trapezoid(spread**2, edges))
+        return 2.0 * self.seconds * float(total[-1]) ** 2 / square if square > 0.0 else np.inf
+
     @cached_property
     def _fine(self) -> Floats:
         """Frequencies of integrals [Hz]."""
@@ -83,3 +97,11 @@ class Noise:
     def _weighted(self, band: "Band | None") -> Floats:
         gain = band.gain(self._fine, self.rate_hz) if band else 1.0
         return self.at(self._fine) * gain**2
+
+
+@lru_cache(maxsize=8)
+def _tapers(size: int) -> Floats:
+    """Discrete prolate spheroidal sequences, (2 BANDWIDTH - 1, size): the channels of a logger rest alike."""
+    from scipy.signal.windows import dpss
+
+    return np.asarray(dpss(size, BANDWIDTH, round(2 * BANDWIDTH - 1)))

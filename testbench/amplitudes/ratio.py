@@ -45,6 +45,10 @@ class Ratio:
         """Whether what is left may be nothing: the amplitude with counter-masses is not above the noise."""
         return self._excess_high(0.0) >= 0.0
 
+    def speaks_for(self, ratio: float) -> bool:
+        """Whether a ratio is among those that the readings speak for; any is where none is defined."""
+        return not self.defined or min(self._excess_low(ratio), self._excess_high(ratio)) >= 0.0
+
     @cached_property
     def interval(self) -> tuple[float, float] | None:
         """Of 95 %; None where the ratio is not defined or has no upper end."""

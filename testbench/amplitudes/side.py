@@ -11,9 +11,9 @@ from balance.arrays import Floats
 from .amplitude import Amplitude
 from .statistic import Statistic
 
-POINTS = 24
+POINTS = 16
 """Amplitudes that are tried."""
-_REACH = 7.0
+_REACH = 5.0
 """How far from what was read amplitudes are tried [standard deviations]."""
 _DIGITS = 1e-6
 """Relative accuracy to which noise is drawn; no reading is taken to be surer."""

@@ -7,6 +7,7 @@ import numpy as np
 from balance.arrays import Floats
 
 from ..vibration import Metric
+from .lobes import Lobes
 
 
 @dataclass(frozen=True)
@@ -28,16 +29,13 @@ class Statistic:
         """The amplitude that a reading would be without noise."""
         return max(reading, 0.0) ** 0.5 if self.squared else reading
 
-    def simulate(self, shape: Floats, amplitudes: Floats, noise: Floats) -> Floats:
-        """Readings of ``shape`` (n,), which has amplitude 1, at each amplitude, in noise (b, n): (b, k)."""
-        if self.squared:
-            cross, own = noise @ shape / len(shape), np.mean(noise**2, axis=1)
-            return amplitudes**2 + 2.0 * np.outer(cross, amplitudes) + own[:, None]
-        return np.stack([self._extreme(shape, a, noise) for a in amplitudes], axis=1)
+    def extremes(self, lobes: Lobes, amplitudes: Floats, noise: Floats) -> Floats:
+        """Peaks, or peaks to peaks, of a course at each amplitude (k,), in noise (b, n): (b, k)."""
+        at = lobes.of_peak if self.metric == "peak" else lobes.of_peak_to_peak
+        return np.stack([self._extreme(at(float(a)).astype(noise.dtype), noise) for a in amplitudes], axis=1)
 
-    def _extreme(self, shape: Floats, amplitude: float, noise: Floats) -> Floats:
+    def _extreme(self, signal: Floats, noise: Floats) -> Floats:
         """Only samples that noise may make the extreme one need be looked at."""
-        signal = (amplitude * shape).astype(noise.dtype)
         reach = 12.0 * float(noise[:8].std())
         if self.metric == "peak":
             near = np.abs(signal) >= np.abs(signal).max() - reach

@@ -134,21 +134,20 @@ class Tally:
 
     def add(self, ratio: Ratio, truth: float) -> None:
         """Count one. Where no reduction is defined, nothing is claimed: every truth goes."""
-        interval = ratio.interval
         self.count += 1
-        self.undefined += interval is None
-        self.below += interval is not None and ratio.below_noise
-        self.held += interval is None or interval[0] <= truth <= interval[1]
+        self.undefined += not ratio.defined
+        self.below += ratio.defined and ratio.below_noise
+        self.held += ratio.speaks_for(truth)
 
 
-def tally(case: Case, seeds: range, repeats: int = 1) -> dict[tuple[str, str], Tally]:
-    """Of every axis and metric over campaigns of several seeds."""
+def tally(case: Case, seeds: range, repeats: int = 1, axes: str = "xyz") -> dict[tuple[str, str], Tally]:
+    """Of several axes and every metric over campaigns of several seeds."""
     pair = conditions(case)
     found: dict[tuple[str, str], Tally] = {}
     for seed in seeds:
         rng = np.random.default_rng([seed, repeats])
         runs = [[condition.draw(rng) for _ in range(repeats)] for condition in pair]
-        for axis in runs[0][0]:
+        for axis in axes:
             for metric in METRICS:
                 measure = Measure(metric, case.band)
                 rate = case.rig.loggers[case.rig.sensors["base_acc"].logger].rate

@@ -1,0 +1,129 @@
+"""Reductions of records that are not as one would wish: clipped, without rest, with a short one, in motion at once."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from testbench import plan as plans
+from testbench.bench import recorded
+from testbench.reductions import analyze
+from testbench.rig import load
+from testbench.signals import Band
+from testbench.store import open_campaign
+from testbench.vibration import METRICS, Measure
+
+from .. import memory
+from ..clocks.benches import stored
+from ..conftest import simulated
+from ..coverage import assert_holds
+
+BAND = Band(0.0, 200.0)
+SHIPPED = load("parallelogram-6bar")
+PLAN = """
+mechanism = "parallelogram-6bar"
+[[conditions]]
+payload = "3.4116 kg"
+counter_masses = { counter_A0A = "17.1105 kg", counter_B0B = "17.1105 kg" }
+motion = "x"
+peak_acceleration = "3 g0"
+"""
+
+
+@cache
+def scenes() -> tuple[memory.Scene, memory.Scene]:
+    """The same motion with counter-masses and without."""
+    return memory.scene("x"), memory.scene("x", masses={})
+
+
+def cut(run: memory.MemoryRun, seconds: float) -> memory.MemoryRun:
+    """The run, as if its logger of accelerations had started later."""
+    group = run.groups[0]
+    lost = round(seconds * group.rate_hz)
+    prefix = f"{group.path}/"
+    data = {k: v[lost:] if k.startswith(prefix) else v for k, v in run.provenance["data"].items()}
+    return replace(
+        run, groups=(replace(group, samples=group.samples - lost), *run.groups[1:]), provenance={"data": data}
+    )
+
+
+def rests(scene: memory.Scene, seed: int) -> float:
+    """How long the accelerometers' logger of a run is at rest [s]."""
+    return -scene.starts(seed)["daq"]["start"]
+
+
+def pair(rest_s: tuple[float, float], seed: int = 0) -> list[memory.MemoryRun]:
+    """Runs with and without counter-masses, with so much rest [s] left of them; below zero they start in motion."""
+    return [
+        cut(scene.run(seed * 2 + k), rests(scene, seed * 2 + k) - rest)
+        for k, (scene, rest) in enumerate(zip(scenes(), rest_s, strict=True))
+    ]
+
+
+@pytest.mark.parametrize("start", [0.2, 0.4])
+def test_no_rest(start):
+    """In motion at once nothing shows the noise: what was read is given, without an interval, and a finding says so."""
+    measure, runs = Measure("rms", BAND), pair((-start, -start))
+    analysis = analyze(runs, measure)
+    assert {f.code for f in analysis.findings} == {"no_noise_floor"}
+    for reduction in analysis.reductions:
+        assert (reduction.interval, reduction.method, reduction.noise_floor) == (None, None, (None, None))
+    assert analysis.reductions[0].percent == pytest.approx(_true(runs, "x", measure, start), abs=0.5)
+
+
+@pytest.mark.parametrize("metric", METRICS)
+def test_rest_of_one_run(metric):
+    """The noise of one run is that of the other too, whose record is in motion at once: the same channel."""
+    for reduction in analyze(pair((0.1, -0.25)), Measure(metric, BAND)).reductions:
+        low, high = reduction.interval
+        assert low < reduction.percent < high
+        assert reduction.noise_floor[0] == pytest.approx(reduction.noise_floor[1], rel=0.1)
+
+
+@pytest.mark.parametrize("metric", ["rms", "peak"])
+def test_short_rest(metric):
+    """The 50 ms before a late logger sees anything move know the noise to a third; the intervals still hold."""
+    measure, held = Measure(metric, BAND), 0
+    for seed in range(14):
+        runs = pair((-0.08, -0.08), seed)
+        for reduction in analyze(runs, measure).reductions:
+            low, high = reduction.interval
+            held += low <= _true(runs, reduction.axis, measure, 0.08) <= high
+    assert_holds(held, 42)
+
+
+def _true(runs: list[memory.MemoryRun], axis: str, measure: Measure, start: float) -> float:
+    """Reduction without noise [%] over the spans of runs that begin ``start`` [s] into the motion."""
+    amplitudes = []
+    for scene, run in zip(scenes(), runs, strict=True):
+        group = run.groups[0]
+        signal = scene.seen[scene.rig.sensors["base_acc"].channels[axis]]
+        instants = start + np.arange(group.samples) / group.rate_hz
+        amplitudes.append(measure.of(np.interp(instants, scene.bench.time, signal, left=0.0), group.rate_hz))
+    return 100.0 * (1.0 - amplitudes[0] / amplitudes[1])
+
+
+@pytest.mark.parametrize(("limit_g", "limit"), [(0.15, "at_least"), (0.05, None)])
+def test_clipping(tmp_path, limit_g, limit):
+    """A sensor at its range saw at least so much: clipped without counter-masses alone, a lower bound."""
+    measure = Measure("peak", BAND)
+    made = simulated(tmp_path, PLAN, SHIPPED.text.replace('range = "50 g"', f'range = "{limit_g} g"', 1))
+    analysis = analyze(open_campaign(made.campaign).runs, measure)
+    found = next(r for r in analysis.reductions if r.axis == "x")
+    assert "clipping" in {f.code for f in analysis.findings}
+    assert found.limit == limit
+    if limit is None:
+        assert found.interval is None
+        return
+    assert found.interval[1] == 100.0
+    assert 0.0 < found.at_least < found.percent < _true(pair((0.2, 0.2)), "x", measure, -0.2)
+
+
+@pytest.mark.parametrize("metric", METRICS)
+def test_files_and_memory(brief, metric):
+    """What the files give is what the loggers recorded: the same numbers, to the last digit."""
+    made = recorded.simulate(plans.load("kiper2019-brief"), SHIPPED)
+    alone = analyze([stored(run, SHIPPED) for run in made], Measure(metric, BAND)).reductions
+    filed = analyze(open_campaign(brief.campaign).runs, Measure(metric, BAND)).reductions
+    assert [replace(r, runs=()) for r in alone] == [replace(r, runs=()) for r in filed]
