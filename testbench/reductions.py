@@ -48,7 +48,9 @@ class Reduction:
     amplitudes: tuple[float, float]
     """With and without counter-masses, noise taken off [m/s2]."""
     noise_floor: tuple[float | None, float | None]
-    """What the metric shows of noise alone, with and without counter-masses [m/s2]; None where no rest shows it."""
+    """What the metric shows of noise alone, with and without counter-masses [m/s2]; None where nothing tells it."""
+    noise_stated: bool
+    """Whether the noise is what the rig states, since no rest of any of the runs shows it."""
     resolution: float
     """Step of the channel [m/s2]; zero where none is known."""
     n: tuple[int, int]
@@ -78,6 +80,7 @@ class Reduction:
             "below_noise": self.below_noise,
             "amplitude_m_s2": _both(self.amplitudes),
             "noise_floor_m_s2": _both(self.noise_floor),
+            "noise_stated": self.noise_stated,
             "resolution_m_s2": self.resolution,
             "n": _both(self.n),
             "origin": self.key.origin,
@@ -125,9 +128,9 @@ def reduce(pair: Pair, measure: Measure) -> list[Reduction]:
 
 
 def _lent(found: "list[Amplitude]") -> "list[Amplitude]":
-    """A run whose rest shows no noise has that of another with the same rate: it is the same channel."""
+    """A run whose rest shows no noise has that of another with the same rate, or else the rig's: it is one channel."""
     known = {run.rate_hz: run.noise for run in reversed(found) if run.noise is not None}
-    return [run if run.noise else replace(run, noise=known.get(run.rate_hz), rested=False) for run in found]
+    return [run if run.noise else replace(run, noise=known.get(run.rate_hz, run.stated), rested=False) for run in found]
 
 
 def _reduction(pair: Pair, place: Place, found: "list[Amplitude]") -> Reduction:
@@ -151,6 +154,7 @@ def _reduction(pair: Pair, place: Place, found: "list[Amplitude]") -> Reduction:
         ratio.defined and ratio.below_noise,
         (sides[0].amplitude, sides[1].amplitude),
         (sides[0].floor, sides[1].floor),
+        any(run.noise is not None and run.noise is run.stated for run in found),
         max((run.noise.step for run in found if run.noise), default=0.0),
         count,
         tuple(run.name for run in pair.runs),
@@ -166,7 +170,7 @@ def _bare(pair: Pair, place: Place, sides: tuple[Side, Side]) -> Reduction:
     names = tuple(run.name for run in pair.runs)
     return Reduction(
         pair.key, pair.counter_masses, *place, sides[0].runs[0].measure, percent(read[0], read[1]), None, None,
-        _limit(sides, False), False, means, floors, 0.0, count, names,
+        _limit(sides, False), False, means, floors, False, 0.0, count, names,
     )  # fmt: skip
 
 
@@ -195,15 +199,21 @@ def _limits(pair: Pair, found: Sequence[Reduction]) -> list[Finding]:
             [r for r in found if r.percent is None],
             "nothing vibrates above the noise without counter-masses: there is no reduction",
         ),
+        "noise_stated": (
+            [r for r in found if r.noise_stated],
+            "no stretch at rest before the motion shows the noise: that which the rig states is taken off",
+        ),
         "no_noise_floor": (
             [r for r in found if None in r.noise_floor],
-            "no stretch at rest before the motion is long enough to show the noise, which is in the amplitudes",
+            "no stretch at rest before the motion is long enough to show the noise, and the rig states none: it is in "
+            "the amplitudes, so that what falls may be noise",
         ),
     }
     return [
-        Finding(code, None, where, f"{pair.key}, base along {', '.join(r.axis for r in some)}: {says} ({where})")
+        Finding(code, None, where, f"{pair.key}, {sensor} along {', '.join(axes)}: {says} ({where})")
         for code, (some, says) in kinds.items()
-        if some
+        for sensor in dict.fromkeys(r.sensor for r in some)
+        if (axes := [r.axis for r in some if r.sensor == sensor])
     ]
 
 

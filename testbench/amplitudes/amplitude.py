@@ -47,6 +47,8 @@ class Amplitude:
     """Whether the sensor was at the end of its range: the amplitude is at least what was read."""
     rested: bool = True
     """Whether the noise is that of this record's own rest, and not of another's."""
+    stated: Noise | None = None
+    """What the rig states of the channel's noise, for where no rest shows it."""
 
     @property
     def statistic(self) -> Statistic:

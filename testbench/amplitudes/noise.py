@@ -1,4 +1,4 @@
-"""The noise of a channel, as the stretch at rest before the motion shows it."""
+"""The noise of a channel, as the stretch at rest before the motion shows it, or as the rig states it."""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -17,6 +17,8 @@ BANDWIDTH = 16.0
 """Time-bandwidth product of the tapers: 31 of them, so that the noise is known to a fifth also where the signal is."""
 ENOUGH = 12.0
 """Degrees of freedom below which a stretch tells too little of the noise in a band."""
+STATED_S = 0.2
+"""Seconds at rest that a stated noise is worth: what the shortest of the shipped rigs' rests tells."""
 _SEGMENT = 8192
 """Longest piece of which a spectrum is taken [samples]."""
 
@@ -52,6 +54,18 @@ class Noise:
         density = 2.0 * power.mean(axis=(0, 1)) / rate_hz
         frequency = np.fft.rfftfreq(size, 1.0 / rate_hz)
         return cls(frequency, np.maximum(density, step**2 / (6.0 * rate_hz)), len(resting) / rate_hz, rate_hz, step)
+
+    @classmethod
+    def stated(cls, deviation: float, rate_hz: float, step: float = 0.0) -> "Noise | None":
+        """White noise of a standard deviation [unit] that a rig states; None of none.
+
+        It is taken to be as sure as STATED_S of rest would make it.
+        """
+        if deviation <= 0.0:
+            return None
+        frequency = np.linspace(0.0, rate_hz / 2.0, _SEGMENT // 2 + 1)
+        density = max(2.0 * deviation**2 / rate_hz, step**2 / (6.0 * rate_hz))
+        return cls(frequency, np.full_like(frequency, density), STATED_S, rate_hz, step)
 
     def at(self, frequency: Floats) -> Floats:
         """The density at other frequencies, (k,) [unit^2/Hz]."""

@@ -33,8 +33,10 @@ def amplitudes(run: "Run", measure: Measure) -> dict[Place, Amplitude]:
         group, index = run.find(columns[place].channel)
         if group.name not in rests:
             rests[group.name] = _rest(run, rig, group.name, rate)
-        noise = _noise(values, rate, rests[group.name], columns[place].resolution, measure)
-        found[place] = Amplitude(values, rate, measure, noise, group.channels[index].name in clipped)
+        column = columns[place]
+        noise = _noise(values, rate, rests[group.name], column.resolution, measure)
+        stated = Noise.stated(column.noise, rate, column.resolution)
+        found[place] = Amplitude(values, rate, measure, noise, group.channels[index].name in clipped, stated=stated)
     return found
 
 

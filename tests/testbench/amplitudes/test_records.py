@@ -1,5 +1,6 @@
 """Reductions of records that are not as one would wish: clipped, without rest, with a short one, in motion at once."""
 
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -63,13 +64,30 @@ def pair(rest_s: tuple[float, float], seed: int = 0) -> list[memory.MemoryRun]:
 
 @pytest.mark.parametrize("start", [0.2, 0.4])
 def test_no_rest(start):
-    """In motion at once nothing shows the noise: what was read is given, without an interval, and a finding says so."""
-    measure, runs = Measure("rms", BAND), pair((-start, -start))
+    """In motion at once, of a sensor whose noise nobody states: what was read, without an interval, and a finding."""
+    measure = Measure("rms", BAND)
+    runs = [replace(run, rig=re.sub(r"(?m)^noise = .*$", "", run.rig)) for run in pair((-start, -start))]
     analysis = analyze(runs, measure)
     assert {f.code for f in analysis.findings} == {"no_noise_floor"}
     for reduction in analysis.reductions:
         assert (reduction.interval, reduction.method, reduction.noise_floor) == (None, None, (None, None))
     assert analysis.reductions[0].percent == pytest.approx(_true(runs, "x", measure, start), abs=0.5)
+
+
+def test_the_noise_that_the_rig_states():
+    """In motion at once the noise is the rig's, about that of a rest; a finding says so, and the intervals hold."""
+    measure, held = Measure("rms", BAND), 0
+    for seed in range(14):
+        analysis = analyze(pair((-0.2, -0.2), seed), measure)
+        assert {f.code for f in analysis.findings} == {"noise_stated"}
+        rested = analyze(pair((0.1, 0.1), seed), measure).reductions
+        for reduction, known in zip(analysis.reductions, rested, strict=True):
+            assert reduction.noise_stated
+            assert not known.noise_stated
+            assert reduction.noise_floor == pytest.approx(known.noise_floor, rel=0.35)
+            low, high = reduction.interval
+            held += low <= _true(pair((-0.2, -0.2), seed), reduction.axis, measure, 0.2) <= high
+    assert_holds(held, 42)
 
 
 @pytest.mark.parametrize("metric", METRICS)
