@@ -1,7 +1,7 @@
 """What tells what is missing: force sensors, motor torques, vibration of the base, alone or by trial masses."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -44,6 +44,8 @@ MORE_RUNS = (
 )
 LONGER = "give longer runs that move more, or runs of several motions (x, y, triangle)"
 HELD = "What no mass at the sites can change is taken from the mechanism's file: these runs do not tell it."
+STEP_DRAWS = 10
+"""Of the encoders' steps, for what they add to an interval."""
 TELLS = 0.02
 """Half of an interval of a condition, as a part of the largest of the mechanism without counter-masses, up to which a
 source tells it; else the file's value is taken where no mass at the sites changes it."""
@@ -141,12 +143,33 @@ def _vibration(case: Case) -> Told:
     cutoff = case.cutoff or CUTOFF_HZ
     records = vibration_records(case.runs, case.rigs, case.mechanism, case.conditions, cutoff, case.clocks)
     measured, held = _free_or_held(records, case)
+    measured = _with_encoder_steps(measured, case, cutoff)
     about = (
         "The base's mass, centre, inertia and mounts are those that the rig states: a model that is assumed, whose "
         "errors the intervals do not contain.",
         f"Readings and the base's response low-passed alike at {cutoff:g} Hz; inertias of the mechanism fitted beside.",
     )
-    return Told("vibration", measured, (*about, *held, _jackknife(measured)))
+    jackknife = f"{_jackknife(measured)[:-1]}; in them what the encoders' resolution leaves open."
+    return Told("vibration", measured, (*about, *held, jackknife))
+
+
+def _with_encoder_steps(measured: trim.Imbalance, case: Case, cutoff: float) -> trim.Imbalance:
+    """Wider by what the encoders' steps do to the columns: no stretch of a record shows it, they are in all alike.
+
+    Moved evenly within their resolution the readings hold the steps' error once more, so the change of what is found
+    has the covariance of that error (JCGM 101).
+    """
+    rng = np.random.default_rng(0)
+    changes = [
+        trim.measure(
+            vibration_records(case.runs, case.rigs, case.mechanism, case.conditions, cutoff, case.clocks, rng),
+            case.conditions,
+            measured.free,
+        ).values
+        - measured.values
+        for _ in range(STEP_DRAWS)
+    ]
+    return replace(measured, covariance=measured.covariance + np.einsum("ki,kj->ij", changes, changes) / STEP_DRAWS)
 
 
 def _trials(case: Case) -> Told:

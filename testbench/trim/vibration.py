@@ -47,11 +47,15 @@ def vibration_records(
     conditions: Conditions,
     cutoff: float,
     clocks: "Mapping[Path, Mapping[str, ClockMap]]",
+    steps: np.random.Generator | None = None,
 ) -> list[trim.Record]:
-    """The equations of runs of one mounting. Raises AnalysisError where no base is stated, or no sensor is on it."""
+    """The equations of runs of one mounting; with ``steps``, the encoders read elsewhere within their resolution.
+
+    Raises AnalysisError where no base is stated, or no sensor is on it.
+    """
     return records(
         [
-            _part(run, rig, mechanism, conditions, cutoff, clocks.get(run.path))
+            _part(run, rig, mechanism, conditions, cutoff, clocks.get(run.path), steps)
             for run, rig in zip(runs, rigs, strict=True)
         ]
     )
@@ -69,6 +73,7 @@ def _part(
     conditions: Conditions,
     cutoff: float,
     clocks: "Mapping[str, ClockMap] | None",
+    steps: np.random.Generator | None,
 ) -> Part:
     if not states_base(rig):
         raise AnalysisError(
@@ -80,7 +85,7 @@ def _part(
         raise AnalysisError(f"{run.name}: no accelerometer on the base was recorded: nothing shows how it vibrates")
     refuse_clipped_base(run, rig)
     model = loaded(run, mechanism)
-    grid, path = followed(run, rig, model, POSITION_BANDWIDTH * cutoff)
+    grid, path = followed(run, rig, model, POSITION_BANDWIDTH * cutoff, steps)
     maps = clock_maps(run, rig, model, {base.group}, clocks)
     seen = carried(base.time, base.values, base.group, maps, grid)
     whole = wrench_regressor(model, path.q, path.v, path.a)
