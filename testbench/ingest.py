@@ -134,9 +134,10 @@ class Ingest:
             if grave := refused(everything, self.accepted):
                 codes = ", ".join(dict.fromkeys(finding.code for finding in grave))
                 raise RecordingError(f"{planned.name}: refused for {codes}; --accept CODE stores it nevertheless")
+            _refuse_twice([(source.digested(), source.path.name) for source in sources])
             rig = None if self.rig is None else self.rig.text
             writer.describe(origin, planned.conditions or {}, everything, self._provenance(sources), rig)
-            writer.seal(lambda: _digests(sources))
+            writer.seal()
             with lock.one_at_a_time(self.folder):
                 if others := self._already(planned, sources):
                     return others
@@ -188,15 +189,13 @@ def _origin(planned: PlannedRun, sources: Sequence[Source]) -> Origin:
     return "simulated" if simulated else planned.origin or "unstated"
 
 
-def _digests(sources: Sequence[Source]) -> list[str]:
-    """SHA-256 of each source. Two files of one run that hold the same bytes are one recording."""
+def _refuse_twice(digests: Sequence[tuple[str, str]]) -> None:
+    """Two files of one run that hold the same bytes are one recording."""
     seen: dict[str, str] = {}
-    for source in sources:
-        sha256, name = source.digested(), source.path.name
+    for sha256, name in digests:
         if sha256 in seen:
             raise RecordingError(f"{name}: holds the same bytes as {seen[sha256]}: one recording twice in one run")
         seen[sha256] = name
-    return list(seen)
 
 
 def _there(source: Source, run: str, differing: Sequence[Finding]) -> Outcome:

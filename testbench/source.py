@@ -1,11 +1,6 @@
 """A log file on its way into a run: what is read from it, and its digest, computed in a thread meanwhile."""
 
-import contextlib
-import hashlib
-import os
-import sys
 import threading
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,48 +9,27 @@ from .errors import RecordingError
 from .findings import Finding
 from .readers import ReadOptions, open_recording
 from .recording import Recording
+from .store import digest
 
 _AT_ONCE = 16 << 20
 """Bytes between two waits for Python's lock, which whoever runs Python holds for milliseconds."""
-_NICE = 10
-"""How far a digest stands back where processors are few: nobody waits for it before all else is stored."""
 
 
 class FileDigest:
-    """The SHA-256 of a file, computed in a thread from now on; and whether the file changes meanwhile.
-
-    The thread takes what processors have to spare; who asks for the result computes what is missing.
-    """
+    """The SHA-256 of a file, computed in a thread from now on; and whether the file changes meanwhile."""
 
     def __init__(self, path: Path) -> None:
         self.path, self.sha256 = path, ""
         self._state = _state(path)
         self._failed: OSError | None = None
-        self._total, self._read, self._asked = hashlib.sha256(), 0, False
         self._thread = threading.Thread(target=self._compute, daemon=True)
         self._thread.start()
 
     def _compute(self) -> None:
-        if sys.platform == "linux":  # where a thread has a priority of its own
-            with contextlib.suppress(OSError):
-                os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
         try:
-            self._go_on(lambda: self._asked)
+            self.sha256 = digest.sha256_of(self.path, at_once=_AT_ONCE)
         except OSError as error:
             self._failed = error
-
-    def _go_on(self, stopped: Callable[[], bool]) -> None:
-        """Take in the file from where the digest stands to its end, unless stopped before."""
-        room = memoryview(bytearray(max(4096, min(_AT_ONCE, self.size))))
-        with self.path.open("rb", buffering=0) as stream:
-            stream.seek(self._read)
-            while not stopped():
-                count = stream.readinto(room)
-                self._total.update(room[:count])
-                self._read += count
-                if not count:
-                    self.sha256 = self._total.hexdigest()
-                    return
 
     @property
     def size(self) -> int:
@@ -64,12 +38,9 @@ class FileDigest:
 
     def result(self) -> str:
         """The SHA-256. Raises RecordingError if the file has changed since this began."""
-        self._asked = True
         self._thread.join()
         if self._failed is not None:
             raise self._failed
-        if not self.sha256:
-            self._go_on(lambda: False)
         if _state(self.path) != self._state:
             raise RecordingError(f"{self.path.name}: changed while it was read; ingest it when its logger is done")
         return self.sha256

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import StoreError
 from ..recording import Channel, Clock, Conditions, Origin, TimeColumn, UniformClock
-from . import forms, layout, origins, safe
+from . import forms, layout, safe
 from .forms import Decimals, Form
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def text(origin: Origin, conditions: Conditions, provenance: Mapping[str, Any], 
         "layout": layout.LAYOUT,
         "origin": origin,
         "conditions": conditions,
-        "provenance": origins.without(provenance),
+        "provenance": provenance,
         "groups": [_group(writer) for writer in groups],
     }
     return json.dumps(document, ensure_ascii=False)
@@ -41,7 +41,7 @@ def read(file: "h5py.File") -> dict[str, Any]:
         known = json.loads(safe.texts(file, layout.DESCRIPTION, LARGEST)[0])
     if not isinstance(known, dict) or known.get("layout") != layout.LAYOUT:
         raise StoreError(f"{file.filename}: not a run stored by this version (layout {layout.LAYOUT})")
-    return {**known, "provenance": origins.filled(file, known["provenance"])}
+    return known
 
 
 def _group(writer: "GroupWriter") -> dict[str, Any]:

@@ -25,31 +25,17 @@ def sha256_of(path: Path, progress: Callable[[int], None] = lambda count: None, 
     return total.hexdigest()
 
 
-class Growing:
-    """SHA-256 of a file whose end is not yet what it will be; another thread reads ahead."""
-
-    def __init__(self, path: Path) -> None:
-        self._path, self._total, self._at = path, hashlib.sha256(), 0
-
-    def grow(self, end: int | None = None) -> None:
-        """Take in the file from where this stands to byte ``end``, or to its own end."""
-        rooms = [memoryview(bytearray(_BLOCK)) for _ in range(2)]
-        with self._path.open("rb", buffering=0) as stream, ThreadPoolExecutor(1) as pool:
-            stream.seek(self._at)
-            reading = pool.submit(stream.readinto, self._fitting(rooms[0], end))
-            while count := reading.result():
-                filled, free = rooms
-                rooms = [free, filled]
-                self._at += count
-                reading = pool.submit(stream.readinto, self._fitting(free, end))
-                self._total.update(filled[:count])
-
-    def _fitting(self, room: memoryview, end: int | None) -> memoryview:
-        return room if end is None else room[: max(0, end - self._at)]
-
-    def hexdigest(self) -> str:
-        """The digest of what was taken in, in hexadecimal."""
-        return self._total.hexdigest()
+def sha256_alone(path: Path) -> str:
+    """SHA-256 of a file's content, in hexadecimal, where nothing else is to be done: another thread reads ahead."""
+    total, rooms = hashlib.sha256(), [memoryview(bytearray(_BLOCK)) for _ in range(2)]
+    with path.open("rb", buffering=0) as stream, ThreadPoolExecutor(1) as pool:
+        reading = pool.submit(stream.readinto, rooms[0])
+        while count := reading.result():
+            filled, free = rooms
+            rooms = [free, filled]
+            reading = pool.submit(stream.readinto, free)
+            total.update(filled[:count])
+    return total.hexdigest()
 
 
 def beside(run: Path) -> Path:

@@ -3,15 +3,13 @@
 import re
 import unicodedata
 
-LAYOUT = 2
+LAYOUT = 1
 """Version of this layout, in the attribute ``counterpoise_layout`` of the file."""
 
 ENTRY = "entry"
 CONDITIONS = f"{ENTRY}/conditions"
 COUNTER_MASSES = f"{CONDITIONS}/counter_masses"
 PROVENANCE = f"{ENTRY}/provenance"
-SOURCE_SHA256 = f"{PROVENANCE}/source_sha256"
-"""A text of 64 hexadecimal digits for each log."""
 NOTES = f"{ENTRY}/notes"
 DESCRIPTION = f"{NOTES}/description"
 FINDINGS = f"{NOTES}/findings"

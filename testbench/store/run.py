@@ -149,7 +149,7 @@ def open_run(path: str | Path) -> Run:
             conditions=cast(Conditions, known["conditions"]),
             rig=safe.texts(file, layout.RIG, description.LARGEST)[0] if safe.has(file, layout.RIG) else None,
             findings=_findings(file),
-            provenance=known["provenance"],
+            provenance=dict(known["provenance"]),
         )
 
 

@@ -7,7 +7,7 @@ import contextlib
 import errno
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -18,7 +18,7 @@ from uuid import uuid4
 from ..errors import StoreError
 from ..findings import Finding
 from ..recording import Conditions, Group, Origin
-from . import description, digest, journal, layout, origins
+from . import description, digest, journal, layout
 from .forms import Form
 from .groups import GroupWriter
 from .outfile import OutFile
@@ -44,8 +44,6 @@ class RunWriter:
         self._journal: journal.JournalWriter | None = None
         self._out: OutFile | None = None
         self._line = ""
-        self._digests: Sequence[str] = ()
-        self._room: origins.Room | None = None
         self._groups: dict[str, GroupWriter] = {}
         self._taken: set[str] = {"conditions", "provenance", "notes"}
         self._file: h5py.File | None = None
@@ -114,7 +112,7 @@ class RunWriter:
         provenance: Mapping[str, Any],
         rig: str | None,
     ) -> None:
-        """Write what is known of the run beside its data; digests of the sources may follow with :meth:`seal`."""
+        """Write what is known of the run beside its data."""
         with self._writing():
             self._describe(origin, conditions, findings, provenance, rig)
 
@@ -132,9 +130,8 @@ class RunWriter:
         self._file[layout.ENTRY].attrs.update({"origin": origin, "groups": keys, "default": default})
         _write_conditions(self._file, conditions)
         node = _collection(self._file, layout.PROVENANCE)
-        bare = origins.without(provenance)
-        node.attrs["json"] = json.dumps(bare, ensure_ascii=False)
-        for number, source in enumerate(bare["sources"], 1):
+        node.attrs["json"] = json.dumps(provenance, ensure_ascii=False)
+        for number, source in enumerate(provenance["sources"], 1):
             flat = {k: v for k, v in source.items() if isinstance(v, str | int | float)}
             _collection(self._file, f"{layout.PROVENANCE}/source_{number}").attrs.update(flat)
         _collection(self._file, layout.NOTES)
@@ -143,35 +140,20 @@ class RunWriter:
         texts = [json.dumps(finding.as_dict(), ensure_ascii=False) for finding in findings]
         _write_texts(self._file, layout.FINDINGS, texts)
         _write_texts(self._file, layout.RIG, [] if rig is None else [rig])
-        self._digests = [source.get("sha256", "") for source in provenance["sources"]]
-        _write_texts(self._file, layout.SOURCE_SHA256, ["\0" * origins.LENGTH] * len(self._digests))
-        if self._digests:
-            self._room = origins.Room.of(self._file[layout.SOURCE_SHA256])
 
-    def seal(self, digests: Callable[[], Sequence[str]] | None = None) -> None:
-        """Close the file, wait until it is on the disk, and take its digest: all that takes long before the end.
-
-        ``digests`` gives the SHA-256 of each source, if they are known no sooner; what it raises is raised here.
-        """
+    def seal(self) -> None:
+        """Close the file, wait until it is on the disk, and take its digest: all that takes long before the end."""
         if self._file is None:
             return
         assert self._journal is not None
-        with ThreadPoolExecutor(1) as pool:
-            with self._writing():
-                self._close()
+        with self._writing():
+            self._close()
+            with ThreadPoolExecutor(1) as pool:
                 synced = pool.submit(_sync, self._part)  # the disk writes while the digest is computed
-                own = digest.Growing(self._part)
-                own.grow(None if self._room is None else self._room.at)
-            known = self._digests if digests is None else digests()
-            with self._writing():
-                if self._room is not None:
-                    self._room.fill(self._part, known)
-                own.grow()
+                found = digest.sha256_alone(self._part)
                 synced.result()
-                _sync(self._part)
-                found = own.hexdigest()
-                self._line = digest.line_for(self.target.name, found)
-                self._journal.seal(found)
+            self._line = digest.line_for(self.target.name, found)
+            self._journal.seal(found)
 
     def _close(self) -> None:
         if self._file is not None:
