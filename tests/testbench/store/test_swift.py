@@ -1,6 +1,5 @@
 """The compiled checksum: that of HDF5, only where much is written, and never waited for."""
 
-
 import threading
 
 import h5py
