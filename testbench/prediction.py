@@ -10,8 +10,8 @@ from balance.arrays import Floats
 from balance.mechanism import Mechanism
 from balance.quantities import G0
 
-from .bench.sampling import instants
 from .bench.run import BenchRun, simulate_run
+from .bench.sampling import instants
 from .bench.sensors import base_acceleration
 from .errors import AnalysisError
 from .plan import PlannedRun
