@@ -60,6 +60,17 @@ def ingest(log: Path, folder: Path) -> None:
         raise SystemExit(outcome.message)
 
 
+def same_channels(ours: Path, other: Path) -> bool:
+    """Whether our run in one folder and ``log.h5`` of a peer in the other hold the same bits in every channel."""
+    import h5py
+
+    from testbench.store import open_run
+
+    run = open_run(next(ours.glob("*.h5")))
+    with h5py.File(other / "log.h5") as file:
+        return all(run.channel(name).tobytes() == file[name][()].tobytes() for name in file)
+
+
 def _measured(module: str, side: str, log: Path, folder: Path) -> tuple[float, float, float]:
     """Wall time [s], start included, processor time [s] and peak memory [MB] of one side.
 

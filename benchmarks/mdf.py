@@ -50,17 +50,6 @@ def by_asammdf(log: Path, folder: Path) -> None:
 SIDES = {"ours": apart.ingest, "asammdf": by_asammdf}
 
 
-def same(ours_folder: Path, other_folder: Path) -> bool:
-    """Whether both stored the same bits."""
-    import h5py
-
-    from testbench.store import open_run
-
-    run = open_run(next(ours_folder.glob("*.h5")))
-    with h5py.File(other_folder / "log.h5") as file:
-        return all(run.channel(name).tobytes() == file[name][()].tobytes() for name in file)
-
-
 def main() -> int:
     """Print the comparison; 1 if ours needs too much memory."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -71,7 +60,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as temporary:
         log = Path(temporary) / "log.mf4"
         generate(log, given.mb, given.compressed)
-        found = apart.compare("benchmarks.mdf", log, given.rounds, same)
+        found = apart.compare("benchmarks.mdf", log, given.rounds, apart.same_channels)
     ours, peer = found["ours"], found["asammdf"]
     print(f"{given.mb:g} MB of MDF 4 into HDF5, medians of {given.rounds} interleaved rounds, same bits stored")
     print(peer.line("asammdf + h5py"))

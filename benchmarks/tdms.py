@@ -53,17 +53,6 @@ def appended(log: Path, folder: Path) -> None:
 SIDES = {"ours": apart.ingest, "appended": appended}
 
 
-def same(ours_folder: Path, other_folder: Path) -> bool:
-    """Whether both stored the same bits."""
-    import h5py
-
-    from testbench.store import open_run
-
-    run = open_run(next(ours_folder.glob("*.h5")))
-    with h5py.File(other_folder / "log.h5") as file:
-        return all(run.channel(name).tobytes() == file[name][()].tobytes() for name in file)
-
-
 def main() -> int:
     """Print the comparison; 1 if ours needs too much memory or is the slower one."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -74,7 +63,7 @@ def main() -> int:
         log = Path(temporary) / "log.tdms"
         generate(log, given.segments)
         size = log.stat().st_size / 1e6
-        found = apart.compare("benchmarks.tdms", log, given.rounds, same)
+        found = apart.compare("benchmarks.tdms", log, given.rounds, apart.same_channels)
     ours, peer = found["ours"], found["appended"]
     print(f"{size:.0f} MB of TDMS, {given.segments} segments of {SAMPLES} samples, into HDF5, same bits stored")
     print(peer.line("npTDMS, appended by h5py"))

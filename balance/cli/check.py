@@ -1,11 +1,16 @@
 """``balance check``."""
 
+from typing import TYPE_CHECKING
+
 import click
 
 from . import options
 from .conditions import document
 from .console import emit_json, emit_table, json_option
 from .tables import first_moment, mass, per_cent
+
+if TYPE_CHECKING:
+    from ..sizing import Sizing
 
 
 @click.command(
@@ -33,11 +38,8 @@ def check(
     result = given(found, model, options.once(counter, "--counter"))
     bodies = options.payload_bodies(model, payload)
     balanced = {body: balanced_payload(found, result.after, body) for body in bodies}
-    force = {
-        name: shaking_force_per_acceleration(state, bodies[0]) if bodies else None
-        for name, state in (("before", model), ("after", result.after))
-    }
-    per_g = {name: None if value is None else value * G0 for name, value in force.items()}
+    force = [shaking_force_per_acceleration(state, bodies[0]) if bodies else None for state in (model, result.after)]
+    before, after = (None if value is None else value * G0 for value in force)
     if as_json:
         emit_json(
             {
@@ -46,12 +48,23 @@ def check(
                 "residual_percent": result.residual_percent(),
                 "conditions": document(found, result.after),
                 "balanced_payload_kg": balanced,
-                "shaking_force_N_per_g": per_g["after"],
-                "shaking_force_without_counter_masses_N_per_g": per_g["before"],
+                "shaking_force_N_per_g": after,
+                "shaking_force_without_counter_masses_N_per_g": before,
                 "g0_m_per_s2": G0,
             }
         )
         return
+    _print(result, balanced)
+    if before is not None and after is not None:
+        click.echo(
+            f"Shaking force          {after:.4g} N per g0 of {bodies[0]} acceleration, "
+            f"{before:.4g} N without counter-masses (g0 = {G0} m/s2)"
+        )
+
+
+def _print(result: "Sizing", balanced: dict[str, float | None]) -> None:
+    """Counter-masses, what they leave, and the payload that they would balance."""
+    model, found = result.before, result.conditions
     rows = [[c.site, mass(c.mass), f"{c.position[0] * 1e3:.2f}"] for c in result.counter_masses]
     emit_table(f"Counter-masses of {model.name}", ["site", "mass [kg]", "x in its body [mm]"], rows)
     rows = [[found.text(i), f"{value:+.6g}"] for i, value in enumerate(found.values(result.after))]
@@ -64,9 +77,4 @@ def check(
         click.echo(
             f"Balanced payload       {body} = {'none' if value is None else mass(value) + ' kg'} "
             f"(asked: {mass(model.mass(body))} kg)"
-        )
-    if per_g["after"] is not None:
-        click.echo(
-            f"Shaking force          {per_g['after']:.4g} N per g0 of {bodies[0]} acceleration, "
-            f"{per_g['before']:.4g} N without counter-masses (g0 = {G0} m/s2)"
         )

@@ -1,20 +1,17 @@
 """The kinds of sensors, and the channels that each writes."""
 
 from collections.abc import Iterator
-from dataclasses import replace
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, Field, PrivateAttr, model_validator
+from pydantic import BaseModel, BeforeValidator, Field, model_validator
 
-from balance.errors import UnitError
-
-from ..calibration import law
 from ..calibration.document import Calibration, Matrix, Polynomial
 from ..calibration.teds import Teds
 from . import fields
-from .columns import Column, together
+from .columns import Column
 from .fields import Table
+from .logged import LoggedSensor
 
 Axis = Literal["x", "y", "z"]
 WrenchAxis = Literal["Fx", "Fy", "Fz", "Mx", "My", "Mz"]
@@ -25,63 +22,7 @@ TURNING_STIFFNESS = 1e6
 """Of a support with a six-axis sensor about each axis, where the rig states none [N m/rad]."""
 
 
-class _Sensor(Table):
-    logger: str
-    model: str = ""
-    calibration: Calibration | None = None
-    """Where the logger does not write physical units, or writes them with an offset."""
-    teds: Teds | None = None
-    _delay: float = PrivateAttr(0.0)
-    """Of its logger's filter [s], as the rig says when it is read."""
-
-    def columns(self, name: str) -> Iterator[Column]:
-        """The channels of the sensor called ``name``."""
-        cross = getattr(self, "crosstalk", None)
-        yield from together(
-            [
-                replace(c, calibration=self.calibration, crosstalk=cross, delay=self._late(c))
-                for c in self._channels(name)
-            ]
-        )
-
-    def delayed(self, delay: float) -> None:
-        """Take in the delay of the logger's filter [s]."""
-        self._delay = delay
-
-    def _late(self, column: Column) -> float:
-        """What a controller computes passes no filter."""
-        return 0.0 if column.commanded else self._delay
-
-    def _channels(self, name: str) -> Iterator[Column]:
-        raise NotImplementedError
-
-    def _written_in(self, unit: str | None) -> tuple[str, bool]:
-        """The unit of the log and whether the rig states it. The usual one of a kind is not that of raw values."""
-        if "unit" in self.model_fields_set:
-            return unit or "", bool(unit)
-        return ("", False) if self.calibration is not None else (unit or "", False)
-
-    @model_validator(mode="after")
-    def _calibrated(self) -> Self:
-        """A calibration that fits the components, and the unit where the rig states one."""
-        if self.calibration is None:
-            return self
-        channels = list(self.columns(""))
-        given = [c.unit or self.calibration.unit for c in channels]
-        if wrong := [c for c in channels if c.unit and self.calibration.unit not in {None, c.unit}]:
-            raise ValueError(f"calibration.unit: {self.calibration.unit!r}, but unit is {wrong[0].unit!r}: say it once")
-        if self.calibration.matrix is not None and getattr(self, "crosstalk", None) is not None:
-            raise ValueError("crosstalk: the calibration has a matrix: expected one of the two")
-        try:
-            law.check(self.calibration, channels)
-            if all(given):
-                law.bind(self.calibration, channels, [unit or "" for unit in given])
-        except UnitError as error:
-            raise ValueError(f"calibration: {error}") from error
-        return self
-
-
-class Accelerometer(_Sensor):
+class Accelerometer(LoggedSensor):
     """Acceleration of a point of a body, weight not included; axes of that body."""
 
     kind: Literal["accelerometer"]
@@ -112,7 +53,7 @@ class _ForceAndMoment(Table):
         return _at(self.F if component[0] == "F" else self.M, AXES.index(_axis(component)))
 
 
-class _Support(_Sensor):
+class _Support(LoggedSensor):
     """A support of the mechanism on the base that measures some of what it carries."""
 
     unloaded: tuple[WrenchAxis, ...] | Literal["rest"] = ()
@@ -231,7 +172,7 @@ class ForceSensor(_Support):
         return (*(self.stiffness if axis in self.by_axis else 0.0 for axis in AXES), 0.0, 0.0, 0.0)
 
 
-class Encoder(_Sensor):
+class Encoder(LoggedSensor):
     """Position of a joint."""
 
     kind: Literal["encoder"]
@@ -248,7 +189,7 @@ class Encoder(_Sensor):
                      self.noise or 0.0, self.resolution or 0.0, stated=stated)  # fmt: skip
 
 
-class Torque(_Sensor):
+class Torque(LoggedSensor):
     """Torque of a drive on its joint, as the drive reports it."""
 
     kind: Literal["torque"]
@@ -266,7 +207,7 @@ class Torque(_Sensor):
                      self.noise or 0.0, self.resolution or 0.0, stated=stated)  # fmt: skip
 
 
-class Target(_Sensor):
+class Target(LoggedSensor):
     """Commanded acceleration of what is driven, base axes, as the controller writes it."""
 
     kind: Literal["target"]
