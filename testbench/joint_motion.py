@@ -50,7 +50,7 @@ def followed(
     if bandwidth_hz > HIGHEST_CUTOFF * grid.rate:
         raise AnalysisError(
             f"{run.name}: encoders at {grid.rate:.4g} samples per second do not show {bandwidth_hz:g} Hz: expected at "
-            f"most {HIGHEST_CUTOFF * grid.rate:.4g} Hz"
+            f"most {HIGHEST_CUTOFF * grid.rate:.4g} Hz; ask for a lower --cutoff, or --bandwidth"
         )
     position = np.column_stack([in_si(run, column)[0] for column in columns])
     if steps is not None:

@@ -1,6 +1,7 @@
 """What the commands that read logs share: their options, findings for people, exit codes."""
 
 import unicodedata
+from collections import Counter
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -63,12 +64,25 @@ def exit_code(findings: Iterable["Finding"], accepted: Iterable[str] = ()) -> in
     return EXIT_WITH_FINDINGS if worst(findings) > Severity.NOTE else 0
 
 
+SHOWN_ALIKE = 5
+"""Findings of one code and file that are printed for people."""
+
+
 def print_findings(title: str, findings: Iterable["Finding"]) -> None:
-    """Findings as lines for people, the gravest first."""
+    """Findings as lines for people, the gravest first; of many alike the first ones, and how many more there are."""
     ordered = sorted(findings, key=lambda finding: -finding.severity)
     if ordered:
         click.echo(plain(title))
+    counts = Counter(finding.code for finding in ordered)
+    shown: Counter[str] = Counter()
     for finding in ordered:
+        shown[finding.code] += 1
+        more = counts[finding.code] - SHOWN_ALIKE
+        if more > 1 and shown[finding.code] > SHOWN_ALIKE:
+            if shown[finding.code] == SHOWN_ALIKE + 1:
+                severity = finding.severity.name.lower()
+                click.echo(f"  {severity:7} {finding.code}: and {more} more like these; --json lists all")
+            continue
         group = finding.group and f"group {finding.group}"
         place = ", ".join(filter(None, (finding.channel, group, finding.where)))
         text = f"{place}: {finding.message}" if place else finding.message

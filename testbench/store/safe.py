@@ -29,6 +29,10 @@ def open_for_reading(path: Path) -> Iterator["h5py.File"]:
 
     if not path.is_file():
         raise StoreError(f"{path}: no such file; expected a stored run (.h5)")
+    if not h5py.is_hdf5(path):
+        raise StoreError(
+            f"{path.name}: not a stored run, or damaged: no HDF5 file; a log is stored first: testbench ingest"
+        )
     try:
         with h5py.File(path, "r") as file:
             yield file

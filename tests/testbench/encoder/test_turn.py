@@ -54,6 +54,7 @@ def test_intervals_hold_the_truth(case):
         hits[1] += turn.fastest.holds(truth.fastest[1])
         hits[2] += turn.mean.holds(truth.mean_speed)
     assert all(binomtest(int(hit), tries, 0.95).pvalue > 1e-3 for hit in hits), hits
+    assert hits.min() >= 20 / 24 * tries
 
 
 def test_intervals_are_no_wider_than_their_errors_ask_for():

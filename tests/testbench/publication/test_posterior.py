@@ -47,7 +47,7 @@ def test_intervals_of_predictions_cover(training, printed):
         low, high = marginalise(made(training, 4.0, seed)).predict(printed)[1].T
         numbers = made(printed, 4.0, seed + 100).printed
         held += [(low <= numbers) & (numbers <= high)]
-    assert 0.85 < np.mean(held) <= 1.0
+    assert 0.85 < np.mean(held) < 0.99
 
 
 def test_bounds_do_not_decide(training, printed, monkeypatch):
