@@ -124,7 +124,10 @@ def _asked(drive: str, speeds: tuple[str, ...], reading: str | None) -> "DriveFi
     if reading:
         study = replace(study, reading=reading)
     if speeds:
-        study = replace(study, speeds=tuple(fields.speed(text, "--speed") for text in speeds))
+        asked = tuple(fields.speed(text, "--speed") for text in speeds)
+        if not min(asked) > 0.0:
+            raise click.UsageError(f"--speed is {', '.join(speeds)}: expected more than zero")
+        study = replace(study, speeds=asked)
     return study
 
 

@@ -40,7 +40,14 @@ Exit codes: 0 done, 3 done with findings, 1 refused."""
 @click.option(
     "--amplitude", type=click.Choice(["peak", "peak_to_peak", "rms"]), default="peak", show_default=True, help="Metric."
 )
-@click.option("--steady-within", default=1.0, show_default=True, metavar="PERCENT", help="Speed that counts as steady.")
+@click.option(
+    "--steady-within",
+    type=click.FloatRange(0.0, 50.0, min_open=True),
+    default=1.0,
+    show_default=True,
+    metavar="PERCENT",
+    help="Speed that counts as steady.",
+)
 @click.option("--speed", metavar="N", help="Nominal speed, such as 3000rpm: the run's must agree with it.")
 @click.option("--toml", metavar="NAME", help="Print it as this run of a sheet of trial runs; needs --speed.")
 @click.option("--weight", multiple=True, metavar="PLANE=W@A", help='Trial weight of this run, "fan end=10 g @ 0 deg".')
@@ -75,6 +82,8 @@ def vectors(run_file: Path, **options: Any) -> int:  # noqa: ANN401
 def _check(options: dict[str, Any]) -> None:
     if options["toml"] and options["as_json"]:
         raise click.UsageError("give either --toml or --json")
+    if not 0.0 < options["steady_within"] <= 50.0:
+        raise click.UsageError(f"--steady-within is {options['steady_within']:g}: expected more than 0, at most 50 %")
     if options["toml"] and not options["speed"]:
         raise click.UsageError("--toml needs --speed: the runs of a sheet are matched by their nominal speed")
     if options["toml"] and options["order"] != 1:
@@ -93,6 +102,8 @@ def _agrees(run: "Run", found: "Vectors", text: str, within: float) -> None:
     from ..errors import AnalysisError
 
     nominal = quantity(text, "angular velocity") / (2.0 * math.pi)
+    if not nominal > 0.0:
+        raise click.UsageError(f"--speed is {text!r}: expected more than zero")
     if abs(found.turns.speed / nominal - 1.0) > within:
         raise AnalysisError(
             f"{run.name}: turns at {60 * found.turns.speed:.5g} rpm, not at {text} within {100 * within:g} %"

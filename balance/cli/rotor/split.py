@@ -87,6 +87,8 @@ def split(
     kinds = _stock(weights, stock)
     if kinds and limit is not None:
         raise click.UsageError("--limit is for weights of any size; stock weights have --in-hole")
+    if not kinds and most_holes is not None:
+        raise click.UsageError("--most-holes is for stock weights: give them, --weight M or --stock FILE")
     findings: list[str] = []
     if kinds:
         rules = stocked.Rules(in_hole, most_holes, _share(within))

@@ -74,3 +74,10 @@ def test_wrong_command_lines():
     """A share that is none, a number of turns that is none."""
     assert run("inverted-slider-crank", "--flywheel-for", "none")[0] == 2
     assert run("inverted-slider-crank", "--start-up", "0")[0] == 2
+
+
+def test_a_speed_of_zero_is_a_wrong_command_line(balance):
+    """Nothing rotates; the reason is not sought in the motor."""
+    code, _, err = balance("drive", "inverted-slider-crank", "--speed", "0rpm")
+    assert code == 2
+    assert "more than zero" in err
