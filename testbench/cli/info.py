@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from ..describe import Description
 
 
+SHOWN_GROUPS, SHOWN_CHANNELS = 50, 500
+"""Groups of a file, and channels of a group, that are printed for people."""
+
+
 @click.command(
     epilog="""\b
 Examples:
@@ -53,11 +57,18 @@ def _print(found: "Description", stats: bool) -> None:
     recording = found.recording
     marked = " - SIMULATED" if recording.origin == "simulated" else ""
     click.echo(f"{reading.plain(recording.path.name)}: {recording.format}{marked}")
-    for check in found.groups:
+    for check in found.groups[:SHOWN_GROUPS]:
         header = ["channel", "unit", *(["n", "nan", "min", "max", "mean", "first", "last"] if stats else [])]
         click.echo(_title(check))
-        emit_table("", header, [_row(check, i, stats) for i in range(len(check.stats))])
+        emit_table("", header, [_row(check, i, stats) for i in range(min(len(check.stats), SHOWN_CHANNELS))])
+        _say_more(len(check.stats) - SHOWN_CHANNELS, "channels")
+    _say_more(len(found.groups) - SHOWN_GROUPS, "groups")
     reading.print_findings("Findings", found.findings)
+
+
+def _say_more(number: int, of: str) -> None:
+    if number > 0:
+        click.echo(f"and {number} more {of}; --json lists all")
 
 
 def _title(check: "GroupCheck") -> str:

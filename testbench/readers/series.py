@@ -1,6 +1,7 @@
 """Arrays that lie side by side in a file, gathered to groups: those of one place and length belong together."""
 
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -66,11 +67,12 @@ def gather(stem: str, series: Sequence[Series], scalars: Mapping[str, float]) ->
     sorted_out: dict[tuple[str, int, str], list[Series]] = {}
     for each in series:
         sorted_out.setdefault((each.root, each.length, each.axis), []).append(each)
+    of_root = Counter(root for root, _, _ in sorted_out)
+    of_length = Counter((root, length) for root, length, _ in sorted_out)
     taken: set[str] = set()
     for (root, length, axis), members in sorted_out.items():
-        alike = [other for other in sorted_out if other[0] == root]
-        parts = [stem, *([root] if root else []), *([str(length)] if len(alike) > 1 else [])]
-        if [other[1] for other in alike].count(length) > 1 and axis:
+        parts = [stem, *([root] if root else []), *([str(length)] if of_root[root] > 1 else [])]
+        if of_length[root, length] > 1 and axis:
             parts.append(axis.rpartition("/")[2])
         parts += [str(len(taken))] if " ".join(parts) in taken else []
         taken.add(" ".join(parts))

@@ -1,6 +1,7 @@
 """Series of samples from a dataset: its long side is the samples, its short one the channels."""
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,8 +15,13 @@ from .walk import plain
 
 MOST_CHANNELS = 4096
 _UNITS = ("units", "unit", "Units", "Unit", "UNITS", "unit_string")
+_MEANT = frozenset((*_UNITS, "scale_factor", "add_offset", "_FillValue", "NAME", "MATLAB_class", "MATLAB_empty"))
+_MOST_ATTRIBUTES = 500
 _LONGEST_TEXT = 2000
-Read = Callable[[int, int], np.ndarray[Any, Any]]
+Said = str | float | int
+"""What an attribute says that is one text or number."""
+Reopened = Callable[[h5py.Reference], h5py.Dataset]
+"""Opens the dataset of a reference, once more if need be: thousands are not kept open, each with its cache."""
 
 
 @dataclass(frozen=True)
@@ -35,10 +41,9 @@ class Law:
         return values if self.fill is None else np.where(numbers == self.fill, np.nan, values)
 
 
-def law(dataset: h5py.Dataset) -> Law:
+def law(said: Mapping[str, Said]) -> Law:
     """The packing that the attributes of a dataset state."""
-    scale, offset = (attribute(dataset, key) for key in ("scale_factor", "add_offset"))
-    fill = attribute(dataset, "_FillValue")
+    scale, offset, fill = (said.get(key) for key in ("scale_factor", "add_offset", "_FillValue"))
     return Law(
         float(scale) if isinstance(scale, int | float) else 1.0,
         float(offset) if isinstance(offset, int | float) else 0.0,
@@ -69,13 +74,14 @@ def numbers(dtype: np.dtype[Any]) -> list[tuple[str, str]] | None:
     return [("", "")] if dtype.kind in "iufb" else None
 
 
-def series(path: str, dataset: h5py.Dataset, name: str, root: str) -> Series | None:
-    """The dataset as a series of samples; None if it is none."""
-    form, parts = sides(dataset.shape), numbers(dataset.dtype)
-    if form is None or parts is None or form[1] * len(parts) > MOST_CHANNELS or form[0] * form[1] != dataset.size:
+def series(dataset: h5py.Dataset, said: Mapping[str, Said], name: str, root: str, reopened: Reopened) -> Series | None:
+    """The dataset with the attributes ``said`` as a series of samples; None if it is none."""
+    shape = dataset.shape
+    form, parts = sides(shape), numbers(dataset.dtype)
+    if form is None or parts is None or form[1] * len(parts) > MOST_CHANNELS or form[0] * form[1] != math.prod(shape):
         return None
     length, width, along = form
-    unit, packed = unit_of(dataset), law(dataset)
+    unit, packed, reference = unit_of(said), law(said), dataset.ref
     channels = tuple(
         Channel(f"{_indexed(name, i, width, along)}{_suffix(field, part)}", unit)
         for field, part in parts
@@ -83,7 +89,7 @@ def series(path: str, dataset: h5py.Dataset, name: str, root: str) -> Series | N
     )
 
     def block(begin: int, end: int) -> Sequence[Samples]:
-        rows = _read(dataset, begin, end, along, width)
+        rows = _read(reopened(reference), begin, end, along, width)
         return [packed(_part(column, field, part)) for field, part in parts for column in rows]
 
     return Series(root, channels, length, block, may_be_time=len(channels) == 1)
@@ -118,23 +124,26 @@ def _part(column: np.ndarray[Any, Any], field: str, part: str) -> Samples:
     return as_float64(column)
 
 
-def unit_of(node: h5py.Dataset) -> str | None:
+def unit_of(said: Mapping[str, Said]) -> str | None:
     """The unit in the attributes; None if there is none."""
     for key in _UNITS:
-        value = attribute(node, key)
+        value = said.get(key)
         if isinstance(value, str) and value.strip():
             return value.strip()
     return None
 
 
-def attribute(node: h5py.Group | h5py.Dataset, name: str) -> str | float | int | None:
+def attribute(node: h5py.Group | h5py.Dataset, name: str) -> Said | None:
     """An attribute that is one text or number; None for anything else, or if it is not there."""
-    if name not in node.attrs:
-        return None
-    found = node.attrs.get_id(name)
+    attrs = node.attrs
+    return _value(attrs, name) if name in attrs else None
+
+
+def _value(attrs: h5py.AttributeManager, name: str) -> Said | None:
+    found = attrs.get_id(name)
     if found.get_storage_size() > 1 << 16 or (found.dtype.kind == "O" and h5py.check_string_dtype(found.dtype) is None):
         return None
-    value = node.attrs[name]
+    value = attrs[name]
     if isinstance(value, np.ndarray):
         if value.size != 1:
             return None
@@ -146,7 +155,10 @@ def attribute(node: h5py.Group | h5py.Dataset, name: str) -> str | float | int |
     return float(value) if isinstance(value, np.floating | float) else None
 
 
-def attributes(node: h5py.Group | h5py.Dataset) -> dict[str, str | float | int]:
-    """All attributes that are one text or number."""
-    found = {plain(name): attribute(node, name) for name in list(node.attrs)[:500]}
+def attributes(node: h5py.Group | h5py.Dataset) -> dict[str, Said]:
+    """All attributes that are one text or number: the first 500, and those that have a meaning here."""
+    attrs = node.attrs
+    names = list(attrs)
+    kept = names if len(names) <= _MOST_ATTRIBUTES else [*names[:_MOST_ATTRIBUTES], *(_MEANT & {*names})]
+    found = {plain(name): _value(attrs, name) for name in kept}
     return {name: value for name, value in found.items() if value is not None}

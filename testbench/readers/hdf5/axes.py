@@ -1,24 +1,42 @@
 """What a file itself says is the axis of an array: NeXus by attributes of the group, netCDF by dimension scales."""
 
+from collections.abc import Mapping
+
 import h5py
 
-from .arrays import attribute
+from .arrays import Said, attribute
 from .walk import plain
 
+_NOT_A_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
 
-def stated(path: str, dataset: h5py.Dataset) -> tuple[str, bool]:
+
+class NexusAxes:
+    """The first axis that each group of NXdata, NXlog or NXdetector names; a group is asked once."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, str] = {}
+
+    def of(self, group: str, dataset: h5py.Dataset) -> str:
+        """The name of the axis in the group at a path that holds ``dataset``; empty if there is none."""
+        if group not in self._known:
+            self._known[group] = _named_axis(dataset.parent)
+        return self._known[group]
+
+
+def stated(path: str, dataset: h5py.Dataset, said: Mapping[str, Said], nexus: NexusAxes) -> tuple[str, bool]:
     """The path of the axis along which the samples of a dataset lie (empty: none), and if it is the dataset itself."""
-    return _by_scale(path, dataset) or _by_nexus(path, dataset) or ("", False)
+    if (scale := _by_scale(path, dataset, said)) is not None:
+        return scale
+    group, _, name = path.rpartition("/")
+    axis = nexus.of(group, dataset)
+    return (f"{group}/{axis}", name == axis) if axis else ("", False)
 
 
-def _by_scale(path: str, dataset: h5py.Dataset) -> tuple[str, bool] | None:
+def _by_scale(path: str, dataset: h5py.Dataset, said: Mapping[str, Said]) -> tuple[str, bool] | None:
     """The dimension scale of the long side."""
     if dataset.is_scale:
-        name = attribute(dataset, "NAME")
-        if isinstance(name, str) and name.startswith("This is a netCDF dimension but not a netCDF variable"):
-            return None
-        return path, True
-    if not dataset.shape:
+        return None if is_netcdf_dimension(said) else (path, True)
+    if not dataset.shape or "DIMENSION_LIST" not in dataset.attrs:
         return None
     side = max(range(dataset.ndim), key=lambda axis: dataset.shape[axis])
     if len(dataset.dims[side]):
@@ -28,23 +46,19 @@ def _by_scale(path: str, dataset: h5py.Dataset) -> tuple[str, bool] | None:
     return None
 
 
-def _by_nexus(path: str, dataset: h5py.Dataset) -> tuple[str, bool] | None:
+def _named_axis(group: h5py.Group) -> str:
     """The first of the axes that the group of NXdata names."""
-    group, _, name = path.rpartition("/")
-    parent = dataset.parent
-    if attribute(parent, "NX_class") not in ("NXdata", "NXlog", "NXdetector"):
-        return None
-    axes = parent.attrs.get("axes")
+    kind = attribute(group, "NX_class")
+    if kind not in ("NXdata", "NXlog", "NXdetector"):
+        return ""
+    axes = group.attrs.get("axes")
     if axes is None:
-        axis = "time" if attribute(parent, "NX_class") == "NXlog" else ""
+        axis = "time" if kind == "NXlog" else ""
     else:
         axis = plain(axes if isinstance(axes, str | bytes) else (list(axes) or [""])[0]).split(":")[0].strip("[]")
-    if not axis or axis == "." or axis not in parent:
-        return None
-    return f"{group}/{axis}", name == axis
+    return axis if axis and axis != "." and axis in group else ""
 
 
-def is_netcdf_dimension(dataset: h5py.Dataset) -> bool:
-    """Whether a dataset is a mere length, without values."""
-    name = attribute(dataset, "NAME")
-    return isinstance(name, str) and name.startswith("This is a netCDF dimension but not a netCDF variable")
+def is_netcdf_dimension(said: Mapping[str, Said]) -> bool:
+    """Whether a dataset of these attributes is a mere length, without values."""
+    return str(said.get("NAME", "")).startswith(_NOT_A_VARIABLE)

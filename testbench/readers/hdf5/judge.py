@@ -1,7 +1,8 @@
 """Whether a dataset can be read: nothing of it elsewhere, nothing unknown, no more declared than is there."""
 
+import math
+
 import h5py
-import numpy as np
 
 from ...findings import Finding
 from .walk import plain
@@ -15,15 +16,15 @@ _OWN_FILTERS = frozenset((h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py
 
 def refusal(path: str, dataset: h5py.Dataset) -> Finding | None:
     """Why a dataset is not read; None if it is."""
+    plist = dataset.id.get_create_plist()
     for judged in (_elsewhere, _declares_too_much, _unknown_filter):
-        if (found := judged(path, dataset)) is not None:
+        if (found := judged(path, dataset, plist)) is not None:
             return found
     return None
 
 
-def _elsewhere(path: str, dataset: h5py.Dataset) -> Finding | None:
-    plist = dataset.id.get_create_plist()
-    if dataset.is_virtual:
+def _elsewhere(path: str, dataset: h5py.Dataset, plist: h5py.h5p.PropDCID) -> Finding | None:
+    if plist.get_layout() == h5py.h5d.VIRTUAL:
         sources = sorted({plain(source.file_name) for source in dataset.virtual_sources()})
         message = f"is virtual, of {', '.join(sources) or 'other datasets'}; they are never opened"
         return Finding("outside_reference", path, None, message)
@@ -34,11 +35,12 @@ def _elsewhere(path: str, dataset: h5py.Dataset) -> Finding | None:
     return None
 
 
-def _declares_too_much(path: str, dataset: h5py.Dataset) -> Finding | None:
+def _declares_too_much(path: str, dataset: h5py.Dataset, plist: h5py.h5p.PropDCID) -> Finding | None:
     """Sizes that are not there: never written, unpacking to far more than is stored, or in giant chunks."""
-    there, declared = int(dataset.id.get_storage_size()), _bytes(dataset)
-    chunk = int(np.prod(dataset.chunks or (0,), dtype=np.float64)) * dataset.dtype.itemsize
-    if not dataset.chunks and dataset.id.get_create_plist().get_layout() == h5py.h5d.CONTIGUOUS and there < declared:
+    there, layout, item = int(dataset.id.get_storage_size()), plist.get_layout(), int(dataset.dtype.itemsize)
+    declared = math.prod(map(int, dataset.shape or ())) * item
+    chunk = math.prod(map(int, plist.get_chunk())) * item if layout == h5py.h5d.CHUNKED else 0
+    if layout == h5py.h5d.CONTIGUOUS and there < declared:
         message = f"declares {declared} bytes and holds {there}: it was never written whole"
         return Finding("cut_file", path, None, message)
     if chunk > _LARGEST_CHUNK or declared > max(_ALWAYS_ALLOWED, _MOST_RATIO * there):
@@ -47,16 +49,8 @@ def _declares_too_much(path: str, dataset: h5py.Dataset) -> Finding | None:
     return None
 
 
-def _bytes(dataset: h5py.Dataset) -> int:
-    size = dataset.dtype.itemsize
-    for side in dataset.shape or ():
-        size *= int(side)
-    return int(size)
-
-
-def _unknown_filter(path: str, dataset: h5py.Dataset) -> Finding | None:
+def _unknown_filter(path: str, dataset: h5py.Dataset, plist: h5py.h5p.PropDCID) -> Finding | None:
     """Filters that come with HDF5; others would load a plugin that the file names."""
-    plist = dataset.id.get_create_plist()
     for i in range(plist.get_nfilters()):
         code, _, _, name = plist.get_filter(i)
         if code not in _OWN_FILTERS:

@@ -1,8 +1,9 @@
 """Reading HDF5 with h5py: which objects are series, which are said beside them, which are left out."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 
 import h5py
@@ -17,6 +18,8 @@ from . import arrays, axes, judge, matlab
 from .walk import TooMuch, Walk, plain
 
 _EXACT = 2.0**53
+_OPEN_AT_ONCE = 256
+"""Datasets that are kept open while they are read, each with HDF5's cache of a mebibyte."""
 
 
 @dataclass
@@ -24,6 +27,8 @@ class _Found:
     """What the objects of a file hold."""
 
     is_matlab: bool
+    reopened: arrays.Reopened
+    nexus: axes.NexusAxes = field(default_factory=axes.NexusAxes)
     series: list[Series] = field(default_factory=list)
     scalars: dict[str, float] = field(default_factory=dict)
     metadata: dict[str, str] = field(default_factory=dict)
@@ -32,9 +37,9 @@ class _Found:
 
 
 def open_library(path: Path) -> Recording:
-    """Walk through the file; the numbers are read when asked for."""
-    with _opened(path) as file:
-        found, result = _understood(file, path)
+    """Walk through the file; the numbers are read when asked for, from the file as it was opened."""
+    with _refusing(path):
+        found, result = _understood(h5py.File(path, "r"), path)
     if not result.groups:
         grave = [finding for finding in found.findings if finding.severity > 0]
         raise Refusal(path.name, next(iter(grave), Finding("no_data", None, None, "no array of numbers in it")))
@@ -46,25 +51,24 @@ def open_library(path: Path) -> Recording:
         format="MATLAB v7.3" if found.is_matlab else "HDF5",
         reader="testbench.readers.hdf5",
         groups=tuple(gathered.group for gathered in result.groups),
-        read=lambda report: watched(_blocks(path), report),
+        read=lambda report: watched(_blocks(path, result), report),
         metadata=found.metadata,
         stated_rate_hz=result.stated_rate_hz,
         findings=tuple(found.findings),
     )
 
 
-def _blocks(path: Path) -> Iterator[Block]:
-    with _opened(path) as file:
-        for gathered in _understood(file, path)[1].groups:
+def _blocks(path: Path, gathering: Gathering) -> Iterator[Block]:
+    with _refusing(path):
+        for gathered in gathering.groups:
             yield from gathered.blocks()
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[h5py.File]:
-    """The file; whatever HDF5 finds wrong in it is a refusal."""
+def _refusing(path: Path) -> Iterator[None]:
+    """Whatever HDF5 finds wrong in a file is a refusal."""
     try:
-        with h5py.File(path, "r") as file:
-            yield file
+        yield
     except (OSError, RuntimeError, KeyError, ValueError, TypeError, UnicodeError, IndexError) as error:
         raise damaged(path, f"HDF5 cannot read it: {error}") from error
     except TooMuch as error:
@@ -73,7 +77,7 @@ def _opened(path: Path) -> Iterator[h5py.File]:
 
 def _understood(file: h5py.File, path: Path) -> tuple[_Found, Gathering]:
     with path.open("rb") as stream:
-        found = _Found(stream.read(10) == b"MATLAB 7.3")
+        found = _Found(stream.read(10) == b"MATLAB 7.3", lru_cache(_OPEN_AT_ONCE)(file.__getitem__))
     walk = Walk(file)
     for name, value in arrays.attributes(file["/"]).items():
         found.metadata[name] = str(value)
@@ -87,21 +91,22 @@ def _understood(file: h5py.File, path: Path) -> tuple[_Found, Gathering]:
 def _take(file: h5py.File, path: str, dataset: h5py.Dataset, found: _Found) -> None:
     """Sort a dataset: a series of samples, a number, a text, or something else."""
     name = matlab.name_of(path) if found.is_matlab else path.rpartition("/")[2]
-    if axes.is_netcdf_dimension(dataset):
+    said = arrays.attributes(dataset)
+    if axes.is_netcdf_dimension(said):
         return
     if (reason := judge.refusal(path, dataset)) is not None:
         found.findings.append(reason)
-    elif dataset.shape is None or not dataset.size or (found.is_matlab and matlab.is_empty(dataset)):
+    elif dataset.shape is None or not dataset.size or (found.is_matlab and matlab.is_empty(said)):
         found.metadata[path.strip("/")] = ""
-    elif found.is_matlab and (said := matlab.text(dataset)) is not None:
-        found.metadata[name] = said
+    elif found.is_matlab and (text := matlab.text(dataset, said)) is not None:
+        found.metadata[name] = text
     elif found.is_matlab and h5py.check_ref_dtype(dataset.dtype) is h5py.Reference:
         for inner, cell in matlab.cells(path, dataset, file):
             _take(file, inner, cell, found)
     elif dataset.size == 1:
         _scalar(path, dataset, found)
-    elif (series := arrays.series(path, dataset, name, _root(path, found.is_matlab))) is not None:
-        _keep(path, dataset, series, found)
+    elif (series := arrays.series(dataset, said, name, _root(path, found.is_matlab), found.reopened)) is not None:
+        _keep(path, dataset, said, series, found)
     else:
         found.others.append(f"{path} ({_described(dataset)})")
 
@@ -112,14 +117,14 @@ def _root(path: str, is_matlab: bool) -> str:
     return parent.split("/")[0] if is_matlab else parent
 
 
-def _keep(path: str, dataset: h5py.Dataset, series: Series, found: _Found) -> None:
+def _keep(path: str, dataset: h5py.Dataset, said: Mapping[str, arrays.Said], series: Series, found: _Found) -> None:
     if found.is_matlab:
         channels = tuple(replace(c, name=matlab.turned(c.name), label="") for c in series.channels)
         series = replace(series, channels=channels)
     else:
-        axis, is_axis = axes.stated(path, dataset)
+        axis, is_axis = axes.stated(path, dataset, said, found.nexus)
         series = replace(series, axis=axis, is_axis=is_axis)
-    packing = arrays.law(dataset)
+    packing = arrays.law(said)
     if (packing.scale, packing.offset) != (1.0, 0.0):
         message = f"numbers were made physical by scale_factor {packing.scale:g} and add_offset {packing.offset:g}"
         found.findings.append(Finding("calibration_applied", series.channels[0].name, path, message))
@@ -129,7 +134,7 @@ def _keep(path: str, dataset: h5py.Dataset, series: Series, found: _Found) -> No
     if dataset.dtype.kind in "iu" and dataset.dtype.itemsize == 8 and _is_beyond_exact(series):
         message = "holds integers beyond 2**53, which float64 rounds"
         found.findings.append(Finding("not_exact", series.channels[0].name, path, message))
-    for key, value in arrays.attributes(dataset).items():
+    for key, value in said.items():
         if not key.isupper() and not key.startswith(("_", "MATLAB")):
             found.metadata[f"{path.strip('/')}: {key}"] = str(value)
             if isinstance(value, int | float):

@@ -1,11 +1,11 @@
 """MATLAB 7.3 in HDF5: structures are groups, texts are numbers, cells are references, arrays lie turned round."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import h5py
 import numpy as np
 
-from .arrays import attribute
+from .arrays import Said
 from .walk import plain
 
 _OWN = ("/#refs#", "/#subsystem#")
@@ -22,19 +22,19 @@ def name_of(path: str) -> str:
     return path.strip("/").replace("/", ".")
 
 
-def text(dataset: h5py.Dataset) -> str | None:
+def text(dataset: h5py.Dataset, said: Mapping[str, Said]) -> str | None:
     """The text of a variable of letters; None if it is none."""
-    if attribute(dataset, "MATLAB_class") != "char" or dataset.size is None or dataset.size > _LONGEST_TEXT:
+    if said.get("MATLAB_class") != "char" or dataset.size is None or dataset.size > _LONGEST_TEXT:
         return None
-    if attribute(dataset, "MATLAB_empty") or dataset.dtype.kind not in "iu":
+    if is_empty(said) or dataset.dtype.kind not in "iu":
         return ""
     codes = np.asarray(dataset[()]).T.ravel()
     return "".join(map(chr, codes.tolist()))
 
 
-def is_empty(dataset: h5py.Dataset) -> bool:
-    """Whether a variable has no value; its numbers are then its size."""
-    return bool(attribute(dataset, "MATLAB_empty"))
+def is_empty(said: Mapping[str, Said]) -> bool:
+    """Whether a variable of these attributes has no value; its numbers are then its size."""
+    return bool(said.get("MATLAB_empty"))
 
 
 def cells(path: str, dataset: h5py.Dataset, file: h5py.File) -> Iterator[tuple[str, h5py.Dataset]]:

@@ -8,6 +8,8 @@ import h5py
 from ...findings import Finding
 
 _DEEPEST, _MOST = 64, 200_000
+_NAMED = 8
+"""Links of one fault that are findings each; more of them are one finding, with how many there are."""
 
 
 class TooMuch(Exception):
@@ -19,9 +21,14 @@ class Walk:
     """Goes through the objects of ``file``; what it does not follow are findings."""
 
     file: h5py.File
-    findings: list[Finding] = field(default_factory=list)
     seen: int = 0
+    _links: dict[str, list[Finding]] = field(default_factory=dict)
     _done: set[int] = field(default_factory=set)
+
+    @property
+    def findings(self) -> list[Finding]:
+        """What was not followed: a web of thousands of links alike is one finding with their number."""
+        return [finding for alike in self._links.values() for finding in _counted(alike)]
 
     def datasets(self) -> Iterator[tuple[str, h5py.Dataset]]:
         """Each dataset with its path, in the order of the file."""
@@ -41,10 +48,9 @@ class Walk:
     def _object(
         self, group: h5py.Group, key: str, path: str, above: tuple[int, ...]
     ) -> Iterator[tuple[str, h5py.Dataset]]:
-        kind = group.get(key, getclass=True)
-        if kind not in (h5py.Group, h5py.Dataset):
-            return
         node = group[key]
+        if not isinstance(node, h5py.Group | h5py.Dataset):
+            return
         address = _address(node)
         if address in above:
             self._found("cyclic_link", path, "leads back to a group that holds it; it is left out")
@@ -81,7 +87,16 @@ class Walk:
             self._found("cyclic_link", path, f"is a link to {target}, which holds it; it is left out")
 
     def _found(self, code: str, path: str, message: str) -> None:
-        self.findings.append(Finding(code, path, None, message))
+        self._links.setdefault(code, []).append(Finding(code, path, None, message))
+
+
+def _counted(alike: list[Finding]) -> list[Finding]:
+    """Findings of one code: each while they are few, else the first one with how many there are."""
+    if len(alike) <= _NAMED:
+        return alike
+    others = ", ".join(str(finding.channel) for finding in alike[1:4])
+    message = f"{alike[0].message}; and {len(alike) - 1} more links like it, such as {others}"
+    return [Finding(alike[0].code, alike[0].channel, None, message)]
 
 
 def _resolved(file: h5py.File, path: str) -> str | None:

@@ -1,48 +1,63 @@
-"""Starting the process, taking in what it sends, and making a refusal of whatever befalls it."""
+"""A recording whose header and data come from a process of its own."""
 
-import os
-import signal
-import subprocess
-import sys
-import threading
+import weakref
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
-from ...errors import RecordingError
-from ...findings import Finding, Refusal
 from ...recording import Block, Recording, Report
-from ..stream import damaged
 from . import frames
+from .process import Process
 
-PATIENCE_S = 60.0
-"""Longest silence of the process, for a small file [s]."""
-_BYTES_PER_SECOND = 1 << 20
+
+class _Waiting:
+    """The one process that has sent its header and waits to be asked for the data, which spares opening twice.
+
+    It is the last one that was started; where a run has several files, those before are opened again.
+    """
+
+    def __init__(self) -> None:
+        self._process: Process | None = None
+
+    def keep(self, process: Process) -> None:
+        self.end(self._process)
+        self._process = process
+
+    def take(self, process: Process) -> Process | None:
+        """The process, if it still waits; it is then the caller's."""
+        if self._process is not process:
+            return None
+        self._process = None
+        return process
+
+    def end(self, process: Process | None) -> None:
+        if process is not None and self.take(process) is not None:
+            process.end()
+
+
+_WAITING = _Waiting()
 
 
 def open_isolated(path: Path, module: str, function: str) -> Recording:
     """The recording that ``module.function(path)`` gives, opened and read in a process of its own."""
-    with _process(path, module, function, "open") as listen:
-        document, _ = next(listen)
-    said = document["recording"]
+    process = Process(path, module, function)
+    said = process.header()
+    _WAITING.keep(process)
     groups = tuple(frames.group_from_dict(group) for group in said["groups"])
 
     def read(report: Report) -> Iterator[Block]:
         known = {group.name: group for group in groups}
-        with _process(path, module, function, "read") as listen:
-            for document, data in listen:
-                if "finding" in document:
-                    report(frames.finding_from_dict(document["finding"]))
-                elif "group" in document:
-                    group = frames.group_from_dict(document["group"])
-                    known[group.name] = group
-                elif "block" in document:
-                    block = document["block"]
-                    columns = tuple(data.reshape(block["columns"], -1))
-                    yield Block(known[block["group"]], columns, block["start"], None, block["read"])
+        for document, data in (_WAITING.take(process) or _anew(path, module, function)).data():
+            if "finding" in document:
+                report(frames.finding_from_dict(document["finding"]))
+            elif "group" in document:
+                group = frames.group_from_dict(document["group"])
+                known[group.name] = group
+            elif "block" in document:
+                block = document["block"]
+                columns = tuple(data.reshape(block["columns"], -1))
+                yield Block(known[block["group"]], columns, block["start"], None, block["read"])
 
-    return Recording(
+    recording = Recording(
         path=path,
         format=said["format"],
         reader=said["reader"],
@@ -56,58 +71,12 @@ def open_isolated(path: Path, module: str, function: str) -> Recording:
         stated_rate_hz=said["stated_rate_hz"],
         findings=tuple(frames.finding_from_dict(finding) for finding in said["findings"]),
     )
+    weakref.finalize(recording, _WAITING.end, process)
+    return recording
 
 
-@contextmanager
-def _process(path: Path, module: str, function: str, mode: str) -> Iterator[Iterator[tuple[dict[str, Any], Any]]]:
-    """The frames that the process sends; leaving ends it."""
-    command = [sys.executable, "-P", "-m", f"{__package__}.worker", module, function, mode, str(path.absolute())]
-    threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "POLARS_MAX_THREADS"), "1")
-    process = subprocess.Popen(
-        command,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        env={**os.environ, **threads, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-    )
-    try:
-        yield _frames(process, path)
-    finally:
-        process.kill()
-        process.wait()
-        assert process.stdout is not None
-        process.stdout.close()
-
-
-def _frames(process: "subprocess.Popen[bytes]", path: Path) -> Iterator[tuple[dict[str, Any], Any]]:
-    """Frames up to the last one; a process that is silent for too long, or that died, is a refusal."""
-    assert process.stdout is not None
-    patience = PATIENCE_S + path.stat().st_size / _BYTES_PER_SECOND
-    while True:
-        silent = threading.Timer(patience, process.kill)
-        silent.start()
-        try:
-            document, data = frames.read(process.stdout)
-        except frames.Broken as error:
-            raise _died(process, path, patience, silent.finished.is_set()) from error
-        finally:
-            silent.cancel()
-        if "refusal" in document:
-            raise Refusal(path.name, frames.finding_from_dict(document["refusal"]))
-        if "error" in document:
-            raise RecordingError(document["error"])
-        if "end" in document:
-            return
-        yield document, data
-        if "recording" in document:
-            return
-
-
-def _died(process: "subprocess.Popen[bytes]", path: Path, patience: float, was_silent: bool) -> Refusal:
-    """Why the process brought nothing more."""
-    status = process.wait()
-    if was_silent:
-        message = f"reading it came to no end within {patience:.0f} s; it is damaged, or made to do so"
-        return Refusal(path.name, Finding("too_large", None, None, message))
-    died = signal.Signals(-status).name if status < 0 else f"exit code {status}"
-    return damaged(path, f"the library that reads it crashed on it ({died}); it is damaged")
+def _anew(path: Path, module: str, function: str) -> Process:
+    """A process that has opened the file once more."""
+    process = Process(path, module, function)
+    process.header()
+    return process

@@ -1,4 +1,4 @@
-"""The process that reads one file and sends what it finds: ``worker MODULE FUNCTION open|read PATH``."""
+"""What runs in the process, ``worker MODULE FUNCTION PATH``: it sends a file's header, and its data once asked."""
 
 import os
 import sys
@@ -19,14 +19,16 @@ MOST_MEMORY = 3 << 30
 
 
 def main(arguments: list[str]) -> None:
-    """Read the file, and send its header (``open``) or its data (``read``)."""
-    module, function, mode, path = arguments
+    """Open the file and send its header; then, if a line comes and not the end of the pipe, its data."""
+    module, function, path = arguments
     out = _private_output()
     _limit_memory()
     try:
         opener: Callable[[Path], Recording] = getattr(import_module(module), function)
         recording = opener(Path(path))
-        (_send_header if mode == "open" else _send_data)(out, recording)
+        _send_header(out, recording)
+        if sys.stdin.buffer.read(1):
+            _send_data(out, recording)
     except Refusal as refusal:
         frames.write(out, {"refusal": refusal.finding.as_dict()})
     except CounterpoiseError as error:

@@ -63,6 +63,16 @@ def test_info_for_people(command, log):
     assert "200 samples, 1000 Hz" in out
 
 
+def test_info_of_very_many_channels_says_how_many_more(command, log):
+    """People see five hundred channels of a group, and the number of the others; the JSON has all."""
+    log.write_text("Time (s)," + ",".join(f"c{i:03d} (g)" for i in range(600)) + "\n" + ("0" + ",1" * 600 + "\n") * 2)
+    _, out, _ = command("info", log)
+    assert "c498 (g)" in out
+    assert "c499 (g)" not in out.split("Findings")[0]
+    assert "and 101 more channels; --json lists all" in out
+    assert len(json.loads(command("info", log, "--json")[1])["groups"][0]["channels"]) == 601
+
+
 @pytest.mark.parametrize(
     ("content", "code"),
     [(HEADER + ROWS, 0), (HEADER + ROWS + "0.2", 3), (HEADER + ROWS + "1,2,3\n", 1), ("", 1), (HEADER, 1)],

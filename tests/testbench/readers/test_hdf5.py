@@ -1,12 +1,18 @@
 """HDF5 of other people: plain, netCDF 4, NeXus, MATLAB 7.3; and files that would lead elsewhere."""
 
+import time
+from collections import Counter
+
 import h5netcdf
 import h5py
 import numpy as np
 import pytest
 
 from testbench.errors import RecordingError
-from testbench.recording import TimeColumn, UniformClock
+from testbench.readers.hdf5 import arrays
+from testbench.readers.hdf5.walk import Walk
+from testbench.readers.series import Series, gather
+from testbench.recording import Channel, TimeColumn, UniformClock
 
 from . import reading
 from .reading import in_process  # noqa: F401
@@ -181,6 +187,55 @@ def test_links_within_the_file_are_met_once(made):
         "/a/two",
     }
     assert {f.channel for f in found.findings if f.code == "broken_link"} == {"/a/nowhere"}
+
+
+def test_a_web_of_links_is_one_finding(made):
+    """Each of forty groups holds each other and itself: one finding with their number; so are links to nowhere."""
+
+    def write(file):
+        groups = [file.create_group(f"g{i:02d}") for i in range(40)]
+        groups[0]["acc"] = TIME
+        for group in groups:
+            for i, other in enumerate(groups):
+                group[f"to{i:02d}"] = other
+            group["nowhere"] = h5py.SoftLink("/b/acc")
+
+    found = made(write)
+    assert [len(columns) for columns in found.data.values()] == [1]
+    counts = Counter(f.code for f in found.findings)
+    assert counts["cyclic_link"] == counts["broken_link"] == 1
+    assert "and 39 more links like it, such as /g00/to01/" in found.message("broken_link")
+    # the groups lie one in the other, g00 outermost: the one at depth i leads back to itself and the i above it
+    assert f"and {40 * 41 // 2 - 1} more links" in found.message("cyclic_link")
+
+
+def test_the_objects_are_gone_through_once(made, monkeypatch):
+    """Opening and reading of thousands of datasets: one walk, attributes asked once each, and values to the bit."""
+    walks, asked = [], Counter()
+    walk, ask = Walk.datasets, arrays.attributes
+    monkeypatch.setattr(Walk, "datasets", lambda self: walks.append(self) or walk(self))
+    monkeypatch.setattr(arrays, "attributes", lambda node: asked.update([node.name]) or ask(node))
+    values = RANDOM.normal(size=(600, 5))
+
+    def write(file):
+        for i, row in enumerate(values):
+            file[f"g{i % 300}/c{i}"] = row
+
+    found = made(write)
+    assert len(walks) == 1
+    assert set(asked.values()) == {1}
+    assert len(found.groups) == 300
+    for i, row in enumerate(values):
+        np.testing.assert_array_equal(found.column(f"c{i}", f"run g{i % 300}"), row)
+
+
+def test_twenty_thousand_places_are_gathered_in_one_go():
+    """Names of groups do not compare each place with each other: seconds, where it took minutes."""
+    series = [Series(f"g{i}", (Channel("x"),), 2 + i % 7, lambda a, b: [np.zeros(b - a)]) for i in range(20_000)]
+    began = time.process_time()
+    found = gather("run", series, {})
+    assert time.process_time() - began < 5
+    assert len({gathered.group.name for gathered in found.groups}) == 20_000
 
 
 def test_nothing_outside_is_ever_opened(made, tmp_path):

@@ -9,7 +9,7 @@ import pytest
 
 from testbench.errors import RecordingError
 from testbench.findings import Refusal
-from testbench.readers.isolated import open_isolated, parent
+from testbench.readers.isolated import open_isolated, process
 
 from . import misbehaving
 
@@ -64,7 +64,7 @@ def test_memory_is_limited(opened, monkeypatch):
 
 def test_patience_ends(opened, monkeypatch):
     """A library that does not come back is stopped."""
-    monkeypatch.setattr(parent, "PATIENCE_S", 1.0)
+    monkeypatch.setattr(process, "PATIENCE_S", 1.0)
     began = time.monotonic()
     with pytest.raises(Refusal, match="no end within 1 s"):
         opened("hangs")
@@ -90,3 +90,31 @@ def test_leaving_early_ends_the_process(opened):
     blocks = opened("well").blocks(lambda finding: None)
     next(blocks)
     blocks.close()
+
+
+def test_header_and_data_come_from_one_process(opened, monkeypatch):
+    """Opening is not done twice; where another file was opened in between, or data are asked for again, it is."""
+    started = []
+    begin = process.Process.__init__
+    monkeypatch.setattr(process.Process, "__init__", lambda self, *a: started.append(self) or begin(self, *a))
+    recording = opened("well")
+    assert len(list(recording.blocks(lambda finding: None))) == 2
+    assert len(started) == 1
+    assert len(list(recording.blocks(lambda finding: None))) == 2
+    assert len(started) == 2
+    first, second = opened("well"), opened("well")
+    assert [len(list(each.blocks(lambda finding: None))) for each in (second, first)] == [2, 2]
+    assert len(started) == 5
+
+
+def test_a_recording_that_is_dropped_leaves_no_process(opened, monkeypatch):
+    """Nor does one that is opened and never read, once another is opened."""
+    started = []
+    begin = process.Process.__init__
+    monkeypatch.setattr(process.Process, "__init__", lambda self, *a: started.append(self) or begin(self, *a))
+    first = opened("well")
+    second = opened("well")
+    assert started[0]._process.poll() is not None
+    assert started[1]._process.poll() is None
+    del first, second
+    assert started[1]._process.poll() is not None
