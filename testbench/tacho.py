@@ -8,6 +8,7 @@ from balance.arrays import Floats
 
 from .encoder.gaps import Gap, lost, spurious
 from .errors import AnalysisError
+from .subsample import open_offset
 
 LEAST_TURNS = 10
 """Turns below which no interval can be given."""
@@ -16,8 +17,8 @@ STEADY_WITHIN = 0.01
 _REARM = 0.2
 """The signal must fall so far below the level, of its whole swing, before the next pulse counts."""
 _BLOCKS = 8
-_OWN = 0.8
-"""Scatter of pulses, of that of a uniform error of one sample, above which each is early or late on its own."""
+_IN_STEP = 0.1
+"""How early or late steep pulses may be alike, in samples, from which it is said that the sampling keeps step."""
 _STEEP = 0.3
 """Share of the swing within one sample above which the crossing between the samples cannot be told."""
 
@@ -32,6 +33,13 @@ class Turns:
     """Step of the samples that the pulses were timed with [s]."""
     timing: float = 0.0
     """How early or late all pulses may be alike, half a 95 % interval [s]."""
+    steep: bool = False
+    """Whether pulses rise within a sample, so that their places between two samples are not seen."""
+
+    @property
+    def keeps_step(self) -> bool:
+        """Whether the sampling keeps step with the rotor, so that the pulses' places in a sample do not average out."""
+        return self.steep and self.timing > _IN_STEP * self.resolution
 
     @property
     def count(self) -> int:
@@ -103,8 +111,7 @@ def steady_turns(name: str, time: Floats, signal: Floats, level: float | None, f
             f"expected at least {LEAST_TURNS + 1}, one a turn; another channel, --level, or a longer record"
         )
     _refuse_gaps(name, found)
-    step = float(np.median(np.diff(time)))
-    turns = Turns(found, step, _timing(time, signal, found, half_swing(time, signal, falling)[1] if guessed else 0.0))
+    turns = _timed(time, signal, found, half_swing(time, signal, falling)[1] if guessed else 0.0)
     if turns.change > within:
         raise AnalysisError(
             f"{name}: the speed changes by {100 * turns.change:.2g} % of its mean {60 * turns.speed:.5g} rpm; expected "
@@ -114,20 +121,15 @@ def steady_turns(name: str, time: Floats, signal: Floats, level: float | None, f
     return turns
 
 
-def _timing(time: Floats, signal: Floats, found: Floats, level_error: float) -> float:
-    """How early or late all pulses may be alike [s]: half a step of the samples where they rise within one.
-
-    But not where they scatter about an even motion as a uniform error of one step does: there each is off on its own.
-    Where they rise slowly, by what the level may be off.
-    """
+def _timed(time: Floats, signal: Floats, found: Floats, level_error: float) -> Turns:
+    """Pulses with how early or late all may be alike: slow ones by the level's error, steep ones by the samples."""
     step = float(np.median(np.diff(time)))
-    after = np.searchsorted(time, found).clip(1, len(time) - 1)
+    after = np.searchsorted(time, found, side="right").clip(1, len(time) - 1)
     rise = float(np.median(np.abs(signal[after] - signal[after - 1])))
     if rise <= _STEEP * float(np.ptp(signal)):
-        return 1.96 * level_error / rise * step
-    number = np.linspace(-1.0, 1.0, len(found))
-    scatter = float(np.std(found - np.polynomial.Polynomial.fit(number, found, 3)(number)))
-    return 0.5 * step if scatter < _OWN * step / np.sqrt(12.0) else 0.0
+        return Turns(found, step, 1.96 * level_error / rise * step)
+    later, within = open_offset(time[after - 1], time[after], found)
+    return Turns(found + later, step, within, steep=True)
 
 
 def _count(gaps: list[Gap]) -> str:

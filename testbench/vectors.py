@@ -44,7 +44,7 @@ class OrderVector:
     amplitude_within: float
     """Half the interval of the amplitude [m, m/s or m/s2]."""
     phase_within: float
-    """Half the interval of the phase, at most pi [rad]; it holds half a sample where pulses rise within one."""
+    """Half the interval of the phase, at most pi [rad]; it holds what the samples leave open of steep pulses."""
     coherence: float
     """|sum of the parts' vectors|^2 over parts times the sum of their squares: 1 where all parts agree."""
     share: float
@@ -57,6 +57,12 @@ class OrderVector:
         """Whether amplitude is told from the scatter; else the phase means nothing."""
         return self.phase_within < np.pi / 2
 
+    def findings(self, order: int) -> tuple[str, ...]:
+        """What is odd about it."""
+        if self.is_told:
+            return ()
+        return (f"order {order} is not told from the scatter; its phase means nothing",)
+
 
 @dataclass(frozen=True)
 class Vectors:
@@ -65,6 +71,25 @@ class Vectors:
     order: int
     turns: Turns
     vectors: tuple[OrderVector, ...]
+
+    @property
+    def phase_alike(self) -> float:
+        """How far all phases may be off alike, by the timing of the pulses, half a 95 % interval [rad]."""
+        return 2.0 * np.pi * self.order * self.turns.speed * self.turns.timing
+
+    def findings(self) -> tuple[str, ...]:
+        """What is odd; nothing where all is well."""
+        return (*self._in_step(), *(f"{v.sensor}: {text}" for v in self.vectors for text in v.findings(self.order)))
+
+    def _in_step(self) -> tuple[str, ...]:
+        if not self.turns.keeps_step:
+            return ()
+        samples = 1.0 / (self.turns.resolution * self.turns.speed)
+        return (
+            f"the sampling keeps step with the speed ({samples:.6g} samples a turn): where the pulses lie within a "
+            f"sample does not average out, all phases may be off by {np.degrees(self.phase_alike):.2g} deg alike; it "
+            "is in their intervals; sample faster, or at a rate that is no multiple of the speed",
+        )
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,7 @@ def vectors(run_file: Path, **options: Any) -> int:  # noqa: ANN401
         emit_json(_document(run, found, options["phase"], options["amplitude"]))
     else:
         _print(run, found, options["phase"], options["amplitude"])
-    return 0 if all(vector.is_told for vector in found.vectors) else EXIT_WITH_FINDINGS
+    return EXIT_WITH_FINDINGS if found.findings() else 0
 
 
 def _check(options: dict[str, Any]) -> None:
@@ -125,6 +125,7 @@ def _degrees(vector: "OrderVector", phase: str) -> float:
 def _toml(run: "Run", found: "Vectors", options: dict[str, Any]) -> str:
     lines = [
         f'# from {run.name}, {run.origin}: phase = "{options["phase"]}", amplitude = "{options["amplitude"]}"',
+        *(f"# finding: {finding}" for finding in found.findings()),
         "[[runs]]",
         f"name = {_quoted(options['toml'])}",
     ]
@@ -176,6 +177,8 @@ def _document(run: "Run", found: "Vectors", phase: str, metric: "Metric") -> dic
         "speed_rpm": 60.0 * found.turns.speed,
         "speed_change_percent": 100.0 * found.turns.change,
         "interval": "95 %",
+        "phases_off_alike_deg_within": math.degrees(found.phase_alike),
+        "findings": list(found.findings()),
         "vectors": rows,
     }
 
@@ -200,5 +203,5 @@ def _print(run: "Run", found: "Vectors", phase: str, metric: "Metric") -> None:
         if v.tones:
             tones = ", ".join(f"{tone:.4g} Hz" for tone in v.tones)
             click.echo(f"{v.sensor}: beside the order {tones}, which does not turn with the rotor; fitted with it.")
-        if not v.is_told:
-            click.echo(f"{v.sensor}: order {found.order} is not told from the scatter; its phase means nothing.")
+    for finding in found.findings():
+        click.echo(f"Finding: {finding}.")

@@ -83,13 +83,32 @@ def test_foreign_tones_are_found_and_named() -> None:
     assert sum(len(vectors_of(Rotor(seed=seed, tone=0.0, seconds=1.0))[0].tones) for seed in range(20)) <= 1
 
 
-@pytest.mark.parametrize(("speed", "own"), [(50.0, False), (49.37, True)])
-def test_steep_pulses_are_off_alike_or_each_on_its_own(speed: float, own: bool) -> None:
+@pytest.mark.parametrize(("speed", "in_step"), [(50.0, True), (49.37, False)])
+def test_steep_pulses_are_off_alike_or_each_on_its_own(speed: float, in_step: bool) -> None:
     """Sampling that keeps step with the speed leaves half a sample of doubt in all pulses, else far less."""
     turns = turns_of(Rotor(speed=speed))
-    assert turns.timing == pytest.approx(0.5e-4, rel=1e-9) if not own else turns.timing < 1e-5
+    assert turns.keeps_step == in_step
+    assert 0.45e-4 < turns.timing <= 0.5e-4 if in_step else turns.timing < 1e-5
     amplitude, phase, tries, _ = coverage(20, smooth=False, speed=speed)
     assert min(amplitude, phase) / tries > 0.88
+
+
+@pytest.mark.parametrize("flips", [0, 3])
+def test_sampling_in_step_at_any_place_within_a_sample(flips: int) -> None:
+    """100 samples a turn exactly, pulses 0.47 samples late alike, some of them seen a sample later: truth is held."""
+    rate, speed, late = 5000.0, 50.0, 0.97
+    time = np.arange(7500) / rate
+    turned = speed * time - 0.25 - late * speed / rate
+    tacho = np.where((turned + 1e-9) % 1.0 < 0.06, 5.0, 0.0)
+    for k in (10, 31, 52)[:flips]:
+        tacho[np.flatnonzero((tacho[1:] > 0) & (tacho[:-1] == 0))[k] + 1] = 0.0
+    signal = 4.0 * np.cos(2 * np.pi * turned + 0.7) + np.random.default_rng(1).normal(0.0, 0.01, len(time))
+    turns = steady_turns("run", time, tacho, None, False, 0.01)
+    vector = order_vector("A", "acceleration", signal, turns, time, 1, 8)
+    off = np.angle(vector.value / np.exp(0.7j))
+    assert turns.keeps_step
+    assert abs(off) < vector.phase_within < 2 * np.pi * 0.6 / 100.0
+    assert abs(off) > 2 * np.pi * 0.2 / 100.0
 
 
 def test_a_rotor_without_unbalance_has_no_phase() -> None:

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,9 @@ from testbench.ingest import Ingest
 from testbench.runsheet import PlannedRun
 
 from ..rotating import UNBALANCE, Rotor
+
+OWN = 50.137
+"""Turns a second of which no samples keep step."""
 
 
 def stored(folder: Path, name: str, rotor: Rotor) -> str:
@@ -36,7 +40,13 @@ def run(*arguments: str) -> tuple[int, str]:
 @pytest.fixture(scope="module")
 def found(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A stored run as found."""
-    return stored(tmp_path_factory.mktemp("rotor"), "found", Rotor(seconds=2.0))
+    return stored(tmp_path_factory.mktemp("rotor"), "found", Rotor(seconds=2.0, speed=OWN))
+
+
+@pytest.fixture(scope="module")
+def in_step(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A stored run that was sampled in step with its speed."""
+    return stored(tmp_path_factory.mktemp("rotor"), "in-step", Rotor(seconds=1.0))
 
 
 def test_json_holds_the_truth_with_intervals(found: str) -> None:
@@ -44,7 +54,7 @@ def test_json_holds_the_truth_with_intervals(found: str) -> None:
     code, output = run(found, "--json")
     lead = json.loads(output)
     assert code == 0
-    assert lead["speed_rpm"] == pytest.approx(3000.0, rel=1e-3)
+    assert lead["speed_rpm"] == pytest.approx(60 * OWN, rel=1e-4)
     for row, truth in zip(lead["vectors"], Rotor().truth(), strict=True):
         assert abs(row["amplitude_m_s2"] - abs(truth)) < 2 * row["amplitude_m_s2_within"]
         assert row["phase_deg"] == pytest.approx(np.degrees(np.angle(truth)), abs=2 * row["phase_deg_within"] + 0.5)
@@ -59,7 +69,21 @@ def test_table(found: str) -> None:
     code, output = run(found, "--sensor", "B")
     assert code == 0
     assert "lead of the pulse" in output
-    assert "turns at 3000" in output or "turns at 2999" in output
+    assert "turns at 3008" in output
+
+
+def test_sampling_in_step_is_a_finding_and_in_every_interval(in_step: str) -> None:
+    """Half of one of 200 samples a turn, 0.9 deg, in text, document and sheet, whose interval it is."""
+    code, output = run(in_step)
+    assert code == 3
+    assert "Finding: the sampling keeps step with the speed (200 samples a turn)" in " ".join(output.split())
+    document = json.loads(run(in_step, "--json")[1])
+    assert document["phases_off_alike_deg_within"] == pytest.approx(0.9, abs=0.06)
+    assert all(row["phase_deg_within"] > 0.8 for row in document["vectors"])
+    sheet = run(in_step, "--speed", "3000rpm", "--toml", "found")[1]
+    readings = tomllib.loads(sheet)["runs"][0]["readings"]["3000rpm"]
+    assert all(0.8 < float(text.split("±")[-1].removesuffix("deg")) < 2.0 for text in readings.values())
+    assert "# finding: the sampling keeps step" in sheet
 
 
 def test_refusals(found: str) -> None:
