@@ -161,6 +161,7 @@ def _print(result: dict[str, Any]) -> None:
     click.echo(
         f"{result['log']}: {result['edges']} edges, {result['crank_turns']:.2f} turns of the crank, clock {clock}"
     )
+    click.echo(_proof(result["motion_repeats_every_edges"], result["pulses_per_disc_turn"]))
     if "steady" in result:
         _print_turn(result["steady"], result.get("model"))
     if "not_steady" in result:
@@ -172,6 +173,13 @@ def _print(result: dict[str, Any]) -> None:
         click.echo(f"Errors of the disc, told apart and put right: {error:.2g} % of the pitch.")
     for finding in result["findings"]:
         click.echo(f"Finding: {finding}")
+
+
+def _proof(repeats: int | None, pulses: int) -> str:
+    """What the log itself says about the edges a turn."""
+    if repeats is None:
+        return f"Nothing in the log proves {pulses} edges a turn of the disc: speeds are as right as --pulses."
+    return f"The motion repeats every {repeats} edges."
 
 
 def _print_turn(turn: dict[str, Any], model: dict[str, Any] | None) -> None:

@@ -10,7 +10,7 @@ from .edges import Edges
 from .model import Held
 from .pitch import Pitch
 from .turn import Estimate, Turn
-from .turncount import repeats_within
+from .turncount import repetition
 
 if TYPE_CHECKING:
     from balance.drives.startup import StartUp
@@ -31,6 +31,7 @@ def edges(record: Edges) -> dict[str, Any]:
         "pulses_per_disc_turn": record.disc.pulses,
         "disc_turns_per_crank_turn": record.disc.ratio,
         "crank_turns": float(record.angle[-1] / (2.0 * np.pi)),
+        "motion_repeats_every_edges": repetition(record),
         "clock_step_us": None if step is None else step * 1e6,
         "lost_edges": [
             {"after_edge": g.after, "time_s": g.time, "missing": g.missing, "interval_ratio": g.ratio}
@@ -127,10 +128,12 @@ def findings(record: Edges, found: Turn | None) -> list[str]:
         odd.append(
             f"the clock's step of {step * 1e6:g} us is {100 * step / interval:.1f} % of an interval between edges"
         )
-    if found is not None and (again := repeats_within(record)) is not None:
+    again = repetition(record) if found is not None else None
+    if again is not None and (times := round(record.disc.per_turn / again)) > 1:
         odd.append(
-            f"the motion repeats every {again} edges already, {round(record.disc.per_turn / again)} times a turn of "
-            f"{record.disc.per_turn:g}: so it does where the disc has fewer edges a turn than --pulses says"
+            f"the motion repeats every {again} edges already, {times} times a turn of {record.disc.per_turn:g}: so it "
+            f"does where the disc has {record.disc.pulses / times:g} edges a turn, not {record.disc.pulses}; all "
+            f"speeds are then {times} times as high"
         )
     if found is not None and found.repeated > 0.0:
         odd.append(

@@ -1,4 +1,4 @@
-"""Whether the motion repeats once a turn, as it must where the edges per turn are as stated."""
+"""After how many edges the motion repeats: once a turn, where the edges per turn are as stated."""
 
 import numpy as np
 
@@ -9,6 +9,8 @@ from .edges import Edges
 
 _LEAST = 8
 """Shortest repetition that is looked for, in edges."""
+_FARTHEST = 5
+"""Stated turns over which a repetition is looked for."""
 _BESIDE = 3
 _STEPS = 3.0
 """Steps of the clock, above which scatter is no rounding."""
@@ -18,31 +20,47 @@ _CLEAR = 0.35
 
 def refuse_other_turn(edges: Edges) -> None:
     """Raise RecordingError where the motion in the later half plainly repeats, but not after the stated turn."""
-    stated, lags, scatter = _scatter(edges)
-    for lag in _repetitions(edges, lags, scatter):
-        if scatter[lag - lags[0]] < _CLEAR * scatter[stated - lags[0]]:
-            raise RecordingError(
-                f"{edges.name}: the motion repeats every {lag} edges, not every {stated}: state the edges per turn of "
-                "the disc (--pulses) and its turns per turn of the crank (--ratio) as they are"
-            )
+    if edges.disc.pitch_is_apart:
+        return
+    stated = round(edges.disc.per_turn)
+    lags, scatter = _scatter(edges)
+    found = _repetitions(edges, lags, scatter)
+    at_stated = dict(zip(lags.tolist(), scatter.tolist(), strict=True)).get(stated)
+    if at_stated is None:  # too short a log to hold a stated turn against the next
+        other = found[:1] if found and stated % found[0] else []
+    else:
+        other = [lag for lag in found if scatter[lag - lags[0]] < _CLEAR * at_stated]
+    if other:
+        raise RecordingError(
+            f"{edges.name}: the motion repeats every {other[0]} edges, not every {stated}: state the edges per turn of "
+            "the disc (--pulses) and its turns per turn of the crank (--ratio) as they are"
+        )
 
 
-def repeats_within(edges: Edges) -> int | None:
-    """Edges after which the motion repeats already, where they are half or a third of the stated turn; else None."""
-    stated, lags, scatter = _scatter(edges)
-    parts = [lag for lag in _repetitions(edges, lags, scatter) if stated in (2 * lag, 3 * lag)]
+def repetition(edges: Edges) -> int | None:
+    """Edges after which the motion of the later half repeats, a turn or a whole part of one; None: nothing shows it."""
+    per_turn = edges.disc.per_turn
+    parts = [lag for lag in _repetitions(edges, *_scatter(edges)) if _divides(lag, per_turn)]
     return min(parts, default=None)
 
 
-def _scatter(edges: Edges) -> tuple[int, Indices, Floats]:
-    """Stated edges a turn; numbers of edges, and how the time for each scatters along the later half of the log [s]."""
+def _divides(lag: int, per_turn: float) -> bool:
+    """Whether so many edges are a turn or a whole part of one, to the next edge."""
+    times = round(per_turn / lag)
+    return times >= 1 and abs(per_turn / times - lag) <= 0.5
+
+
+def _scatter(edges: Edges) -> tuple[Indices, Floats]:
+    """Numbers of edges, and how the time for each scatters along the later half of the log [s]; lost ones left out."""
     stated = round(edges.disc.per_turn)
-    time = edges.time[len(edges.time) // 2 :]
-    most = min(2 * stated + 2 * _BESIDE, len(time) // 2)
-    if edges.gaps or edges.disc.pitch_is_apart or stated < _LEAST or most <= stated + _BESIDE:
-        return stated, np.arange(0), np.empty(0)
+    time = np.full(edges.pulse[-1] + 1, np.nan)
+    time[edges.pulse] = edges.time
+    time = time[len(time) // 2 :][-4 * _FARTHEST * stated :]
+    most = min(_FARTHEST * stated + 2 * _BESIDE, 3 * len(time) // 4)
+    if most < _LEAST + _BESIDE:
+        return np.arange(0), np.empty(0)
     lags = np.arange(_LEAST - _BESIDE, most)
-    return stated, lags, np.array([np.std(time[lag:] - time[:-lag]) for lag in lags]) + 1e-12
+    return lags, np.array([np.nanstd(time[lag:] - time[:-lag]) for lag in lags]) + 1e-12
 
 
 def _repetitions(edges: Edges, lags: Indices, scatter: Floats) -> list[int]:

@@ -95,3 +95,14 @@ def test_start_up_beside_the_computed_one(tmp_path):
     assert speeds.max() == pytest.approx(document["start_up"]["turns"][1]["fastest_rpm"], abs=0.3)
     code, output = run(log, *MODEL, "--start-up", "2")
     assert "Start-up" in output
+
+
+def test_what_proves_the_edges_a_turn(log, tmp_path):
+    """The log of a crank that fluctuates shows them; at constant speed it is said that nothing does."""
+    assert "The motion repeats every 100 edges." in run(log, "--pulses", "100")[1]
+    code, output = run(log, "--pulses", "200")
+    assert code == 3
+    assert "has 100 edges a turn, not 200; all speeds are then 2 times as high" in " ".join(output.split())
+    even = written(tmp_path / "even.csv", np.arange(801) * 8e-3)
+    assert "Nothing in the log proves 200 edges a turn" in run(even, "--pulses", "200")[1]
+    assert json.loads(run(even, "--pulses", "200", "--json")[1])["motion_repeats_every_edges"] is None
