@@ -60,10 +60,14 @@ def measures(units: Any, dimensions: tuple[str, ...]) -> bool:  # noqa: ANN401
     return any(units == unit(SI_UNITS[d], ()).units for d in dimensions)
 
 
+def electrical_name(units: Any) -> str | None:  # noqa: ANN401
+    """``V``, ``C``, ...: what a sensor gives in these SI base units; None if it is nothing electrical."""
+    return next((known for known in ELECTRICAL if units == unit(known, ()).units), None)
+
+
 def is_electrical(text: str) -> bool:
     """Whether a unit is one that a sensor writes before it is calibrated, such as V, pC, mV/V or counts."""
     try:
-        found = unit(text, ()).units
+        return electrical_name(unit(text, ()).units) is not None
     except UnitError:
         return False
-    return any(found == unit(known, ()).units for known in ELECTRICAL)

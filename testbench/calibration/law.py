@@ -10,7 +10,7 @@ from balance.arrays import Floats
 from balance.errors import UnitError
 from balance.quantities import SI_UNITS
 
-from .amounts import Amount, amount, measures, unit
+from .amounts import Amount, amount, electrical_name, measures, unit
 from .document import Calibration, Polynomial, names_of, of_component
 
 WORST_CONDITION = 1e8
@@ -108,7 +108,7 @@ def _channel(calibration: Calibration, channel: Channel, written: str) -> tuple[
     per, text = _sensitivity(calibration, channel, raw)
     found = raw / per
     if not measures(found.units, dimensions):
-        raise UnitError(f"{component}: {written!r} {text}is no {_wanted(dimensions)}: a unit is wrong")
+        raise UnitError(f"{component}: {_mismatch(channel, written, per, text)}")
     before, after = _offset(calibration, channel, raw)
     return (-before / per.value - after, found.value)
 
@@ -123,12 +123,12 @@ def _sensitivity(calibration: Calibration, channel: Channel, raw: Amount) -> tup
         raise UnitError(f"sensitivity {text!r}: expected one that is not zero")
     behind = of_component(calibration.amplifier, channel.component)
     if behind is None:
-        return per, f"by {text!r} "
+        return per, f"{text!r} "
     gain = amount(behind, channel.dimensions)
     if not gain.value > 0.0:
         raise UnitError(f"amplifier {behind!r}: expected one that is positive")
     both = per * gain if measures((raw / (per * gain)).units, channel.dimensions) else per / gain
-    return both, f"by {text!r} and {behind!r} "
+    return both, f"{text!r} and {behind!r} "
 
 
 def _offset(calibration: Calibration, channel: Channel, raw: Amount) -> tuple[float, float]:
@@ -149,7 +149,8 @@ def _polynomial(found: Polynomial, channel: Channel, written: str) -> tuple[floa
     raw, into = unit(written, channel.dimensions), unit(found.raw, channel.dimensions)
     out, wanted = unit(found.physical, channel.dimensions), _wanted(channel.dimensions)
     if raw.units != into.units:
-        raise UnitError(f"{channel.component}: the polynomial takes {found.raw!r}, the channel is in {written!r}")
+        taken = f"the polynomial takes {found.raw!r}, the channel is in {written!r}"
+        raise UnitError(f"{channel.component}: {taken}{_already(channel, written)}")
     if not measures(out.units, channel.dimensions):
         raise UnitError(f"{channel.component}: the polynomial gives {found.physical!r}, no {wanted}")
     step = raw.value / into.value
@@ -162,7 +163,8 @@ def _matrix(calibration: Calibration, channels: Sequence[Channel], units: Sequen
     for channel, written in zip(channels, units, strict=True):
         raw, into = unit(written, channel.dimensions), unit(matrix.raw, channel.dimensions)
         if raw.units != into.units:
-            raise UnitError(f"{channel.component}: the matrix takes {matrix.raw!r}, the channel is in {written!r}")
+            taken = f"the matrix takes {matrix.raw!r}, the channel is in {written!r}"
+            raise UnitError(f"{channel.component}: {taken}{_already(channel, written)}")
         text = of_component(matrix.physical, channel.component)
         if text is None:
             raise UnitError(f"matrix: physical: no unit for {channel.component}")
@@ -175,6 +177,26 @@ def _matrix(calibration: Calibration, channels: Sequence[Channel], units: Sequen
         lines.append((-before / into.value, raw.value / into.value))
         out.append(given.value)
     return Law(tuple(lines), np.array(matrix.rows) * np.array(out)[:, None])
+
+
+def _mismatch(channel: Channel, written: str, per: Amount, text: str) -> str:
+    """Why a channel in the unit ``written`` and a sensitivity do not give what is measured, and what would."""
+    takes = electrical_name(per.units * unit(SI_UNITS[channel.dimensions[0]], ()).units)
+    if text and takes and takes != written:
+        return f"a sensitivity of {text}takes a log in {takes}, this one is in {written!r}{_already(channel, written)}"
+    by = f"by {text}" if text else "without a sensitivity "
+    return f"{written!r} {by}is no {_wanted(channel.dimensions)}: a unit is wrong"
+
+
+def _already(channel: Channel, written: str) -> str:
+    """What to do where a log is in physical units already."""
+    if not measures(unit(written, channel.dimensions).units, channel.dimensions):
+        return ""
+    per = written if written.isalpha() else f"({written})"
+    return (
+        f", which is {_wanted(channel.dimensions)} already: leave this out, or rescale by a sensitivity such "
+        f"as '1.02 {written}/{per}' where it shows 2 % too much, or by an offset alone such as '0.01 {written}'"
+    )
 
 
 def _wanted(dimensions: tuple[str, ...]) -> str:

@@ -18,13 +18,16 @@ if TYPE_CHECKING:
 
 @click.command(
     epilog="""\b
-Examples:
-  testbench calibrate campaign base_acc --sensitivity "10.2 mV/g" --reason "certificate of March"
-  testbench calibrate campaign/r001.h5 base_acc --sensitivity "x=10.2 mV/g" --sensitivity "y=9.9 mV/g" --reason "..."
-  testbench calibrate campaign kistler --sensitivity "3.9 pC/N" --amplifier "100 pC/V" --reason "range was 100 pC/V"
-  testbench calibrate campaign k6d40 --matrix cross.csv --raw mV/V --physical "F=N" --physical "M=N m" --reason "..."
-  testbench calibrate campaign load --polynomial 0,250,1.3 --raw V --physical N --reason "dead weights, 5 points"
+Examples, for logs in physical units, such as those of testbench simulate:
+  testbench calibrate campaign base_acc --sensitivity "1.02 g/g" --reason "shows 2 % too much, certificate of March"
+  testbench calibrate campaign/r001.h5 campaign/r002.h5 kistler --offset "x=-0.6 N" --reason "was not zeroed"
   testbench calibrate campaign --list
+And for logs in volts or mV/V:
+  testbench calibrate campaign acc --sensitivity "10.2 mV/g" --reason "certificate of March"
+  testbench calibrate campaign/r001.h5 acc --sensitivity "x=10.2 mV/g" --sensitivity "y=9.9 mV/g" --reason "..."
+  testbench calibrate campaign force --sensitivity "3.9 pC/N" --amplifier "100 pC/V" --reason "range was 100 pC/V"
+  testbench calibrate campaign six_axis --matrix cross.csv --raw mV/V --physical "F=N" --physical "M=N m" --reason "..."
+  testbench calibrate campaign load --polynomial 0,250,1.3 --raw V --physical N --reason "dead weights, 5 points"
 \b
 Exit codes: 0 done, 1 refused (nothing recorded): no such sensor, units that do not lead to what it measures."""
 )

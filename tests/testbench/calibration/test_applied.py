@@ -51,8 +51,8 @@ def test_the_unit_that_the_log_does_not_write(tmp_path):
 @pytest.mark.parametrize(
     ("unit", "calibration", "said"),
     [
-        ("m/s^2", 'sensitivity = "100 mV/g"', "no acceleration"),
-        ("V", 'sensitivity = "4 pC/g"', "no acceleration"),
+        ("m/s^2", 'sensitivity = "100 mV/g"', "takes a log in V, this one is in"),
+        ("V", 'sensitivity = "4 pC/g"', "takes a log in C"),
         ("V", 'sensitivity = "100 mV/g"\nunit = "mV"', "correct one"),
     ],
 )

@@ -58,9 +58,9 @@ def test_one_channel(calibration, channel, unit, written, expected):
 @pytest.mark.parametrize(
     ("calibration", "channel", "unit", "said"),
     [
-        ({"sensitivity": "10.2 mV/g"}, ACC, "m/s^2", "no acceleration"),
+        ({"sensitivity": "10.2 mV/g"}, ACC, "m/s^2", r"takes a log in V, .* already: leave .*1.02 m/s\^2/\(m/s\^2\)"),
         ({"sensitivity": "10.2 mV/g"}, FORCE, "V", "no force"),
-        ({"sensitivity": "10.2 pC/g"}, ACC, "V", "no acceleration"),
+        ({"sensitivity": "10.2 pC/g"}, ACC, "V", "takes a log in C, this one is in .V.$"),
         ({"sensitivity": "4 pC/N", "amplifier": "10 mV/g"}, FORCE, "V", "no force"),
         ({"sensitivity": "0 mV/g"}, ACC, "V", "not zero"),
         ({"sensitivity": "10.2"}, ACC, "V", "a number and a unit"),

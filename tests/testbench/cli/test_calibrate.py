@@ -1,6 +1,8 @@
 """``testbench calibrate``: what is recorded, what holds since when, and that each command says what it applied."""
 
 import json
+import shlex
+import shutil
 from pathlib import Path
 
 import click
@@ -121,3 +123,32 @@ def test_verify_reads_the_records(campaign, capsys):
     assert verify.main([str(campaign), "--json"], standalone_mode=False) == 1
     (state,) = [f for f in json.loads(capsys.readouterr().out)["files"] if f["status"] != "intact"]
     assert record.name in state["message"]
+
+
+def test_a_log_in_physical_units_already_is_told_so(brief, tmp_path, capsys):
+    """What the log holds, what the calibration takes, and what to do; nothing is recorded."""
+    folder = shutil.copytree(brief.campaign, tmp_path / "campaign")
+    for words in (
+        ["base_acc", "--sensitivity", "10.2 mV/g"],
+        ["kistler", "--sensitivity", "3.9 pC/N", "--amplifier", "100 pC/V"],
+        ["futek_1", "--polynomial", "0,250,1.3", "--raw", "V", "--physical", "N"],
+    ):
+        unit = "g" if words[0] == "base_acc" else "N"
+        with pytest.raises(RigError, match=rf"in '{unit}', which is .* already: leave .* '1.02 {unit}/{unit}'") as told:
+            said(capsys, folder, *words, "--reason", "x")
+        assert "a log in V" in str(told.value) or "takes 'V'" in str(told.value)
+    assert not (folder / "records").exists()
+
+
+def test_the_examples_of_the_help_work_on_simulated_logs(brief, tmp_path, capsys, monkeypatch):
+    """As typed: those for logs in physical units, in the folder that holds the campaign."""
+    shutil.copytree(brief.campaign, tmp_path / "campaign")
+    monkeypatch.chdir(tmp_path)
+    examples = calibrate.epilog.split("And for logs in volts")[0].splitlines()
+    typed = [shlex.split(line)[2:] for line in examples if line.startswith("  testbench calibrate ")]
+    assert len(typed) == 3
+    for words in typed:
+        assert calibrate.main(words, standalone_mode=False) == 0
+    out = capsys.readouterr().out
+    assert "1.02 g/g" in out
+    assert "offset x -0.6 N" in out
