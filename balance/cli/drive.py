@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from . import options
-from .console import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from .console import EXIT_WITH_FINDINGS, emit_json, json_option
 
 if TYPE_CHECKING:
     from ..drives.drivefile import DriveFile
@@ -54,6 +54,10 @@ A drive file (TOML; unknown keys are refused, quantities carry units):
   joint = "B0"
   torque = "0.4 N m"
   at_speed = "10 rad/s"
+  [[load]]
+  kind = "table"                    #   against the joint's positive direction, by the crank's angle:
+  joint = "piston_1"                #   angle = ["0 deg", ...] and force = ["3 kN", ...], one turn, or
+  file = "gas.csv"                  #   a CSV beside this file, header: angle (deg),force (N)
   [[printed]]                       # what a source prints, shown beside: speed, fluctuation,
                                     #   fastest, slowest
 
@@ -96,31 +100,37 @@ def drive(
     (n_max - n_min) / n_nominal.
     """
     from ..drives import document as documents
+    from .drive_tables import show
 
-    study = _asked(drive, speed, reading)
+    study, stated = _asked(drive, speed, reading)
     machines = _machines(study, options.once(payload, "--payload"), options.once(counter, "--counter"))
     result = documents.head(study, [machine for machine, _ in machines])
     result["reduced"] = documents.reduced(machines[0][0])
     if counter:
         result["reduced_with_counter_masses"] = documents.reduced(machines[-1][0])
     _fill(result, study, machines, flywheel_for, flywheel_side, start_up, convergence)
+    result["findings"] += [
+        text for machine, balanced in machines if not balanced for text in documents.beyond_file(machine, stated)
+    ]
     if figure:
         from ..figures.drawing import save
         from ..figures.drives import draw_drive
 
         save(draw_drive(result), figure)
-    emit_json(result) if as_json else _print(result)
+    emit_json(result) if as_json else show(result)
     if result["findings"]:
         ctx.exit(EXIT_WITH_FINDINGS)
 
 
-def _asked(drive: str, speeds: tuple[str, ...], reading: str | None) -> "DriveFile":
+def _asked(drive: str, speeds: tuple[str, ...], reading: str | None) -> tuple["DriveFile", tuple[float, ...]]:
+    """The study that is asked for, and the nominal speeds that its file states [rad/s]."""
     from dataclasses import replace
 
     from ..drives import fields
     from ..drives.drivefile import DriveFile
 
     study = DriveFile.load(drive)
+    stated = study.speeds
     if reading:
         study = replace(study, reading=reading)
     if speeds:
@@ -128,7 +138,7 @@ def _asked(drive: str, speeds: tuple[str, ...], reading: str | None) -> "DriveFi
         if not min(asked) > 0.0:
             raise click.UsageError(f"--speed is {', '.join(speeds)}: expected more than zero")
         study = replace(study, speeds=asked)
-    return study
+    return study, stated
 
 
 def _machines(study: "DriveFile", payload: dict[str, float], counter: dict[str, float]) -> list[tuple["Machine", bool]]:
@@ -173,98 +183,3 @@ def _fill(
                 result["convergence"].append(documents.solver_trials(solution, needed, balanced))
         except DriveError as error:
             result["findings"].append(f"{row['nominal_rpm']:g} rpm, {row['reading']}: {error}")
-
-
-def _print(result: dict[str, Any]) -> None:
-    _print_reduced(result)
-    _print_steady(result)
-    _print_flywheels(result)
-    _print_start_up(result)
-    _print_convergence(result)
-    for finding in result["findings"]:
-        click.echo(f"Finding: {finding}")
-
-
-def _print_reduced(result: dict[str, Any]) -> None:
-    rows = []
-    for key, label in (("reduced", "mechanism"), ("reduced_with_counter_masses", "with counter-masses")):
-        for extreme in result.get(key, {}).get("mechanism_inertia_extremes", []):
-            total = extreme["inertia_kgm2"] + result[key]["constant_inertia_kgm2"]
-            values = [extreme["inertia_kgm2"], total]
-            rows.append([label, extreme["kind"], f"{extreme['angle_deg']:.2f}", *(f"{v:.5f}" for v in values)])
-    emit_table(
-        f"Reduced inertia of {result['mechanism']} at the crank {result['reduced']['crank']}",
-        ["", "extreme", "angle [deg]", "mechanism [kg m2]", "with shafts [kg m2]"],
-        rows,
-        f"{result['reduced']['closed_positions']} closed positions, harmonics down to "
-        f"{result['reduced']['highest_harmonics']:.0e}; potential energy swings by "
-        f"{result['reduced']['potential_swing_J']:.3f} J",
-    )
-
-
-def _print_steady(result: dict[str, Any]) -> None:
-    rows = []
-    for row in result["steady"]:
-        printed = row["printed"] or {}
-        rows.append([
-            *_setting(row), f"{row['fastest_rpm']:.3f} at {row['fastest_at_deg']:.1f}",
-            f"{row['slowest_rpm']:.3f} at {row['slowest_at_deg']:.1f}", f"{row['mean_rpm']:.3f}",
-            f"{row['fluctuation']['nominal']:.4f}", _printed(printed.get("fluctuation")),
-            f"{row['floquet_factor']:.3g}", f"{row['periodicity']:.0e}",
-        ])  # fmt: skip
-    emit_table(
-        "Steady rotation of the crank",
-        [*_SETTING, "n_max [rpm] at [deg]", "n_min [rpm] at [deg]", "mean [rpm]", "fluctuation", "printed", "Floquet",
-         "periodicity"],
-        rows,
-        "Fluctuation = (n_max - n_min) / n_nominal; periodicity: change of speed over one turn integrated apart.",
-    )  # fmt: skip
-    for name, meaning in result["readings"].items():
-        click.echo(f"{name}: {meaning}.")
-
-
-_SETTING = ["nominal [rpm]", "torque", "counter-masses"]
-
-
-def _setting(row: dict[str, Any]) -> list[str]:
-    return [f"{row['nominal_rpm']:.4g}", row["reading"], "with" if row["counter_masses"] else "without"]
-
-
-def _printed(value: float | None) -> str:
-    return "-" if value is None else f"{value:g}"
-
-
-def _print_flywheels(result: dict[str, Any]) -> None:
-    rows = [
-        [*_setting(row), f"{row['wanted_fluctuation']:g}", row["side"], f"{row['inertia_kgm2']:.5f}",
-         f"{row['estimate_of_whole_inertia_kgm2']:.4f}"]
-        for row in result["flywheel"]
-    ]  # fmt: skip
-    if rows:
-        header = [*_SETTING, "wanted", "shaft", "flywheel [kg m2]", "estimate, whole [kg m2]"]
-        note = "The estimate dE / (omega^2 delta) is of the whole inertia, from weight alone, without the motor."
-        emit_table("Flywheel for a wanted fluctuation", header, rows, note)
-
-
-def _print_start_up(result: dict[str, Any]) -> None:
-    for run in result["start_up"]:
-        rows = [
-            [str(t["turn"]), f"{t['end_s']:.4f}", f"{t['fastest_rpm']:.3f}", f"{t['slowest_rpm']:.3f}"]
-            for t in run["turns"]
-        ]
-        settled = run["settled_in_turn"]
-        note = f"Steady within 0.1 rpm from turn {settled}." if settled else "Not yet steady within 0.1 rpm."
-        title = f"Start-up, {', '.join(_setting(run)[:2])}, {_setting(run)[2]} counter-masses"
-        emit_table(title, ["turn", "ends at [s]", "n_max [rpm]", "n_min [rpm]"], rows, note)
-
-
-def _print_convergence(result: dict[str, Any]) -> None:
-    for study in result["convergence"]:
-        rows = [
-            [t["solver"], t["setting"], f"{t['fluctuation']:.6f}", f"{t['off_percent']:+.2g}",
-             "-" if t["evaluations"] is None else str(t["evaluations"])]
-            for t in study["trials"]
-        ]  # fmt: skip
-        title = f"Solvers, {', '.join(_setting(study)[:2])}: {study['converged_fluctuation']:.6f} converged"
-        header = ["solver", "setting", "fluctuation", "off [%]", "evaluations"]
-        emit_table(title, header, rows, f"Integrated from standstill over {study['turns_integrated']} turns.")

@@ -10,7 +10,7 @@ from . import convergence, features
 from .drivefile import DriveFile, Printed
 from .flywheel import Flywheel, estimate
 from .machine import READINGS, Machine
-from .motors import Table
+from .motors import DirectCurrent, Table
 from .shooting import periodicity
 from .startup import StartUp
 from .steady import DEFINITIONS, Steady
@@ -19,6 +19,9 @@ RPM = math.pi / 30.0
 """One revolution per minute [rad/s]."""
 PERIODICITY = 1e-8
 """Relative change of speed over an integrated turn above which a steady solution is flagged."""
+FAR = 3.0
+"""Times beyond the speeds of a drive's file from which an asked speed is a finding."""
+_ROUNDING = 1e-9
 _DEGREES = np.arange(361.0)
 
 
@@ -88,10 +91,36 @@ def findings(solution: Steady, row: dict[str, Any]) -> list[str]:
         found.append(f"{where}: after an integrated turn the speed is off by {row['periodicity']:.1e} of itself")
     if not solution.is_converged():
         found.append(f"{where}: harmonics still at {solution.tail:.1e}; a load or friction with a kink")
-    motor, speeds = solution.machine.motor, [solution.slowest[1], solution.fastest[1]]
-    if isinstance(motor, Table) and not motor.covers(solution.machine.ratio * np.array(speeds)):
-        found.append(f"{where}: the motor's table does not reach all speeds of the turn; it was drawn straight on")
-    return found
+    return found + [f"{where}: {text}" for text in _beyond(solution)]
+
+
+def _beyond(solution: Steady) -> list[str]:
+    """Where the motor turns beyond what its data say."""
+    machine = solution.machine
+    slowest, fastest = (machine.ratio * at[1] / RPM for at in (solution.slowest, solution.fastest))
+    if isinstance(motor := machine.motor, Table) and not motor.covers(np.array([slowest, fastest]) * RPM):
+        return [
+            f"the motor turns at {slowest:.4g} to {fastest:.4g} rpm, its table covers {motor.speeds[0] / RPM:.4g} to "
+            f"{motor.speeds[-1] / RPM:.4g} rpm; it was drawn straight on"
+        ]
+    if isinstance(motor, DirectCurrent) and machine.nominal > (1.0 + _ROUNDING) * motor.no_load_speed:
+        return [
+            f"the nominal speed is {machine.nominal / motor.no_load_speed:.3g} times the motor's speed without load at "
+            f"full voltage, {motor.no_load_speed / RPM:.4g} rpm: it would need as many times its voltage"
+        ]
+    return []
+
+
+def beyond_file(machine: Machine, speeds: Sequence[float]) -> list[str]:
+    """Where a nominal speed is far from all of the drive's file [rad/s], for a motor without a range of its own."""
+    low, high = min(speeds), max(speeds)
+    if isinstance(machine.motor, DirectCurrent | Table) or low / FAR <= machine.nominal <= high * FAR:
+        return []
+    what, than = ("largest", high) if machine.nominal > high else ("least", low)
+    return [
+        f"{machine.nominal / RPM:g} rpm, {machine.reading}: {machine.nominal / than:.4g} times the {what} speed of the "
+        f"drive's file, {than / RPM:.4g} rpm: motor and loads are not known to hold there"
+    ]
 
 
 def start_up(machine: Machine, run: StartUp, solution: Steady | None, balanced: bool) -> dict[str, Any]:

@@ -69,8 +69,10 @@ class DriveFile:
 
     @property
     def readings(self) -> tuple[str, ...]:
-        """The reading that the file asks for, or all of them."""
-        return (self.reading,) if self.reading else tuple(READINGS)
+        """The reading that the file asks for, or all of them; without a gearbox they are one."""
+        if self.reading is None and self.ratio != 1.0:
+            return tuple(READINGS)
+        return (self.reading or next(iter(READINGS)),)
 
     def load_mechanism(self) -> "Mechanism":
         """The mechanism of the drive."""
@@ -113,7 +115,7 @@ def _read(table: Mapping[str, Any], path: Path) -> DriveFile:
         ratio=fields.positive(gearbox, "ratio") if "ratio" in gearbox else 1.0,
         reading=fields.one_of(gearbox["reading"], tuple(READINGS), "gearbox.reading") if "reading" in gearbox else None,
         inertias=tuple(_inertia(entry) for entry in fields.tables(table, "inertia")),
-        loads=tuple(fields.tables(table, "load")),
+        loads=tuple(_placed(entry, path.parent) for entry in fields.tables(table, "load")),
         printed=tuple(_printed(entry) for entry in fields.tables(table, "printed")),
     )
 
@@ -122,6 +124,11 @@ def _mechanism(name: str, folder: Path) -> str:
     """A file beside the drive's own file, or else a name."""
     beside = folder / name
     return str(beside) if beside.is_file() else name
+
+
+def _placed(load: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
+    """A load whose file, if it names one, is looked for beside the drive's own."""
+    return {**load, "file": str(folder / load["file"])} if isinstance(load.get("file"), str) else load
 
 
 def _inertia(table: Mapping[str, Any]) -> Inertia:

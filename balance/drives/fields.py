@@ -63,7 +63,7 @@ def quantity(table: Mapping[str, Any], key: str, dimension: str) -> float:
     try:
         return parse(text(table, key), dimension)
     except UnitError as error:
-        raise DataError(f"{key}: {error}") from error
+        raise DataError(f"{key} = {table[key]!r}: {error}") from error
 
 
 def quantities(table: Mapping[str, Any], key: str, dimension: str) -> list[float]:

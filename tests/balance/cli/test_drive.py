@@ -81,3 +81,24 @@ def test_a_speed_of_zero_is_a_wrong_command_line(balance):
     code, _, err = balance("drive", "inverted-slider-crank", "--speed", "0rpm")
     assert code == 2
     assert "more than zero" in err
+
+
+@pytest.mark.parametrize(
+    ("speed", "said"),
+    [
+        ("4000rpm", "1.33 times the motor's speed without load at full voltage, 3000 rpm"),
+        ("2900rpm", None),
+    ],
+)
+def test_a_speed_beyond_the_direct_current_motor_is_said(speed, said):
+    """The nominal speed sets the voltage: beyond the speed without load at full voltage none is left."""
+    code, output = run("four-bar-dc", "--speed", speed)
+    assert code == (3 if said else 0)
+    assert said is None or said in " ".join(output.split())
+
+
+def test_a_speed_far_from_the_file_s_is_said():
+    """An induction motor has no range of its own: held against the speeds of its file."""
+    code, output = run("inverted-slider-crank", "--speed", "8280rpm", "--reading", "ungeared")
+    assert code == 3
+    assert "10 times the largest speed of the drive's file, 828 rpm" in " ".join(output.split())
