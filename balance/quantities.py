@@ -37,6 +37,8 @@ SI_UNITS = {
 }
 """Dimensions that a quantity may be asked to have, and the unit in which it is returned."""
 
+_WRITTEN = {"angle": "deg", "angular velocity": "rpm"}
+"""Units that people write, where they are not those of SI: for examples."""
 _TURNING_OR_NOT = {"angular velocity", "angular acceleration", "frequency"}
 """Dimensions whose units must count radians or must not: 50 Hz is not 50 rad/s, though both are 1/s."""
 _QUANTITY = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*(.*?)\s*")
@@ -62,7 +64,7 @@ def parse(text: str, dimension: str) -> float:
     if match[2].startswith(","):
         raise UnitError(_with_comma(text))
     if not match[2]:
-        raise UnitError(f"{text!r} has no unit: write for example '{match[1]} {expected}'")
+        raise UnitError(f"{text!r} has no unit: write for example '{match[1]} {_WRITTEN.get(dimension, expected)}'")
     value = float(match[1]) * factor_to_si(match[2], dimension)
     if not math.isfinite(value):
         raise UnitError(f"{text!r} is beyond all bounds: expected a finite number")

@@ -26,6 +26,7 @@ class Sheet:
     def __init__(self, table: Mapping[str, object], where: str) -> None:
         self._table, self.where = table, where
         self._read: set[str] = set()
+        self._asked: set[str] = set()
 
     @classmethod
     def load(cls, path: Path) -> "Sheet":
@@ -36,6 +37,7 @@ class Sheet:
             raise DataError(f"{path.name}: not a TOML file in UTF-8: {error}") from error
 
     def __contains__(self, key: str) -> bool:
+        self._asked.add(key)
         return key in self._table
 
     def refuse(self, key: str, what: str) -> DataError:
@@ -105,7 +107,7 @@ class Sheet:
         try:
             return vector(found, *dimensions)
         except UnitError as error:
-            raise self.refuse(key, f"is {found!r}: {error}") from error
+            raise self._unread(key, found, error) from error
 
     def uncertain(self, key: str, *dimensions: str) -> tuple[complex, tuple[float, float] | None]:
         """A vector that may have intervals, see ``uncertain``."""
@@ -115,7 +117,7 @@ class Sheet:
         try:
             return uncertain(found, *dimensions)
         except UnitError as error:
-            raise self.refuse(key, f"is {found!r}: {error}") from error
+            raise self._unread(key, found, error) from error
 
     def sheet(self, key: str) -> "Sheet":
         """A table within the sheet."""
@@ -139,8 +141,13 @@ class Sheet:
     def finish(self) -> None:
         """Refuse what was never read."""
         if unknown := [key for key in self._table if key not in self._read]:
-            known = ", ".join(sorted(self._read))
+            known = ", ".join(sorted(self._read | self._asked))
             raise DataError(f"{self.where}: unknown key {unknown[0]!r}: expected {known}")
+
+    def _unread(self, key: str, text: str, error: UnitError) -> DataError:
+        """An error about the text under a key, said once where the key is the text."""
+        said = str(error) if repr(text) in str(error) else f"{text!r}: {error}"
+        return DataError(f"{self.where}: {said}" if key == text else f"{self.where}: {key}: {said}")
 
     def _list(self, key: str) -> list[object]:
         found = self.value(key)
@@ -159,7 +166,7 @@ class Sheet:
         try:
             result = quantity(found, dimension)
         except UnitError as error:
-            raise self.refuse(key, f"is {error}") from error
+            raise self._unread(key, found, error) from error
         if positive and not result > 0.0:
             raise self.refuse(key, f"is {found!r}: expected more than zero")
         return result

@@ -79,9 +79,9 @@ def continuous(target: complex, holes: Sequence[Hole], limit: float = np.inf) ->
     upper = None if np.isinf(limit) else limit / size
     solution = linprog(np.ones(len(holes)), A_eq=sums, b_eq=wanted, bounds=[(0.0, upper)] * len(holes), method="highs")
     if not solution.success:
-        what = "" if upper is None else f" of at most {limit:g} each"
+        what = "" if upper is None else f" of at most {1e3 * limit:g} g each"
         raise SizingError(
-            f"weights{what} in these holes cannot make this correction: give more holes or a larger limit"
+            f"weights{what} in these holes cannot make this correction: give more holes, or a larger limit"
         )
     weights = _polished(sums, wanted, np.asarray(solution.x), upper) * size
     return Split(target, tuple(holes), tuple(float(w) for w in weights), ((),) * len(holes), 0.0)

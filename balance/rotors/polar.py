@@ -10,11 +10,12 @@ def angle_deg(vector: complex) -> float:
     return 0.0 if turned == 360.0 else turned + 0.0
 
 
-def polar(vector: complex, factor: float = 1.0, digits: int = 6) -> str:
-    """``133.752 @ 348.041 deg`` for people, the magnitude times ``factor``; below 1e-9 it is 0."""
+def polar(vector: complex, factor: float = 1.0, digits: int = 6, unit: str = "") -> str:
+    """``133.752 g @ 348.041 deg`` for people, the magnitude times ``factor``; below 1e-9 it is 0."""
+    named = f" {unit}" if unit else ""
     if factor * abs(vector) < 1e-9:
-        return "0"
-    return f"{factor * abs(vector):.{digits}g} @ {round(angle_deg(vector), 3) % 360.0:.3f} deg"
+        return f"0{named}"
+    return f"{factor * abs(vector):.{digits}g}{named} @ {round(angle_deg(vector), 3) % 360.0:.3f} deg"
 
 
 def document(vector: complex, unit: str, factor: float = 1.0) -> dict[str, float]:

@@ -3,6 +3,7 @@
 import csv
 import math
 import re
+from collections import Counter
 from pathlib import Path
 
 from .. import datasets
@@ -41,7 +42,7 @@ def rotor_path(name: str | Path) -> Path:
 
 def from_sheet(sheet: Sheet, folder: Path) -> Rotor:
     """Build a rotor from its sheet; ``folder`` is where a table of masses is looked for."""
-    if "runs" in sheet or "coefficients" in sheet:
+    if {"runs", "coefficients"} & set(sheet.keys()):
         raise DataError(f"{sheet.where} is a sheet of trial runs: use 'balance rotor influence'")
     name, source = sheet.text("name", sheet.where.removesuffix(".toml")), sheet.text("source", "")
     if isinstance(sheet.value("masses"), str):
@@ -49,6 +50,8 @@ def from_sheet(sheet: Sheet, folder: Path) -> Rotor:
     else:
         unbalances = [_unbalance(item) for item in sheet.sheets("masses")]
     planes = [_plane(item) for item in sheet.sheets("planes")] if "planes" in sheet else []
+    if twice := [name for name, times in Counter(plane.name for plane in planes).items() if times > 1]:
+        raise sheet.refuse("planes", f"has {twice[0]!r} twice: give each plane a name of its own")
     bearings = sheet.quantities("bearings", "length") if "bearings" in sheet else []
     published = sheet.sheet("published") if "published" in sheet else Sheet({}, sheet.where)
     printed = {key: published.vector(key, "first moment") for key in published.keys()}  # noqa: SIM118

@@ -13,6 +13,8 @@ from ..mechanism import Mechanism
 from ..quantities import parse
 from .springs import End, Spring
 
+_LIKE = "{ body = 'base', at = ['0 m', '0.1 m', '0 m'] }"
+
 
 def load(name: str | Path, mechanism: Mechanism) -> tuple[list[Spring], bool]:
     """Springs of a file, and whether it gives their stiffnesses; otherwise they are 1 N/m, to be found.
@@ -50,9 +52,11 @@ def _spring(table: Any, mechanism: Mechanism, number: int) -> Spring:  # noqa: A
 
 
 def _end(table: Mapping[str, Any], key: str, mechanism: Mechanism) -> End:
-    end = table.get(key)
+    if key not in table:
+        raise DataError(f"{key} is missing: expected {key} = {_LIKE}")
+    end = table[key]
     if not isinstance(end, dict) or not isinstance(end.get("body"), str) or set(end) - {"body", "at"}:
-        raise DataError(f"{key} is {end!r}: expected {{ body = 'base', at = ['0 m', '0.1 m', '0 m'] }}")
+        raise DataError(f"{key} is {end!r}: expected {_LIKE}")
     at = end.get("at", ["0 m"] * 3)
     if not isinstance(at, list) or len(at) != 3 or not all(isinstance(x, str) for x in at):
         raise DataError(f"{key}.at is {at!r}: expected three lengths, such as ['0 m', '0.1 m', '0 m']")

@@ -224,7 +224,8 @@ def _print(found: "Split", radius: float | None, stocked: bool, remove: bool) ->
     emit_table(f"Weights {what}{at}", ["hole", "angle [deg]", "weight [g]", "pieces"], rows)
     percent = found.residual_percent()
     click.echo(
-        f"Makes {polar(found.made, 1e3)} g of {polar(found.target, 1e3)} g; residual {1e3 * found.residual():.4g} g"
+        f"Makes {polar(found.made, 1e3, unit='g')} of {polar(found.target, 1e3, unit='g')}; residual "
+        f"{1e3 * found.residual():.4g} g"
         f" ({'-' if percent is None else f'{percent:.4g} %'}), {1e3 * sum(found.weights):.6g} g in all."
     )
     if stocked and found.bound > found.residual() + 1e-6 * abs(found.target):

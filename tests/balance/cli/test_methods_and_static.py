@@ -9,6 +9,7 @@ from click.testing import CliRunner
 from balance import datasets
 from balance.cli.methods import methods
 from balance.cli.static import static
+from balance.errors import DataError
 from balance.mechanism import Mechanism
 from balance.motion import Motion
 
@@ -142,3 +143,11 @@ def test_a_level_mechanism_needs_no_static_balance(tmp_path, gravity, said):
     assert said in output
     if gravity != "0 0 0":
         assert "Nothing to balance: the weight of level does no work" in run(static, str(path))[1]
+
+
+def test_an_end_that_a_spring_file_lacks_is_named_as_missing(tmp_path):
+    """Not as one that is None."""
+    path = tmp_path / "springs.toml"
+    path.write_text("[[spring]]\nsecond = { body = 'AB', at = ['0.1 m', '0 m', '0 m'] }\n", encoding="utf-8")
+    with pytest.raises(DataError, match=r"spring 1: first is missing: expected first = \{ body = 'base'"):
+        CliRunner().invoke(static, ["four-bar", "--springs", str(path)], catch_exceptions=False)

@@ -6,7 +6,7 @@ import pytest
 from click.testing import CliRunner
 
 from balance.cli.rotor import rotor
-from balance.errors import DataError
+from balance.errors import DataError, SizingError
 
 
 def _json(*arguments):
@@ -87,6 +87,14 @@ def test_split_of_any_weight_and_from_stock():
     assert stock["least_possible_residual_g"] == pytest.approx(stock["residual_g"], rel=1e-6)
     removed = _json("split", "3000 g mm @ 100 deg", "--holes", "12", "--radius", "100mm", "--remove")
     assert [h["hole"] for h in removed["holes"]] == ["10", "11"]
+
+
+def test_split_says_vectors_and_limits_with_their_unit():
+    """The unit stands by the magnitude, also in the refusal of a limit that is too low."""
+    shown = CliRunner().invoke(rotor, ["split", "30 g @ 100 deg", "--holes", "12"], catch_exceptions=False).output
+    assert "Makes 30 g @ 100.000 deg of 30 g @ 100.000 deg" in shown
+    with pytest.raises(SizingError, match="of at most 2 g each"):
+        CliRunner().invoke(rotor, ["split", "30 g @ 1 deg", "--holes", "12", "--limit", "2g"], catch_exceptions=False)
 
 
 def test_tolerance_has_its_scope_and_refuses_linkages():

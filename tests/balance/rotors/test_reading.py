@@ -80,7 +80,12 @@ def test_wrong_tables_are_named(tmp_path, text, message):
     [
         (('at = "0 mm"', 'at = "0 mm"\nradius = "1 mm"\nmass = "1 kg"'), "both radius and mass"),
         (('"3 kg"', "3"), "mass is 3: expected a text with a unit"),
-        (('"80 mm"', '"80 kg"'), "radius is"),
+        (('"3 kg"', '"mm"'), r"masses\[0\] A: mass: 'mm' is no mass: expected a number and a unit, such as '1 kg'"),
+        (('"3 kg"', '"3 mm"'), r"masses\[0\] A: mass: '3 mm': 'mm' is not a unit of mass: expected one such as 'kg'"),
+        (('"60 deg"', '"60"'), r"angle: '60' has no unit: write for example '60 deg'"),
+        (("[[planes]]", '[[planes]]\nname = "L"\nat = "7 mm"\n[[planes]]'), "planes has 'L' twice"),
+        (("[[planes]]", "[[colours]]\n[[planes]]"), "unknown key 'colours': expected bearings, centre, mass, masses"),
+        (('"80 mm"', '"80 kg"'), "radius: '80 kg': 'kg' is not a unit of length"),
         (('mass = "3 kg"', 'mass = "3 kg"\ncolour = "red"'), "unknown key 'colour'"),
         (("[[planes]]", 'speed = "50 Hz"\n[[planes]]'), "turns or radians"),
     ],

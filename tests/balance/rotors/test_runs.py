@@ -100,7 +100,7 @@ def test_a_trial_weight_with_too_little_effect_is_named(tmp_path):
         ('A = "7 um', 'C = "7 um', "is not read in every run alike"),
         ('A = "7 um', 'A = "7 mm/s', "velocity here and a length"),
         ('weights = { fan = "5 g @ 20 deg" }', 'weights = { fan = "0 g @ 20 deg" }', "trial weight above zero"),
-        ('"3000 rpm" = { A = "10', '"fast" = { A = "10', "fast is"),
+        ('"3000 rpm" = { A = "10', '"fast" = { A = "10', "readings: 'fast' is no angular velocity"),
         ('name = "trial"', 'name = "as found"', "which another run has"),
     ],
 )
