@@ -26,5 +26,10 @@ def find(name: str | Path, folder: str, *suffixes: str) -> Path:
         if path.name == str(name) and shipped.is_file():
             return shipped
     known = ", ".join(n for suffix in suffixes for n in names(folder, suffix))
+    if str(name) and path.is_dir():
+        kinds = " or ".join(suffixes)
+        raise DataError(
+            f"{name}: is a folder; expected a file ({kinds}), or a shipped one of {folder} (there are: {known})"
+        )
     said = str(name) or "''"
     raise DataError(f"{said}: no such file, and no shipped one of that name in {folder} (there are: {known})")

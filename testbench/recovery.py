@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from .checks import RecordingCheck
-from .errors import StoreError
 from .findings import Finding, placed
 from .recording import Block, Recording, Report
 from .store import recover as leftover
+from .store.campaign import existing
 from .store.journal import Journal
 from .store.recover import MARK, Leftover, Recovery
 from .store.writer import RunWriter
@@ -19,9 +19,7 @@ from .store.writer import RunWriter
 
 def recover(campaign: Path) -> list[Recovery]:
     """Finish or save everything that stopped ingests left in ``campaign``."""
-    if not campaign.is_dir():
-        raise StoreError(f"{campaign}: no such folder; expected a campaign, as `testbench ingest -o` makes it")
-    found = [left.recover(save) for left in leftover.leftovers(campaign)]
+    found = [left.recover(save) for left in leftover.leftovers(existing(campaign))]
     for path in leftover.orphans(campaign):
         if path.name.partition(".h5.sha256.")[1]:
             path.unlink(missing_ok=True)  # a digest on its way: the run beside it has been taken care of

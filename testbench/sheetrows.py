@@ -42,6 +42,8 @@ def read(sheet: Path) -> list[SheetRow]:
         raise RigError(f"{sheet.name}: not UTF-8; save the sheet as UTF-8 (in a spreadsheet: CSV UTF-8)") from error
     except FileNotFoundError as error:
         raise RigError(f"{sheet}: no such file; expected a sheet of run conditions") from error
+    except IsADirectoryError as error:
+        raise RigError(f"{sheet}: is a folder; expected a sheet of run conditions, such as runs.csv") from error
     first = text.partition("\n")[0]
     delimiter = ";" if ";" in first else "\t" if "\t" in first else ","
     table = csv.DictReader(io.StringIO(text), delimiter=delimiter)

@@ -66,6 +66,9 @@ def run(group: click.Group, name: str) -> NoReturn:
     except BrokenPipeError:
         sys.stderr.close()
         code = 0
+    except IsADirectoryError as error:
+        click.echo(f"{name}: {error.filename or 'what was given'}: is a folder; expected a file", err=True)
+        code = EXIT_REFUSED
     except OSError as error:
         click.echo(": ".join([name, *filter(None, [error.filename]), error.strerror or str(error)]), err=True)
         code = EXIT_REFUSED

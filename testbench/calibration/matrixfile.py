@@ -13,6 +13,8 @@ def read(path: Path) -> list[list[float]]:
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
+    except IsADirectoryError as error:
+        raise RigError(f"{path}: is a folder; expected a CSV file of the matrix, a row a component") from error
     except (OSError, UnicodeDecodeError) as error:
         raise RigError(f"{path.name}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
     lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]

@@ -21,7 +21,8 @@ Examples:
   testbench align campaign/r001.h5 --pair theta1=AccX --dry-run
   testbench align campaign/r001.h5 --by trigger --pair Sync1=Sync2
 \b
-Exit codes: 0 done, 3 done but some clocks are not determined, for the reasons listed, 1 none is."""
+Exit codes: 0 done, 3 done but some clocks are not determined, for the reasons listed, 1 none is, or some run
+cannot be opened (the others are aligned)."""
 )
 @click.argument("runs", metavar="RUN...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
@@ -70,7 +71,7 @@ def align(
     described = rigs.load(rig) if rig else None
     done: list[tuple[Path, RunClocks]] = []
     refused: list[str] = []
-    opened = stored_runs.opened(runs)
+    opened, unopened = stored_runs.each(runs)
     for run in opened:
         try:
             if pair:
@@ -91,11 +92,19 @@ def align(
         rows = [row for _, found in done for row in found.as_rows()]
         held = calibrations.document(opened, described)
         stored = [str(path) for path in records]
-        emit_json({"alignments": rows, "refused": refused, "records": stored, "calibrations": held})
+        emit_json(
+            {
+                "alignments": rows,
+                "refused": [*(one.message for one in unopened), *refused],
+                "records": stored,
+                "calibrations": held,
+            }
+        )
     else:
         _print([found for _, found in done], refused, records)
         calibrations.say(calibrations.held(opened, described))
-    if not done:
+    stored_runs.say(unopened)
+    if unopened or not done:
         return EXIT_REFUSED
     return EXIT_WITH_FINDINGS if refused else 0
 

@@ -8,9 +8,9 @@ import click
 
 from balance.cli.console import EXIT_REFUSED, emit_json, emit_table, json_option
 
+from . import stored_runs
 from .progress import progress
 from .reading import plain
-from .stored_runs import opened
 
 if TYPE_CHECKING:
     from ..store import Run
@@ -39,8 +39,9 @@ def archive(stored: tuple[Path, ...], output: Path, as_json: bool) -> int:
     """
     from ..store import records
 
-    runs = opened(stored)
+    runs, unopened = stored_runs.each(stored)
     done, refused = _archived(runs, output)
+    refused = [*(one.as_dict() for one in unopened), *refused]
     for folder in dict.fromkeys(run.path.parent for run in runs):
         if done:
             records.copy(folder, output)

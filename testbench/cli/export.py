@@ -1,13 +1,14 @@
 """``testbench export``."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.console import EXIT_WITH_FINDINGS, emit_json, json_option
+from balance.cli.console import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, json_option
 
-from . import calibrations
+from . import calibrations, stored_runs
 from .progress import progress
 from .reading import plain
 
@@ -26,7 +27,7 @@ Examples:
   testbench export campaign --to ro-crate --licence CC-BY-4.0 -o crate
 \b
 SEP005 defines objects in memory and no file: testbench.export.sep005(testbench.open_run("r001.h5"))
-Exit codes: 0 done, 3 done with losses, which are listed, 1 refused."""
+Exit codes: 0 done, 3 done with losses, which are listed, 1 some run was refused (the others are exported)."""
 )
 @click.argument("stored", metavar="RUN|CAMPAIGN", type=click.Path(path_type=Path))
 @click.option("--to", required=True, type=click.Choice(TARGETS), help="The form to write.")
@@ -42,43 +43,55 @@ def export(stored: Path, to: str, output: Path, licence: str | None, physical: b
         raise click.UsageError("--licence is for --to ro-crate")
     if physical and to == "ro-crate":
         raise click.UsageError("a crate holds the runs as they are stored: --physical is for the other forms")
-    written = _crate(stored, output, licence) if to == "ro-crate" else _files(stored, to, output, physical)
-    applied = calibrations.held(_runs(stored)) if physical else []
+    if to == "ro-crate":  # a crate describes a whole campaign, so that it takes all of it or nothing
+        runs, refused = stored_runs.opened([stored]), []
+        written = _crate(stored, runs, output, licence)
+    else:
+        runs, refused = stored_runs.each([stored])
+        written, failed = _files(runs, to, output, physical)
+        refused += failed
+    applied = calibrations.held(runs) if physical else []
     losses = [loss for one in written for loss in one.losses]
     if as_json:
         files = [{"file": str(one.file), "losses": list(one.losses)} for one in written]
-        emit_json({"to": to, "files": files, "physical": physical, "calibrations": [h.as_dict() for h in applied]})
+        held = [h.as_dict() for h in applied]
+        said = [one.as_dict() for one in refused]
+        emit_json({"to": to, "files": files, "physical": physical, "calibrations": held, "refused": said})
     else:
         for one in written:
             click.echo(plain(str(one.file)))
         for loss in losses:
             click.echo(f"  lost: {plain(loss)}")
         calibrations.say(applied)
+    stored_runs.say(refused)
+    if refused:
+        return EXIT_REFUSED
     return EXIT_WITH_FINDINGS if losses else 0
 
 
-def _files(stored: Path, to: str, output: Path, physical: bool) -> "list[Exported]":
+def _files(
+    runs: "Sequence[Run]", to: str, output: Path, physical: bool
+) -> "tuple[list[Exported], list[stored_runs.NotOpened]]":
+    """What was written, and the runs that were refused with the reason."""
+    from balance.errors import CounterpoiseError
+
     from ..calibration.view import physical as in_si
     from ..export import export as write
 
-    runs = _runs(stored)
-    written = []
+    written, refused = [], []
     with progress("exporting", sum(run.path.stat().st_size for run in runs)) as done:
         for run in runs:
-            written += write(in_si(run) if physical else run, to, output)
+            try:
+                written += write(in_si(run) if physical else run, to, output)
+            except CounterpoiseError as error:
+                refused.append(stored_runs.NotOpened(run.name, str(error)))
             done(run.path.stat().st_size)
-    return written
+    return written, refused
 
 
-def _crate(stored: Path, output: Path, licence: str | None) -> "list[Exported]":
+def _crate(stored: Path, runs: "Sequence[Run]", output: Path, licence: str | None) -> "list[Exported]":
     from ..export import ro_crate
     from ..store import Campaign
 
     folder = stored if stored.is_dir() else stored.parent
-    return [ro_crate.write(Campaign(folder), _runs(stored), output, licence)]
-
-
-def _runs(stored: Path) -> "list[Run]":
-    from ..store import open_campaign, open_run
-
-    return list(open_campaign(stored).runs) if stored.is_dir() else [open_run(stored)]
+    return [ro_crate.write(Campaign(folder), list(runs), output, licence)]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.console import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from balance.cli.console import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 
 from . import calibrations, stored_runs
 from .measuring import BandText
@@ -47,7 +47,8 @@ Examples:
   testbench report campaign -o figures
   testbench report campaign/r001.h5 --at 0m,-0.1m,0m --band 1..100 --json
 \b
-Exit codes: 0 done, 3 done with findings (a clipped sensor, a motion that is not the sheet's), 1 refused."""
+Exit codes: 0 done, 3 done with findings (a clipped sensor, a motion that is not the sheet's), 1 some run was refused
+(the others are reported)."""
 )
 @click.argument("runs", metavar="RUN|CAMPAIGN...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--at", "point", type=PointText(), default="0m,0m,0m", show_default=True,
@@ -81,7 +82,7 @@ def report(
 
     if not bandwidth > 0.0:
         raise click.UsageError(f"--bandwidth {bandwidth:g}: expected a positive frequency")
-    opened = stored_runs.opened(runs)
+    opened, refused = stored_runs.each(runs)
     found = {}
     for run in opened:
         found[run.name] = reported(run, point, band, bandwidth, mechanism)
@@ -90,8 +91,9 @@ def report(
         "runs": [one.as_dict() for one in found.values()],
         "compared": compared,
         "calibrations": calibrations.document(opened),
+        "refused": [one.as_dict() for one in refused],
     }
-    written = _write(output, opened, document, mechanism, bandwidth) if output else []
+    written = _write(output, opened, document, mechanism, bandwidth) if output and opened else []
     if as_json:
         emit_json({**document, "written": [str(path) for path in written]})
     else:
@@ -101,6 +103,9 @@ def report(
         for path in written:
             click.echo(f"Wrote {path}.")
         calibrations.say(calibrations.held(opened))
+    stored_runs.say(refused)
+    if refused:
+        return EXIT_REFUSED
     return EXIT_WITH_FINDINGS if any(one.findings for one in found.values()) else 0
 
 

@@ -68,7 +68,8 @@ def watch(
     if as_json and not once:
         raise click.UsageError("--json prints one document at the end: it needs --once")
     if not folder.is_dir():
-        raise RecordingError(f"{folder}: no such folder; expected one that logs arrive in")
+        what = "is a file" if folder.exists() else "no such folder"
+        raise RecordingError(f"{folder}: {what}; expected a folder that logs arrive in")
     watching = _watching(folder, campaign, rig, accept, settle, text)
     watching.store_unnamed = unnamed == "store"
     if sheet is not None:

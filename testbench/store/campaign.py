@@ -59,11 +59,18 @@ class Campaign:
         return states + [_other(path) for path in sorted(self.path.iterdir()) if path.name not in known | KEPT]
 
 
-def open_campaign(folder: str | Path) -> Campaign:
-    """Open the campaign in ``folder``."""
+def existing(folder: str | Path) -> Path:
+    """The folder of a campaign. Raises StoreError if it is not there, or no folder."""
     path = Path(folder)
     if not path.is_dir():
-        raise StoreError(f"{path}: no such folder; expected a campaign, as `testbench ingest -o` makes it")
+        what = "is a file" if path.exists() else "no such folder"
+        raise StoreError(f"{path}: {what}; expected a campaign's folder, as `testbench ingest -o` makes it")
+    return path
+
+
+def open_campaign(folder: str | Path) -> Campaign:
+    """Open the campaign in ``folder``."""
+    path = existing(folder)
     campaign = Campaign(path)
     if not campaign.run_paths and not any(path.glob(f"*{SUFFIX}{digest.SUFFIX}")):
         raise StoreError(f"{path}: holds no run (*{SUFFIX}); `testbench ingest FILE... -o {path}` puts some there")

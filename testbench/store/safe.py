@@ -27,6 +27,8 @@ def open_for_reading(path: Path) -> Iterator["h5py.File"]:
     """The HDF5 file at ``path``; whatever HDF5 finds wrong in it becomes a StoreError."""
     import h5py
 
+    if path.is_dir():
+        raise StoreError(f"{path}: is a folder; expected one stored run (.h5), such as a campaign holds")
     if not path.is_file():
         raise StoreError(f"{path}: no such file; expected a stored run (.h5)")
     if not h5py.is_hdf5(path):

@@ -20,6 +20,7 @@ FILES = {
     "broken.xml": "<mujoco><worldbody>",
     "arm.urdf": "<robot/>",
     "motion.toml": 'start = ["0 m", "9 m"]\npeak_acceleration = "1 g0"\nmoves = [ { axis = "x", to = ["1 mm"] } ]\n',
+    "samples.toml": 'samples = "."\n',
     "typo.toml": 'drven = "platform"\n',
     "plates.csv": "name;mass_kg;quantity\nM1;5;2\n",
     "joints.toml": 'driven = "joints"\njoints = ["A9"]\nstart = ["1 rad"]\npeak_acceleration = "1 rad/s^2"\n'
@@ -28,6 +29,8 @@ FILES = {
 MECH, X = "parallelogram-6bar", ("--motion", "x")
 
 REFUSED = {
+    "a folder for a mechanism": (("conditions", "."), "is a folder; expected a file"),
+    "a folder for samples": (("simulate", MECH, "--motion", "samples.toml"), "is a folder; expected a file"),
     "unknown mechanism": (("conditions", "five-bar"), "five-bar: no such file"),
     "unknown body": (("size", MECH, "-p", "crate=1kg"), "no moving body 'crate'"),
     "unknown site": (("check", MECH, "-c", "nowhere=1kg"), "no site 'nowhere'"),

@@ -1,0 +1,110 @@
+"""Commands that do each run by itself: one that cannot be opened is named, exit code 1, and keeps no other out."""
+
+import json
+import shutil
+import sys
+
+import pytest
+
+from testbench.cli import main
+from testbench.cli.align import align
+from testbench.cli.archive import archive
+from testbench.cli.export import export
+from testbench.cli.list import list as listing
+from testbench.cli.report import report
+from testbench.store import open_run
+
+
+@pytest.fixture
+def campaign(brief, tmp_path):
+    """Three runs of the brief campaign, the second one overwritten by something else."""
+    folder = tmp_path / "campaign"
+    folder.mkdir()
+    for name in ("r001", "r002", "r003"):
+        shutil.copy(brief.campaign / f"{name}.h5", folder)
+        shutil.copy(brief.campaign / f"{name}.h5.sha256", folder)
+    (folder / "r002.h5").write_text("not a run")
+    return folder
+
+
+def call(capsys, command, *words):
+    """Exit code, the document and what is said beside it."""
+    code = command.main([*map(str, words), "--json"], standalone_mode=False)
+    out, err = capsys.readouterr()
+    return code, json.loads(out), err
+
+
+def test_archive(campaign, tmp_path, capsys):
+    """The file that is not there comes first; the two that can be are archived, to the bit."""
+    code, found, _ = call(capsys, archive, campaign / "nope.h5", campaign, "-o", tmp_path / "archive")
+    assert code == 1
+    assert [(run["run"], run["status"]) for run in found["runs"]] == [
+        ("r001", "archived"), ("r003", "archived"), ("nope", "refused"), ("r002", "refused"),
+    ]  # fmt: skip
+    for name in ("r001", "r003"):
+        before, after = (open_run(folder / f"{name}.h5") for folder in (campaign, tmp_path / "archive"))
+        assert before.channel("AccX").tobytes() == after.channel("AccX").tobytes()
+    assert archive.main([str(campaign / "nope.h5"), "-o", str(tmp_path / "a")], standalone_mode=False) == 1
+    assert "no such file" in capsys.readouterr().err
+
+
+def test_export(campaign, tmp_path, capsys):
+    """The tables of the two that can be opened, and the reason for the third."""
+    code, found, err = call(capsys, export, campaign, "--to", "csv", "-o", tmp_path / "tables")
+    assert code == 1
+    assert [one["run"] for one in found["refused"]] == ["r002"]
+    assert len(found["files"]) == 6
+    assert "r002.h5" in err
+    again = call(capsys, export, campaign, "--to", "csv", "-o", tmp_path / "tables")[1]
+    assert [one["run"] for one in again["refused"]] == ["r002", "r001", "r003"], "each says that its file is there"
+
+
+def test_list(campaign, capsys):
+    """The two with their conditions, the third with its reason."""
+    code, found, err = call(capsys, listing, campaign)
+    assert code == 1
+    assert [run.get("status") for run in found["runs"]] == [None, None, "refused"]
+    assert "r002.h5" in err
+
+
+def test_report(campaign, tmp_path, capsys):
+    """What can be reported is."""
+    code, found, _ = call(capsys, report, campaign / "nope.h5", campaign / "r001.h5")
+    assert code == 1
+    assert len(found["runs"]) == 1
+    assert [one["run"] for one in found["refused"]] == ["nope"]
+    assert call(capsys, report, campaign / "nope.h5", "-o", tmp_path / "figures")[0] == 1
+    assert not (tmp_path / "figures").exists()
+
+
+def test_align(campaign, capsys):
+    """The clocks of the run that is there are aligned."""
+    code, found, _ = call(capsys, align, campaign / "nope.h5", campaign / "r001.h5", "--dry-run")
+    assert code == 1
+    assert found["alignments"]
+    assert "no such file" in found["refused"][0]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["vectors", "dir"], "dir: is a folder; expected one stored run"),
+        (["list", "file.csv"], "file.csv: is a file; expected a campaign's folder"),
+        (["recover", "file.csv"], "file.csv: is a file; expected a campaign's folder"),
+        (["watch", "file.csv", "-o", "c"], "file.csv: is a file; expected a folder that logs arrive in"),
+        (["ingest", "file.csv", "--runs", "dir", "-o", "c"], "dir: is a folder; expected a sheet of run conditions"),
+        (["ingest", "file.csv", "--rig", "dir", "-o", "c"], "dir: is a folder; expected a file (.toml), or a shipped"),
+        (["speed", "dir", "--pulses", "60"], "dir: is a folder; expected"),
+    ],
+)  # fmt: skip
+def test_a_folder_for_a_file_and_a_file_for_a_folder(tmp_path, monkeypatch, capsys, words, said):
+    """What is there instead, and what was expected."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "dir").mkdir()
+    (tmp_path / "file.csv").write_text("t (s),a (g)\n0,1\n1,2\n2,3\n")
+    monkeypatch.setattr(sys, "argv", ["testbench", *words])
+    with pytest.raises(SystemExit) as stop:
+        main()
+    assert stop.value.code == 1
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "c").exists()
