@@ -48,6 +48,23 @@ class Interval:
 
 
 @dataclass(frozen=True)
+class Region:
+    """Ellipse about a vector that holds the true one with 95 %."""
+
+    half_axes: tuple[float, float]
+    """Long and short, in the vector's unit."""
+    angle: float
+    """Of the long axis, counted as the vector's own [rad]."""
+
+    def outline(self, points: int = 181) -> Complexes:
+        """Its outline about zero, closed, (points,)."""
+        u = np.linspace(0.0, 2.0 * np.pi, points)
+        long, short = self.half_axes
+        found: Complexes = (long * np.cos(u) + 1j * short * np.sin(u)) * np.exp(1j * self.angle)
+        return found
+
+
+@dataclass(frozen=True)
 class Sureness:
     """Intervals of correction weights and of the readings that they leave."""
 
@@ -67,6 +84,11 @@ class Sureness:
     def weights(self) -> list[Interval]:
         """Of the weight in each plane."""
         return self.about(self.total)
+
+    @property
+    def regions(self) -> list[Region]:
+        """About the weight in each plane, or about what is to be added there."""
+        return [region(c, n) for c, n in zip(self.covariance, self.spare, strict=True)]
 
     def about(self, weights: Complexes) -> list[Interval]:
         """Intervals of the weights (planes,) less others that are known, such as those that are on already."""
@@ -112,8 +134,7 @@ def propagate(solution: Solution, scatter: Scatter, again: Callable[[Coefficient
     weights, rows = solution.weights, len(solution.residual)
     mounted = _parts(np.r_[1.0, weights][None, :])
     left = np.array([mounted @ c @ mounted.T for c in scatter.covariance])
-    reach = np.sqrt(chi2.ppf(0.95, 2) if np.isinf(scatter.spare) else 2.0 * f.ppf(0.95, 2, scatter.spare))
-    after = reach * np.sqrt([float(np.linalg.eigvalsh(c)[-1]) for c in left])
+    after = _all_round(scatter.spare) * np.sqrt([float(np.linalg.eigvalsh(c)[-1]) for c in left])
     if solution.is_free:
         by_row = _differentiated(solution, scatter)
         draws = None
@@ -133,6 +154,18 @@ def interval(value: complex, covariance: Floats, spare: float = np.inf) -> Inter
     across = reach * float(np.sqrt(np.array([-u[1], u[0]]) @ covariance @ np.array([-u[1], u[0]])))
     told = max(along, across) < abs(value)
     return Interval(along, float(np.arcsin(across / abs(value))) if told else np.pi)
+
+
+def region(covariance: Floats, spare: float = np.inf) -> Region:
+    """Ellipse of 95 % from the covariance of a vector's parts (2, 2)."""
+    values, axes = np.linalg.eigh(covariance)
+    short, long = _all_round(spare) * np.sqrt(np.maximum(values, 0.0))
+    return Region((float(long), float(short)), float(np.arctan2(axes[1, 1], axes[0, 1])))
+
+
+def _all_round(spare: float) -> float:
+    """Standard deviations within which both parts of a vector lie with 95 %."""
+    return float(np.sqrt(chi2.ppf(0.95, 2) if np.isinf(spare) else 2.0 * f.ppf(0.95, 2, spare)))
 
 
 def _two_sided(spare: float) -> float:

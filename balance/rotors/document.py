@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..influence import Solution
-from ..scatter import Interval, Scatter, Sureness
+from ..scatter import Interval, Region, Scatter, Sureness
 from .moduli import Complexes
 from .polar import document as vector
 from .runs import Runs
@@ -83,6 +83,7 @@ def _planes(sheet: Runs, solution: Solution, sure: Sureness | None) -> list[dict
                 "total": {**vector(complex(total[j]), unit, w), **_within(sums[j], unit, w)},
                 "on_now": vector(complex(on[j]), unit, w),
                 "add": {**vector(complex(total[j] - on[j]), unit, w), **_within(adding[j], unit, w)},
+                "region": None if sure is None else _region(sheet, sure.regions[j], unit, w),
                 "published": None if printed is None else vector(printed, unit, w),
             }
         )
@@ -114,6 +115,15 @@ def _within(interval: Interval | None, unit: str, factor: float) -> dict[str, fl
     return {
         f"magnitude_{unit}_within": None if interval is None else factor * interval.magnitude,
         "angle_deg_within": None if interval is None else math.degrees(interval.angle),
+    }
+
+
+def _region(sheet: Runs, region: Region, unit: str, factor: float) -> dict[str, Any]:
+    """The ellipse about the weight that the figure shows."""
+    turned = region.angle if sheet.angles == "with rotation" else -region.angle
+    return {
+        f"half_axes_{unit}": [factor * half for half in region.half_axes],
+        "long_axis_deg": math.degrees(turned) % 180.0,
     }
 
 
