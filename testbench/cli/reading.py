@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 _DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "bar": "|", "blanks": " "}
 _DECIMALS = {"point": ".", "comma": ","}
+_ORDERS = ("dmy", "mdy", "ymd")
 
 
 def text_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -25,13 +26,19 @@ def text_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--delimiter", type=click.Choice([*_DELIMITERS]), help="Delimiter of texts; else detected."),
         click.option("--decimal", type=click.Choice([*_DECIMALS]), help="Decimal mark of texts; else detected."),
         click.option("--header/--no-header", default=None, help="Whether texts begin with names; else detected."),
+        click.option("--date-order", type=click.Choice([*_ORDERS]),
+                     help="Order in dates such as 03/04/2024 or 24/03/04; else as a number above 12 shows."),
     )):  # fmt: skip
         command = option(command)
     return command
 
 
 def read_options(
-    encoding: str | None, delimiter: str | None, decimal: str | None, header: bool | None
+    encoding: str | None,
+    delimiter: str | None,
+    decimal: str | None,
+    header: bool | None,
+    date_order: str | None = None,
 ) -> "ReadOptions":
     """The options as the readers take them."""
     from ..readers import ReadOptions
@@ -41,6 +48,7 @@ def read_options(
         None if delimiter is None else _DELIMITERS[delimiter],
         None if decimal is None else _DECIMALS[decimal],
         header,
+        date_order,
     )
 
 

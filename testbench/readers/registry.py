@@ -40,6 +40,8 @@ class ReadOptions:
     delimiter: str | None = None
     decimal: str | None = None
     header: bool | None = None
+    date_order: str | None = None
+    """``dmy``, ``mdy``, ``ymd``: of dates such as 03/04/2024, where no number above 12 tells."""
 
 
 @dataclass(frozen=True)

@@ -49,12 +49,16 @@ class Moment:
     decimals: int
 
     def days(self, order: str = "") -> int | None:
-        """Days of the date, counted in the calendar; ``order`` (dmy, mdy) where the notation leaves it open."""
+        """Days of the date, counted in the calendar; ``order`` (dmy, mdy, ymd) where the notation leaves it open.
+
+        Years of two digits are of this century.
+        """
         if not self.notation.date:
             return 0
         year, month, day = _arranged(self.date, order or self.notation.date)
+        century = 2000 if self.notation.date == "??2" else 0
         try:
-            return date(year, month, day).toordinal()
+            return date(century + year, month, day).toordinal()
         except ValueError:
             return None
 

@@ -24,7 +24,7 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
     """Read the first lines of a text; its rows are read when asked for."""
     sample = take(path, options.encoding)
     dialect, header = _understood(path, sample, options)
-    spelled = spelling.find(path, sample, dialect, header)
+    spelled = spelling.find(path, sample, dialect, header, options.date_order)
     texts = spelled.texts | _text_fields(spelled.rows, header) - spelled.fields
     kept = _kept(path, header, spelled, texts, options)
     said = tuple(preamble.strip(text) for text in header.preamble)
@@ -42,7 +42,7 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
         groups=clocks.groups if clocks else (group,),
         read=stated.held_against(clocks.apart(read) if clocks else read),
         origin=preamble.origin(said),
-        settings=_settings(sample, dialect, header),
+        settings=_settings(sample, dialect, header, options.date_order),
         metadata=preamble.pairs(said) | spelled.times.zeros(channels),
         comments=said,
         ranges=preamble.ranges(said),
@@ -90,13 +90,14 @@ def _table(
     )
 
 
-def _settings(sample: Sample, dialect: Dialect, header: Header) -> dict[str, str]:
+def _settings(sample: Sample, dialect: Dialect, header: Header, date_order: str | None) -> dict[str, str]:
+    """How the text was read: as detected or stated; of dates only what a person stated."""
     return {
         "encoding": sample.encoding.name,
         "delimiter": dialect.delimiter,
         "decimal": dialect.decimal,
         "first_data_line": str(header.first_data_line),
-    }
+    } | ({"date_order": f"{date_order}, as stated"} if date_order else {})
 
 
 def _understood(path: Path, sample: Sample, options: ReadOptions) -> tuple[Dialect, Header]:

@@ -57,14 +57,14 @@ class Spelled:
         return (lambda report: midnight.counted_on(read(report), columns, report)) if columns else read
 
 
-def find(path: Path, sample: Sample, dialect: Dialect, header: Header) -> Spelled:
-    """The columns of the file that begins with ``sample``."""
+def find(path: Path, sample: Sample, dialect: Dialect, header: Header, date_order: str | None = None) -> Spelled:
+    """The columns of the file that begins with ``sample``; ``date_order`` is what a person says of its dates."""
     rows = [dialect.split(line) for line in sample.lines[header.first_data_line - 1 :]]
 
     def last() -> list[list[str]]:
         return [dialect.split(line) for line in last_lines(path, sample.encoding)]
 
-    found = times.find(rows, last, header)
+    found = times.find(rows, last, header, date_order or "")
     grouped = [g for g in thousands.find(rows, header, dialect.decimal) if g.field not in found.spoken_for]
     noted = notation.find(rows, header, dialect.decimal, found.spoken_for | {g.field for g in grouped})
     rounded = exact.rounded([*rows, *last()], header, found.spoken_for)

@@ -14,7 +14,7 @@ _LONGEST = 30
 class Stamps:
     """The column ``field`` as seconds from its first time; ``date_field`` is the column of its dates, if apart.
 
-    ``only_date`` is the one date whose day and month need not be told apart.
+    ``only_date`` is the one date whose day and month need not be told apart; ``is_stated``: a person said the order.
     """
 
     field: int
@@ -25,6 +25,7 @@ class Stamps:
     date_field: int | None = None
     order: str = ""
     only_date: tuple[int, int, int] | None = None
+    is_stated: bool = False
 
     @property
     def is_of_day(self) -> bool:

@@ -12,7 +12,7 @@ from ...recording import Channel, TimeColumn
 from . import marks, moments, names
 from .exact import is_exact
 from .header import Header
-from .moments import DAY, Notation
+from .moments import DAY, Moment, Notation
 from .stamps import Counted, Stamps, is_plain
 
 _SIGNIFICANT = 15
@@ -21,6 +21,8 @@ _TEN_DIGITS = 10
 """Seconds since 1970 have no more before the point until the year 2286."""
 _SINCE_1970 = {13: 1e-3, 16: 1e-6, 19: 1e-9}
 """Seconds in a unit, by the digits of a time since 1970 that is counted in it, from 2001 to 2286."""
+
+_ORDERS = {"dmy": "day before month", "mdy": "month before day", "ymd": "year, month, day"}
 
 Rows = Sequence[Sequence[str]]
 
@@ -85,8 +87,11 @@ def _is_of_epoch(name: str) -> bool:
     return any(word in name.casefold() for word in ("unix", "epoch", "posix"))
 
 
-def find(rows: Rows, last: Callable[[], Rows], header: Header) -> Times:
-    """The times in the columns of the first ``rows`` of a file; ``last`` gives its last ones, if dates need them."""
+def find(rows: Rows, last: Callable[[], Rows], header: Header, order: str = "") -> Times:
+    """The times in the columns of the first ``rows`` of a file; ``last`` gives its last ones, if dates need them.
+
+    ``order`` (dmy, mdy, ymd) is what a person says of dates whose notation leaves it open.
+    """
     rows = [cells for cells in rows if len(cells) == header.fields]
     found = {i: notation for i in range(len(header.channels)) if (notation := _notation(rows, i)) is not None}
     dates = [i for i, notation in found.items() if not notation.clock]
@@ -95,7 +100,7 @@ def find(rows: Rows, last: Callable[[], Rows], header: Header) -> Times:
         if notation.clock:
             apart = dates[0] if not notation.date and len(dates) == 1 else None
             dated = replace(notation, date=notation.date if apart is None else found[apart].date)
-            column = _column(Stamps(i, dated, 0, "", 0, apart), rows, last)
+            column = _column(Stamps(i, dated, 0, "", 0, apart), rows, last, order)
             times = _with(times, i, column, header.channels[i].name, rows)
     times = replace(times, texts=times.texts | frozenset(dates) - times.taken_up)
     for i, channel in enumerate(header.channels):
@@ -117,26 +122,47 @@ def _notation_of(cell: str) -> Notation | None:
     return None if moment is None else moment.notation
 
 
-def _column(begun: Stamps, rows: Rows, last: Callable[[], Rows]) -> Stamps | str | None:
+def _column(begun: Stamps, rows: Rows, last: Callable[[], Rows], stated: str) -> Stamps | str | None:
     """The column with its zero and the order of day and month, or why they cannot be told apart."""
     dated = begun.field if begun.date_field is None else begun.date_field
     whole = [cells for cells in rows if _notation_of(cells[begun.field]) and _notation_of(cells[dated])]
     if not whole:
         return None
-    if begun.notation.date.startswith("?"):
+    if begun.notation.date.startswith("?") or (stated and begun.notation.date == "dmy"):
         texts = [row[dated] for row in (*whole, *last()) if len(row) > dated]
-        seen = [moment.date for text in texts if (moment := moments.read(text)) is not None]
-        order = _order(seen) if begun.notation.date == "??y" else ""
-        if not order and len(set(seen)) > 1:
-            other = next(date for date in seen if date != seen[0])
-            return " and ".join("/".join(map(str, date)) for date in (seen[0], other))
-        begun = replace(begun, order=order, only_date=None if order else seen[0])
+        seen = [moment for text in texts if (moment := moments.read(text)) is not None]
+        ordered = _ordered(begun, seen, stated)
+        if isinstance(ordered, str):
+            return ordered
+        begun = ordered
     for cells in whole:
         moment = moments.read(cells[begun.field])
         if moment is not None and (days := begun.days_of(moment, cells)) is not None:
             text = " ".join(dict.fromkeys((cells[dated], cells[begun.field])))
             return replace(begun, zero=days * DAY + moment.nanoseconds, zero_text=text, decimals=moment.decimals)
-    return whole[0][dated]
+    return f"{whole[0][dated]}: no such date; expected one such as 2024-03-01"
+
+
+def _ordered(begun: Stamps, seen: Sequence[Moment], stated: str) -> Stamps | str:
+    """The column with the order of day and month as stated, or as its dates show; or what stands against it."""
+    if stated:
+        wrong = next((moment.date for moment in seen if moment.days(stated) is None), None)
+        if wrong is not None:
+            return f"{_shown(wrong)} is no date in the order {stated}, which --date-order states: say another"
+        return replace(begun, order=stated, is_stated=True)
+    dates = [moment.date for moment in seen]
+    order = _order(dates) if begun.notation.date == "??y" else ""
+    if not order and len(set(dates)) > 1:
+        other = next(date for date in dates if date != dates[0])
+        return (
+            f"{_shown(dates[0])} and {_shown(other)}: day or month first? state it, --date-order dmy or mdy (ymd for a "
+            "year of two digits in front); without it there are no times"
+        )
+    return replace(begun, order=order, only_date=None if order else dates[0])
+
+
+def _shown(date: tuple[int, int, int]) -> str:
+    return "/".join(map(str, date))
 
 
 def _order(dates: Sequence[tuple[int, int, int]]) -> str:
@@ -148,8 +174,7 @@ def _order(dates: Sequence[tuple[int, int, int]]) -> str:
 def _with(times: Times, i: int, column: Stamps | str | None, name: str, rows: Rows) -> Times:
     """The times and one column more; it is left out where it is no clear one."""
     if not isinstance(column, Stamps):
-        message = f"{column}: day or month first? export dates as 2024-03-01; without them there are no times"
-        said = (Finding("ambiguous_date", name, None, message),) if column else ()
+        said = (Finding("ambiguous_date", name, None, column),) if column else ()
         return replace(times, texts=times.texts | {i}, findings=(*times.findings, *said))
     alike, coarse = _repeats(column, rows)
     findings = [_said(column, name)]
@@ -183,7 +208,7 @@ def _said(column: Stamps, name: str) -> Finding:
     if column.date_field is not None:
         text += f"; the dates are those of column {column.date_field + 1}"
     if column.order:
-        text += f"; {'day before month' if column.order == 'dmy' else 'month before day'}, as the dates show"
+        text += f"; {_ORDERS[column.order]}, as {'--date-order states' if column.is_stated else 'the dates show'}"
     if column.only_date:
         text += "; all are of one date, of which day and month are not told apart"
     if column.is_of_day:

@@ -125,6 +125,30 @@ def test_day_and_month_that_cannot_be_told_apart(log):
     assert "not told apart" in found.message("time_as_text")
 
 
+@pytest.mark.parametrize(
+    ("order", "before", "after", "days"),
+    [("dmy", "03/04/2024", "04/04/2024", 1), ("mdy", "03/04/2024", "04/04/2024", 31), ("mdy", "12/31/23", "1/1/24", 1),
+     ("dmy", "28/02/24", "01/03/24", 2), ("ymd", "24/02/28", "24/03/01", 2), ("mdy", "03.04.2024", "04.04.2024", 31),
+     ("mdy", "2024-04-03", "2024-04-04", 1)],
+)  # fmt: skip
+def test_a_stated_order_of_dates(log, order, before, after, days):
+    """What a person says holds where the notation leaves it open; it stands in the settings, which are stored."""
+    rows = [f"{day} 10:00:{i:02d}.0,{i}.5\n" for day in (before, after) for i in range(40)]
+    found = log("Time,F (N)\n" + "".join(rows), ReadOptions(date_order=order))
+    assert found.time()[40] == days * 86400.0
+    assert "ambiguous_date" not in found.codes
+    assert found.recording.settings["date_order"] == f"{order}, as stated"
+    assert ("as --date-order states" in found.message("time_as_text")) == ("-" not in before)
+
+
+def test_a_stated_order_that_the_dates_contradict(log):
+    """It is refused with the date, in the first lines or the last ones, and not taken nevertheless."""
+    rows = [f"{day}/04/2024 10:00:{i:02d}.0,{i}.5\n" for day in ("03", "13") for i in range(40)]
+    found = log("Time,F (N)\n" + "".join(rows), ReadOptions(date_order="mdy"))
+    assert "13/4/2024 is no date in the order mdy" in found.message("ambiguous_date")
+    assert [c.name for c in found.group().channels] == ["F (N)"]
+
+
 def test_the_end_of_the_file_has_a_say_in_its_dates(log):
     """A date far below the first lines is seen before any row is read."""
     seconds = [f"{s // 3600:02d}:{s % 3600 // 60:02d}:{s % 60:02d}" for s in range(4000)]
