@@ -1,6 +1,6 @@
 """A rig against the logs: channels that are missing, units and rates that differ, the ranges of the sensors."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from .. import units
@@ -54,7 +54,12 @@ def of_conditions(rig: "Rig", conditions: Mapping[str, Any]) -> list[Finding]:
 
 
 def findings(rig: "Rig", recordings: Iterable[Recording]) -> list[Finding]:
-    """Where the rig and the logs of one run differ. A logger of which the run holds no channel is not in the run."""
+    """Where the rig and the logs of one run differ. A logger of which the run holds no channel is not in the run.
+
+    A rig describes a whole bench: what any log of the run holds is recorded, and what none holds is said, with the
+    logs that were looked at.
+    """
+    recordings = list(recordings)
     channels = {c.label: c for r in recordings for g in r.groups for c in g.channels}
     found: list[Finding] = []
     absent: list[Finding] = []
@@ -64,7 +69,7 @@ def findings(rig: "Rig", recordings: Iterable[Recording]) -> list[Finding]:
         if present:
             found += [_missing(column, channels) for column in columns if column.channel not in channels]
         elif columns:
-            absent.append(_absent(logger, columns))
+            absent.append(_absent(logger, columns, [recording.path.name for recording in recordings]))
         found += _units(present, channels)
     if len(absent) == sum(any(rig.columns(logger)) for logger in rig.loggers):
         message = f"none of the rig's channels is in the log, which holds {_listed(channels)}"
@@ -77,9 +82,13 @@ def _missing(column: "Column", channels: Iterable[str]) -> Finding:
     return Finding(_CODE, column.channel, None, message)
 
 
-def _absent(logger: str, columns: "Iterable[Column]") -> Finding:
+def _absent(logger: str, columns: "Iterable[Column]", logs: Sequence[str]) -> Finding:
     names = ", ".join(dict.fromkeys(column.sensor for column in columns))
-    message = f"logger {logger} is not in this run: nothing is recorded of its sensors {names}"
+    own = logs[0] if len(logs) == 1 else f"any of {_listed(logs)}"
+    message = (
+        f"nothing is recorded of sensors {names} (logger {logger}): no channel of theirs is in {own}, of which the run "
+        "is made; a log that holds them is joined to the run by a sheet (--runs)"
+    )
     return Finding("sensor_not_recorded", None, None, message)
 
 

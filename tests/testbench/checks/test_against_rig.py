@@ -19,3 +19,26 @@ def test_a_commanded_channel_may_rest_and_hold() -> None:
         ("constant_channel", "AccX (g)"), ("clipping_suspected", "AccX (g)"), ("not_a_number", "TargetX (m/s^2)")
     ]  # fmt: skip
     assert against_rig.without_commanded(None, recording, found) == found
+
+
+def test_loggers_that_no_log_of_the_run_holds() -> None:
+    """A rig of the whole bench: what another log of the run holds is no finding; what none holds is, with the logs."""
+    bench = rig.load("parallelogram-6bar")
+    logs = [
+        Recording(
+            Path(f"lab/r1_{logger}.csv"),
+            "CSV",
+            "csv",
+            (Group(logger, tuple(Channel(c.channel, c.unit) for c in bench.columns(logger))),),
+            lambda report: iter(()),
+        )
+        for logger in bench.loggers
+    ]
+    assert not against_rig.findings(bench, logs)
+    forces, controller = against_rig.findings(bench, logs[:1])
+    assert {f.code for f in (forces, controller)} == {"sensor_not_recorded"}
+    assert "sensors k6d40, kistler, futek_1, futek_2 (logger forces)" in forces.message
+    assert "is in r1_daq.csv, of which the run is made" in forces.message
+    (controller,) = against_rig.findings(bench, logs[:2])
+    assert "(logger controller): no channel of theirs is in any of r1_daq.csv, r1_forces.csv" in controller.message
+    assert "by a sheet (--runs)" in controller.message
