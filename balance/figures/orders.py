@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FORWARD, BACKWARD = "#3b6ea5", "#e07a3f"
-
-
+_HEADROOM = 1.35
+"""Of the largest value, so that the legend lies on nothing."""
 _COLOURS = {"before": "#555555", "counterweights": "#3b6ea5", "shafts": "#e07a3f"}
 
 
@@ -28,6 +28,7 @@ def draw_orders(
     from matplotlib.figure import Figure
 
     rows = 1 if left is None else 2
+    units = (units[0].replace("omega^2", "ω²"), units[1].replace("omega^2", "ω²"))
     figure = Figure(figsize=(8.4, 3.8 * rows), layout="constrained")
     panels = figure.subplots(rows, 2, squeeze=False)
     _bars(panels[0, 0], [f.force for f in free], factor, f"force [{units[0]}]")
@@ -48,7 +49,7 @@ def _turn(axes: Any, left: OverATurn, values: Mapping[str, Complexes], label: st
         axes.plot(np.degrees(left.theta), np.abs(vectors), line, color=_COLOURS[stage], label=STAGES[stage], lw=1.6)
     largest = max(float(np.abs(vectors).max()) for vectors in values.values())
     axes.set(xlabel="crank angle [deg]", ylabel=label, xticks=range(0, 361, 90))
-    axes.set_ylim(0.0, 1.35 * largest or 1.0)
+    axes.set_ylim(0.0, _HEADROOM * largest or 1.0)
     axes.legend(fontsize=8)
     axes.grid(alpha=0.25)
 
@@ -62,9 +63,8 @@ def _bars(axes: Any, parts: Sequence[Turning], factor: float, label: str) -> Non
     axes.set_xticks(orders)
     axes.set_xlabel("order")
     axes.set_ylabel(label)
-    axes.set_ylim(bottom=0.0)
+    axes.set_ylim(0.0, _HEADROOM * max(map(sum, zip(forward, backward, strict=True)), default=0.0) or 1.0)
     if not any([*forward, *backward]):
-        axes.set_ylim(0.0, 1.0)
         axes.annotate("none", (0.5, 0.5), xycoords="axes fraction", ha="center")
     axes.legend(fontsize=8)
     axes.grid(alpha=0.25, axis="y")

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from ..scatter import Sureness
 
 BEFORE, AFTER = "#3b6ea5", "#e07a3f"
+_ASIDE = 0.3
+"""Cosine of a vector's angle beyond which its name stands beside its tip, not above or below."""
 
 
 def draw_readings(
@@ -63,8 +65,10 @@ def _arrows(axes: Any, vectors: Any, names: Sequence[str], colour: str) -> None:
     for vector, name in zip(vectors, names, strict=True):
         angle, length = float(np.angle(vector)), float(abs(vector))
         axes.plot([angle, angle], [0.0, length], "-o", color=colour, ms=4, markevery=[1])
-        beyond = (11.0 * np.cos(angle), 11.0 * np.sin(angle))
-        axes.annotate(name, (angle, length), beyond, textcoords="offset points", ha="center", va="center", fontsize=9)
+        across, up = float(np.cos(angle)), float(np.sin(angle))
+        side = "left" if across > _ASIDE else "right" if across < -_ASIDE else "center"
+        beyond = (7.0 * across, 11.0 * up)
+        axes.annotate(name, (angle, length), beyond, textcoords="offset points", ha=side, va="center", fontsize=9)
 
 
 def _ruled(axes: Any, vectors: Any) -> None:  # noqa: ANN401
@@ -72,7 +76,7 @@ def _ruled(axes: Any, vectors: Any) -> None:  # noqa: ANN401
     angles = np.sort(np.angle(vectors))
     gaps = np.diff(angles, append=angles[0] + 2.0 * np.pi)
     widest = int(np.argmax(gaps))
-    axes.set_rlim(0.0, None)
+    axes.set_rlim(0.0, 1.1 * axes.get_rmax())
     axes.set_rlabel_position(np.degrees(angles[widest] + 0.5 * gaps[widest]))
     axes.yaxis.get_major_locator().base.set_params(nbins=5)
     axes.grid(alpha=0.4)
