@@ -12,11 +12,14 @@ if TYPE_CHECKING:
     from ..store import Run
     from ..vectors import Metric, OrderVector, Vectors
 
+_ROUNDING = 1e-9
+"""Change of speed, of its mean, below which it is said to be none."""
+
 
 @click.command(
     epilog="""\b
 Examples:
-  testbench vectors as-found.h5 --tacho tacho
+  testbench vectors as-found.h5 --tacho tacho --figure vectors.png
   testbench vectors as-found.h5 --tacho tacho --speed 3000rpm --toml "as found" >> runs.toml
   testbench vectors trial-1.h5 --tacho tacho --speed 3000rpm --toml "trial 1" \\
     --weight "fan end=10 g @ 0 deg" --came-off >> runs.toml
@@ -52,6 +55,7 @@ Exit codes: 0 done, 3 done with findings, 1 refused."""
 @click.option("--toml", metavar="NAME", help="Print it as this run of a sheet of trial runs; needs --speed.")
 @click.option("--weight", multiple=True, metavar="PLANE=W@A", help='Trial weight of this run, "fan end=10 g @ 0 deg".')
 @click.option("--stayed-on/--came-off", default=None, help="Whether the trial weight stayed on after this run.")
+@click.option("--figure", type=click.Path(path_type=Path, dir_okay=False), help="Draw them (.png, .svg, .pdf).")
 @json_option
 def vectors(run_file: Path, **options: Any) -> int:  # noqa: ANN401
     """Amplitude and phase of each vibration sensor of RUN, a stored run, at an order of its speed.
@@ -70,6 +74,12 @@ def vectors(run_file: Path, **options: Any) -> int:  # noqa: ANN401
     found = of_run(run, tachometer, options["sensor"], options["order"])
     if options["speed"]:
         _agrees(run, found, options["speed"], within)
+    if options["figure"]:
+        from balance.figures.drawing import save
+
+        from ..figures.vectors import draw_vectors
+
+        save(draw_vectors(_document(run, found, options["phase"], options["amplitude"])), options["figure"])
     if options["toml"]:
         click.echo(_toml(run, found, options))
     elif options["as_json"]:
@@ -198,7 +208,8 @@ def _print(run: "Run", found: "Vectors", phase: str, metric: "Metric") -> None:
         rows,
     )
     turns = found.turns
-    click.echo(f"{turns.count} turns at {60 * turns.speed:.6g} rpm, changing by {100 * max(turns.change, 0.0):.2g} %.")
+    change = f"{100 * turns.change:.2g}" if turns.change > _ROUNDING else "0"
+    click.echo(f"{turns.count} turns at {60 * turns.speed:.6g} rpm, changing by {change} %.")
     for v in found.vectors:
         if v.tones:
             tones = ", ".join(f"{tone:.4g} Hz" for tone in v.tones)

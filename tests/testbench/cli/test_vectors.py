@@ -12,6 +12,7 @@ from click.testing import CliRunner
 
 from testbench.cli.vectors import vectors
 from testbench.errors import AnalysisError, StoreError
+from testbench.figures.vectors import draw_vectors
 from testbench.ingest import Ingest
 from testbench.runsheet import PlannedRun
 
@@ -84,6 +85,24 @@ def test_sampling_in_step_is_a_finding_and_in_every_interval(in_step: str) -> No
     readings = tomllib.loads(sheet)["runs"][0]["readings"]["3000rpm"]
     assert all(0.8 < float(text.split("±")[-1].removesuffix("deg")) < 2.0 for text in readings.values())
     assert "# finding: the sampling keeps step" in sheet
+
+
+def test_figure(found: str, tmp_path: Path) -> None:
+    """A vector for each sensor, its tip at amplitude and phase of the document, its field as wide as the intervals."""
+    code, _ = run(found, "--figure", str(tmp_path / "vectors.svg"))
+    assert code == 0
+    assert "origin unstated" in (tmp_path / "vectors.svg").read_text(encoding="utf-8")
+    document = json.loads(run(found, "--json")[1])
+    (axes,) = draw_vectors(document).axes
+    for row, line, field in zip(document["vectors"], axes.lines, axes.patches, strict=True):
+        assert line.get_xdata()[1] == pytest.approx(np.radians(row["phase_deg"]))
+        assert line.get_ydata()[1] == pytest.approx(row["amplitude_m_s2"])
+        assert field.get_height() == pytest.approx(2 * row["amplitude_m_s2_within"])
+        assert field.get_width() == pytest.approx(2 * np.radians(row["phase_deg_within"]))
+    document["vectors"][0] |= {"told": False, "phase_deg_within": 180.0}
+    (axes,) = draw_vectors(document).axes
+    assert axes.patches[0].get_y() == 0.0
+    assert axes.patches[0].get_width() == pytest.approx(2 * np.pi)
 
 
 def test_refusals(found: str) -> None:
