@@ -43,8 +43,10 @@ def export(stored: Path, to: str, output: Path, licence: str | None, physical: b
         raise click.UsageError("--licence is for --to ro-crate")
     if physical and to == "ro-crate":
         raise click.UsageError("a crate holds the runs as they are stored: --physical is for the other forms")
+    runs: list[Run]
+    refused: list[stored_runs.NotOpened] = []
     if to == "ro-crate":  # a crate describes a whole campaign, so that it takes all of it or nothing
-        runs, refused = stored_runs.opened([stored]), []
+        runs = stored_runs.opened([stored])
         written = _crate(stored, runs, output, licence)
     else:
         runs, refused = stored_runs.each([stored])

@@ -154,7 +154,7 @@ class GroupWriter:
             for begin in range(0, self.samples, GATHERED):
                 end = min(begin + GATHERED, self.samples)
                 time[begin:end] = clock.times(begin, end)
-            _name(time, Channel(layout.TIME, "s"))
+            _name(time, Channel(f"{layout.TIME} (s)", "s", layout.TIME))
             return time
         scale = self.node.create_dataset(layout.SAMPLE, shape=(self.samples,), dtype=">f4")
         scale.make_scale(_NO_VARIABLE % self.samples)

@@ -21,6 +21,8 @@ TIME = "time"
 SAMPLE = "sample"
 """The dimension of a group without time."""
 
+_MEANT = re.compile(r"title|(?:.*_)?errors")
+"""What NeXus means by a name beside a signal: a heading, and how unsure the values are. A channel is neither."""
 _LETTERS = str.maketrans({"ı": "i", "ß": "ss", "ø": "o", "Ø": "O", "æ": "ae", "µ": "u", "μ": "u", "°": "deg"})
 
 
@@ -29,6 +31,8 @@ def safe_name(written: str, taken: set[str]) -> str:
     plain = unicodedata.normalize("NFKD", written.translate(_LETTERS))
     plain = "".join(c for c in plain if not unicodedata.combining(c))
     base = re.sub(r"[^A-Za-z0-9]+", "_", plain).strip("_")[:60] or "channel"
+    if _MEANT.fullmatch(base):
+        base = f"{base}_channel"
     name, n = base, 1
     while name in taken:
         n += 1

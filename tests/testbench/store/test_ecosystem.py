@@ -153,6 +153,48 @@ def test_the_default_plot_of_several_groups(several):
         assert all(found)
 
 
+def test_what_h5web_asks_of_a_default_plot(several):
+    """Its rules for NXdata: each group's signal and axes are names of its own one-dimensional plain numbers.
+
+    A `title` would have to be one text, `errors` and SIGNAL_errors are drawn as such; a label is `long_name` alone, so
+    that the time of a uniform clock has its unit there.
+    """
+    for run in several:
+        with h5py.File(run.path) as file:
+            node = file
+            while "default" in node.attrs:
+                name = node.attrs["default"]
+                assert isinstance(name, str)
+                assert isinstance(node.get(name, getlink=True), h5py.HardLink)
+                node = node[name]
+            assert node.attrs["NX_class"] == "NXdata"
+            plotted = [g for g in file["entry"].values() if g.attrs["NX_class"] == "NXdata" and "signal" in g.attrs]
+            assert node in plotted
+            for group in plotted:
+                (axis,), signal = group.attrs["axes"], group.attrs["signal"]
+                for name in (signal, *([] if axis == "." else [axis])):
+                    assert isinstance(name, str)
+                    dataset = group[name]
+                    assert isinstance(group.get(name, getlink=True), h5py.HardLink)
+                    assert (dataset.ndim, dataset.dtype.names) == (1, None)
+                    assert dataset.dtype.kind in "iuf"
+                    assert dataset.shape == group[signal].shape
+                    assert isinstance(dataset.attrs["long_name"], str)
+                    if name == "time" and group.attrs["clock"] == "uniform":
+                        assert dataset.attrs["long_name"] == "time (s)"
+                assert not {"title", "errors", f"{signal}_errors"} & set(group)
+
+
+def test_channels_whose_names_mean_something_to_viewers(tmp_path):
+    """`title`, `errors` and `a_errors` are channels like any other: no heading and no bars round the values of `a`."""
+    names = ("a", "title", "errors", "a errors", "terrors")
+    group = Group("daq", tuple(Channel(name, "V") for name in names), UniformClock(10.0))
+    run = store(tmp_path, group, [np.arange(5.0) + i for i in range(5)])
+    assert run.group().keys == ("a", "title_channel", "errors_channel", "a_errors_channel", "terrors")
+    for i, name in enumerate(names):
+        assert run.channel(name)[0] == i
+
+
 def test_no_viewer_plots_whole_numbers_for_values(tmp_path):
     """An archive's channel of decimals is no signal; one of full precision is."""
     full = np.sqrt(np.arange(N))
