@@ -11,6 +11,10 @@ from balance.arrays import Floats, Indices
 from ..errors import RecordingError
 from .gaps import Gap, lost, spurious
 
+_NEAR_TICK = 0.01
+"""Distance of an interval from whole nanoseconds, at which its clock is finer than that [ns]."""
+_COARSEST = 0.35
+"""Step of the clock, of an interval, up to which rounding makes none half as long again as its neighbours."""
 HDF5 = {".h5", ".hdf5", ".nxs"}
 
 
@@ -80,11 +84,7 @@ class Edges:
     @cached_property
     def clock_step(self) -> float | None:
         """Largest step of time of which all intervals are multiples, such as 4 us; None below a nanosecond [s]."""
-        ticks = np.rint(np.diff(self.time) * 1e9).astype(np.int64)
-        if np.abs(np.diff(self.time) * 1e9 - ticks).max(initial=0.0) > 0.01:
-            return None
-        step = int(np.gcd.reduce(ticks))
-        return step * 1e-9 if step > 1 else None
+        return _clock_step(self.time)
 
     def part(self, where: Indices) -> "Edges":
         """Some of the edges, pulses still counted from the same first edge."""
@@ -100,6 +100,7 @@ def edges_of(name: str, time: Floats, disc: Disc, bridge: bool = False, offset: 
     if len(time) < 8:
         raise RecordingError(f"{name}: {len(time)} edges; expected at least 8 to tell a speed")
     _refuse_disorder(name, time)
+    _refuse_coarse_clock(name, time)
     if extra := spurious(time, disc.pulses):
         places = ", ".join(f"edge {k} at {time[k]:.6f} s" for k in extra[:8])
         raise RecordingError(
@@ -168,6 +169,27 @@ def _only_times(path: Path, channels: int) -> None:
         raise RecordingError(
             f"{path.name}: {channels} channels; expected one column, the instants of the encoder's edges, such as t_us"
         )
+
+
+def _clock_step(time: Floats) -> float | None:
+    ticks = np.rint(np.diff(time) * 1e9).astype(np.int64)
+    if np.abs(np.diff(time) * 1e9 - ticks).max(initial=0.0) > _NEAR_TICK:
+        return None
+    step = int(np.gcd.reduce(ticks))
+    return step * 1e-9 if step > 1 else None
+
+
+def _refuse_coarse_clock(name: str, time: Floats) -> None:
+    """Intervals of two or three steps look like lost edges where none is, and hide those that are."""
+    step, interval = _clock_step(time), float(np.median(np.diff(time)))
+    if step is None or step <= _COARSEST * interval:
+        return
+    if np.diff(time).min() < 1.5 * step:  # at an even speed an interval itself is the largest step of all
+        return
+    raise RecordingError(
+        f"{name}: the clock's step of {step * 1e6:g} us is {100 * step / interval:.0f} % of an interval between edges: "
+        f"lost edges cannot be told from rounding above {100 * _COARSEST:g} %; log with a finer clock"
+    )
 
 
 def _refuse_disorder(name: str, time: Floats) -> None:

@@ -95,3 +95,13 @@ def test_tables_of_edges(tmp_path, text, message):
     else:
         with pytest.raises(RecordingError, match=message):
             read_times(path)
+
+
+def test_a_clock_too_coarse_to_tell_lost_edges_is_named():
+    """Intervals of 2.5 ms on a clock of 1 ms: refused for that, not for edges that nobody lost; 0.8 ms pass."""
+    time = 2.5e-3 * np.arange(1500) + 1e-4 * np.sin(2 * np.pi * np.arange(1500) / 100)
+    with pytest.raises(RecordingError, match=r"step of 1000 us is \d+ % of an interval.*lost edges cannot be told"):
+        edges_of("log", np.round(time / 1e-3) * 1e-3, Disc(100))
+    assert edges_of("log", np.round(time / 0.8e-3) * 0.8e-3, Disc(100)).gaps == ()
+    with pytest.raises(LostEdges, match="1 edge lost"):
+        edges_of("log", np.delete(8e-3 * np.arange(900), 400), Disc(100))
