@@ -66,6 +66,8 @@ def _blocks(path: Path, report: Report) -> Iterator[Block]:
             yield block
     for topic in file.topics.values():
         yield from topic.rest()
+        for finding in topic.findings():
+            report(finding)
         if topic.shapes and topic.reason:
             message = f"from some message on {topic.name!r} is not kept: {topic.reason}"
             report(Finding("ragged_row", None, None, message))

@@ -10,6 +10,7 @@ from .model import Member, Records
 
 Bytes = NDArray[np.uint8]
 _ROUND = (8, 16, 32, 64)
+_BITS_OF_FLOAT = 53
 
 
 def column(member: Member, rows: Bytes, first: int) -> Samples:
@@ -52,6 +53,11 @@ def _bits(member: Member, rows: Bytes) -> Samples:
         return gathered.astype(np.float64)
     spare = np.uint64(64 - member.bits)
     return ((gathered << spare).view(np.int64) >> np.int64(64 - member.bits)).astype(np.float64)
+
+
+def may_be_rounded(member: Member) -> bool:
+    """Whether a channel holds whole numbers as they are, with more bits than float64 has."""
+    return member.kind in ("u", "i") and member.bits > _BITS_OF_FLOAT and member.law is None
 
 
 def fits(member: Member, size: int) -> bool:

@@ -3,6 +3,7 @@
 import struct
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +17,27 @@ from ..stream import ByteSource, block_samples, damaged
 from . import v3, v4
 from .joined import Columns, joined
 from .model import DataGroup, File, Member, Records
-from .numbers import Bytes, column, invalid
+from .numbers import Bytes, column, invalid, may_be_rounded
 from .records import Torn, parts
 
 _MARKS = (b"MDF     ", b"UnFinMF ")
 _MOST_VIRTUAL = 100_000_000
+_EXACT = 2.0**53
+
+
+@dataclass
+class _Seen:
+    """What comes to light of channels, by name, while their samples are read."""
+
+    invalid: Counter[str] = field(default_factory=Counter)
+    rounded: dict[str, None] = field(default_factory=dict)
+
+    def findings(self) -> Iterator[Finding]:
+        for name, number in self.invalid.items():
+            message = f"{number} samples are marked as invalid in the file: NaN"
+            yield Finding("invalid_samples", name, None, message)
+        for name in self.rounded:
+            yield Finding("not_exact", name, None, "holds integers beyond 2**53, which float64 rounds")
 
 
 def open_mdf(path: Path, options: ReadOptions) -> Recording:
@@ -94,10 +111,10 @@ def _clock(members: Sequence[Member]) -> TimeColumn | None:
 def _blocks(
     path: Path, file: File, sets: Sequence[Columns], groups: Mapping[int, Group], unfinished: bool, report: Report
 ) -> Iterator[Block]:
-    invalid_samples = Counter[str]()
+    seen = _Seen()
     by_column = _followers(sets) | {id(one.first) for one in sets}
     for one in sets:
-        yield from _side_by_side(one, groups, invalid_samples, report)
+        yield from _side_by_side(one, groups, seen, report)
     for data in file.groups:
         if any(id(records) in by_column for records in data.records):
             continue
@@ -105,7 +122,7 @@ def _blocks(
         try:
             for part in parts(data):
                 if (group := groups.get(id(part.records))) is not None:
-                    yield from _of_part(part.records, part.rows, group, done, invalid_samples)
+                    yield from _of_part(part.records, part.rows, group, done, seen)
         except Torn as error:
             raise damaged(path, str(error)) from error
         for records in data.records:
@@ -113,14 +130,11 @@ def _blocks(
             if data.identifier_size and id(records) in groups and found != declared and not unfinished:
                 message = f"group {groups[id(records)].name!r} declares {declared} samples, {found} are there"
                 report(Finding("count_contradiction", None, None, message))
-    for name, number in invalid_samples.items():
-        message = f"{number} samples are marked as invalid in the file: NaN"
-        report(Finding("invalid_samples", name, None, message))
+    for finding in seen.findings():
+        report(finding)
 
 
-def _side_by_side(
-    one: Columns, groups: Mapping[int, Group], invalid_samples: Counter[str], report: Report
-) -> Iterator[Block]:
+def _side_by_side(one: Columns, groups: Mapping[int, Group], seen: _Seen, report: Report) -> Iterator[Block]:
     """Records of several streams as blocks of one group."""
     if (group := groups.get(id(one.first))) is None:
         return
@@ -130,7 +144,7 @@ def _side_by_side(
         for begin in range(0, len(rows[0]), step):
             columns: list[Samples] = []
             for (_, records), piece in zip(one.streams, rows, strict=True):
-                columns += _columns(records, piece[begin : begin + step], start, invalid_samples)
+                columns += _columns(records, piece[begin : begin + step], start, seen)
             yield Block(group, tuple(columns), start)
             start += len(columns[0])
     if one.declared != {start}:
@@ -139,24 +153,24 @@ def _side_by_side(
         report(Finding("count_contradiction", None, None, message))
 
 
-def _of_part(
-    records: Records, rows: Bytes, group: Group, done: Counter[int], invalid_samples: Counter[str]
-) -> Iterator[Block]:
+def _of_part(records: Records, rows: Bytes, group: Group, done: Counter[int], seen: _Seen) -> Iterator[Block]:
     """Records as blocks of bounded size."""
     step = block_samples(len(group.channels))
     for begin in range(0, len(rows), step):
         piece, first = rows[begin : begin + step], done[id(records)]
-        yield Block(group, tuple(_columns(records, piece, first, invalid_samples)), first)
+        yield Block(group, tuple(_columns(records, piece, first, seen)), first)
         done[id(records)] += len(piece)
 
 
-def _columns(records: Records, rows: Bytes, first: int, invalid_samples: Counter[str]) -> Iterator[Samples]:
+def _columns(records: Records, rows: Bytes, first: int, seen: _Seen) -> Iterator[Samples]:
     """The channels of records, of which the first has the number ``first``."""
     for member in records.members:
         values = column(member, rows, first)
         if (bad := invalid(member, rows, records)) is not None and bad.any():
             values = np.where(bad, np.nan, values)
-            invalid_samples[member.name] += int(bad.sum())
+            seen.invalid[member.name] += int(bad.sum())
+        if may_be_rounded(member) and (np.abs(values) >= _EXACT).any():
+            seen.rounded[member.name] = None
         yield values
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...findings import Finding
 from ...recording import Block, Channel, Group, Samples, TimeColumn
 from .decode import MOST_NUMBERS, Message, Number, TooLong, Unreadable
 
@@ -14,6 +15,7 @@ LOGGED = "log time"
 _NANOSECOND = "ns"
 _ROWS = 1 << 13
 _MOST_SHAPES = 50
+_EXACT = 2.0**53
 
 
 @dataclass
@@ -25,10 +27,16 @@ class Shape:
     times: list[int]
     rows: list[list[Number | None]] = field(default_factory=list)
     done: int = 0
+    rounded: dict[str, None] = field(default_factory=dict)
 
     def block(self) -> Block:
         """The rows so far as a block."""
-        columns: list[Samples] = [np.array(column, dtype=np.float64) for column in zip(*self.rows, strict=True)]
+        given = list(zip(*self.rows, strict=True))
+        columns: list[Samples] = [np.array(column, dtype=np.float64) for column in given]
+        for channel, written, column in zip(self.group.channels, given, columns, strict=True):
+            large = np.flatnonzero(np.abs(column) >= _EXACT)
+            if any(isinstance(written[i], int) for i in large):
+                self.rounded[channel.name] = None
         block = Block(self.group, tuple(columns), self.done)
         self.done += len(self.rows)
         self.rows = []
@@ -88,6 +96,12 @@ class Topic:
         number = len(self.shapes) + 1
         name = self.name if number == 1 else f"{self.name} part {number}"
         return Shape(Group(name, tuple(channels), clock), list(message.names), list(message.times))
+
+    def findings(self) -> Iterator[Finding]:
+        """What came to light while the messages were read."""
+        for shape in self.shapes.values():
+            for name in shape.rounded:
+                yield Finding("not_exact", name, None, "holds integers beyond 2**53, which float64 rounds")
 
     def rest(self) -> Iterator[Block]:
         """The rows that were not given yet."""

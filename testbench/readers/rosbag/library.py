@@ -98,6 +98,8 @@ def _blocks(path: Path, declared: int, report: Report) -> Iterator[Block]:
                 yield block
         for topic, _ in topics:
             yield from topic.rest()
+            for finding in topic.findings():
+                report(finding)
             if topic.shapes and topic.reason:
                 message = f"from some message on {topic.name!r} is not kept: {topic.reason}"
                 report(Finding("ragged_row", None, None, message))

@@ -43,6 +43,15 @@ def test_numbers_of_every_type_are_read(tmp_path, version, kind):
     assert isinstance(found.group().clock, TimeColumn)
 
 
+@pytest.mark.parametrize("version", ["3.30", "4.10"])
+def test_integers_that_float64_rounds_are_said(tmp_path, version):
+    """2**53 + 1, and its negative; what fits is not said."""
+    values = np.full(400, 5)
+    values[7], values[9] = 2**53 + 1, -(2**53) - 1
+    found = reading.read(_save(tmp_path, version, [_signal("ticks", values), _signal("small", np.arange(400))]))
+    assert [f.channel for f in found.findings if f.code == "not_exact"] == ["ticks"]
+
+
 @pytest.mark.parametrize("version", VERSIONS)
 def test_groups_keep_their_own_time(tmp_path, version):
     """A slow and a fast group, neither resampled."""

@@ -54,6 +54,18 @@ def test_json_is_read_and_shapes_are_kept_apart(tmp_path):
     assert "'protobuf'" in found.message("left_out")
 
 
+def test_integers_that_float64_rounds_are_said():
+    """2**53 + 1 of one message; neither floating-point numbers as large nor times, which are counted from a zero."""
+    from testbench.readers.ros.rows import Topic, from_json
+
+    topic = Topic("/json", from_json, robots.ZERO)
+    for i in range(3):
+        topic.take(robots.ZERO + i, b'{"ticks": %d, "large": 1e300, "small": %d}' % (2**53 + i, i))
+    (block,) = topic.rest()
+    assert block.columns[0].tolist() == [0, 1, 2]
+    assert [(f.code, f.channel) for f in topic.findings()] == [("not_exact", "ticks")]
+
+
 def test_blocks_follow_one_another(tmp_path, monkeypatch):
     """Few rows a block give the same."""
     from testbench.readers.ros import rows
