@@ -2,13 +2,14 @@
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from .amplitudes import Ratio, Side
-from .amplitudes.recorded import Place, amplitudes
+from .amplitudes.condition import Condition, Scatter, scatter_of
+from .amplitudes.recorded import Place
 from .amplitudes.unified import CONFIDENCE
 from .errors import AnalysisError
 from .findings import Finding
@@ -16,12 +17,11 @@ from .pairing import Key, Pair, doubts, pairs
 from .vibration import Measure
 
 if TYPE_CHECKING:
-    from .amplitudes import Amplitude
     from .store import Run
 
 __all__ = ["CONFIDENCE", "Analysis", "Reduction", "analyze", "percent", "reduce"]
 Method = Literal["repeats", "propagation"]
-"""Where an interval comes from: the scatter of repeats, or noise at rest, propagated."""
+"""Where an interval comes from: the scatter of the campaign's repeats, or noise at rest, propagated."""
 Limit = Literal["at_least", "at_most"]
 
 
@@ -110,66 +110,64 @@ def analyze(runs: Iterable["Run"], measure: Measure) -> Analysis:
     found, findings = pairs(runs)
     if not found:
         raise AnalysisError("no two runs can be compared:\n" + "\n".join(f"  {f.message}" for f in findings))
-    reductions = []
-    for pair in found:
-        some = reduce(pair, measure)
-        findings += [*_limits(pair, some), *(doubt for run in pair.runs for doubt in doubts(run))]
+    conditions = [Condition.of(pair, measure) for pair in found]
+    scatter, reductions = scatter_of(conditions), []
+    for condition in conditions:
+        some = _reductions(condition, scatter)
+        doubtful = (doubt for run in condition.pair.runs for doubt in doubts(run))
+        findings += [*_limits(condition.pair, some), *_unlike(condition, scatter), *doubtful]
         reductions += some
     return Analysis(tuple(found), tuple(reductions), tuple(dict.fromkeys(findings)))
 
 
 def reduce(pair: Pair, measure: Measure) -> list[Reduction]:
-    """The reductions of one pair, for each axis of each accelerometer on the base."""
-    found = [amplitudes(run, measure) for run in pair.runs]
-    for run, some in zip(pair.runs, found, strict=True):
-        if some.keys() != found[0].keys():
-            raise AnalysisError(f"{run.name}: its rig has other accelerometers on the base than {pair.runs[0].name}")
-    return [_reduction(pair, place, _lent([some[place] for some in found])) for place in found[0]]
+    """The reductions of one pair by itself, for each axis of each accelerometer on the base."""
+    condition = Condition.of(pair, measure)
+    return _reductions(condition, scatter_of([condition]))
 
 
-def _lent(found: "list[Amplitude]") -> "list[Amplitude]":
-    """A run whose rest shows no noise has that of another with the same rate, or else the rig's: it is one channel."""
-    known = {run.rate_hz: run.noise for run in reversed(found) if run.noise is not None}
-    return [run if run.noise else replace(run, noise=known.get(run.rate_hz, run.stated), rested=False) for run in found]
+def _reductions(condition: Condition, scatter: Scatter) -> list[Reduction]:
+    return [
+        _reduction(condition, place, scatter) if condition.judgeable(place) else _bare(condition, place)
+        for place in condition.groups
+    ]
 
 
-def _reduction(pair: Pair, place: Place, found: "list[Amplitude]") -> Reduction:
-    count = len(pair.balanced), len(pair.unbalanced)
-    repeated = min(count) > 1
-    sides = Side(tuple(found[: count[0]]), repeated), Side(tuple(found[count[0] :]), repeated)
-    silent = not all(run.reading > 0.0 for run in found)
-    if silent or not (repeated or all(run.noise for run in found)):
-        return _bare(pair, place, sides)
+def _reduction(condition: Condition, place: Place, scatter: Scatter) -> Reduction:
+    pair, sides = condition.pair, condition.sides(place, scatter)
     ratio = Ratio(*sides)
     interval = None if ratio.interval is None else (_fall(ratio.interval[1]), _fall(ratio.interval[0]))
+    scattered = any(side.own or side.repeats for side in sides)
     return Reduction(
         pair.key,
         pair.counter_masses,
         *place,
-        found[0].measure,
+        condition.measure,
         None if ratio.value is None or interval is None else _fall(ratio.value),
         _bounded(interval, sides),
-        None if interval is None else "repeats" if repeated else "propagation",
+        None if interval is None else "repeats" if scattered else "propagation",
         _limit(sides, ratio.defined and ratio.below_noise),
         ratio.defined and ratio.below_noise,
         (sides[0].amplitude, sides[1].amplitude),
         (sides[0].floor, sides[1].floor),
-        any(run.noise is not None and run.noise is run.stated for run in found),
-        max((run.noise.step for run in found if run.noise), default=0.0),
-        count,
+        condition.noise_stated[place],
+        condition.resolution[place],
+        (len(pair.balanced), len(pair.unbalanced)),
         tuple(run.name for run in pair.runs),
     )
 
 
-def _bare(pair: Pair, place: Place, sides: tuple[Side, Side]) -> Reduction:
+def _bare(condition: Condition, place: Place) -> Reduction:
     """Of what was read, noise included: neither repeats nor a rest stretch say how sure it is."""
-    read = [[side.statistic.amplitude(run.reading) for run in side.runs] for side in sides]
+    pair, groups = condition.pair, condition.groups[place]
+    sides = Side(groups[0]), Side(groups[1])
+    read = [[run.statistic.amplitude(run.reading) for run in group.runs] for group in groups]
     means = float(np.mean(read[0])), float(np.mean(read[1]))
     floors = (None, None)
     count = len(read[0]), len(read[1])
     names = tuple(run.name for run in pair.runs)
     return Reduction(
-        pair.key, pair.counter_masses, *place, sides[0].runs[0].measure, percent(read[0], read[1]), None, None,
+        pair.key, pair.counter_masses, *place, condition.measure, percent(read[0], read[1]), None, None,
         _limit(sides, False), False, means, floors, False, 0.0, count, names,
     )  # fmt: skip
 
@@ -214,6 +212,26 @@ def _limits(pair: Pair, found: Sequence[Reduction]) -> list[Finding]:
         for code, (some, says) in kinds.items()
         for sensor in dict.fromkeys(r.sensor for r in some)
         if (axes := [r.axis for r in some if r.sensor == sensor])
+    ]
+
+
+def _unlike(condition: Condition, scatter: Scatter) -> list[Finding]:
+    """Repeats of a condition that scatter more than those of the others let expect."""
+    odd = [
+        (place, group)
+        for place, groups in condition.groups.items()
+        for group in groups
+        if (repeats := scatter[place]) and repeats.leaves_out(group)
+    ]
+    return [
+        Finding(
+            "repeats_differ",
+            None,
+            where := " ".join(group.names),
+            f"{condition.pair.key}, {sensor} along {axis}: repeats differ more than those of other conditions let "
+            f"expect: the interval comes from them alone ({where})",
+        )
+        for (sensor, axis), group in odd
     ]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from balance.arrays import Floats
 
-from .side import Side
+from .side import Side, freedom_of
 from .unified import accepted
 
 _FINE = 401
@@ -23,7 +23,7 @@ class Ratio:
 
     A ratio r is judged by the amplitude a without that goes best with both readings: the least d_with(r a)^2 +
     d_without(a)^2, d the deviations of the readings in standard deviations; in Gaussian noise this is Fieller's
-    theorem. From repeats, the root of it is Student's t with Welch's degrees of freedom.
+    theorem. From repeats, the root of it is Student's t with the degrees of freedom of the variance's shares.
     """
 
     balanced: Side
@@ -74,17 +74,17 @@ class Ratio:
 
     def _judged(self, ratio: float) -> tuple[float, float]:
         """The reading's deviation at a ratio, as a standard normal deviate, and the ratio's distance from zero."""
-        tried = np.linspace(self.unbalanced.tried[0], self.unbalanced.tried[-1], _FINE)
+        tried = self.unbalanced.tried
         for _ in range(2):
             upper, lower = self.balanced.deviation(ratio * tried), self.unbalanced.deviation(tried)
             best = int(np.argmin(upper**2 + lower**2))
-            near = tried[max(best - 1, 0)], tried[min(best + 1, _FINE - 1)]
+            near = tried[max(best - 1, 0)], tried[min(best + 1, len(tried) - 1)]
             tried, kept = np.linspace(*near, _FINE), (upper[best], lower[best], tried[best])
         above, below, amplitude = kept
         total = max(above**2 + below**2, 1e-300)
         sign = np.sign(self.balanced.deviation(np.array([ratio * self.unbalanced.amplitude]))[0])
-        shares = (above**2 / total) ** 2 / self.balanced.freedom + (below**2 / total) ** 2 / self.unbalanced.freedom
-        score = _normal(np.array([sign * total**0.5]), 1.0 / shares if shares > 0.0 else np.inf)[0]
+        free = freedom_of((self.balanced, self.unbalanced), (above**2 / total, below**2 / total))
+        score = _normal(np.array([sign * total**0.5]), free)[0]
         distance = self.balanced.distance(np.array([ratio * amplitude]))
         return float(score), float(distance[0])
 

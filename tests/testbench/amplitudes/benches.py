@@ -1,18 +1,20 @@
 """Simulated campaigns below the file layer, with known truth: does a 95 % interval hold it 95 times in 100?
 
-As a script the whole study: ``python tests/testbench/amplitudes/benches.py SEEDS REPEATS [BENCH...]``.
-Each seed is a campaign: the same motion of the same bench, seen through new noise by the loggers of its rig.
+As a script the whole study: ``python tests/testbench/amplitudes/benches.py SEEDS REPEATS [BENCH...]``, of one run a
+side, two, and so on up to REPEATS. Each seed is a campaign of one condition: the same motion of the same bench, seen
+through new noise by the loggers of its rig.
 """
 
 import sys
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from scipy.stats import binomtest
 
 from balance.mechanism import Mechanism
 from balance.quantities import G0
-from testbench.amplitudes import Amplitude, Noise, Ratio, Side
+from testbench.amplitudes import Amplitude, Group, Judged, Noise, Ratio, Repeatability, Side
 from testbench.bench.loggers import reading
 from testbench.bench.run import simulate_run
 from testbench.bench.sampling import instants
@@ -140,32 +142,36 @@ class Tally:
         self.held += ratio.speaks_for(truth)
 
 
-def tally(case: Case, seeds: range, repeats: int = 1, axes: str = "xyz") -> dict[tuple[str, str], Tally]:
-    """Of several axes and every metric over campaigns of several seeds."""
+def tally(case: Case, seeds: range, repeats: int = 1, axes: str = "xyz") -> dict[tuple[int, str, str], Tally]:
+    """By runs a side, axis and metric, over campaigns of several seeds; fewer runs a side are the first of more."""
     pair = conditions(case)
-    found: dict[tuple[str, str], Tally] = {}
+    rate = case.rig.loggers[case.rig.sensors["base_acc"].logger].rate
+    found: dict[tuple[int, str, str], Tally] = {}
     for seed in seeds:
-        rng = np.random.default_rng([seed, repeats])
-        runs = [[condition.draw(rng) for _ in range(repeats)] for condition in pair]
-        for axis in axes:
-            for metric in METRICS:
-                measure = Measure(metric, case.band)
-                rate = case.rig.loggers[case.rig.sensors["base_acc"].logger].rate
-                sides = (
-                    Side(tuple(Amplitude(r[axis][0], rate, measure, r[axis][1]) for r in some), repeats > 1)
-                    for some in runs
-                )
-                truth = pair[0].truth(axis, measure) / pair[1].truth(axis, measure)
-                found.setdefault((axis, metric), Tally()).add(Ratio(*sides), truth)
+        rng = np.random.default_rng([seed, 77])
+        runs = [[condition.draw(rng) for condition in pair] for _ in range(repeats)]
+        for axis, metric in product(axes, METRICS):
+            measure = Measure(metric, case.band)
+            truth = pair[0].truth(axis, measure) / pair[1].truth(axis, measure)
+            judged = [[Judged.of(Amplitude(r[axis][0], rate, measure, r[axis][1])) for r in both] for both in runs]
+            for count in range(1, repeats + 1):
+                found.setdefault((count, axis, metric), Tally()).add(ratio(judged[:count]), truth)
     return found
+
+
+def ratio(judged: list[list[Judged]]) -> Ratio:
+    """Of runs with and without counter-masses, (repeats, 2), as those of a campaign of one condition."""
+    balanced, unbalanced = (Group(runs) for runs in zip(*judged, strict=True))
+    scatter = Repeatability.of([balanced, unbalanced])
+    return Ratio(Side(balanced, scatter), Side(unbalanced, scatter))
 
 
 def main(words: list[str]) -> None:
     """Print the coverage of every place."""
     seeds, repeats = range(int(words[0])), int(words[1])
     for name in words[2:] or CASES:
-        for (axis, metric), t in tally(CASES[name], seeds, repeats).items():
-            print(f"{name:10s} repeats {repeats} {axis} {metric:12s} {t.held:4d} of {t.count} "  # noqa: T201
+        for (count, axis, metric), t in tally(CASES[name], seeds, repeats).items():
+            print(f"{name:10s} repeats {count} {axis} {metric:12s} {t.held:4d} of {t.count} "  # noqa: T201
                   f"p {t.pvalue:.4f}  below noise {t.below}  undefined {t.undefined}", flush=True)  # fmt: skip
 
 

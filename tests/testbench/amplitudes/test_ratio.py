@@ -1,10 +1,12 @@
 """Ratios of amplitudes in noise: the truth without noise, coverage with, and what cannot be told."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import ttest_ind
 
-from testbench.amplitudes import Amplitude, Noise, Ratio, Side
+from testbench.amplitudes import Amplitude, Group, Judged, Noise, Ratio, Repeatability, Side
 from testbench.signals import Band
 from testbench.vibration import METRICS, Measure
 
@@ -30,11 +32,16 @@ def amplitude(signal, sigma: float, rng, measure: Measure, step: float = 0.0) ->
 
 def ratio(with_size: float, without: float, sigma: float, rng, measure: Measure, repeats: int = 1) -> Ratio:
     """Of two sizes in noise."""
-    sides = (
-        Side(tuple(amplitude(s, sigma, rng, measure) for _ in range(repeats)), repeats > 1)
-        for s in (with_size * ROCKED, without * MOVED)
+    return judged(
+        *([amplitude(s, sigma, rng, measure) for _ in range(repeats)] for s in (with_size * ROCKED, without * MOVED))
     )
-    return Ratio(*sides)
+
+
+def judged(balanced: list[Amplitude], unbalanced: list[Amplitude]) -> Ratio:
+    """Of the runs of a campaign of one condition."""
+    groups = [Group(tuple(map(Judged.of, runs))) for runs in (balanced, unbalanced)]
+    scatter = Repeatability.of(groups)
+    return Ratio(*(Side(group, scatter) for group in groups))
 
 
 @pytest.mark.parametrize("repeats", [1, 2])
@@ -72,24 +79,33 @@ def test_coverage_of_repeats(repeats):
     for seed in range(60):
         rng = np.random.default_rng([seed, repeats])
         runs = [
-            tuple(amplitude(s * (1.0 + 0.05 * rng.normal()), 0.003, rng, measure) for _ in range(repeats))
+            [amplitude(s * (1.0 + 0.05 * rng.normal()), 0.003, rng, measure) for _ in range(repeats)]
             for s in (ROCKED, 4.0 * MOVED)
         ]
-        low, high = Ratio(Side(runs[0], True), Side(runs[1], True)).interval
+        low, high = judged(*runs).interval
         held += low <= truth <= high
-        low, high = Ratio(Side(runs[0][:1], False), Side(runs[1][:1], False)).interval
+        low, high = judged(runs[0][:1], runs[1][:1]).interval
         alone += low <= truth <= high
     assert_holds(held, 60)
     assert alone < 30
 
 
-def test_repeats_against_scipy():
-    """Far above the noise the interval of repeats is Welch's, of the logarithms."""
+@pytest.mark.parametrize("known", [True, False])
+def test_repeats_against_scipy(known):
+    """Far above the noise the interval of the repeats of one condition is Welch's, of the logarithms.
+
+    The scatter of each side is its own where nothing is known of the noise, or where it is what the two components
+    allow: by its share no larger on the side that is further above the noise.
+    """
     measure, rng = Measure("peak", BAND), np.random.default_rng(5)
-    sizes = [1.0 + 0.01 * rng.normal(size=3), 4.0 + 0.02 * rng.normal(size=4)]
-    runs = [[amplitude(s * MOVED, 1e-6, rng, measure) for s in some] for some in sizes]
-    found = Ratio(*(Side(tuple(some), True) for some in runs)).interval
+    sizes = [0.99, 1.0, 1.012], [3.98, 4.0, 4.03, 4.01]
+    runs = [[amplitude(s * MOVED, 1e-4, rng, measure) for s in some] for some in sizes]
     logs = [np.log([run.reading for run in some]) for some in runs]
+    if known:
+        found = judged(*runs).interval
+    else:
+        deaf = [Group(tuple(Judged.of(replace(run, noise=None)) for run in some)) for some in runs]
+        found = Ratio(*(Side(group, own=True) for group in deaf)).interval
     between = ttest_ind(*logs, equal_var=False).confidence_interval(0.95)
     assert found == pytest.approx((np.exp(between.low), np.exp(between.high)), rel=2e-3)
 
@@ -98,10 +114,10 @@ def test_noise_is_taken_off():
     """The RMS of 40 records near the noise is not inflated by it: on average it is the truth."""
     measure = Measure("rms", BAND)
     read = [amplitude(3.0 * ROCKED, 1.0, np.random.default_rng(s), measure) for s in range(40)]
-    squares = [Side((r,), False).amplitude ** 2 for r in read]
+    squares = [Side(Group((Judged.of(r),))).amplitude ** 2 for r in read]
     assert np.mean(squares) == pytest.approx(measure.of(3.0 * ROCKED, RATE) ** 2, rel=0.1)
     assert np.mean([r.reading for r in read]) > 1.3 * measure.of(3.0 * ROCKED, RATE) ** 2
-    assert np.mean([Side((r,), False).floor for r in read]) == pytest.approx(SIGMA, rel=0.05)
+    assert np.mean([Side(Group((Judged.of(r),))).floor for r in read]) == pytest.approx(SIGMA, rel=0.05)
 
 
 def test_nothing_moves():
@@ -113,8 +129,7 @@ def test_nothing_moves():
 def test_coarse_steps():
     """Steps far above the noise are in the interval: it is as wide as their noise asks, and holds the truth."""
     measure, rng = Measure("rms", BAND), np.random.default_rng(7)
-    sides = (Side((amplitude(s, 1e-4, rng, measure, step=0.2),), False) for s in (ROCKED, 4.0 * MOVED))
-    low, high = Ratio(*sides).interval
+    low, high = judged(*([amplitude(s, 1e-4, rng, measure, step=0.2)] for s in (ROCKED, 4.0 * MOVED))).interval
     truth = measure.of(ROCKED, RATE) / measure.of(4.0 * MOVED, RATE)
     assert low < truth < high
     assert 1e-3 < high - low < 0.05
