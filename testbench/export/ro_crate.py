@@ -5,7 +5,8 @@ https://www.researchobject.org/ro-crate/specification/1.1/
 
 import json
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -26,14 +27,15 @@ def write(campaign: Campaign, runs: Sequence[Run], folder: Path, licence: str | 
     target = folder / NAME
     if target.exists():
         raise StoreError(f"{target}: is there already; nothing is overwritten, name another folder")
-    folder.mkdir(parents=True, exist_ok=True)
-    if folder.resolve() != campaign.path.resolve():
-        for run in runs:
-            _copy(run.path, folder)
     text = json.dumps(document(campaign.path.resolve().name, runs, licence), indent=1, ensure_ascii=False)
-    part = folder / f".{NAME}.new"
-    part.write_text(text + "\n", encoding="utf-8")
-    part.rename(target)
+    with _whole_or_not(folder) as made:
+        if folder.resolve() != campaign.path.resolve():
+            for run in runs:
+                _copy(run.path, folder, made)
+        part = folder / f".{NAME}.new"
+        made.append(part)
+        part.write_text(text + "\n", encoding="utf-8")
+        part.rename(target)
     without = [run.name for run in runs if licence is None and not _known_licences(run)]
     losses = (f"no licence is stated for {', '.join(without)}: say --licence",) if without else ()
     return Exported(target, losses)
@@ -146,14 +148,33 @@ def _texts(node: dict[str, Any]) -> list[str]:
     return [_UNSTATED if i == "#licence-unstated" else i.removeprefix("https://spdx.org/licenses/") for i in identities]
 
 
-def _copy(run: Path, folder: Path) -> None:
-    """Copy a run and its digest, which must match; never over another file."""
+@contextmanager
+def _whole_or_not(folder: Path) -> Iterator[list[Path]]:
+    """A folder for a crate, and the list of what is made in it, which is taken away again where something fails."""
+    made: list[Path] = []
+    is_new = not folder.exists()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield made
+    except BaseException as error:
+        for path in made:
+            path.unlink(missing_ok=True)
+        if is_new and folder.is_dir():
+            folder.rmdir()
+        if isinstance(error, OSError):
+            reason = error.strerror or error
+            raise StoreError(f"{folder}: the crate cannot be written ({reason}); nothing of it is left") from error
+        raise
+
+
+def _copy(run: Path, folder: Path, made: list[Path]) -> None:
+    """Copy a run and its digest, which must match; never over another file. What is made is added to ``made``."""
     target = folder / run.name
-    if target.exists():
-        raise StoreError(f"{target}: is there already; nothing is overwritten, name another folder")
+    for path in (target, digest.beside(target)):
+        if path.exists():
+            raise StoreError(f"{path}: is there already; nothing is overwritten, name another folder")
+    made += [target, digest.beside(target)]
     shutil.copyfile(run, target)
     shutil.copyfile(digest.beside(run), digest.beside(target))
     if digest.sha256_of(target) != digest.recorded(run):
-        target.unlink()
-        digest.beside(target).unlink()
         raise StoreError(f"{run.name}: is not what was stored, see `testbench verify`; it was not copied")

@@ -85,8 +85,9 @@ class RunWriter:
             if self._out is not None:
                 self._out.check()
         except (OSError, RuntimeError) as error:
+            cause = (self._out and self._out.error) or error  # HDF5 may stumble later over what was not written
             raise StoreError(
-                f"{self.target.parent}: cannot be written ({_reason(error)}); nothing of run {self.target.stem!r} was "
+                f"{self.target.parent}: cannot be written ({_reason(cause)}); nothing of run {self.target.stem!r} was "
                 "stored, and stored runs are as they were"
             ) from error
 

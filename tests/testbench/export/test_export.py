@@ -1,5 +1,6 @@
 """Runs in other forms: the same bits with units and time, the origin beside them, nothing overwritten."""
 
+import errno
 import json
 
 import click
@@ -152,6 +153,30 @@ def test_a_crate_without_a_licence_says_so(run, tmp_path, capsys):
     assert command.main(words, standalone_mode=False) == 3
     assert "no licence is stated for r001" in capsys.readouterr().out
     assert {state.status for state in open_campaign(tmp_path / "c").verify()} == {"intact"}
+
+
+def test_a_crate_is_whole_or_not_there(run, tmp_path, monkeypatch):
+    """The disk is full at the digest of the only run, or its bytes changed: nothing is left, not even the folder."""
+    from testbench.export import ro_crate
+    from testbench.store import Campaign
+
+    whole = ro_crate.shutil.copyfile
+
+    def full(source, target):
+        whole(source, target)
+        if target.suffix == ".sha256":
+            raise OSError(errno.ENOSPC, "No space left on device", str(source))
+
+    monkeypatch.setattr(ro_crate.shutil, "copyfile", full)
+    with pytest.raises(StoreError, match=r"crate: the crate cannot be written \(No space left on device\)"):
+        ro_crate.write(Campaign(run.path.parent), [run], tmp_path / "crate", None)
+    assert not (tmp_path / "crate").exists()
+    monkeypatch.setattr(ro_crate.shutil, "copyfile", lambda source, target: target.write_bytes(b"other"))
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").write_text("mine")
+    with pytest.raises(StoreError):
+        ro_crate.write(Campaign(run.path.parent), [run], tmp_path / "mine", None)
+    assert [path.name for path in (tmp_path / "mine").iterdir()] == ["notes.txt"]
 
 
 def test_a_public_recording_carries_its_licence(tmp_path):

@@ -154,6 +154,15 @@ def test_a_file_system_that_fills_up(tmp_path, disk):
     assert intact(tmp_path / "c") == ["log.h5"]
 
 
+def test_very_many_channels_on_a_full_file_system(tmp_path, disk):
+    """HDF5 stumbles over its own structures that were not written; what is said is that there is no room."""
+    names = ",".join(f"c{i} (V)" for i in range(8000))
+    (tmp_path / "wide.csv").write_text(names + "\n" + ("1" + ",1" * 7999 + "\n") * 3)
+    (outcome,) = Ingest(disk / "c").run(plan([tmp_path / "wide.csv"], None)[0])
+    assert outcome.status == "refused"
+    assert "No space left on device" in outcome.message
+
+
 @pytest.mark.parametrize("to", TARGETS)
 def test_an_export_without_room(tmp_path, disk, to):
     """A clear error that names the file, and nothing half is left."""
