@@ -2,18 +2,21 @@
 
 Influence coefficients are linear in the readings of the runs, so their covariance follows from that of the readings.
 Weights of least squares, w = -(A^H A)^-1 A^H v0, are differentiated; of other methods and limits they are drawn.
-Errors of readings are taken as independent between runs and between rows. Intervals are of 95 %.
+Errors of readings are taken as independent between runs and between rows, but for those stated as shared by a run.
+Intervals are of 95 %.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2, f, t
+from scipy.stats import chi2
 
+from . import alike
 from .arrays import Floats
 from .errors import SizingError
 from .influence import Coefficients, Solution, known_of
+from .intervals import Interval, Region, all_round, interval, region
 from .rotors.moduli import Complexes
 
 DRAWS = 100
@@ -35,33 +38,8 @@ class Scatter:
     """Where it comes from: ``stated`` or ``repeats``."""
     widened: float = 1.0
     """Factor on the stated errors, above one where runs scatter more than they allow."""
-
-
-@dataclass(frozen=True)
-class Interval:
-    """Half widths of the 95 % intervals of a vector's magnitude and angle."""
-
-    magnitude: float
-    """In the vector's unit."""
-    angle: float
-    """At most pi, where the vector is not told from none [rad]."""
-
-
-@dataclass(frozen=True)
-class Region:
-    """Ellipse about a vector that holds the true one with 95 %."""
-
-    half_axes: tuple[float, float]
-    """Long and short, in the vector's unit."""
-    angle: float
-    """Of the long axis, counted as the vector's own [rad]."""
-
-    def outline(self, points: int = 181) -> Complexes:
-        """Its outline about zero, closed, (points,)."""
-        u = np.linspace(0.0, 2.0 * np.pi, points)
-        long, short = self.half_axes
-        found: Complexes = (long * np.cos(u) + 1j * short * np.sin(u)) * np.exp(1j * self.angle)
-        return found
+    modes: Floats | None = None
+    """Change of each row's coefficients by errors that rows share, (modes, rows, 2 planes + 2)."""
 
 
 @dataclass(frozen=True)
@@ -96,27 +74,24 @@ class Sureness:
         return [interval(complex(w), c, n) for w, c, n in given]
 
 
-def of_reading(value: complex, along: float, across: float) -> Floats:
-    """Covariance of a reading's parts from the half widths of its 95 % intervals along and across it, (2, 2)."""
-    c, s = (value.real / abs(value), value.imag / abs(value)) if value else (1.0, 0.0)
-    turn = np.array([[c, -s], [s, c]])
-    spread: Floats = turn @ np.diag(np.square([along, across]) / _two_sided(np.inf) ** 2) @ turn.T
-    return spread
-
-
-def of_runs(weights: Complexes, readings: Complexes, errors: Floats | None) -> Scatter | None:
+def of_runs(
+    weights: Complexes, readings: Complexes, errors: Floats | None, shared: Floats | None = None
+) -> Scatter | None:
     """Scatter of the coefficients of runs: weights (runs, planes), readings (runs, rows).
 
     ``errors`` (runs, rows, 2, 2) are the readings' covariances where they are stated; else what repeated runs leave
-    over tells them, and without runs to spare nothing does: None.
+    over tells them, and without runs to spare nothing does: None. ``shared`` (modes, runs, rows) are deviations of
+    phase that rows share, beside stated ones [rad].
     """
     known = known_of(weights)
     inverse = np.linalg.pinv(known)
     left = readings - known @ (inverse @ readings)
     spare = 2 * (known.shape[0] - known.shape[1])
     if errors is not None:
-        widened = _widening(left, known @ inverse, errors, spare)
-        return Scatter(_propagated(inverse, errors * widened**2), np.inf, "stated", widened)
+        changed = None if shared is None else alike.changes(readings, shared)
+        widened = _widening(left, known @ inverse, errors, spare, changed)
+        modes = None if changed is None else widened * alike.of_coefficients(inverse, changed)
+        return Scatter(_propagated(inverse, errors * widened**2), np.inf, "stated", widened, modes)
     if spare == 0:
         return None
     variance = (np.abs(left) ** 2).sum(axis=0) / spare
@@ -133,8 +108,9 @@ def propagate(solution: Solution, scatter: Scatter, again: Callable[[Coefficient
     """Intervals of a solution; ``again`` solves for other coefficients, where weights have to be drawn."""
     weights, rows = solution.weights, len(solution.residual)
     mounted = _parts(np.r_[1.0, weights][None, :])
-    left = np.array([mounted @ c @ mounted.T for c in scatter.covariance])
-    after = _all_round(scatter.spare) * np.sqrt([float(np.linalg.eigvalsh(c)[-1]) for c in left])
+    whole = scatter.covariance if scatter.modes is None else scatter.covariance + alike.covariance(scatter.modes)
+    left = np.array([mounted @ c @ mounted.T for c in whole])
+    after = all_round(scatter.spare) * np.sqrt([float(np.linalg.eigvalsh(c)[-1]) for c in left])
     if solution.is_free:
         by_row = _differentiated(solution, scatter)
         draws = None
@@ -144,32 +120,6 @@ def propagate(solution: Solution, scatter: Scatter, again: Callable[[Coefficient
     if draws is not None:
         spare = [min(draws - 1.0, rows * scatter.spare)] * len(weights)
     return Sureness(scatter, weights, by_row.sum(axis=0), after, draws, tuple(spare))
-
-
-def interval(value: complex, covariance: Floats, spare: float = np.inf) -> Interval:
-    """Intervals of a vector's magnitude and angle from the covariance of its parts (2, 2)."""
-    u = np.array([value.real, value.imag]) / abs(value) if value else np.array([1.0, 0.0])
-    reach = _two_sided(spare)
-    along = reach * float(np.sqrt(u @ covariance @ u))
-    across = reach * float(np.sqrt(np.array([-u[1], u[0]]) @ covariance @ np.array([-u[1], u[0]])))
-    told = max(along, across) < abs(value)
-    return Interval(along, float(np.arcsin(across / abs(value))) if told else np.pi)
-
-
-def region(covariance: Floats, spare: float = np.inf) -> Region:
-    """Ellipse of 95 % from the covariance of a vector's parts (2, 2)."""
-    values, axes = np.linalg.eigh(covariance)
-    short, long = _all_round(spare) * np.sqrt(np.maximum(values, 0.0))
-    return Region((float(long), float(short)), float(np.arctan2(axes[1, 1], axes[0, 1])))
-
-
-def _all_round(spare: float) -> float:
-    """Standard deviations within which both parts of a vector lie with 95 %."""
-    return float(np.sqrt(chi2.ppf(0.95, 2) if np.isinf(spare) else 2.0 * f.ppf(0.95, 2, spare)))
-
-
-def _two_sided(spare: float) -> float:
-    return float(t.ppf(0.975, spare))
 
 
 def _parts(matrix: Complexes) -> Floats:
@@ -188,33 +138,37 @@ def _propagated(inverse: Complexes, errors: Floats) -> Floats:
     return np.array(found)
 
 
-def _widening(left: Complexes, hat: Complexes, errors: Floats, spare: int) -> float:
+def _widening(left: Complexes, hat: Complexes, errors: Floats, spare: int, changed: Complexes | None) -> float:
     """Factor on stated errors: one, unless what the runs leave over is beyond them with less than one per cent."""
     if spare == 0:
         return 1.0
     rest = _propagated(np.eye(len(hat)) - hat, errors)
     expected = np.trace(rest, axis1=1, axis2=2)
+    if changed is not None:
+        expected = expected + (np.abs((np.eye(len(hat)) - hat) @ changed) ** 2).sum(axis=(0, 1))
     ratio = float(np.mean((np.abs(left) ** 2).sum(axis=0) / expected))
     freedom = spare * left.shape[1]
     return float(np.sqrt(ratio)) if chi2.sf(ratio * freedom, freedom) < _DOUBT else 1.0
 
 
 def _differentiated(solution: Solution, scatter: Scatter) -> Floats:
-    """Share of each row in the covariance of each plane's weight, (rows, planes, 2, 2).
+    """Share of each row, then of shared errors, in the covariance of each plane's weight, (shares, planes, 2, 2).
 
     dw = -(A^H A)^-1 sum_i [conj(a_i) (dv0_i + da_i w) + conj(da_i) r_i], rows times their factors.
     """
     factors, weights = solution.factors, solution.weights
     matrix, left = solution.coefficients.matrix * factors[:, None], solution.residual * factors
     normal = np.linalg.inv(matrix.conj().T @ matrix)
-    planes, shares = len(weights), []
+    planes, slopes = len(weights), []
     mirror = np.kron(np.diag([1.0, -1.0]), np.eye(planes + 1))
     none = np.zeros((planes, 1))
-    for row, factor, rest, covariance in zip(matrix, factors, left, scatter.covariance, strict=True):
+    for row, factor, rest in zip(matrix, factors, left, strict=True):
         straight = -factor * (normal @ np.outer(row.conj(), np.r_[1.0, weights]))
         mirrored = -factor * rest * normal @ np.hstack([none, np.eye(planes)])
-        slope = _parts(straight) + _parts(mirrored) @ mirror
-        shares.append(_by_plane(slope @ covariance @ slope.T, planes))
+        slopes.append(_parts(straight) + _parts(mirrored) @ mirror)
+    shares = [_by_plane(s @ c @ s.T, planes) for s, c in zip(slopes, scatter.covariance, strict=True)]
+    if scatter.modes is not None:
+        shares.append(_by_plane(alike.of_weights(np.array(slopes), scatter.modes), planes))
     return np.array(shares)
 
 
@@ -226,6 +180,8 @@ def _drawn(solution: Solution, scatter: Scatter, again: Callable[[Coefficients],
     found = []
     for _ in range(DRAWS):
         parts = (roots @ rng.normal(size=(*roots.shape[:2], 1)))[..., 0]
+        if scatter.modes is not None:
+            parts = parts + np.tensordot(rng.normal(size=len(scatter.modes)), scatter.modes, 1)
         off = parts[:, : planes + 1] + 1j * parts[:, planes + 1 :]
         found.append(again(Coefficients(about.initial + off[:, 0], about.matrix + off[:, 1:], 0.0)).weights)
     drawn = np.array(found)

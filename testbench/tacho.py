@@ -17,6 +17,8 @@ STEADY_WITHIN = 0.01
 _REARM = 0.2
 """The signal must fall so far below the level, of its whole swing, before the next pulse counts."""
 _BLOCKS = 8
+_UNIFORM = 1.96 / (0.95 * np.sqrt(3.0))
+"""Twice the deviation of a uniform error, of the half width that holds 95 % of it."""
 _IN_STEP = 0.1
 """How early or late steep pulses may be alike, in samples, from which it is said that the sampling keeps step."""
 _STEEP = 0.3
@@ -35,6 +37,11 @@ class Turns:
     """How early or late all pulses may be alike, half a 95 % interval [s]."""
     steep: bool = False
     """Whether pulses rise within a sample, so that their places between two samples are not seen."""
+
+    @property
+    def timing_within(self) -> float:
+        """Half a 95 % interval of a normal error of the same standard deviation: what sums of such errors need [s]."""
+        return self.timing * (_UNIFORM if self.steep else 1.0)
 
     @property
     def keeps_step(self) -> bool:

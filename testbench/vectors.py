@@ -45,6 +45,8 @@ class OrderVector:
     """Half the interval of the amplitude [m, m/s or m/s2]."""
     phase_within: float
     """Half the interval of the phase, at most pi [rad]; it holds what the samples leave open of steep pulses."""
+    phase_within_alone: float
+    """The same without what the pulses' timing does to the phases of all sensors alike [rad]."""
     coherence: float
     """|sum of the parts' vectors|^2 over parts times the sum of their squares: 1 where all parts agree."""
     share: float
@@ -76,6 +78,11 @@ class Vectors:
     def phase_alike(self) -> float:
         """How far all phases may be off alike, by the timing of the pulses, half a 95 % interval [rad]."""
         return 2.0 * np.pi * self.order * self.turns.speed * self.turns.timing
+
+    @property
+    def phase_shared(self) -> float:
+        """The same as half the interval of a normal error of its deviation, for sums with others [rad]."""
+        return 2.0 * np.pi * self.order * self.turns.speed * self.turns.timing_within
 
     def findings(self) -> tuple[str, ...]:
         """What is odd; nothing where all is well."""
@@ -197,7 +204,7 @@ def order_vector(
     u = np.array([value.real, value.imag]) / abs(value) if value else np.array([1.0, 0.0])
     along, across = (reach * float(np.sqrt(x @ found.covariance @ x)) for x in (u, np.array([-u[1], u[0]])))
     told = max(along, across) < abs(value)
-    across = float(np.hypot(across, abs(value) * 2.0 * np.pi * order * turns.speed * turns.timing))
+    both = float(np.hypot(across, abs(value) * 2.0 * np.pi * order * turns.speed * turns.timing))
     parts = _parts(values, turns, time, order, orders)
     squares = float((np.abs(parts) ** 2).mean())
     power = float(np.var(values[inside]))
@@ -206,11 +213,17 @@ def order_vector(
         dimension,
         value,
         along,
-        float(np.arcsin(min(1.0, across / abs(value)))) if told else np.pi,
+        _turned(both, abs(value)) if told else np.pi,
+        _turned(across, abs(value)) if told else np.pi,
         abs(parts.mean()) ** 2 / squares if squares else 0.0,
         abs(value) ** 2 / 2.0 / power if power else 0.0,
         tuple(tone / turns.count * turns.speed for tone in found.tones),
     )
+
+
+def _turned(across: float, size: float) -> float:
+    """Angle by which so much across turns a vector at most [rad]."""
+    return float(np.arcsin(min(1.0, across / size)))
 
 
 def _parts(values: Floats, turns: Turns, time: Floats, order: int, orders: int) -> NDArray[np.complex128]:

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from ..influence import Solution
-from ..scatter import Interval, Region, Scatter, Sureness
+from ..intervals import Interval, Region
+from ..scatter import Scatter, Sureness
 from .moduli import Complexes
 from .polar import document as vector
 from .runs import Runs

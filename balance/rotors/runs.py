@@ -4,7 +4,7 @@ Inside, phase counts as lead of the vibration and weight angles with the sense o
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -39,6 +39,8 @@ class Run:
     """Readings, (rows,) [m, m/s or m/s2]."""
     errors: Floats | None = None
     """Covariance of the parts of each reading, (rows, 2, 2), where the sheet states their intervals."""
+    shared: Mapping[str, float] = field(default_factory=dict)
+    """Deviation of an error that the phases of all readings at a speed share, by speed [rad]."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +105,17 @@ class Runs:
         if self.given is not None:
             return None if self.given_errors is None else of_coefficients(self.given_errors)
         stated = [run.errors for run in self.runs if run.errors is not None]
-        return of_runs(*self._stacked(), np.array(stated) if stated else None)
+        return of_runs(*self._stacked(), np.array(stated) if stated else None, self._shared())
+
+    def _shared(self) -> Floats | None:
+        """Deviation of each shared error of phase, where it acts, (errors, runs, rows) [rad]; None without any."""
+        found = []
+        for i, run in enumerate(self.runs):
+            for speed, deviation in run.shared.items():
+                acts = np.zeros((len(self.runs), len(self.rows)))
+                acts[i] = [deviation * (at == speed) for _, at in self.rows]
+                found.append(acts)
+        return np.array(found) if found else None
 
     def sureness(self, solution: influence.Solution) -> Sureness | None:
         """Intervals of a solution of this sheet; None where nothing tells how far readings scatter."""

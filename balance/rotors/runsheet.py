@@ -11,6 +11,7 @@ import numpy as np
 from .. import datasets, influence
 from ..arrays import Floats
 from ..errors import DataError
+from ..intervals import deviation
 from ..sheet import Sheet, dimension_of, quantity
 from .moduli import Complexes
 from .runs import Run, Runs, TrialPlane
@@ -117,8 +118,18 @@ class _Reader:
                 )
             stayed = item.flag("stayed_on")
         readings, errors = self._readings(item.sheet("readings"), first)
+        shared = self._shared(item.sheet("phases_alike"), errors is not None) if "phases_alike" in item else {}
         item.finish()
-        return Run(name, on + trial, trial, stayed, readings, errors)
+        return Run(name, on + trial, trial, stayed, readings, errors, shared)
+
+    def _shared(self, table: Sheet, stated: bool) -> dict[str, float]:
+        """Deviation of the error that all phases at a speed share, by speed [rad]."""
+        if not stated:
+            raise DataError(f"{table.where} goes with intervals of the readings, which are not given")
+        for speed in table.keys():  # noqa: SIM118
+            if speed not in {at for _, at in self.rows}:
+                raise table.refuse(speed, "is no speed of this run's readings")
+        return {v: deviation(table.quantity(v, "angle", positive=True)) for v in table.keys()}  # noqa: SIM118
 
     def _weights(self, table: Sheet) -> Complexes:
         for key in table.keys():  # noqa: SIM118

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from .. import scatter
+from .. import intervals
 from ..arrays import Floats
 from ..errors import DataError
 from ..sheet import Sheet, dimension_of
@@ -69,4 +69,4 @@ def covariances(values: Complexes, halves: Sequence[Half | None], where: str, na
             "or give its sensor a 'within', or leave all intervals out"
         )
     stated = [half for half in halves if half is not None]
-    return np.array([scatter.of_reading(complex(v), *half) for v, half in zip(values, stated, strict=True)])
+    return np.array([intervals.of_reading(complex(v), *half) for v, half in zip(values, stated, strict=True)])

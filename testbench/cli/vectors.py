@@ -144,15 +144,18 @@ def _toml(run: "Run", found: "Vectors", options: dict[str, Any]) -> str:
         weights = ", ".join(f"{_quoted(plane.strip())} = {_quoted(weight.strip())}" for plane, _, weight in pairs)
         lines += [f"weights = {{ {weights} }}", f"stayed_on = {str(options['stayed_on']).lower()}"]
     readings = ", ".join(f"{_quoted(v.sensor)} = {_quoted(_reading(v, options))}" for v in found.vectors)
-    return "\n".join([*lines, f"readings.{_quoted(options['speed'])} = {{ {readings} }}", ""])
+    lines.append(f"readings.{_quoted(options['speed'])} = {{ {readings} }}")
+    if found.phase_shared > _ROUNDING:
+        lines.append(f'phases_alike.{_quoted(options["speed"])} = "{math.degrees(found.phase_shared):.3g} deg"')
+    return "\n".join([*lines, ""])
 
 
 def _reading(vector: "OrderVector", options: dict[str, Any]) -> str:
-    """A reading of a sheet with its intervals; one that is not told has its scatter in every direction."""
+    """A reading of a sheet with its own intervals; one that is not told has its scatter in every direction."""
     from ..vectors import UNITS
 
     (size, within), unit = _amplitude(vector, options["amplitude"]), UNITS[vector.dimension]
-    about = f" ± {math.degrees(vector.phase_within):.3g} deg" if vector.is_told else ""
+    about = f" ± {math.degrees(vector.phase_within_alone):.3g} deg" if vector.is_told else ""
     return f"{size:.9g} {unit} ± {within:.3g} {unit} @ {_degrees(vector, options['phase']):.6f} deg{about}"
 
 

@@ -36,6 +36,7 @@ A sheet of trial runs (TOML); several speeds are several tables of readings:
 \b
 Intervals (95 %) of the weights come from those of the readings, "170 um ± 2 um @ 112 deg ± 1 deg" (or "+- 1 %";
 without the angle's in every direction), or from within = "2 um" in [[sensors]], or else from repeated runs.
+An error that all phases of a run share, such as a late pulse: phases_alike."3000 rpm" = "0.9 deg" in [[runs]].
 Optional: least_effect = 0.25; speed_weights = { "3000 rpm" = 2.0 }; [[sensors]] with name and weight or scale.
 In place of runs: per = "g", initial and coefficients, by speed and sensor, a list over the planes."""
 )

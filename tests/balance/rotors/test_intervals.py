@@ -1,6 +1,7 @@
 """Intervals in a sheet of trial runs: how they are stated, what is refused, what the command says."""
 
 import json
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from balance.cli.rotor import rotor
 from balance.errors import DataError, UnitError
 from balance.figures.vectors import draw_readings
 from balance.rotors import runsheet
-from balance.sheet import uncertain
+from balance.sheet import Sheet, uncertain
 
 SHEET = """
 phase = "{phase}"
@@ -171,3 +172,29 @@ def test_the_figure_and_the_document_have_the_regions(sheet, tmp_path):
     assert off.max() == pytest.approx(long, rel=1e-3)
     assert off.min() == pytest.approx(short, rel=1e-3)
     assert not draw_readings(runs, solution).axes[1].patches
+
+
+def test_phases_that_are_off_alike(sheet):
+    """Stated of a run: one plane, one sensor, where it widens the angle as the reading's own error would; refusals."""
+    alone = {"a": " ± 0.001 um", "b": " ± 2 deg", "c": " ± 0.001 um"}
+    text = sheet(**alone).read_text(encoding="utf-8")
+    shared = text.replace(" ± 2 deg", " ± 0.001 deg").replace(
+        'name = "as found"', 'name = "as found"\nphases_alike.unstated = "2 deg"'
+    )
+    found = []
+    for written in (text, shared):
+        runs = runsheet.from_sheet(Sheet(tomllib.loads(written), "runs.toml"))
+        found.append(runs.sureness(runs.solve("least-squares")).weights[0])
+    assert found[1].angle == pytest.approx(found[0].angle, rel=1e-3)
+    assert found[1].magnitude == pytest.approx(found[0].magnitude, rel=1e-3)
+    for change, said in {'"2 deg"': "phases_alike", "unstated": "is no speed of this run's readings"}.items():
+        wrong = (
+            shared.replace("alike.unstated", "alike.'7 rpm'") if change == "unstated" else shared.replace(change, '"2"')
+        )
+        with pytest.raises(DataError, match=said):
+            runsheet.from_sheet(Sheet(tomllib.loads(wrong), "runs.toml"))
+    bare = (
+        sheet().read_text(encoding="utf-8").replace('name = "trial"', 'name = "trial"\nphases_alike.unstated = "2 deg"')
+    )
+    with pytest.raises(DataError, match="goes with intervals of the readings"):
+        runsheet.from_sheet(Sheet(tomllib.loads(bare), "runs.toml"))

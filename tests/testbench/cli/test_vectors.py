@@ -82,8 +82,14 @@ def test_sampling_in_step_is_a_finding_and_in_every_interval(in_step: str) -> No
     assert document["phases_off_alike_deg_within"] == pytest.approx(0.9, abs=0.06)
     assert all(row["phase_deg_within"] > 0.8 for row in document["vectors"])
     sheet = run(in_step, "--speed", "3000rpm", "--toml", "found")[1]
-    readings = tomllib.loads(sheet)["runs"][0]["readings"]["3000rpm"]
-    assert all(0.8 < float(text.split("±")[-1].removesuffix("deg")) < 2.0 for text in readings.values())
+    (written,) = tomllib.loads(sheet)["runs"]
+    shared, own = float(written["phases_alike"]["3000rpm"].removesuffix("deg")), written["readings"]["3000rpm"]
+    assert shared == pytest.approx(1.96 * 1.8 / np.sqrt(12.0), rel=0.08)
+    for row, text in zip(document["vectors"], own.values(), strict=True):
+        alone = float(text.split("±")[-1].removesuffix("deg"))
+        assert np.hypot(alone, document["phases_off_alike_deg_within"]) == pytest.approx(
+            row["phase_deg_within"], rel=0.01
+        )
     assert "# finding: the sampling keeps step" in sheet
 
 
