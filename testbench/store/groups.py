@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..recording import Channel, Group, Samples, TimeColumn, UniformClock
 from . import chunks, layout
+from .dimensions import attach
 from .forms import COMPRESSED, PLAIN, Decimals, Form, minus_bits
 from .journal import Piece
 from .outfile import OutFile
@@ -165,8 +166,7 @@ class GroupWriter:
         if scale.name.endswith(layout.TIME):
             scale.make_scale(layout.TIME)
         others = [(key, d) for key, d in zip(self.keys, self._datasets, strict=True) if d.name != scale.name]
-        for _, dataset in others:
-            dataset.dims[0].attach_scale(scale)
+        attach([dataset for _, dataset in others], scale)
         shown = [key for key, form in zip(self.keys, self.forms, strict=True) if not isinstance(form, Decimals)]
         signals = [key for key, _ in others if key in shown]
         self.has_plot = bool(signals)
