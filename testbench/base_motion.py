@@ -40,6 +40,8 @@ class BaseAcceleration:
     """On the group's clock, (m,) [s]."""
     values: Floats
     """(m, k) [m/s2]"""
+    columns: "tuple[Column, ...]"
+    """The channels, (k,)."""
 
 
 def recorded(run: "Run", rig: "Rig", group: str | None = None) -> BaseAcceleration | None:
@@ -59,7 +61,8 @@ def _in_group(run: "Run", rig: "Rig", group: str) -> BaseAcceleration | None:
     if not columns:
         return None
     rows = np.array([displacement_at(np.array(p))["xyz".index(c.component)] for p, c in columns])
-    return BaseAcceleration(group, rows, instants(run, columns[0][1]), _stacked(run, [c for _, c in columns]))
+    channels = tuple(c for _, c in columns)
+    return BaseAcceleration(group, rows, instants(run, channels[0]), _stacked(run, channels), channels)
 
 
 def _stacked(run: "Run", columns: "Iterable[Column]") -> Floats:

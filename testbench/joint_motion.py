@@ -36,12 +36,9 @@ def group_of_encoders(run: "Run", rig: "Rig") -> str:
     return groups.pop()
 
 
-def followed(
-    run: "Run", rig: "Rig", mechanism: Mechanism, bandwidth_hz: float, steps: np.random.Generator | None = None
-) -> tuple[Grid, Trajectory]:
+def followed(run: "Run", rig: "Rig", mechanism: Mechanism, bandwidth_hz: float) -> tuple[Grid, Trajectory]:
     """The trajectory on an even grid of the encoders' clock; positions smoothed below ``bandwidth_hz``.
 
-    With ``steps`` as it might as well be: each reading is moved within the encoder's resolution, drawn evenly.
     Raises AnalysisError where an encoder is missing or on another clock, ClosureError where the loops do not close.
     """
     group_of_encoders(run, rig)
@@ -53,8 +50,6 @@ def followed(
             f"most {HIGHEST_CUTOFF * grid.rate:.4g} Hz; ask for a lower --cutoff, or --bandwidth"
         )
     position = np.column_stack([in_si(run, column)[0] for column in columns])
-    if steps is not None:
-        position = position + [column.resolution for column in columns] * steps.uniform(-0.5, 0.5, position.shape)
     moved = rates(on_grid(instants(run, columns[0]), position, grid), bandwidth_hz, grid.rate)
     samples = Samples(grid.time, moved.q, moved.v, moved.a, tuple(column.component for column in columns))
     return grid, Closure(mechanism).follow(samples)

@@ -13,6 +13,7 @@ import numpy as np
 from balance.arrays import Floats
 
 from ..errors import RigError
+from ..rig.scatter import range_of, scatter
 from .filters import high_pass
 from .streams import stream
 
@@ -76,12 +77,10 @@ def shown(transducers: Mapping[str, Transducer], seen: Mapping[str, Floats], tim
 def _drawn(name: str, columns: "Sequence[Column]", errors: "SensorErrors", rng: np.random.Generator) -> Transducer:
     count = len(columns)
     gain, cross, zero, drift = rng.normal(size=count), rng.normal(size=(count, count)), *rng.normal(size=(2, count))
-    sensitivity = np.eye(count) + np.diag(errors.sensitivity * gain)
-    if errors.cross:
-        sensitivity += errors.cross * _between(name, columns) * cross * (1.0 - np.eye(count))
+    sensitivity = np.eye(count) + scatter(name, columns, errors) * np.where(np.eye(count), np.diag(gain), cross)
     ranges = np.zeros(count)
     if errors.offset or errors.drift_per_minute:
-        ranges = np.array([_range(name, column) for column in columns])
+        ranges = np.array([range_of(name, column) for column in columns])
     return Transducer(
         tuple(column.channel for column in columns),
         sensitivity,
@@ -89,21 +88,3 @@ def _drawn(name: str, columns: "Sequence[Column]", errors: "SensorErrors", rng: 
         errors.drift_per_minute / 60.0 * ranges * drift,
         errors.high_pass,
     )
-
-
-def _between(name: str, columns: "Sequence[Column]") -> Floats:
-    """What a cross-talk of one means between channels: one, and between unlike units the ratio of the ranges."""
-    like = np.array([[a.dimensions == b.dimensions for b in columns] for a in columns])
-    if like.all():
-        return np.ones(like.shape)
-    ranges = np.array([_range(name, column) for column in columns])
-    return np.where(like, 1.0, ranges[:, None] / ranges[None, :])
-
-
-def _range(name: str, column: "Column") -> float:
-    if column.range is None:
-        raise RigError(
-            f"bench.errors.{name}: channel {column.channel!r} has no range, of which offset, drift and cross-talk "
-            f"between unlike units are shares: state sensors.{name}.range"
-        )
-    return column.range

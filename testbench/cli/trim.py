@@ -68,13 +68,14 @@ def trim(
     base's motion taken out by its accelerometers, and by motor torques, weighted where both tell, with whether they
     agree; or by the base's vibration, through the mass and mounts that the rig states. Of mountings that differ by
     trial masses: by the base's vibration without any model of the base; what is missing is said of the first run's
-    mounting. Intervals are of 95 %. Runs that cannot tell are refused.
+    mounting. Intervals are of 95 %, or said not to be. Runs that cannot tell are refused.
     """
     from balance import stock as stocks
     from balance.mechanism import Mechanism
 
     from .. import rig as rigs
     from ..trim import trim_runs
+    from ..trim.document import document
 
     if cutoff is not None and not cutoff > 0.0:
         raise click.UsageError(f"--cutoff {cutoff:g}: expected a positive frequency")
@@ -91,7 +92,7 @@ def trim(
 
         save(draw(result), figure)
     if as_json:
-        emit_json({**result.as_dict(), "calibrations": calibrations.document(opened, described)})
+        emit_json({**document(result), "calibrations": calibrations.document(opened, described)})
     else:
         _print(result, stock)
         calibrations.say(calibrations.held(opened, described))
@@ -114,8 +115,12 @@ def _stored(runs: "list[Run]") -> "dict[Path, dict[str, ClockMap]]":
     return {path: maps for path, maps in found.items() if maps}
 
 
+def _level(result: "Trim") -> str:
+    return "95 % interval" if result.interval_level else "interval, not of 95 %"
+
+
 def _print(result: "Trim", stock: str | None) -> None:
-    header = ["site", "missing [kg m]", "95 % interval", "that is [kg]", "at x [mm]"]
+    header = ["site", "missing [kg m]", _level(result), "that is [kg]", "at x [mm]"]
     title = f"Missing on {result.mechanism.name}, {result.origin}, {_few(result.runs)}, by {result.source}"
     emit_table(title, header, [_row(m) for m in result.missing])
     if result.consensus is not None:
@@ -136,7 +141,7 @@ def _row(m: "Missing") -> list[str]:
 
 def _print_sources(result: "Trim") -> None:
     rows = [[share.source, *_row(m)[:3]] for share in result.shares for m in share.missing]
-    emit_table("By source", ["source", "site", "missing [kg m]", "95 % interval"], rows)
+    emit_table("By source", ["source", "site", "missing [kg m]", _level(result)], rows)
     if (found := result.consensus) is not None:
         says = "agree" if found.agrees else "contradict each other"
         click.echo(

@@ -1,6 +1,6 @@
 """The clocks of all loggers of a stored run, aligned with one of them."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -74,8 +74,10 @@ def align_run(
     drift: bool = True,
     cutoff: float | None = None,
     way: Way = by_correlation,
+    among: Collection[str] | None = None,
 ) -> RunClocks:
-    """Align all groups by what the rig says that both saw; the reference is that of the encoders unless named.
+    """Align all groups, or those ``among``, by what the rig says that both saw; the reference is that of the encoders
+    unless named. The base's accelerometers are aligned in any case, for others are with their help.
 
     Raises AnalysisError if the run has one group only.
     """
@@ -87,7 +89,7 @@ def align_run(
     known = {reference: same_clock((0.0, 0.0))}
     aligned: dict[str, Aligned] = {}
     refused: dict[str, str] = {}
-    for group in _base_first(run, rig, reference):
+    for group in _base_first(run, rig, reference, among):
         found = _first(candidates(scene, reference, group, known), drift, way)
         if isinstance(found, Aligned):
             aligned[group], known[group] = found, found.clock
@@ -125,11 +127,13 @@ def _reference(run: "Run", rig: "Rig") -> str:
     return run.groups[0].name
 
 
-def _base_first(run: "Run", rig: "Rig", reference: str) -> list[str]:
+def _base_first(run: "Run", rig: "Rig", reference: str, among: Collection[str] | None) -> list[str]:
     """The other groups, that of the base's accelerometers first: the forces are aligned with their help."""
     base = base_motion.recorded(run, rig)
+    first = base.group if base is not None else None
     others = [group.name for group in run.groups if group.name != reference]
-    return sorted(others, key=lambda name: base is None or name != base.group)
+    kept = [name for name in others if among is None or name in among or name == first]
+    return sorted(kept, key=lambda name: name != first)
 
 
 def _first(found: Iterable[Making], drift: bool, way: Way) -> Aligned | str:

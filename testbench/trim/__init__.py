@@ -17,9 +17,11 @@ from ..errors import AnalysisError
 from ..joint_motion import loaded
 from ..pairing import rig_of
 from ..recording import Origin
+from .case import NAMES, Case, Source, Told
 from .evidence import CUTOFF_HZ
-from .result import Missing, Share, Trim, refuse_blur
-from .sources import LONGER, MORE_RUNS, NAMES, Case, Source, Told, present, told_by
+from .missing import Missing, Share, refuse_blur
+from .result import Trim
+from .sources import LONGER, MORE_RUNS, present, told_by
 
 if TYPE_CHECKING:
     from ..clocks.mapping import ClockMap

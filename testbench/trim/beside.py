@@ -25,9 +25,3 @@ def reduction(parts: Sequence[Floats], least: float = INDEPENDENT) -> Floats:
     turned = np.zeros((len(length), len(kept)))
     turned[used] = (kept / length[used]).T
     return turned
-
-
-def independent(parts: Sequence[Floats]) -> list[Floats]:
-    """The columns of each run in those combinations, (n, rows, k)."""
-    turned = reduction(parts)
-    return [part @ turned for part in parts]

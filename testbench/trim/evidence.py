@@ -27,6 +27,7 @@ from ..findings import Finding
 from ..joint_motion import followed, group_of_encoders, loaded
 from ..segments import moving
 from ..wrench import AT_RANGE, MeasuredWrench, shaking_wrench
+from .calibration import Effects, of_forces, of_readings, stated
 
 if TYPE_CHECKING:
     from balance.closure import Trajectory
@@ -54,6 +55,10 @@ class RunEvidence:
     base_known: bool
     """Whether the base's motion was taken out."""
     findings: tuple[Finding, ...]
+    effects: Effects
+    """Of the sensors' stated errors."""
+    period: float
+    """Of the cut-off [samples]."""
 
 
 def run_evidence(
@@ -82,6 +87,8 @@ def run_evidence(
     force = carried(wrench.time, seen, wrench.group, maps, grid)
     columns = columns[:, rows]
     nuisance = [rate_of(force, grid)]
+    deviations = stated([rig])
+    effects = dict(of_forces(run, rig, deviations, rows, lambda t, v: carried(t, v, wrench.group, maps, grid)))
     if base is not None:
         share = base_motion.projector(base_motion.force_rows(model, path)[:, rows], base.rows)
         felt = model.total_mass * carried(base.time, base.values, base.group, maps, grid)
@@ -93,8 +100,13 @@ def run_evidence(
         ]
         force = np.einsum("nij,nj->ni", turned, force) + np.einsum("nij,nj->ni", share[:, :, k:], felt)
         columns = np.einsum("nij,njk->nik", turned, columns)
+        effects = {entry: np.einsum("nij,nj->ni", turned, change) for entry, change in effects.items()}
+        for entry, change in of_readings(felt, base.columns, deviations).items():
+            effects[entry] = np.einsum("nij,nj->ni", share[:, :, k:], change)
     record = _record(motion_of(run), grid, columns, force, nuisance, cutoff, path)
-    return RunEvidence(record, base is not None, wrench.findings)
+    used = span_of(path, grid, MARGIN_PERIODS / cutoff)
+    smooth = {entry: low_pass(change, cutoff, grid.rate)[used] for entry, change in effects.items()}
+    return RunEvidence(record, base is not None, wrench.findings, smooth, 1.0 / (cutoff * grid.step))
 
 
 def refuse_saturation(run: "Run", rig: "Rig", wrench: MeasuredWrench) -> None:
@@ -143,7 +155,7 @@ def clock_maps(
     if not needed:
         return {}
     times = run.time(reference)
-    found = align_run(run, rig, lambda: model, reference, drift=bool(times[-1] - times[0] >= LONG_S))
+    found = align_run(run, rig, lambda: model, reference, drift=bool(times[-1] - times[0] >= LONG_S), among=needed)
     return {group: found.map_of(group) for group in needed}
 
 

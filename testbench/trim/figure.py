@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ..figures import style
-from .result import Missing, Trim
+from .missing import Missing
+from .result import Trim
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,9 +28,13 @@ def draw(result: Trim) -> "Figure":
         style.headline(
             figure,
             f"{_ORIGIN[result.origin]}{result.mechanism.name}, {runs}\n"
-            f"intervals of 95 %; residual predicted {result.predicted_residual:.4f} kg m",
+            f"{_level(result)}; residual predicted {result.predicted_residual:.4f} kg m",
         )
     return figure
+
+
+def _level(result: Trim) -> str:
+    return "intervals of 95 %" if result.interval_level else "intervals, not of 95 %"
 
 
 def _site(axes: "Axes", result: Trim, k: int) -> None:

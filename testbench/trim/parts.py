@@ -8,7 +8,7 @@ import numpy as np
 from balance import trim
 from balance.arrays import Floats
 
-from .beside import independent
+from .beside import reduction
 from .evidence import stretches_of
 
 
@@ -29,15 +29,21 @@ class Part:
     motion: str
 
 
-def records(parts: Sequence[Part]) -> list[trim.Record]:
-    """The parts as records, their shared columns reduced to the combinations that all of them together excite."""
+def shared(parts: Sequence[Part]) -> Floats:
+    """The combinations (p, k) of what is fitted beside that the parts together excite."""
+    return reduction([part.beside for part in parts])
+
+
+def records(parts: Sequence[Part], combinations: Floats | None = None) -> list[trim.Record]:
+    """The parts as records, their shared columns reduced to those combinations: all that they together excite."""
+    turned = shared(parts) if combinations is None else combinations
     return [
         trim.Record(
-            np.concatenate([part.own, beside], axis=2),
+            np.concatenate([part.own, part.beside @ turned], axis=2),
             part.seen,
             part.nuisance,
             stretches_of(part.own, part.shortest),
             part.motion,
         )
-        for part, beside in zip(parts, independent([part.beside for part in parts]), strict=True)
+        for part in parts
     ]

@@ -1,9 +1,7 @@
 """What is missing at each site and what to add there, with the verdict."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -18,68 +16,14 @@ from balance.observability import NotObservable
 from balance.stock import Plate
 from balance.trim import Imbalance
 
-from ..errors import AnalysisError
 from ..findings import Finding
 from ..recording import Origin
-from .sources import Source
+from .case import Source
+from .missing import Missing, Share
 
-RESOLUTION = 0.25
-"""Half of an interval, as a part of the first moment that the site lacks without counter-masses, from which a record
-cannot tell what is missing."""
-DOUBTFUL_SHARE = 0.15
-"""Of what was measured that stays unexplained, from which a result is doubtful: noise leaves half of that where
-sensors are as their data sheets say, and what is systematic is not in the intervals."""
 _MEASURED: dict[Source, str] = {
     "wrench": "force", "torque": "torque", "vibration": "vibration", "trials": "vibration",
 }  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Missing:
-    """What a site lacks; negative where it has too much."""
-
-    site: str
-    position: Floats
-    """In its body's frame, (3,) [m]."""
-    first_moment: float
-    """Mass times distance from the body's joint [kg m]."""
-    interval: tuple[float, float]
-    """Of 95 % [kg m]."""
-
-    @property
-    def mass(self) -> float:
-        """[kg]"""
-        return self.first_moment / float(np.linalg.norm(self.position))
-
-    @property
-    def told(self) -> bool:
-        """Whether the interval leaves out zero."""
-        return not self.interval[0] <= 0.0 <= self.interval[1]
-
-    def as_dict(self) -> dict[str, Any]:
-        """The row as it is printed."""
-        return {
-            "site": self.site,
-            "first_moment_kgm": self.first_moment,
-            "interval": list(self.interval),
-            "mass_kg": self.mass,
-            "position_m": [float(x) for x in self.position],
-        }
-
-
-@dataclass(frozen=True)
-class Share:
-    """What one source says, where several do or one does."""
-
-    source: Source
-    missing: tuple[Missing, ...]
-    unexplained: float
-    """Share of what it measured."""
-
-    @property
-    def doubtful(self) -> bool:
-        """Whether too much stays unexplained; of trial masses that is noise, which the intervals contain."""
-        return self.source != "trials" and self.unexplained > DOUBTFUL_SHARE
 
 
 @dataclass(frozen=True)
@@ -175,6 +119,12 @@ class Trim:
         except NotObservable:
             return None
 
+    @property
+    def interval_level(self) -> float | None:
+        """Of the intervals; None where they do not hold what a source leaves unexplained, or no source is trusted."""
+        doubted = any(share.doubtful for share in self.shares) or bool(self.doubts_before)
+        return None if doubted else 0.95
+
     def doubts(self) -> list[str]:
         """Why the result is doubtful; empty if it is not."""
         found = list(self.doubts_before)
@@ -195,67 +145,3 @@ class Trim:
         if not told:
             return "nothing told"
         return "remove" if min(told) < 0.0 else "add"
-
-    def as_dict(self) -> dict[str, Any]:
-        """The one JSON document of ``testbench trim``."""
-        return {
-            "mechanism": self.mechanism.name,
-            "runs": list(self.runs),
-            "origin": self.origin,
-            "source": self.source,
-            "sources": [
-                {
-                    "source": share.source,
-                    "missing": [m.as_dict() for m in share.missing],
-                    "unexplained": share.unexplained,
-                }
-                for share in self.shares
-            ],
-            "agreement": None if self.consensus is None else _agreement(self.consensus),
-            "missing": [m.as_dict() for m in self.missing],
-            "add": [
-                {
-                    "site": c.site,
-                    "mass_kg": c.mass,
-                    "plates": list(c.plates),
-                    "position_m": [float(x) for x in c.position],
-                }
-                for c in self.addition.counter_masses
-            ],
-            "remove": [{"site": m.site, "mass_kg": -m.mass, "first_moment_kgm": -m.first_moment} for m in self.removal],
-            "predicted_residual_kgm": self.predicted_residual,
-            "predicted_residual_interval_kgm": list(self.predicted_residual_interval),
-            "verdict": self.verdict,
-            "doubts": self.doubts(),
-            "conditions": [
-                {
-                    "condition": text,
-                    "value_kgm": None if e is None else e.value,
-                    "interval": None if e is None else list(e.interval),
-                }
-                for text, e in self.values
-            ],
-            "unexplained": self.unexplained,
-            "about": list(self.about),
-        }
-
-
-def _agreement(found: Consensus) -> dict[str, Any]:
-    return {
-        "chi_square": found.chi_square,
-        "freedom": found.freedom,
-        "probability": found.probability,
-        "agrees": found.agrees,
-    }
-
-
-def refuse_blur(missing: Sequence[Missing], bare: Sequence[float], runs: Sequence[str], hint: str) -> None:
-    """Refuse intervals so wide that the record tells next to nothing; ``bare`` is what each site lacks without any."""
-    largest = max((abs(value) for value in bare), default=0.0)
-    for one in missing:
-        half = 0.5 * (one.interval[1] - one.interval[0])
-        if half > RESOLUTION * largest:
-            raise AnalysisError(
-                f"{', '.join(runs)}: cannot tell what is missing at {one.site}: {one.first_moment:.3g} kg m, known to "
-                f"{half:.2g} kg m only, where the mechanism without counter-masses lacks {largest:.3g} kg m; {hint}"
-            )

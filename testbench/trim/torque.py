@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import null_space
 
-from balance import trim
 from balance.arrays import Floats
 from balance.conditions import Conditions
 from balance.joint_terms import joint_terms
@@ -27,7 +26,7 @@ from ..joint_motion import encoders, followed, loaded
 from ..rig.sensors import Torque
 from ..wrench import AT_RANGE
 from .evidence import carried, clock_maps, motion_of, rate_of, span_of
-from .parts import Part, records
+from .parts import Part
 
 if TYPE_CHECKING:
     from balance.closure import Trajectory
@@ -45,21 +44,19 @@ MARGIN_PERIODS = 3.0
 """Periods of the cut-off kept before and after the motion."""
 
 
-def torque_records(
+def torque_parts(
     runs: "Sequence[Run]",
     rigs: "Sequence[Rig]",
     mechanism: Mechanism,
     conditions: Conditions,
     cutoff: float,
     clocks: "Mapping[Path, Mapping[str, ClockMap]]",
-) -> list[trim.Record]:
+) -> list[Part]:
     """The equations of the runs of one mounting. Raises AnalysisError where a driven joint has no torque or encoder."""
-    return records(
-        [
-            _part(run, rig, mechanism, conditions, cutoff, clocks.get(run.path))
-            for run, rig in zip(runs, rigs, strict=True)
-        ]
-    )
+    return [
+        _part(run, rig, mechanism, conditions, cutoff, clocks.get(run.path))
+        for run, rig in zip(runs, rigs, strict=True)
+    ]
 
 
 def _part(

@@ -130,3 +130,28 @@ def test_intervals_hold():
         estimate = trim.measure([record(columns, force + noise)], found).estimate(np.eye(4)[0])
         hits.append(estimate.interval[0] <= found.values()[0] <= estimate.interval[1])
     assert binomtest(sum(hits), len(hits), 0.95).pvalue > 1e-3
+
+
+def test_gains_say_how_readings_move_the_values():
+    """Readings that are more move the values by their gains, nuisances and what else is unknown fitted beside."""
+    found, columns, force = equations(Mechanism.load("four-bar"))
+    rng = np.random.default_rng(1)
+    columns = np.concatenate([columns, rng.normal(size=(*force.shape, 2))], axis=2)[:, :1]
+    force, nuisance = force[:, :1] + 0.1 * rng.normal(size=(len(force), 1)), rng.normal(size=(len(force), 1, 2))
+    before = trim.fit([record(columns, force, nuisance)], found)
+    more = rng.normal(size=force.shape)
+    after = trim.fit([record(columns, force + more, nuisance)], found)
+    expected = np.einsum("nj,njk->k", more, before.gains[0])
+    assert after.imbalance.values - before.imbalance.values == pytest.approx(expected, rel=1e-9)
+    assert before.explained[0] == pytest.approx(force, abs=0.5)
+
+
+def test_a_prior_holds_what_else_is_unknown():
+    """A column of which much is known takes up nothing, one of which nothing is known all that it can."""
+    found, columns, force = equations(Mechanism.load("four-bar"))
+    also = np.random.default_rng(2).normal(size=(*force.shape, 1))
+    both = [record(np.concatenate([columns, also], axis=2), force + 0.5 * also[:, :, 0])]
+    free = trim.fit(both, found, prior=np.zeros(1))
+    held = trim.fit(both, found, prior=np.array([1e12]))
+    assert free.shared == pytest.approx([0.5], abs=1e-6)
+    assert held.shared == pytest.approx([0.0], abs=1e-6)

@@ -12,7 +12,7 @@ from testbench.bench.loggers import record
 from testbench.bench.run import BenchRun, simulate_run
 from testbench.bench.sensors import signals
 from testbench.plan import PlannedRun
-from testbench.recording import Channel, UniformClock
+from testbench.recording import Channel, TimeColumn, UniformClock
 from testbench.rig import Rig
 from testbench.store.run import Run, StoredGroup
 
@@ -62,12 +62,31 @@ class Scene:
         return MemoryRun(path, tuple(groups), "simulated", conditions, self.rig.text, (), {"data": data})
 
 
+def planned_run(motion: str, masses=BUILT, acceleration_g: float = 3.0, payload: float = 3.4116) -> PlannedRun:
+    """A run of the manipulator."""
+    return PlannedRun("memory", payload, dict(masses), motion, acceleration_g * G0, 1)
+
+
+def stored(rig: Rig, planned: PlannedRun, logs, path: str) -> MemoryRun:
+    """What ingest would have stored of a run's logs."""
+    data, groups = {}, []
+    for name, log in logs.items():
+        logger, columns = rig.loggers[name], {c.channel: c.unit for c in rig.columns(name)}
+        data |= {f"{name}/{c}": np.round(log.columns[c], logger.decimals) for c in columns}
+        data[f"{name}/Time"] = log.time
+        clock = UniformClock(logger.rate) if logger.clock == "uniform" else TimeColumn(0)
+        channels = (Channel("Time", "s"), *(Channel(c, unit) for c, unit in columns.items()))
+        keys = ("Time", *columns)
+        groups.append(StoredGroup(name, channels, clock, len(log.time), logger.rate, "declared", name, keys))
+    return MemoryRun(Path(path), tuple(groups), "simulated", dict(planned.conditions), rig.text, (), {"data": data})
+
+
 def scene(
     motion: str, acceleration_g: float = 3.0, masses=BUILT, payload: float = 3.4116, rig: Rig | None = None
 ) -> Scene:
     """The manipulator on its bench."""
     rig = rig or rigs.load(MANIPULATOR)
-    planned = PlannedRun("memory", payload, dict(masses), motion, acceleration_g * G0, 1)
+    planned = planned_run(motion, masses, acceleration_g, payload)
     bench = simulate_run(rig, Mechanism.load(MANIPULATOR), planned)
     return Scene(rig, planned, bench, signals(rig, bench))
 

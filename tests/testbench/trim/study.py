@@ -2,19 +2,28 @@
 
 python -m pytest runs a brief version (test_trim.py, test_sources.py). The whole study:
 
-    python tests/testbench/trim/study.py torque --seeds 200 [--bench other]
+    python tests/testbench/trim/study.py torque --seeds 200 [--bench other|deep]
+
+On the deep bench each seed is a campaign with sensors of its own.
 """
 
 import argparse
 import importlib.util
+import os
 import sys
 from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: more threads cost more than they bring
 
 import numpy as np
 from scipy.stats import binomtest
 
+from balance.errors import CounterpoiseError
 from balance.mechanism import Mechanism
 from testbench import rig as rigs
+from testbench.bench.recorded import lead_s, record_run
+from testbench.bench.run import simulate_run
+from testbench.bench.transducers import draw
 from testbench.trim import trim_runs
 
 MISSING = 0.0308090
@@ -30,7 +39,9 @@ OTHER = {
 
 
 def bench(name: str) -> rigs.Rig:
-    """``shipped`` or ``other``."""
+    """``shipped``, ``other`` or ``deep``."""
+    if name == "deep":
+        return rigs.load("parallelogram-6bar-deep")
     text = rigs.load("parallelogram-6bar").text
     for old, new in OTHER.items() if name == "other" else ():
         text = text.replace(old, new)
@@ -38,11 +49,35 @@ def bench(name: str) -> rigs.Rig:
 
 
 def campaigns(memory, source: str, rig: rigs.Rig):
-    """Scenes of a campaign: a triangle by wrench, each motion by the others, thrice with trial masses."""
+    """Scenes of a campaign: a triangle by wrench (on the deep bench three), each motion by the others, thrice with
+    trial masses.
+    """
+    deep = bool(rig.bench.errors)
     more = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)] if source == "trials" else [(0.0, 0.0)]
     sets = [{s: m + d for (s, m), d in zip(memory.BUILT.items(), one, strict=True)} for one in more]
-    motions = ("triangle",) if source == "wrench" else MOTIONS
-    return [memory.scene(motion, masses=masses, rig=rig) for masses in sets for motion in motions]
+    motions = ("triangle",) if source == "wrench" and not deep else MOTIONS
+    made = deep_scene if deep else memory.scene
+    return [made(memory, motion, masses, rig) if deep else made(motion, masses=masses, rig=rig)
+            for masses in sets for motion in motions]  # fmt: skip
+
+
+def deep_scene(memory, motion: str, masses: dict[str, float], rig: rigs.Rig):
+    """A scene whose sensors are drawn anew every 1000 seeds, and whose loggers start when they like."""
+
+    class Deep(memory.Scene):
+        def run(self, seed: int):
+            drawn = np.random.default_rng([seed, 77])
+            loggers = {
+                n: one.model_copy(update={"start": one.start - drawn.uniform(0.0, 0.1)})
+                for n, one in rig.loggers.items()
+            }
+            started = rig.model_copy(update={"loggers": loggers})
+            made = record_run(started, self.planned, self.bench, draw(rig, seed // 1000), (seed, 0))
+            return memory.stored(rig, self.planned, made.logs, f"seed{seed}.h5")
+
+    planned = memory.planned_run(motion, masses)
+    run = simulate_run(rig, Mechanism.load(memory.MANIPULATOR), planned, lead_s(rig) + 0.2)
+    return Deep(rig, planned, run, {})
 
 
 def main() -> None:
@@ -50,27 +85,32 @@ def main() -> None:
     asked = argparse.ArgumentParser(description=__doc__)
     asked.add_argument("source", choices=["wrench", "torque", "vibration", "trials"])
     asked.add_argument("--seeds", type=int, default=200)
-    asked.add_argument("--bench", choices=["shipped", "other"], default="shipped")
+    asked.add_argument("--bench", choices=["shipped", "other", "deep"], default="shipped")
     options = asked.parse_args()
     memory, mechanism = _memory(), Mechanism.load("parallelogram-6bar")
     scenes = campaigns(memory, options.source, bench(options.bench))
-    found = []
+    found, refused, doubtful = [], 0, 0
     for seed in range(options.seeds):
         runs = [scene.run(1000 * seed + k) for k, scene in enumerate(scenes)]
-        missing = trim_runs(runs, mechanism, source=options.source).missing
-        found.append([[m.first_moment, *m.interval] for m in missing])
+        try:
+            told = trim_runs(runs, mechanism, source=options.source)
+        except CounterpoiseError:
+            refused += 1
+            continue
+        doubtful += told.verdict == "doubtful"
+        found.append([[m.first_moment, *m.interval] for m in told.missing])
         if seed % 10 == 9 or seed == options.seeds - 1:
-            _say(options, np.array(found))
+            _say(options, np.array(found), f"refused {refused}, doubtful {doubtful}")
 
 
-def _say(options: argparse.Namespace, found: "np.ndarray") -> None:
+def _say(options: argparse.Namespace, found: "np.ndarray", beside: str) -> None:
     value, low, high = np.moveaxis(found, 2, 0)
     hits = ((low <= MISSING) & (high >= MISSING)).sum(axis=0)
     chances = [binomtest(int(h), len(found), 0.95).pvalue for h in hits]
     sys.stdout.write(
         f"{options.source}, {options.bench} bench, {len(found)} seeds: hits {hits}, binomial p "
         f"{[float(f'{p:.2g}') for p in chances]}, bias {(value - MISSING).mean(axis=0).round(5)}, scatter "
-        f"{value.std(axis=0).round(5)}, half width {(0.5 * (high - low)).mean(axis=0).round(5)} kg m\n"
+        f"{value.std(axis=0).round(5)}, half width {(0.5 * (high - low)).mean(axis=0).round(5)} kg m; {beside}\n"
     )
     sys.stdout.flush()
 
