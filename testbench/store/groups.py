@@ -24,6 +24,8 @@ GATHERED = 4 * CHUNK
 Acknowledge = Callable[[Sequence[Sequence[Piece]]], None]
 Writing = AbstractContextManager[None]
 _NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable. %10d"
+_SLOTS = 7
+"""Places in HDF5's cache of chunks: chunks come one after the other; HDF5's own 8191 take 64 KB a channel."""
 
 
 class GroupWriter:
@@ -181,7 +183,14 @@ def _is_time(group: Group, index: int) -> bool:
 
 def _dataset(node: "h5py.Group", key: str, chunk: int, form: Form) -> "h5py.Dataset":
     return node.create_dataset(
-        key, shape=(0,), maxshape=(None,), dtype=form.kind, chunks=(chunk,), fletcher32=True, **form.options
+        key,
+        shape=(0,),
+        maxshape=(None,),
+        dtype=form.kind,
+        chunks=(chunk,),
+        fletcher32=True,
+        rdcc_nslots=_SLOTS,
+        **form.options,
     )
 
 

@@ -1,7 +1,12 @@
-"""Dimension scales of many datasets, against HDF5's own."""
+"""Runs of very many channels: their dimension scale, against HDF5's own, their size and memory."""
+
+import subprocess
+import sys
+from pathlib import Path
 
 import h5py
 import numpy as np
+import pytest
 
 from testbench.recording import Channel, Group
 from testbench.store.dimensions import attach
@@ -45,3 +50,27 @@ def test_a_wide_run_is_not_larger_than_its_values(tmp_path):
     run = store(tmp_path, wide, [np.arange(100.0) + i for i in range(3000)])
     assert run.path.stat().st_size < 6 * 3000 * 100 * 8
     assert run.channel("c2999")[0] == 2999
+
+
+WIDE = """
+import sys
+from pathlib import Path
+import numpy as np
+from testbench.recording import Channel, Group
+from testbench.store.writer import RunWriter
+def held():
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
+group = Group("wide", tuple(Channel(f"c{i}", "V") for i in range(2000)))
+with RunWriter(Path(sys.argv[1]), "r") as writer:
+    writer.group(group).append([np.zeros(100)] * 2000)
+    before = held()
+    writer.group(group).finish(None, None)
+    print(held() - before)
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="the system does not say what a process holds")
+def test_a_wide_run_takes_little_memory(tmp_path):
+    """Less than 60 kB a channel while it is written; HDF5's own cache of chunks would take as much again."""
+    done = subprocess.run([sys.executable, "-c", WIDE, tmp_path], capture_output=True, text=True, check=True)
+    assert 0 < int(done.stdout) < 2000 * 60_000
