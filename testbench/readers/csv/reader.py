@@ -107,7 +107,11 @@ def _understood(path: Path, sample: Sample, options: ReadOptions) -> tuple[Diale
     except UnclearDialect as error:
         raise Refusal(path.name, Finding("unknown_dialect", None, None, str(error))) from error
     except LookupError as error:
-        message = f"no row of numbers in its first {len(sample.lines)} lines"
+        written = sum(bool(line.strip()) for line in sample.lines)
+        message = (
+            f"no row of numbers in its first {written} {'line' if written == 1 else 'lines'} with text; expected "
+            "rows of numbers alike, under a header or not"
+        )
         raise Refusal(path.name, Finding("no_data", None, None, message)) from error
 
 

@@ -46,7 +46,10 @@ CONTENTS = {
     "a ZIP archive": (archive, "unpack it and give the log inside"),
     "gzip": (lambda path: path.write_bytes(gzip.compress(ROWS.encode())), "unpack it and give the log inside"),
     "NUL bytes": (lambda path: path.write_bytes(bytes(5000)), "nothing but NUL bytes"),
-    "a header alone": (lambda path: path.write_text("Time (s),F [N]"), "no row of numbers"),
+    "a header alone": (
+        lambda path: path.write_text("Time (s),F [N]\n"),
+        "no row of numbers in its first 1 line with text; expected",
+    ),
     "a web page": (lambda path: path.write_text("<html><body>404</body></html>\n"), "no row of numbers"),
     "nothing": (lambda path: path.write_bytes(b""), "the file is empty"),
     "a folder": (lambda path: path.mkdir(), "is a folder; expected a log file"),
