@@ -88,9 +88,12 @@ def _response(part: Part) -> None:
         top = max(told, key=lambda r: float(r["gain_1_kg"]))
         ends = top["gain_interval_1_kg"]
         rows.append([*axis, str(len(told)), f"{top['frequency_hz']:.1f}", f"{top['gain_1_kg']:.3g}",
-                     f"{ends[0]:.3g} .. {ends[1]:.3g}", f"{top['coherence']:.3f}"])  # fmt: skip
-    header = ["sensor", "axis", "significant lines", "largest at [Hz]", "gain [1/kg]", "95 %", "coherence"]
-    emit_table("Acceleration of the base per shaking force", header, rows, part["definition"])
+                     f"{ends[0]:.3g} .. {ends[1]:.3g}", f"{top['coherence']:.3f}",
+                     ", ".join(top["also_follows"]) or "nothing else"])  # fmt: skip
+    header = ["sensor", "axis", "significant lines", "largest at [Hz]", "gain [1/kg]", "95 %", "coherence",
+              "there it also follows"]  # fmt: skip
+    alone = "" if part["of_the_force_alone"] else ", with what follows its moment or other axes: not of the base alone"
+    emit_table(f"Acceleration of the base per shaking force{alone}", header, rows, part["definition"])
 
 
 def _wrench(part: Part) -> None:

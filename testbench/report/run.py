@@ -16,6 +16,7 @@ from ..vibration import DEFAULT_BAND
 from ..wrench import shaking_wrench
 from . import loads, vibration
 from .part import Part, attempt
+from .response import base_response
 
 if TYPE_CHECKING:
     from ..motions import FoundMotion
@@ -77,7 +78,7 @@ def report(
     try:
         wrench = shaking_wrench(run, rig, point)
         forces = attempt(lambda: loads.wrench_part(wrench, band))
-        response = attempt(lambda: vibration.base_response(run, rig, wrench))
+        response = attempt(lambda: base_response(run, rig, wrench))
         findings = [finding.as_dict() for finding in wrench.findings]
     except CounterpoiseError as error:
         forces = response = {"reason": str(error)}

@@ -1,20 +1,15 @@
-"""Base vibration, its modes from the decay after the motion, and its response to the shaking force."""
+"""Base vibration, and its modes from the decay after the motion."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from balance.arrays import Floats
-
 from ..channels import in_si, instants
-from ..clocks import stored
 from ..errors import AnalysisError
-from ..joint_motion import group_of_encoders
 from ..levels import definitions, levels
 from ..signals import Band
 from ..spectra.modes import modes
-from ..spectra.transfer import transfer
 from .part import Part
 
 if TYPE_CHECKING:
@@ -22,14 +17,11 @@ if TYPE_CHECKING:
     from ..motions import FoundMotion, Source
     from ..rig import Column, Rig
     from ..store import Run
-    from ..wrench import MeasuredWrench
 
 HIGHEST_HZ = 100.0
 """Of the modes that are looked for [Hz]: a base on its mounts, and what a motion excites."""
 SETTLED_S = 0.02
 """After the end of the motion from which on the base rings freely; the zero-phase band smears as far [s]."""
-RESPONSE_SEGMENT_S = 0.25
-"""Of the response's segments [s]: several in a motion of a second, 4 Hz apart."""
 
 
 def base_columns(run: "Run", rig: "Rig") -> "list[Column]":
@@ -93,43 +85,3 @@ def motion_on_base_clock(
         f"{run.name}: no source of motions shares the clock of the base's accelerometers, {group}: nothing says when "
         "the base rings freely"
     )
-
-
-def base_response(run: "Run", rig: "Rig", wrench: "MeasuredWrench", highest_hz: float = HIGHEST_HZ) -> Part:
-    """Acceleration of the base along each axis per shaking force along it, where the coherence is significant."""
-    columns = base_columns(run, rig)
-    rows = []
-    for column in columns:
-        force = wrench.values[f"F{column.component}"]
-        if force is None or np.isnan(force).any():
-            continue
-        answer = _beside(run, rig, wrench, column)
-        segment = 2 * round(0.5 * RESPONSE_SEGMENT_S * wrench.rate)
-        told = transfer(force, answer, wrench.rate, segment)
-        kept = told.significant & (told.frequency > 0.0) & (told.frequency <= highest_hz)
-        for i in np.flatnonzero(kept):
-            gain, share = float(np.abs(told.response[i])), 1.96 * float(told.relative_deviation[i])
-            rows.append({
-                "sensor": column.sensor, "axis": column.component, "frequency_hz": float(told.frequency[i]),
-                "gain_1_kg": gain, "gain_interval_1_kg": [gain * max(1.0 - share, 0.0), gain * (1.0 + share)],
-                "phase_rad": float(np.angle(told.response[i])), "coherence": float(told.coherence[i]),
-            })  # fmt: skip
-    return {
-        "rows": rows,
-        "definition": "acceleration of the base per shaking force along the same axis (H1), where coherence is over "
-        f"what 95 of 100 records of noise show; segments of {RESPONSE_SEGMENT_S:g} s smear narrower resonances",
-    }
-
-
-def _beside(run: "Run", rig: "Rig", wrench: "MeasuredWrench", column: "Column") -> Floats:
-    """A channel at the instants of the forces, (n,). Raises AnalysisError where their clocks are not in line."""
-    group, time = run.find(column.channel)[0].name, instants(run, column)
-    values, at = in_si(run, column)[0], wrench.time
-    if group != wrench.group:
-        maps = stored.read(run.path, group_of_encoders(run, rig)) if run.path.parent.is_dir() else {}
-        if missing := [name for name in (group, wrench.group) if name not in maps]:
-            raise AnalysisError(
-                f"{run.name}: the clock of {', '.join(missing)} is not aligned: testbench align {run.path} first"
-            )
-        time, at = maps[group].to_reference(time), maps[wrench.group].to_reference(at)
-    return np.interp(at, time, values)

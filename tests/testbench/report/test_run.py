@@ -116,6 +116,16 @@ def test_response_is_that_of_the_base():
         assert rows[f]["gain_interval_1_kg"][0] < rows[f]["gain_1_kg"] < rows[f]["gain_interval_1_kg"][1]
 
 
+def test_response_that_follows_the_moment_is_marked():
+    """Along x the base is shaken by force and moment together: the lines say so, and that it is not the force alone."""
+    text = TEXT.replace('kind = "accelerometer"\nlogger = "daq"', 'kind = "accelerometer"\nlogger = "forces"', 1)
+    found = report(memory.scene("x", masses={}, rig=rigs.from_text(text)).run(0)).response
+    along = [r for r in found["rows"] if r["axis"] == "x" and r["frequency_hz"] < 30.0]
+    assert sum("Mz" in r["also_follows"] for r in along) > 0.5 * len(along)
+    assert found["of_the_force_alone"] is False
+    assert "also_follows" in found["definition"]
+
+
 def test_response_needs_clocks_in_line(told):
     """Forces and accelerations of two loggers that are not aligned: the reason, and what to do."""
     assert "testbench align" in told["response"]["reason"]
