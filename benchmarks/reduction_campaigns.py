@@ -7,18 +7,20 @@ the accelerometer's noise. ``python -m benchmarks.reduction_campaigns SEEDS REPE
 
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from scipy.stats import binomtest
 
+from balance.arrays import Floats
 from balance.mechanism import Mechanism
 from balance.quantities import G0
-from testbench.bench.recorded import SimulatedRun, record_run
+from testbench.bench.loggers import record
 from testbench.bench.run import BenchRun, simulate_run
 from testbench.bench.sampling import instants
-from testbench.bench.sensors import base_acceleration
+from testbench.bench.sensors import base_acceleration, signals
 from testbench.plan import PlannedRun
 from testbench.recording import Channel, UniformClock
 from testbench.reductions import analyze
@@ -38,53 +40,57 @@ class MemoryRun(Run):
         return self.provenance["data"][f"{group.path}/{group.keys[index]}"]
 
 
-def simulated(rig: Rig) -> dict[tuple[int, bool], tuple[PlannedRun, BenchRun]]:
-    """What happens without noise, by condition and whether counter-masses are on."""
+@dataclass(frozen=True)
+class Scene:
+    """A run without noise, recorded as often as wanted."""
+
+    rig: Rig
+    planned: PlannedRun
+    happened: BenchRun
+    seen: Mapping[str, Floats]
+    """By channel, (n,) [SI]."""
+
+    def recorded(self, seed: int, number: int) -> MemoryRun:
+        """What ingest would have stored of the accelerometers' log of run ``number``."""
+        logger, columns = self.rig.loggers[LOGGER], list(self.rig.columns(LOGGER))
+        log = record(logger, columns, self.happened.time, self.seen, (seed, number, 0))
+        data = {f"{LOGGER}/{c.channel}": np.round(log.columns[c.channel], logger.decimals) for c in columns}
+        channels, keys = tuple(Channel(c.channel, c.unit) for c in columns), tuple(c.channel for c in columns)
+        clock, conditions = UniformClock(logger.rate), self.planned.conditions
+        group = StoredGroup(LOGGER, channels, clock, len(log.true), logger.rate, "declared", LOGGER, keys)
+        path = Path(f"r{number:03d}.h5")
+        return MemoryRun(path, (group,), "simulated", conditions, self.rig.text, (), {"data": data})
+
+
+def scenes(rig: Rig) -> dict[tuple[int, bool], Scene]:
+    """By condition and whether counter-masses are on."""
     mechanism, found = Mechanism.load(rig.mechanism), {}
     for number, (payload, mass, motion, acceleration) in enumerate(CONDITIONS):
         for balanced in (True, False):
             masses = {"counter_A0A": mass, "counter_B0B": mass} if balanced else {}
             planned = PlannedRun("r", payload, masses, motion, acceleration * G0, 1)
-            found[number, balanced] = planned, simulate_run(rig, mechanism, planned)
+            happened = simulate_run(rig, mechanism, planned)
+            found[number, balanced] = Scene(rig, planned, happened, signals(rig, happened))
     return found
 
 
-def stored(made: SimulatedRun, rig: Rig, name: str) -> MemoryRun:
-    """What ingest would have stored of the accelerometers' log."""
-    log, logger, columns = made.logs[LOGGER], rig.loggers[LOGGER], list(rig.columns(LOGGER))
-    data = {f"{LOGGER}/{c.channel}": np.round(log.columns[c.channel], logger.decimals) for c in columns}
-    channels, keys = tuple(Channel(c.channel, c.unit) for c in columns), tuple(c.channel for c in columns)
-    clock = UniformClock(logger.rate)
-    group = StoredGroup(LOGGER, channels, clock, len(log.true), logger.rate, "declared", LOGGER, keys)
-    return MemoryRun(Path(f"{name}.h5"), (group,), "simulated", made.planned.conditions, rig.text, (), {"data": data})
-
-
-def truth(rig: Rig, run: BenchRun, measure: Measure) -> dict[str, float]:
+def truth(scene: Scene, measure: Measure) -> dict[str, float]:
     """Amplitude without noise, by axis [m/s2]."""
-    logger = rig.loggers[LOGGER]
-    true = instants(logger, float(run.time[-1]))[1]
-    seen = base_acceleration(rig.sensors[SENSOR], run)
-    return {axis: measure.of(np.interp(true, run.time, seen[axis]), logger.rate) for axis in "xyz"}
-
-
-def campaigns(rig: Rig, seeds: int, repeats: int) -> Iterator[list[MemoryRun]]:
-    """Of every seed all runs."""
-    happened = simulated(rig)
-    for seed in range(seeds):
-        runs = [pair for pair in happened.values() for _ in range(repeats)]
-        yield [
-            stored(record_run(rig, planned, run, {}, (seed, number)), rig, f"r{number:03d}")
-            for number, (planned, run) in enumerate(runs)
-        ]
+    logger, time = scene.rig.loggers[LOGGER], scene.happened.time
+    true = instants(logger, float(time[-1]))[1]
+    seen = base_acceleration(scene.rig.sensors[SENSOR], scene.happened)
+    return {axis: measure.of(np.interp(true, time, seen[axis]), logger.rate) for axis in "xyz"}
 
 
 def study(seeds: int, repeats: int, metric: str) -> dict[tuple[int, str], Counter[str]]:
     """What became of the intervals, by condition and axis."""
-    rig, measure = load("parallelogram-6bar"), Measure(metric)
-    true = {key: truth(rig, run, measure) for key, (_, run) in simulated(rig).items()}
+    measure, all_scenes = Measure(metric), scenes(load("parallelogram-6bar"))
+    true = {key: truth(scene, measure) for key, scene in all_scenes.items()}
     numbers = {(payload, motion): n for n, (payload, _, motion, _) in enumerate(CONDITIONS)}
     found: dict[tuple[int, str], Counter[str]] = {}
-    for runs in campaigns(rig, seeds, repeats):
+    for seed in range(seeds):
+        planned = [scene for scene in all_scenes.values() for _ in range(repeats)]
+        runs = [scene.recorded(seed, number) for number, scene in enumerate(planned)]
         for reduction in analyze(runs, measure).reductions:
             number = numbers[reduction.key.payload_kg, reduction.key.motion]
             ratio = true[number, True][reduction.axis] / true[number, False][reduction.axis]

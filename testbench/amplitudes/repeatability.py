@@ -112,8 +112,13 @@ class Repeatability:
 
 
 def _fitted(groups: Sequence[Group], outlying: tuple[Group, ...] = ()) -> Repeatability:
-    """The likeliest components, neither below zero: least sum of freedom (log v + variance / v)."""
+    """The likeliest components, neither below zero: least sum of freedom (log v + variance / v).
+
+    Their ratio is the one that suits the variances found, and what v is of a side thereby too small, by 1 in so many
+    degrees of freedom as there are: with that made up for, 95 % are 95 % (Monte Carlo, tests of this module).
+    """
     freedom, variance, square = _arrays(groups)
+    variance *= 1.0 + 1.0 / freedom.sum()
     unit = float(square.mean()) or 1.0  # so that both components are of like size
     terms = np.stack([np.ones_like(square), square / unit])
     ratio = _ratio(freedom, variance, terms[1])
