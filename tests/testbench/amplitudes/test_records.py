@@ -145,3 +145,43 @@ def test_files_and_memory(brief, metric):
     alone = analyze([stored(run, SHIPPED) for run in made], Measure(metric, BAND)).reductions
     filed = analyze(open_campaign(brief.campaign).runs, Measure(metric, BAND)).reductions
     assert [replace(r, runs=()) for r in alone] == [replace(r, runs=()) for r in filed]
+
+
+@cache
+def repeated() -> tuple[memory.MemoryRun, ...]:
+    """Two repeats a side of three conditions."""
+    runs = []
+    for number, acceleration in enumerate((1.0, 2.0, 3.0)):
+        for side, masses in enumerate(({}, memory.BUILT)):
+            seen = memory.scene("x", acceleration, masses)
+            runs += [seen.run(100 * number + 10 * side + k) for k in range(2)]
+    return tuple(runs)
+
+
+def test_repeats_of_other_conditions():
+    """An interval of two repeats a side is narrower where other conditions were repeated too, and holds the truth."""
+    measure = Measure("rms", BAND)
+    pooled = [r for r in analyze(repeated(), measure).reductions if r.key.peak_acceleration_g == 3.0]
+    alone = analyze(repeated()[-4:], measure).reductions
+    assert [(r.axis, r.method, r.n) for r in pooled] == [(axis, "repeats", (2, 2)) for axis in "xyz"]
+    widths = [np.median([r.interval[1] - r.interval[0] for r in some]) for some in (pooled, alone)]
+    assert widths[0] < 0.8 * widths[1]
+    for reduction in pooled:
+        assert reduction.interval[0] < reduction.percent < reduction.interval[1]
+
+
+def test_repeats_that_differ():
+    """Repeats that differ far more than all others are said, and widen no other condition's interval."""
+    measure, runs = Measure("rms", BAND), list(repeated())
+    group, index = runs[0].find("AccX")
+    runs[0] = memory.with_values(runs[0], "AccX", 1.8 * runs[0].provenance["data"][f"{group.path}/{group.keys[index]}"])
+    analysis = analyze(runs, measure)
+    assert {f.code for f in analysis.findings} >= {"repeats_differ"}
+    said = [f.message for f in analysis.findings if f.code == "repeats_differ"]
+    assert len(said) == 1
+    assert "1 g0, base_acc along x" in said[0]
+    assert f"({runs[0].name} {runs[1].name})" in said[0]
+    before = analyze(repeated(), measure).reductions
+    for new, old in zip(analysis.reductions, before, strict=True):
+        if new.axis == "x" and new.key.peak_acceleration_g > 1.0:
+            assert np.diff(new.interval) < 2.0 * np.diff(old.interval)
