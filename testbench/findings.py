@@ -80,9 +80,10 @@ _WARNINGS = {
     "broken_link": "A link inside the file that leads nowhere; left out.",
     "cyclic_link": "A link inside the file that leads back to where it comes from; left out.",
     "already_stored": "The campaign holds this recording already; nothing was written.",
+    "run_not_opened": "A run of the campaign cannot be opened; whether it holds this recording too cannot be told.",
     "conditions_differ": "The sheet says other conditions than are stored with the run, which never changes.",
     "rate_contradicts_rig": "A log's rate is not the one that the rig states for its logger; the log's is taken.",
-    "sensor_not_recorded": "The rig describes a logger of which the run holds no channel.",
+    "sensor_not_recorded": "The rig describes a logger of which no log of the run holds a channel.",
     "uncalibrated": "Raw values, such as volts, of a sensor without a calibration: no analysis can use them yet.",
     "interrupted": "The ingest was stopped; what it had acknowledged was recovered, what came after is not in the run.",
     "unit_unknown": "Brackets in a header that hold no unit that is understood; kept as written.",
@@ -101,6 +102,7 @@ _NOTES = {
     "empty_group": "Channels without a single sample; left out.",
     "rate_rounded": "Rate or step of time is written in few digits, or differs a little from the time column.",
     "time_resolution": "Timestamps are finer than seconds in float64; what is finer is in a channel beside them.",
+    "sensor_elsewhere": "A logger of the rig whose channels another log of the same command holds, a run of its own.",
     "calibration_applied": "Values are in physical units by the calibration that the file itself carries.",
 }
 

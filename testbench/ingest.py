@@ -1,6 +1,6 @@
 """Log files into stored runs: read, check, write, in one pass and bounded memory; nothing half-written."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -15,7 +15,8 @@ from .readers import ReadOptions
 from .recording import Group, Origin
 from .runsheet import PlannedRun
 from .source import Source
-from .store import Campaign, lock, open_run
+from .store import digest, lock, open_run
+from .store.sources import StoredSources
 from .store.writer import RunWriter
 
 if TYPE_CHECKING:
@@ -61,8 +62,12 @@ class Ingest:
     options: ReadOptions | None = None
     accepted: frozenset[str] = frozenset()
     progress: Progress = lambda count: None
-    _stored: dict[tuple[int, str], str] = field(default_factory=dict, init=False)
-    _known: set[Path] = field(default_factory=set, init=False)
+    elsewhere: Callable[[Collection[str]], str | None] = lambda channels: None
+    """Names a log outside the run, ingested beside it, that holds one of these channels."""
+    _stored: StoredSources = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_stored", StoredSources(self.folder))
 
     def run(self, planned: PlannedRun) -> list[Outcome]:
         """Ingest one run; one outcome for each of its files. The run is stored whole or not at all."""
@@ -85,21 +90,16 @@ class Ingest:
         except StoreError:
             if others := self._already(planned, sources):
                 return others
+            if (reason := self._stored.unopened.get(f"{planned.name}.h5")) is not None:
+                raise StoreError(_unopened(f"{planned.name}.h5", reason, "it has the name of this run")) from None
             raise
-
-    def _look(self) -> None:
-        """Take in the runs that came since last: the run of each source, by the source's size and SHA-256."""
-        for run in Campaign(self.folder).since(self._known):
-            self._known.add(run.path)
-            self._stored.update({(s["size_bytes"], s["sha256"]): run.path.name for s in run.provenance["sources"]})
 
     def _already(self, planned: PlannedRun, sources: Sequence[Source]) -> list[Outcome]:
         """The outcomes if the campaign holds these recordings already; none if it holds none of them."""
-        self._look()
-        sizes = {size for size, _ in self._stored}
-        if not sizes & {source.size for source in sources}:
+        self._stored.look()
+        if not self._stored.any_of_size({source.size for source in sources}):
             return []
-        held = [self._stored.get((source.size, source.digested())) for source in sources]
+        held = [self._stored.run_of(source.size, source.digested()) for source in sources]
         if None in held and any(held):
             known = ", ".join(s.path.name for s, run in zip(sources, held, strict=True) if run)
             raise StoreError(f"{known}: stored already, but not with the other files of this run; stored runs stay")
@@ -128,8 +128,11 @@ class Ingest:
                 source.findings = placed(source.findings, own, sum(map(len, groups)) > 1)
             if self.rig is not None:
                 recordings = [source.recording for source in sources]
-                sources[0].findings.extend(against_rig.findings(self.rig, recordings))
+                sources[0].findings.extend(against_rig.findings(self.rig, recordings, self.elsewhere))
                 sources[0].findings.extend(against_rig.of_conditions(self.rig, planned.conditions or {}))
+            doubt = "whether it holds this recording too cannot be told"
+            for name, reason in self._stored.unopened.items():
+                sources[0].findings.append(Finding("run_not_opened", None, None, _unopened(name, reason, doubt)))
             everything = [finding for source in sources for finding in source.findings]
             if grave := refused(everything, self.accepted):
                 codes = ", ".join(dict.fromkeys(finding.code for finding in grave))
@@ -196,6 +199,13 @@ def _refuse_twice(digests: Sequence[tuple[str, str]]) -> None:
         if sha256 in seen:
             raise RecordingError(f"{name}: holds the same bytes as {seen[sha256]}: one recording twice in one run")
         seen[sha256] = name
+
+
+def _unopened(name: str, reason: str, consequence: str) -> str:
+    return (
+        f"{name} of the campaign cannot be opened, and {consequence} ({reason}); `testbench verify` tells whether it "
+        f"is damaged: then take it and {name}{digest.SUFFIX} out of the campaign, and ingest its logs again"
+    )
 
 
 def _there(source: Source, run: str, differing: Sequence[Finding]) -> Outcome:

@@ -1,6 +1,6 @@
 """A rig against the logs: channels that are missing, units and rates that differ, the ranges of the sensors."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from .. import units
@@ -53,11 +53,15 @@ def of_conditions(rig: "Rig", conditions: Mapping[str, Any]) -> list[Finding]:
     return [Finding("unknown_site", None, None, f"the sheet's counter_masses: {text}") for text in wrong if text]
 
 
-def findings(rig: "Rig", recordings: Iterable[Recording]) -> list[Finding]:
+def findings(
+    rig: "Rig",
+    recordings: Iterable[Recording],
+    elsewhere: Callable[[Collection[str]], str | None] = lambda channels: None,
+) -> list[Finding]:
     """Where the rig and the logs of one run differ. A logger of which the run holds no channel is not in the run.
 
     A rig describes a whole bench: what any log of the run holds is recorded, and what none holds is said, with the
-    logs that were looked at.
+    logs that were looked at. ``elsewhere`` names a log outside the run that holds one of these channels.
     """
     recordings = list(recordings)
     channels = {c.label: c for r in recordings for g in r.groups for c in g.channels}
@@ -69,7 +73,9 @@ def findings(rig: "Rig", recordings: Iterable[Recording]) -> list[Finding]:
         if present:
             found += [_missing(column, channels) for column in columns if column.channel not in channels]
         elif columns:
-            absent.append(_absent(logger, columns, [recording.path.name for recording in recordings]))
+            other = elsewhere({column.channel for column in columns})
+            logs = [recording.path.name for recording in recordings]
+            absent.append(_absent(logger, columns, logs) if other is None else _apart(logger, columns, other))
         found += _units(present, channels)
     if len(absent) == sum(any(rig.columns(logger)) for logger in rig.loggers):
         message = f"none of the rig's channels is in the log, which holds {_listed(channels)}"
@@ -90,6 +96,15 @@ def _absent(logger: str, columns: "Iterable[Column]", logs: Sequence[str]) -> Fi
         "is made; a log that holds them is joined to the run by a sheet (--runs)"
     )
     return Finding("sensor_not_recorded", None, None, message)
+
+
+def _apart(logger: str, columns: "Iterable[Column]", other: str) -> Finding:
+    names = ", ".join(dict.fromkeys(column.sensor for column in columns))
+    message = (
+        f"sensors {names} (logger {logger}) are in {other}, a run of its own; where both are of one test, as "
+        "`testbench align` takes them, a sheet (--runs) joins them"
+    )
+    return Finding("sensor_elsewhere", None, None, message)
 
 
 def _units(present: "Iterable[Column]", channels: Mapping[str, Channel]) -> list[Finding]:

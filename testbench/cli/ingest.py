@@ -78,13 +78,15 @@ def _ingest(
     accept: Sequence[str],
     text: dict[str, Any],
 ) -> "list[Outcome]":
+    from ..elsewhere import OtherLogs
     from ..ingest import Ingest
     from ..runsheet import plan
 
-    runs = plan(files, sheet)
+    runs, options = plan(files, sheet), reading.read_options(**text)
+    others = OtherLogs(files if sheet is None else (), options)
     total = sum(path.stat().st_size for run in runs for path in run.files if path.is_file())
     with _progress(total) as progress:
-        work = Ingest(campaign, rig, reading.read_options(**text), frozenset(accept), progress)
+        work = Ingest(campaign, rig, options, frozenset(accept), progress, others.holding)
         return [outcome for run in runs for outcome in work.run(run)]
 
 

@@ -1,6 +1,6 @@
 """A campaign: a folder of stored runs, each with its digest beside it."""
 
-from collections.abc import Callable, Container, Iterator
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -44,10 +44,6 @@ class Campaign:
     def runs(self) -> tuple[Run, ...]:
         """The stored runs, by name; their data are read when asked for."""
         return tuple(open_run(path) for path in self.run_paths)
-
-    def since(self, known: Container[Path]) -> Iterator[Run]:
-        """The runs whose files are not among ``known``."""
-        return (open_run(path) for path in self.run_paths if path not in known)
 
     def verify(self, progress: Callable[[int], None] = lambda count: None) -> list[FileState]:
         """The state of every file in the folder: of runs by their digests, of others that they are there."""

@@ -256,3 +256,38 @@ def test_conditions_that_were_corrected_too_late(folder):
     assert outcome.status == "already_stored"
     assert [f.code for f in outcome.findings] == ["already_stored", "conditions_differ"]
     assert open_run(folder / "campaign" / "r001.h5").conditions == {"payload_kg": 5.0}
+
+
+@pytest.mark.parametrize("damage", ["cut", "no HDF5", "empty", "description"])
+def test_a_damaged_run_keeps_no_other_out(folder, damage):
+    """What comes is stored, and names the run that may hold the same; the name of the damaged one stays taken."""
+    ingested(folder)
+    damaged = folder / "campaign" / "r001.h5"
+    content = damaged.read_bytes()
+    at = content.index(b'"conditions"')
+    damaged.write_bytes({
+        "cut": content[:5000], "no HDF5": b"x" * 5000, "empty": b"",
+        "description": content[:at] + b"#" + content[at + 1 :],
+    }[damage])  # fmt: skip
+    before = {p.name: p.read_bytes() for p in (folder / "campaign").iterdir()}
+    (folder / "r002.csv").write_text(HEADER + "".join(ROWS[:300]))
+    work = Ingest(folder / "campaign")
+    (outcome,) = work.run(PlannedRun("r002", (folder / "r002.csv",)))
+    assert (outcome.status, outcome.file) == ("stored", "r002.h5")
+    stored = open_run(folder / "campaign" / "r002.h5")
+    (found,) = [f for f in stored.findings if f.code == "run_not_opened"]
+    assert found.message.startswith("r001.h5 of the campaign cannot be opened")
+    assert "testbench verify" in found.message
+    assert str(folder) not in found.message
+    (again,) = work.run(PlannedRun("r001", (folder / "r001.csv",)))
+    assert (again.status, again.file) == ("refused", None)
+    assert "r001.h5 of the campaign cannot be opened" in again.message
+    assert "r001.h5.sha256 out of the campaign" in again.message
+    (once,) = work.run(PlannedRun("r002_again", (folder / "r002.csv",)))
+    assert once.status == "already_stored"
+    assert {name: (folder / "campaign" / name).read_bytes() for name in before} == before
+    for left in ("r001.h5", "r001.h5.sha256"):
+        (folder / "campaign" / left).unlink()
+    (whole,) = work.run(PlannedRun("r001", (folder / "r001.csv",)))
+    assert whole.status == "stored"
+    assert "run_not_opened" not in {f.code for f in whole.findings}

@@ -1,0 +1,77 @@
+"""Several loggers' logs in one ``testbench ingest``, under a rig that describes the whole bench."""
+
+import json
+import sys
+
+import pytest
+
+from testbench.cli import main
+from testbench.store import open_run
+
+RIG = """
+mechanism = "none"
+[loggers.daq]
+[loggers.forces]
+[sensors.base_acc]
+kind = "accelerometer"
+logger = "daq"
+channels = { x = "AccX", y = "AccY" }
+unit = "g"
+position = ["0 m", "0 m", "0 m"]
+[sensors.cell]
+kind = "force"
+logger = "forces"
+channel = "Fz"
+axis = "z"
+unit = "N"
+position = ["0.15 m", "0.10 m", "0 m"]
+"""
+
+
+@pytest.fixture
+def ingest(tmp_path, monkeypatch, capsys):
+    """Two logs of two loggers, and an ingest of what is named; the exit code and the codes beyond `dialect` by log."""
+    (tmp_path / "rig.toml").write_text(RIG)
+    rows = range(200)
+    daq = "".join(f"{i / 1000:.4f},{0.5 * (i % 7) - 3:.4f},{0.3 * (i % 5):.4f}\n" for i in rows)
+    forces = "".join(f"{i / 500:.4f},{1.5 * (i % 9):.4f}\n" for i in rows)
+    (tmp_path / "a_daq.csv").write_text("Time (s),AccX (g),AccY (g)\n" + daq)
+    (tmp_path / "b_forces.csv").write_text("Time (s),Fz (N)\n" + forces)
+    (tmp_path / "c_none.csv").write_text("")
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words):
+        line = ["testbench", "ingest", *words, "--rig", "rig.toml", "-o", "c", "--json"]
+        monkeypatch.setattr(sys, "argv", line)
+        with pytest.raises(SystemExit) as stop:
+            main()
+        runs = json.loads(capsys.readouterr().out)["runs"]
+        found = {r["source"]: [f["code"] for f in r["findings"] if f["code"] != "dialect"] for r in runs}
+        return stop.value.code, found
+
+    return run
+
+
+def test_what_another_log_holds_is_not_missing(ingest, tmp_path):
+    """Each log is a run of its own, in which a note names the other; nothing is wrong, so the exit code is 0."""
+    code, found = ingest("a_daq.csv", "b_forces.csv")
+    assert (code, found) == (0, {"a_daq.csv": ["sensor_elsewhere"], "b_forces.csv": ["sensor_elsewhere"]})
+    (note,) = [f for f in open_run(tmp_path / "c" / "a_daq.h5").findings if f.code == "sensor_elsewhere"]
+    assert note.message.startswith("sensors cell (logger forces) are in b_forces.csv, a run of its own")
+
+
+def test_what_no_log_holds_is_missing(ingest):
+    """A log that cannot be read, or that is not given, holds nothing."""
+    code, found = ingest("a_daq.csv", "c_none.csv")
+    assert (code, found) == (1, {"a_daq.csv": ["sensor_not_recorded"], "c_none.csv": ["empty_file"]})
+
+
+def test_with_a_sheet_only_the_run_counts(ingest, tmp_path):
+    """The sheet says which logs are one run: what another run holds is missing in this one."""
+    (tmp_path / "runs.csv").write_text("file\na_daq.csv\nb_forces.csv\n")
+    code, found = ingest("a_daq.csv", "b_forces.csv", "--runs", "runs.csv")
+    assert (code, found) == (3, {"a_daq.csv": ["sensor_not_recorded"], "b_forces.csv": ["sensor_not_recorded"]})
+    (tmp_path / "runs.csv").write_text("file,run\na_daq.csv,r1\nb_forces.csv,r1\n")
+    for path in (tmp_path / "c").iterdir():
+        path.unlink()
+    assert ingest("a_daq.csv", "b_forces.csv", "--runs", "runs.csv") == (0, {"a_daq.csv": [], "b_forces.csv": []})
