@@ -21,8 +21,8 @@ Examples:
   testbench align campaign/r001.h5 --pair theta1=AccX --dry-run
   testbench align campaign/r001.h5 --by trigger --pair Sync1=Sync2
 \b
-Exit codes: 0 done, 3 done but some clocks are not determined, for the reasons listed, 1 none is, or some run
-cannot be opened (the others are aligned)."""
+Exit codes: 0 done, 3 done but some clocks are not determined, or records have gaps, as listed, 1 none is
+determined, or some run cannot be opened (the others are aligned)."""
 )
 @click.argument("runs", metavar="RUN...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
@@ -55,6 +55,7 @@ def align(
     """Align the clocks of the loggers of each RUN (a stored run, or a campaign): offset and drift, with intervals.
 
     reference time = offset + (1 + drift) own time. Intervals are of 95 %. What the data do not determine is refused.
+    Gaps in a record are left out, with a finding.
     The delays of the loggers' filters are taken off where the rig states them (low_pass), else they are in the offsets.
     The result is added to the campaign as a dated record; runs never change.
     """
@@ -72,6 +73,8 @@ def align(
     done: list[tuple[Path, RunClocks]] = []
     refused: list[str] = []
     opened, unopened = stored_runs.each(runs)
+    if not dry_run:
+        _refuse_read_only({run.path.parent for run in opened})
     for run in opened:
         try:
             if pair:
@@ -87,7 +90,7 @@ def align(
         refused += [f"{run.name}: {group}: {reason}" for group, reason in found.refused.items()]
         if found.aligned:
             done.append((run.path, found))
-    records = [] if dry_run else _store(done)
+    records, unrecorded = ([], []) if dry_run else _store(done)
     if as_json:
         rows = [row for _, found in done for row in found.as_rows()]
         held = calibrations.document(opened, described)
@@ -95,7 +98,7 @@ def align(
         emit_json(
             {
                 "alignments": rows,
-                "refused": [*(one.message for one in unopened), *refused],
+                "refused": [*(one.message for one in unopened), *refused, *unrecorded],
                 "records": stored,
                 "calibrations": held,
             }
@@ -104,9 +107,11 @@ def align(
         _print([found for _, found in done], refused, records)
         calibrations.say(calibrations.held(opened, described))
     stored_runs.say(unopened)
-    if unopened or not done:
+    for reason in unrecorded:
+        click.echo(f"testbench: {reason}", err=True)
+    if unopened or unrecorded or not done:
         return EXIT_REFUSED
-    return EXIT_WITH_FINDINGS if refused else 0
+    return EXIT_WITH_FINDINGS if refused or any(found.findings for _, found in done) else 0
 
 
 def _split(pair: str) -> tuple[str, str]:
@@ -116,11 +121,30 @@ def _split(pair: str) -> tuple[str, str]:
     return one.strip(), other.strip()
 
 
-def _store(done: "list[tuple[Path, RunClocks]]") -> list[Path]:
-    from ..clocks import stored
+def _refuse_read_only(campaigns: set[Path]) -> None:
+    """Before anything is computed that could not be recorded."""
+    from ..errors import StoreError
+    from ..store import records
 
-    campaigns = dict.fromkeys(path.parent for path, _ in done)
-    return [stored.write(folder, [one for one in done if one[0].parent == folder]) for folder in campaigns]
+    for folder in sorted(campaigns):
+        try:
+            records.refuse_read_only(folder)
+        except StoreError as error:
+            raise StoreError(f"{error}, or say it only: --dry-run") from error
+
+
+def _store(done: "list[tuple[Path, RunClocks]]") -> tuple[list[Path], list[str]]:
+    """Add a record to each campaign: their files, and why there are not more."""
+    from ..clocks import stored
+    from ..errors import StoreError
+
+    written, failed = [], []
+    for folder in dict.fromkeys(path.parent for path, _ in done):
+        try:
+            written.append(stored.write(folder, [one for one in done if one[0].parent == folder]))
+        except StoreError as error:
+            failed.append(str(error))
+    return written, failed
 
 
 def _print(found: "list[RunClocks]", refused: list[str], records: list[Path]) -> None:
@@ -148,6 +172,8 @@ def _print(found: "list[RunClocks]", refused: list[str], records: list[Path]) ->
         _print_filters(found)
     for path in records:
         click.echo(f"Recorded in {path}.")
+    for text in (text for clocks in found for text in clocks.findings):
+        click.echo(f"Finding: {text}.")
     for reason in refused:
         click.echo(f"Not aligned: {reason}", err=not found)
 

@@ -50,10 +50,21 @@ def append(campaign: Path, kind: str, runs: Sequence[Path], content: Mapping[str
     }
     text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     folder = campaign / FOLDER
-    folder.mkdir(exist_ok=True)
     target = folder / f"{now:%Y%m%dT%H%M%S%f}Z-{kind}-{uuid4().hex[:8]}.json"
-    _write(target, text)
+    try:
+        folder.mkdir(exist_ok=True)
+        _write(target, text)
+    except OSError as error:
+        raise StoreError(f"{folder}: cannot be written ({error.strerror or error}); nothing was recorded") from error
     return target
+
+
+def refuse_read_only(campaign: Path) -> None:
+    """Raise StoreError if no record can be added, for those who would compute long to find that out."""
+    folder = campaign / FOLDER
+    place = folder if folder.exists() else campaign
+    if not os.access(place, os.W_OK):
+        raise StoreError(f"{place}: cannot be written, so nothing can be recorded in it; make it writable")
 
 
 def read(campaign: Path, kind: str | None = None) -> list[Record]:

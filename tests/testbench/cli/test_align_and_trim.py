@@ -1,6 +1,7 @@
 """``testbench align`` and ``testbench trim`` as a person calls them."""
 
 import json
+import os
 import shutil
 
 import pytest
@@ -8,7 +9,7 @@ from click.testing import CliRunner
 
 from testbench.cli.align import align
 from testbench.cli.trim import trim
-from testbench.errors import AnalysisError
+from testbench.errors import AnalysisError, StoreError
 from testbench.store import records
 
 PLAN = """
@@ -56,6 +57,29 @@ def test_align_stores_a_record(campaign, tmp_path):
     (stored,) = records.read(folder, "alignment")
     assert stored.content["alignments"] == found["alignments"]
     assert set(stored.runs) == {"r001.h5", "r002.h5"}
+
+
+def test_align_of_a_campaign_that_is_read_only(campaign, monkeypatch):
+    """Refused before anything is computed, with the way out; a dry run takes it."""
+    monkeypatch.setattr(records.os, "access", lambda path, mode, **_: mode != os.W_OK)
+    computed = []
+    monkeypatch.setattr("testbench.clocks.run.align_run", lambda *words: computed.append(words))
+    with pytest.raises(
+        StoreError, match=r"cannot be written, so nothing can be recorded .*, or say it only: --dry-run"
+    ):
+        invoke(align, campaign)
+    assert not computed
+
+
+def test_align_that_cannot_be_recorded(campaign, tmp_path):
+    """What was computed is shown all the same, with why it is not recorded, and nothing half is left."""
+    folder = shutil.copytree(campaign, tmp_path / "campaign")
+    (folder / "records").write_text("in the way")
+    found = json.loads(invoke(align, folder / "r001.h5", "--no-drift", "--json", expected=1))
+    assert len(found["alignments"]) == 2
+    assert not found["records"]
+    assert "cannot be written (File exists); nothing was recorded" in found["refused"][0]
+    assert (folder / "records").read_text() == "in the way"
 
 
 def test_align_for_people(campaign):
