@@ -50,10 +50,11 @@ class Rates:
     a: Floats
 
 
-def grid_of(time: Floats, what: str) -> Grid:
+def grid_of(time: Floats, what: str, bridged: bool = False) -> Grid:
     """The even grid over recorded instants (n,) [s], of their median step; ``what`` is what messages call them.
 
-    Raises AnalysisError where time stands still, runs backwards, or has a gap.
+    Raises AnalysisError where time stands still, runs backwards, or has a gap, unless what lies there is left out later
+    (``bridged``).
     """
     if len(time) < 2 or not np.isfinite(time).all():
         raise AnalysisError(f"{what}: {len(time)} instants, or some that are not numbers: expected a clock")
@@ -63,7 +64,7 @@ def grid_of(time: Floats, what: str) -> Grid:
         raise AnalysisError(f"{what}: time does not increase at sample {worst + 1} ({time[worst + 1]:.9g} s)")
     median = float(np.median(steps))
     widest = int(np.argmax(steps))
-    if steps[widest] > LARGEST_STEP * median:
+    if steps[widest] > LARGEST_STEP * median and not bridged:
         raise AnalysisError(
             f"{what}: a gap of {steps[widest]:.6g} s after {time[widest]:.9g} s, where steps are {median:.6g} s: "
             "nothing may be invented there; cut the log into two runs"
@@ -76,6 +77,14 @@ def on_grid(time: Floats, values: Floats, grid: Grid) -> Floats:
     from scipy.interpolate import make_interp_spline
 
     return np.asarray(make_interp_spline(time, values, 3)(grid.time))
+
+
+def bridged(time: Floats, values: Floats, step: float) -> tuple[Floats, Floats]:
+    """Instants (n,) and values (n, k) with straight lines, of points ``step`` [s] apart, across gaps."""
+    wide = np.flatnonzero(np.diff(time) > LARGEST_STEP * step)
+    added = [np.arange(time[i] + step, time[i + 1] - 0.5 * step, step) for i in wide]
+    whole = np.sort(np.concatenate([time, *added]))
+    return whole, np.column_stack([np.interp(whole, time, v) for v in values.T])
 
 
 def low_pass(values: Floats, cutoff: float, rate: float) -> Floats:

@@ -8,6 +8,7 @@ from balance.closure import Closure, Trajectory
 from balance.mechanism import Mechanism
 from balance.motion import Samples
 
+from . import derivatives
 from .channels import in_si, instants
 from .derivatives import HIGHEST_CUTOFF, Grid, grid_of, on_grid, rates
 from .errors import AnalysisError
@@ -36,21 +37,27 @@ def group_of_encoders(run: "Run", rig: "Rig") -> str:
     return groups.pop()
 
 
-def followed(run: "Run", rig: "Rig", mechanism: Mechanism, bandwidth_hz: float) -> tuple[Grid, Trajectory]:
+def followed(
+    run: "Run", rig: "Rig", mechanism: Mechanism, bandwidth_hz: float, bridged: bool = False
+) -> tuple[Grid, Trajectory]:
     """The trajectory on an even grid of the encoders' clock; positions smoothed below ``bandwidth_hz``.
 
+    Gaps are refused, or ``bridged`` by straight lines for those who leave them out.
     Raises AnalysisError where an encoder is missing or on another clock, ClosureError where the loops do not close.
     """
     group_of_encoders(run, rig)
     columns = encoders(rig)
-    grid = grid_of(instants(run, columns[0]), f"{run.name}: encoders")
+    grid = grid_of(instants(run, columns[0]), f"{run.name}: encoders", bridged)
     if bandwidth_hz > HIGHEST_CUTOFF * grid.rate:
         raise AnalysisError(
             f"{run.name}: encoders at {grid.rate:.4g} samples per second do not show {bandwidth_hz:g} Hz: expected at "
             f"most {HIGHEST_CUTOFF * grid.rate:.4g} Hz; ask for a lower --cutoff, or --bandwidth"
         )
     position = np.column_stack([in_si(run, column)[0] for column in columns])
-    moved = rates(on_grid(instants(run, columns[0]), position, grid), bandwidth_hz, grid.rate)
+    time = instants(run, columns[0])
+    if bridged:
+        time, position = derivatives.bridged(time, position, grid.step)
+    moved = rates(on_grid(time, position, grid), bandwidth_hz, grid.rate)
     samples = Samples(grid.time, moved.q, moved.v, moved.a, tuple(column.component for column in columns))
     return grid, Closure(mechanism).follow(samples)
 

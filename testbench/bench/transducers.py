@@ -13,13 +13,14 @@ import numpy as np
 from balance.arrays import Floats
 
 from ..errors import RigError
+from ..rig.effects import SensorErrors
 from ..rig.scatter import range_of, scatter
+from ..rig.sensors import Accelerometer
 from .filters import high_pass
 from .streams import stream
 
 if TYPE_CHECKING:
     from ..rig import Column, Rig
-    from ..rig.effects import SensorErrors
 
 
 @dataclass(frozen=True)
@@ -56,13 +57,26 @@ class Transducer:
 
 
 def draw(rig: "Rig", seed: int) -> dict[str, Transducer]:
-    """The sensors of a campaign for which the rig states errors. Raises RigError for one that it does not have."""
+    """The sensors of a campaign for which the rig states errors or a lower corner.
+
+    Raises RigError for errors of a sensor that it does not have.
+    """
     if strange := [name for name in rig.bench.errors if name not in rig.sensors]:
         raise RigError(f"bench.errors: no sensor {strange[0]!r}: there are {', '.join(rig.sensors)}")
     return {
         name: _drawn(name, list(rig.sensors[name].columns(name)), errors, stream("sensor", seed, name))
-        for name, errors in rig.bench.errors.items()
+        for name, errors in _with_corners(rig).items()
     }
+
+
+def _with_corners(rig: "Rig") -> dict[str, SensorErrors]:
+    """Errors by sensor; the corner that a sensor's data sheet states holds where its errors name none."""
+    found = dict(rig.bench.errors)
+    for name, sensor in rig.of_kind(Accelerometer).items():
+        errors = found.get(name, SensorErrors())
+        if sensor.high_pass is not None and errors.high_pass is None:
+            found[name] = errors.model_copy(update={"high_pass": sensor.high_pass})
+    return found
 
 
 def shown(transducers: Mapping[str, Transducer], seen: Mapping[str, Floats], time: Floats) -> dict[str, Floats]:

@@ -16,10 +16,12 @@ class Aligned:
     method: str
     content: str
     explained: float | None
+    findings: tuple[str, ...] = ()
+    """What a person should know of the records."""
 
 
 def by_correlation(shared: Shared, drift: bool = True) -> Aligned:
     """Align by all of the record. Raises AnalysisError, saying why, where the data do not determine the clock."""
     content = prepare(shared)
     found = refine(content, search(content), drift)
-    return Aligned(found.clock, "correlation", shared.name, 1.0 - found.left)
+    return Aligned(found.clock, "correlation", shared.name, 1.0 - found.left, content.findings)

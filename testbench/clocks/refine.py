@@ -1,43 +1,37 @@
 """Offset and drift between two clocks, precisely: least squares at every sample, from a rough offset.
 
-y(t) = c + X(s) b + f(s) at s = p + (1 + d)(t - t0), f known: Newton's method on p, d, c and b, first where the rough
-offset was found, then on stretches four times as long until all is used. Noise on both sides leaves p unbiased, but
-not the first-order bend of the sum of squares: second derivatives are therefore included. The interval comes from
-leaving out stretches of equal information in turn (delete-block jackknife), which counts whatever the model lacks and
-its correlation in time.
+Newton's method, first where the rough offset was found, then on stretches four times as long until all is used; then
+again with the residual made white. Of the two, the one that is surer counts: where both sides are very noisy, making
+white lays weight on frequencies at which they have nothing in common.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from balance.arrays import Floats, Indices
-from balance.identification import student_t
+from balance.arrays import Floats
 
 from ..errors import AnalysisError
+from .equations import MOVES, Place, Signal, Stretch, joined
+from .interval import SMOOTHED, Scatter, lacked, led, scatter
 from .mapping import ASSUMED_DRIFT, PPM, ClockMap
-from .search import Flags, Rough
-from .shared import Prepared
+from .search import Rough
+from .shared import Flags, Prepared
+from .whitening import PERIODS, whitener, with_history
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
-BLOCKS = 20
-"""Stretches of equal information that are left out in turn."""
-LEAST_BLOCKS = 6
-LEAST_PERIODS = 1.0
-"""Of the highest frequency compared, that a stretch must last."""
+LEAST_FREEDOM = 4.0
+"""Degrees of freedom below which scatter is not told."""
 LIVELY = 0.05
 """Share of the largest change, averaged over LIVELY_PERIODS of the cut-off, from which samples are used."""
 LIVELY_PERIODS = 5.0
 LARGEST_DRIFT = 1e-3
 """A drift that is known no better than this is not determined: no logger's clock is so wrong."""
-LAGS = 12
-"""Delays of the columns by which what the model lacks is looked for, half a period of the cut-off apart."""
-SINGULAR = 1e-2
-"""Share of the strongest direction among them below which one is no other."""
+WHITENINGS = 2
+"""Rounds in which the residual is made white."""
 _STEPS = 50
 _SETTLED = 1e-9
 
@@ -51,34 +45,114 @@ class Refined:
 
 
 @dataclass(frozen=True)
-class _Place:
-    """Where the own clock is thought to run on the reference's: ``at`` + (1 + drift) (own - middle)."""
+class _Fit:
+    """A settled fit."""
 
-    middle: float
-    at: float
-    drift: float = 0.0
+    place: Place
+    stretch: Stretch
+    signals: list[Signal]
 
-    def instants(self, own: Floats) -> Floats:
-        return self.at + (1.0 + self.drift) * (own - self.middle)
+
+class _Problem:
+    """Two clocks to be fitted; ``loose`` is the standard deviation of a drift that is not asked for, else None."""
+
+    def __init__(self, content: Prepared, among: Flags, loose: float | None) -> None:
+        self.content, self.among, self.loose = content, among, loose
+        self.splines = _splines(content)
+
+    def settled(self, place: Place, half: float, taps: list[Floats]) -> _Fit:
+        """Newton's method on the stretch of the own clock within ``half`` [s] of the middle."""
+        content, reach = self.content, 0.125 / self.content.cutoff
+        along, history = content.along.shape[1], max(len(t) for t in taps) - 1
+        for _ in range(_STEPS):
+            stretch = _inside(content, place, half, self.among, history)
+            signals = [
+                Signal(stretch, i, spline, place, t, along)
+                for i, (spline, t) in enumerate(zip(self.splines, taps, strict=True))
+            ]
+            gradient, bend = joined(signals, place, self.loose)
+            move = -np.linalg.lstsq(bend, gradient, rcond=1e-13)[0]
+            shift = float(np.clip(move[0], -reach, reach))
+            turn = float(np.clip(move[1], -LARGEST_DRIFT, LARGEST_DRIFT))
+            place = Place(place.middle, place.at + shift, place.drift + turn)
+            if abs(shift) < _SETTLED and abs(turn) * half < _SETTLED:
+                return _Fit(place, stretch, signals)
+        raise AnalysisError(f"{content.name}: the offset does not settle: the two have too little in common")
+
+    def whitened(self, fit: _Fit, half: float) -> _Fit:
+        """The same with residuals made white."""
+        longest = max(1, round(PERIODS / (self.content.cutoff * self.content.own.step)))
+        for _ in range(WHITENINGS):
+            taps = [whitener(s.left, fit.stretch.used, longest) for s in fit.signals]
+            fit = self.settled(fit.place, half, taps)
+        return fit
+
+    def scatter(self, fit: _Fit) -> Scatter:
+        """How a fit scatters."""
+        bend = joined(fit.signals, fit.place, self.loose)[1]
+        return scatter(fit.signals, bend, fit.stretch.used, SMOOTHED * self.content.cutoff * self.content.own.step)
+
+    def mapped(self, fit: _Fit, by: Scatter) -> ClockMap:
+        """The map with its covariance. Raises AnalysisError where there is too little to tell it."""
+        content, signals, freedom = self.content, fit.signals, by.freedom
+        bend = joined(signals, fit.place, self.loose)[1]
+        fitted = MOVES + sum(s.columns.shape[1] for s in signals) / len(signals)
+        own = fit.stretch.own[fit.stretch.used]
+        if freedom - fitted < LEAST_FREEDOM:
+            raise AnalysisError(
+                f"{content.name}: too short: {own[-1] - own[0]:.3g} s at {content.cutoff:.3g} Hz leave "
+                f"{max(freedom - fitted, 0.0):.1f} degrees of freedom, expected at least {LEAST_FREEDOM:g}"
+            )
+        covariance = by.covariance * freedom / (freedom - fitted)
+        for effect in (lacked(signals, bend, float(covariance[0, 0])), content.fixed_doubt * led(signals, bend)):
+            covariance += np.outer(effect, effect)
+        if self.loose is not None:
+            assumed = np.linalg.inv(bend)[:MOVES, 1] / self.loose
+            covariance += np.outer(assumed, assumed)
+        if content.partial:
+            covariance[0, 0] += _shifted(fit) ** 2
+        span, known = (float(own[0]), float(own[-1])), max(1, int(freedom - fitted))
+        return ClockMap(fit.place.middle, fit.place.at, fit.place.drift, covariance, known, span)
 
 
 def refine(content: Prepared, rough: Rough, drift: bool = True, among: Flags | None = None) -> Refined:
-    """Offset and drift (or offset alone, the drift taken as about none) with their covariance.
+    """Offset and drift (or the offset, and a drift within ASSUMED_DRIFT) with their covariance.
 
     ``among`` (own samples,) leaves the others out.
     Raises AnalysisError where too little overlaps, the steps do not settle, or the drift is not determined.
     """
     lively = _lively(content)
-    among = lively if among is None else lively & among
+    among = (lively if among is None else lively & among) & content.sound
+    problem = _Problem(content, among, None if drift else 0.5 * ASSUMED_DRIFT)
     begin, end = rough.stretch
     middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
-    splines = _splines(content)
-    place = _Place(middle, middle + rough.offset)
+    place = Place(middle, middle + rough.offset)
     while True:
-        place, sums = _settled(content, splines, place, half, drift, among)
+        plain = problem.settled(place, half, [np.ones(1)] * len(problem.splines))
         if middle - half <= content.own.start and middle + half >= content.own.time[-1]:
-            return _refined(content, place, sums)
-        half *= 4.0
+            break
+        place, half = plain.place, 4.0 * half
+    clock = _surer(problem, plain, half)
+    low, high = clock.drift_interval
+    if drift and 0.5 * (high - low) > LARGEST_DRIFT:
+        raise AnalysisError(
+            f"{content.name}: too short for a drift: {clock.span[1] - clock.span[0]:.3g} s tell it to "
+            f"{0.5 * (high - low) / PPM:.3g} ppm; align the offset alone, which takes the drift to "
+            f"be within {ASSUMED_DRIFT / PPM:g} ppm"
+        )
+    return Refined(clock, _share_left(plain))
+
+
+def _surer(problem: _Problem, plain: _Fit, half: float) -> ClockMap:
+    """The map of the fit as it is, or of the one made white, whichever tells the offset better."""
+    chosen, by = plain, problem.scatter(plain)
+    try:
+        white = problem.whitened(plain, half)
+    except AnalysisError:  # made white, both sides have nothing in common: the plain fit stands
+        return problem.mapped(chosen, by)
+    if (other := problem.scatter(white)).most < by.most:
+        chosen, by = white, other
+    return problem.mapped(chosen, by)
 
 
 def _lively(content: Prepared) -> Flags:
@@ -92,192 +166,33 @@ def _lively(content: Prepared) -> Flags:
 
 
 def _splines(content: Prepared) -> "list[BSpline]":
-    """For each signal, its fixed part, then its columns."""
+    """For each signal, its fixed part, its columns, and those along."""
     from scipy.interpolate import make_interp_spline
 
-    both = [np.column_stack([f, c]) for f, c in zip(content.fixed.T, content.columns, strict=True)]
-    return [make_interp_spline(content.reference.time, b, 5) for b in both]
+    all_ = [np.column_stack([f, c, content.along]) for f, c in zip(content.fixed.T, content.columns, strict=True)]
+    return [make_interp_spline(content.reference.time, b, 5) for b in all_]
 
 
-def _settled(
-    content: Prepared, splines: "list[BSpline]", place: _Place, half: float, drift: bool, among: Flags
-) -> "tuple[_Place, list[_Signal]]":
-    """Newton's method on the stretch of the own clock within ``half`` [s] of the middle."""
-    reach = 0.125 / content.cutoff
-    for _ in range(_STEPS):
-        own, seen = _inside(content, place, half, among)
-        signals = [_Signal(own, s, spline, place, drift) for s, spline in zip(seen.T, splines, strict=True)]
-        whole = np.zeros(len(own), dtype=np.intp)
-        gradient, bend = (x[0] for x in _joined(signals, whole))
-        move = -np.linalg.lstsq(bend, gradient, rcond=1e-13)[0]
-        shift = float(np.clip(move[0], -reach, reach))
-        turn = float(np.clip(move[1], -LARGEST_DRIFT, LARGEST_DRIFT)) if drift else 0.0
-        place = _Place(place.middle, place.at + shift, place.drift + turn)
-        if abs(shift) < _SETTLED and abs(turn) * half < _SETTLED:
-            return place, signals
-    raise AnalysisError(f"{content.name}: the offset does not settle: the two have too little in common")
-
-
-def _inside(content: Prepared, place: _Place, half: float, among: Flags) -> tuple[Floats, Floats]:
-    """Own instants and signals near the middle that the reference's record covers."""
+def _inside(content: Prepared, place: Place, half: float, among: Flags, history: int) -> Stretch:
+    """The stretch near the middle that the reference's record covers, without its gaps."""
     own, grid = content.own.time, content.reference
     instants = place.instants(own)
-    used = among & (np.abs(own - place.middle) <= half) & (instants >= grid.start) & (instants <= grid.time[-1])
-    if np.count_nonzero(used) < 2 * sum(c.shape[1] + 1 for c in content.columns) + 4:
+    rows = np.flatnonzero((np.abs(own - place.middle) <= half) & (instants >= grid.start) & (instants <= grid.time[-1]))
+    sound = content.sound[rows] & ~content.in_gap(instants[rows])
+    used = among[rows] & with_history(sound, history)
+    if np.count_nonzero(used) < 2 * sum(c.shape[1] + 2 for c in content.columns) + 4:
         raise AnalysisError(f"{content.name}: the two records hardly overlap: {np.count_nonzero(used)} samples")
-    return own[used], content.seen[used]
+    return Stretch(own[rows], content.seen[rows], content.beside[rows], used)
 
 
-class _Signal:
-    """One signal of the own clock against its columns at a place, constant and factors solved for."""
-
-    def __init__(self, own: Floats, seen: Floats, spline: "BSpline", place: _Place, drift: bool) -> None:
-        at = place.instants(own)
-        self.own, self.seen = own, seen
-        self.lever = np.column_stack([np.ones_like(own), own - place.middle][: 2 if drift else 1])
-        value, rate, bow = (np.asarray(spline(at, order)) for order in (0, 1, 2))
-        self.columns = np.column_stack([np.ones_like(own), value[:, 1:]])
-        factors = np.linalg.lstsq(self.columns, seen - value[:, 0], rcond=None)[0]
-        self.residual = seen - value[:, 0] - self.columns @ factors
-        self.rates, self.fixed_rate = rate[:, 1:], rate[:, 0]
-        share = np.r_[1.0, factors[1:]]
-        self.speed, self.bow = rate @ share, bow @ share
-
-    @property
-    def moves(self) -> int:
-        """How many of the parameters move the clock."""
-        return self.lever.shape[1]
-
-    @cached_property
-    def weight(self) -> float:
-        """1 / mean square of the residual."""
-        return 1.0 / max(float(np.mean(self.residual**2)), 1e-12 * float(np.mean(self.seen**2)))
-
-    def equations(self, blocks: Indices) -> tuple[Floats, Floats]:
-        """Gradient (blocks, p) and bend (blocks, p, p) of half the weighted sum of squares, by stretch."""
-        moves = self.moves
-        design = np.column_stack([self.lever * self.speed[:, None], self.columns])
-        bow = self.lever * (self.residual * self.bow)[:, None]
-        slope = self.lever[:, :, None] * (self.residual[:, None] * self.rates)[:, None, :]
-        starts = np.flatnonzero(np.diff(blocks, prepend=-1))
-        ends = np.r_[starts[1:], len(blocks)]
-        bend = np.array([design[a:b].T @ design[a:b] for a, b in zip(starts, ends, strict=True)])
-        first_order = bend.copy()
-        for k, (a, b) in enumerate(zip(starts, ends, strict=True)):
-            bend[k, :moves, :moves] -= bow[a:b].T @ self.lever[a:b]
-            crossed = slope[a:b].sum(axis=0)
-            bend[k, :moves, moves + 1 :] -= crossed
-            bend[k, moves + 1 :, :moves] -= crossed.T
-        if np.linalg.eigvalsh(bend.sum(axis=0)).min() <= 0.0:
-            bend = first_order
-        gradient = np.array([-design[a:b].T @ self.residual[a:b] for a, b in zip(starts, ends, strict=True)])
-        return self.weight * gradient, self.weight * bend
+def _share_left(fit: _Fit) -> float:
+    """Share of the energy that stays unexplained."""
+    used = fit.stretch.used
+    return float(sum(np.sum(s.left[used] ** 2) for s in fit.signals) / np.sum(fit.stretch.seen[used] ** 2))
 
 
-def _joined(signals: list[_Signal], blocks: Indices) -> tuple[Floats, Floats]:
-    """The equations of all signals: the clock's parameters are shared, constants and factors each signal's own."""
-    moves = signals[0].moves
-    parts = [signal.equations(blocks) for signal in signals]
-    size = moves + sum(gradient.shape[1] - moves for gradient, _ in parts)
-    total_gradient, total_bend = np.zeros((len(parts[0][0]), size)), np.zeros((len(parts[0][0]), size, size))
-    at = moves
-    for gradient, bend in parts:
-        index = np.r_[0:moves, at : at + gradient.shape[1] - moves]
-        total_gradient[:, index] += gradient
-        total_bend[:, index[:, None], index] += bend
-        at += gradient.shape[1] - moves
-    return total_gradient, total_bend
-
-
-def _refined(content: Prepared, place: _Place, signals: list[_Signal]) -> Refined:
-    """The map with its covariance from the stretches."""
-    moves, own = signals[0].moves, signals[0].own
-    blocks = _stretches(content, signals)
-    gradient, bend = _joined(signals, blocks)
-    count, whole = len(bend), bend.sum(axis=0)
-    left_out = np.array([np.linalg.solve(whole - b, g) for g, b in zip(gradient, bend, strict=True)])
-    spread = (left_out - left_out.mean(axis=0))[:, :moves]
-    covariance = np.zeros((2, 2))
-    covariance[:moves, :moves] = (count - 1) / count * spread.T @ spread
-    share, slope = _misfit(signals)
-    if content.partial:
-        covariance[0, 0] += (np.sqrt(share) / slope / student_t(count - moves)) ** 2
-    elif content.modelled:
-        covariance[0, 0] += share * _coherent(content, place, signals) / (0.5 * LAGS) / slope**2
-    if content.fixed_doubt:
-        covariance[0, 0] += (content.fixed_doubt * _led(signals, whole)) ** 2
-    if moves == 1:
-        covariance[1, 1] = (0.5 * ASSUMED_DRIFT) ** 2
-    span = float(own[0]), float(own[-1])
-    clock = ClockMap(place.middle, place.at, place.drift, covariance, count - moves, span)
-    low, high = clock.drift_interval
-    if moves == 2 and 0.5 * (high - low) > LARGEST_DRIFT:
-        raise AnalysisError(
-            f"{content.name}: too short for a drift: {span[1] - span[0]:.3g} s tell it to "
-            f"{0.5 * (high - low) / PPM:.3g} ppm; align the offset alone, which takes the drift to "
-            f"be within {ASSUMED_DRIFT / PPM:g} ppm"
-        )
-    return Refined(clock, share)
-
-
-def _misfit(signals: list[_Signal]) -> tuple[float, float]:
-    """Share of the energy that stays unexplained, and the rms rate of the signals relative to their rms [1/s]."""
-    seen = sum(float(s.seen @ s.seen) for s in signals)
-    rate = sum(float(s.speed @ s.speed) for s in signals)
-    return sum(float(s.residual @ s.residual) for s in signals) / seen, float(np.sqrt(rate / seen))
-
-
-def _led(signals: list[_Signal], whole: Floats) -> float:
-    """How much later the answer is, by how much later the fixed part came; ``whole`` is the bend of all, (p, p)."""
-    moves, gradient = signals[0].moves, []
-    for signal in signals:
-        design = np.column_stack([signal.lever * signal.speed[:, None], signal.columns])
-        gradient.append(signal.weight * (design.T @ signal.fixed_rate))
-    joined = np.r_[sum(g[:moves] for g in gradient), np.concatenate([g[moves:] for g in gradient])]
-    return float(np.linalg.solve(whole, joined)[0])
-
-
-def _coherent(content: Prepared, place: _Place, signals: list[_Signal]) -> float:
-    """Share of the residual's energy that follows the columns LAGS times delayed, beyond what chance explains.
-
-    It is what the model lacks: how the base, its modes and the sensors' couplings answer. Noise does not follow. Such
-    an error is taken to be as large along the signals' rate, where it shifts the answer, as along each direction that
-    the delays open: half of them, for signals that lie mostly below half of the cut-off.
-    """
-    delays = (np.arange(LAGS) - LAGS // 4) / (2.0 * content.cutoff)
-    whole = explained = 0.0
-    for signal, spline in zip(signals, _splines(content), strict=True):
-        at = place.instants(signal.own)[:, None] - delays
-        inside = at.clip(content.reference.start, float(content.reference.time[-1]))
-        delayed = spline(inside)[:, :, 1:].reshape(len(at), -1)
-        known = np.column_stack([signal.columns, signal.speed])
-        delayed -= known @ np.linalg.lstsq(known, delayed, rcond=None)[0]
-        left, size, _ = np.linalg.svd(delayed, full_matrices=False)
-        basis = left[:, size > SINGULAR * size[0]]
-        energy = float(signal.residual @ signal.residual)
-        independent = max(2.0 * content.cutoff * content.own.step * len(at), basis.shape[1] + 1.0)
-        found = float(np.sum((basis.T @ signal.residual) ** 2)) / max(energy, 1e-300)
-        chance = (1.0 - found) * basis.shape[1] / (independent - basis.shape[1])
-        whole += signal.weight * energy
-        explained += signal.weight * energy * max(0.0, found - chance)
-    return explained / whole
-
-
-def _stretches(content: Prepared, signals: list[_Signal]) -> Indices:
-    """Numbers of stretches of equal information on the offset, each at least LEAST_PERIODS long, (n,)."""
-    information = sum((s.weight * s.speed**2 for s in signals), np.zeros(len(signals[0].own)))
-    done = np.cumsum(information) / np.sum(information)
-    numbers = np.minimum((done * BLOCKS).astype(np.intp), BLOCKS - 1)
-    shortest = LEAST_PERIODS / content.cutoff
-    own, merged = signals[0].own, np.zeros(len(numbers), dtype=np.intp)
-    starts, current, begun = np.flatnonzero(np.diff(numbers, prepend=-1)), -1, -np.inf
-    for a, b in zip(starts, np.r_[starts[1:], len(numbers)], strict=True):
-        if own[a] - begun >= shortest:
-            current, begun = current + 1, float(own[a])
-        merged[a:b] = current
-    if current + 1 < LEAST_BLOCKS:
-        raise AnalysisError(
-            f"{content.name}: too short: {current + 1} independent stretches at {content.cutoff:.3g} Hz, expected at "
-            f"least {LEAST_BLOCKS}"
-        )
-    return merged
+def _shifted(fit: _Fit) -> float:
+    """By how much all that stays unexplained may shift the answer, as half an interval of 95 %: the deviation [s]."""
+    rate = np.gradient(fit.stretch.seen, fit.stretch.step, axis=0)[fit.stretch.used]
+    slope = np.sqrt(np.sum(rate**2) / np.sum(fit.stretch.seen[fit.stretch.used] ** 2))
+    return float(0.5 * np.sqrt(_share_left(fit)) / slope)

@@ -47,6 +47,11 @@ class RunClocks:
             )
         return self.aligned[group].clock
 
+    @property
+    def findings(self) -> list[str]:
+        """Gaps that were left out, by run and group."""
+        return [f"{self.run}: {group}: {text}" for group, one in self.aligned.items() for text in one.findings]
+
     def as_rows(self) -> list[dict[str, Any]]:
         """The alignments as they are printed and stored."""
         return [
@@ -58,6 +63,7 @@ class RunClocks:
                 "method": one.method,
                 "content": one.content,
                 "explained": one.explained,
+                "findings": list(one.findings),
                 "filter_delay_s": self.delays.get(group),
                 "reference_filter_delay_s": self.delays.get(self.reference),
                 **one.clock.as_dict(),

@@ -7,12 +7,11 @@ match is not favoured by a long overlap. What comes out of noise, or fits at sev
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from balance.arrays import Floats, Indices
 
 from ..errors import AnalysisError
-from .shared import Prepared
+from .shared import Flags, Prepared
 
 MOST_SAMPLES = 1 << 17
 """Of either side in the search; beyond, signals are thinned further."""
@@ -20,7 +19,6 @@ CHUNK_S = 60.0
 """Longest stretch of the own clock that is searched for: 100 ppm of drift smear it by 6 ms."""
 LEAST_OVERLAP = 0.3
 """Of the energy of each side that must lie in the overlap of a lag."""
-Flags = NDArray[np.bool_]
 UNLIKELY = 1e-6
 """Probability of a match by chance at any lag that is taken for none."""
 PLAIN = 0.9

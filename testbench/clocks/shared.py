@@ -3,11 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from balance.arrays import Floats
 
 from ..derivatives import HIGHEST_CUTOFF, Grid, low_pass
 from ..errors import AnalysisError
+
+Flags = NDArray[np.bool_]
 
 CUTOFF_SHARE = 0.2
 """Of the slower sampling rate: the highest frequency that is compared where none is asked for."""
@@ -16,6 +19,10 @@ OVERSAMPLING = 8.0
 LEAST_SHARE = 0.02
 """Of the strongest direction among columns, below which one is mostly noise."""
 LEAST_SAMPLES = 64
+LARGEST_STEP = 10.0
+"""Longest step between samples, in median steps, that is bridged; longer ones are gaps."""
+GAP_PERIODS = 2.0
+"""How far beyond its ends a gap disturbs what is low-passed, in periods of the highest frequency compared."""
 
 
 @dataclass(frozen=True)
@@ -39,10 +46,14 @@ class Shared:
     """A part of the signals that is known to its size, on the reference's clock, (n, signals)."""
     partial: bool = False
     """Something else, of no known size, moves one side along: what stays unexplained may shift the answer."""
-    modelled: bool = False
-    """The one side follows from the other by a model, which may lack something that moves along."""
     fixed_doubt: float = 0.0
     """Standard deviation of when the fixed part happened [s]."""
+    beside: Floats | None = None
+    """What a model of the columns may lack: it moves every signal by factors of its own; on the own clock, (m, k)."""
+    along: Floats | None = None
+    """The same on the reference's clock, (n, k)."""
+    gaps: Floats | None = None
+    """Where the reference's columns are bridged and known to nobody, from and to, (g, 2) [s]."""
 
 
 @dataclass(frozen=True)
@@ -60,8 +71,42 @@ class Prepared:
     seen: Floats
     signed: bool
     partial: bool
-    modelled: bool
     fixed_doubt: float
+    beside: Floats
+    """Of unit mean square, (m, k)."""
+    along: Floats
+    """(n, k)"""
+    gaps: Floats
+    """Of the reference, from and to, (g, 2) [s]."""
+    own_gaps: Floats
+
+    @property
+    def sound(self) -> Flags:
+        """Own samples that no gap of the own record disturbs, (m,)."""
+        return ~self._disturbed(self.own_gaps, self.own.time)
+
+    def in_gap(self, instants: Floats) -> Flags:
+        """Which instants (n,) of the reference's clock a gap of its record disturbs."""
+        return self._disturbed(self.gaps, instants)
+
+    def _disturbed(self, gaps: Floats, instants: Floats) -> Flags:
+        reach = GAP_PERIODS / self.cutoff
+        found = np.zeros(len(instants), dtype=bool)
+        for begin, end in gaps:
+            found |= (instants > begin - reach) & (instants < end + reach)
+        return found
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """Gaps, which are left out."""
+        sides = {"the reference's record": self.gaps, "its own record": self.own_gaps}
+        return tuple(
+            f"{self.name}: {len(found)} gap{'s' if len(found) > 1 else ''} in {side}, "
+            f"{np.sum(found[:, 1] - found[:, 0]):.4g} s in all, the first after {found[0, 0]:.6g} s: left out, with "
+            f"{GAP_PERIODS / self.cutoff:.3g} s about each"
+            for side, found in sides.items()
+            if len(found)
+        )
 
 
 def prepare(shared: Shared) -> Prepared:
@@ -93,8 +138,11 @@ def prepare(shared: Shared) -> Prepared:
         _thin(seen, own, cutoff),
         shared.signed,
         shared.partial,
-        shared.modelled,
         shared.fixed_doubt,
+        _thin(_unit(shared.name, shared.own_time, shared.beside, own, cutoff), own, cutoff),
+        _thin(_unit(shared.name, shared.reference_time, shared.along, reference, cutoff), reference, cutoff),
+        gaps(shared.reference_time) if shared.gaps is None else shared.gaps,
+        gaps(shared.own_time),
     )
 
 
@@ -110,6 +158,14 @@ def even_grid(time: Floats, what: str) -> Grid:
     return Grid(float(time.min()), span / (len(time) - 1), len(time))
 
 
+def gaps(time: Floats, largest: float = LARGEST_STEP) -> Floats:
+    """From and to of steps between instants (n,) [s] that are longer than ``largest`` median ones, (g, 2) [s]."""
+    ordered = np.sort(time)
+    steps = np.diff(ordered)
+    wide = np.flatnonzero(steps > largest * np.median(steps))
+    return np.column_stack([ordered[wide], ordered[wide + 1]])
+
+
 def _smooth(name: str, time: Floats, values: Floats, grid: Grid, cutoff: float) -> Floats:
     """Values (n, k) at scattered instants (n,), on a grid, without what is above the cut-off."""
     if not np.isfinite(values).all():
@@ -118,6 +174,14 @@ def _smooth(name: str, time: Floats, values: Floats, grid: Grid, cutoff: float) 
     even = np.column_stack([np.interp(grid.time, time[order], v[order]) for v in values.T])
     smooth = low_pass(even - even.mean(axis=0), cutoff, grid.rate)
     return smooth - smooth.mean(axis=0)
+
+
+def _unit(name: str, time: Floats, values: Floats | None, grid: Grid, cutoff: float) -> Floats:
+    """Smoothed, of unit mean square; (count, 0) where there is none."""
+    if values is None or not values.shape[1]:
+        return np.zeros((grid.count, 0))
+    smooth = _smooth(name, time, values, grid, cutoff)
+    return smooth / np.maximum(smooth.std(axis=0), 1e-300)
 
 
 def _basis(columns: Floats) -> Floats:

@@ -32,7 +32,7 @@ def by_taps(shared: Shared, drift: bool = True) -> Aligned:
     middle, half = 0.5 * (heard[0] + heard[-1]), 0.5 * (heard[-1] - heard[0]) + WINDOW_S
     near = np.min(np.abs(content.own.time[:, None] - heard[None, :]), axis=1) <= WINDOW_S
     found = refine(content, Rough(offset, 0.0, (middle - half, middle + half)), drift, near)
-    return Aligned(found.clock, "tap", f"{len(one)} taps, {shared.name}", 1.0 - found.left)
+    return Aligned(found.clock, "tap", f"{len(one)} taps, {shared.name}", 1.0 - found.left, content.findings)
 
 
 def taps(content: Prepared, time: Floats, values: Floats) -> Events:

@@ -34,6 +34,8 @@ class Accelerometer(LoggedSensor):
     position: fields.Point
     """In the frame of the body [m]."""
     attached_to: str = "base"
+    high_pass: fields.Frequency | None = None
+    """Lower corner of an AC-coupled sensor, first order, as its data sheet has it [Hz]; None: it sees what is slow."""
 
     def _channels(self, name: str) -> Iterator[Column]:
         """One channel an axis."""

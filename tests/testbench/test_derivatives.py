@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from testbench.derivatives import Grid, grid_of, low_pass, on_grid, rates
+from testbench.derivatives import Grid, bridged, grid_of, low_pass, on_grid, rates
 from testbench.errors import AnalysisError
 
 RATE = 200.0
@@ -84,3 +84,13 @@ def test_a_cutoff_above_what_was_sampled_is_refused():
 def test_grid_instants():
     """Instants are computed from their index, not summed up."""
     assert Grid(1.0, 0.1, 4).time.tolist() == [1.0, 1.1, 1.2, 1.0 + 0.1 * 3]
+
+
+def test_bridged():
+    """For those who leave gaps out, a line of even points lies across one; recorded points stay as they are."""
+    time = np.r_[0.0:0.5:0.1, 1.2, 1.3]
+    assert grid_of(time, "x", bridged=True).count == 14
+    whole, values = bridged(time, np.column_stack([2.0 * time, -time]), 0.1)
+    assert np.allclose(np.diff(whole), 0.1)
+    assert np.allclose(values, np.column_stack([2.0 * whole, -whole]))
+    assert set(time) <= set(whole)

@@ -1,0 +1,172 @@
+"""What two loggers both saw of a bench, made of its channels: equal quantities, a moving body's acceleration, forces.
+
+The motion of the base is taken out by an accelerometer on it, as far as one tells it (``base_motion``). What that
+leaves goes beside: the base's accelerations, for sensors' inexact factors and rotations that they do not tell, and the
+second derivative of the loads, for a frame that gives way below its elastic modes.
+"""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from balance import conditions
+from balance.arrays import Floats
+from balance.regressor import wrench_regressor
+
+from .. import base_motion
+from ..bench.carried import acceleration_in_body
+from ..channels import in_si, instants
+from ..derivatives import HIGHEST_CUTOFF, low_pass
+from ..errors import AnalysisError
+from .base import recorded, stated_noise
+from .mapping import ClockMap
+from .shared import Shared
+
+if TYPE_CHECKING:
+    from ..rig import Column
+    from ..rig.sensors import Accelerometer
+    from .pairs import Scene
+
+LEAST_AXIS = 0.05
+"""Share of the strongest signal below which one has mostly noise."""
+CLEAR = 10.0
+"""So many times its sensor's noise, in the band that is compared, is what goes beside: noise in it would bias."""
+
+
+def plain(scene: "Scene", reference: "Column", own: "Column", first: ClockMap | None) -> Shared:
+    """A quantity that a channel of each logger measures."""
+    run = scene.run
+    return Shared(
+        f"{own.channel} with {reference.channel}",
+        instants(run, reference),
+        (in_si(run, reference)[0][:, None],),
+        instants(run, own),
+        in_si(run, own)[0][:, None],
+        signed=True,
+        cutoff=scene.cutoff,
+    )
+
+
+def moving_body(scene: "Scene", sensor: "Accelerometer", columns: "list[Column]", first: ClockMap | None) -> Shared:
+    """An accelerometer on a moving body, less the base's acceleration where one logger has both, with the encoders."""
+    grid, path = scene.followed
+    mechanism, position = scene.loaded, np.array(sensor.position)
+    axes = [column.component for column in columns]
+    still, at = np.zeros((grid.count, 6)), ["xyz".index(axis) for axis in axes]
+    expected = acceleration_in_body(mechanism, path, still, sensor.attached_to, position)[:, at]
+    seen, time = np.column_stack([in_si(scene.run, column)[0] for column in columns]), instants(scene.run, columns[0])
+    base = recorded(scene.run, scene.rig, scene.run.find(columns[0].channel)[0].name)
+    name, beside = f"acceleration of {sensor.attached_to} with encoders", None
+    if first is not None and base is not None:
+        rows = base_motion.sensor_rows(mechanism, path, sensor.attached_to, position, axes)
+        share = base_motion.projector(rows, base.rows)
+        both = np.hstack([seen, base.values])
+        seen = np.einsum("nij,nj->ni", _carried(share, grid.time, first.to_reference(time)), both)
+        expected = np.einsum("nij,nj->ni", share[:, :, : len(axes)], expected)
+        name += ", base motion taken out"
+        beside = base.values[:, _clear(base.values, base.noise, time, scene.highest)]
+    kept = _strong(expected)
+    return Shared(
+        name,
+        grid.time,
+        tuple(expected[:, [i]] for i in kept),
+        time,
+        seen[:, kept],
+        signed=True,
+        cutoff=scene.highest,
+        partial=base is None or first is None,
+        beside=beside,
+        gaps=scene.gaps,
+    )
+
+
+def forces(scene: "Scene", columns: "list[Column]", known: Mapping[str, ClockMap], first: ClockMap | None) -> Shared:
+    """Sums of the forces of the supports, with what the encoders allow a shaking force of this mechanism to be.
+
+    Where the base's acceleration is known on the reference's clock, its part is fixed.
+    """
+    grid, path = scene.followed
+    mechanism, time = scene.loaded, instants(scene.run, columns[0])
+    pivots = [int(np.flatnonzero(row)[0]) for row in conditions.find(mechanism).matrix]
+    regressor = wrench_regressor(mechanism, path.q, path.v, path.a)[:, :3, pivots]
+    loads, noise = _sums(scene, columns)
+    seen, fixed, doubt = loads, np.zeros((grid.count, 3)), 0.0
+    base = recorded(scene.run, scene.rig)
+    own, name, beside, along = scene.run.find(columns[0].channel)[0].name, "forces with encoders", None, None
+    if base is not None and base.group in {own, *known}:
+        share = base_motion.projector(base_motion.force_rows(mechanism, path), base.rows)
+        name += ", base motion taken out"
+        now = share.mean(axis=0) if first is None else _carried(share, grid.time, first.to_reference(time))
+        seen = np.einsum("...ij,...j->...i", now[..., :3], loads)
+        inexact = _clear(base.values, base.noise, base.time, scene.highest) if first is not None else []
+        beside = _yielding(loads, noise, time, scene.highest) if first is not None else None
+        if base.group == own:
+            seen = seen + mechanism.total_mass * np.einsum("...ij,...j->...i", now[..., 3:], base.values)
+            beside = None if beside is None else np.hstack([beside, base.values[:, inexact]])
+        else:
+            clock = known[base.group]
+            smooth = _smooth(base.values, base.time, 2.0 * scene.highest)
+            felt, doubt = _carried(smooth, clock.to_reference(base.time), grid.time), clock.deviation
+            fixed = -mechanism.total_mass * np.einsum("nij,nj->ni", share[:, :, 3:], felt)
+            along = felt[:, inexact]
+        regressor = np.einsum("nij,njk->nik", share[:, :, :3], regressor)
+    kept = _strong(regressor)
+    return Shared(
+        name,
+        grid.time,
+        tuple(regressor[:, i] for i in kept),
+        time,
+        seen[:, kept],
+        cutoff=scene.highest,
+        fixed=fixed[:, kept],
+        partial=first is None or "base" not in name,
+        fixed_doubt=doubt,
+        beside=beside,
+        along=along,
+        gaps=scene.gaps,
+    )
+
+
+def _sums(scene: "Scene", columns: "list[Column]") -> tuple[Floats, Floats]:
+    """Sums of force channels by axis, (n, 3) [N], and their noise by the rig, (3,) [N]."""
+    seen, power = np.zeros((len(instants(scene.run, columns[0])), 3)), np.zeros(3)
+    for column in columns:
+        axis = "xyz".index(column.component[1])
+        seen[:, axis] += in_si(scene.run, column)[0]
+        power[axis] += stated_noise(column) ** 2
+    return seen, np.sqrt(power)
+
+
+def _smooth(values: Floats, time: Floats, cutoff: float) -> Floats:
+    """Values (n, k) at instants (n,) [s], low-passed where the rate allows, so that a slower grid aliases no noise."""
+    rate = (len(time) - 1) / float(time[-1] - time[0])
+    return low_pass(values, min(cutoff, HIGHEST_CUTOFF * rate), rate)
+
+
+def _clear(values: Floats, noise: Floats, time: Floats, cutoff: float) -> list[int]:
+    """Which signals (n, k) are CLEAR times as large as their sensors' noise (k,) up to a cut-off [Hz], where stated."""
+    rate = (len(time) - 1) / float(time[-1] - time[0])
+    size = _smooth(values - values.mean(axis=0), time, cutoff).std(axis=0)
+    return [int(i) for i in np.flatnonzero((noise > 0.0) & (size > CLEAR * noise * np.sqrt(2.0 * cutoff / rate)))]
+
+
+def _yielding(loads: Floats, noise: Floats, time: Floats, cutoff: float) -> Floats:
+    """Second derivatives of those loads (n, 3) that stand out, (n, k) [N/s2]: e'' = F'' / (m w^2) far below w."""
+    smooth, step = _smooth(loads - loads.mean(axis=0), time, cutoff), float(time[-1] - time[0]) / (len(time) - 1)
+    kept = [i for i in _clear(loads, noise, time, cutoff) if i in _strong(smooth)]
+    return np.gradient(np.gradient(smooth[:, kept], step, axis=0), step, axis=0) if kept else smooth[:, :0]
+
+
+def _carried(values: Floats, time: Floats, instants_: Floats) -> Floats:
+    """Values (n, ...) at the instants ``time`` (n,) carried over to others (m,), (m, ...); held beyond the ends."""
+    flat = values.reshape(len(values), -1)
+    return np.column_stack([np.interp(instants_, time, v) for v in flat.T]).reshape(-1, *values.shape[1:])
+
+
+def _strong(columns: Floats) -> list[int]:
+    """Which signals (n, signals, ...) stand out: those that change by LEAST_AXIS of what the strongest does."""
+    size = np.ptp(columns, axis=0).reshape(columns.shape[1], -1).max(axis=1)
+    if not size.max() > 0.0:
+        raise AnalysisError("the encoders do not move: there is nothing to align by")
+    return [int(i) for i in np.flatnonzero(size > LEAST_AXIS * size.max())]
