@@ -21,6 +21,7 @@ from .channels import in_si, instants
 from .derivatives import grid_of, on_grid
 from .errors import AnalysisError
 from .joint_motion import followed, group_of_encoders
+from .legs import Leg, legs_of_acceleration, legs_of_path
 from .rig.sensors import Accelerometer, Target
 from .signals import Band
 
@@ -33,8 +34,6 @@ BANDWIDTH_HZ = 80.0
 """Of what motions are found in [Hz]."""
 LARGEST_SHARE = 0.3
 """Of the encoders' rate, where that is less."""
-REST_S = 0.03
-"""Shortest rest between two legs [s]."""
 STILL = {"command": 1e-3, "encoders": 0.02, "acceleration": 0.15}
 """Share of the largest speed, or of the largest acceleration, below which something rests."""
 ALONG = np.cos(np.radians(10.0))
@@ -43,19 +42,6 @@ BENT = {"command": 0.05, "encoders": 0.05, "acceleration": 0.15}
 """How far a straight leg may leave its chord, as a share of its length."""
 BACK = {"command": 0.05, "encoders": 0.05, "acceleration": 0.2}
 """How near two places must be to be the same, as a share of the longest leg."""
-
-
-@dataclass(frozen=True)
-class Leg:
-    """From rest to rest."""
-
-    start: float
-    """[s]"""
-    end: float
-    chord: Floats
-    """From the first place to the last, base axes, (3,) [m]."""
-    bend: float
-    """Largest distance from the chord, as a share of its length."""
 
 
 @dataclass(frozen=True)
@@ -122,45 +108,6 @@ def named(legs: Sequence[Leg], source: Source, group: str) -> list[FoundMotion]:
         repeat = 1 + sum(one.name == name for one in done)
         done.append(FoundMotion(name, source, group, some[0].start, some[-1].end, repeat, len(some), extent, reason))
     return done
-
-
-def legs_of_path(time: Floats, place: Floats, speed: Floats, still: float) -> list[Leg]:
-    """Legs of a path (n, 3) [m], where its speed (n,) [m/s] leaves ``still`` of the largest."""
-    return [_leg(time[part], place[part] - place[part.start]) for part in _spans(speed, still, time)]
-
-
-def legs_of_acceleration(time: Floats, acceleration: Floats, still: float) -> list[Leg]:
-    """Legs of an acceleration (n, 3) [m/s2], integrated twice; speeds are zero at the ends of each."""
-    step = float(time[-1] - time[0]) / (len(time) - 1)
-    size = np.linalg.norm(acceleration, axis=1)
-    legs = []
-    for part in _spans(size, still, time):
-        speed = _integral(acceleration[part], step)
-        speed -= np.linspace(0.0, 1.0, len(speed))[:, None] * speed[-1]
-        legs.append(_leg(time[part], _integral(speed, step)))
-    return legs
-
-
-def _integral(values: Floats, step: float) -> Floats:
-    return np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * step * (values[1:] + values[:-1]), axis=0)])
-
-
-def _leg(time: Floats, place: Floats) -> Leg:
-    chord = place[-1]
-    length = float(np.linalg.norm(chord))
-    along = chord / length if length > 0.0 else np.zeros(3)
-    beside = np.linalg.norm(place - np.outer(place @ along, along), axis=1)
-    return Leg(float(time[0]), float(time[-1]), chord, float(beside.max()) / length if length else np.inf)
-
-
-def _spans(size: Floats, still: float, time: Floats) -> Iterator[slice]:
-    """Where something moves; what rests for less than REST_S between is no rest. A margin of one sample."""
-    moving = np.flatnonzero(size > still * float(size.max(initial=0.0)))
-    if not moving.size or not size.max() > 0.0:
-        return
-    gaps = np.flatnonzero(np.diff(time[moving]) > REST_S)
-    for first, last in zip([0, *(gaps + 1)], [*gaps, len(moving) - 1], strict=True):
-        yield slice(max(int(moving[first]) - 1, 0), min(int(moving[last]) + 2, len(time)))
 
 
 def _cycles(legs: Sequence[Leg], back: float) -> Iterator[list[Leg]]:

@@ -34,9 +34,10 @@ class Closure:
         self.dof = mechanism.tree.size - len(self.rows)
         self._refuse_a_doubtful_home()
 
-    def follow(self, samples: Samples, drive: Drive | None = None) -> Trajectory:
+    def follow(self, samples: Samples, drive: Drive | None = None, near: Trajectory | None = None) -> Trajectory:
         """Close the mechanism at every sample of a motion of its driven coordinates.
 
+        ``near`` is a trajectory of as many samples close by, from which each is closed at once, without continuation.
         Raises ClosureError, naming the time, where it cannot be closed, is singular, or leaves its branch.
         """
         samples.check()
@@ -48,7 +49,7 @@ class Closure:
             )
         if not self.mechanism.loops and isinstance(drive, JointDrive):
             return self._direct(samples, drive)
-        return follow(LoopSystem(self.mechanism, self.rows, self.length, drive), self.home, samples)
+        return follow(LoopSystem(self.mechanism, self.rows, self.length, drive), self.home, samples, near)
 
     def _direct(self, samples: Samples, drive: JointDrive) -> Trajectory:
         """An open chain whose joints are all driven has nothing to close."""

@@ -4,6 +4,7 @@ It is first closed by continuation on a coarse set of its samples, starting from
 at once from guesses of third order between them: that keeps every sample on the home configuration's assembly branch.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,18 +58,18 @@ class Trajectory:
         return self.residual <= tol
 
 
-def follow(system: LoopSystem, home: Floats, samples: Samples) -> Trajectory:
-    """Close the mechanism at every sample, on the branch of the closed configuration ``home`` (nv,).
+def follow(system: LoopSystem, home: Floats, samples: Samples, near: Trajectory | None = None) -> Trajectory:
+    """Close the mechanism at every sample, on the branch of the closed configuration ``home`` (nv,), or of ``near``.
 
     Raises ClosureError, naming the time, where it cannot be closed, is singular, or leaves its branch.
     """
-    coarse = Coarse.closed(system, home, samples)
+    guess_of = _guesses(system, home, samples, near)
     count, size, dof = len(samples.time), system.mechanism.tree.size, system.drive.size
     q, v, a = np.empty((3, size, count)).transpose(0, 2, 1)
     per_drive = np.empty((dof, size, count)).transpose(2, 1, 0)
 
     def close(part: slice) -> tuple[float, float]:
-        guess = coarse.guess(samples.position[part], part)
+        guess = guess_of(part)
         q[part], v[part], a[part], per_drive[part], gap, number = _solve_block(system, samples, part, guess)
         return gap, number
 
@@ -76,6 +77,14 @@ def follow(system: LoopSystem, home: Floats, samples: Samples) -> Trajectory:
     worst, condition = (max(values) for values in zip(*found, strict=True))
     name, branch = system.mechanism.name, system.mechanism.branch
     return Trajectory(name, samples.time, q, v, a, per_drive, worst, condition, branch)
+
+
+def _guesses(system: LoopSystem, home: Floats, samples: Samples, near: Trajectory | None) -> Callable[[slice], Floats]:
+    """Where Newton's method starts, (nv, n) [rad, m]: from a trajectory near by, else from coarse samples."""
+    if near is not None:
+        return lambda part: np.ascontiguousarray(near.q[part].T)
+    coarse = Coarse.closed(system, home, samples)
+    return lambda part: coarse.guess(samples.position[part], part)
 
 
 def _solve_block(system: LoopSystem, samples: Samples, part: slice, guess: Floats) -> _Closed:

@@ -72,6 +72,10 @@ class Imbalance:
     """Orthonormal combinations of all unknowns, those of ``free`` first, that the records determine, (excited, ...)."""
     unexplained: float
     """Share of the rms of what was measured that is not explained."""
+    noise: Floats | None = None
+    """The part of the covariance that stretches tell by what they differ, (rank, rank); None: all of it."""
+    stretches: Floats | None = None
+    """What each stretch adds to the covariance where noise is alike in all, up to a factor, (stretches, rank, rank)."""
 
     def estimate(self, share: Floats) -> Estimate:
         """A combination (rank,) of the conditions' values. Raises NotObservable if the records do not determine it."""
@@ -81,7 +85,23 @@ class Imbalance:
         if np.abs(outside).max() > 1e-6 * np.abs(share).max(initial=0.0):
             raise NotObservable("what balances is not determined by this record: the motion does not excite it")
         error = float(np.sqrt(max(float(share @ self.covariance @ share), 0.0)))
-        return Estimate(float(share @ self.values), error, student_t(self.freedom) * error)
+        return Estimate(float(share @ self.values), error, student_t(self.freedom_of(share)) * error)
+
+    def freedom_of(self, share: Floats) -> int:
+        """Degrees of freedom of the deviation of a combination (rank,): few where few stretches tell it.
+
+        (sum p)^2 / sum p^2 with p what each stretch adds, no more than there are; times the square of the variance over
+        the part that stretches tell (Welch, Satterthwaite), for the rest is known.
+        """
+        if self.stretches is None:
+            return self.freedom
+        added = np.einsum("i,kij,j->k", share, self.stretches, share)
+        if not added.sum() > 0.0:
+            return self.freedom
+        told = min(float(added.sum() ** 2 / np.sum(added**2)) - 1.0, float(self.freedom))
+        own = self.covariance if self.noise is None else self.noise
+        known = (share @ self.covariance @ share) / max(float(share @ own @ share), 1e-300)
+        return max(1, int(min(told * float(known) ** 2, 1e6) + 0.5))
 
     def holds(self, share: Floats) -> bool:
         """Whether a combination (rank,) of the conditions' values was not found but held."""

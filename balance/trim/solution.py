@@ -51,11 +51,12 @@ def fit(
     scale = _scales(records, size)
     sums = [Sums(record, scale) for record in records]
     known = np.zeros(len(scale)) if prior is None else np.r_[np.zeros(size), prior] / scale**2
-    excited, values, inverse = _solved(sums, known)
+    excited, values, inverse = _solved(*_equations(sums, known))
     for _ in range(_REWEIGHTINGS):
         weigh(sums, values)
-        excited, values, inverse = _solved(sums, known)
-    left_out = np.array([_solved(sums, known, skip)[1] for skip in _stretches(sums)])
+        excited, values, inverse = _solved(*_equations(sums, known))
+    without = [_equations(sums, known, skip) for skip in _stretches(sums)]
+    left_out = np.array([_solved(*equations)[1] for equations in without])
     count = len(left_out)
     if count <= size + 2:
         raise DataError(f"an interval needs more than {size + 2} stretches of the record: there are {count}")
@@ -64,7 +65,11 @@ def fit(
     left = sum(one.left(values) for one in sums) / sum(one.whole for one in sums)
     found = free.start + (values / scale)[:size] @ free.directions
     own = free.directions.T @ (inverse / scale[:, None])[:size]
-    measured = Imbalance(conditions, found, covariance, count - size, free, excited, float(np.sqrt(max(left, 0.0))))
+    whole = _equations(sums, known)[0]
+    added = np.array([own @ (whole - matrix) @ own.T for matrix, _ in without])
+    measured = Imbalance(
+        conditions, found, covariance, count - size, free, excited, float(np.sqrt(max(left, 0.0))), covariance, added
+    )
     gains, explained = tuple(one.gain(own) for one in sums), tuple(one.explained(values) for one in sums)
     return Fit(measured, (values / scale)[size:], gains, explained)
 
@@ -88,14 +93,17 @@ def _stretches(sums: Sequence[Sums]) -> list[dict[int, int]]:
     return list(found.values())
 
 
-def _solved(
-    sums: Sequence[Sums], known: Floats, skip: Mapping[int, int] | None = None
-) -> tuple[Floats, Floats, Floats]:
-    """Excited combinations, values and the inverse equations, all records together, a stretch of some left out."""
+def _equations(sums: Sequence[Sums], known: Floats, skip: Mapping[int, int] | None = None) -> tuple[Floats, Floats]:
+    """Matrix and vector of all records together, a stretch of some left out."""
     left_out = skip or {}
     both = [one.reduced(left_out.get(r)) for r, one in enumerate(sums)]
     matrix, vector = np.sum([m for m, _ in both], axis=0) + np.diag(known), np.sum([v for _, v in both], axis=0)
-    sizes, directions = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    return 0.5 * (matrix + matrix.T), vector
+
+
+def _solved(matrix: Floats, vector: Floats) -> tuple[Floats, Floats, Floats]:
+    """Excited combinations, values and the inverse of equations."""
+    sizes, directions = np.linalg.eigh(matrix)
     kept = sizes > RANK_LIMIT**2 * sizes[-1]
     excited = directions[:, kept]
     return excited.T, excited @ ((excited.T @ vector) / sizes[kept]), (excited / sizes[kept]) @ excited.T

@@ -15,7 +15,8 @@ from .evidence import gather
 from .evidence import one_sided as one_sided_evidence
 from .methods import STRETCH_PERIODS, Method, Methods, allowed
 from .record import JointRecord, joint_record
-from .result import CounterMassValue, Identification, Value
+from .result import Identification
+from .value import CounterMassValue, Value
 
 __all__ = ["CounterMassValue", "Identification", "JointRecord", "Value", "identify", "identify_run", "joint_record"]
 

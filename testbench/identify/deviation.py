@@ -19,7 +19,7 @@ from balance.arrays import Floats
 from balance.mechanism import Mechanism
 
 from ..derivatives import Rates
-from .evidence import Part, regressor
+from .evidence import Part, model_torque, path_of
 
 DAMPING = 0.7
 """Of the pull."""
@@ -83,7 +83,10 @@ def _slope(part: Part, mechanism: Mechanism, parameters: Floats, of: int) -> Flo
     columns = []
     for unit in np.eye(joints):
         ends = [_moved(part.motion, of, sign * _STEP * unit) for sign in (1.0, -1.0)]
-        high, low = (regressor(part.record, mechanism, end)[:, :joints] @ (parameters + known) for end in ends)
+        high, low = (
+            model_torque(mechanism, end, path_of(part.record, mechanism, end, part.path), parameters + known)
+            for end in ends
+        )
         columns.append((high - low) / (2.0 * _STEP))
     return np.stack(columns, axis=2)
 

@@ -9,8 +9,9 @@ from .choice import CUTOFFS_HZ, STRETCHES
 from .explanation import Explanation
 from .methods import NAMES
 from .record import LONGEST_DELAY_S
-from .result import CounterMassValue, Identification, Value
+from .result import Identification
 from .validation import Validation
+from .value import CounterMassValue, Value
 
 RULE = (
     f"least torque error of least squares, as recorded, on {STRETCHES} held-out stretches, of cut-offs "

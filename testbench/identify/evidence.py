@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from balance.arrays import Floats, Indices
-from balance.closure import Closure
+from balance.closure import Closure, Trajectory
 from balance.joint_terms import TERMS, joint_terms
 from balance.mechanism import Mechanism
 from balance.motion import Samples
@@ -39,6 +39,8 @@ class Part:
     """Of the parameters: inertial ones of the bodies, then terms of the joints, (p)."""
     motion: Rates
     """Of the driven joints, positions smoothed, over the whole record."""
+    path: Trajectory
+    """Of all joints along it."""
     whole: Floats
     """W of the whole record, positions smoothed, (samples, rows, p)."""
     moving: Floats
@@ -169,10 +171,14 @@ def names_of(mechanism: Mechanism, rows: Sequence[str]) -> tuple[str, ...]:
     return (*mechanism.parameter_names, *terms, *(f"offset[{row}]" for row in rows if row not in mechanism.driven))
 
 
-def regressor(record: JointRecord, mechanism: Mechanism, motion: Rates) -> Floats:
-    """W of a record's rows for any motion of its driven joints, (samples, rows, p): columns as ``names_of`` says."""
+def path_of(record: JointRecord, mechanism: Mechanism, motion: Rates, near: Trajectory | None = None) -> Trajectory:
+    """The mechanism closed along any motion of the record's driven joints; quicker from a path ``near`` by."""
     samples = Samples(record.grid.time, motion.q, motion.v, motion.a, joints=mechanism.driven)
-    path = Closure(mechanism).follow(samples)
+    return Closure(mechanism).follow(samples, near=near)
+
+
+def regressor(record: JointRecord, mechanism: Mechanism, motion: Rates, path: Trajectory) -> Floats:
+    """W of a record's rows for any motion of its driven joints, (samples, rows, p): columns as ``names_of`` says."""
     bodies: list[Floats] = []
     own: list[Floats] = []
     if record.torque.shape[1]:
@@ -182,6 +188,14 @@ def regressor(record: JointRecord, mechanism: Mechanism, motion: Rates) -> Float
         bodies.append(record.loads.seen(wrench_regressor(mechanism, path.q, path.v, path.a)))
         own.append(np.broadcast_to(np.eye(len(record.loads.names)), (len(path.q), *[len(record.loads.names)] * 2)))
     return np.concatenate([np.concatenate(bodies, axis=1), _diagonal(own)], axis=2)
+
+
+def model_torque(mechanism: Mechanism, motion: Rates, path: Trajectory, parameters: Floats) -> Floats:
+    """Torques of the driven joints by parameters in the order of ``names_of``, (samples, joints) [N m, N]."""
+    count = len(mechanism.parameter_names)
+    bodies = driven_torque_regressor(mechanism, path.q, path.v, path.a, path.per_drive) @ parameters[:count]
+    terms = joint_terms(mechanism.driven, motion.v, motion.a)[0]
+    return np.asarray(bodies + terms @ parameters[count : count + terms.shape[2]])
 
 
 def _diagonal(blocks: Sequence[Floats]) -> Floats:
@@ -200,12 +214,13 @@ def _part(record: JointRecord, mechanism: Mechanism, cutoff: float) -> Part:
 
 
 def _part_of(record: JointRecord, mechanism: Mechanism, cutoff: float, smooth: Rates) -> Part:
-    whole = regressor(record, mechanism, smooth)
+    path = path_of(record, mechanism, smooth)
+    whole = regressor(record, mechanism, smooth, path)
     moving = _moving(smooth.v, record.grid.rate / cutoff)
     forces = len(record.rows(mechanism)) - record.torque.shape[1]
     any_moves = np.repeat(moving.max(axis=1, keepdims=True), forces, axis=1)
     used = np.concatenate([moving[:, : record.torque.shape[1]], any_moves], axis=1)
-    return Part(record, cutoff, names_of(mechanism, record.rows(mechanism)), smooth, whole, used)
+    return Part(record, cutoff, names_of(mechanism, record.rows(mechanism)), smooth, path, whole, used)
 
 
 def _moving(v: Floats, reach: float) -> Floats:

@@ -7,6 +7,7 @@ import numpy as np
 from ..figures import style
 from .choice import STRETCHES
 from .result import Identification
+from .value import unit_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,7 +30,7 @@ def draw(result: Identification) -> "Figure":
                       label="model, each stretch predicted from the others")  # fmt: skip
             for k in range(1, STRETCHES):
                 axes.axvline(time[len(time) * k // STRETCHES], color="k", lw=0.4, alpha=0.3)
-            axes.set_ylabel(f"torque of {joint} [{result.unit_of(f'offset[{joint}]')}]")
+            axes.set_ylabel(f"torque of {joint} [{unit_of(result.mechanism, f'offset[{joint}]')}]")
             axes.set_title(
                 f"unexplained: {result.rms_ratio_in_band[j]:.0%} below {chosen.cutoff:.3g} Hz, "
                 f"{result.rms_ratio[j]:.0%} of the torque as recorded"

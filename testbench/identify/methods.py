@@ -20,7 +20,7 @@ from balance.observability import Observability
 from ..derivatives import Rates, low_pass
 from ..errors import AnalysisError
 from .deviation import Deviation
-from .evidence import Evidence, Part, regressor
+from .evidence import Evidence, Part, path_of, regressor
 
 Method = Literal["ls", "iv", "oe"]
 METHODS: tuple[Method, ...] = ("ls", "iv", "oe")
@@ -151,7 +151,8 @@ class Methods:
         left = part.measured(self.delay)[:, :joints] - part.whole[:, :joints, pivots] @ base
         away = model.simulate(left[:, :, None], max(PULL * part.cutoff, model.least_pull_hz))
         motion = Rates(*(m + e[:, :, 0] for m, e in zip(_arrays(part.motion), _arrays(away), strict=True)))
-        columns = regressor(part.record, self.mechanism, motion)[:, :, pivots]
+        path = path_of(part.record, self.mechanism, motion, part.path)
+        columns = regressor(part.record, self.mechanism, motion, path)[:, :, pivots]
         return part.inside(low_pass(columns, part.cutoff, part.record.grid.rate))
 
     def _full(self, base: Floats) -> Floats:

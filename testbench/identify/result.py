@@ -10,71 +10,17 @@ from balance import conditions
 from balance.arrays import Floats
 from balance.combinations import text_of
 from balance.consistency import Consistent, consistent
-from balance.identification import Estimate, Identified, counter_mass_rows
+from balance.identification import Identified, counter_mass_rows
 from balance.joint_terms import TERMS
 from balance.mechanism import Mechanism
 from balance.observability import NotObservable
 
 from ..recording import Origin
-from ..wrench import COMPONENTS
 from .choice import Candidate, Choice, unexplained
 from .comparison import Compared, compare
+from .doubts import FAIR_CONDITION, POOR_CONDITION, doubts
 from .methods import Method
-from .record import LONGEST_DELAY_S
-
-DOUBTFUL_RATIO = 0.3
-"""Part of the torque, low-passed like the model, that may stay unexplained before a result is doubtful."""
-FAIR_CONDITION = 30.0
-POOR_CONDITION = 100.0
-"""Of the base columns, scaled to unit length, from which an excitation is no longer good, and poor (Gautier, Khalil,
-Int. J. Robot. Res. 11, 1992)."""
-DOUBTFUL_WIDTH = 0.5
-"""Half of an interval, as a part of the largest first moment, from which a first moment is doubtful."""
-
-
-_TERM_UNITS = {
-    "coulomb": ("N", "N m"), "viscous": ("N s/m", "N m s"), "offset": ("N", "N m"), "armature": ("kg", "kg m^2"),
-}  # fmt: skip
-"""Of the terms of a joint that slides, and of one that turns."""
-
-
-@dataclass(frozen=True)
-class Value:
-    """A combination of parameters with an interval that contains what other choices of method would have given."""
-
-    name: str
-    unit: str
-    estimate: Estimate
-    """At the chosen cut-off and delay; its interval is statistical alone."""
-    variants: Mapping[str, float]
-    """The same by other choices: half and double the cut-off, no delay, the other methods."""
-    in_file: float
-    """What the mechanism's file says."""
-    one_sided: Mapping[str, float]
-    """With torque and rates smoothed but positions as recorded: often done, biased, for comparison only."""
-
-    @property
-    def value(self) -> float:
-        """At the chosen cut-off and delay [SI]."""
-        return self.estimate.value
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """The range of all variants, widened on both sides by half of the statistical 95 % interval."""
-        all_values = [self.value, *self.variants.values()]
-        return min(all_values) - self.estimate.half_width, max(all_values) + self.estimate.half_width
-
-
-@dataclass(frozen=True)
-class CounterMassValue:
-    """A counter-mass that would balance the mechanism as identified."""
-
-    site: str
-    position: Floats
-    """Of the site in its body's frame, (3,) [m]."""
-    mass: Value
-    first_moment: Value
-    """Mass times the distance of the site from the joint [kg m]."""
+from .value import CounterMassValue, Value, unit_of
 
 
 @dataclass(frozen=True)
@@ -142,7 +88,7 @@ class Identification:
         coefficients = {observability.names[k]: float(vector[k]) for k in np.flatnonzero(vector)}
         return Value(
             name or text_of(coefficients),
-            unit or self.unit_of(next(iter(coefficients), "")),
+            unit or unit_of(self.mechanism, next(iter(coefficients), "")),
             self.identified.estimate(vector),
             {label: other.estimate(vector).value for label, other in self.variants.items()},
             float(vector @ self.in_file),
@@ -192,26 +138,7 @@ class Identification:
 
     def doubts(self) -> list[str]:
         """Why the result is doubtful; empty if it is not."""
-        doubts = [
-            f"{ratio:.0%} of {self.named(row)} below {self.chosen.cutoff:.3g} Hz stays unexplained"
-            for row, ratio in zip(self.rows, self.rms_ratio_in_band, strict=True)
-            if ratio > DOUBTFUL_RATIO
-        ]
-        seen = self.identified.observability
-        if seen.condition > POOR_CONDITION:
-            doubts.append(
-                f"the motion tells the parameters poorly apart: condition {seen.condition:.3g}, expected below "
-                f"{POOR_CONDITION:g}; weakest: {seen.weakest}"
-            )
-        if abs(self.chosen.delay) > LONGEST_DELAY_S - 0.5 * self.choice.evidence.parts[0].record.grid.step:
-            doubts.append(f"the delay of the torques, {self.chosen.delay * 1e3:.3g} ms, is at the end of what is tried")
-        doubts += [f"{text} is not determined by this record" for text in self.undetermined_moments()]
-        largest = max((abs(value.value) for value in self.first_moments()), default=0.0)
-        for value in self.first_moments():
-            low, high = value.interval
-            if (high - low) / 2 > DOUBTFUL_WIDTH * largest:
-                doubts.append(f"{value.name} is known to {(high - low) / 2:.2g} kg m only")
-        return doubts
+        return doubts(self)
 
     @property
     def excitation(self) -> str:
@@ -227,17 +154,6 @@ class Identification:
     def named(self, row: str) -> str:
         """What a row is called: the torque of a joint, or a component of force or moment."""
         return f"the torque of {row}" if row in self.mechanism.driven else row
-
-    def unit_of(self, parameter: str) -> str:
-        """Unit of a parameter by name."""
-        kind, _, of = parameter.rstrip("]").partition("[")
-        if kind in TERMS and of in COMPONENTS:
-            return "N" if of.startswith("F") else "N m"
-        if kind in TERMS:
-            place = self.mechanism.coordinate_index(of)
-            turning = self.mechanism.tree.joints[place].revolute
-            return _TERM_UNITS[kind][turning]
-        return "kg" if kind == "m" else "kg m" if kind.startswith("mc") else "kg m^2"
 
     @cached_property
     def _found(self) -> conditions.Conditions:

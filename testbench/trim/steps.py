@@ -66,7 +66,7 @@ def wrench_slopes(
     closure = Closure(model)
 
     def wrench(driven: Sequence[Floats]) -> Floats:
-        moved = closure.follow(Samples(path.time, driven[0], driven[1], driven[2], tuple(joints)))
+        moved = closure.follow(Samples(path.time, driven[0], driven[1], driven[2], tuple(joints)), near=path)
         return wrench_regressor(model, moved.q, moved.v, moved.a) @ pi
 
     still = wrench(start)

@@ -155,3 +155,18 @@ def test_a_prior_holds_what_else_is_unknown():
     held = trim.fit(both, found, prior=np.array([1e12]))
     assert free.shared == pytest.approx([0.5], abs=1e-6)
     assert held.shared == pytest.approx([0.0], abs=1e-6)
+
+
+def test_few_stretches_that_tell_leave_few_degrees_of_freedom():
+    """Where two stretches of twenty move the mechanism, these alone tell: the factor to an interval is larger."""
+    found, columns, force = equations(Mechanism.load("four-bar"))
+    rng = np.random.default_rng(3)
+    noise = 0.1 * rng.normal(size=force.shape)
+    everywhere = trim.measure([record(columns, force + noise)], found)
+    rests = np.where(np.arange(len(force)) < len(force) // 10, 1.0, 0.03)[:, None]
+    seldom = trim.measure([record(columns * rests[:, :, None], force * rests + noise)], found)
+    share = np.eye(found.rank)[0]
+    assert seldom.freedom == everywhere.freedom
+    assert seldom.freedom_of(share) < 4 <= 8 < everywhere.freedom_of(share)
+    wide, narrow = (m.estimate(share).half_width / m.estimate(share).standard_error for m in (seldom, everywhere))
+    assert wide > 1.3 * narrow

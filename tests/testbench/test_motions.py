@@ -6,7 +6,8 @@ import pytest
 from balance import datasets
 from balance.mechanism import Mechanism
 from testbench import rig as rigs
-from testbench.motions import Leg, found, legs_of_acceleration, named
+from testbench.legs import Leg, legs_of_acceleration
+from testbench.motions import found, named
 
 from . import memory
 

@@ -196,3 +196,20 @@ def test_a_point_that_does_not_determine_the_mechanism_is_singular() -> None:
         ClosureError, match=r"singular at t = 0 s of this motion: link_1\.x, link_1\.y do not determine"
     ):
         closure.follow(samples)
+
+
+def test_from_a_trajectory_near_by():
+    """From a trajectory near by, without continuation, a motion is closed alike; one that is far off is refused."""
+    mechanism = models.load("parallelogram-6bar")
+    closure = Closure(mechanism)
+    time = np.linspace(0.0, 1.0, 60)
+    home = [closure.home[mechanism.coordinate_index(joint)] for joint in mechanism.driven]
+    wave = 0.1 * np.sin(2.0 * np.pi * time)[:, None] * np.ones((1, 2))
+    samples = [Samples(time, home + wave + more, wave, wave, mechanism.driven) for more in (0.0, 1e-3, 0.5)]
+    first = closure.follow(samples[0])
+    alone, near = closure.follow(samples[1]), closure.follow(samples[1], near=first)
+    for name in ("q", "v", "a", "per_drive"):
+        assert getattr(near, name) == pytest.approx(getattr(alone, name), abs=1e-9)
+    assert near.is_closed()
+    with pytest.raises(ClosureError):
+        closure.follow(samples[2], near=first)
