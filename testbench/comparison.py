@@ -103,8 +103,14 @@ def _ranges(motion: str, rows: Sequence[Row]) -> str:
         "the simulated shaking force": [row.shaking_force for row in rows],
     }
     known = {name: [value for value in values if value is not None] for name, values in kinds.items()}
-    falls = [f"{name} falls by {min(values):.1f} .. {max(values):.1f} %" for name, values in known.items() if values]
+    falls = [f"{name} falls by {_between(values)} %" for name, values in known.items() if values]
     return f"in motion {motion} {', '.join(falls)}"
+
+
+def _between(values: Sequence[float]) -> str:
+    """``53.2 .. 89.5``, or ``99.9`` where both ends are written alike."""
+    least, most = (f"{value:.1f}" for value in (min(values), max(values)))
+    return least if least == most else f"{least} .. {most}"
 
 
 def compare(runs: Iterable["Run"], published: Published, measure: Measure, mechanism: str | None = None) -> Comparison:

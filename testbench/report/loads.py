@@ -40,7 +40,8 @@ def wrench_part(wrench: "MeasuredWrench", band: Band | None) -> Part:
         "clipped_s": {name: [list(ends) for ends in stretches] for name, stretches in wrench.clipped.items()},
         "tare": wrench.tare,
         "band_hz": [band.low_hz, band.high_hz] if band else None,
-        "definition": "what the mechanism exerts on the base, base axes, moments about the point; mean removed, band",
+        "definition": "what the mechanism exerts on the base, base axes, moments about the point; mean removed, "
+        f"band {band or 'not limited'}",
         "group": wrench.group,
     }
 
