@@ -153,10 +153,17 @@ class _Writer:
         return point.at(self.result.values)
 
     def _turn(self, body: str, parent: str, joint: Joint) -> float:
-        """Fixed angle of a body's frame in its parent's [rad]; a pin starts aligned."""
+        """Fixed angle of a body's frame in its parent's [rad]; a pin starts aligned.
+
+        A line of sliding has no sense: bodies stand along it as they were assembled, or the other way round.
+        """
+        stands = self.start.angle[body] - self.start.angle[parent]
         if joint.both:
-            return self.start.angle[body] - self.start.angle[parent]
-        return 0.0 if joint.revolute else joint.end(parent).along - joint.end(body).along
+            return stands
+        if joint.revolute:
+            return 0.0
+        along = joint.end(parent).along - joint.end(body).along
+        return along + np.pi * float(np.rint((stands - along) / np.pi))
 
     def _position(self, body: str, joint: Joint, axis: Floats = Z_AXIS) -> float:
         """Joint coordinate in the start configuration [rad, m]; ``axis`` in the body's frame."""

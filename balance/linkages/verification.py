@@ -127,6 +127,8 @@ def _followed(closure: Closure, linkage: Linkage, motion: Samples) -> Trajectory
     try:
         return closure.follow(motion)
     except ClosureError as error:
+        if closure.dof != 1:
+            raise
         turns = "a joint that makes no full turns needs swing = ['20 deg', '80 deg']"
         hint = turns if linkage.swing is None else "give it a narrower swing"
         raise ClosureError(f"{error} ({linkage.drive} in rad); {hint}") from error

@@ -112,6 +112,28 @@ def test_a_joint_that_makes_no_full_turn_is_told_to_swing(crank_rocker_keys):
     assert max(verify(balance(from_table(keys, "x")), count=60).varying.residual("complete").values()) < 1e-10
 
 
+def test_a_line_of_sliding_has_no_sense(crank_rocker_keys):
+    """A block that stands the other way round on its line slides alike: with no mass off its pivot, with equal forces."""
+    crank_rocker_keys["links"]["6"] |= {"centre": ["0 m", "0 m"]}
+    crank_rocker_keys["joints"]["P"]["6"]["point"] = ["0 m", "0 m"]
+    found = {}
+    for way in ("170 deg", "-10 deg"):
+        crank_rocker_keys["start"]["6"] = way
+        run = verify(balance(from_table(crank_rocker_keys, "own")), count=90).varying
+        assert all(r < 1e-10 for r in run.residual("complete").values())
+        found[way] = run.series("before")
+    for name, values in found["170 deg"].items():
+        np.testing.assert_allclose(found["-10 deg"][name], values, atol=1e-9 * np.abs(values).max())
+
+
+def test_a_linkage_with_two_freedoms_is_not_told_to_swing(crank_rocker_keys):
+    """A pin left out: one driven joint cannot lead both freedoms, which no swing would mend."""
+    del crank_rocker_keys["joints"]["B"]
+    with pytest.raises(ClosureError, match="degrees of freedom") as refused:
+        verify(balance(from_table(crank_rocker_keys, "own")))
+    assert "swing" not in str(refused.value)
+
+
 def test_a_linkage_without_ground_pivots_is_not_simulated():
     """What is not given is named."""
     with pytest.raises(ModelError, match="where joint A0 is on the ground is not given"):
