@@ -127,11 +127,17 @@ class Sheet:
         return Sheet(found, f"{self.where}, {key}")
 
     def sheets(self, key: str) -> "list[Sheet]":
-        """A list of tables within the sheet, at least one, each called by its name where it has one."""
+        """A list of tables within the sheet, at least one, each called by its name where it has one.
+
+        Two of one name are refused: one of them is likely there by mistake, such as a line copied twice.
+        """
         found = self._list(key)
         if not found or not all(isinstance(item, dict) for item in found):
             raise self.refuse(key, f"is {found!r}: expected one or more tables [[{key}]]")
         tables = [item for item in found if isinstance(item, dict)]
+        names = [table["name"] for table in tables if "name" in table]
+        if again := [name for name in names if names.count(name) > 1]:
+            raise self.refuse(key, f"has {again[0]!r} twice: give each a name of its own")
         return [Sheet(t, f"{self.where}, {key}[{i}] {t.get('name', '')}".rstrip()) for i, t in enumerate(tables)]
 
     def keys(self) -> list[str]:

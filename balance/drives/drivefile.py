@@ -104,6 +104,8 @@ def _read(table: Mapping[str, Any], path: Path) -> DriveFile:
     speeds = tuple(fields.speed(text, "speeds") for text in fields.texts(table, "speeds"))
     if not all(speed > 0.0 for speed in speeds):
         raise DataError("speeds: expected positive ones; direction = -1 turns the crank the other way")
+    if any(abs(a - b) < 1e-9 * a for i, a in enumerate(speeds) for b in speeds[:i]):
+        raise DataError(f"speeds is {table['speeds']!r}: holds one speed twice")
     return DriveFile(
         name=path.name,
         mechanism=_mechanism(fields.text(table, "mechanism"), path.parent),

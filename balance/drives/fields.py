@@ -51,10 +51,13 @@ def table(parent: Mapping[str, Any], key: str, known: Collection[str] | None) ->
 
 
 def tables(parent: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
-    """A list of tables; empty where there is none."""
+    """A list of tables, no two of one name; empty where there is none."""
     values = parent.get(key, [])
     if not isinstance(values, list) or not all(isinstance(value, dict) for value in values):
         raise DataError(f"{key} is {values!r}: expected tables [[{key}]]")
+    names = [value["name"] for value in values if "name" in value]
+    if again := [name for name in names if names.count(name) > 1]:
+        raise DataError(f"{key}: {again[0]!r} is there twice: give each a name of its own")
     return values
 
 

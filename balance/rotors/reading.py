@@ -50,9 +50,9 @@ def from_sheet(sheet: Sheet, folder: Path) -> Rotor:
     else:
         unbalances = [_unbalance(item) for item in sheet.sheets("masses")]
     planes = [_plane(item) for item in sheet.sheets("planes")] if "planes" in sheet else []
-    if twice := [name for name, times in Counter(plane.name for plane in planes).items() if times > 1]:
-        raise sheet.refuse("planes", f"has {twice[0]!r} twice: give each plane a name of its own")
     bearings = sheet.quantities("bearings", "length") if "bearings" in sheet else []
+    if bearings and (len(bearings) != 2 or bearings[0] == bearings[1]):
+        raise sheet.refuse("bearings", f"is {sheet.value('bearings')!r}: expected two, in two places")
     published = sheet.sheet("published") if "published" in sheet else Sheet({}, sheet.where)
     printed = {key: published.vector(key, "first moment") for key in published.keys()}  # noqa: SIM118
     for key in printed:
@@ -120,7 +120,10 @@ def read_table(path: Path) -> list[Unbalance]:
     columns = _columns(header, path.name)
     if not rows:
         raise DataError(f"{path.name}: holds no masses")
-    return [_row(row, columns, len(header), f"{path.name}, line {line}") for line, row in rows]
+    found = [_row(row, columns, len(header), f"{path.name}, line {line}") for line, row in rows]
+    if again := [name for name, times in Counter(mass.name for mass in found).items() if times > 1]:
+        raise DataError(f"{path.name}: mass {again[0]!r} is there twice: give each a name of its own")
+    return found
 
 
 def _columns(header: list[str], where: str) -> dict[str, tuple[int, float]]:
@@ -148,7 +151,7 @@ def _columns(header: list[str], where: str) -> dict[str, tuple[int, float]]:
 
 
 def _row(row: list[str], columns: dict[str, tuple[int, float]], width: int, where: str) -> Unbalance:
-    name = row[columns["name"][0]].strip() if "name" in columns and columns["name"][0] < len(row) else where
+    name = (row[columns["name"][0]].strip() if "name" in columns and columns["name"][0] < len(row) else "") or where
     values: dict[str, float] = {}
     if len(row) > width and any(cell.strip() for cell in row[width:]):
         raise DataError(f"{where}: {len(row)} cells, the header has {width} columns: is there a comma in a number?")

@@ -19,6 +19,8 @@ from .sensors import READING, Half, Sensors, covariances
 
 WEIGHT = ("mass", "first moment")
 """A weight is a mass at its plane's radius, or mass times radius."""
+METRICS = ("peak", "peak_to_peak", "rms")
+"""What a reading's amplitude may be."""
 _UNSTATED = "unstated"
 
 
@@ -40,14 +42,14 @@ def from_sheet(sheet: Sheet) -> Runs:
     planes = reader.planes()
     runs = reader.runs() if "runs" in sheet else ()
     given = None if runs else reader.coefficients()
-    least_effect = sheet.number("least_effect", influence.LEAST_EFFECT)
+    least_effect = sheet.positive("least_effect") if "least_effect" in sheet else influence.LEAST_EFFECT
     published = reader.published()
     result = Runs(
         sheet.text("name", sheet.where.removesuffix(".toml")),
         sheet.text("source", ""),
         phase,
         angles,
-        sheet.text("amplitude", _UNSTATED),
+        sheet.text("amplitude", _UNSTATED, among=METRICS),
         planes,
         tuple(reader.rows),
         reader.factors(),
@@ -84,8 +86,6 @@ class _Reader:
             item.finish()
             found.append(TrialPlane(name, limit))
         self.names = [plane.name for plane in found]
-        if len(set(self.names)) < len(self.names):
-            raise self.sheet.refuse("planes", "has two of the same name")
         return tuple(found)
 
     def runs(self) -> tuple[Run, ...]:
@@ -94,8 +94,6 @@ class _Reader:
         found: list[Run] = []
         for item in self.sheet.sheets("runs"):
             run = self._run(item, on, first=not found)
-            if run.name in {other.name for other in found}:
-                raise item.refuse("name", f"is {run.name!r}, which another run has")
             found.append(run)
             on = run.weights if run.stayed_on else on
         if bare := [run.name for run in found if (run.errors is None) != (found[0].errors is None)]:
@@ -142,8 +140,8 @@ class _Reader:
     def _readings(self, speeds: Sheet, first: bool) -> tuple[Complexes, Floats | None]:
         """Readings (rows,) and their covariances (rows, 2, 2), where their intervals are stated."""
         found: dict[tuple[str, str], tuple[complex, Half | None]] = {}
+        self._check_speeds(speeds)
         for speed in speeds.keys():  # noqa: SIM118
-            self._check_speed(speeds, speed)
             table = speeds.sheet(speed)
             for sensor in table.keys():  # noqa: SIM118
                 found[sensor, speed] = self._reading(table, sensor)
@@ -213,9 +211,16 @@ class _Reader:
         if name not in self.names:
             raise table.refuse(name, f"is no plane of this sheet: there are {', '.join(self.names)}")
 
-    def _check_speed(self, table: Sheet, speed: str) -> None:
-        if speed != _UNSTATED:
-            Sheet({speed: speed}, table.where).quantity(speed, "angular velocity", positive=True)
+    def _check_speeds(self, table: Sheet) -> None:
+        """Speeds are positive, and no two are one speed written in two ways: it has one reading of a sensor."""
+        known: dict[str, float] = {}
+        for speed in table.keys():  # noqa: SIM118
+            if speed == _UNSTATED:
+                continue
+            value = Sheet({speed: speed}, table.where).quantity(speed, "angular velocity", positive=True)
+            if same := [other for other, at in known.items() if np.isclose(value, at, rtol=1e-9)]:
+                raise table.refuse(speed, f"is the same speed as {same[0]}: give its readings once")
+            known[speed] = value
 
     def _reading(self, table: Sheet, sensor: str) -> tuple[complex, Half | None]:
         dimension = dimension_of(str(table.value(sensor)), *READING)

@@ -1,5 +1,6 @@
 """``balance rotor split``."""
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -27,7 +28,7 @@ Examples:
 Stock weights: --stock CSV with the columns name,mass_kg,quantity, or --weight M, as many as wanted of each."""
 )
 @click.argument("correction", metavar="CORRECTION")
-@click.option("--holes", type=int, metavar="N", help="Holes at equal distance, numbered from 1.")
+@click.option("--holes", type=click.IntRange(1), metavar="N", help="Holes at equal distance, numbered from 1.")
 @click.option("--first", type=Quantity("angle"), default="0 deg", metavar="ANGLE", help="Angle of hole 1 [default: 0].")
 @click.option("--angle", "angles", type=Quantity("angle"), multiple=True, metavar="ANGLE", help="A hole at this angle.")
 @click.option("--taken", type=int, multiple=True, metavar="I", help="Hole I is not free.")
@@ -87,8 +88,8 @@ def split(
     kinds = _stock(weights, stock)
     if kinds and limit is not None:
         raise click.UsageError("--limit is for weights of any size; stock weights have --in-hole")
-    if not kinds and most_holes is not None:
-        raise click.UsageError("--most-holes is for stock weights: give them, --weight M or --stock FILE")
+    if not kinds and (unused := _for_stock(most_holes, within, in_hole)):
+        raise click.UsageError(f"{unused} is for stock weights: give them, --weight M or --stock FILE")
     findings: list[str] = []
     if kinds:
         rules = stocked.Rules(in_hole, most_holes, _share(within))
@@ -138,7 +139,16 @@ def _holes(count: int | None, first: float, angles: tuple[float, ...]) -> "tuple
         raise click.UsageError("say where the holes are: either --holes N or --angle for each")
     if count is not None:
         return evenly(count, first)
+    turned = [round(math.degrees(angle) % 360.0, 6) % 360.0 for angle in angles]
+    if same := [i for i, angle in enumerate(turned, 1) if angle in turned[: i - 1]]:
+        raise click.UsageError(f"--angle: hole {same[0]} stands where another one does")
     return tuple(Hole(str(i), angle) for i, angle in enumerate(angles, 1))
+
+
+def _for_stock(most_holes: int | None, within: str | None, in_hole: int) -> str | None:
+    """An option that changes nothing where weights are of any size."""
+    given = {"--most-holes": most_holes is not None, "--within": within is not None, "--in-hole": in_hole != 1}
+    return next((option for option, is_given in given.items() if is_given), None)
 
 
 def _free(holes: "tuple[Hole, ...]", taken: tuple[int, ...]) -> "tuple[Hole, ...]":

@@ -126,6 +126,11 @@ WRONG = {
     '[[load]]\nkind = "viscous"\ntorque = "1 N m"': "at_speed is missing",
     '[[load]]\nkind = "dry"\njoint = "Z"\ntorque = "1 N m"': "no joint 'Z'",
     '[[load]]\nkind = "table"\nangle = ["0 deg", "9 deg"]\ntorque = ["1 N m", "1 N m"]': "as many, angles increasing",
+    'speeds = ["900 rpm", "94.24777960769379 rad/s"]': "holds one speed twice",
+    '[[load]]\nname = "a"\nkind = "dry"\ntorque = "1 N m"\n[[load]]\nname = "a"\nkind = "dry"\ntorque = "1 N m"':
+        "load: 'a' is there twice",
+    '[[inertia]]\nname = "a"\ninertia = "1 kg m2"\nside = "crank"\n[[inertia]]\nname = "a"\ninertia = "1 kg m2"'
+    '\nside = "crank"': "inertia: 'a' is there twice",
     "direction = 2": "expected one of 1, -1",
     "x = [": "Invalid|Unclosed|Cannot",
 }  # fmt: skip

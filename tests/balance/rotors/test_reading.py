@@ -67,6 +67,7 @@ def test_shipped_table_is_the_shipped_sheet():
         ("name,mass (kg),radius (mm),angle (deg),at (mm)\nA,1,1,x,1\n", "angle of mass 'A' is 'x'"),
         ("name,mass (kg),radius (mm),angle (deg),at (mm)\nA,1,1,nan,1\n", "angle of mass 'A' is 'nan'"),
         ("name,mass (kg),radius (mm),angle (deg),at (mm)\n", "holds no masses"),
+        ("name,mass (kg),radius (mm),angle (deg),at (mm)\nA,1,1,1,1\nA,1,1,1,1\n", "mass 'A' is there twice"),
     ],
 )
 def test_wrong_tables_are_named(tmp_path, text, message):
@@ -84,6 +85,11 @@ def test_wrong_tables_are_named(tmp_path, text, message):
         (('"3 kg"', '"3 mm"'), r"masses\[0\] A: mass: '3 mm': 'mm' is not a unit of mass: expected one such as 'kg'"),
         (('"60 deg"', '"60"'), r"angle: '60' has no unit: write for example '60 deg'"),
         (("[[planes]]", '[[planes]]\nname = "L"\nat = "7 mm"\n[[planes]]'), "planes has 'L' twice"),
+        (("[[planes]]", 'bearings = ["5 mm", "5 mm"]\n[[planes]]'), "bearings is .*: expected two, in two places"),
+        (
+            ("[[masses]]", '[[masses]]\nname = "A"\nunbalance = "1 kg mm"\nangle = "0 deg"\nat = "0 mm"\n[[masses]]'),
+            "masses has 'A' twice",
+        ),
         (("[[planes]]", "[[colours]]\n[[planes]]"), "unknown key 'colours': expected bearings, centre, mass, masses"),
         (('"80 mm"', '"80 kg"'), "radius: '80 kg': 'kg' is not a unit of length"),
         (('mass = "3 kg"', 'mass = "3 kg"\ncolour = "red"'), "unknown key 'colour'"),

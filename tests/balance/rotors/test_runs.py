@@ -101,7 +101,9 @@ def test_a_trial_weight_with_too_little_effect_is_named(tmp_path):
         ('A = "7 um', 'A = "7 mm/s', "velocity here and a length"),
         ('weights = { fan = "5 g @ 20 deg" }', 'weights = { fan = "0 g @ 20 deg" }', "trial weight above zero"),
         ('"3000 rpm" = { A = "10', '"fast" = { A = "10', "readings: 'fast' is no angular velocity"),
-        ('name = "trial"', 'name = "as found"', "which another run has"),
+        ('name = "trial"', 'name = "as found"', "runs has 'as found' twice"),
+        ('phase = "lead"', 'phase = "lead"\namplitude = "mean"', "amplitude is 'mean': expected 'peak' or"),
+        ('phase = "lead"', 'phase = "lead"\nleast_effect = -1', "least_effect is -1: expected more than zero"),
     ],
 )
 def test_wrong_sheets_are_named(tmp_path, old, new, message):
@@ -111,6 +113,19 @@ def test_wrong_sheets_are_named(tmp_path, old, new, message):
     path = tmp_path / "runs.toml"
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(DataError, match=message):
+        runsheet.load(path)
+
+
+def test_one_speed_written_in_two_ways_is_refused(tmp_path):
+    """3000 rpm and 50 turns a second are one: two influences of one weight there contradict each other."""
+    text = SHEET.format(**GIVEN)
+    twice = "\n".join(
+        f"{line}\n{line.replace('3000 rpm', '50 turn/s')}" if "readings" in line else line for line in text.splitlines()
+    )
+    path = tmp_path / "runs.toml"
+    path.write_text(twice, encoding="utf-8")
+    assert twice.count("50 turn/s") == text.count("3000 rpm") > 0
+    with pytest.raises(DataError, match="50 turn/s is the same speed as 3000 rpm"):
         runsheet.load(path)
 
 
