@@ -43,6 +43,7 @@ _ERRORS = {
     "cut_file": "The file ends before its own structure says: samples that were recorded are missing.",
     "damaged_file": "A structure that contradicts itself; nothing of it can be trusted.",
     "too_large": "More declared or unpacked than such a file can hold; refused to protect the machine.",
+    "stored_run": "A run that a campaign holds, or its archive, and no log.",
     "not_stored": "The run could not be stored, for a reason that lies not in the log alone.",
     "rig_contradiction": "The rig names channels that the recording does not hold, or other units than its.",
     "calibration_contradiction": "A calibration of the rig that does not lead from the log's unit to what is measured.",

@@ -15,7 +15,7 @@ from .readers import ReadOptions
 from .recording import Group, Origin
 from .runsheet import PlannedRun
 from .source import Source
-from .store import digest, lock, open_run
+from .store import digest, layout, lock, open_run
 from .store.sources import StoredSources
 from .store.writer import RunWriter
 
@@ -77,6 +77,7 @@ class Ingest:
                 raise RecordingError(planned.problem)
             for path in planned.files:
                 sources.append(Source.opened(path, self.options))
+                _refuse_stored_run(sources[-1])
             for source, recording in zip(sources, apart([s.recording for s in sources]), strict=True):
                 source.recording = recording
             return self._already(planned, sources) or self._stored_anew(planned, sources)
@@ -190,6 +191,13 @@ def _origin(planned: PlannedRun, sources: Sequence[Source]) -> Origin:
         message = "the log says that it is simulated, the sheet says measured; mend the sheet"
         raise Refusal(simulated[0].path.name, Finding("origin_contradiction", None, None, message))
     return "simulated" if simulated else planned.origin or "unstated"
+
+
+def _refuse_stored_run(source: Source) -> None:
+    """A stored run is no log: stored anew it would lose its conditions, findings and sources."""
+    if layout.MARK in source.recording.metadata:
+        message = "is a stored run and no log: copy it with its .sha256 into a campaign, or use `testbench archive`"
+        raise Refusal(source.path.name, Finding("stored_run", None, None, message))
 
 
 def _refuse_twice(digests: Sequence[tuple[str, str]]) -> None:

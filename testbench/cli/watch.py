@@ -70,6 +70,10 @@ def watch(
     if not folder.is_dir():
         what = "is a file" if folder.exists() else "no such folder"
         raise RecordingError(f"{folder}: {what}; expected a folder that logs arrive in")
+    if campaign.is_dir() and folder.samefile(campaign):
+        raise RecordingError(
+            f"{folder}: is the campaign's folder too: its runs would arrive as logs; name another (-o)"
+        )
     watching = _watching(folder, campaign, rig, accept, settle, text)
     watching.store_unnamed = unnamed == "store"
     if sheet is not None:

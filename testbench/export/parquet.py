@@ -19,7 +19,7 @@ def write(run: Run, groups: list[str], target: Path) -> list[str]:
     units = {name: column.channel.unit for name, column in zip(names, found, strict=True)}
     table = polars.DataFrame({name: column.values for name, column in zip(names, found, strict=True)})
     try:
-        table.write_parquet(target, metadata={KEY: line({"group": group, "units": units, **provenance(run)})})
+        table.write_parquet(target, metadata={KEY: line({"group": group, **provenance(run), "units": units})})
     except polars.exceptions.PolarsError as error:
         raise OSError(str(error)) from error
     return []

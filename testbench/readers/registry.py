@@ -10,6 +10,7 @@ from ..errors import RecordingError
 from ..findings import Finding, Refusal
 from ..recording import Recording
 from .magic import known_as, to_do
+from .origin import with_stated
 
 ENTRY_POINTS = "counterpoise.readers"
 BUILT_IN = (
@@ -87,7 +88,7 @@ def find_reader(path: Path) -> Reader:
 def open_recording(path: str | Path, options: ReadOptions | None = None) -> Recording:
     """Open a log file of any known format: its header is read, its data are not yet."""
     path = Path(path)
-    return find_reader(path).open(path, options or ReadOptions())
+    return with_stated(find_reader(path).open(path, options or ReadOptions()))
 
 
 def _head(path: Path) -> bytes:

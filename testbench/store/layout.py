@@ -4,7 +4,9 @@ import re
 import unicodedata
 
 LAYOUT = 1
-"""Version of this layout, in the attribute ``counterpoise_layout`` of the file."""
+"""Version of this layout."""
+MARK = "counterpoise_layout"
+"""The attribute of the file that holds it, by which a stored run is known."""
 
 ENTRY = "entry"
 CONDITIONS = f"{ENTRY}/conditions"

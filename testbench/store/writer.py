@@ -74,7 +74,7 @@ class RunWriter:
         self._out = OutFile(self._part)
         self._file = h5py.File(self._out, "w", libver=("v108", "v110"))
         self._file.attrs.update({"NX_class": "NXroot", "default": layout.ENTRY, "creator": "counterpoise"})
-        self._file.attrs["counterpoise_layout"] = layout.LAYOUT
+        self._file.attrs[layout.MARK] = layout.LAYOUT
         self._file.create_group(layout.ENTRY).attrs["NX_class"] = "NXentry"
 
     @contextlib.contextmanager

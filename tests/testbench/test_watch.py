@@ -199,3 +199,13 @@ def test_the_command_with_a_sheet(watching, tmp_path, capsys):
     assert document["waiting"] == [{"file": "b.csv", "reason": "waits: runs.csv does not name it"}]
     assert command.main([*words, "--unnamed", "store"], standalone_mode=False) == 0
     assert len(open_campaign(tmp_path / "c").runs) == 2
+
+
+def test_the_folder_of_the_campaign_itself(tmp_path, monkeypatch):
+    """Runs would arrive as logs: refused before anything is read."""
+    (tmp_path / "log.csv").write_text("t (s),F (N)\n0,1\n1,2\n")
+    words = ["watch", str(tmp_path), "-o", f"{tmp_path}/.", "--once"]
+    done = subprocess.run([sys.executable, "-c", "from testbench.cli import main; main()", *words], capture_output=True)
+    assert done.returncode == 1
+    assert b"is the campaign's folder too" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]

@@ -1,12 +1,11 @@
-"""What comments and the lines above the header say: origin, sensor range, pairs of key and value."""
+"""What comments and the lines above the header say: sensor range, pairs of key and value."""
 
 import re
 from collections.abc import Iterable
 
 from ... import units
-from ...recording import Origin, SensorRange
+from ...recording import SensorRange
 
-_ORIGIN = re.compile(r"\borigin\s*[:=]\s*(\w+)", re.IGNORECASE)
 _RANGE = re.compile(
     r"(?:range|full scale|aralı[kğ]\w*|messbereich)\s*[:=]?\s*(?:±|\+-|\+/-|-\+)\s*(\d+(?:[.,]\d+)?)\s*([^\s,;]+)",
     re.IGNORECASE,
@@ -20,12 +19,6 @@ _PAIR = re.compile(r"\s*([^:=]{1,60}?)\s*[:=]\s*(.*?)\s*")
 def strip(line: str) -> str:
     """A comment without its sign."""
     return line.strip().lstrip("#%/").strip().strip('"')
-
-
-def origin(texts: Iterable[str]) -> Origin:
-    """``simulated`` if the log says so; that a log calls itself measured counts for nothing."""
-    found = {match[1].casefold() for text in texts for match in _ORIGIN.finditer(text[:_LONGEST])}
-    return "simulated" if "simulated" in found else "unstated"
 
 
 def ranges(texts: Iterable[str]) -> tuple[SensorRange, ...]:

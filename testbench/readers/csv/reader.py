@@ -5,6 +5,7 @@ from pathlib import Path
 
 from ...findings import Finding, Refusal
 from ...recording import Channel, Group, Recording
+from .. import origin
 from ..registry import Reader, ReadOptions
 from . import dialect as dialects
 from . import encoding as encodings
@@ -41,7 +42,7 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
         reader="testbench.readers.csv",
         groups=clocks.groups if clocks else (group,),
         read=stated.held_against(clocks.apart(read) if clocks else read),
-        origin=preamble.origin(said),
+        origin=origin.stated(said),
         settings=_settings(sample, dialect, header, options.date_order),
         metadata=preamble.pairs(said) | spelled.times.zeros(channels),
         comments=said,
