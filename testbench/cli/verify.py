@@ -43,12 +43,14 @@ def verify(campaign: Path, as_json: bool) -> int:
 
 
 def _records(campaign: Path) -> "list[FileState]":
-    """The first record that cannot be used, if any: analyses refuse it as well."""
+    """The records that cannot be used: analyses refuse them as well."""
     from ..calibration import stored
     from ..errors import StoreError
     from ..store import records
     from ..store.campaign import FileState
 
+    if found := records.damaged(campaign):
+        return [FileState(f"{records.FOLDER}/{name}", "damaged", message) for name, message in found.items()]
     try:
         stored.read(campaign)
     except StoreError as error:

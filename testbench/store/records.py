@@ -1,9 +1,10 @@
 """Records beside the runs of a campaign: alignments, calibrations, decisions. Dated, only ever added, never changed.
 
 A record is one JSON file in ``records/``; it names the runs that it is about with their SHA-256, so that it says of
-which bytes it holds. What is current is the newest of its kind.
+which bytes it holds, and the SHA-256 of what it says itself. What is current is the newest of its kind.
 """
 
+import hashlib
 import json
 import os
 from collections.abc import Mapping, Sequence
@@ -18,8 +19,9 @@ from . import digest
 from .archive import identities
 
 FOLDER = "records"
-LAYOUT = 1
+LAYOUT = 2
 _KEYS = {"layout", "kind", "written", "software", "runs", "content"}
+"""Of a record, beside its digest; one of layout 1 has none."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,7 @@ def append(campaign: Path, kind: str, runs: Sequence[Path], content: Mapping[str
         "runs": {run.name: digest.recorded(run) for run in runs},
         "content": content,
     }
+    document["sha256"] = _digest(document)
     text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     folder = campaign / FOLDER
     target = folder / f"{now:%Y%m%dT%H%M%S%f}Z-{kind}-{uuid4().hex[:8]}.json"
@@ -69,11 +72,19 @@ def refuse_read_only(campaign: Path) -> None:
 
 def read(campaign: Path, kind: str | None = None) -> list[Record]:
     """The records of a campaign, of one kind if named, oldest first. Raises StoreError for a file that is none."""
-    folder = campaign / FOLDER
-    if not folder.is_dir():
-        return []
-    found = [_record(path) for path in sorted(folder.glob("*.json")) if not path.name.startswith(".")]
+    found = [_record(path) for path in _files(campaign)]
     return sorted((r for r in found if kind in {None, r.kind}), key=lambda record: record.written)
+
+
+def damaged(campaign: Path) -> dict[str, str]:
+    """The files that are no records, or not what was written, and what is wrong with each."""
+    found = {}
+    for path in _files(campaign):
+        try:
+            _record(path)
+        except StoreError as error:
+            found[path.name] = str(error)
+    return found
 
 
 def about(campaign: Path, kind: str, run: Path) -> list[Record]:
@@ -99,13 +110,27 @@ def copy(campaign: Path, folder: Path) -> list[Path]:
     return added
 
 
+def _files(campaign: Path) -> list[Path]:
+    return sorted(path for path in (campaign / FOLDER).glob("*.json") if not path.name.startswith("."))
+
+
+def _digest(document: Mapping[str, Any]) -> str:
+    """SHA-256 of what a record says: a digit that changes later is noticed."""
+    said = {key: document[key] for key in _KEYS}
+    return hashlib.sha256(json.dumps(said, sort_keys=True, ensure_ascii=True).encode("ascii")).hexdigest()
+
+
 def _record(path: Path) -> Record:
     try:
         document = json.loads(path.read_text("utf-8"))
     except (ValueError, RecursionError) as error:
         raise StoreError(f"{FOLDER}/{path.name}: not a record; it may be damaged: {error}") from error
-    if not isinstance(document, dict) or document.keys() != _KEYS or document["layout"] != LAYOUT:
+    except OSError as error:
+        raise StoreError(f"{FOLDER}/{path.name}: cannot be read: {error.strerror or error}") from error
+    if not isinstance(document, dict) or document.keys() - {"sha256"} != _KEYS or document["layout"] not in {1, LAYOUT}:
         raise StoreError(f"{FOLDER}/{path.name}: not a record that this version knows (layout {LAYOUT})")
+    if document["layout"] == LAYOUT and document.get("sha256") != _digest(document):
+        raise StoreError(f"{FOLDER}/{path.name}: not what was written; it is damaged or was edited")
     if not isinstance(document["runs"], dict) or not isinstance(document["content"], dict):
         raise StoreError(f"{FOLDER}/{path.name}: not a record; it may be damaged")
     written, kind = str(document["written"]), str(document["kind"])

@@ -55,6 +55,32 @@ def test_damaged_records_are_refused(campaign, text):
         records.read(campaign)
 
 
+@pytest.mark.parametrize("at", range(0, 8, 3))
+def test_every_bit_of_a_record_counts(campaign, at):
+    """One that flips is noticed, wherever it is, unless only white space changes."""
+    path = records.append(campaign, "alignment", [campaign / "a.h5"], {"offset_s": 0.512345, "by": "Küppers"})
+    whole = path.read_bytes()
+    said = json.loads(whole)
+    for place in range(len(whole)):
+        flipped = bytearray(whole)
+        flipped[place] ^= 1 << at
+        path.write_bytes(flipped)
+        if path.name not in records.damaged(campaign):
+            assert json.loads(flipped) == said
+
+
+def test_records_of_before_there_were_digests(campaign):
+    """They are read as ever."""
+    path = records.append(campaign, "alignment", [campaign / "a.h5"], {"x": 1})
+    document = json.loads(path.read_text("utf-8"))
+    del document["sha256"]
+    path.write_text(json.dumps(document | {"layout": 1}), encoding="utf-8")
+    assert [record.content for record in records.read(campaign, "alignment")] == [{"x": 1}]
+    path.write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(StoreError, match="not what was written"):
+        records.read(campaign)
+
+
 def test_numbers_that_are_none_are_not_written(campaign):
     """NaN has no JSON form: nothing is written."""
     with pytest.raises(ValueError, match="JSON"):
