@@ -23,7 +23,7 @@ from .whitening import PERIODS, whitener, with_history
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
-LEAST_FREEDOM = 4.0
+LEAST_FREEDOM = 2.0
 """Degrees of freedom below which scatter is not told."""
 LIVELY = 0.05
 """Share of the largest change, averaged over LIVELY_PERIODS of the cut-off, from which samples are used."""

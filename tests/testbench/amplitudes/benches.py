@@ -8,9 +8,9 @@ through new noise by the loggers of its rig.
 import sys
 from dataclasses import dataclass
 from itertools import product
+from pathlib import Path
 
 import numpy as np
-from scipy.stats import binomtest
 
 from balance.mechanism import Mechanism
 from balance.quantities import G0
@@ -24,6 +24,12 @@ from testbench.rig import Rig, load
 from testbench.segments import rest_before
 from testbench.signals import Band
 from testbench.vibration import METRICS, Measure
+
+try:
+    from ..coverage import Tally
+except ImportError:  # as a script
+    sys.path.insert(0, str(Path(__file__).parents[1]))
+    from coverage import Tally
 
 SHIPPED = load("parallelogram-6bar")
 
@@ -121,32 +127,24 @@ def conditions(case: Case) -> tuple[Condition, Condition]:
 
 
 @dataclass
-class Tally:
-    """How often the truth was held, of how many intervals."""
+class RatioTally(Tally):
+    """And how many were below noise, or not defined."""
 
-    held: int = 0
-    count: int = 0
     below: int = 0
     undefined: int = 0
 
-    @property
-    def pvalue(self) -> float:
-        """Of 95 %, two-sided."""
-        return float(binomtest(self.held, self.count, 0.95).pvalue)
-
     def add(self, ratio: Ratio, truth: float) -> None:
         """Count one. Where no reduction is defined, nothing is claimed: every truth goes."""
-        self.count += 1
+        self.hold(ratio.speaks_for(truth))
         self.undefined += not ratio.defined
         self.below += ratio.defined and ratio.below_noise
-        self.held += ratio.speaks_for(truth)
 
 
-def tally(case: Case, seeds: range, repeats: int = 1, axes: str = "xyz") -> dict[tuple[int, str, str], Tally]:
+def tally(case: Case, seeds: range, repeats: int = 1, axes: str = "xyz") -> dict[tuple[int, str, str], RatioTally]:
     """By runs a side, axis and metric, over campaigns of several seeds; fewer runs a side are the first of more."""
     pair = conditions(case)
     rate = case.rig.loggers[case.rig.sensors["base_acc"].logger].rate
-    found: dict[tuple[int, str, str], Tally] = {}
+    found: dict[tuple[int, str, str], RatioTally] = {}
     for seed in seeds:
         rng = np.random.default_rng([seed, 77])
         runs = [[condition.draw(rng) for condition in pair] for _ in range(repeats)]
@@ -155,7 +153,7 @@ def tally(case: Case, seeds: range, repeats: int = 1, axes: str = "xyz") -> dict
             truth = pair[0].truth(axis, measure) / pair[1].truth(axis, measure)
             judged = [[Judged.of(Amplitude(r[axis][0], rate, measure, r[axis][1])) for r in both] for both in runs]
             for count in range(1, repeats + 1):
-                found.setdefault((count, axis, metric), Tally()).add(ratio(judged[:count]), truth)
+                found.setdefault((count, axis, metric), RatioTally()).add(ratio(judged[:count]), truth)
     return found
 
 
