@@ -1,7 +1,8 @@
 """Clocks of simulated benches with known truth: does a 95 % interval hold an instant's true time 95 times in 100?
 
 As a script the whole study: ``python tests/testbench/clocks/benches.py SEEDS [CASE...]``. Each seed is a campaign: its
-own sensors, clocks and noise, floor and drives where the rig has them, on the same motion of the same bench.
+own sensors, clocks and noise, encoders mounted anywhere within a step, floor and drives where the rig has them, on the
+same motion of the same bench.
 """
 
 import sys
