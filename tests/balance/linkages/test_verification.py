@@ -113,7 +113,7 @@ def test_a_joint_that_makes_no_full_turn_is_told_to_swing(crank_rocker_keys):
 
 
 def test_a_line_of_sliding_has_no_sense(crank_rocker_keys):
-    """A block that stands the other way round on its line slides alike: with no mass off its pivot, with equal forces."""
+    """A block that stands the other way round slides alike, with no mass off its pivot with equal forces."""
     crank_rocker_keys["links"]["6"] |= {"centre": ["0 m", "0 m"]}
     crank_rocker_keys["joints"]["P"]["6"]["point"] = ["0 m", "0 m"]
     found = {}
