@@ -129,7 +129,7 @@ def of_run(run: "Run", tachometer: Tachometer, sensors: Sequence[str] = (), orde
     found = []
     for i in _chosen(run, group, index, sensors):
         dimension, factor = _reading(run, group, i)
-        values = factor * _finite(run, group, i)
+        values = factor * _alive(run, group, i)
         found.append(order_vector(group.channels[i].label, dimension, values, turns, time, order, orders))
     return Vectors(order, turns, tuple(found))
 
@@ -188,6 +188,18 @@ def _finite(run: "Run", group: "StoredGroup", index: int) -> Floats:
     if odd.size:
         raise AnalysisError(
             f"{run.name}: channel {group.channels[index].name!r} holds no number at sample {odd[0]}; repair it first"
+        )
+    return values
+
+
+def _alive(run: "Run", group: "StoredGroup", index: int) -> Floats:
+    """Values of a channel that moves: of one that does not, rounding errors would be given as a vector."""
+    values = _finite(run, group, index)
+    if np.ptp(values) == 0.0:
+        channel = group.channels[index]
+        raise AnalysisError(
+            f"{run.name}: channel {channel.name!r} is {values[0]:g} {channel.unit} throughout: dead, stuck or not "
+            "connected; name the others with --sensor"
         )
     return values
 

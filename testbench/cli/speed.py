@@ -6,9 +6,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from balance.cli.console import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from balance.cli.rotor.given import Quantity
 
 if TYPE_CHECKING:
     from ..encoder import Disc, Edges, Turn
+
+_SPEED = Quantity("angular velocity", positive=True)
+_OF_A_DRIVE = ("reading", "motor_speed", "first_edge_at")
+"""Options that change nothing without a drive to hold the log against."""
 
 
 @click.command(
@@ -29,16 +34,23 @@ Exit codes: 0 done, 3 done with findings, 1 refused."""
 )
 @click.argument("log", metavar="LOG", type=click.Path(path_type=Path))
 @click.option("--pulses", type=click.IntRange(2), required=True, metavar="N", help="Edges per turn of the disc.")
-@click.option("--ratio", type=click.FloatRange(1e-3), default=1.0, help="Turns of the disc per turn of the crank.")
-@click.option("--nominal", metavar="N", help="Nominal speed of the crank, to which the fluctuation is related.")
+@click.option("--ratio", type=click.FloatRange(1e-3, 1e3), default=1.0, help="Turns of the disc per turn of the crank.")
+@click.option("--nominal", type=_SPEED, metavar="N", help="Nominal speed of the crank, for the fluctuation.")
 @click.option("--drive", metavar="DRIVE", help="Hold it against this drive file, such as inverted-slider-crank.")
 @click.option("--reading", type=click.Choice(["geared", "ungeared"]), help="How the gearbox's torque is read.")
-@click.option("--motor-speed", metavar="N", help="Nominal speed of the drive's motor [default: the file's nearest].")
-@click.option("--first-edge-at", metavar="ANGLE", help="Angle of the crank at the first edge; else curves are aligned.")
+@click.option("--motor-speed", type=_SPEED, metavar="N", help="Nominal speed of the drive's motor [default: nearest].")
+@click.option(
+    "--first-edge-at",
+    type=Quantity("angle"),
+    metavar="ANGLE",
+    help="Angle of the crank at the first edge; else curves are aligned.",
+)
 @click.option("--start-up", type=click.IntRange(1, 200), metavar="TURNS", help="The log begins at standstill.")
 @click.option("--bridge", is_flag=True, help="Count lost edges and go on, with findings.")
 @click.option("--harmonics", type=click.IntRange(1), help="Harmonics of a turn [default: what the log supports].")
-@click.option("--steady-within", default=0.1, metavar="PERCENT", help="Turns that differ less in duration are steady.")
+@click.option(
+    "--steady-within", type=float, default=0.1, metavar="PERCENT", help="Turns that differ less in duration are steady."
+)
 @click.option("--pitch", type=click.Path(path_type=Path, dir_okay=False), help="Errors of the disc, from --calibrate.")
 @click.option("--calibrate", type=click.Path(path_type=Path, dir_okay=False), help="Write them, from a free run.")
 @click.option("--csv", type=click.Path(path_type=Path, dir_okay=False), help="Write the speed edge by edge.")
@@ -51,6 +63,7 @@ def speed(log: Path, **options: Any) -> int:  # noqa: ANN401
     push the extremes apart; intervals (95 %) hold jitter, errors of the disc, changes from turn to turn, and the
     answers with one and two harmonics more. A slow error of the disc (an eccentric one) needs a calibration.
     """
+    _check(options)
     from .. import encoder
     from ..encoder import pitch as pitches
 
@@ -70,6 +83,16 @@ def speed(log: Path, **options: Any) -> int:  # noqa: ANN401
         save(draw_speed(result), options["figure"])
     emit_json(result) if options["as_json"] else _print(result)
     return EXIT_WITH_FINDINGS if result["findings"] else 0
+
+
+def _check(options: dict[str, Any]) -> None:
+    for name, least, most in (("ratio", 1e-3, 1e3), ("steady_within", 1e-9, 50.0)):
+        if not least <= options[name] <= most:  # NaN is in no range of click's
+            option = "--" + name.replace("_", "-")
+            raise click.UsageError(f"{option} is {options[name]:g}: expected {least:g} to {most:g}")
+    idle = [name for name in _OF_A_DRIVE if options[name] is not None and not options["drive"]]
+    if idle:
+        raise click.UsageError(f"--{idle[0].replace('_', '-')} goes with --drive")
 
 
 def _calibrate(edges: "Edges", path: Path, as_json: bool) -> int:
@@ -112,17 +135,15 @@ def _study(log: Path, edges: "Edges", disc: "Disc", options: dict[str, Any]) -> 
 
 def _against_the_model(result: dict[str, Any], turn: "Turn | None", course: Any, options: dict[str, Any]) -> None:  # noqa: ANN401
     """Add the steady turn and, where a drive is named, what its equation of motion says."""
-    from balance.quantities import parse
-
     from ..encoder import document as documents
     from ..encoder import model as models
 
     mean = float(course.speed[-len(course.speed) // 2 :].mean()) if turn is None else turn.mean.value
     machine = _machine(options, mean) if options["drive"] else None
-    nominal = _speed(options["nominal"], "--nominal") or (machine.nominal_crank if machine else None)
+    nominal, angle = options["nominal"] or (machine.nominal_crank if machine else None), options["first_edge_at"]
     if turn is not None:
         result["steady"] = documents.turn(turn, nominal)
-    angle = None if options["first_edge_at"] is None else parse(options["first_edge_at"], "angle")
+        result["findings"] += documents.off_nominal(turn, nominal)
     if machine is not None and turn is not None:
         held = models.hold(turn, machine, angle)
         result["model"] = documents.model(held, nominal or machine.nominal_crank)
@@ -138,15 +159,7 @@ def _machine(options: dict[str, Any], mean: float) -> Any:  # noqa: ANN401
 
     drive = DriveFile.load(options["drive"])
     nearest = min(drive.speeds, key=lambda nominal: abs(nominal / drive.ratio - mean))
-    return models.machine_of(
-        options["drive"], _speed(options["motor_speed"], "--motor-speed") or nearest, options["reading"]
-    )
-
-
-def _speed(text: str | None, option: str) -> float | None:
-    from balance.drives.fields import speed
-
-    return None if text is None else speed(text, option)
+    return models.machine_of(options["drive"], options["motor_speed"] or nearest, options["reading"])
 
 
 def _write(course: dict[str, Any], path: Path) -> None:

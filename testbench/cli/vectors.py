@@ -94,6 +94,10 @@ def _check(options: dict[str, Any]) -> None:
         raise click.UsageError("give either --toml or --json")
     if not 0.0 < options["steady_within"] <= 50.0:
         raise click.UsageError(f"--steady-within is {options['steady_within']:g}: expected more than 0, at most 50 %")
+    if options["level"] is not None and not math.isfinite(options["level"]):
+        raise click.UsageError(f"--level is {options['level']:g}: expected a number")
+    if twice := [name for i, name in enumerate(options["sensor"]) if name in options["sensor"][:i]]:
+        raise click.UsageError(f"--sensor names {twice[0]!r} twice")
     if options["toml"] and not options["speed"]:
         raise click.UsageError("--toml needs --speed: the runs of a sheet are matched by their nominal speed")
     if options["toml"] and options["order"] != 1:

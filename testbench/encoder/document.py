@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 RPM = math.pi / 30.0
 """One revolution per minute [rad/s]."""
 _DEGREES = np.arange(361.0)
+FAR_FROM_NOMINAL = 1.5
+"""Factor between mean and nominal speed above which it is said: slip of a motor is less, a gearbox left out is more."""
 COARSE_CLOCK = 0.01
 """Share of an interval between edges above which a clock step is named."""
 
@@ -141,6 +143,17 @@ def findings(record: Edges, found: Turn | None) -> list[str]:
             "fluctuation of speed, the harmonics hold it down; --pitch takes a calibration"
         )
     return odd
+
+
+def off_nominal(found: Turn, nominal: float | None) -> list[str]:
+    """That the mean speed is far from the ``nominal`` one [rad/s], to which the fluctuation is related."""
+    times = 1.0 if nominal is None else found.mean.value / nominal
+    if nominal is None or 1.0 / FAR_FROM_NOMINAL <= times <= FAR_FROM_NOMINAL:
+        return []
+    return [
+        f"the mean speed of {found.mean.value / RPM:.4g} rpm is {times:.3g} times the nominal {nominal / RPM:.4g} rpm: "
+        "is that the crank's, not the motor's? the fluctuation is related to it; see --nominal, --ratio, --pulses"
+    ]
 
 
 def _interval(estimate: Estimate, unit: float) -> dict[str, float]:

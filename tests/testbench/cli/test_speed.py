@@ -106,3 +106,32 @@ def test_what_proves_the_edges_a_turn(log, tmp_path):
     even = written(tmp_path / "even.csv", np.arange(801) * 8e-3)
     assert "Nothing in the log proves 200 edges a turn" in run(even, "--pulses", "200")[1]
     assert json.loads(run(even, "--pulses", "200", "--json")[1])["motion_repeats_every_edges"] is None
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--ratio", "inf"),
+        ("--ratio", "nan"),
+        ("--nominal", "0rpm"),
+        ("--nominal", "5 Hz"),
+        ("--steady-within", "nan"),
+        ("--steady-within", "0"),
+        ("--reading", "geared"),
+        ("--motor-speed", "276rpm"),
+        ("--first-edge-at", "3deg"),
+    ],
+)
+def test_options_that_cannot_be_meant(log, options):
+    """Nonsense, and what changes nothing without a drive, is a wrong command line."""
+    result = CliRunner().invoke(speed, [log, "--pulses", "100", *options])
+    assert result.exit_code == 2
+    assert options[0] in result.output
+
+
+def test_a_nominal_speed_far_from_the_mean_is_a_finding(log):
+    """The motor's 276 rpm are not the crank's 76.45 rpm; what slip and load do to a motor is no finding."""
+    code, output = run(log, "--pulses", "100", "--nominal", "276rpm")
+    assert code == 3
+    assert "times the nominal 276 rpm: is that the crank's, not the motor's?" in " ".join(output.split())
+    assert run(log, "--pulses", "100", "--nominal", "90rpm")[0] == 0

@@ -123,6 +123,20 @@ def test_refusals(found: str) -> None:
         run(found, "--sensor", "tacho")
 
 
+def test_a_sensor_that_does_not_move_is_named(tmp_path: Path) -> None:
+    """Rounding errors of a constant are no vibration: refused with the channel and its value; the others are given."""
+    log, campaign = tmp_path / "dead.csv", tmp_path / "campaign"
+    head, *rows = Rotor(seconds=1.0, speed=OWN).csv().splitlines()
+    text = [f"{row.rpartition(',')[0]},2.5" for row in rows]  # B is the last column
+    log.write_text("\n".join([head, *text]) + "\n", encoding="utf-8")
+    campaign.mkdir()
+    (outcome,) = Ingest(campaign).run(PlannedRun("dead", (log,)))
+    stored_run = str(campaign / str(outcome.file))
+    with pytest.raises(AnalysisError, match=r"channel 'B.* is 2.5 m/s\^2 throughout: dead"):
+        run(stored_run)
+    assert run(stored_run, "--sensor", "A")[0] == 0
+
+
 @pytest.mark.parametrize(
     "options",
     [
@@ -133,6 +147,8 @@ def test_refusals(found: str) -> None:
         ("--toml", "x", "--speed", "3000rpm", "--stayed-on"),
         ("--toml", "x", "--speed", "3000rpm", "--weight", "a=1 g", "--came-off"),
         ("--toml", "x", "--speed", "3000rpm", "--order", "2"),
+        ("--sensor", "B", "--sensor", "B"),
+        ("--level", "nan"),
     ],
 )
 def test_options_that_do_not_go_together(found: str, options: tuple[str, ...]) -> None:
