@@ -51,6 +51,22 @@ class Steps:
         high = self.values[np.searchsorted(upto, math.ceil(position), side="right")]
         return float(low if low == high else (low + high) / 2)
 
+    def places(self, lowest: float, highest: float, width: float) -> tuple[int, float] | None:
+        """How many places of this ``width`` hold all steps from ``lowest`` to ``highest``, and the mean of these steps.
+
+        None where they spread over more than that: times that are rounded have steps in few places.
+        """
+        self._merge()
+        chosen = (self.values >= lowest) & (self.values <= highest)
+        values, counts = self.values[chosen], self.counts[chosen]
+        if not len(values):
+            return None
+        firsts = np.flatnonzero(np.diff(values, prepend=-math.inf) > width)
+        lasts = np.append(firsts[1:], len(values)) - 1
+        if np.any(values[lasts] - values[firsts] > width):
+            return None
+        return len(firsts), float(values @ counts / counts.sum())
+
     def above(self, limit: float) -> int:
         """How many steps are longer than ``limit``."""
         self._merge()

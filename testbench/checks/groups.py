@@ -57,7 +57,7 @@ class GroupCheck:
 
     @property
     def rate_hz(self) -> float | None:
-        """The sampling rate [Hz]: declared, or 1 / median step; None if there is none."""
+        """The sampling rate [Hz]: declared, or that of the steps; None if there is none."""
         if isinstance(self.group.clock, UniformClock):
             return self.group.clock.rate_hz
         return None if self.group.clock is None else times.rate_hz(self.group, self.clock)
@@ -67,7 +67,9 @@ class GroupCheck:
         """Where the rate comes from."""
         if self.rate_hz is None:
             return None
-        return "declared" if isinstance(self.group.clock, UniformClock) else "median_step"
+        if isinstance(self.group.clock, UniformClock):
+            return "declared"
+        return "median_step" if times.rounded_step(self.clock) is None else "mean_step"
 
     def findings(self) -> list[Finding]:
         """What the data of the group show."""

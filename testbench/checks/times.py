@@ -10,6 +10,12 @@ GAP = 1.5
 """A step longer than this many medians is a gap."""
 IRREGULAR = 0.1
 """Steps whose middle half spreads over more than this share of the median are those of no sampled signal."""
+_PLACES = 5
+"""Steps of rounded times lie in so few places: two, more where they were rounded twice."""
+_NEIGHBOURS, _COARSE = 8, 2.0**-16
+"""Width of such a place: floating-point numbers beside the times, or the share of a step to which steps are known."""
+_MATTERS = 1e-4
+"""Mean and median step that differ by less than this share are not told apart."""
 _SAME_RATE = 1e-6
 """Rates that differ by less than this share of them are one."""
 RATE_TOLERANCE = 0.005
@@ -17,13 +23,29 @@ RATE_TOLERANCE = 0.005
 
 
 def rate_hz(group: Group, clock: ClockStats) -> float | None:
-    """1 / median step [Hz], where the steps are those of a sampled signal in a unit of time."""
+    """1 / median step [Hz], where the steps are those of a sampled signal in a unit of time.
+
+    Where the times are rounded so that the median is none of a sample, 1 / mean step.
+    """
     median = clock.steps.quantile(0.5)
     if len(group.channels) == 1 or not median > 0 or _spread(clock) > IRREGULAR:
         return None
     assert isinstance(group.clock, TimeColumn)
     factor = group.clock.seconds_per_unit
-    return None if factor is None else 1.0 / (median * factor)
+    return None if factor is None else 1.0 / ((rounded_step(clock) or median) * factor)
+
+
+def rounded_step(clock: ClockStats) -> float | None:
+    """The mean step where the times are rounded and their median step shows that, in the unit of the times.
+
+    2048 samples a second with times in four decimals have steps of 0.0004 and 0.0005: their median is that of 2000.
+    """
+    median = clock.steps.quantile(0.5)
+    width = max(_NEIGHBOURS * math.ulp(max(abs(clock.first), abs(clock.last))), _COARSE * median)
+    found = clock.steps.places(median / 2.0, GAP * median, width)
+    if found is None or found[0] > _PLACES or abs(found[1] / median - 1.0) <= _MATTERS:
+        return None
+    return found[1]
 
 
 def seconds(group: Group, clock: ClockStats) -> dict[str, float | int | None]:
@@ -87,7 +109,14 @@ def _steps(group: Group, clock: ClockStats, name: str, unit: str, stated: float 
     if (jitter := clock.steps.quantile(0.95) - clock.steps.quantile(0.05)) > 0.01 * median:
         message = f"nine steps in ten lie within {jitter / median:.1%} of the median {median:.6g} {unit}"
         found.append(Finding("time_jitter", name, None, message))
-    return found + _against_stated(name, clock, rate_hz(group, clock), stated)
+    rate = rate_hz(group, clock)
+    if rate and not stated and (step := rounded_step(clock)) is not None:
+        message = (
+            f"the times are rounded: steps of {clock.dt_min:.6g} to {clock.dt_max:.6g} {unit}, by whose median of "
+            f"{median:.6g} {unit} the rate would be {rate * step / median:.6g} Hz; it is {rate:.6g} Hz by their mean"
+        )
+        found.append(Finding("rate_rounded", name, None, message))
+    return found + _against_stated(name, clock, rate, stated)
 
 
 def _against_stated(name: str, clock: ClockStats, rate: float | None, stated: float | None) -> list[Finding]:
@@ -100,7 +129,7 @@ def _against_stated(name: str, clock: ClockStats, rate: float | None, stated: fl
     median, span = clock.steps.quantile(0.5), clock.last - clock.first
     if clock.dt_max > GAP * median or clock.non_increasing:
         return []
-    mean = rate * median * clock.steps.above(0.0) / span
+    mean = rate * (rounded_step(clock) or median) * clock.steps.above(0.0) / span
     if abs(mean / stated - 1) <= max(_SAME_RATE, (clock.dt_max - clock.dt_min) / span):
         return []
     message = f"the header states {stated:.10g} Hz, the times give {mean:.10g} Hz on average; the times are taken"

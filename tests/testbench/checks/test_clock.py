@@ -57,6 +57,30 @@ def test_falling_and_repeated_times_across_blocks():
         assert "-0.9 s at line 22" in findings["time_not_increasing"].message
 
 
+@pytest.mark.parametrize(
+    ("rate", "decimals"), [(2048, 4), (300, 4), (1024, 4), (51_200, 6), (3000, 6), (2560, 5), (833, 4)]
+)
+@pytest.mark.parametrize("first", [0.0, 86_400.0])
+def test_the_rate_of_rounded_times(rate, decimals, first):
+    """Rounding leaves the median at a whole number of the last digit; the rate is that of the mean, and it is said."""
+    column = np.round(first + np.arange(20_000) / rate, decimals)
+    group, findings = checked(column)
+    assert abs(1 / np.median(np.diff(column)) / rate - 1) > 9e-5
+    assert group.rate_hz == pytest.approx(rate, rel=2 * 10.0**-decimals / (column[-1] - first))
+    assert group.rate_source == "mean_step"
+    assert f"it is {group.rate_hz:.6g} Hz by their mean" in findings["rate_rounded"].message
+    gap = np.concatenate([column[:9000], column[12_000:]])
+    group, findings = checked(gap)
+    assert group.rate_hz == pytest.approx(rate, rel=1e-4)
+    assert "time_gap" in findings
+
+
+def test_the_rate_of_times_rounded_to_floating_point():
+    """Seconds since 1970 at 51.2 kHz: neighbours of float64 are a hundredth of a step apart."""
+    group, _ = checked(1.7e9 + np.arange(20_000) / 51_200)
+    assert (group.rate_hz, group.rate_source) == (pytest.approx(51_200, rel=1e-5), "mean_step")
+
+
 def test_gaps_are_found_with_their_place():
     """A step of 6 samples is a gap before its line; a jitter of a tenth is none."""
     column = np.delete(np.arange(1000) / 100, range(500, 505))
