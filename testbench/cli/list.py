@@ -29,8 +29,8 @@ def list(campaign: Path, as_json: bool) -> int:
     runs, refused = stored_runs.each(open_campaign(campaign).run_paths)
     if as_json:
         documents = [*map(document, runs), *(one.as_dict() for one in refused)]
-        emit_json({"campaign": campaign.name, "runs": documents})
+        emit_json({"campaign": campaign.resolve().name, "runs": documents})
     else:
-        emit_table(f"{plain(campaign.name)}: {len(runs)} runs", HEADER, [row(run) for run in runs])
+        emit_table(f"{plain(campaign.resolve().name)}: {len(runs)} runs", HEADER, [row(run) for run in runs])
     stored_runs.say(refused)
     return EXIT_REFUSED if refused else 0

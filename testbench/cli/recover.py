@@ -30,14 +30,16 @@ def recover(campaign: Path, as_json: bool) -> int:
 
     found = save(campaign)
     if as_json:
-        emit_json({"campaign": campaign.name, "recovered": [one.as_dict() for one in found]})
+        emit_json({"campaign": campaign.resolve().name, "recovered": [one.as_dict() for one in found]})
     elif found:
         rows = [[plain(one.run), one.status, plain(one.file or "-"), plain(one.message)] for one in found]
         emit_table(
-            f"{plain(campaign.name)}: {len(found)} left by stopped ingests", ["run", "status", "file", "what"], rows
+            f"{plain(campaign.resolve().name)}: {len(found)} left by stopped ingests",
+            ["run", "status", "file", "what"],
+            rows,
         )
     else:
-        click.echo(f"{plain(campaign.name)}: no ingest was stopped; nothing to do")
+        click.echo(f"{plain(campaign.resolve().name)}: no ingest was stopped; nothing to do")
     states = {one.status for one in found}
     if states & {"failed", "empty"}:
         return EXIT_REFUSED

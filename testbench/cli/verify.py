@@ -32,10 +32,10 @@ def verify(campaign: Path, as_json: bool) -> int:
     with progress("verifying", sum(path.stat().st_size for path in opened.run_paths)) as done:
         files = [*opened.verify(done), *_records(campaign)]
     if as_json:
-        emit_json({"campaign": campaign.name, "files": [file.as_dict() for file in files]})
+        emit_json({"campaign": campaign.resolve().name, "files": [file.as_dict() for file in files]})
     else:
         rows = [[plain(file.name), file.status, plain(file.message)] for file in files]
-        emit_table(f"{plain(campaign.name)}: {len(files)} files", ["file", "status", "what"], rows)
+        emit_table(f"{plain(campaign.resolve().name)}: {len(files)} files", ["file", "status", "what"], rows)
     states = {file.status for file in files}
     if states & {"damaged", "missing"}:
         return EXIT_REFUSED

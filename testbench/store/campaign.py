@@ -69,8 +69,18 @@ def open_campaign(folder: str | Path) -> Campaign:
     path = existing(folder)
     campaign = Campaign(path)
     if not campaign.run_paths and not any(path.glob(f"*{SUFFIX}{digest.SUFFIX}")):
-        raise StoreError(f"{path}: holds no run (*{SUFFIX}); `testbench ingest FILE... -o {path}` puts some there")
+        raise StoreError(f"{path}: holds no run (*{SUFFIX}){_what_else(path)}")
     return campaign
+
+
+def _what_else(path: Path) -> str:
+    """What to do about a folder without runs."""
+    left = leftovers(path)
+    if any(lock.is_held(one.journal) for one in left):
+        return " yet; an ingest is writing into it at this moment"
+    if left:
+        return f", only what a stopped ingest left: `testbench recover {path}` saves what is in it"
+    return f"; `testbench ingest FILE... -o {path}` puts some there"
 
 
 def _unfinished(left: Leftover) -> FileState:

@@ -108,3 +108,9 @@ def test_a_folder_for_a_file_and_a_file_for_a_folder(tmp_path, monkeypatch, caps
     assert stop.value.code == 1
     assert said in capsys.readouterr().err
     assert not (tmp_path / "c").exists()
+
+
+def test_the_folder_that_one_stands_in(campaign, monkeypatch, capsys):
+    """A campaign called `.` has its folder's name in what is printed."""
+    monkeypatch.chdir(campaign)
+    assert call(capsys, listing, ".")[1]["campaign"] == campaign.name

@@ -205,3 +205,14 @@ def test_archives_killed_at_random_moments(tmp_path):
     chance = random.Random(22)
     for number in range(4):
         assert faults.kill_archive(run, tmp_path / f"a{number}", chance, whole) == 0
+
+
+def test_a_campaign_of_nothing_but_leftovers(tmp_path, monkeypatch):
+    """Commands that need a run say what is there and how to save it."""
+    stopped(tmp_path, monkeypatch)
+    with pytest.raises(
+        StoreError, match=r"holds no run \(\*\.h5\), only what a stopped ingest left: `testbench recover"
+    ):
+        open_campaign(tmp_path)
+    with RunWriter(tmp_path, "other"), pytest.raises(StoreError, match="at this moment"):
+        open_campaign(tmp_path)
