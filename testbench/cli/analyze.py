@@ -31,8 +31,9 @@ def analyze(campaign: Path, metric: str, band: "Band | None", figure: str | None
     """How much the vibration amplitude of the base fell, runs with counter-masses against runs without.
 
     Runs of one payload, motion, acceleration and origin are compared. Noise, as the rest before the motion shows it,
-    is taken off. Intervals (95 %) come from the scatter of the campaign's repeats, pooled over its conditions, else from
-    that noise, propagated. Where what is left is not above the noise, the reduction is a lower bound: ">= 97.2 < noise".
+    is taken off. Intervals (95 %) come from the scatter of the campaign's repeats, pooled over its conditions, else
+    from that noise, propagated. Where what is left is not above the noise, the reduction is a lower bound:
+    ">= 97.2 < noise".
     """
     from ..reductions import analyze as analyzed
     from ..store import open_campaign
