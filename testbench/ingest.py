@@ -1,6 +1,6 @@
 """Log files into stored runs: read, check, write, in one pass and bounded memory; nothing half-written."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -22,6 +22,8 @@ from .store.writer import RunWriter
 if TYPE_CHECKING:
     from .rig import Rig
 
+MOST_CHANNELS = 30_000
+"""Channels of one log: each takes some 40 KiB of memory and half a millisecond while it is stored."""
 Progress = Callable[[int], None]
 """Called with the bytes that were read since the last call."""
 
@@ -78,6 +80,7 @@ class Ingest:
             for path in planned.files:
                 sources.append(Source.opened(path, self.options))
                 _refuse_stored_run(sources[-1])
+                _refuse_too_many(sources[-1], sources[-1].recording.groups)
             for source, recording in zip(sources, apart([s.recording for s in sources]), strict=True):
                 source.recording = recording
             return self._already(planned, sources) or self._stored_anew(planned, sources)
@@ -152,9 +155,12 @@ class Ingest:
         """Read one file to its end, checking and writing each block; the groups that it held."""
         check = RecordingCheck(source.recording, against_rig.ranges(self.rig))
         source.findings += source.recording.findings
-        done = 0
+        done, groups = 0, len(check.groups)
         for block in source.recording.blocks(source.findings.append):
             check.update(block)
+            if len(check.groups) > groups:
+                groups = len(check.groups)
+                _refuse_too_many(source, [known.group for known in check.groups.values()])
             writer.group(block.group).append(block.columns)
             self.progress(block.bytes_read - done)
             done = block.bytes_read
@@ -198,6 +204,13 @@ def _refuse_stored_run(source: Source) -> None:
     if layout.MARK in source.recording.metadata:
         message = "is a stored run and no log: copy it with its .sha256 into a campaign, or use `testbench archive`"
         raise Refusal(source.path.name, Finding("stored_run", None, None, message))
+
+
+def _refuse_too_many(source: Source, groups: Iterable[Group]) -> None:
+    """Small files can declare channels without end."""
+    if (count := sum(len(group.channels) for group in groups)) > MOST_CHANNELS:
+        message = f"{count} channels; expected no more than {MOST_CHANNELS}: export fewer at a time"
+        raise Refusal(source.path.name, Finding("too_large", None, None, message))
 
 
 def _refuse_twice(digests: Sequence[tuple[str, str]]) -> None:

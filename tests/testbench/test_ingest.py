@@ -291,3 +291,16 @@ def test_a_damaged_run_keeps_no_other_out(folder, damage):
     (whole,) = work.run(PlannedRun("r001", (folder / "r001.csv",)))
     assert whole.status == "stored"
     assert "run_not_opened" not in {f.code for f in whole.findings}
+
+
+def test_channels_without_end_are_refused(folder, monkeypatch):
+    """Named in the header, or by headers that come again and again: refused with their number."""
+    monkeypatch.setattr("testbench.ingest.MOST_CHANNELS", 30)
+    wide, again = folder / "wide.csv", folder / "again.csv"
+    wide.write_text(",".join(f"c{i}" for i in range(31)) + "\n" + (",".join("1" * 31) + "\n") * 3)
+    again.write_text((HEADER + "".join(ROWS[:20])) * 8)
+    for path, count in ((wide, 31), (again, 32)):
+        (outcome,) = ingested(folder, PlannedRun(path.stem, (path,)))
+        assert outcome.message == f"{path.name}: {count} channels; expected no more than 30: export fewer at a time"
+        assert [f.code for f in outcome.findings if f.severity == 2] == ["too_large"]
+    assert not (folder / "campaign").exists()
