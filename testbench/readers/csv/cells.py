@@ -9,7 +9,7 @@ from ...findings import Finding
 from ...recording import Report, Samples
 from . import marks
 from .parse import Form
-from .rows import SHOWN, Piece, listed
+from .rows import SHOWN, Piece, listed, shown
 
 _KINDS = {
     "decimal_mark_changes": "the decimal mark changes: the first lines have a decimal {mark}, and {n} numbers here "
@@ -109,14 +109,6 @@ class CellFilter:
             message = f"no finite number in {places.total} of its cells: {seen}{more}"
             where = _where(places)
             report(Finding("not_a_number", self.names[column], where, message))
-
-
-def shown(token: str) -> str:
-    """A cell's text for a message: short, without control characters."""
-    if not token:
-        return "an empty cell"
-    plain = "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in token[:40])
-    return f"'{plain}{'...' if len(token) > 40 else ''}'"
 
 
 def _where(places: _Places) -> str:

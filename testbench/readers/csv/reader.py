@@ -12,10 +12,10 @@ from . import encoding as encodings
 from . import header as headers
 from . import marks, names, preamble, several, spelling
 from . import stated as above
-from .cells import shown
 from .dialect import Dialect, UnclearDialect
 from .header import Header
 from .parse import Form
+from .rows import shown
 from .sample import Sample, take
 from .spelling import Spelled
 from .table import Table

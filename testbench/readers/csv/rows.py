@@ -21,7 +21,8 @@ _COMMENTS = tuple(sign.encode() for sign in COMMENT_SIGNS)
 _MESSAGES = {
     "blank_lines": "blank lines between the rows, passed over: {n}",
     "comment_inside": "comment lines between the rows, passed over: {n}",
-    "text_row": "lines of text between the rows of numbers: {n}",
+    "text_row": "lines of text between or under the rows of numbers: {n}, the first is {first}",
+    "nul_bytes": "lines of NUL bytes, as after a power failure of the logger: {n}, the first is {first}",
     "ragged_row": "rows with more or fewer fields than {fields}, their values left out: {n}",
 }
 
@@ -54,6 +55,7 @@ class RowFilter:
     above: frozenset[bytes] = frozenset()
     places: dict[str, list[str]] = field(default_factory=dict)
     counts: Counter[str] = field(default_factory=Counter)
+    firsts: dict[str, str] = field(default_factory=dict)
     _header_line: int = 0
 
     def pieces(self, text: bytes, first_line: int) -> Iterator[Piece]:
@@ -66,10 +68,10 @@ class RowFilter:
         suspects = (fields != self.form.fields) | ~np.isin(data[starts], _BEGINS_NUMBER)
         odd: dict[int, str] = {}
         for i in map(int, np.flatnonzero(suspects)):
-            kind = self._kind(text[starts[i] : ends[i]].strip(), int(fields[i]))
-            if kind:
+            line = text[starts[i] : ends[i]].strip()
+            if kind := self._kind(line, int(fields[i])):
                 odd[i] = kind
-                self._count(kind, first_line + i)
+                self._count(kind, first_line + i, line)
         headers = [i for i, kind in odd.items() if kind == "repeated_header"]
         for begin, end in pairwise([0, *headers, len(ends)]):
             if begin in headers:
@@ -111,11 +113,12 @@ class RowFilter:
             return "comment_inside"
         cells = [cell.decode("latin-1") for cell in line.split(self.form.separator.encode())]
         if not any(marks.is_numberish(cell) or marks.is_missing(cell) for cell in cells):
-            return "text_row"
+            return "nul_bytes" if b"\0" in line else "text_row"
         return "" if fields == self.form.fields else "ragged_row"
 
-    def _count(self, kind: str, line: int) -> None:
+    def _count(self, kind: str, line: int, text: bytes) -> None:
         self.counts[kind] += 1
+        self.firsts.setdefault(kind, shown(text[:200].decode("utf-8", "replace")))
         if len(self.places.setdefault(kind, [])) < SHOWN:
             self.places[kind].append(str(line))
 
@@ -123,8 +126,16 @@ class RowFilter:
         """Report what was not regular."""
         for kind, message in _MESSAGES.items():
             if n := self.counts[kind]:
-                text = message.format(n=n, fields=self.form.fields)
+                text = message.format(n=n, fields=self.form.fields, first=self.firsts[kind])
                 report(Finding(kind, None, listed(self.places[kind], n - len(self.places[kind])), text))
+
+
+def shown(token: str) -> str:
+    """A cell's text for a message: short, without control characters."""
+    if not token:
+        return "an empty cell"
+    plain = "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in token[:40])
+    return f"'{plain}{'...' if len(token) > 40 else ''}'"
 
 
 def listed(lines: Sequence[str], more: int) -> str:

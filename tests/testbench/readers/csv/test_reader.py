@@ -95,6 +95,7 @@ def test_a_cell_is_the_number_that_it_spells_or_none(log, token, kept):
         ("Stop by operator\n", "text_row"),
         ("a,b,c\n", "text_row"),
         ("0.1\x00000,1,2\n", "nul_bytes"),
+        ("\0" * 64 + "\n", "nul_bytes"),
     ],
 )
 def test_rows_that_may_hide_a_loss_are_refused(log, row, code):
@@ -103,6 +104,22 @@ def test_rows_that_may_hide_a_loss_are_refused(log, row, code):
     (finding,) = [f for f in found.findings if f.severity == 2]
     assert (finding.code, finding.where) == (code, "line 102")
     assert found.column("AccX (g)")[-1] == float(ROWS[-1].split(",")[1])
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ("End of [file]: 60 rows\x1b\n", r"'End of [file]: 60 rows\x1b'"),
+        ("\0" * 64 + "\n", r"'\x00\x00"),
+        ("ü" * 300, "'üüü"),
+    ],
+)
+def test_lines_that_are_no_rows_are_shown(log, row, said):
+    """The first of them, short, and without what steers a terminal."""
+    found = log(HEADER + "".join([*ROWS[:100], row.rstrip("\n") + "\n", *ROWS[101:]]))
+    (finding,) = [f for f in found.findings if f.severity == 2]
+    assert f": 1, the first is {said}" in finding.message
+    assert len(finding.message) < 300
 
 
 def test_a_mark_that_changes_is_an_error(log):
