@@ -1,8 +1,9 @@
 """Shaking force and moment at a point, from the force sensors that the mechanism stands on.
 
 F = sum F_i, M = sum M_i + (p_i - P) x F_i over all supports. A component is given where every term of it is measured,
-or the rig says that a support does not carry it; otherwise it is None, with the reason. Where a sensor is at the end of
-its range, what rests on it is no number. Nothing is guessed.
+or the rig says that a support does not carry it; otherwise it is None, with the reason. A channel that shows one value
+all the time measures nothing. Where a sensor is at the end of its range, what rests on it is no number. Nothing is
+guessed.
 """
 
 from collections.abc import Mapping, Sequence
@@ -50,7 +51,7 @@ class MeasuredWrench:
     reasons: Mapping[str, str]
     """Why a component is None."""
     findings: tuple[Finding, ...]
-    """Sensors at the end of their range."""
+    """Sensors at the end of their range, and dead ones."""
     tare: str = ""
     """What was taken off as preload and drift."""
     clipped: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
@@ -76,12 +77,15 @@ def shaking_wrench(
     group = _group(run, [column for some in columns.values() for column in some])
     first = next(iter(columns.values()))[0]
     time, rate = instants(run, first), in_si(run, first)[1]
-    loads, findings, full = {}, [], {}
+    loads, findings, full, dead = {}, [], {}, {}
     for name, support in rig.supports.items():
         readings = np.column_stack([in_si(run, column)[0] for column in columns[name]])
+        mixed = support.crosstalk is not None or crosses(run, columns[name][0])
+        dead[name] = _dead(support, columns[name], readings, mixed)
+        findings += [_of_dead(run, channel, readings) for channel in dict.fromkeys(dead[name].values())]
         findings += [f for c, r in zip(columns[name], readings.T, strict=True) if (f := _saturated(run, c, r))]
         full[name] = np.column_stack([_at_end(run, c, r) for c, r in zip(columns[name], readings.T, strict=True)])
-        if support.crosstalk is not None or crosses(run, columns[name][0]):
+        if mixed:
             full[name][:] = full[name].any(axis=1, keepdims=True)
         loads[name] = readings if crosses(run, columns[name][0]) else _uncrossed(support, readings)
     tare = "nothing is taken off: what the sensors show at rest is in it"
@@ -89,7 +93,7 @@ def shaking_wrench(
         still = _at_rest(np.hstack(list(loads.values())), rate)
         loads, tare = {name: without_preload(values, still) for name, values in loads.items()}, _tare(still, rate)
     loads = {name: np.where(full[name], np.nan, values) for name, values in loads.items()}
-    values, reasons = _total(rig.supports, loads, np.array(point))
+    values, reasons = _total(rig.supports, loads, np.array(point), dead)
     clipped = {n: found for n, v in values.items() if v is not None and (found := _stretches(np.isnan(v), time))}
     return MeasuredWrench(group, time, rate, point, values, reasons, tuple(findings), tare, clipped)
 
@@ -162,6 +166,17 @@ def _saturated(run: "Run", column: "Column", readings: Floats) -> Finding | None
     return None
 
 
+def _dead(support: "Support", columns: "list[Column]", readings: Floats, mixed: bool) -> dict[str, str]:
+    """The channel that shows one value only, by each component that rests on it: all of a sensor that is ``mixed``."""
+    dead = {m: c.channel for m, c, r in zip(support.measured, columns, readings.T, strict=True) if np.ptp(r) == 0.0}
+    return dict.fromkeys(support.measured, next(iter(dead.values()))) if dead and mixed else dead
+
+
+def _of_dead(run: "Run", channel: str, readings: Floats) -> Finding:
+    message = f"all {len(readings)} samples are one value: dead, stuck or unplugged"
+    return Finding("constant_channel", channel, run.name, f"{run.name}: {channel}: {message}")
+
+
 def _uncrossed(support: "Support", readings: Floats) -> Floats:
     """Loads (n, k) from readings: readings = crosstalk @ loads."""
     if support.crosstalk is None:
@@ -182,7 +197,7 @@ def _at_rest(values: Floats, rate: float) -> "tuple[slice, slice]":
 
 
 def _total(
-    supports: "Mapping[str, Support]", loads: Mapping[str, Floats], point: Floats
+    supports: "Mapping[str, Support]", loads: Mapping[str, Floats], point: Floats, dead: Mapping[str, dict[str, str]]
 ) -> tuple[dict[str, Floats | None], dict[str, str]]:
     """The sum over the supports, component by component."""
     count = len(next(iter(loads.values())))
@@ -200,6 +215,9 @@ def _total(
                         component,
                         f"{name} does not measure {other}, and the rig does not say that it carries none (unloaded)",
                     )
+                    continue
+                if channel := dead[name].get(other):
+                    reasons.setdefault(component, f"{name}: {channel} shows one value only: dead, stuck or unplugged")
                     continue
                 total = total + lever * loads[name][:, support.measured.index(other)]
         values[component] = None if component in reasons else total

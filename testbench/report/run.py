@@ -11,7 +11,7 @@ from balance.mechanism import Mechanism
 from .. import command, motions
 from ..findings import Finding
 from ..joint_motion import mechanism_of
-from ..pairing import rig_of
+from ..pairing import doubts, rig_of
 from ..vibration import DEFAULT_BAND
 from ..wrench import shaking_wrench
 from . import loads, vibration
@@ -74,12 +74,12 @@ def report(
     shown, of_command = _command(run, mechanism, bandwidth_hz)
     forces: Part = {}
     response: Part = {}
-    findings: list[Part] = []
+    findings: list[Part] = [finding.as_dict() for finding in doubts(run)]
     try:
         wrench = shaking_wrench(run, rig, point)
         forces = attempt(lambda: loads.wrench_part(wrench, band))
         response = attempt(lambda: base_response(run, rig, wrench))
-        findings = [finding.as_dict() for finding in wrench.findings]
+        findings += [finding.as_dict() for finding in wrench.findings]
     except CounterpoiseError as error:
         forces = response = {"reason": str(error)}
     return RunReport(

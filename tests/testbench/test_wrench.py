@@ -145,3 +145,15 @@ def test_no_force_sensor_is_refused(moved):
     rig = moved.rig.model_copy(update={"sensors": dict(moved.rig.base_accelerometers)})
     with pytest.raises(AnalysisError, match="no force sensors"):
         shaking_wrench(moved.run(0), rig)
+
+
+def test_a_dead_force_sensor_leaves_no_number(moved):
+    """One of two sensors that share Fx unplugged: half of Fx is not Fx. What rests on others alone stays as it was."""
+    run = moved.run(0)
+    dead = memory.with_values(run, "Fx1", np.zeros(len(run.channel("Fx1"))))
+    whole, found = shaking_wrench(run, moved.rig), shaking_wrench(dead, moved.rig)
+    assert found.values["Fx"] is None
+    assert "Fx1 shows one value only" in found.reasons["Fx"]
+    assert "Mz" in found.reasons
+    assert [f.code for f in found.findings] == ["constant_channel"]
+    np.testing.assert_allclose(found.values["Fy"], whole.values["Fy"], atol=1e-9)
