@@ -7,9 +7,9 @@ from pathlib import Path
 
 from ..errors import StoreError
 from . import digest, lock
+from .placing import PART
 from .recover import Leftover, leftovers
 from .run import Run, open_run
-from .writer import PART
 
 SUFFIX = ".h5"
 KEPT = frozenset({"records", "ro-crate-metadata.json"})

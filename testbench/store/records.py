@@ -17,6 +17,7 @@ from uuid import uuid4
 from ..errors import StoreError
 from . import digest
 from .archive import identities
+from .placing import sync
 
 FOLDER = "records"
 LAYOUT = 2
@@ -148,9 +149,4 @@ def _write(target: Path, text: str) -> None:
         os.rename(part, target)
     finally:
         part.unlink(missing_ok=True)
-    if os.name != "nt":
-        handle = os.open(target.parent, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
+    sync(target.parent)

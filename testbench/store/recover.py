@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ..errors import StoreError
 from . import archive, digest, fletcher, journal, lock
 from .journal import Journal, Kept
+from .placing import PART, place
 from .run import Run, open_run
-from .writer import PART, place
 
 MARK = ".recovered"
 """At the end of a recovered run's name: the name of the run itself stays free for the whole log."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import StoreError
-from . import direct
+from . import digest, direct
 
 if TYPE_CHECKING:
     import h5py
@@ -32,6 +32,8 @@ def open_for_reading(path: Path) -> Iterator["h5py.File"]:
     if not path.is_file():
         raise StoreError(f"{path}: no such file; expected a stored run (.h5)")
     if not h5py.is_hdf5(path):
+        if digest.beside(path).exists():
+            raise StoreError(f"{path.name}: damaged: no HDF5 file, but a digest is beside it: testbench verify")
         raise StoreError(
             f"{path.name}: not a stored run, or damaged: no HDF5 file; a log is stored first: testbench ingest"
         )

@@ -22,12 +22,10 @@ from . import description, digest, journal, layout
 from .forms import Form
 from .groups import GroupWriter
 from .outfile import OutFile
+from .placing import PART, place, sync
 
 if TYPE_CHECKING:
     import h5py
-
-PART = ".part"
-"""Ending of a run that is being written."""
 
 
 class RunWriter:
@@ -150,7 +148,7 @@ class RunWriter:
         with self._writing():
             self._close()
             with ThreadPoolExecutor(1) as pool:
-                synced = pool.submit(_sync, self._part)  # the disk writes while the digest is computed
+                synced = pool.submit(sync, self._part)  # the disk writes while the digest is computed
                 found = digest.sha256_alone(self._part)
                 synced.result()
             self._line = digest.line_for(self.target.name, found)
@@ -183,24 +181,6 @@ class RunWriter:
         if self._made_folder:
             with contextlib.suppress(OSError):  # the run is in it
                 self.target.parent.rmdir()
-
-
-def place(part: Path, target: Path, line: str) -> None:
-    """Give a synced file its name and put its digest beside it, the digest first; never over what is there."""
-    beside = digest.beside(target)
-    digest_part = beside.with_name(f".{beside.name}.{part.name.rpartition('.')[0].rpartition('.')[2]}{PART}")
-    try:
-        digest_part.write_text(line, encoding="utf-8", newline="\n")
-        _sync(digest_part)
-        _place(digest_part, beside)
-        try:
-            _place(part, target)
-        except (StoreError, OSError):
-            beside.unlink()
-            raise
-    finally:
-        digest_part.unlink(missing_ok=True)
-    _sync(target.parent)
 
 
 def _journal_of(part: Path) -> Path:
@@ -237,30 +217,3 @@ def _write_texts(file: "h5py.File", path: str, texts: list[str]) -> None:
     kind = h5py.string_dtype("utf-8", max(1, *map(len, encoded)))
     node = file.create_dataset(path, data=encoded, dtype=kind, chunks=(len(texts),), fletcher32=True)
     node.make_scale(path.rpartition("/")[2])
-
-
-def _place(part: Path, target: Path) -> None:
-    """Give a synced file its name; what has that name already stays, whoever was quicker."""
-    try:
-        os.link(part, target)
-    except FileExistsError as error:
-        raise StoreError(
-            f"{target}: is there already, from another ingest at this moment or one that was stopped; "
-            "`testbench verify` tells which"
-        ) from error
-    except OSError as error:  # a file system without hard links
-        if target.exists():
-            raise StoreError(f"{target}: is there already; nothing was replaced") from error
-        os.rename(part, target)
-    part.unlink(missing_ok=True)
-
-
-def _sync(path: Path) -> None:
-    """Wait until the file or folder is on the disk."""
-    if path.is_dir() and os.name == "nt":
-        return  # Windows cannot open a folder to sync it
-    handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

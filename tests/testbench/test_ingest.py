@@ -191,7 +191,7 @@ def test_a_disk_that_is_full_leaves_the_campaign_intact(folder, monkeypatch):
     def full(_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("testbench.store.writer._sync", full)
+    monkeypatch.setattr("testbench.store.writer.sync", full)
     (outcome,) = ingested(folder, PlannedRun("r002", (folder / "r002.csv",)))
     assert outcome.status == "refused"
     assert "cannot be written (No space left on device)" in outcome.message
