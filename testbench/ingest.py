@@ -1,6 +1,6 @@
 """Log files into stored runs: read, check, write, in one pass and bounded memory; nothing half-written."""
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -11,45 +11,21 @@ from .apart import apart
 from .checks import RecordingCheck, against_rig
 from .errors import RecordingError, StoreError
 from .findings import Finding, Refusal, placed, refused
+from .nolog import refuse_stored_run, refuse_too_many, refuse_twice
+from .outcome import Outcome, already_there, not_stored
 from .readers import ReadOptions
 from .recording import Group, Origin
 from .runsheet import PlannedRun
 from .source import Source
-from .store import digest, layout, lock, open_run
+from .store import digest, lock, open_run
 from .store.sources import StoredSources
 from .store.writer import RunWriter
 
 if TYPE_CHECKING:
     from .rig import Rig
 
-MOST_CHANNELS = 30_000
-"""Channels of one log: each takes some 40 KiB of memory and half a millisecond while it is stored."""
 Progress = Callable[[int], None]
 """Called with the bytes that were read since the last call."""
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What became of one log file: ``stored``, ``already_stored``, ``refused``, ``waiting``; and the run's file."""
-
-    file: str | None
-    source: str
-    sha256: str | None
-    origin: Origin
-    status: str
-    findings: tuple[Finding, ...]
-    message: str = ""
-
-    def as_dict(self) -> dict[str, Any]:
-        """The outcome as it is printed."""
-        return {
-            "file": self.file,
-            "source": self.source,
-            "sha256": self.sha256,
-            "origin": self.origin,
-            "status": self.status,
-            "findings": [finding.as_dict() for finding in self.findings],
-        }
 
 
 @dataclass(frozen=True)
@@ -79,13 +55,13 @@ class Ingest:
                 raise RecordingError(planned.problem)
             for path in planned.files:
                 sources.append(Source.opened(path, self.options))
-                _refuse_stored_run(sources[-1])
-                _refuse_too_many(sources[-1], sources[-1].recording.groups)
+                refuse_stored_run(sources[-1])
+                refuse_too_many(sources[-1], sources[-1].recording.groups)
             for source, recording in zip(sources, apart([s.recording for s in sources]), strict=True):
                 source.recording = recording
             return self._already(planned, sources) or self._stored_anew(planned, sources)
         except (RecordingError, StoreError) as error:
-            return _not_stored(planned, sources, error)
+            return not_stored(planned, sources, error)
 
     def _stored_anew(self, planned: PlannedRun, sources: Sequence[Source]) -> list[Outcome]:
         """Store the run, unless another process was quicker with the same recordings."""
@@ -107,9 +83,8 @@ class Ingest:
         if None in held and any(held):
             known = ", ".join(s.path.name for s, run in zip(sources, held, strict=True) if run)
             raise StoreError(f"{known}: stored already, but not with the other files of this run; stored runs stay")
-        return [
-            _there(source, run, self._differs(planned, run)) for source, run in zip(sources, held, strict=True) if run
-        ]
+        runs = zip(sources, held, strict=True)
+        return [already_there(source, run, self._differs(planned, run)) for source, run in runs if run]
 
     def _differs(self, planned: PlannedRun, run: str) -> list[Finding]:
         """Where the sheet says something else than what is stored with a run, which never changes."""
@@ -141,7 +116,7 @@ class Ingest:
             if grave := refused(everything, self.accepted):
                 codes = ", ".join(dict.fromkeys(finding.code for finding in grave))
                 raise RecordingError(f"{planned.name}: refused for {codes}; --accept CODE stores it nevertheless")
-            _refuse_twice([(source.digested(), source.path.name) for source in sources])
+            refuse_twice([(source.digested(), source.path.name) for source in sources])
             rig = None if self.rig is None else self.rig.text
             writer.describe(origin, planned.conditions or {}, everything, self._provenance(sources), rig)
             writer.seal()
@@ -160,7 +135,7 @@ class Ingest:
             check.update(block)
             if len(check.groups) > groups:
                 groups = len(check.groups)
-                _refuse_too_many(source, [known.group for known in check.groups.values()])
+                refuse_too_many(source, [known.group for known in check.groups.values()])
             writer.group(block.group).append(block.columns)
             self.progress(block.bytes_read - done)
             done = block.bytes_read
@@ -199,54 +174,8 @@ def _origin(planned: PlannedRun, sources: Sequence[Source]) -> Origin:
     return "simulated" if simulated else planned.origin or "unstated"
 
 
-def _refuse_stored_run(source: Source) -> None:
-    """A stored run is no log: stored anew it would lose its conditions, findings and sources."""
-    if layout.MARK in source.recording.metadata:
-        message = "is a stored run and no log: copy it with its .sha256 into a campaign, or use `testbench archive`"
-        raise Refusal(source.path.name, Finding("stored_run", None, None, message))
-
-
-def _refuse_too_many(source: Source, groups: Iterable[Group]) -> None:
-    """Small files can declare channels without end."""
-    if (count := sum(len(group.channels) for group in groups)) > MOST_CHANNELS:
-        message = f"{count} channels; expected no more than {MOST_CHANNELS}: export fewer at a time"
-        raise Refusal(source.path.name, Finding("too_large", None, None, message))
-
-
-def _refuse_twice(digests: Sequence[tuple[str, str]]) -> None:
-    """Two files of one run that hold the same bytes are one recording."""
-    seen: dict[str, str] = {}
-    for sha256, name in digests:
-        if sha256 in seen:
-            raise RecordingError(f"{name}: holds the same bytes as {seen[sha256]}: one recording twice in one run")
-        seen[sha256] = name
-
-
 def _unopened(name: str, reason: str, consequence: str) -> str:
     return (
         f"{name} of the campaign cannot be opened, and {consequence} ({reason}); `testbench verify` tells whether it "
         f"is damaged: then take it and {name}{digest.SUFFIX} out of the campaign, and ingest its logs again"
     )
-
-
-def _there(source: Source, run: str, differing: Sequence[Finding]) -> Outcome:
-    finding = Finding("already_stored", None, None, f"is stored already as {run}; nothing was written")
-    origin = source.recording.origin
-    found = (finding, *differing)
-    return Outcome(run, source.path.name, source.sha256, origin, "already_stored", found, finding.message)
-
-
-def _not_stored(planned: PlannedRun, sources: Sequence[Source], error: Exception) -> list[Outcome]:
-    """One outcome for each file of a run that was not stored; the reason stands with the file that it names."""
-    outcomes = []
-    for i, path in enumerate(planned.files):
-        findings = tuple(sources[i].findings) if i < len(sources) else ()
-        if isinstance(error, Refusal) and str(error).startswith(path.name):
-            findings = (*findings, error.finding)
-        elif not refused(findings):
-            findings = (*findings, Finding("not_stored", None, None, str(error)))
-        sha256 = sources[i].sha256 or None if i < len(sources) else None
-        said = any(source.recording.origin == "simulated" for source in sources)
-        origin = "simulated" if said else planned.origin or "unstated"
-        outcomes.append(Outcome(None, path.name, sha256, origin, "refused", findings, str(error)))
-    return outcomes

@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from .errors import RecordingError, RigError
-from .ingest import Ingest, Outcome
+from .ingest import Ingest
+from .outcome import Outcome
 from .runsheet import PlannedRun, plan, ready, same_file
 from .watchedsheet import State, WatchedSheet, state_of
 

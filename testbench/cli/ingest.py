@@ -13,7 +13,8 @@ from balance.cli.console import EXIT_REFUSED, emit_json, emit_table, json_option
 from . import reading
 
 if TYPE_CHECKING:
-    from ..ingest import Outcome, Progress
+    from ..ingest import Progress
+    from ..outcome import Outcome
     from ..rig import Rig
 
 

@@ -11,7 +11,7 @@ from balance.cli.console import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, jso
 from . import reading
 
 if TYPE_CHECKING:
-    from ..ingest import Outcome
+    from ..outcome import Outcome
     from ..watch import Watch
 
 
