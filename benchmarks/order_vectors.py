@@ -5,8 +5,7 @@
 Accelerations of one sensor with orders 1 to 3, noise, and a tone that does not turn with the rotor, timed by a sine or
 by short pulses. A count that is not 95 % by a binomial test at 0.1 % is marked; where the sampling keeps step with the
 speed only one that is below: the interval is a bound. Beside it the half width, of the least that noise alone would
-allow over the whole record. Known to be too low: sampling nearly in step, whose pulses move on by one sample within a
-record; the trace of that in the phase is taken for a tone. A finding says that the sampling keeps step.
+allow over the whole record. A finding says that the sampling keeps step.
 """
 
 import argparse

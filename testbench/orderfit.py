@@ -48,15 +48,21 @@ class _Tone:
     sin: float = 0.0
 
 
-def fit(values: Floats, angle: Floats, turns: int, order: int, orders: int) -> Fitted:
-    """Vector of an order in a record (n,) of whole turns; ``angle`` (n,) [turns], orders up to ``orders`` together."""
+def fit(values: Floats, angle: Floats, turns: int, order: int, orders: int, stepped: float = 0.0) -> Fitted:
+    """Vector of an order in a record (n,) of whole turns; ``angle`` (n,) [turns], orders up to ``orders`` together.
+
+    ``stepped`` [rad] is how far the order's phase may jump where the pulses move on by a sample: such a jump shows
+    beside the order like tones of up to half its size, so what is weaker is left to the noise.
+    """
     record = _Record(values, angle, order, orders)
     lines = int(np.clip(turns // 2, _LEAST_LINES, _MOST_LINES))
     tones: list[_Tone] = []
     while True:
         solved, normal, spread = record.solve(tones)
         beside = record.neighbourhood(solved, tones)
-        found = _tone(beside, lines, order * turns, tones) if len(tones) < _MOST_TONES else None
+        size = float(np.hypot(solved[order], solved[orders + order]))
+        least = 0.5 * record.window.sum() * 0.5 * stepped * size
+        found = _tone(beside, lines, order * turns, tones, least) if len(tones) < _MOST_TONES else None
         if found is None:
             break
         tones.append(_Tone(found))
@@ -134,8 +140,11 @@ class _Record:
         return np.asarray(np.add.reduceat(turned, edges))
 
 
-def _tone(beside: NDArray[np.complex128], lines: int, order: int, tones: list[_Tone]) -> float | None:
-    """Periods a record of the strongest tone on fractional lines beside the order; None where all may be noise."""
+def _tone(beside: NDArray[np.complex128], lines: int, order: int, tones: list[_Tone], least: float) -> float | None:
+    """Periods a record of the strongest tone on fractional lines beside the order; None where all may be noise.
+
+    A tone of amplitude A is A / 2 times the window's sum; what is below ``least`` of that is none.
+    """
     fine = 4
     power = np.abs(np.fft.fft(beside, fine * len(beside))) ** 2
     at = np.arange(-fine * lines, fine * lines + 1)
@@ -145,7 +154,7 @@ def _tone(beside: NDArray[np.complex128], lines: int, order: int, tones: list[_T
         return None
     usual = float(np.median(power[at])) / np.log(2.0)
     best = int(at[np.argmax(power[at])])
-    return order + best / fine if power[best] > usual * np.log(2 * lines / _FALSE_TONE) else None
+    return order + best / fine if power[best] > max(least**2, usual * np.log(2 * lines / _FALSE_TONE)) else None
 
 
 def _noise(beside: NDArray[np.complex128], lines: int, order: int, tones: list[_Tone]) -> tuple[Floats, int]:

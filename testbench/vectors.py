@@ -211,10 +211,13 @@ def order_vector(
     from scipy.stats import t as student
 
     inside = (time >= turns.pulses[0]) & (time < turns.pulses[-1])
-    found = fit(values[inside], turns.angle(time[inside]), turns.count, order, orders)
+    stepped = 2.0 * np.pi * order * turns.speed * turns.resolution if turns.steep else 0.0
+    found = fit(values[inside], turns.angle(time[inside]), turns.count, order, orders, stepped)
     value, reach = found.value, float(student.ppf(0.975, found.spare))
     u = np.array([value.real, value.imag]) / abs(value) if value else np.array([1.0, 0.0])
     along, across = (reach * float(np.sqrt(x @ found.covariance @ x)) for x in (u, np.array([-u[1], u[0]])))
+    if turns.keeps_step:  # a phase that jumps once takes up to 1 - cos(stepped / 2) off the mean of the turned vectors
+        along = float(np.hypot(along, abs(value) * (1.0 - np.cos(min(np.pi, 0.5 * stepped)))))
     told = max(along, across) < abs(value)
     both = float(np.hypot(across, abs(value) * 2.0 * np.pi * order * turns.speed * turns.timing))
     parts = _parts(values, turns, time, order, orders)
