@@ -11,6 +11,7 @@ from .amplitudes import Ratio, Side
 from .amplitudes.condition import Condition, Scatter, scatter_of
 from .amplitudes.recorded import Place
 from .amplitudes.unified import CONFIDENCE
+from .doubtful import limits, unlike
 from .errors import AnalysisError
 from .findings import Finding
 from .pairing import Key, Pair, doubts, pairs
@@ -110,14 +111,31 @@ def analyze(runs: Iterable["Run"], measure: Measure) -> Analysis:
     found, findings = pairs(runs)
     if not found:
         raise AnalysisError("no two runs can be compared:\n" + "\n".join(f"  {f.message}" for f in findings))
-    conditions = [Condition.of(pair, measure) for pair in found]
+    conditions = _conditions(found, measure, findings)
     scatter, reductions = scatter_of(conditions), []
     for condition in conditions:
         some = _reductions(condition, scatter)
         doubtful = (doubt for run in condition.pair.runs for doubt in doubts(run))
-        findings += [*_limits(condition.pair, some), *_unlike(condition, scatter), *doubtful]
+        findings += [*condition.findings, *limits(condition, some), *unlike(condition, scatter), *doubtful]
         reductions += some
-    return Analysis(tuple(found), tuple(reductions), tuple(dict.fromkeys(findings)))
+    return Analysis(
+        tuple(condition.pair for condition in conditions), tuple(reductions), tuple(dict.fromkeys(findings))
+    )
+
+
+def _conditions(found: Sequence[Pair], measure: Measure, findings: list[Finding]) -> list[Condition]:
+    """Every pair, judged; of those that cannot be, a finding. Raises AnalysisError if none can."""
+    conditions, lacks = [], []
+    for pair in found:
+        try:
+            conditions.append(Condition.of(pair, measure))
+        except AnalysisError as error:
+            where = " ".join(run.name for run in pair.runs)
+            lacks.append(Finding("not_analyzed", None, where, f"{pair.key}: {error}"))
+    if not conditions:
+        raise AnalysisError("\n".join(lack.message for lack in lacks))
+    findings += lacks
+    return conditions
 
 
 def reduce(pair: Pair, measure: Measure) -> list[Reduction]:
@@ -166,8 +184,9 @@ def _bare(condition: Condition, place: Place) -> Reduction:
     floors = (None, None)
     count = len(read[0]), len(read[1])
     names = tuple(run.name for run in pair.runs)
+    fell = None if condition.dead.get(place) else percent(read[0], read[1])
     return Reduction(
-        pair.key, pair.counter_masses, *place, condition.measure, percent(read[0], read[1]), None, None,
+        pair.key, pair.counter_masses, *place, condition.measure, fell, None, None,
         _limit(sides, False), False, means, floors, False, 0.0, count, names,
     )  # fmt: skip
 
@@ -183,56 +202,6 @@ def _limit(sides: tuple[Side, Side], below_noise: bool) -> Limit | None:
     if sides[0].bound:
         return None if sides[1].bound else "at_most"
     return "at_least" if sides[1].bound or below_noise else None
-
-
-def _limits(pair: Pair, found: Sequence[Reduction]) -> list[Finding]:
-    """What the reductions of a pair cannot say, a finding each."""
-    where = " ".join(run.name for run in pair.runs)
-    kinds = {
-        "below_noise": (
-            [r for r in found if r.below_noise],
-            "what is left with counter-masses is not above the noise: the reductions are lower bounds",
-        ),
-        "no_reduction": (
-            [r for r in found if r.percent is None],
-            "nothing vibrates above the noise without counter-masses: there is no reduction",
-        ),
-        "noise_stated": (
-            [r for r in found if r.noise_stated],
-            "no stretch at rest before the motion shows the noise: that which the rig states is taken off",
-        ),
-        "no_noise_floor": (
-            [r for r in found if None in r.noise_floor],
-            "no stretch at rest before the motion is long enough to show the noise, and the rig states none: it is in "
-            "the amplitudes, so that what falls may be noise",
-        ),
-    }
-    return [
-        Finding(code, None, where, f"{pair.key}, {sensor} along {', '.join(axes)}: {says} ({where})")
-        for code, (some, says) in kinds.items()
-        for sensor in dict.fromkeys(r.sensor for r in some)
-        if (axes := [r.axis for r in some if r.sensor == sensor])
-    ]
-
-
-def _unlike(condition: Condition, scatter: Scatter) -> list[Finding]:
-    """Repeats of a condition that scatter more than those of the others let expect."""
-    odd = [
-        (place, group)
-        for place, groups in condition.groups.items()
-        for group in groups
-        if (repeats := scatter[place]) and repeats.leaves_out(group)
-    ]
-    return [
-        Finding(
-            "repeats_differ",
-            None,
-            where := " ".join(group.names),
-            f"{condition.pair.key}, {sensor} along {axis}: repeats differ more than those of other conditions let "
-            f"expect: the interval comes from them alone ({where})",
-        )
-        for (sensor, axis), group in odd
-    ]
 
 
 def _fall(ratio: float) -> float:

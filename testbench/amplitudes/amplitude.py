@@ -49,6 +49,8 @@ class Amplitude:
     """Whether the noise is that of this record's own rest, and not of another's."""
     stated: Noise | None = None
     """What the rig states of the channel's noise, for where no rest shows it."""
+    faults: tuple[tuple[str, str], ...] = ()
+    """What the record itself shows of a sensor that failed: code and message."""
 
     @property
     def statistic(self) -> Statistic:

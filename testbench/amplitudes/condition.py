@@ -1,17 +1,25 @@
 """The runs that are compared with each other, judged at each place, and what the repeats of a campaign say of them."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 from ..errors import AnalysisError
+from ..findings import Finding
 from ..pairing import Pair
 from ..vibration import Measure
 from .amplitude import Amplitude
+from .faults import is_dead
 from .judged import Judged
 from .recorded import Place, amplitudes
 from .repeatability import Group, Repeatability
 from .side import Side
 
+if TYPE_CHECKING:
+    from ..store import Run
+
+ALIKE = 0.9
+"""Share of the longest record of a condition that the others last, as long as its motion is whole in all of them."""
 Scatter = dict[Place, Repeatability | None]
 """What repeats of a campaign say; None where there are too few."""
 
@@ -28,11 +36,19 @@ class Condition:
     """Whether the noise of any run is what the rig states."""
     resolution: dict[Place, float]
     """Step of the channel [m/s2]; zero where none is known."""
+    dead: dict[Place, tuple[str, ...]] = field(default_factory=dict)
+    """Runs in which the channel shows one value only."""
+    findings: tuple[Finding, ...] = ()
+    """Runs that cannot be read and are left out, sensors that failed in a run, records unlike in length."""
 
     @classmethod
     def of(cls, pair: Pair, measure: Measure) -> "Condition":
-        """Judge every run. Raises AnalysisError where their rigs have not the same accelerometers on the base."""
-        found = [amplitudes(run, measure) for run in pair.runs]
+        """Judge every run that can be read.
+
+        Raises AnalysisError where none with, or none without counter-masses can be read, or their rigs have not the
+        same accelerometers on the base.
+        """
+        pair, found, unread = _readable(pair, measure)
         for run, some in zip(pair.runs, found, strict=True):
             if some.keys() != found[0].keys():
                 raise AnalysisError(
@@ -45,6 +61,8 @@ class Condition:
             {place: _groups(pair, some) for place, some in lent.items()},
             {place: any(r.noise is not None and r.noise is r.stated for r in some) for place, some in lent.items()},
             {place: max((r.noise.step for r in some if r.noise), default=0.0) for place, some in lent.items()},
+            {place: _dead(pair, some) for place, some in lent.items()},
+            (*unread, *_failed(pair, found), *unlike_in_length(pair, found)),
         )
 
     def sides(self, place: Place, scatter: Scatter) -> tuple[Side, Side]:
@@ -61,6 +79,8 @@ class Condition:
 
     def judgeable(self, place: Place) -> bool:
         """Whether noise or repeats say how sure the amplitudes are, and anything was read."""
+        if self.dead.get(place):
+            return False
         read = all(run.reading > 0.0 for group in self.groups[place] for run in group.runs)
         return read and (self.repeated or self.noisy(place))
 
@@ -87,6 +107,52 @@ def _groups(pair: Pair, runs: list[Amplitude]) -> tuple[Group, Group]:
     names, judged = tuple(run.name for run in pair.runs), tuple(map(Judged.of, runs))
     count = len(pair.balanced)
     return Group(judged[:count], names[:count]), Group(judged[count:], names[count:])
+
+
+def _readable(pair: Pair, measure: Measure) -> tuple[Pair, list[dict[Place, Amplitude]], list[Finding]]:
+    """The pair of the runs that can be read, their records, and why the others cannot."""
+    records: list[dict[Place, Amplitude]] = []
+    unread: list[Finding] = []
+    sides: list[tuple[Run, ...]] = []
+    for side in (pair.balanced, pair.unbalanced):
+        read = []
+        for run in side:
+            try:
+                records.append(amplitudes(run, measure))
+                read.append(run)
+            except AnalysisError as error:
+                unread.append(Finding("not_analyzed", None, run.name, f"{error}; the run is left out"))
+        sides.append(tuple(read))
+    if not all(sides):
+        raise AnalysisError("\n".join(finding.message for finding in unread))
+    return replace(pair, balanced=sides[0], unbalanced=sides[1]), records, unread
+
+
+def _dead(pair: Pair, runs: list[Amplitude]) -> tuple[str, ...]:
+    return tuple(run.name for run, one in zip(pair.runs, runs, strict=True) if is_dead(one.values))
+
+
+def _failed(pair: Pair, found: list[dict[Place, Amplitude]]) -> list[Finding]:
+    """Sensors that failed in a run, as its record shows."""
+    return [
+        Finding(code, None, run.name, f"{run.name}: {sensor} along {axis}: {message}")
+        for run, places in zip(pair.runs, found, strict=True)
+        for (sensor, axis), one in places.items()
+        for code, message in one.faults
+    ]
+
+
+def unlike_in_length(pair: Pair, found: list[dict[Place, Amplitude]]) -> list[Finding]:
+    """Runs of one condition that were not recorded equally long: a peak may lie outside, an RMS is over the record."""
+    lengths = [min(one.seconds for one in places.values()) for places in found]
+    (short, brief), (long, name) = ((end(lengths), pair.runs[lengths.index(end(lengths))].name) for end in (min, max))
+    if short >= ALIKE * long:
+        return []
+    message = (
+        f"{pair.key}: the base was recorded for {short:.3f} s in {brief}, for {long:.3f} s in {name}: "
+        "a motion that is not whole in a record, or an RMS over more rest, is compared with another"
+    )
+    return [Finding("durations_differ", None, f"{brief} {name}", message)]
 
 
 def _lent(found: list[Amplitude]) -> list[Amplitude]:

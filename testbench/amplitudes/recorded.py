@@ -11,6 +11,7 @@ from ..pairing import doubts, rig_of
 from ..segments import rest_before
 from ..vibration import Measure, base_accelerations
 from .amplitude import Amplitude
+from .faults import flat_tops, held
 from .noise import ENOUGH, Noise
 
 if TYPE_CHECKING:
@@ -36,8 +37,17 @@ def amplitudes(run: "Run", measure: Measure) -> dict[Place, Amplitude]:
         column = columns[place]
         noise = _noise(values, rate, rests[group.name], column.resolution, measure)
         stated = Noise.stated(column.noise, rate, column.resolution)
-        found[place] = Amplitude(values, rate, measure, noise, group.channels[index].name in clipped, stated=stated)
+        said = group.channels[index].name in clipped
+        faults = _faults(values, rate, said)
+        bound = said or any(code in _CLIPPED for code, _ in faults)
+        found[place] = Amplitude(values, rate, measure, noise, bound, stated=stated, faults=faults)
     return found
+
+
+def _faults(values: Floats, rate_hz: float, said: bool) -> tuple[tuple[str, str], ...]:
+    """What a record shows of a sensor that failed; ``said``: ingest found already that it clipped."""
+    shown = {"held_value": held(values, rate_hz), "clipping_suspected": None if said else flat_tops(values)}
+    return tuple((code, message) for code, message in shown.items() if message)
 
 
 def _noise(values: Floats, rate_hz: float, still: slice | None, step: float, measure: Measure) -> Noise | None:
