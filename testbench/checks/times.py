@@ -14,6 +14,8 @@ _PLACES = 5
 """Steps of rounded times lie in so few places: two, more where they were rounded twice."""
 _NEIGHBOURS, _COARSE = 8, 2.0**-16
 """Width of such a place: floating-point numbers beside the times, or the share of a step to which steps are known."""
+_MANY = 0.05
+"""Share of all steps above which gaps may be no gaps at all."""
 _MATTERS = 1e-4
 """Mean and median step that differ by less than this share are not told apart."""
 _SAME_RATE = 1e-6
@@ -105,6 +107,8 @@ def _steps(group: Group, clock: ClockStats, name: str, unit: str, stated: float 
         longest = sorted((step, where) for step, where in clock.longest if step > GAP * median)[::-1]
         shown = ", ".join(f"{step:.6g} {unit} before {where}" for step, where in longest)
         message = f"steps longer than {GAP:g} times the median {median:.6g} {unit}: {gaps} ({shown})"
+        if gaps > _MANY * clock.steps.above(0.0):
+            message += "; so many are samples lost all over, or times in too few digits: then the rate is wrong too"
         found.append(Finding("time_gap", name, ", ".join(where for _, where in longest), message))
     if (jitter := clock.steps.quantile(0.95) - clock.steps.quantile(0.05)) > 0.01 * median:
         message = f"nine steps in ten lie within {jitter / median:.1%} of the median {median:.6g} {unit}"
