@@ -13,6 +13,10 @@ from .publication.slide import MOTION, PAYLOAD_KG, PEAK_G, ForceSlide
 LABEL_STEP_KG = 0.01
 """Payloads are printed to two decimals [kg]: 1.451 kg as 1.45, 3.4116 kg as 3.41."""
 ORIGINAL_LOGS = "The original logs of the manipulator tests are not available: only these printed numbers are."
+NO_ORIGINALS = "The original logs of the manipulator tests are not available: what is shown for them here is simulated."
+"""Beside reductions of simulated runs of that manipulator."""
+MANIPULATOR = "parallelogram-6bar"
+"""Beginning of the names of the mechanisms that stand for it."""
 _TABLE = "acceleration_amplitude_reduction_percent"
 
 

@@ -14,7 +14,8 @@ from .amplitudes.unified import CONFIDENCE
 from .doubtful import limits, unlike
 from .errors import AnalysisError
 from .findings import Finding
-from .pairing import Key, Pair, doubts, pairs
+from .pairing import Key, Pair, doubts, pairs, rig_of
+from .published import MANIPULATOR, NO_ORIGINALS
 from .vibration import Measure
 
 if TYPE_CHECKING:
@@ -104,6 +105,13 @@ class Analysis:
         """How many runs of each origin the reductions rest on."""
         runs = {run.name: str(run.origin) for pair in self.pairs for run in pair.runs}
         return dict(Counter(runs.values()))
+
+    @property
+    def notes(self) -> list[str]:
+        """What a reader of the reductions must know."""
+        simulated = [run for pair in self.pairs for run in pair.runs if run.origin == "simulated"]
+        shown = any((rig_of(run).mechanism or "").startswith(MANIPULATOR) for run in simulated)
+        return [NO_ORIGINALS] if shown else []
 
 
 def analyze(runs: Iterable["Run"], measure: Measure) -> Analysis:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from balance.arrays import Floats
 
+from .amplitudes.faults import flat_tops
 from .bench.base import skew
 from .calibration.applied import crosses
 from .channels import in_si, instants
@@ -134,9 +135,10 @@ def _stretches(odd: NDArray[np.bool_], time: Floats) -> tuple[tuple[float, float
 
 
 def _at_end(run: "Run", column: "Column", readings: Floats) -> NDArray[np.bool_]:
-    """Which samples (n,) are at the end of the range; without one, the extremes of a channel suspected at ingest."""
-    if column.range is not None:
-        return np.asarray(np.abs(readings) >= AT_RANGE * column.range)
+    """Which samples (n,) are at the end of the range; else the extremes of a channel that is suspected to clip."""
+    full = np.abs(readings) >= AT_RANGE * (np.inf if column.range is None else column.range)
+    if full.any():
+        return np.asarray(full)
     if _saturated(run, column, readings) is None:
         return np.zeros(len(readings), dtype=bool)
     return np.asarray((readings == readings.max()) | (readings == readings.min()))
@@ -152,11 +154,11 @@ def _group(run: "Run", columns: "list[Column]") -> str:
 
 
 def _saturated(run: "Run", column: "Column", readings: Floats) -> Finding | None:
-    """Samples at the end of the range that the rig states; where it states none, what ingest suspected."""
+    """Samples at the end of the stated range, or flat tops below it; where none is stated, what ingest suspected."""
     if column.range is not None:
         count = int(np.count_nonzero(np.abs(readings) >= AT_RANGE * column.range))
         if not count:
-            return None
+            return _flat(run, column, readings)
         message = f"{count} samples at the end of its range of {column.range:g} (SI)"
         return Finding("clipping", column.channel, run.name, f"{run.name}: {column.channel}: {message}")
     labels = {c.name: c.label for group in run.groups for c in group.channels}
@@ -164,6 +166,14 @@ def _saturated(run: "Run", column: "Column", readings: Floats) -> Finding | None
         if finding.code.startswith("clipping") and labels.get(finding.channel or "", finding.channel) == column.channel:
             return Finding(finding.code, column.channel, run.name, f"{run.name}: {finding.message}")
     return None
+
+
+def _flat(run: "Run", column: "Column", readings: Floats) -> Finding | None:
+    """Flat tops below the sensor's range: an amplifier or a logger that ends before it."""
+    message = flat_tops(readings, "N" if (column.component or "F")[0] != "M" else "N m")
+    if message is None:
+        return None
+    return Finding("clipping_suspected", column.channel, run.name, f"{run.name}: {column.channel}: {message}")
 
 
 def _dead(support: "Support", columns: "list[Column]", readings: Floats, mixed: bool) -> dict[str, str]:

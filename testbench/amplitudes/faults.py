@@ -34,8 +34,8 @@ def held(values: Floats, rate_hz: float) -> str | None:
     )
 
 
-def flat_tops(values: Floats) -> str | None:
+def flat_tops(values: Floats, unit: str = "m/s2") -> str | None:
     """What looks like flat tops at the extremes of a record (n,), whatever range is stated; None if nothing does."""
     clipping = Clipping(None)
     clipping.update(np.asarray(values, dtype=np.float64))
-    return clipping.message("m/s2")
+    return clipping.message(unit)

@@ -47,6 +47,7 @@ def analyze(campaign: Path, metric: str, band: "Band | None", figure: str | None
         emit_json({
             "reductions": [reduction.as_dict() for reduction in analysis.reductions],
             "definition": str(measure),
+            "notes": analysis.notes,
             "findings": [finding.as_dict() for finding in analysis.findings],
             "calibrations": calibrations.document(runs),
         })  # fmt: skip
@@ -67,7 +68,8 @@ def _print(campaign: Path, analysis: "Analysis", definition: str) -> None:
               "noise m/s2", "n", "interval from", "origin", "runs"]  # fmt: skip
     header, rows = measuring.with_sets(header, rows, analysis.reductions)
     emit_table(f"Reduction of the base's vibration, {campaign.name}", header, rows, definition)
-    click.echo(measuring.origins(analysis.origins))
+    for note in (measuring.origins(analysis.origins), *analysis.notes):
+        click.echo(note)
     measuring.print_findings(analysis.findings)
 
 

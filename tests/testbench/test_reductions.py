@@ -119,6 +119,12 @@ def test_no_two_runs(brief):
         analyze(runs, Measure())
 
 
+def test_originals_are_not_available(brief):
+    """Wherever simulated runs of the manipulator are reduced it is said that its own logs are not at hand."""
+    analysis = analyze(open_campaign(brief.campaign).runs, Measure())
+    assert any("original logs" in note and "not available" in note for note in analysis.notes)
+
+
 def test_repeats_give_intervals(tmp_path):
     """With two repeats on both sides every reduction has an interval, and it holds the reduction."""
     from .conftest import simulated

@@ -157,3 +157,15 @@ def test_a_dead_force_sensor_leaves_no_number(moved):
     assert "Mz" in found.reasons
     assert [f.code for f in found.findings] == ["constant_channel"]
     np.testing.assert_allclose(found.values["Fy"], whole.values["Fy"], atol=1e-9)
+
+
+def test_flat_tops_below_the_stated_range_are_no_numbers():
+    """An amplifier that ends at half of what passed, far below the sensor's range: what rests on it is no number."""
+    scene = memory.scene("x", masses={})
+    run = scene.run(0)
+    assert not shaking_wrench(run, scene.rig).findings
+    values = run.channel("Fx1")
+    top = 0.5 * np.abs(values).max()
+    found = shaking_wrench(memory.with_values(run, "Fx1", np.clip(values, -top, top)), scene.rig)
+    assert [f.code for f in found.findings] == ["clipping_suspected"]
+    assert found.clipped["Fx"]
