@@ -113,6 +113,7 @@ def _readable(pair: Pair, measure: Measure) -> tuple[Pair, list[dict[Place, Ampl
     """The pair of the runs that can be read, their records, and why the others cannot."""
     records: list[dict[Place, Amplitude]] = []
     unread: list[Finding] = []
+    errors: list[str] = []
     sides: list[tuple[Run, ...]] = []
     for side in (pair.balanced, pair.unbalanced):
         read = []
@@ -121,10 +122,11 @@ def _readable(pair: Pair, measure: Measure) -> tuple[Pair, list[dict[Place, Ampl
                 records.append(amplitudes(run, measure))
                 read.append(run)
             except AnalysisError as error:
+                errors.append(str(error))
                 unread.append(Finding("not_analyzed", None, run.name, f"{error}; the run is left out"))
         sides.append(tuple(read))
     if not all(sides):
-        raise AnalysisError("\n".join(finding.message for finding in unread))
+        raise AnalysisError("; ".join(errors))
     return replace(pair, balanced=sides[0], unbalanced=sides[1]), records, unread
 
 

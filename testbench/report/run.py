@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from ..store import Run
 
 Point = tuple[float, float, float]
+OF_A_SIZE = 2.0
+"""Up to this factor a torque and its model may differ without a finding: friction, a payload that was estimated."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +84,8 @@ def report(
         findings += [finding.as_dict() for finding in wrench.findings]
     except CounterpoiseError as error:
         forces = response = {"reason": str(error)}
+    torque = attempt(lambda: loads.torque_part(run, rig, mechanism(), bandwidth_hz))
+    findings += _contradicted(run, torque)
     return RunReport(
         run,
         _motions(run, found, reasons, findings),
@@ -90,7 +94,7 @@ def report(
         attempt(lambda: vibration.base_modes(run, rig, vibration.motion_on_base_clock(run, rig, found, shown))),
         response,
         forces,
-        attempt(lambda: loads.torque_part(run, rig, mechanism(), bandwidth_hz)),
+        torque,
         tuple(findings),
     )
 
@@ -109,6 +113,21 @@ def _command(
         "encoder_noise": shown.encoder_noise,
         "definitions": command.DEFINITIONS,
     }
+
+
+def _contradicted(run: "Run", torque: Part) -> list[Part]:
+    """Drives whose torque is of another size than the model's, a finding each."""
+    return [
+        Finding(
+            "torque_contradiction",
+            None,
+            run.name,
+            f"{run.name}: torque of {drive['joint']} is {drive['rms_ratio']:.2g} times the model's (RMS): expected "
+            f"{1.0 / OF_A_SIZE:g} to {OF_A_SIZE:g}; units in rig and log, payload and counter-masses on the sheet?",
+        ).as_dict()
+        for drive in torque.get("drives", [])
+        if not 1.0 / OF_A_SIZE <= drive["rms_ratio"] <= OF_A_SIZE
+    ]
 
 
 def _motions(

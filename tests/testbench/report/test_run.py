@@ -81,6 +81,17 @@ def test_a_sheet_that_names_another_motion_is_a_finding(plain):
     assert len(found) == 3
 
 
+def test_torques_of_another_size_than_the_model_are_findings(plain):
+    """A wrong unit, of torque or of angle, shows as a torque far from the model's; a sound run has no finding."""
+    run = plain.run(0)
+    assert report(run).findings == ()
+    for channel in ("tau1", "tau2"):
+        run = memory.with_values(run, channel, 0.01 * run.channel(channel))
+    found = report(run).findings
+    assert [f["code"] for f in found] == ["torque_contradiction"] * 2
+    assert "0.01 times the model's" in found[0]["message"]
+
+
 def test_what_a_rig_lacks_is_said_part_by_part(brief):
     """Without force sensors, torques and target the other parts are told."""
     run = open_campaign(brief.campaign).runs[0]
