@@ -47,8 +47,8 @@ Examples:
   testbench report campaign -o figures
   testbench report campaign/r001.h5 --at 0m,-0.1m,0m --band 1..100 --json
 \b
-Exit codes: 0 done, 3 done with findings (a clipped sensor, a motion that is not the sheet's), 1 some run was refused
-(the others are reported)."""
+Exit codes: 0 done, 3 done with findings (a clipped or dead sensor, a motion or torque not the sheet's), 1 some
+run was refused (the others are reported)."""
 )
 @click.argument("runs", metavar="RUN|CAMPAIGN...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--at", "point", type=PointText(), default="0m,0m,0m", show_default=True,
