@@ -11,13 +11,14 @@ exp(-sigma t) has it die away.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from .arrays import Floats, Indices
 from .conditions import Conditions
 from .errors import DataError
+from .memories import mean_covariance
 from .observability import NotObservable
 from .rotors.moduli import Complexes
 from .trim import Free, Imbalance
@@ -25,8 +26,8 @@ from .trim import Free, Imbalance
 SIGMA = 3.0
 """Decay of the transforms [1/s]: a base of 8 Hz damped to 6 % rings down alike."""
 MEMORIES_S = (0.5, 0.8)
-"""How long the base remembers a push, decay included [s]: found with both, for neither is right; their mean is given,
-and what they differ by counts as an error."""
+"""How long the base remembers a push, decay included [s]: found with both, for neither is right. The shorter leaves out
+what rings on, the longer explains noise."""
 BEFORE_S = 0.04
 """What a response may show before the push: clocks are aligned to less, band limits need some [s]."""
 TAPS_PER_PERIOD = 2.5
@@ -74,17 +75,39 @@ def measure(trials: Sequence[Trial], at: Floats, conditions: Conditions, start: 
 
     Raises NotObservable where the runs do not tell them, DataError where no solution is found.
     """
-    short, long = (_measured(_Problem(trials, at, memory, start, free), conditions, free) for memory in MEMORIES_S)
-    apart = 0.5 * (long.values - short.values)
-    covariance = 0.5 * (short.covariance + long.covariance) + np.outer(apart, apart)
-    return replace(short, values=short.values + apart, covariance=covariance)
-
-
-def _measured(problem: "_Problem", conditions: Conditions, free: Free) -> Imbalance:
+    short_s, long_s = MEMORIES_S
+    long = _found(_Problem(trials, at, long_s, start, free))
+    short = _found(_Problem(trials, at, short_s, start, free), long)
     size = len(free.directions)
-    unknown = np.zeros(size + problem.shared)
+    moved = [one.sides.moved_by(long.sides.left)[:, :size] for one in (short, long)]
+    covariance = mean_covariance(short.unknown[:size], long.unknown[:size], *moved)
+    mean = 0.5 * (short.unknown + long.unknown)[:size]
+    return Imbalance(
+        conditions,
+        start + mean @ free.directions,
+        free.directions.T @ covariance @ free.directions,
+        long.sides.freedom,
+        free,
+        short.told,
+        long.sides.unexplained,
+    )
+
+
+@dataclass(frozen=True)
+class _Found:
+    """Solution with one length of memory."""
+
+    unknown: Floats
+    sides: "_Sides"
+    told: Floats
+
+
+def _found(problem: "_Problem", near: _Found | None = None) -> _Found:
+    """From what another memory found on, each channel weighted as there."""
+    size = problem.free
+    unknown, noise = (near.unknown, near.sides.noise) if near else (np.zeros(size + problem.shared), None)
     for _ in range(_STEPS):
-        sides = problem.sides(unknown)
+        sides = problem.sides(unknown, noise)
         step, told = sides.step()
         unknown = unknown + step
         if np.abs(step[:size]).max() < _SETTLED:
@@ -95,9 +118,7 @@ def _measured(problem: "_Problem", conditions: Conditions, free: Free) -> Imbala
             f"{np.abs(step[:size]).max():.2g} kg m; {MORE}"
         )
     problem.refuse_blind(told)
-    values = problem.start + unknown[:size] @ free.directions
-    covariance = free.directions.T @ sides.covariance()[:size, :size] @ free.directions
-    return Imbalance(conditions, values, covariance, sides.freedom, free, told, sides.unexplained)
+    return _Found(unknown, sides, told)
 
 
 MORE = "add runs of another motion (x, y, triangle) with the same trial masses, or heavier trial masses"
@@ -114,6 +135,8 @@ class _Sides:
     shrunk: float
     """Share of the equations that the response does not take up."""
     unexplained: float
+    noise: Floats
+    """What each channel's rows were divided by, (channels,)."""
 
     def step(self) -> tuple[Floats, Floats]:
         """Gauss-Newton step (p,), and the orthonormal combinations that are told, (told, p), unknowns as they are."""
@@ -130,17 +153,19 @@ class _Sides:
         """Bands less unknowns."""
         return len(np.unique(self.bands)) - self.slope.shape[1]
 
-    def covariance(self) -> Floats:
-        """Of the unknowns, (p, p), from what the fit leaves band by band: correlated within one, not between them."""
+    def moved_by(self, left: Floats) -> Floats:
+        """How far what is left in each band moves the unknowns, (bands, p): correlated within one, not between them.
+
+        Of what is left (rows,), larger by what the response took up of it.
+        """
         length = np.linalg.norm(self.slope, axis=0)
         length[length == 0.0] = 1.0
         _, sizes, rows = np.linalg.svd(self.slope / length, full_matrices=False)
         kept = sizes > _BLIND * sizes[0]
         half = rows[kept] / sizes[kept, None] / length
         scores = np.zeros((int(self.bands.max()) + 1, self.slope.shape[1]))
-        np.add.at(scores, self.bands, self.slope * self.left[:, None])
-        spread = scores @ half.T @ half
-        return np.asarray(spread.T @ spread / self.shrunk)
+        np.add.at(scores, self.bands, self.slope * left[:, None])
+        return np.asarray(scores @ half.T @ half / np.sqrt(self.shrunk))
 
 
 class _Problem:
@@ -166,20 +191,21 @@ class _Problem:
         """Of the accelerometers."""
         return range(self.readings.shape[1])
 
-    def sides(self, unknown: Floats) -> _Sides:
-        """All channels, each weighted by its noise."""
+    def sides(self, unknown: Floats, noise: Floats | None = None) -> _Sides:
+        """All channels, each weighted by its noise (channels,): that given, else as it is left."""
         pushed: Complexes = self.known + self.columns @ unknown.astype(complex)
-        slopes, lefts, spares, left_out, whole = [], [], 0, 0.0, 0.0
+        slopes, lefts, noises, spares, left_out, whole = [], [], [], 0, 0.0, 0.0
         for q in self.channels:
             slope, left, spare = self._channel(q, pushed)
-            noise = float(np.sqrt(left @ left / spare))
-            slopes.append(slope / noise)
-            lefts.append(left / noise)
+            noises.append(float(np.sqrt(left @ left / spare)) if noise is None else float(noise[q]))
+            slopes.append(slope / noises[q])
+            lefts.append(left / noises[q])
             spares, left_out = spares + spare, left_out + float(left @ left)
             whole += float(np.sum(np.abs(self.readings[:, q]) ** 2))
         every = np.concatenate(lefts)
         bands = np.tile(self.bands, 2 * len(self.channels))
-        return _Sides(np.concatenate(slopes), every, bands, spares / len(every), float(np.sqrt(left_out / whole)))
+        unexplained = float(np.sqrt(left_out / whole))
+        return _Sides(np.concatenate(slopes), every, bands, spares / len(every), unexplained, np.array(noises))
 
     def _channel(self, q: int, pushed: Complexes) -> tuple[Floats, Floats, int]:
         """Slopes and what is left of a channel's readings, free of what its response to pushes can take up."""

@@ -150,7 +150,8 @@ def by_trials(case: Case) -> Told:
         f"The base's response below {cutoff:g} Hz is measured by the trial masses, linear and the same in all runs; "
         f"what is missing is said of the mounting of {case.runs[0].name}.",
         HELD,
-        f"Intervals: from what the fit leaves, {measured.freedom} degrees of freedom.",
+        f"Intervals: from what the fit leaves, {measured.freedom} degrees of freedom, and from what two lengths of the "
+        "base's memory differ by.",
     )
     return Told("trials", measured, about)
 
