@@ -52,7 +52,7 @@ def compare(module: str, log: Path, rounds: int, same: Callable[[Path, Path], bo
 def ingest(log: Path, folder: Path) -> None:
     """Our side: as the command does."""
     from testbench.ingest import Ingest
-    from testbench.runsheet import plan
+    from testbench.ingest.runsheet import plan
 
     folder.mkdir()
     (outcome,) = Ingest(folder).run(plan([log], None)[0])

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from balance.mechanism import Mechanism
-from testbench import plan, rig, runsheet
+from testbench import plan, rig
 from testbench.bench.campaign import simulate
 from testbench.identify import identify
 from testbench.identify.assembly import assemble
-from testbench.ingest import Ingest
+from testbench.ingest import Ingest, runsheet
 from testbench.store import open_campaign
 
 PLAN = """

@@ -13,8 +13,8 @@ import argparse
 import numpy as np
 from scipy.stats import binomtest
 
-from testbench.tacho import steady_turns
-from testbench.vectors import OrderVector, order_vector
+from testbench.orders.tacho import steady_turns
+from testbench.orders.vectors import OrderVector, order_vector
 
 SPEED, TRUTH = 50.0, 4.0 * np.exp(0.7j)
 """Turns a second; vector of the first order [m/s2]."""

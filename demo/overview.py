@@ -9,8 +9,8 @@ from balance.mechanism import Mechanism
 from balance.quantities import G0
 from balance.sizing import given
 from testbench.figures import style
+from testbench.motion.segments import moving
 from testbench.pairing import rig_of
-from testbench.segments import moving
 from testbench.vibration import Measure, base_accelerations
 
 if TYPE_CHECKING:

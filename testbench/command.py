@@ -12,11 +12,11 @@ from balance.motion import Samples
 
 from .bench.carried import acceleration_in_body
 from .channels import in_si, instants
-from .derivatives import grid_of, noise_gain, on_grid, rates
 from .errors import AnalysisError
+from .motion.derivatives import grid_of, noise_gain, on_grid, rates
+from .motion.segments import moving
 from .pairing import rig_of
 from .rig.sensors import Accelerometer, Encoder, Target
-from .segments import moving
 from .signals import Band, lag
 
 if TYPE_CHECKING:

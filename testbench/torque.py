@@ -10,9 +10,9 @@ from balance.dynamics import simulate
 from balance.mechanism import Mechanism
 
 from .channels import in_si, instants
-from .derivatives import low_pass
 from .errors import AnalysisError
-from .joint_motion import encoders, followed, loaded
+from .motion.derivatives import low_pass
+from .motion.joint_motion import encoders, followed, loaded
 from .rig.sensors import Torque
 from .signals import lag
 

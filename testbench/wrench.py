@@ -21,7 +21,7 @@ from .calibration.applied import crosses
 from .channels import in_si, instants
 from .errors import AnalysisError
 from .findings import Finding
-from .segments import moving
+from .motion.segments import moving
 
 if TYPE_CHECKING:
     from .rig import Column, Rig

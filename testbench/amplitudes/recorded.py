@@ -7,8 +7,8 @@ import numpy as np
 from balance.arrays import Floats
 
 from ..errors import AnalysisError
+from ..motion.segments import rest_before
 from ..pairing import doubts, rig_of
-from ..segments import rest_before
 from ..vibration import Measure, base_accelerations
 from .amplitude import Amplitude
 from .faults import flat_tops, held

@@ -14,7 +14,7 @@ from . import reading
 
 if TYPE_CHECKING:
     from ..ingest import Progress
-    from ..outcome import Outcome
+    from ..ingest.outcome import Outcome
     from ..rig import Rig
 
 
@@ -79,9 +79,9 @@ def _ingest(
     accept: Sequence[str],
     text: dict[str, Any],
 ) -> "list[Outcome]":
-    from ..elsewhere import OtherLogs
     from ..ingest import Ingest
-    from ..runsheet import plan
+    from ..ingest.elsewhere import OtherLogs
+    from ..ingest.runsheet import plan
 
     runs, options = plan(files, sheet), reading.read_options(**text)
     others = OtherLogs(files if sheet is None else (), options)

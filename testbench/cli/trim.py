@@ -103,7 +103,7 @@ def _stored(runs: "list[Run]") -> "dict[Path, dict[str, ClockMap]]":
     """Alignments that the campaign holds; what it does not hold is found anew."""
     from ..clocks import stored
     from ..errors import AnalysisError
-    from ..joint_motion import group_of_encoders
+    from ..motion.joint_motion import group_of_encoders
     from ..pairing import rig_of
 
     found = {}

@@ -9,8 +9,8 @@ import click
 from balance.cli.console import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 
 if TYPE_CHECKING:
+    from ..orders.vectors import Metric, OrderVector, Vectors
     from ..store import Run
-    from ..vectors import Metric, OrderVector, Vectors
 
 _ROUNDING = 1e-9
 """Change of speed, of its mean, below which it is said to be none."""
@@ -65,8 +65,8 @@ def vectors(run_file: Path, **options: Any) -> int:  # noqa: ANN401
     pulses, a speed that is not steady, too few turns.
     """
     _check(options)
+    from ..orders.vectors import Tachometer, of_run
     from ..store import open_run
-    from ..vectors import Tachometer, of_run
 
     run = open_run(run_file)
     within = options["steady_within"] / 100.0
@@ -125,7 +125,7 @@ def _agrees(run: "Run", found: "Vectors", text: str, within: float) -> None:
 
 
 def _amplitude(vector: "OrderVector", metric: "Metric") -> tuple[float, float]:
-    from ..vectors import METRICS
+    from ..orders.vectors import METRICS
 
     return METRICS[metric] * abs(vector.value), METRICS[metric] * vector.amplitude_within
 
@@ -156,7 +156,7 @@ def _toml(run: "Run", found: "Vectors", options: dict[str, Any]) -> str:
 
 def _reading(vector: "OrderVector", options: dict[str, Any]) -> str:
     """A reading of a sheet with its own intervals; one that is not told has its scatter in every direction."""
-    from ..vectors import UNITS
+    from ..orders.vectors import UNITS
 
     (size, within), unit = _amplitude(vector, options["amplitude"]), UNITS[vector.dimension]
     about = f" ± {math.degrees(vector.phase_within_alone):.3g} deg" if vector.is_told else ""
@@ -171,7 +171,7 @@ def _quoted(text: str) -> str:
 
 
 def _document(run: "Run", found: "Vectors", phase: str, metric: "Metric") -> dict[str, Any]:
-    from ..vectors import UNITS
+    from ..orders.vectors import UNITS
 
     suffix = {"m": "m", "m/s": "m_s", "m/s^2": "m_s2"}
     rows = []
@@ -201,7 +201,7 @@ def _document(run: "Run", found: "Vectors", phase: str, metric: "Metric") -> dic
 
 
 def _print(run: "Run", found: "Vectors", phase: str, metric: "Metric") -> None:
-    from ..vectors import UNITS
+    from ..orders.vectors import UNITS
 
     rows = []
     for v in found.vectors:

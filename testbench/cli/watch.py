@@ -11,8 +11,8 @@ from balance.cli.console import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, jso
 from . import reading
 
 if TYPE_CHECKING:
-    from ..outcome import Outcome
-    from ..watch import Watch
+    from ..ingest.outcome import Outcome
+    from ..ingest.watch import Watch
 
 
 @click.command(
@@ -77,7 +77,7 @@ def watch(
     watching = _watching(folder, campaign, rig, accept, settle, text)
     watching.store_unnamed = unnamed == "store"
     if sheet is not None:
-        from ..watchedsheet import WatchedSheet
+        from ..ingest.watchedsheet import WatchedSheet
 
         watching.sheet = WatchedSheet(sheet, watching.settle_s)
     if not once:
@@ -103,7 +103,7 @@ def _watching(
 
     from .. import rig as rigs
     from ..ingest import Ingest
-    from ..watch import Watch
+    from ..ingest.watch import Watch
 
     work = Ingest(campaign, None if rig is None else rigs.load(rig), reading.read_options(**text), frozenset(accept))
     return Watch(folder, work, parse(settle, "time"))

@@ -7,8 +7,8 @@ import numpy as np
 
 from balance.arrays import Floats
 
-from .. import base_motion
-from ..segments import rest_before
+from ..motion import base_motion
+from ..motion.segments import rest_before
 
 if TYPE_CHECKING:
     from ..rig import Column, Rig

@@ -14,11 +14,11 @@ from balance import conditions
 from balance.arrays import Floats
 from balance.regressor import wrench_regressor
 
-from .. import base_motion
 from ..bench.carried import acceleration_in_body
 from ..channels import in_si, instants
-from ..derivatives import HIGHEST_CUTOFF, low_pass
 from ..errors import AnalysisError
+from ..motion import base_motion
+from ..motion.derivatives import HIGHEST_CUTOFF, low_pass
 from .base import recorded, stated_noise
 from .mapping import ClockMap
 from .shared import Shared

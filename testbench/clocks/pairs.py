@@ -14,8 +14,8 @@ from balance.arrays import Floats
 from balance.mechanism import Mechanism
 
 from ..channels import instants
-from ..derivatives import LARGEST_STEP
-from ..joint_motion import encoders, followed
+from ..motion.derivatives import LARGEST_STEP
+from ..motion.joint_motion import encoders, followed
 from ..pairing import rig_of
 from ..rig.sensors import Accelerometer
 from .contents import forces, moving_body, plain
@@ -25,7 +25,7 @@ from .shared import Shared, gaps
 if TYPE_CHECKING:
     from balance.closure import Trajectory
 
-    from ..derivatives import Grid
+    from ..motion.derivatives import Grid
     from ..rig import Column, Rig
     from ..store import Run
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 from balance.errors import CounterpoiseError
 from balance.mechanism import Mechanism
 
-from .. import base_motion
 from ..errors import AnalysisError
-from ..joint_motion import encoders, loaded, mechanism_of
+from ..motion import base_motion
+from ..motion.joint_motion import encoders, loaded, mechanism_of
 from ..pairing import rig_of
 from .correlation import Aligned, by_correlation
 from .mapping import ClockMap, same_clock

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from balance.arrays import Floats
 
-from ..derivatives import HIGHEST_CUTOFF, Grid, low_pass
 from ..errors import AnalysisError
+from ..motion.derivatives import HIGHEST_CUTOFF, Grid, low_pass
 
 Flags = NDArray[np.bool_]
 

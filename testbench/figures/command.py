@@ -8,8 +8,8 @@ from balance.mechanism import Mechanism
 from balance.quantities import G0
 
 from ..command import BANDWIDTH_HZ, performance
+from ..motion.segments import moving
 from ..pairing import rig_of
-from ..segments import moving
 from . import style
 
 if TYPE_CHECKING:

@@ -7,10 +7,10 @@ import numpy as np
 
 from ..channels import in_si, instants
 from ..errors import AnalysisError
+from ..motion.segments import moving
 from ..pairing import rig_of
 from ..rig import Column
 from ..rig.sensors import Torque
-from ..segments import moving
 from ..vibration import DEFAULT_BAND
 from . import style
 

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 from balance.quantities import G0
 
 from ..channels import instants
+from ..motion.segments import moving
 from ..pairing import Key, Pair, rig_of
 from ..reductions import Reduction, reduce
-from ..segments import moving
 from ..vibration import Measure, base_accelerations
 from . import style
 

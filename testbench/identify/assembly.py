@@ -14,7 +14,7 @@ import numpy as np
 from balance.mechanism import Mechanism
 
 from ..errors import AnalysisError
-from ..joint_motion import loaded
+from ..motion.joint_motion import loaded
 from ..rig.sensors import Torque
 from .loads import loads_of
 from .record import JointRecord, joint_record, rig_for

@@ -15,8 +15,8 @@ from balance.arrays import Floats, Indices
 from balance.mechanism import Mechanism
 from balance.observability import Observability
 
-from ..derivatives import HIGHEST_CUTOFF
 from ..errors import AnalysisError
+from ..motion.derivatives import HIGHEST_CUTOFF
 from .evidence import POSITION_BANDWIDTH, Evidence, gather
 from .methods import Method, Methods
 from .record import LONGEST_DELAY_S, JointRecord

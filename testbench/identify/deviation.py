@@ -18,7 +18,7 @@ import numpy as np
 from balance.arrays import Floats
 from balance.mechanism import Mechanism
 
-from ..derivatives import Rates
+from ..motion.derivatives import Rates
 from .evidence import Part, model_torque, path_of
 
 DAMPING = 0.7

@@ -18,8 +18,8 @@ from balance.mechanism import Mechanism
 from balance.motion import Samples
 from balance.regressor import driven_torque_regressor, wrench_regressor
 
-from ..derivatives import Rates, low_pass, rates
 from ..errors import AnalysisError
+from ..motion.derivatives import Rates, low_pass, rates
 from .record import JointRecord
 
 POSITION_BANDWIDTH = 2.0

@@ -21,7 +21,7 @@ from balance.arrays import Floats
 from balance.identification import Estimate, Identified, solve_base
 from balance.observability import Observability, observe
 
-from ..derivatives import low_pass
+from ..motion.derivatives import low_pass
 from .choice import HeldOut, unexplained
 from .evidence import Evidence, gather
 from .record import JointRecord

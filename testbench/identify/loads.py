@@ -14,9 +14,9 @@ from balance.arrays import Floats
 from balance.mechanism import Mechanism
 from balance.regressor import wrench_regressor
 
-from .. import base_motion
 from ..errors import AnalysisError
-from ..joint_motion import followed
+from ..motion import base_motion
+from ..motion.joint_motion import followed
 from ..trim.evidence import carried, clock_maps, refuse_saturation
 from ..wrench import COMPONENTS, shaking_wrench
 

@@ -17,8 +17,8 @@ from balance.identification import BlockSums, Identified, solve_base
 from balance.mechanism import Mechanism
 from balance.observability import Observability
 
-from ..derivatives import Rates, low_pass
 from ..errors import AnalysisError
+from ..motion.derivatives import Rates, low_pass
 from .deviation import Deviation
 from .evidence import Evidence, Part, path_of, regressor
 

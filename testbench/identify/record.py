@@ -9,8 +9,8 @@ from balance.mechanism import Mechanism
 
 from .. import rig as rigs
 from ..calibration.applied import readings
-from ..derivatives import Grid, grid_of, on_grid
 from ..errors import AnalysisError
+from ..motion.derivatives import Grid, grid_of, on_grid
 from ..recording import Origin
 from ..rig.sensors import Encoder, Torque
 from ..store import Run

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from balance.errors import CounterpoiseError
 
 from .. import figures
-from ..joint_motion import mechanism_of
+from ..motion.joint_motion import mechanism_of
 from ..pairing import Pair, pairs, rig_of
 
 if TYPE_CHECKING:

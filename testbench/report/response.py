@@ -14,7 +14,7 @@ from balance.arrays import Floats
 from ..channels import in_si, instants
 from ..clocks import stored
 from ..errors import AnalysisError
-from ..joint_motion import group_of_encoders
+from ..motion.joint_motion import group_of_encoders
 from ..spectra.conditioned import conditioned
 from ..spectra.transfer import Transfer, transfer
 from .part import Part

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 from balance.errors import CounterpoiseError
 from balance.mechanism import Mechanism
 
-from .. import command, motions
+from .. import command
 from ..findings import Finding
-from ..joint_motion import mechanism_of
+from ..motion import motions
+from ..motion.joint_motion import mechanism_of
 from ..pairing import doubts, rig_of
 from ..vibration import DEFAULT_BAND
 from ..wrench import shaking_wrench
@@ -19,7 +20,7 @@ from .part import Part, attempt
 from .response import base_response
 
 if TYPE_CHECKING:
-    from ..motions import FoundMotion
+    from ..motion.motions import FoundMotion
     from ..signals import Band
     from ..store import Run
 

@@ -14,7 +14,7 @@ from .part import Part
 
 if TYPE_CHECKING:
     from ..command import CommandPerformance
-    from ..motions import FoundMotion, Source
+    from ..motion.motions import FoundMotion, Source
     from ..rig import Column, Rig
     from ..store import Run
 

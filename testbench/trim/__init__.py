@@ -14,7 +14,7 @@ from balance.observability import NotObservable
 from balance.stock import Plate
 
 from ..errors import AnalysisError
-from ..joint_motion import loaded
+from ..motion.joint_motion import loaded
 from ..pairing import rig_of
 from ..recording import Origin
 from .case import NAMES, Case, Source, Told

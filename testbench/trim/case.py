@@ -10,7 +10,7 @@ from balance.conditions import Conditions
 from balance.mechanism import Mechanism
 
 from ..findings import Finding
-from ..joint_motion import loaded
+from ..motion.joint_motion import loaded
 
 if TYPE_CHECKING:
     from ..clocks.mapping import ClockMap

@@ -17,15 +17,15 @@ from balance.conditions import Conditions
 from balance.mechanism import Mechanism
 from balance.regressor import wrench_regressor
 
-from .. import base_motion
 from ..channels import in_si
 from ..clocks.mapping import ClockMap
 from ..clocks.run import align_run
-from ..derivatives import HIGHEST_CUTOFF, Grid, low_pass
 from ..errors import AnalysisError
 from ..findings import Finding
-from ..joint_motion import followed, group_of_encoders, loaded
-from ..segments import moving
+from ..motion import base_motion
+from ..motion.derivatives import HIGHEST_CUTOFF, Grid, low_pass
+from ..motion.joint_motion import followed, group_of_encoders, loaded
+from ..motion.segments import moving
 from ..wrench import AT_RANGE, MeasuredWrench, shaking_wrench
 from .calibration import Effects, of_forces, of_readings, stated
 

@@ -17,7 +17,7 @@ from balance.mechanism import Mechanism
 from balance.motion import Samples
 from balance.regressor import wrench_regressor
 
-from ..derivatives import low_pass, rates
+from ..motion.derivatives import low_pass, rates
 from .vibration import POSITION_BANDWIDTH, Shaken
 
 if TYPE_CHECKING:

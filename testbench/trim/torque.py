@@ -20,9 +20,9 @@ from balance.regressor import driven_torque_regressor
 
 from ..channels import in_si, instants
 from ..clocks.mapping import ClockMap
-from ..derivatives import Grid, low_pass
 from ..errors import AnalysisError
-from ..joint_motion import encoders, followed, loaded
+from ..motion.derivatives import Grid, low_pass
+from ..motion.joint_motion import encoders, followed, loaded
 from ..rig.sensors import Torque
 from ..wrench import AT_RANGE
 from .evidence import carried, clock_maps, motion_of, rate_of, span_of

@@ -20,11 +20,11 @@ from balance.mechanism import Mechanism
 from balance.regressor import wrench_regressor
 from balance.trim import Free, Imbalance, site_columns
 
-from .. import base_motion
 from ..bench.carried import locked_inertia
 from ..clocks.mapping import ClockMap
 from ..errors import AnalysisError
-from ..joint_motion import followed, loaded
+from ..motion import base_motion
+from ..motion.joint_motion import followed, loaded
 from .beside import reduction
 from .evidence import carried, clock_maps, refuse_clipped_base
 

@@ -19,13 +19,13 @@ from balance.conditions import Conditions
 from balance.mechanism import Mechanism
 from balance.regressor import wrench_regressor
 
-from .. import base_motion
 from ..bench.base import Base
 from ..bench.carried import locked_inertia
 from ..clocks.mapping import ClockMap
-from ..derivatives import Grid, low_pass
 from ..errors import AnalysisError
-from ..joint_motion import followed, loaded
+from ..motion import base_motion
+from ..motion.derivatives import Grid, low_pass
+from ..motion.joint_motion import followed, loaded
 from .evidence import carried, clock_maps, motion_of, rate_of, refuse_clipped_base, span_of
 from .parts import Part
 

@@ -12,7 +12,7 @@ from balance.observability import NotObservable
 
 from ..errors import AnalysisError
 from ..findings import Finding
-from ..joint_motion import encoders
+from ..motion.joint_motion import encoders
 from . import calibration
 from .case import Case, Told
 from .evidence import CUTOFF_HZ, RunEvidence, run_evidence

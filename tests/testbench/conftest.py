@@ -19,7 +19,7 @@ def simulated(folder: Path, plan: str, rig: str = "parallelogram-6bar") -> Simul
     from testbench import rig as rigs
     from testbench.bench.campaign import SHEET, simulate
     from testbench.ingest import Ingest
-    from testbench.runsheet import plan as sheet
+    from testbench.ingest.runsheet import plan as sheet
 
     bench = rigs.load(rig)
     logs = simulate(plans.from_text(plan), bench, folder / "logs")

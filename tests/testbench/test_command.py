@@ -5,8 +5,8 @@ import pytest
 
 from balance.mechanism import Mechanism
 from testbench.command import performance
-from testbench.derivatives import noise_gain, rates
 from testbench.errors import AnalysisError
+from testbench.motion.derivatives import noise_gain, rates
 from testbench.store import open_campaign
 
 

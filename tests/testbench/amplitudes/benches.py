@@ -19,9 +19,9 @@ from testbench.bench.loggers import reading
 from testbench.bench.run import simulate_run
 from testbench.bench.sampling import instants
 from testbench.bench.sensors import signals
+from testbench.motion.segments import rest_before
 from testbench.plan import PlannedRun
 from testbench.rig import Rig, load
-from testbench.segments import rest_before
 from testbench.signals import Band
 from testbench.vibration import METRICS, Measure
 

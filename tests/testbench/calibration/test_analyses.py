@@ -9,13 +9,13 @@ import pytest
 from balance import datasets
 from balance.mechanism import Mechanism
 from balance.quantities import G0
-from testbench import base_motion
 from testbench import rig as rigs
 from testbench.calibration.correct import calibrate
 from testbench.calibration.document import Calibration
 from testbench.cli.analyze import analyze
 from testbench.identify.record import joint_record
-from testbench.joint_motion import followed
+from testbench.motion import base_motion
+from testbench.motion.joint_motion import followed
 from testbench.pairing import rig_of
 from testbench.store import open_campaign
 from testbench.vibration import base_accelerations

@@ -15,9 +15,9 @@ from testbench.channels import in_si
 from testbench.errors import AnalysisError, RigError, StoreError
 from testbench.export import export
 from testbench.ingest import Ingest
+from testbench.ingest.runsheet import PlannedRun
 from testbench.pairing import doubts, rig_of
 from testbench.readers import open_recording
-from testbench.runsheet import PlannedRun
 from testbench.store import open_campaign, open_run, records
 from testbench.wrench import shaking_wrench
 

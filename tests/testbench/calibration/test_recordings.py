@@ -14,8 +14,8 @@ from testbench.calibration.correct import calibrate
 from testbench.calibration.document import Calibration
 from testbench.calibration.view import physical
 from testbench.ingest import Ingest
+from testbench.ingest.runsheet import PlannedRun
 from testbench.pairing import rig_of
-from testbench.runsheet import PlannedRun
 from testbench.store import open_campaign, open_run
 from testbench.wrench import shaking_wrench
 

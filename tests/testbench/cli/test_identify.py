@@ -11,7 +11,7 @@ from testbench import rig as rigs
 from testbench.cli.identify import identify
 from testbench.errors import AnalysisError
 from testbench.ingest import Ingest
-from testbench.runsheet import PlannedRun
+from testbench.ingest.runsheet import PlannedRun
 
 ARM = "two-joint-arm-a0"
 

@@ -14,7 +14,7 @@ from testbench.cli.vectors import vectors
 from testbench.errors import AnalysisError, StoreError
 from testbench.figures.vectors import draw_vectors
 from testbench.ingest import Ingest
-from testbench.runsheet import PlannedRun
+from testbench.ingest.runsheet import PlannedRun
 
 from ..rotating import UNBALANCE, Rotor
 

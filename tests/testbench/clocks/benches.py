@@ -19,7 +19,7 @@ from testbench.bench.run import BenchRun, simulate_run
 from testbench.bench.transducers import Transducer, draw
 from testbench.clocks.mapping import ClockMap
 from testbench.clocks.run import RunClocks, align_run
-from testbench.joint_motion import loaded
+from testbench.motion.joint_motion import loaded
 from testbench.plan import PlannedRun
 from testbench.recording import Channel, TimeColumn, UniformClock
 from testbench.rig import Rig, load

@@ -13,9 +13,9 @@ from testbench.describe import describe
 from testbench.errors import StoreError
 from testbench.export import export, sep005
 from testbench.ingest import Ingest
+from testbench.ingest.runsheet import plan
 from testbench.readers import open_recording
 from testbench.recording import Channel, Group, TimeColumn, UniformClock
-from testbench.runsheet import plan
 from testbench.store import open_campaign, open_run
 from testbench.store.writer import RunWriter
 

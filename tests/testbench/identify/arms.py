@@ -12,8 +12,8 @@ from balance.mechanism import Mechanism
 from balance.motion import Samples
 from balance.regressor import driven_torque_regressor
 from testbench import recordings
-from testbench.derivatives import Grid
 from testbench.identify import JointRecord
+from testbench.motion.derivatives import Grid
 
 RATE = 200.0
 SECONDS = 6.0

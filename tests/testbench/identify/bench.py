@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from balance.mechanism import Mechanism
-from testbench import plan, rig, runsheet
+from testbench import plan, rig
 from testbench.bench.campaign import simulate
-from testbench.ingest import Ingest
+from testbench.ingest import Ingest, runsheet
 from testbench.store import Run, open_campaign
 
 MECHANISM = Mechanism.load("parallelogram-6bar")

@@ -14,7 +14,7 @@ from testbench.identify.explanation import Explanation
 from testbench.identify.figure import draw
 from testbench.identify.methods import Methods
 from testbench.ingest import Ingest
-from testbench.runsheet import PlannedRun
+from testbench.ingest.runsheet import PlannedRun
 from testbench.store import open_run
 
 from . import arms

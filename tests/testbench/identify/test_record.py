@@ -11,7 +11,7 @@ from testbench import rig as rigs
 from testbench.errors import AnalysisError
 from testbench.identify import joint_record
 from testbench.ingest import Ingest
-from testbench.runsheet import PlannedRun
+from testbench.ingest.runsheet import PlannedRun
 from testbench.store import Run, open_run
 
 ARM = Mechanism.load("two-joint-arm-a0")

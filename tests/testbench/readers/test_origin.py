@@ -8,9 +8,9 @@ from scipy.io import savemat
 from testbench.export import export
 from testbench.export.target import TARGETS
 from testbench.ingest import Ingest
+from testbench.ingest.runsheet import PlannedRun
 from testbench.readers import open_recording
 from testbench.readers.origin import stated
-from testbench.runsheet import PlannedRun
 from testbench.store import open_run
 
 from .reading import in_process  # noqa: F401

@@ -15,8 +15,8 @@ from testbench.cli.archive import archive as command
 from testbench.errors import StoreError
 from testbench.export import export
 from testbench.ingest import Ingest
+from testbench.ingest.runsheet import plan
 from testbench.recording import Channel, Group, TimeColumn, UniformClock
-from testbench.runsheet import plan
 from testbench.store import archive as archives
 from testbench.store import digest, forms, groups, open_campaign, open_run, records
 from testbench.store.archive import archive

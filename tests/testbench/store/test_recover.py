@@ -10,9 +10,9 @@ import pytest
 from testbench.cli.recover import recover as command
 from testbench.errors import StoreError
 from testbench.ingest import Ingest
+from testbench.ingest.runsheet import plan
 from testbench.recording import Channel, Group, TimeColumn, UniformClock
 from testbench.recovery import recover
-from testbench.runsheet import plan
 from testbench.store import digest, groups, open_campaign, open_run
 from testbench.store.archive import archive
 from testbench.store.journal import JournalWriter

@@ -13,8 +13,8 @@ from testbench.errors import StoreError
 from testbench.export import export
 from testbench.export.target import TARGETS
 from testbench.ingest import Ingest
+from testbench.ingest.runsheet import plan
 from testbench.recovery import recover
-from testbench.runsheet import plan
 from testbench.store import open_campaign
 from testbench.store.archive import archive
 

@@ -9,8 +9,8 @@ from balance import conditions, trim
 from balance.closure import Closure
 from balance.mechanism import Mechanism
 from balance.motion import Samples
-from testbench.derivatives import rates
-from testbench.joint_motion import encoders, loaded
+from testbench.motion.derivatives import rates
+from testbench.motion.joint_motion import encoders, loaded
 from testbench.trim.parts import records, shared
 from testbench.trim.steps import per_reading, step_covariance, wrench_slopes
 from testbench.trim.vibration import basis_of, part_of, shaken

@@ -6,8 +6,8 @@ import numpy as np
 
 from balance.arrays import Floats
 
-from .encoder.gaps import Gap, lost, spurious
-from .errors import AnalysisError
+from ..encoder.gaps import Gap, lost, spurious
+from ..errors import AnalysisError
 from .subsample import open_offset
 
 LEAST_TURNS = 10

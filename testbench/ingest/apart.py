@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from .recording import Block, Group, Recording, Report
+from ..recording import Block, Group, Recording, Report
 
 
 def apart(recordings: Sequence[Recording]) -> list[Recording]:

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 from nptdms import ChannelObject, TdmsWriter
 
-from testbench.apart import apart
 from testbench.ingest import Ingest
+from testbench.ingest.apart import apart
+from testbench.ingest.runsheet import PlannedRun
 from testbench.recording import Block, Channel, Group, Recording, UniformClock
-from testbench.runsheet import PlannedRun
 from testbench.store import open_run
 
 

@@ -5,10 +5,10 @@ import pytest
 from scipy.stats import binomtest
 
 from testbench.errors import AnalysisError
-from testbench.tacho import Turns, pulses, steady_turns
-from testbench.vectors import OrderVector, order_vector
+from testbench.orders.tacho import Turns, pulses, steady_turns
+from testbench.orders.vectors import OrderVector, order_vector
 
-from .rotating import Rotor
+from ..rotating import Rotor
 
 
 def turns_of(rotor: Rotor, within: float = 0.01) -> Turns:
@@ -55,7 +55,7 @@ def test_without_noise_the_vector_is_the_truth() -> None:
 
 def test_weights_turned_with_the_rotation_raise_the_phase_alike() -> None:
     """The convention: unbalance turned on by 40 degrees with the rotation raises the lead by 40 degrees."""
-    from .rotating import UNBALANCE
+    from ..rotating import UNBALANCE
 
     here = vectors_of(Rotor(noise=0.0, tone=0.0))
     there = vectors_of(Rotor(noise=0.0, tone=0.0, weights=UNBALANCE * (np.exp(1j * np.radians(40.0)) - 1.0)))
@@ -132,7 +132,7 @@ def test_sampling_in_step_at_any_place_within_a_sample(flips: int) -> None:
 
 def test_a_rotor_without_unbalance_has_no_phase() -> None:
     """Noise alone: amplitude within its interval, the phase said to mean nothing, coherence low."""
-    from .rotating import UNBALANCE
+    from ..rotating import UNBALANCE
 
     told = [vector for seed in range(10) for vector in vectors_of(Rotor(seed=seed, weights=-UNBALANCE))]
     assert sum(vector.is_told for vector in told) <= 3

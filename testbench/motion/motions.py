@@ -17,17 +17,17 @@ from balance.components import dense
 from balance.errors import CounterpoiseError
 from balance.mechanism import Mechanism
 
-from .channels import in_si, instants
+from ..channels import in_si, instants
+from ..errors import AnalysisError
+from ..rig.sensors import Accelerometer, Target
+from ..signals import Band
 from .derivatives import grid_of, on_grid
-from .errors import AnalysisError
 from .joint_motion import followed, group_of_encoders
 from .legs import Leg, legs_of_acceleration, legs_of_path
-from .rig.sensors import Accelerometer, Target
-from .signals import Band
 
 if TYPE_CHECKING:
-    from .rig import Rig
-    from .store import Run
+    from ..rig import Rig
+    from ..store import Run
 
 Source = Literal["command", "encoders", "acceleration"]
 BANDWIDTH_HZ = 80.0

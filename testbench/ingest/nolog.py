@@ -2,11 +2,11 @@
 
 from collections.abc import Iterable, Sequence
 
-from .errors import RecordingError
-from .findings import Finding, Refusal
-from .recording import Group
+from ..errors import RecordingError
+from ..findings import Finding, Refusal
+from ..recording import Group
+from ..store import layout
 from .source import Source
-from .store import layout
 
 MOST_CHANNELS = 30_000
 """Channels of one log: each takes some 40 KiB of memory and half a millisecond while it is stored."""

@@ -3,8 +3,8 @@
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
-from .errors import RecordingError
-from .readers import ReadOptions, open_recording
+from ..errors import RecordingError
+from ..readers import ReadOptions, open_recording
 
 
 class OtherLogs:

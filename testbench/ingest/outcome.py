@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from .findings import Finding, Refusal, refused
-from .recording import Origin
+from ..findings import Finding, Refusal, refused
+from ..recording import Origin
 from .runsheet import PlannedRun
 from .source import Source
 

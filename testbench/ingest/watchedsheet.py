@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from .errors import RigError
+from ..errors import RigError
 from .sheetrows import SheetRow, read
 
 State = tuple[int, int]

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from balance.mechanism import Mechanism
-from testbench import base_motion
 from testbench.bench.base import displacement_at
+from testbench.motion import base_motion
 
-from . import memory
+from .. import memory
 
 
 def test_the_base_is_not_seen():

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from testbench.derivatives import Grid, bridged, grid_of, low_pass, on_grid, rates
 from testbench.errors import AnalysisError
+from testbench.motion.derivatives import Grid, bridged, grid_of, low_pass, on_grid, rates
 
 RATE = 200.0
 TIME = np.arange(2000) / RATE

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from .errors import RecordingError, RigError
+from ..errors import RecordingError, RigError
 from .ingest import Ingest
 from .outcome import Outcome
 from .runsheet import PlannedRun, plan, ready, same_file

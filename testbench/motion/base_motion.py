@@ -18,12 +18,12 @@ from balance.closure import Trajectory
 from balance.components import dense
 from balance.mechanism import Mechanism
 
-from .bench.base import displacement_at
-from .channels import in_si, instants
+from ..bench.base import displacement_at
+from ..channels import in_si, instants
 
 if TYPE_CHECKING:
-    from .rig import Column, Rig
-    from .store import Run
+    from ..rig import Column, Rig
+    from ..store import Run
 
 NEAR = 1e-3
 """A lever at which the base's rotation does not matter [m]."""

@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from testbench.errors import RigError
-from testbench.runsheet import plan, read
+from testbench.ingest.runsheet import plan, read
 
 HEAD = "file,origin,payload_kg,counter_masses,motion,peak_acceleration_g,repeat\n"
 

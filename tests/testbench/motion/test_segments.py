@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from testbench.segments import moving
+from testbench.motion.segments import moving
 
 
 def test_moving():

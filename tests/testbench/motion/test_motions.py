@@ -6,10 +6,10 @@ import pytest
 from balance import datasets
 from balance.mechanism import Mechanism
 from testbench import rig as rigs
-from testbench.legs import Leg, legs_of_acceleration
-from testbench.motions import found, named
+from testbench.motion.legs import Leg, legs_of_acceleration
+from testbench.motion.motions import found, named
 
-from . import memory
+from .. import memory
 
 MECHANISM = Mechanism.load("parallelogram-6bar")
 

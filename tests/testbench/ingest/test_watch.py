@@ -11,9 +11,9 @@ import pytest
 from testbench.cli.watch import watch as command
 from testbench.errors import RecordingError
 from testbench.ingest import Ingest
+from testbench.ingest.watch import Watch
+from testbench.ingest.watchedsheet import WatchedSheet
 from testbench.store import open_campaign
-from testbench.watch import Watch
-from testbench.watchedsheet import WatchedSheet
 
 HEADER = "Time (s),AccX (g)\n"
 

@@ -5,8 +5,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 
-from .errors import RigError
-from .recording import Conditions, Origin
+from ..errors import RigError
+from ..recording import Conditions, Origin
 from .sheetrows import COLUMNS, SheetRow, read
 
 __all__ = ["COLUMNS", "PlannedRun", "Ready", "SheetRow", "plan", "read", "ready", "same_file"]

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from balance.arrays import Floats
 
-from .errors import AnalysisError
+from ..errors import AnalysisError
 from .orderfit import fit
 from .tacho import STEADY_WITHIN, Turns, steady_turns
 
 if TYPE_CHECKING:
-    from .store import Run
-    from .store.run import StoredGroup
+    from ..store import Run
+    from ..store.run import StoredGroup
 
 Metric = Literal["peak", "peak_to_peak", "rms"]
 METRICS: dict[Metric, float] = {"peak": 1.0, "peak_to_peak": 2.0, "rms": 0.5**0.5}
@@ -158,7 +158,7 @@ def _chosen(run: "Run", group: "StoredGroup", tacho: int, sensors: Sequence[str]
 def _dimension(unit: str) -> str | None:
     from balance.errors import UnitError
 
-    from .rig.fields import unit_factor
+    from ..rig.fields import unit_factor
 
     for dimension in UNITS:
         try:
@@ -170,7 +170,7 @@ def _dimension(unit: str) -> str | None:
 
 
 def _reading(run: "Run", group: "StoredGroup", index: int) -> tuple[str, float]:
-    from .rig.fields import unit_factor
+    from ..rig.fields import unit_factor
 
     channel = group.channels[index]
     dimension = _dimension(channel.unit) if channel.unit else None

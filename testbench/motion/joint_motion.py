@@ -8,15 +8,15 @@ from balance.closure import Closure, Trajectory
 from balance.mechanism import Mechanism
 from balance.motion import Samples
 
+from ..channels import in_si, instants
+from ..errors import AnalysisError
+from ..rig.sensors import Encoder
 from . import derivatives
-from .channels import in_si, instants
 from .derivatives import HIGHEST_CUTOFF, Grid, grid_of, on_grid, rates
-from .errors import AnalysisError
-from .rig.sensors import Encoder
 
 if TYPE_CHECKING:
-    from .rig import Column, Rig
-    from .store import Run
+    from ..rig import Column, Rig
+    from ..store import Run
 
 
 def encoders(rig: "Rig") -> "list[Column]":

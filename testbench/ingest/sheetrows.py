@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import cast, get_args
 
-from .errors import RigError
-from .recording import Conditions, Origin
+from ..errors import RigError
+from ..recording import Conditions, Origin
 
 COLUMNS = ("file", "run", "origin", "payload_kg", "counter_masses", "motion", "peak_acceleration_g", "repeat")
 """Columns of a sheet; ``file`` alone must be there. Files of one ``run`` are stored together."""

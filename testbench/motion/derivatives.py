@@ -12,7 +12,7 @@ import numpy as np
 
 from balance.arrays import Floats
 
-from .errors import AnalysisError
+from ..errors import AnalysisError
 
 ORDER = 4
 """Of the low-pass, each way."""

@@ -7,22 +7,22 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..checks import RecordingCheck, against_rig
+from ..errors import RecordingError, StoreError
+from ..findings import Finding, Refusal, placed, refused
+from ..readers import ReadOptions
+from ..recording import Group, Origin
+from ..store import digest, lock, open_run
+from ..store.sources import StoredSources
+from ..store.writer import RunWriter
 from .apart import apart
-from .checks import RecordingCheck, against_rig
-from .errors import RecordingError, StoreError
-from .findings import Finding, Refusal, placed, refused
 from .nolog import refuse_stored_run, refuse_too_many, refuse_twice
 from .outcome import Outcome, already_there, not_stored
-from .readers import ReadOptions
-from .recording import Group, Origin
 from .runsheet import PlannedRun
 from .source import Source
-from .store import digest, lock, open_run
-from .store.sources import StoredSources
-from .store.writer import RunWriter
 
 if TYPE_CHECKING:
-    from .rig import Rig
+    from ..rig import Rig
 
 Progress = Callable[[int], None]
 """Called with the bytes that were read since the last call."""

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from .errors import RecordingError
-from .findings import Finding
-from .readers import ReadOptions, open_recording
-from .recording import Recording
-from .store import digest
+from ..errors import RecordingError
+from ..findings import Finding
+from ..readers import ReadOptions, open_recording
+from ..recording import Recording
+from ..store import digest
 
 _AT_ONCE = 16 << 20
 """Bytes between two waits for Python's lock, which whoever runs Python holds for milliseconds."""
