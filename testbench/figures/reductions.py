@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..comparison import Comparison, Row
+from ..published import ORIGINAL_LOGS
 from ..reductions import Analysis
 from . import style
 
@@ -19,6 +20,11 @@ _LOOKS: tuple[tuple[str, str, dict[str, Any]], ...] = (
      {"marker": "o", "color": style.SIMULATED, "ms": 8.5, "mfc": "none", "mew": 1.8}),
     ("analyzed", "analysed from {} logs", {"marker": "x", "color": style.ANALYSED, "ms": 5.5, "mew": 1.8}),
 )  # fmt: skip
+
+
+_BESIDE = 0.8
+"""Room beside the first and last condition, for the payload's name [conditions]."""
+_BOUND: dict[str, Any] = {"marker": "^", "color": style.ANALYSED, "ms": 4.0}
 
 
 def reductions(compared: Comparison | Analysis) -> "Figure":
@@ -47,8 +53,14 @@ def reductions(compared: Comparison | Analysis) -> "Figure":
         measure = rows[0].analyzed.measure
         origin = "Simulated campaign: reduction" if set(compared.origins) == {"simulated"} else "Reduction"
         band = f"band {measure.band}" if measure.band else "all frequencies"
-        style.headline(figure, f"{origin} of base acceleration\n{measure.metric.replace('_', '-')}, {band}")
+        about = f"{measure.metric.replace('_', '-')}, {band}"
+        style.headline(figure, "\n".join([f"{origin} of base acceleration", about, *_of_originals(compared)]))
     return figure
+
+
+def _of_originals(compared: Comparison | Analysis) -> list[str]:
+    """That the logs behind the published numbers are not available, where those are shown."""
+    return [note for note in getattr(compared, "about_print", ()) if note == ORIGINAL_LOGS]
 
 
 def _place(row: Row) -> tuple[str, str]:
@@ -67,13 +79,13 @@ def _panel(panel: "Axes", rows: Sequence[Row]) -> None:
         if row.analyzed.interval:
             panel.vlines(x, *row.analyzed.interval, color=style.ANALYSED, lw=1.2)
         if row.analyzed.at_least is not None:
-            panel.plot(x, row.analyzed.at_least, "^", color=style.ANALYSED, ms=4.0)
+            panel.plot(x, row.analyzed.at_least, **_BOUND)
     panel.set_xticks(at, [f"{row.analyzed.key.peak_acceleration_g:g}" for row in rows], fontsize=8)
     for payload in payloads:
         here = [x for x, row in zip(at, rows, strict=True) if row.analyzed.key.payload_kg == payload]
         panel.text(float(np.mean(here)), 0.02, f"{payload:g} kg", transform=panel.get_xaxis_transform(), ha="center",
                    color="#555555")  # fmt: skip
-    panel.margins(x=0.08)
+    panel.set_xlim(at[0] - _BESIDE, at[-1] + _BESIDE)
     panel.grid(axis="x", visible=False)
 
 
@@ -98,4 +110,6 @@ def _legend(figure: "Figure", panel: "Axes", rows: Sequence[Row], kinds: str) ->
         for name, label, look in _LOOKS
         if name in there
     ]  # fmt: skip
+    if any(row.analyzed.at_least is not None for row in rows):
+        handles += panel.plot([], [], ls="none", label="at least", **_BOUND)
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
