@@ -35,7 +35,7 @@ def in_pieces(self, columns):
         whole(self, [column[begin : begin + 8192] for column in columns])
 groups.GroupWriter.append = in_pieces
 from testbench.ingest import Ingest
-from testbench.runsheet import plan
+from testbench.ingest.runsheet import plan
 work, (run,) = Ingest(Path(sys.argv[2])), plan([Path(sys.argv[1])], None)
 print("ready", flush=True)
 outcomes = work.run(run)
