@@ -16,6 +16,10 @@ EXIT_REFUSED = 1
 EXIT_WITH_FINDINGS = 3
 """Done, with findings or losses that are listed."""
 
+NO_NUMBER = (
+    "a result is no finite number: with these masses, lengths or speeds it is beyond what double precision holds; "
+    "check their units"
+)
 _HALF_LETTERS = re.compile("[\ud800-\udfff]")
 """Bytes of file names that are no UTF-8, as Python holds them."""
 
@@ -63,6 +67,9 @@ def run(group: click.Group, name: str) -> NoReturn:
     except CounterpoiseError as error:
         click.echo(f"{name}: {error}", err=True)
         code = EXIT_REFUSED
+    except OverflowError:
+        click.echo(f"{name}: {NO_NUMBER}", err=True)
+        code = EXIT_REFUSED
     except BrokenPipeError:
         sys.stderr.close()
         code = 0
@@ -90,10 +97,7 @@ def emit_json(document: dict[str, Any]) -> None:
     try:
         text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
     except ValueError as error:
-        raise CounterpoiseError(
-            "a result is no finite number: with these masses, lengths or speeds it is beyond what double precision "
-            "holds; check their units"
-        ) from error
+        raise CounterpoiseError(NO_NUMBER) from error
     click.echo(_HALF_LETTERS.sub(lambda match: f"\\u{ord(match[0]):04x}", text))
 
 

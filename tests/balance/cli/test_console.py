@@ -31,6 +31,10 @@ MECH, X = "parallelogram-6bar", ("--motion", "x")
 REFUSED = {
     "a folder for a mechanism": (("conditions", "."), "is a folder; expected a file"),
     "a folder for samples": (("simulate", MECH, "--motion", "samples.toml"), "is a folder; expected a file"),
+    "a speed beyond all numbers": (
+        ("rotor", "correct", "three-masses", "--bearing=-100mm", "--bearing=900mm", "--speed", "1e200rpm", "--json"),
+        "a result is no finite number",
+    ),
     "unknown mechanism": (("conditions", "five-bar"), "five-bar: no such file"),
     "unknown body": (("size", MECH, "-p", "crate=1kg"), "no moving body 'crate'"),
     "unknown site": (("check", MECH, "-c", "nowhere=1kg"), "no site 'nowhere'"),
