@@ -162,7 +162,7 @@ def _unzipped(archive: bytes, recording: PublicRecording) -> bytes:
     try:
         with zipfile.ZipFile(io.BytesIO(archive)) as files, files.open(recording.member or "") as stream:
             return _at_most(stream, recording.bytes)
-    except (zipfile.BadZipFile, KeyError, NotImplementedError, RuntimeError) as error:
+    except (zipfile.BadZipFile, KeyError, RuntimeError) as error:  # RuntimeError: encrypted, or an unknown packing
         raise RecordingError(f"{recording.url}: not a zip archive that holds {recording.member}: {error}") from error
 
 

@@ -1,10 +1,10 @@
 """Tables of a load over a turn of the crank, from a CSV file whose header names units: ``angle (deg),force (N)``."""
 
-import csv
 import math
 import re
 from pathlib import Path
 
+from .. import csvtable
 from ..errors import DataError, UnitError
 from ..quantities import factor_to_si
 
@@ -13,14 +13,7 @@ _HEADER = re.compile(r"\s*(\w+)\s*\((.+)\)\s*")
 
 def read(path: Path, key: str, dimension: str) -> tuple[list[float], list[float]]:
     """Angles [rad] and values of the column ``key`` [SI]. Raises DataError, naming line and column."""
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            lines = csv.reader(file, strict=True)
-            header, rows = next(lines, []), [(lines.line_num, row) for row in lines if any(c.strip() for c in row)]
-    except OSError as error:
-        raise DataError(f"file: cannot read {path.name!r}: {error.strerror}") from error
-    except (csv.Error, UnicodeDecodeError) as error:
-        raise DataError(f"{path.name}: not a CSV file in UTF-8: {error}") from error
+    header, rows = csvtable.read(path, "file")
     factors = _factors(header, {"angle": "angle", key: dimension}, path.name)
     columns: dict[str, list[float]] = {name: [] for name in factors}
     for line, row in rows:

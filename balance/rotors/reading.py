@@ -1,12 +1,11 @@
 """Rotors from sheets: a TOML file, or the table of unbalances alone as CSV."""
 
-import csv
 import math
 import re
 from collections import Counter
 from pathlib import Path
 
-from .. import datasets
+from .. import csvtable, datasets
 from ..errors import DataError, UnitError
 from ..quantities import factor_to_si
 from ..sheet import Sheet
@@ -109,14 +108,7 @@ def read_table(path: Path) -> list[Unbalance]:
 
     Units stand in the header; ``unbalance (kg mm)`` may stand for mass and radius.
     """
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.reader(file, strict=True)
-            header, rows = next(reader, []), [(reader.line_num, row) for row in reader if any(c.strip() for c in row)]
-    except FileNotFoundError as error:
-        raise DataError(f"masses: no such file {path.name!r}") from error
-    except (csv.Error, UnicodeDecodeError) as error:
-        raise DataError(f"{path.name}: not a CSV file in UTF-8: {error}") from error
+    header, rows = csvtable.read(path, "masses")
     columns = _columns(header, path.name)
     if not rows:
         raise DataError(f"{path.name}: holds no masses")

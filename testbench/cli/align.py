@@ -1,5 +1,6 @@
 """``testbench align``."""
 
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ from . import calibrations, stored_runs
 
 if TYPE_CHECKING:
     from ..clocks.run import RunClocks
+    from ..store import Run
 
 
 @click.command(
@@ -62,7 +64,6 @@ def align(
     from .. import rig as rigs
     from ..clocks import run as clocks
     from ..clocks.ways import WAYS
-    from ..errors import AnalysisError
     from ..pairing import rig_of
 
     if by == "trigger" and not pair:
@@ -70,26 +71,18 @@ def align(
     if cutoff is not None and not cutoff > 0.0:
         raise click.UsageError(f"--cutoff {cutoff:g}: expected a positive frequency")
     described = rigs.load(rig) if rig else None
-    done: list[tuple[Path, RunClocks]] = []
-    refused: list[str] = []
     opened, unopened = stored_runs.each(runs)
     if not dry_run:
         _refuse_read_only({run.path.parent for run in opened})
-    for run in opened:
-        try:
-            if pair:
-                one, other = _split(pair)
-                found = clocks.align_named(run, one, other, not no_drift, cutoff, WAYS[by])
-            else:
-                model = clocks.scene_mechanism(run, described or rig_of(run), mechanism)
-                known = described or rig_of(run)
-                found = clocks.align_run(run, known, model, reference, not no_drift, cutoff, WAYS[by])
-        except AnalysisError as error:
-            refused.append(str(error))
-            continue
-        refused += [f"{run.name}: {group}: {reason}" for group, reason in found.refused.items()]
-        if found.aligned:
-            done.append((run.path, found))
+
+    def aligned(run: "Run") -> "RunClocks":
+        if pair:
+            return clocks.align_named(run, *_split(pair), not no_drift, cutoff, WAYS[by])
+        known = described or rig_of(run)
+        model = clocks.scene_mechanism(run, known, mechanism)
+        return clocks.align_run(run, known, model, reference, not no_drift, cutoff, WAYS[by])
+
+    done, refused = _each(opened, aligned)
     records, unrecorded = ([], []) if dry_run else _store(done)
     if as_json:
         rows = [row for _, found in done for row in found.as_rows()]
@@ -112,6 +105,25 @@ def align(
     if unopened or unrecorded or not done:
         return EXIT_REFUSED
     return EXIT_WITH_FINDINGS if refused or any(found.findings for _, found in done) else 0
+
+
+def _each(
+    runs: "Iterable[Run]", aligned: "Callable[[Run], RunClocks]"
+) -> "tuple[list[tuple[Path, RunClocks]], list[str]]":
+    """Clocks of the runs in which some logger could be aligned; what was refused, and why."""
+    from ..errors import AnalysisError
+
+    done, refused = [], []
+    for run in runs:
+        try:
+            found = aligned(run)
+        except AnalysisError as error:
+            refused.append(str(error))
+            continue
+        refused += [f"{run.name}: {group}: {reason}" for group, reason in found.refused.items()]
+        if found.aligned:
+            done.append((run.path, found))
+    return done, refused
 
 
 def _split(pair: str) -> tuple[str, str]:

@@ -114,5 +114,5 @@ def test_a_file_and_lists_are_one_too_many(tmp_path):
     """Which would hold is not guessed; a file that is not there is named."""
     with pytest.raises(DataError, match="gives both file and angle"):
         turned(tmp_path, 'file = "gas.csv"\n' + LISTS)
-    with pytest.raises(DataError, match=r"cannot read 'none\.csv'"):
+    with pytest.raises(DataError, match=r"no such file 'none\.csv'"):
         turned(tmp_path, 'file = "none.csv"\n')
