@@ -9,7 +9,7 @@ import click
 from balance.cli.console import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 
 if TYPE_CHECKING:
-    from ..orders.vectors import Metric, OrderVector, Vectors
+    from ..orders.vector import Metric, OrderVector, Vectors
     from ..store import Run
 
 _ROUNDING = 1e-9
@@ -125,7 +125,7 @@ def _agrees(run: "Run", found: "Vectors", text: str, within: float) -> None:
 
 
 def _amplitude(vector: "OrderVector", metric: "Metric") -> tuple[float, float]:
-    from ..orders.vectors import METRICS
+    from ..orders.vector import METRICS
 
     return METRICS[metric] * abs(vector.value), METRICS[metric] * vector.amplitude_within
 

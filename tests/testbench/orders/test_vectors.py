@@ -6,7 +6,8 @@ from scipy.stats import binomtest
 
 from testbench.errors import AnalysisError
 from testbench.orders.tacho import Turns, pulses, steady_turns
-from testbench.orders.vectors import OrderVector, order_vector
+from testbench.orders.vector import OrderVector
+from testbench.orders.vectors import order_vector
 
 from ..rotating import Rotor
 
