@@ -31,22 +31,25 @@ class ChannelStats:
         """Whether all samples are one finite value."""
         return self.n > 1 and self.not_finite == 0 and self.min == self.max
 
-    def update(self, samples: Samples) -> None:
-        """Take in the next samples."""
+    def update(self, samples: Samples) -> tuple[float, float] | None:
+        """Take in the next samples; the least and the largest of them if all are finite."""
         if not self.n:
             self.first = float(samples[0])
         self.last = float(samples[-1])
         self.n += len(samples)
         with np.errstate(over="ignore", invalid="ignore"):
             total = float(samples.sum())
+        finite = samples
         if not math.isfinite(total):  # a sample is not finite, or the sum overflows
             finite = samples[np.isfinite(samples)]
             self.not_finite += len(samples) - len(finite)
-            samples, total = finite, _sum(finite)
-        if len(samples):
-            self.min = min(self.min, float(samples.min()))
-            self.max = max(self.max, float(samples.max()))
-            self.total += total
+            total = _sum(finite)
+        if not len(finite):
+            return None
+        least, most = float(finite.min()), float(finite.max())
+        self.min, self.max = min(self.min, least), max(self.max, most)
+        self.total += total
+        return (least, most) if len(finite) == len(samples) else None
 
     def as_dict(self) -> dict[str, float | int | None]:
         """The numbers as they are printed; what is not finite is None."""

@@ -78,17 +78,17 @@ class Clipping:
         else:
             self.above, self.below = (Plateau(side, code_below(self.limit)) for side in (+1, -1))
 
-    def update(self, samples: Samples) -> None:
-        """Take in the next samples."""
-        least, most = np.fmin.reduce(samples), np.fmax.reduce(samples)
+    def update(self, samples: Samples, extremes: tuple[float, float] | None = None) -> None:
+        """Take in the next samples, and the least and the largest of them where they are known and all are finite."""
+        least, most = extremes or (float(np.fmin.reduce(samples)), float(np.fmax.reduce(samples)))
         if np.isnan(most):
             return
         if not self.smallest_step:
             steps = np.abs(np.diff(samples[:_STEPS]))
             steps = steps[(steps > 0) & np.isfinite(steps)]
             self.smallest_step = float(steps.min()) if len(steps) else 0.0
-        self.above.update(samples, float(most))
-        self.below.update(samples, -float(least))
+        self.above.update(samples, most)
+        self.below.update(samples, -least)
 
     def message(self, unit: str | None) -> str | None:
         """What is clipped; None if nothing is."""

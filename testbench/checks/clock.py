@@ -31,8 +31,13 @@ class Steps:
             self._merge()
 
     def _merge(self) -> None:
-        values, counts = np.unique(np.concatenate([*self._new, np.empty(0)]), return_counts=True)
-        self.values, self.counts = _merged(np.concatenate([self.values, values]), np.concatenate([self.counts, counts]))
+        new = np.concatenate([*self._new, np.empty(0)])
+        new.sort()
+        firsts = np.flatnonzero(np.concatenate((np.ones(min(1, len(new)), bool), new[1:] != new[:-1])))
+        counts = np.diff(firsts, append=len(new))
+        self.values, self.counts = _merged(
+            np.concatenate([self.values, new[firsts]]), np.concatenate([self.counts, counts])
+        )
         dropped = 32
         while len(self.values) > _MOST_STEPS:
             coarse = (self.values.view(np.int64) >> dropped << dropped).view(np.float64)
@@ -92,13 +97,13 @@ class ClockStats:
     longest: list[tuple[float, str]] = field(default_factory=list)
     steps: Steps = field(default_factory=Steps)
 
-    def update(self, block: Block, times: Samples) -> None:
-        """Take in the times of the next block."""
-        finite = np.isfinite(times)
+    def update(self, block: Block, times: Samples, all_finite: bool = False) -> None:
+        """Take in the times of the next block, of which it may be known that all are finite."""
         index: range | NDArray[np.int64] = range(len(times))
-        if not finite.all():
-            self.unreadable += int(len(times) - finite.sum())
-            times, index = times[finite], np.flatnonzero(finite)
+        if not all_finite:
+            index = np.flatnonzero(np.isfinite(times))
+            self.unreadable += len(times) - len(index)
+            times = times[index]
         if not len(times):
             return
         steps = np.empty(len(times))

@@ -48,12 +48,12 @@ class GroupCheck:
     def update(self, block: Block) -> None:
         """Take in the next block."""
         self.samples += len(block)
-        for stats, column in zip(self.stats, block.columns, strict=True):
-            stats.update(column)
+        extremes = [stats.update(column) for stats, column in zip(self.stats, block.columns, strict=True)]
         for i, clipping in self._clipping.items():
-            clipping.update(block.columns[i])
+            clipping.update(block.columns[i], extremes[i])
         if isinstance(self.group.clock, TimeColumn):
-            self.clock.update(block, block.columns[self.group.clock.index])
+            index = self.group.clock.index
+            self.clock.update(block, block.columns[index], all_finite=extremes[index] is not None)
 
     @property
     def rate_hz(self) -> float | None:

@@ -95,19 +95,21 @@ def test_repeats_against_scipy(known):
     """Far above the noise the interval of the repeats of one condition is Welch's, of the logarithms.
 
     The scatter of each side is its own where nothing is known of the noise, or where it is what the two components
-    allow: by its share no larger on the side that is further above the noise.
+    allow: by its share no larger on the side that is further above the noise. The components' variances are larger by 1
+    in so many degrees of freedom as there are, and what the rest of each run shows of the noise is not quite the same.
     """
     measure, rng = Measure("peak", BAND), np.random.default_rng(5)
     sizes = [0.99, 1.0, 1.012], [3.98, 4.0, 4.03, 4.01]
     runs = [[amplitude(s * MOVED, 1e-4, rng, measure) for s in some] for some in sizes]
     logs = [np.log([run.reading for run in some]) for some in runs]
     if known:
-        found = judged(*runs).interval
+        found, larger, within = judged(*runs).interval, 1.0 + 1.0 / sum(len(some) - 1 for some in logs), 2e-3
     else:
         deaf = [Group(tuple(Judged.of(replace(run, noise=None)) for run in some)) for some in runs]
-        found = Ratio(*(Side(group, own=True) for group in deaf)).interval
+        found, larger, within = Ratio(*(Side(group, own=True) for group in deaf)).interval, 1.0, 1e-6
     between = ttest_ind(*logs, equal_var=False).confidence_interval(0.95)
-    assert found == pytest.approx((np.exp(between.low), np.exp(between.high)), rel=2e-3)
+    middle, half = (between.high + between.low) / 2.0, (between.high - between.low) / 2.0 * larger**0.5
+    assert found == pytest.approx((np.exp(middle - half), np.exp(middle + half)), rel=within)
 
 
 def test_noise_is_taken_off():
