@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 from balance.errors import UnitError
 
-from ..errors import RigError
+from ..errors import RigError, StoreError
 from ..pairing import rig_of
+from ..store import digest
 from . import applied, stored
 from .document import Calibration
 
@@ -25,13 +26,15 @@ class Corrected:
     record: Path
     runs: tuple[str, ...]
     without: tuple[str, ...]
+    left_out: dict[str, str]
+    """Runs that no record can be about, and why, by name: the digest beside them is missing or damaged."""
 
 
 def calibrate(runs: "Sequence[Run]", sensor: str, calibration: Calibration, reason: str) -> Corrected:
     """Record a calibration of ``sensor`` in ``runs`` of one campaign. Nothing is recorded unless it fits all of them.
 
     Raises RigError where a rig has no such sensor, no run holds its channels, or the units do not lead to what it
-    measures.
+    measures; StoreError where no run that holds them has its digest.
     """
     if not reason.strip():
         raise RigError("a corrected calibration needs a reason, such as 'certificate 4711 of March'")
@@ -39,20 +42,29 @@ def calibrate(runs: "Sequence[Run]", sensor: str, calibration: Calibration, reas
     if len(folders) != 1:
         raise RigError("a record is about runs of one campaign: give each campaign a command of its own")
     held: list[Run] = []
+    without: list[str] = []
+    left_out: dict[str, str] = {}
     for run in runs:
         columns = _columns(run, sensor)
         if not any(group.index(column.channel) is not None for column in columns for group in run.groups):
+            without.append(run.name)
             continue
         try:
             applied.check(columns[0], calibration, partial(applied.written_unit, run))
         except UnitError as error:
             raise RigError(f"{run.name}: sensor {sensor}: {error}") from error
-        held.append(run)
+        try:
+            digest.recorded(run.path)
+        except StoreError as error:
+            left_out[run.name] = str(error)
+        else:
+            held.append(run)
+    if left_out and not held:
+        raise StoreError("; ".join(left_out.values()))
     if not held:
         raise RigError(f"sensor {sensor}: none of the runs holds a channel of it")
     record = stored.write(folders.pop(), [run.path for run in held], sensor, calibration, reason.strip())
-    names = tuple(run.name for run in held)
-    return Corrected(record, names, tuple(run.name for run in runs if run.name not in names))
+    return Corrected(record, tuple(run.name for run in held), tuple(without), left_out)
 
 
 def _columns(run: "Run", sensor: str) -> "list[Column]":

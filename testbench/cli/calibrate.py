@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.console import emit_json, emit_table, json_option
+from balance.cli.console import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 
 from .reading import plain
 
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from ..calibration.holding import Holding
     from ..calibration.stored import Stored
     from ..store import Run
+    from .stored_runs import NotOpened
 
 
 @click.command(
@@ -29,7 +30,8 @@ And for logs in volts or mV/V:
   testbench calibrate campaign six_axis --matrix cross.csv --raw mV/V --physical "F=N" --physical "M=N m" --reason "..."
   testbench calibrate campaign load --polynomial 0,250,1.3 --raw V --physical N --reason "dead weights, 5 points"
 \b
-Exit codes: 0 done, 1 refused (nothing recorded): no such sensor, units that do not lead to what it measures."""
+Exit codes: 0 done, 3 done but for runs that are damaged, 1 refused (nothing recorded): no such sensor, units that do
+not lead to what it measures, every run damaged."""
 )
 @click.argument("words", metavar="CAMPAIGN|RUN... SENSOR", nargs=-1, required=True)
 @click.option("--sensitivity", multiple=True, metavar="[AXIS=]TEXT", help="Such as '10.2 mV/g' or 'Fx=3.9 pC/N'.")
@@ -56,17 +58,23 @@ def calibrate(words: tuple[str, ...], listed: bool, reason: str | None, as_json:
     called as in the rig.
     """
     if listed:
-        runs = _runs(words)
-        _list(runs, as_json)
-        return 0
+        runs, damaged = _runs(words)
+        _list(runs, damaged, as_json)
+        return _exit_code(runs, damaged)
     if len(words) < 2:
         raise click.UsageError("expected CAMPAIGN or RUN..., then SENSOR; or --list")
     if not reason or not reason.strip():
         raise click.UsageError("--reason is missing: a correction is recorded with why it was made")
     calibration = _calibration(given)
+    runs, damaged = _runs(words[:-1])
+    if not runs:
+        _say(damaged)
+        return EXIT_REFUSED
     from ..calibration.correct import calibrate as correct
+    from .stored_runs import NotOpened
 
-    done = correct(_runs(words[:-1]), words[-1], calibration, reason)
+    done = correct(runs, words[-1], calibration, reason)
+    damaged += [NotOpened(name, message) for name, message in done.left_out.items()]
     if as_json:
         emit_json({
             "record": str(done.record),
@@ -75,20 +83,48 @@ def calibrate(words: tuple[str, ...], listed: bool, reason: str | None, as_json:
             "reason": reason.strip(),
             "runs": list(done.runs),
             "runs_without_the_sensor": list(done.without),
+            "refused": [one.as_dict() for one in damaged],
         })  # fmt: skip
-        return 0
-    click.echo(f"{words[-1]}: {calibration}, from now on for {', '.join(done.runs)}.")
-    if done.without:
-        click.echo(f"Runs without this sensor: {', '.join(done.without)}.")
-    click.echo(f"Recorded in {plain(str(done.record))}.")
-    return 0
+    else:
+        click.echo(f"{words[-1]}: {calibration}, from now on for {', '.join(done.runs)}.")
+        if done.without:
+            click.echo(f"Runs without this sensor: {', '.join(done.without)}.")
+        click.echo(f"Recorded in {plain(str(done.record))}.")
+    _say(damaged)
+    return _exit_code(runs, damaged)
 
 
-def _runs(words: tuple[str, ...]) -> "list[Run]":
+def _runs(words: tuple[str, ...]) -> "tuple[list[Run], list[NotOpened]]":
+    """The runs that can be opened, and those that cannot. Raises StoreError for a place where nothing is."""
+    from ..errors import StoreError
+    from ..store import open_campaign
     from . import stored_runs
 
     paths = [Path(word) for word in words]
-    return stored_runs.opened([p if p.exists() else p.with_name(f"{p.name}.h5") for p in paths])
+    paths = [p if p.exists() else p.with_name(f"{p.name}.h5") for p in paths]
+    for path in paths:
+        if path.is_dir():
+            open_campaign(path)  # says what is there instead of runs
+        elif not path.exists():
+            raise StoreError(f"{path}: no such file; expected a stored run (.h5), or a campaign's folder")
+    return stored_runs.each(paths)
+
+
+def _say(damaged: "list[NotOpened]") -> None:
+    """Print to stderr which runs were left out, and what becomes of them."""
+    for one in damaged:
+        name = plain(one.name)
+        message = (
+            f"testbench: {plain(one.message)}; {name} is left out: `testbench verify` tells whether it is damaged; then "
+            f"take {name}.h5 and {name}.h5.sha256 out of the campaign, ingest its logs again, and calibrate it"
+        )
+        click.echo(message, err=True)
+
+
+def _exit_code(runs: "list[Run]", damaged: "list[NotOpened]") -> int:
+    if not damaged:
+        return 0
+    return EXIT_WITH_FINDINGS if runs else EXIT_REFUSED
 
 
 def _calibration(given: dict[str, Any]) -> "Calibration":
@@ -132,7 +168,7 @@ def _each(texts: tuple[str, ...], option: str) -> str | dict[str, str] | None:
     return {axis.strip(): text.strip() for axis, _, text in parts}
 
 
-def _list(runs: "list[Run]", as_json: bool) -> None:
+def _list(runs: "list[Run]", damaged: "list[NotOpened]", as_json: bool) -> None:
     from ..calibration import stored
     from ..calibration.holding import of_runs
 
@@ -141,13 +177,19 @@ def _list(runs: "list[Run]", as_json: bool) -> None:
     names = {run.path.name for run in runs}
     records = [record for folder in folders for record in stored.read(folder) if names & record.runs.keys()]
     if as_json:
-        emit_json({"holds": [held.as_dict() for held in holding], "records": [_document(r, holding) for r in records]})
+        emit_json({
+            "holds": [held.as_dict() for held in holding],
+            "records": [_document(r, holding) for r in records],
+            "refused": [one.as_dict() for one in damaged],
+        })  # fmt: skip
+        _say(damaged)
         return
     header = ["sensor", "calibration", "since", "reason", "runs"]
     emit_table("Calibrations that hold", header, [_row(held) for held in holding], "" if holding else _NONE)
     if records:
         rows = [[r.written[:19], r.sensor, str(r.calibration), r.reason, _state(r, holding)] for r in records]
         emit_table("Recorded", ["written (UTC)", "sensor", "calibration", "reason", ""], rows)
+    _say(damaged)
 
 
 _NONE = "none: what the logs hold is taken to be in the physical units that they write"

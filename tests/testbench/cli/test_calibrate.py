@@ -4,6 +4,7 @@ import json
 import re
 import shlex
 import shutil
+import sys
 from pathlib import Path
 
 import click
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from testbench.calibration.view import physical
+from testbench.cli import main
 from testbench.cli.calibrate import calibrate
 from testbench.cli.export import export
 from testbench.cli.verify import verify
@@ -153,3 +155,56 @@ def test_the_examples_of_the_help_work_on_simulated_logs(brief, tmp_path, capsys
     out = capsys.readouterr().out
     assert "1.02 g/g" in out
     assert "offset x -0.6 N" in out
+
+
+def typed(monkeypatch, capsys, *words):
+    """Exit code, stdout and stderr of `testbench calibrate` as typed."""
+    monkeypatch.setattr(sys, "argv", ["testbench", "calibrate", *map(str, words)])
+    with pytest.raises(SystemExit) as stop:
+        main()
+    return stop.value.code, *capsys.readouterr()
+
+
+@pytest.mark.parametrize("damage", ["overwritten", "cut", "no digest", "other digest"])
+def test_a_damaged_run_keeps_no_other_out(campaign, damage, monkeypatch, capsys):
+    """The intact run is calibrated; the damaged one is named with what to do, and the correction is not about it."""
+    broken = campaign / "r2.h5"
+    if damage == "overwritten":
+        broken.write_text("not a run")
+    elif damage == "cut":
+        broken.write_bytes(broken.read_bytes()[:-3000])
+    elif damage == "no digest":
+        broken.with_name("r2.h5.sha256").unlink()
+    else:
+        broken.with_name("r2.h5.sha256").write_text("not a digest")
+    words = (campaign, "acc", "--sensitivity", "90 mV/g", "--offset", "2.5 V", "--reason", "yearly")
+    code, out, err = typed(monkeypatch, capsys, *words)
+    assert (code, "from now on for r1." in out) == (3, True)
+    assert re.search(r"r2.*r2 is left out: `testbench verify` tells .* ingest its logs again, and calibrate it", err)
+    (record,) = (campaign / "records").iterdir()
+    assert list(json.loads(record.read_text("utf-8"))["runs"]) == ["r1.h5"]
+    # 100 mV/g in the rig: 90 mV/g make the same volts 100 / 90 times the acceleration
+    np.testing.assert_allclose(
+        physical(open_run(campaign / "r1.h5")).channel("ch0")[1:], volts.ACCELERATION[1:] * 100 / 90, atol=1e-7
+    )
+    code, out, err = typed(monkeypatch, capsys, *words, "--json")
+    assert (code, json.loads(out)["runs"], "r2" in err) == (3, ["r1"], True)
+    assert [(one["run"], one["status"]) for one in json.loads(out)["refused"]] == [("r2", "refused")]
+    if damage in {"overwritten", "cut"}:
+        code, out, err = typed(monkeypatch, capsys, campaign, "--list", "--json")
+        assert (code, [one["run"] for one in json.loads(out)["refused"]]) == (3, ["r2"])
+        assert [held["runs"] for held in json.loads(out)["holds"]] == [["r1"]]
+
+
+def test_nothing_is_recorded_where_every_run_is_damaged(campaign, tmp_path, monkeypatch, capsys):
+    """Each is named; a place where nothing is, and a folder without runs, are refused as such."""
+    for name in ("r1", "r2"):
+        (campaign / f"{name}.h5").write_text("not a run")
+    words = ("acc", "--sensitivity", "90 mV/g", "--reason", "yearly")
+    code, out, err = typed(monkeypatch, capsys, campaign, *words)
+    assert (code, out, err.count("is left out")) == (1, "", 2)
+    assert not (campaign / "records").exists()
+    (tmp_path / "empty").mkdir()
+    for place, said in (("nope", "no such file"), ("empty", "holds no run")):
+        code, _, err = typed(monkeypatch, capsys, tmp_path / place, *words)
+        assert (code, said in err, "left out" in err) == (1, True, False)
