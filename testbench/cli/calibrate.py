@@ -115,8 +115,8 @@ def _say(damaged: "list[NotOpened]") -> None:
     for one in damaged:
         name = plain(one.name)
         message = (
-            f"testbench: {plain(one.message)}; {name} is left out: `testbench verify` tells whether it is damaged; then "
-            f"take {name}.h5 and {name}.h5.sha256 out of the campaign, ingest its logs again, and calibrate it"
+            f"testbench: {plain(one.message)}; {name} is left out: `testbench verify` tells whether it is damaged; "
+            f"then take {name}.h5 and {name}.h5.sha256 out of the campaign, ingest its logs again, and calibrate it"
         )
         click.echo(message, err=True)
 

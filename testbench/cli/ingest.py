@@ -45,13 +45,23 @@ def ingest(
     as_json: bool,
     **text: Any,  # noqa: ANN401
 ) -> int:
-    """Read logs into HDF5, one file a run. A run is stored whole or not at all, and never changes."""
+    """Read logs into HDF5, one file a run. A run is stored whole or not at all, and never changes.
+
+    Where logs lie in the campaign's folder, a pattern may name its runs too: they are left alone.
+    """
     from ..findings import MEANING
+    from ..ingest.nolog import own_files
 
     if unknown := [code for code in accept if code not in MEANING]:
         raise click.UsageError(f"--accept {unknown[0]}: no such code; `testbench info FILE` names those of a file")
     reading.refuse_patterns(files)
-    outcomes = _ingest(files, _rig(rig), sheet, campaign, accept, text)
+    own = own_files(files, campaign)
+    if own:
+        message = (
+            f"{campaign}: {len(own)} of the files given are the campaign's own runs and no logs; they are left alone"
+        )
+        click.echo(f"testbench: {reading.plain(message)}", err=True)
+    outcomes = _ingest([file for file in files if file not in own], _rig(rig), sheet, campaign, accept, text)
     if as_json:
         emit_json({"runs": [outcome.as_dict() for outcome in outcomes]})
     else:

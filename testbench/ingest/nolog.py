@@ -1,15 +1,34 @@
-"""Files that are opened and yet no log to be stored: stored runs, channels without end, the same bytes twice."""
+"""Files that are given and yet no log to be stored: stored runs, channels without end, the same bytes twice."""
 
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 from ..errors import RecordingError
 from ..findings import Finding, Refusal
 from ..recording import Group
-from ..store import layout
+from ..store import digest, layout
+from ..store.campaign import KEPT, SUFFIX
 from .source import Source
 
 MOST_CHANNELS = 30_000
 """Channels of one log: each takes some 40 KiB of memory and half a millisecond while it is stored."""
+
+
+def own_files(files: Sequence[Path], campaign: Path) -> list[Path]:
+    """Those of ``files`` that the campaign put into its folder: a pattern for logs that lie there names them too.
+
+    A run is known by the digest beside it, so that an HDF5 file of others stays a log; none are named where no file
+    but these is given, for then somebody means them.
+    """
+    if not campaign.is_dir():
+        return []
+    own = [path for path in files if path.parent.resolve() == campaign.resolve() and _belongs(path)]
+    return own if len(own) < len(files) else []
+
+
+def _belongs(path: Path) -> bool:
+    run = path.with_name(path.name.removesuffix(digest.SUFFIX))
+    return path.name in KEPT or (run.suffix == SUFFIX and run.exists() and digest.beside(run).exists())
 
 
 def refuse_stored_run(source: Source) -> None:
