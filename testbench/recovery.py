@@ -3,26 +3,30 @@
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
-from itertools import count
+from itertools import count, takewhile
 from pathlib import Path
 from typing import Any
 
 from .checks import RecordingCheck
 from .findings import Finding, placed
 from .recording import Block, Recording, Report
+from .store import open_run
 from .store import recover as leftover
 from .store.campaign import existing
 from .store.journal import Journal
 from .store.recover import MARK, Leftover, Recovery
 from .store.writer import RunWriter
 
+_FROM = "recovered_from"
+"""Key of the provenance: the unfinished file that a recovered run was saved of."""
+
 
 def recover(campaign: Path) -> list[Recovery]:
     """Finish or save everything that stopped ingests left in ``campaign``."""
     found = [left.recover(save) for left in leftover.leftovers(existing(campaign))]
     for path in leftover.orphans(campaign):
-        if path.name.partition(".h5.sha256.")[1]:
-            path.unlink(missing_ok=True)  # a digest on its way: the run beside it has been taken care of
+        if leftover.is_digest(path):
+            path.unlink(missing_ok=True)  # the run beside it has been taken care of
         else:
             message = f"{path.name} has no journal, which says what it holds; it stays where it is"
             found.append(Recovery(path.name, "failed", message))
@@ -31,6 +35,8 @@ def recover(campaign: Path) -> list[Recovery]:
 
 def save(left: Leftover, known: Journal) -> Recovery:
     """Write what was acknowledged as a run of its own."""
+    if (stored := _saved_before(left)) is not None:
+        return Recovery(left.run, "superseded", f"was saved before as {stored}", stored)
     intent = known.intent
     name = _free_name(left)
     findings = [_interrupted(intent, known)]
@@ -51,9 +57,21 @@ def save(left: Leftover, known: Journal) -> Recovery:
     return Recovery(left.run, "recovered", findings[0].message, stored, samples)
 
 
+def _names(left: Leftover) -> Iterator[str]:
+    return (f"{left.run}{MARK}{'' if n == 1 else f'-{n}'}" for n in count(1))
+
+
 def _free_name(left: Leftover) -> str:
-    names = (f"{left.run}{MARK}{'' if n == 1 else f'-{n}'}" for n in count(1))
-    return next(name for name in names if not left.part.with_name(f"{name}.h5").exists())
+    return next(name for name in _names(left) if not left.part.with_name(f"{name}.h5").exists())
+
+
+def _saved_before(left: Leftover) -> str | None:
+    """The run that was saved of these very files, by a recovery that was stopped before it could remove them."""
+    stored = (left.part.with_name(f"{name}.h5") for name in _names(left))
+    for path in takewhile(Path.exists, stored):
+        if open_run(path).provenance.get(_FROM) == left.part.name:
+            return path.name
+    return None
 
 
 def _recording(left: Leftover, known: Journal) -> Recording:
@@ -87,6 +105,6 @@ def _provenance(left: Leftover, intent: dict[str, Any]) -> dict[str, Any]:
         "software": {name: version(name) for name in ("counterpoise", "h5py", "numpy")},
         "written": datetime.now(UTC).isoformat(timespec="seconds"),
         "accepted_findings": [],
-        "recovered_from": left.part.name,
+        _FROM: left.part.name,
         "sources": [{**source, "sha256": ""} for source in intent.get("sources", ())],
     }

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..errors import StoreError
 from . import digest, lock
-from .placing import PART
+from .placing import unfinished
 from .recover import Leftover, leftovers
 from .run import Run, open_run
 
@@ -94,7 +94,7 @@ def _other(path: Path) -> FileState:
     """What is no run and no leftover with a journal."""
     if path.name.endswith(SUFFIX + digest.SUFFIX) and not path.name.startswith("."):
         return FileState(path.name.removesuffix(digest.SUFFIX), "missing", "its digest is there, the run is not")
-    if path.name.endswith(PART):
+    if unfinished(path) is not None:
         return FileState(path.name, "unfinished", "left by an ingest that was stopped; no run of it")
     return FileState(path.name, "extra", "no stored run")
 

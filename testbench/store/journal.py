@@ -15,9 +15,7 @@ from typing import IO, Any
 from ..errors import StoreError
 from ..recording import Channel, Clock, Group, TimeColumn, UniformClock
 from . import lock
-
-SUFFIX = ".journal"
-"""Ending of the journal beside a run that is being written."""
+from .placing import JOURNAL, unfinished
 
 
 @dataclass(frozen=True)
@@ -134,5 +132,7 @@ def _group(text: dict[str, Any]) -> Group:
 
 
 def beside(folder: Path) -> Iterator[Path]:
-    """The journals in ``folder``."""
-    yield from sorted(p for p in folder.iterdir() if p.name.endswith((SUFFIX, f"{SUFFIX}.new")) and p.is_file())
+    """The journals in ``folder``; files of others are none, whatever their ending."""
+    for path in sorted(folder.iterdir()):
+        if (named := unfinished(path)) is not None and named.ending.startswith(JOURNAL) and path.is_file():
+            yield path

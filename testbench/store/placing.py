@@ -1,19 +1,42 @@
-"""Giving a finished file its name: once it is on the disk, and never over what is there."""
+"""Names of files that are being written; and giving a finished one its own: on the disk, never over what is there."""
 
 import os
+import re
 from pathlib import Path
+from typing import NamedTuple
 
 from ..errors import StoreError
 from . import digest
 
 PART = ".part"
 """Ending of a file that is being written."""
+JOURNAL = ".journal"
+"""Ending of the journal beside a run that is being written."""
+_HIDDEN = re.compile(rf"\.(.+)\.([0-9a-f]{{12}})({PART}|{JOURNAL}(?:\.new)?)")
+
+
+class Unfinished(NamedTuple):
+    """What the hidden name of a file says that is being written: ``.NAME.TAG.part`` or ``.NAME.TAG.journal``."""
+
+    name: str
+    """Of the run, or of the digest's file."""
+    tag: str
+    """What tells apart those who write at one time."""
+    ending: str
+
+
+def unfinished(path: Path) -> Unfinished | None:
+    """What the name of ``path`` says, if it is one that we give; None for the files of others."""
+    found = _HIDDEN.fullmatch(path.name)
+    return None if found is None else Unfinished(found[1], found[2], found[3])
 
 
 def place(part: Path, target: Path, line: str) -> None:
     """Give a synced file its name and put its digest beside it, the digest first; never over what is there."""
     beside = digest.beside(target)
-    digest_part = beside.with_name(f".{beside.name}.{part.name.rpartition('.')[0].rpartition('.')[2]}{PART}")
+    named = unfinished(part)
+    assert named is not None
+    digest_part = beside.with_name(f".{beside.name}.{named.tag}{PART}")
     try:
         digest_part.write_text(line, encoding="utf-8", newline="\n")
         sync(digest_part)

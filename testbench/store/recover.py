@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..errors import StoreError
 from . import archive, digest, fletcher, journal, lock
 from .journal import Journal, Kept
-from .placing import PART, place
+from .placing import PART, place, unfinished
 from .run import Run, open_run
 
 MARK = ".recovered"
@@ -43,11 +43,10 @@ class Leftover:
 
     journal: Path
     part: Path
-
-    @property
-    def run(self) -> str:
-        """The name of the run that it was to become."""
-        return self.journal.name[1:].partition(journal.SUFFIX)[0].rpartition(".")[0]
+    run: str
+    """The name of the run that it was to become."""
+    tag: str
+    """What its unfinished files have in common."""
 
     @property
     def target(self) -> Path:
@@ -115,15 +114,23 @@ def leftovers(campaign: Path) -> list[Leftover]:
     """What stopped ingests left in a campaign, those that are running included."""
     found = []
     for path in journal.beside(campaign):
-        stem = path.name.removesuffix(".new").removesuffix(journal.SUFFIX)
-        found.append(Leftover(path, path.with_name(stem + PART)))
+        if (named := unfinished(path)) is not None:
+            part = path.with_name(f".{named.name}.{named.tag}{PART}")
+            found.append(Leftover(path, part, named.name, named.tag))
     return found
 
 
 def orphans(campaign: Path) -> list[Path]:
     """Unfinished files without a journal: digests whose ingest was killed, and what nobody can read."""
-    parts = {leftover.part for leftover in leftovers(campaign)}
-    return sorted(p for p in campaign.iterdir() if p.name.endswith(PART) and p not in parts)
+    there = [(path, named.tag) for path in sorted(campaign.iterdir()) if (named := unfinished(path)) is not None]
+    with_journal = {left.tag for left in leftovers(campaign)}
+    return [path for path, tag in there if tag not in with_journal]
+
+
+def is_digest(orphan: Path) -> bool:
+    """Whether an unfinished file is a digest on its way, and no run."""
+    named = unfinished(orphan)
+    return named is not None and named.name.endswith(f".h5{digest.SUFFIX}")
 
 
 def blocks(part: Path, kept: Kept) -> Iterator[tuple[NDArray[np.float64], ...]]:

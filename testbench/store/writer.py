@@ -22,7 +22,7 @@ from . import description, digest, journal, layout
 from .forms import Form
 from .groups import GroupWriter
 from .outfile import OutFile
-from .placing import PART, place, sync
+from .placing import JOURNAL, PART, place, sync
 
 if TYPE_CHECKING:
     import h5py
@@ -184,7 +184,7 @@ class RunWriter:
 
 
 def _journal_of(part: Path) -> Path:
-    return part.with_name(part.name.removesuffix(PART) + journal.SUFFIX)
+    return part.with_name(part.name.removesuffix(PART) + JOURNAL)
 
 
 def _reason(error: OSError | RuntimeError) -> str:

@@ -58,11 +58,11 @@ def test_what_is_missing_or_does_not_belong(campaign):
     """A run without digest, a digest without run, a part, another file: each is named for what it is."""
     digest.beside(campaign.run_paths[0]).unlink()
     campaign.run_paths[1].unlink()
-    (campaign.path / ".r003.abc.part").write_text("")
+    (campaign.path / ".r003.0123456789ab.part").write_text("")
     (campaign.path / "notes.txt").write_text("")
     (campaign.path / "r004.h5").write_bytes(b"no run")
     assert states(campaign) == {
-        "r001.h5": "damaged", "r002.h5": "missing", "r004.h5": "damaged", ".r003.abc.part": "unfinished",
+        "r001.h5": "damaged", "r002.h5": "missing", "r004.h5": "damaged", ".r003.0123456789ab.part": "unfinished",
         "notes.txt": "extra",
     }  # fmt: skip
 

@@ -13,7 +13,7 @@ from testbench.ingest import Ingest
 from testbench.ingest.runsheet import plan
 from testbench.recording import Channel, Group, TimeColumn, UniformClock
 from testbench.recovery import recover
-from testbench.store import digest, groups, open_campaign, open_run
+from testbench.store import digest, groups, open_campaign, open_run, placing
 from testbench.store.archive import archive
 from testbench.store.journal import JournalWriter
 from testbench.store.writer import RunWriter
@@ -216,3 +216,57 @@ def test_a_campaign_of_nothing_but_leftovers(tmp_path, monkeypatch):
         open_campaign(tmp_path)
     with RunWriter(tmp_path, "other"), pytest.raises(StoreError, match="at this moment"):
         open_campaign(tmp_path)
+
+
+def test_files_of_others_are_left_alone(tmp_path):
+    """Files of a person that end like ours are neither leftovers nor removed, empty ones included."""
+    mine = {"lab.journal": b"notes of the day", "lab.part": b"2 of 3", "empty.journal": b"", "empty.part": b"x",
+            "other.h5.sha256.part": b"y", ".hidden.journal": b"", ".hidden.part": b"z"}  # fmt: skip
+    for name, content in mine.items():
+        (tmp_path / name).write_bytes(content)
+    assert recover(tmp_path) == []
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == mine
+    assert {state.status for state in open_campaign_states(tmp_path)} == {"extra"}
+
+
+@pytest.mark.parametrize("name", ["my.journal", "a.journal.b", "r001.part", "a.h5.sha256.b"])
+def test_runs_whose_names_look_like_endings(tmp_path, monkeypatch, name):
+    """What is saved has the name of its run, where everybody finds it."""
+    real = RunWriter.__init__
+    with monkeypatch.context() as patch:
+        patch.setattr(RunWriter, "__init__", lambda self, folder, _, intent: real(self, folder, name, intent))
+        stopped(tmp_path, patch)
+    assert [(found.run, found.file) for found in recover(tmp_path)] == [(name, f"{name}.recovered.h5")]
+    (run,) = open_campaign(tmp_path).runs
+    assert run.channel("AccX").tobytes() == COLUMNS[1][: run.group().samples].tobytes()
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_recovery_that_was_stopped_before_it_tidied_up(tmp_path, monkeypatch):
+    """The run is saved once: a second one of the same samples would count as a repeat."""
+    stopped(tmp_path, monkeypatch)
+    left = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    assert [found.status for found in recover(tmp_path)] == ["recovered"]
+    for path, content in left.items():
+        path.write_bytes(content)
+    assert [(found.status, found.file) for found in recover(tmp_path)] == [("superseded", "r001.recovered.h5")]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["r001.recovered.h5", "r001.recovered.h5.sha256"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="locks of another kind")
+def test_the_digest_of_a_running_ingest_is_left_alone(tmp_path, monkeypatch):
+    """A recovery at the moment in which an ingest names its digest takes nothing away."""
+    real, found = placing._place, []
+
+    def amid(part, target):
+        found.append(recover(tmp_path))
+        real(part, target)
+
+    monkeypatch.setattr(placing, "_place", amid)
+    with RunWriter(tmp_path, "r001", INTENT) as run:
+        run.group(GROUP).append(COLUMNS)
+        run.group(GROUP).finish(None, None)
+        run.describe("simulated", {}, [], {"sources": []}, None)
+        run.commit()
+    assert [[one.status for one in each] for each in found] == [["running"], ["running"]]
+    assert {state.status for state in open_campaign(tmp_path).verify()} == {"intact"}
