@@ -13,16 +13,26 @@ class OtherLogs:
     def __init__(self, files: Sequence[Path], options: ReadOptions | None = None) -> None:
         self._unread = list(files)
         self._options = options
-        self._labels: dict[str, frozenset[str]] = {}
+        self._labels: dict[Path, frozenset[str]] = {}
+
+    def changed(self, path: Path) -> None:
+        """A log is there or says something else than before: its header is to be read."""
+        self.gone(path)
+        self._unread.append(path)
+
+    def gone(self, path: Path) -> None:
+        """A log is no longer there."""
+        self._labels.pop(path, None)
+        self._unread = [other for other in self._unread if other != path]
 
     def holding(self, channels: Collection[str]) -> str | None:
         """The name of the first log that holds one of ``channels`` (without unit); None if none does."""
-        for name, labels in self._labels.items():
+        for path, labels in self._labels.items():
             if not labels.isdisjoint(channels):
-                return name
+                return path.name
         while self._unread:
             path = self._unread.pop(0)
-            self._labels[path.name] = labels = self._read(path)
+            self._labels[path] = labels = self._read(path)
             if not labels.isdisjoint(channels):
                 return path.name
         return None

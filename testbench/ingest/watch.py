@@ -5,14 +5,17 @@ Nothing is remembered beside the campaign: a log that a stored run was made of i
 With a sheet of run conditions, which is read again when it changes, the rule is: a file that the sheet names is
 ingested with its conditions, once all files of its run are there; a file that it does not name waits until it does, or,
 where asked for, is ingested without conditions. While the sheet cannot be read, or is being saved, everything waits.
+
+Without a sheet each log is a run of its own, and what another log in the folder holds is not missing in it.
 """
 
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ..errors import RecordingError, RigError
+from .elsewhere import OtherLogs
 from .ingest import Ingest
 from .outcome import Outcome
 from .runsheet import PlannedRun, plan, ready, same_file
@@ -43,6 +46,14 @@ class Watch:
     """Files that have stopped growing, and what they wait for."""
     _done: dict[Path, State] = field(default_factory=dict, init=False)
     _seen: dict[Path, tuple[State, float]] = field(default_factory=dict, init=False)
+    _others: OtherLogs = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._others = OtherLogs((), self.ingest.options)
+        self.ingest = replace(self.ingest, elsewhere=self._elsewhere)
+
+    def _elsewhere(self, channels: Collection[str]) -> str | None:
+        return self._others.holding(channels) if self.sheet is None else None
 
     def once(self) -> Iterator[Outcome]:
         """One pass: what is there and does not grow. Files that still grow are named by ``growing``."""
@@ -134,10 +145,12 @@ class Watch:
             if path not in there:
                 self._seen.pop(path)
                 self._done.pop(path, None)
+                self._others.gone(path)
         for path, state in there.items():
             if path not in self._seen or self._seen[path][0] != state:
                 self._seen[path] = state, now
                 self._done.pop(path, None)
+                self._others.changed(path)
 
 
 def _refused(path: Path, message: str) -> Outcome:

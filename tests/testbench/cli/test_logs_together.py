@@ -1,11 +1,14 @@
-"""Several loggers' logs in one ``testbench ingest``, under a rig that describes the whole bench."""
+"""Several loggers' logs in one ``testbench ingest`` or ``watch``, under a rig that describes the whole bench."""
 
 import json
 import sys
 
 import pytest
 
+from testbench import rig as rigs
 from testbench.cli import main
+from testbench.ingest import Ingest
+from testbench.ingest.watch import Watch
 from testbench.store import open_run
 
 RIG = """
@@ -40,8 +43,8 @@ def ingest(tmp_path, monkeypatch, capsys):
     (tmp_path / "c_none.csv").write_text("")
     monkeypatch.chdir(tmp_path)
 
-    def run(*words):
-        line = ["testbench", "ingest", *words, "--rig", "rig.toml", "-o", "c", "--json"]
+    def run(*words, command="ingest"):
+        line = ["testbench", command, *words, "--rig", "rig.toml", "-o", "c", "--json"]
         monkeypatch.setattr(sys, "argv", line)
         with pytest.raises(SystemExit) as stop:
             main()
@@ -75,3 +78,66 @@ def test_with_a_sheet_only_the_run_counts(ingest, tmp_path):
     for path in (tmp_path / "c").iterdir():
         path.unlink()
     assert ingest("a_daq.csv", "b_forces.csv", "--runs", "runs.csv") == (0, {"a_daq.csv": [], "b_forces.csv": []})
+
+
+@pytest.fixture
+def watch(ingest, tmp_path):
+    """The same logs, put by name into a watched folder, and one pass of `testbench watch` over it."""
+    (tmp_path / "in").mkdir()
+
+    def run(*names, options=()):
+        for name in names:
+            (tmp_path / name).rename(tmp_path / "in" / name)
+        return ingest("in", "--once", "--settle", "20ms", *options, command="watch")
+
+    return run
+
+
+def test_what_another_log_in_a_watched_folder_holds_is_not_missing(watch, tmp_path):
+    """As with one `ingest` of both: a note in each run, nothing wrong, exit code 0."""
+    both = {"a_daq.csv": ["sensor_elsewhere"], "b_forces.csv": ["sensor_elsewhere"]}
+    assert watch("a_daq.csv", "b_forces.csv") == (0, both)
+    (note,) = [f for f in open_run(tmp_path / "c" / "b_forces.h5").findings if f.code == "sensor_elsewhere"]
+    assert note.message.startswith("sensors base_acc (logger daq) are in a_daq.csv, a run of its own")
+
+
+def test_what_no_log_in_a_watched_folder_holds_is_missing(watch, tmp_path):
+    """A log that is not there yet holds nothing, nor does one that was taken away; the one that comes later finds the
+    first."""
+    assert watch("a_daq.csv", "c_none.csv") == (1, {"a_daq.csv": ["sensor_not_recorded"], "c_none.csv": ["empty_file"]})
+    (tmp_path / "in" / "c_none.csv").unlink()
+    code, found = watch("b_forces.csv")
+    assert (code, found["b_forces.csv"]) == (0, ["sensor_elsewhere"])
+    (tmp_path / "in" / "a_daq.csv").unlink()
+    (tmp_path / "in" / "b_forces.csv").rename(tmp_path / "in" / "d.csv")
+    with (tmp_path / "in" / "d.csv").open("a") as log:
+        log.write("0.4000,1.0000\n")
+    assert watch() == (3, {"d.csv": ["sensor_not_recorded"]})
+
+
+def test_with_a_sheet_only_the_run_counts_in_a_watched_folder(watch, tmp_path):
+    """The sheet says which logs are one run, as for `ingest`."""
+    (tmp_path / "runs.csv").write_text("file\na_daq.csv\nb_forces.csv\n")
+    alone = {"a_daq.csv": ["sensor_not_recorded"], "b_forces.csv": ["sensor_not_recorded"]}
+    assert watch("a_daq.csv", "b_forces.csv", options=("--runs", "runs.csv")) == (3, alone)
+
+
+def test_a_watch_that_goes_on_looks_at_the_logs_that_are_there_now(ingest, tmp_path):
+    """One process: a log that was taken away, or that says something else now, is no longer what it was."""
+    (tmp_path / "in").mkdir()
+    watching = Watch(tmp_path / "in", Ingest(tmp_path / "c", rigs.load("rig.toml")), settle_s=0.02)
+    forces = tmp_path / "in" / "b_forces.csv"
+    (tmp_path / "b_forces.csv").rename(forces)
+    text = (tmp_path / "a_daq.csv").read_text()
+
+    def codes(name, rows):
+        (tmp_path / "in" / name).write_text("\n".join(text.splitlines()[:rows]) + "\n")
+        return [f.code for o in watching.once() if o.source == name for f in o.findings if f.code != "dialect"]
+
+    assert codes("d.csv", 100) == ["sensor_elsewhere"]
+    forces.write_text(forces.read_text().replace("Fz (N)", "Fq (N)"))
+    assert codes("e.csv", 120) == ["sensor_not_recorded"]
+    forces.write_text(forces.read_text().replace("Fq (N)", "Fz (N)"))
+    assert codes("f.csv", 140) == ["sensor_elsewhere"]
+    forces.unlink()
+    assert codes("g.csv", 160) == ["sensor_not_recorded"]
