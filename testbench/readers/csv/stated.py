@@ -15,11 +15,21 @@ from . import marks
 _LONGEST = 2000
 """Letters of a line that are looked at."""
 _NUMBER = r"(?P<number>\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)"
+_OF_SAMPLING = (
+    r"(?:\b(?:sampl(?:e|es|ing)?|frame|scan|acquisition|data|log(?:ging|ger)?|record(?:ing)?|update)"
+    r"[ _.-]*(?:rate|freq\w*)"
+    r"|\bsampl(?:ing|ed)|\babtast\w*|\börnekleme(?: (?:hızı|frekansı|oranı|sıklığı))?|\bfs|(?:^|[,;\t|])\s*\"?rate)"
+)
+"""What a rate is called that is the data's own: ``rate gyro, bandwidth 80 Hz`` and ``strain rate at 5 Hz`` are none."""
+_LINK = r"(?:\s|[:=\"]|\b(?:at|with|of|is|was|per|the|all|each|channels?|bei|mit|für|alle|kanäle)\b)*"
+_HERTZ = r"(?P<kilo>k?)(?:Hz|Sa?/s|samples/s|sps)"
 _RATES = (
-    rf"(?:sampl\w*|rate|örnekleme|abtast\w*|fs)[^\d,;]*?{_NUMBER}\s*(?P<kilo>k?)Hz\b",
-    rf"(?:sampl\w*|rate|örnekleme|abtast\w*|fs)[^\d,;]{{0,40}}[([]\s*(?P<kilo>k?)Hz\s*[)\]]\"?\s*[:=;,\t]\s*\"?{_NUMBER}",
+    rf"{_OF_SAMPLING}{_LINK}(?:[,;\t]\s*\"?)?{_NUMBER}[\s,;\"]*{_HERTZ}\b",
+    rf"{_OF_SAMPLING}{_LINK}[([]\s*{_HERTZ}\s*[)\]]\"?\s*[:=;,\t]\s*\"?{_NUMBER}",
     rf"\brate_hz(?P<kilo>)\s*[:=]\s*{_NUMBER}",
 )
+_RATE_OF_OTHERS = re.compile(r"decimat|downsampl|down-sampl|resampl|averag", re.IGNORECASE)
+"""Words of a line whose rate is that of other data: what was recorded before it was thinned out."""
 _STEP = (
     r"\b(?:sampl\w*[ _](?:interval|period|time)|time[ _](?:step|interval|increment)|delta[ _]?[tx]|dt|Δt"
     r"|abtast(?:intervall|zeit|periode)|örnekleme (?:aralığı|süresi|periyodu))"
@@ -77,7 +87,9 @@ def find(texts: Iterable[str], decimal: str) -> Stated:
 
 
 def _rates(text: str, decimal: str) -> Iterator[Fraction]:
-    """The rates that a line states [Hz]."""
+    """The rates that a line states of the data below it [Hz]."""
+    if _RATE_OF_OTHERS.search(text):
+        return
     for pattern in _RATES:
         for match in re.finditer(pattern, text, re.IGNORECASE):
             if value := _value(match["number"], decimal) * (1000 if match["kilo"] else 1):

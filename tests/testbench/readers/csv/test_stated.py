@@ -40,6 +40,23 @@ def test_rates_and_steps(text, decimal, rate_hz):
     assert stated.find([text], decimal).rate_hz == rate_hz
 
 
+@pytest.mark.parametrize(
+    ("text", "rate_hz"),
+    [
+        ("Sample rate,1000,Hz", 1000.0), ('"Sample Rate","1000 Hz"', 1000.0), ("Sampling rate\t2\tkHz", 2000.0),
+        ("sampled at 2 kHz, anti-alias 500 Hz", 2000.0), ("fs = 500 Hz", 500.0), ("frame rate: 25 Hz", 25.0),
+        ("Sample rate of all channels: 51.2 kS/s", 51200.0), ("örnekleme hızı 1000 Hz", 1000.0),
+        ("rate gyro bandwidth 80 Hz", None), ("sample beam, low pass", None), ("sample beam lowpass 200 Hz", None),
+        ("strain rate test at 5 Hz", None), ("Sampling: filter corner 100 Hz", None), ("refresh rate 60 Hz", None),
+        ("sampling rate: -100 Hz", None), ("sample rate 1000 Hz, decimated to 100 Hz", None),
+        ("sampling rate (before averaging) 10 kHz", None),
+    ],
+)  # fmt: skip
+def test_a_rate_is_that_of_the_data(text, rate_hz):
+    """Other frequencies beside the words sample or rate are none, nor is the rate before data were thinned out."""
+    assert stated.find([text], ".").rate_hz == rate_hz
+
+
 def test_rates_that_contradict_each_other(log):
     """None of two different rates is taken, and both are named; a rate and its step in few digits are one."""
     found = log(f"# rate: 2 kHz\n# rate: 100 Hz\na (N),b (N)\n{ROWS}")
