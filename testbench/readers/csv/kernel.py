@@ -2,6 +2,7 @@
 
 A number below 2**53 times or over a power of ten up to 10**22 is made of two exact float64: one product or division
 gives the float64 next to what is written, which is what ``float()`` gives. Other numbers are left to ``float()``.
+A minus sign is that of the power: processors guess wrong at every second sign that they have to branch on.
 
 Eight characters are handled at once in a word of 64 bits, the first character in its lowest byte. Each byte of
 ``v = word ^ "00000000"`` is a digit's value if it is below 10; ``(v + 0x76...) | v`` has the highest bit of a byte set
@@ -24,6 +25,8 @@ _REACH = 24
 _MOST_DECIMALS, _MOST_DIGITS, _MOST_POWER = 8, 19, 22
 _EXACT = np.uint64(1 << 53)
 _POWERS = np.array([10.0**k for k in range(_MOST_POWER + 1)])
+_OTHER_SIGN = np.uint64(len(_POWERS))
+_SIGNED_POWERS = np.concatenate((_POWERS, -_POWERS))
 _WHOLE_POWERS = np.array([10**k for k in range(_MOST_DECIMALS + 1)], dtype=np.uint64)
 _ONES, _ZEROS, _ABOVE_NINE, _HIGH = (np.uint64(byte * 0x0101010101010101) for byte in (0x01, 0x30, 0x76, 0x80))
 _TEN, _THREE, _EIGHT, _WORD = (np.uint64(number) for number in (10, 3, 8, 64))
@@ -97,8 +100,7 @@ def _by_words(text: Any, at: Any, points: Any, decimals: Any, stop: Any) -> Any:
         whole = _spelled(before) * _WHOLE_POWERS[decimals] + _spelled(behind)
     if not length or odd or whole >= _EXACT:
         return 0.0, -1
-    value = np.float64(np.int64(whole)) / _POWERS[decimals]
-    return -value if negative else value, end
+    return np.float64(np.int64(whole)) / _SIGNED_POWERS[negative * _OTHER_SIGN + np.uint64(decimals)], end
 
 
 @njit(inline="always", error_model="numpy")
