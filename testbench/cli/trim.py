@@ -23,7 +23,8 @@ Examples:
   testbench trim two-joint-arm-a0 campaign/swing.h5 --from torque --site counter_link_1
   testbench trim parallelogram-6bar built/*.h5 plus-1kg-A0A/*.h5 plus-1kg-B0B/*.h5 --from trials
 \b
-Exit codes: 0 done, 3 done but doubtful for the reasons listed, 1 refused: the runs cannot tell."""
+Exit codes: 0 done, 3 done with findings (gaps left out) or doubts, which are listed, 1 refused: the runs cannot
+tell."""
 )
 @click.argument("mechanism", metavar="MECH")
 @click.argument("runs", metavar="RUN...", nargs=-1, required=True, type=click.Path(path_type=Path))
@@ -96,7 +97,7 @@ def trim(
     else:
         _print(result, stock)
         calibrations.say(calibrations.held(opened, described))
-    return EXIT_WITH_FINDINGS if result.doubts() else 0
+    return EXIT_WITH_FINDINGS if result.findings or result.doubts() else 0
 
 
 def _stored(runs: "list[Run]") -> "dict[Path, dict[str, ClockMap]]":
@@ -130,6 +131,8 @@ def _print(result: "Trim", stock: str | None) -> None:
     click.echo(f"{result.unexplained:.1%} of what was measured stays unexplained. Verdict: {result.verdict}")
     for doubt in result.doubts():
         click.echo(f"  {doubt}")
+    for gap in result.gaps:
+        click.echo(f"Finding: {gap}.")
     if result.origin == "simulated":
         click.echo("The runs are simulated.")
 

@@ -12,7 +12,8 @@ from ..channels import in_si, instants
 from ..errors import AnalysisError
 from ..rig.sensors import Encoder
 from . import derivatives
-from .derivatives import HIGHEST_CUTOFF, Grid, grid_of, on_grid, rates
+from .derivatives import HIGHEST_CUTOFF, Grid, grid_of, on_grid
+from .gaps import Gaps
 
 if TYPE_CHECKING:
     from ..rig import Column, Rig
@@ -37,12 +38,17 @@ def group_of_encoders(run: "Run", rig: "Rig") -> str:
     return groups.pop()
 
 
+def encoder_gaps(run: "Run", rig: "Rig") -> Gaps:
+    """Where the record of the encoders has gaps, on its clock."""
+    return Gaps.of({group_of_encoders(run, rig): instants(run, encoders(rig)[0])})
+
+
 def followed(
     run: "Run", rig: "Rig", mechanism: Mechanism, bandwidth_hz: float, bridged: bool = False
 ) -> tuple[Grid, Trajectory]:
     """The trajectory on an even grid of the encoders' clock; positions smoothed below ``bandwidth_hz``.
 
-    Gaps are refused, or ``bridged`` by straight lines for those who leave them out.
+    Gaps are refused, or ``bridged`` by straight lines for those who leave them out; what is between is smoothed apart.
     Raises AnalysisError where an encoder is missing or on another clock, ClosureError where the loops do not close.
     """
     group_of_encoders(run, rig)
@@ -57,7 +63,7 @@ def followed(
     time = instants(run, columns[0])
     if bridged:
         time, position = derivatives.bridged(time, position, grid.step)
-    moved = rates(on_grid(time, position, grid), bandwidth_hz, grid.rate)
+    moved = encoder_gaps(run, rig).rates(on_grid(time, position, grid), bandwidth_hz, grid)
     samples = Samples(grid.time, moved.q, moved.v, moved.a, tuple(column.component for column in columns))
     return grid, Closure(mechanism).follow(samples)
 

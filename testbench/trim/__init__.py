@@ -130,7 +130,7 @@ def _told(case: Case, wanted: tuple[list[Source], bool]) -> tuple[list[Told], li
 
 
 def _refuse_silent(told: Told, case: Case) -> None:
-    hint = _HINTS[told.source]
+    hint = "; ".join([_HINTS[told.source], *(finding.message for finding in told.findings)])
     try:
         missing = _missing(told.imbalance, case)
     except NotObservable as error:

@@ -33,6 +33,7 @@ def document(result: "Trim") -> dict[str, Any]:
         "predicted_residual_interval_kgm": list(result.predicted_residual_interval),
         "verdict": result.verdict,
         "doubts": result.doubts(),
+        "findings": [finding.as_dict() for finding in result.findings],
         "conditions": [
             {
                 "condition": text,

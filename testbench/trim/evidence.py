@@ -28,6 +28,7 @@ from ..motion.joint_motion import followed, group_of_encoders, loaded
 from ..motion.segments import moving
 from ..wrench import AT_RANGE, MeasuredWrench, shaking_wrench
 from .calibration import Effects, of_forces, of_readings, stated
+from .sound import Sound
 
 if TYPE_CHECKING:
     from balance.closure import Trajectory
@@ -39,6 +40,8 @@ CUTOFF_HZ = 40.0
 """Of forces and columns alike: most of what the moves excite lies below, and encoders tell accelerations there."""
 STRETCHES = 20
 """Of a record, of equal information, that are left out in turn."""
+POSITION_BANDWIDTH = 2.0
+"""Cut-off of the positions, in cut-offs of the forces."""
 MARGIN_PERIODS = 3.0
 """Periods of the cut-off kept before and after the motion."""
 LEAST_MOTION = 1e-2
@@ -72,21 +75,24 @@ def run_evidence(
     """The equations of a run of ``mechanism`` without payload and counter-masses, which the run's conditions put on.
 
     ``clocks`` are alignments that are known; without, they are found. Raises AnalysisError where the run cannot tell:
-    no force channels, sensors at the end of their range, no motion, clocks that cannot be aligned.
+    no force channels, sensors at the end of their range, no motion, clocks that cannot be aligned, gaps that leave
+    nothing.
     """
     model = loaded(run, mechanism)
     wrench = shaking_wrench(run, rig)
     refuse_saturation(run, rig, wrench)
-    grid, path = followed(run, rig, model, 2.0 * cutoff)
+    grid, path = followed(run, rig, model, POSITION_BANDWIDTH * cutoff, bridged=True)
     columns = trim.columns_of(conditions, wrench_regressor(model, path.q, path.v, path.a)[:, :3])
     rows = _rows(run, wrench, columns)
     base = base_motion.recorded(run, rig)
     needed = {wrench.group} | ({base.group} if base else set())
     maps = clock_maps(run, rig, model, needed, clocks)
+    sound = Sound.of(run, rig, grid, needed, maps, POSITION_BANDWIDTH * cutoff)
+    sound.refuse_nothing(path)
     seen = np.column_stack([v for i in rows if (v := wrench.values[f"F{'xyz'[i]}"]) is not None])
     force = carried(wrench.time, seen, wrench.group, maps, grid)
     columns = columns[:, rows]
-    nuisance = [rate_of(force, grid)]
+    nuisance = [sound.rate_of(force)]
     deviations = stated([rig])
     effects = dict(of_forces(run, rig, deviations, rows, lambda t, v: carried(t, v, wrench.group, maps, grid)))
     if base is not None:
@@ -96,17 +102,18 @@ def run_evidence(
         turned = share[:, :, :k]
         nuisance = [
             np.einsum("nij,nj->ni", turned, nuisance[0]),
-            np.einsum("nij,nj->ni", share[:, :, k:], rate_of(felt, grid)),
+            np.einsum("nij,nj->ni", share[:, :, k:], sound.rate_of(felt)),
         ]
         force = np.einsum("nij,nj->ni", turned, force) + np.einsum("nij,nj->ni", share[:, :, k:], felt)
         columns = np.einsum("nij,njk->nik", turned, columns)
         effects = {entry: np.einsum("nij,nj->ni", turned, change) for entry, change in effects.items()}
         for entry, change in of_readings(felt, base.columns, deviations).items():
             effects[entry] = np.einsum("nij,nj->ni", share[:, :, k:], change)
-    record = _record(motion_of(run), grid, columns, force, nuisance, cutoff, path)
+    record = _record(motion_of(run), sound, columns, force, nuisance, cutoff, path)
     used = span_of(path, grid, MARGIN_PERIODS / cutoff)
-    smooth = {entry: low_pass(change, cutoff, grid.rate)[used] for entry, change in effects.items()}
-    return RunEvidence(record, base is not None, wrench.findings, smooth, 1.0 / (cutoff * grid.step))
+    smooth = {entry: sound.low_pass(change, cutoff)[used] for entry, change in effects.items()}
+    findings = (*wrench.findings, *sound.findings)
+    return RunEvidence(record, base is not None, findings, smooth, 1.0 / (cutoff * grid.step))
 
 
 def refuse_saturation(run: "Run", rig: "Rig", wrench: MeasuredWrench) -> None:
@@ -167,11 +174,6 @@ def carried(time: Floats, values: Floats, group: str, maps: Mapping[str, ClockMa
     return np.column_stack([np.interp(grid.time, at, v) for v in values.T])
 
 
-def rate_of(values: Floats, grid: Grid) -> Floats:
-    """Rates (n, k) [1/s] by central differences; smoothed later with everything else."""
-    return np.gradient(values, grid.step, axis=0)
-
-
 def motion_of(run: "Run") -> str:
     """What repeats of one motion have in common; empty where the conditions do not say."""
     motion, peak = run.conditions.get("motion"), run.conditions.get("peak_acceleration_g")
@@ -180,23 +182,27 @@ def motion_of(run: "Run") -> str:
 
 def _record(
     motion: str,
-    grid: Grid,
+    sound: Sound,
     columns: Floats,
     force: Floats,
     nuisance: list[Floats],
     cutoff: float,
     path: "Trajectory",
 ) -> trim.Record:
-    """All low-passed alike, cut to the motion with a margin, with an offset and a drift for every row."""
+    """All low-passed alike, cut to the motion with a margin, with an offset and a drift for every row.
+
+    What gaps touch is zero.
+    """
     count, rows, _ = columns.shape
     margin = MARGIN_PERIODS / cutoff
-    used = span_of(path, grid, margin)
-    smooth = low_pass(np.concatenate([columns.reshape(count, -1), force, *nuisance], axis=1), cutoff, grid.rate)[used]
+    used, grid = span_of(path, sound.grid, margin), sound.grid
+    smooth = sound.low_pass(np.concatenate([columns.reshape(count, -1), force, *nuisance], axis=1), cutoff)[used]
     split = np.cumsum([columns[0].size, rows, *(n.shape[1] for n in nuisance)])[:-1]
     made, pushed, *delays = np.split(smooth, split, axis=1)
     made = made.reshape(len(made), rows, -1)
     slope = np.linspace(-1.0, 1.0, len(made))
-    own: list[Floats] = [np.eye(rows)[None] * np.ones((len(made), 1, 1)), np.eye(rows)[None] * slope[:, None, None]]
+    kept = sound.kept[used, None, None]
+    own: list[Floats] = [np.eye(rows)[None] * kept, np.eye(rows)[None] * slope[:, None, None] * kept]
     own += [delay[:, :, None] for delay in delays]
     blocks = stretches_of(made, 1.0 / (cutoff * grid.step))
     return trim.Record(made, pushed, np.concatenate(own, axis=2), blocks, motion)

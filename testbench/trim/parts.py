@@ -8,6 +8,7 @@ import numpy as np
 from balance import trim
 from balance.arrays import Floats
 
+from ..findings import Finding
 from .beside import reduction
 from .evidence import stretches_of
 
@@ -27,6 +28,8 @@ class Part:
     shortest: float
     """Of a stretch of the jackknife [samples]."""
     motion: str
+    findings: tuple[Finding, ...] = ()
+    """What was left out of the run."""
 
 
 def shared(parts: Sequence[Part]) -> Floats:

@@ -17,6 +17,7 @@ from balance.stock import Plate
 from balance.trim import Imbalance
 
 from ..findings import Finding
+from ..motion.gaps import CODE as GAP
 from ..recording import Origin
 from .case import Source
 from .missing import Missing, Share
@@ -134,7 +135,12 @@ class Trim:
                     f"{share.unexplained:.0%} of the measured {_MEASURED[share.source]} stays unexplained: more than "
                     "noise leaves; what is systematic (sensors, levers, the model) may exceed the intervals"
                 )
-        return found + [finding.message for finding in self.findings]
+        return found + [finding.message for finding in self.findings if finding.code != GAP]
+
+    @property
+    def gaps(self) -> tuple[str, ...]:
+        """What was left out for gaps in records: said, and no doubt by itself."""
+        return tuple(dict.fromkeys(finding.message for finding in self.findings if finding.code == GAP))
 
     @property
     def verdict(self) -> str:

@@ -17,7 +17,7 @@ from balance.mechanism import Mechanism
 from balance.motion import Samples
 from balance.regressor import wrench_regressor
 
-from ..motion.derivatives import low_pass, rates
+from ..motion.derivatives import rates
 from .vibration import POSITION_BANDWIDTH, Shaken
 
 if TYPE_CHECKING:
@@ -52,9 +52,9 @@ def _backwards(run: Shaken, gain: Floats) -> Floats:
     """What the values rise by per wrench on the base, (n, 6, rank)."""
     whole = np.zeros((run.grid.count, *gain.shape[1:]))
     whole[run.used] = gain
-    smooth = low_pass(whole.reshape(len(whole), -1), run.cutoff, run.grid.rate).reshape(whole.shape)
+    smooth = run.sound.low_pass(whole, run.cutoff)
     pushed = np.einsum("nck,ci->nki", smooth, run.sensors.rows)[::-1]
-    return np.moveaxis(run.moved(np.ascontiguousarray(pushed))[::-1], 1, 2)
+    return np.moveaxis(run.moved(np.ascontiguousarray(pushed))[::-1], 1, 2) * run.sound.kept[:, None, None]
 
 
 def wrench_slopes(

@@ -6,7 +6,6 @@ drives' own inertia are fitted beside, the same in all runs, offsets and delays 
 """
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,12 +20,13 @@ from balance.regressor import driven_torque_regressor
 from ..channels import in_si, instants
 from ..clocks.mapping import ClockMap
 from ..errors import AnalysisError
-from ..motion.derivatives import Grid, low_pass
+from ..motion.derivatives import Grid
 from ..motion.joint_motion import encoders, followed, loaded
 from ..rig.sensors import Torque
 from ..wrench import AT_RANGE
-from .evidence import carried, clock_maps, motion_of, rate_of, span_of
+from .evidence import carried, clock_maps, motion_of, span_of
 from .parts import Part
+from .sound import Sound
 
 if TYPE_CHECKING:
     from balance.closure import Trajectory
@@ -44,22 +44,7 @@ MARGIN_PERIODS = 3.0
 """Periods of the cut-off kept before and after the motion."""
 
 
-def torque_parts(
-    runs: "Sequence[Run]",
-    rigs: "Sequence[Rig]",
-    mechanism: Mechanism,
-    conditions: Conditions,
-    cutoff: float,
-    clocks: "Mapping[Path, Mapping[str, ClockMap]]",
-) -> list[Part]:
-    """The equations of the runs of one mounting. Raises AnalysisError where a driven joint has no torque or encoder."""
-    return [
-        _part(run, rig, mechanism, conditions, cutoff, clocks.get(run.path))
-        for run, rig in zip(runs, rigs, strict=True)
-    ]
-
-
-def _part(
+def torque_part(
     run: "Run",
     rig: "Rig",
     mechanism: Mechanism,
@@ -67,10 +52,15 @@ def _part(
     cutoff: float,
     clocks: "Mapping[str, ClockMap] | None",
 ) -> Part:
+    """The equations of a run. Raises AnalysisError where a joint has no torque or encoder, or gaps leave nothing."""
     model = loaded(run, mechanism)
     channels = torque_channels(run, rig, model)
-    grid, path = followed(run, rig, model, POSITION_BANDWIDTH * cutoff)
-    torque = _on_grid(run, rig, model, channels, grid, clocks)
+    grid, path = followed(run, rig, model, POSITION_BANDWIDTH * cutoff, bridged=True)
+    group = _group(run, channels)
+    maps = clock_maps(run, rig, model, {group}, clocks)
+    sound = Sound.of(run, rig, grid, {group}, maps, POSITION_BANDWIDTH * cutoff)
+    sound.refuse_nothing(path)
+    torque = _on_grid(run, channels, group, maps, grid)
     own, beside = _columns(model, conditions, path, _driven_rates(run, rig, model, path))
     places = [model.coordinate_index(joint) for joint in model.driven]
     speed = path.v[:, places]
@@ -79,14 +69,15 @@ def _part(
     friction = terms.reshape(len(terms), joints, joints, 4)[..., [0, 1, 3]].reshape(len(terms), joints, -1)
     beside = np.concatenate([beside, friction], axis=2)
     sizes = [own.shape[2], beside.shape[2], 1, 1]
-    whole = np.concatenate([own, beside, torque[:, :, None], rate_of(torque, grid)[:, :, None]], axis=2)
+    whole = np.concatenate([own, beside, torque[:, :, None], sound.rate_of(torque)[:, :, None]], axis=2)
     used = span_of(path, grid, MARGIN_PERIODS / cutoff)
     moving = (np.abs(speed) > REST_SPEED)[:, :, None]
-    smooth = (low_pass(whole.reshape(len(whole), -1), cutoff, grid.rate).reshape(whole.shape) * moving)[used]
+    smooth = (sound.low_pass(whole, cutoff) * moving)[used]
     own, beside, seen, delay = np.split(smooth, np.cumsum(sizes)[:-1], axis=2)
-    offset = np.eye(joints)[None] * moving[used]
+    offset = np.eye(joints)[None] * (moving * sound.kept[:, None, None])[used]
     nuisance = np.concatenate([offset, delay], axis=2)
-    return Part(own, beside, seen[:, :, 0], nuisance, 1.0 / (cutoff * grid.step), motion_of(run))
+    shortest, findings = 1.0 / (cutoff * grid.step), sound.findings
+    return Part(own, beside, seen[:, :, 0], nuisance, shortest, motion_of(run), findings)
 
 
 def _driven_rates(run: "Run", rig: "Rig", model: Mechanism, path: "Trajectory") -> Floats:
@@ -123,18 +114,13 @@ def torque_channels(run: "Run", rig: "Rig", model: Mechanism) -> "list[Column]":
     return columns
 
 
-def _on_grid(
-    run: "Run",
-    rig: "Rig",
-    model: Mechanism,
-    columns: "Sequence[Column]",
-    grid: Grid,
-    clocks: "Mapping[str, ClockMap] | None",
-) -> Floats:
-    group = {run.find(column.channel)[0].name for column in columns}
-    if len(group) > 1:
-        raise AnalysisError(f"{run.name}: its motor torques are on several loggers, {', '.join(sorted(group))}")
-    (name,) = group
-    maps = clock_maps(run, rig, model, {name}, clocks)
+def _on_grid(run: "Run", columns: "Sequence[Column]", group: str, maps: "Mapping[str, ClockMap]", grid: Grid) -> Floats:
     values = np.column_stack([in_si(run, column)[0] for column in columns])
-    return carried(instants(run, columns[0]), values, name, maps, grid)
+    return carried(instants(run, columns[0]), values, group, maps, grid)
+
+
+def _group(run: "Run", columns: "Sequence[Column]") -> str:
+    groups = {run.find(column.channel)[0].name for column in columns}
+    if len(groups) > 1:
+        raise AnalysisError(f"{run.name}: its motor torques are on several loggers, {', '.join(sorted(groups))}")
+    return groups.pop()

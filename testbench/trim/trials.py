@@ -7,7 +7,7 @@ is counted among the pushes.
 """
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,9 +23,12 @@ from balance.trim import Free, Imbalance, site_columns
 from ..bench.carried import locked_inertia
 from ..clocks.mapping import ClockMap
 from ..errors import AnalysisError
+from ..findings import Finding
 from ..motion import base_motion
-from ..motion.joint_motion import followed, loaded
+from ..motion.gaps import CODE, Gaps
+from ..motion.joint_motion import followed, group_of_encoders, loaded
 from .beside import reduction
+from .case import Case
 from .evidence import carried, clock_maps, refuse_clipped_base
 
 if TYPE_CHECKING:
@@ -71,24 +74,42 @@ class _Seen:
         self.known = self.wrench @ (model.pi - first.pi) - moved @ heavier.T
 
 
-def trials_imbalance(
-    runs: "Sequence[Run]",
-    rigs: "Sequence[Rig]",
-    mechanism: Mechanism,
-    conditions: Conditions,
-    sites: Sequence[str],
-    cutoff: float,
-    clocks: "Mapping[Path, Mapping[str, ClockMap]]",
-) -> Imbalance:
-    """Values of the conditions of the first run's mounting, in what masses at ``sites`` can change.
+def without_gaps(case: Case) -> tuple[Case, tuple[Finding, ...]]:
+    """The case with the runs that are whole, and a finding for each with a gap: the base rings on through it.
+
+    Raises AnalysisError if no run is whole.
+    """
+    pairs = list(zip(case.runs, case.rigs, strict=True))
+    texts = [_gaps(run, rig).described for run, rig in pairs]
+    findings = tuple(
+        Finding(CODE, None, run.name, f"{run.name}: {text}: the run is left out, for the base rings on through a gap")
+        for (run, _), some in zip(pairs, texts, strict=True)
+        for text in some
+    )
+    whole = [pair for pair, some in zip(pairs, texts, strict=True) if not some]
+    if not whole:
+        raise AnalysisError("no run can tell:\n" + "\n".join(f"  {finding.message}" for finding in findings))
+    return replace(case, runs=[run for run, _ in whole], rigs=[rig for _, rig in whole]), findings
+
+
+def _gaps(run: "Run", rig: "Rig") -> Gaps:
+    """Of the encoders and of the accelerometers on the base, each on its own clock."""
+    base = base_motion.recorded(run, rig)
+    groups = dict.fromkeys([group_of_encoders(run, rig), *([base.group] if base else [])])
+    return Gaps.of({group: run.time(group) for group in groups})
+
+
+def trials_imbalance(case: Case, first: Mechanism, cutoff: float) -> Imbalance:
+    """Values of the conditions of the mounting ``first``, in what masses at the case's sites can change.
 
     Raises AnalysisError where trial masses do not differ at every site, NotObservable or DataError where the runs
     cannot tell.
     """
-    first = loaded(runs[0], mechanism)
-    refuse_alike(runs, mechanism, conditions, sites)
+    mechanism, conditions, sites = case.mechanism, case.conditions, case.sites
+    refuse_alike(case.runs, mechanism, conditions, sites)
     seen = [
-        _Seen(run, rig, mechanism, first, cutoff, clocks.get(run.path)) for run, rig in zip(runs, rigs, strict=True)
+        _Seen(run, rig, mechanism, first, cutoff, case.clocks.get(run.path))
+        for run, rig in zip(case.runs, case.rigs, strict=True)
     ]
     size = np.max([np.abs(one.wrench @ first.pi).max(axis=0) for one in seen], axis=0)
     rows = np.flatnonzero(size > PUSHES * size.max())

@@ -2,12 +2,12 @@
 
 M x'' + C x' + K x = W pi, with the base on its mounts and the mechanism's inertia locked onto it: the response to each
 column of W is computed, and the readings of the accelerometers on the base are least squares of it. As with torque,
-pi = C^+ c + N z: what does not shake with a force, but turns the base, is fitted beside, the same in all runs.
+pi = C^+ c + N z: what does not shake with a force, but turns the base, is fitted beside, the same in all runs. How the
+base was pushed in a gap is known to nobody: how it rings after one is fitted beside.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,10 +24,12 @@ from ..bench.carried import locked_inertia
 from ..clocks.mapping import ClockMap
 from ..errors import AnalysisError
 from ..motion import base_motion
-from ..motion.derivatives import Grid, low_pass
+from ..motion.derivatives import Grid
 from ..motion.joint_motion import followed, loaded
-from .evidence import carried, clock_maps, motion_of, rate_of, refuse_clipped_base, span_of
+from .beside import reduction
+from .evidence import carried, clock_maps, motion_of, refuse_clipped_base, span_of
 from .parts import Part
+from .sound import Sound
 
 if TYPE_CHECKING:
     from ..rig import Rig
@@ -39,6 +41,10 @@ POSITION_BANDWIDTH = 4.0
 """Cut-off of the positions, in cut-offs of the readings: the moment, far larger, must be told to a thousandth."""
 RINGING_S = 0.25
 """How long the base's ringing after the motion counts [s]."""
+IMPULSES = 3
+"""Instants of a gap at which pushes stand for all that may have pushed."""
+ALIKE = 1e-6
+"""Ringings of the base that differ by less, relative to the strongest, are one."""
 
 
 @dataclass(frozen=True)
@@ -59,11 +65,12 @@ class Shaken:
     cutoff: float
     """[Hz]"""
     motion: str
+    sound: Sound
+    """What no gap touches."""
 
     def smooth(self, values: Floats) -> Floats:
-        """Values (n, channels, k) low-passed, on the samples that count."""
-        flat = values.reshape(self.grid.count, -1)
-        return low_pass(flat, self.cutoff, self.grid.rate).reshape(values.shape)[self.used]
+        """Values (n, channels, k) low-passed, on the samples that count; zero where gaps touch them."""
+        return self.sound.low_pass(values, self.cutoff)[self.used]
 
     def moved(self, wrenches: Floats) -> Floats:
         """Accelerations of the base under wrenches (n, k, 6), (n, k, 6) [m/s2, rad/s2].
@@ -77,24 +84,31 @@ class Shaken:
         return self.base.respond(wrenches - bent, self.grid.step).acceleration + bent @ np.linalg.inv(self.base.mass).T
 
     def answers(self, columns: Floats) -> Floats:
-        """What the accelerometers show of wrenches (n, 6, k) on the base, (n, channels, k) [m/s2]."""
+        """What the accelerometers show of wrenches (n, 6, k) on the base, (n, channels, k) [m/s2]; none in gaps."""
+        return self._shown(columns * self.sound.kept[:, None, None])
+
+    def ringing(self) -> Floats:
+        """What the accelerometers may show after gaps, low-passed, (samples that count, channels, k).
+
+        Pushes at IMPULSES instants of a gap leave the base in any state that it may have at its end.
+        """
+        found = [np.zeros((self.used.stop - self.used.start, len(self.sensors.rows), 0))]
+        for gap in self.sound.left_out:
+            pushes = np.zeros((self.grid.count, 6, 6 * IMPULSES))
+            for k, i in enumerate(np.linspace(gap.start, gap.stop - 1, IMPULSES).astype(int)):
+                pushes[i, :, 6 * k : 6 * k + 6] = np.eye(6)
+            shown = self.smooth(self._shown(pushes))
+            if shown.any():
+                found.append(shown @ reduction([shown], ALIKE))
+        return np.concatenate(found, axis=2)
+
+    def _shown(self, columns: Floats) -> Floats:
         pushed = np.flatnonzero(columns.any(axis=(0, 1)))
         found = np.zeros((len(columns), len(self.sensors.rows), columns.shape[2]))
         wrenches = np.ascontiguousarray(np.moveaxis(columns[:, :, pushed], 1, 2))
         moved = self.moved(wrenches)
         found[:, :, pushed] = np.moveaxis(moved @ self.sensors.rows.T, 1, 2)
         return found
-
-
-def shaken(
-    runs: "Sequence[Run]",
-    rigs: "Sequence[Rig]",
-    mechanism: Mechanism,
-    cutoff: float,
-    clocks: "Mapping[Path, Mapping[str, ClockMap]]",
-) -> list[Shaken]:
-    """The runs of one mounting. Raises AnalysisError where no base is stated, or no sensor is on it."""
-    return [_shaken(run, rig, mechanism, cutoff, clocks.get(run.path)) for run, rig in zip(runs, rigs, strict=True)]
 
 
 def states_base(rig: "Rig") -> bool:
@@ -111,11 +125,13 @@ def part_of(run: Shaken, conditions: Conditions) -> Part:
     """The equations of a run."""
     columns = wrench_regressor(run.model, run.path.q, run.path.v, run.path.a) @ basis_of(conditions)
     made = run.answers(columns)
-    smooth = run.smooth(np.concatenate([made, run.seen[:, :, None], rate_of(run.seen, run.grid)[:, :, None]], axis=2))
+    rate = run.sound.rate_of(run.seen)
+    smooth = run.smooth(np.concatenate([made, run.seen[:, :, None], rate[:, :, None]], axis=2))
     rank = conditions.rank
     eye = np.eye(run.seen.shape[1])[None]
     slope = np.linspace(-1.0, 1.0, len(smooth))[:, None, None]
-    nuisance = np.concatenate([eye + 0.0 * slope, eye * slope, eye * smooth[:, :, -1:]], axis=2)
+    kept = run.sound.kept[run.used, None, None]
+    nuisance = np.concatenate([eye * kept, eye * slope * kept, eye * smooth[:, :, -1:], run.ringing()], axis=2)
     return Part(
         smooth[:, :, :rank],
         smooth[:, :, rank:-2],
@@ -123,12 +139,14 @@ def part_of(run: Shaken, conditions: Conditions) -> Part:
         nuisance,
         1.0 / (run.cutoff * run.grid.step),
         run.motion,
+        run.sound.findings,
     )
 
 
-def _shaken(
+def shaken(
     run: "Run", rig: "Rig", mechanism: Mechanism, cutoff: float, clocks: "Mapping[str, ClockMap] | None"
 ) -> Shaken:
+    """A run and its base. Raises AnalysisError where no base is stated, no sensor is on it, or gaps leave nothing."""
     if not states_base(rig):
         raise AnalysisError(
             f"{run.name}: its rig does not state the base (bench: {', '.join(NEEDED)}): state it, or make runs with "
@@ -139,8 +157,11 @@ def _shaken(
         raise AnalysisError(f"{run.name}: no accelerometer on the base was recorded: nothing shows how it vibrates")
     refuse_clipped_base(run, rig)
     model = loaded(run, mechanism)
-    grid, path = followed(run, rig, model, POSITION_BANDWIDTH * cutoff)
+    grid, path = followed(run, rig, model, POSITION_BANDWIDTH * cutoff, bridged=True)
     maps = clock_maps(run, rig, model, {sensors.group}, clocks)
+    sound = Sound.of(run, rig, grid, {sensors.group}, maps, POSITION_BANDWIDTH * cutoff)
+    sound.refuse_nothing(path)
     seen = carried(sensors.time, sensors.values, sensors.group, maps, grid)
     base = Base.of(rig.bench, locked_inertia(model, path.q[0]))
-    return Shaken(model, grid, path, base, sensors, seen, span_of(path, grid, RINGING_S), cutoff, motion_of(run))
+    used = span_of(path, grid, RINGING_S)
+    return Shaken(model, grid, path, base, sensors, seen, used, cutoff, motion_of(run), sound)

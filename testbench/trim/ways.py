@@ -1,8 +1,8 @@
 """How each source is asked: its equations, its least squares, and what its interval holds beside noise."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -12,20 +12,26 @@ from balance.observability import NotObservable
 
 from ..errors import AnalysisError
 from ..findings import Finding
+from ..motion.gaps import CODE as GAP
 from ..motion.joint_motion import encoders
 from . import calibration
 from .case import Case, Told
-from .evidence import CUTOFF_HZ, RunEvidence, run_evidence
+from .evidence import CUTOFF_HZ, run_evidence
 from .parts import records, shared
+from .sound import NothingLeft
 from .steps import step_covariance
 from .torque import CUTOFF_HZ as TORQUE_CUTOFF_HZ
-from .torque import torque_channels, torque_parts
+from .torque import torque_channels, torque_part
 from .trials import CUTOFF_HZ as TRIALS_CUTOFF_HZ
-from .trials import trials_imbalance
+from .trials import trials_imbalance, without_gaps
 from .vibration import Shaken, basis_of, part_of, shaken
 
 if TYPE_CHECKING:
-    from ..rig import Column
+    from ..clocks.mapping import ClockMap
+    from ..rig import Column, Rig
+    from ..store import Run
+
+T = TypeVar("T")
 
 BASE_UNKNOWN = (
     "no accelerometer on the base: if the base moves, the forces hold the mechanism's inertia against that motion, "
@@ -89,17 +95,12 @@ class _Asked:
 def by_wrench(case: Case) -> Told:
     """By force sensors."""
     cutoff = case.cutoff or CUTOFF_HZ
-    every: list[RunEvidence] = []
-    findings: list[Finding] = []
-    for run, rig in zip(case.runs, case.rigs, strict=True):
-        try:
-            every.append(run_evidence(run, rig, case.mechanism, case.conditions, cutoff, case.clocks.get(run.path)))
-        except AnalysisError as error:
-            if len(case.runs) == 1:
-                raise
-            findings.append(Finding("not_aligned", None, run.name, f"left out: {error}"))
-    if not every:
-        raise AnalysisError("no run can tell:\n" + "\n".join(f"  {f.message}" for f in findings))
+    every, case, findings = _each(
+        case,
+        AnalysisError,
+        lambda run, rig, clocks: run_evidence(run, rig, case.mechanism, case.conditions, cutoff, clocks),
+    )
+    findings += [f for one in every for f in one.findings if f.code == GAP]
     asked = _Asked.of(case, [one.record for one in every], [one.effects for one in every], every[0].period)
     measured, within = asked.widened(asked.fit(case))
     base = "the base's motion taken out." if every[0].base_known else "the base taken for still."
@@ -111,7 +112,12 @@ def by_wrench(case: Case) -> Told:
 def by_torque(case: Case) -> Told:
     """By motor torques."""
     cutoff = case.cutoff or TORQUE_CUTOFF_HZ
-    parts = torque_parts(case.runs, case.rigs, case.mechanism, case.conditions, cutoff, case.clocks)
+    parts, case, findings = _each(
+        case,
+        NothingLeft,
+        lambda run, rig, clocks: torque_part(run, rig, case.mechanism, case.conditions, cutoff, clocks),
+    )
+    findings += [f for part in parts for f in part.findings]
     columns = [torque_channels(run, rig, case.mounted) for run, rig in zip(case.runs, case.rigs, strict=True)]
     asked = _Asked.channel_by_channel(case, records(parts), columns, parts[0].shortest)
     found, held = _free_or_held(asked, case)
@@ -120,13 +126,16 @@ def by_torque(case: Case) -> Told:
         f"Motor torques and model low-passed alike at {cutoff:g} Hz; inertias, friction, offsets and delays fitted "
         "beside, the base taken for still.",
     )
-    return Told("torque", measured, (*about, *held, _jackknife(measured, within)))
+    return Told("torque", measured, (*about, *held, _jackknife(measured, within)), (), tuple(findings))
 
 
 def by_vibration(case: Case) -> Told:
     """By the vibration of the base that the rig states."""
     cutoff = case.cutoff or CUTOFF_HZ
-    runs = shaken(case.runs, case.rigs, case.mechanism, cutoff, case.clocks)
+    runs, case, findings = _each(
+        case, NothingLeft, lambda run, rig, clocks: shaken(run, rig, case.mechanism, cutoff, clocks)
+    )
+    findings += [f for run in runs for f in run.sound.findings]
     parts = [part_of(run, case.conditions) for run in runs]
     combinations = shared(parts)
     columns = [list(run.sensors.columns) for run in runs]
@@ -139,13 +148,15 @@ def by_vibration(case: Case) -> Told:
         "errors the intervals do not contain.",
         f"Readings and the base's response low-passed alike at {cutoff:g} Hz; inertias of the mechanism fitted beside.",
     )
-    return Told("vibration", measured, (*about, *held, _jackknife(measured, [*within, STEPS])))
+    said = (*about, *held, _jackknife(measured, [*within, STEPS]))
+    return Told("vibration", measured, said, (), tuple(findings))
 
 
 def by_trials(case: Case) -> Told:
     """By the vibration of a base of which nothing is known, in runs with trial masses."""
     cutoff = case.cutoff or TRIALS_CUTOFF_HZ
-    measured = trials_imbalance(case.runs, case.rigs, case.mechanism, case.conditions, case.sites, cutoff, case.clocks)
+    whole, findings = without_gaps(case)
+    measured = trials_imbalance(whole, case.mounted, cutoff)
     about = (
         f"The base's response below {cutoff:g} Hz is measured by the trial masses, linear and the same in all runs; "
         f"what is missing is said of the mounting of {case.runs[0].name}.",
@@ -153,7 +164,29 @@ def by_trials(case: Case) -> Told:
         f"Intervals: from what the fit leaves, {measured.freedom} degrees of freedom, and from what two lengths of the "
         "base's memory differ by.",
     )
-    return Told("trials", measured, about)
+    return Told("trials", measured, about, (), findings)
+
+
+def _each(
+    case: Case, leaving: type[AnalysisError], made: "Callable[[Run, Rig, Mapping[str, ClockMap] | None], T]"
+) -> "tuple[list[T], Case, list[Finding]]":
+    """What is ``made`` of each run, the case of those runs, and a finding for each that is left out by an error."""
+    every: list[T] = []
+    kept: list[int] = []
+    findings: list[Finding] = []
+    for i, (run, rig) in enumerate(zip(case.runs, case.rigs, strict=True)):
+        try:
+            every.append(made(run, rig, case.clocks.get(run.path)))
+            kept.append(i)
+        except leaving as error:
+            if len(case.runs) == 1:
+                raise
+            code = GAP if isinstance(error, NothingLeft) else "not_aligned"
+            findings.append(Finding(code, None, run.name, f"left out: {error}"))
+    if not every:
+        raise AnalysisError("no run can tell:\n" + "\n".join(f"  {f.message}" for f in findings))
+    told = replace(case, runs=[case.runs[i] for i in kept], rigs=[case.rigs[i] for i in kept])
+    return every, told, findings
 
 
 def _with_encoder_steps(

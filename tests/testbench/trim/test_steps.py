@@ -28,7 +28,7 @@ def case():
     runs = [memory.scene(motion).run(k) for k, motion in enumerate(("x", "y", "triangle"))]
     found = conditions.find(loaded(runs[0], mechanism))
     rigs = [memory.scene("x").rig] * 3
-    moved = shaken(runs, rigs, mechanism, 40.0, {})
+    moved = [shaken(run, rig, mechanism, 40.0, None) for run, rig in zip(runs, rigs, strict=True)]
     parts = [part_of(run, found) for run in moved]
     turned = shared(parts)
     fit = trim.fit(records(parts, turned), found)

@@ -1,0 +1,98 @@
+"""The part of a run that no gap touches, on the grid of its encoders: what an analysis may rest on."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from balance.arrays import Floats
+
+from ..channels import instants
+from ..clocks.mapping import ClockMap
+from ..errors import AnalysisError
+from ..findings import Finding
+from ..motion.derivatives import Grid, low_pass
+from ..motion.gaps import Gaps, reach_of, stretches
+from ..motion.joint_motion import encoders, group_of_encoders
+
+if TYPE_CHECKING:
+    from balance.closure import Trajectory
+
+    from ..rig import Rig
+    from ..store import Run
+
+
+MOVES = 1e-3
+"""Change of a joint's position in a stretch from which it moves there [rad, m]."""
+
+
+class NothingLeft(AnalysisError):
+    """Gaps leave nothing of a run's motion."""
+
+
+@dataclass(frozen=True)
+class Sound:
+    """Where every record that counts holds samples; values there are smoothed stretch by stretch, zero elsewhere."""
+
+    run: str
+    grid: Grid
+    gaps: Gaps
+    """On the grid's clock."""
+    reach: float
+    """How far beyond its ends a gap disturbs [s]."""
+
+    @classmethod
+    def of(
+        cls,
+        run: "Run",
+        rig: "Rig",
+        grid: Grid,
+        groups: Collection[str],
+        maps: Mapping[str, ClockMap],
+        bandwidth_hz: float,
+    ) -> "Sound":
+        """Of the encoders, positions smoothed below ``bandwidth_hz``, and of other ``groups`` by their clocks."""
+        return cls(run.name, grid, gaps_of(run, rig, groups, maps), reach_of(bandwidth_hz))
+
+    @property
+    def left_out(self) -> list[slice]:
+        """The samples that gaps touch, gap by gap."""
+        return stretches(self.kept == 0.0)
+
+    @cached_property
+    def kept(self) -> Floats:
+        """One where nothing is left out, else zero, (n,)."""
+        return self.gaps.sound(self.grid, self.reach).astype(float)
+
+    def low_pass(self, values: Floats, cutoff: float) -> Floats:
+        """Values (n, ...) smoothed below a cut-off [Hz]; zero where they are left out."""
+        flat = values.reshape(len(values), -1)
+        smooth = self.gaps.apart(lambda part: low_pass(part, cutoff, self.grid.rate), flat, self.grid, self.reach)
+        return (smooth * self.kept[:, None]).reshape(values.shape)
+
+    def rate_of(self, values: Floats) -> Floats:
+        """Rates (n, k) [1/s] by central differences; smoothed later with everything else."""
+        return self.gaps.apart(lambda part: np.gradient(part, self.grid.step, axis=0), values, self.grid, self.reach)
+
+    def refuse_nothing(self, path: "Trajectory") -> None:
+        """Raise AnalysisError where the gaps leave no motion."""
+        if self.gaps and not any(np.ptp(path.q[s], axis=0).max() > MOVES for s in stretches(self.kept > 0.0)):
+            raise NothingLeft(
+                f"{self.run}: {'; '.join(self.gaps.texts(self.reach))}: nothing of its motion is left; give another run"
+            )
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What is left out, a finding for each record."""
+        return self.gaps.findings(self.run, self.reach)
+
+
+def gaps_of(run: "Run", rig: "Rig", groups: Collection[str], maps: Mapping[str, ClockMap]) -> Gaps:
+    """Gaps of the encoders' record and of other groups, on the clock of the encoders."""
+    reference = group_of_encoders(run, rig)
+    records = {reference: instants(run, encoders(rig)[0])}
+    for group in sorted(set(groups) - {reference}):
+        records[group] = maps[group].to_reference(run.time(group))
+    return Gaps.of(records)

@@ -1,0 +1,27 @@
+"""Logs of a campaign with rows taken out, as a logger that paused leaves them."""
+
+import shutil
+from pathlib import Path
+
+from testbench import rig as rigs
+from testbench.bench.campaign import SHEET
+from testbench.ingest import Ingest
+from testbench.ingest.runsheet import plan as sheet
+
+from ..conftest import Simulated
+
+
+def without_rows(made: Simulated, folder: Path, cuts: dict[str, tuple[float, float]]) -> Path:
+    """The campaign of the same logs, less the rows of some from one instant of their clock to another [s]."""
+    logs = Path(shutil.copytree(made.logs, folder / "logs", ignore=shutil.ignore_patterns("truth")))
+    for name, (begin, end) in cuts.items():
+        lines = (logs / name).read_text("utf-8").splitlines(keepends=True)
+        kept = [line for line in lines if not line[0].isdigit() or not begin <= float(line.split(",")[0]) < end]
+        assert len(kept) < len(lines)
+        (logs / name).write_text("".join(kept), "utf-8")
+    campaign = folder / "campaign"
+    campaign.mkdir()
+    ingest = Ingest(campaign, rigs.load("parallelogram-6bar"))
+    for run in sheet(sorted(logs.glob("r*.csv")), logs / SHEET):
+        assert {outcome.status for outcome in ingest.run(run)} == {"stored"}
+    return campaign

@@ -1,0 +1,81 @@
+"""``testbench trim`` of runs whose encoders paused: what a gap touches is left out, said, and the truth is told."""
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from testbench.cli.trim import trim
+from testbench.errors import AnalysisError
+
+from ..conftest import simulated
+from .gapped import without_rows
+
+PLAN = """
+mechanism = "parallelogram-6bar"
+seed = 5
+[[conditions]]
+payload = "3.4116 kg"
+counter_masses = { counter_A0A = "17.1105 kg", counter_B0B = "17.1105 kg" }
+motion = ["x", "triangle"]
+peak_acceleration = "3 g0"
+also_without = false
+"""
+MISSING = 0.030809
+"""On each arm, by the masses that were built [kg m]."""
+BOTH = {"r001_controller.csv": (0.4, 0.5), "r002_controller.csv": (0.5, 0.65)}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Two runs of one mounting, and their logs."""
+    return simulated(tmp_path_factory.mktemp("whole"), PLAN)
+
+
+@pytest.fixture(scope="module")
+def gapped(made, tmp_path_factory):
+    """The same with a gap in the motion of each."""
+    return without_rows(made, tmp_path_factory.mktemp("gapped"), BOTH)
+
+
+def told(campaign, *options, expected) -> dict:
+    """The document of the command."""
+    words = ["parallelogram-6bar", str(campaign), "--json", *options]
+    done = CliRunner().invoke(trim, words, standalone_mode=False, catch_exceptions=False)
+    assert done.return_value == expected
+    return json.loads(done.stdout)
+
+
+@pytest.mark.parametrize("source", ["wrench", "torque", "vibration"])
+def test_a_gap_is_left_out_and_said(made, gapped, source):
+    """The interval holds the truth and what the whole runs tell, is little wider, and no doubt arises."""
+    whole, found = (told(c, "--from", source, expected=code) for c, code in ((made.campaign, 0), (gapped, 3)))
+    assert found["verdict"] == whole["verdict"] == "add"
+    assert not found["doubts"]
+    for one, other in zip(found["missing"], whole["missing"], strict=True):
+        low, high = one["interval"]
+        assert low < MISSING < high
+        assert low < other["first_moment_kgm"] < high
+        assert high - low < 3.0 * (other["interval"][1] - other["interval"][0])
+    assert [f["code"] for f in found["findings"]] == ["time_gap", "time_gap"]
+    assert (
+        "r001: 1 gap in the record of r001_controller, 0.101 s in all, the first after 0.399 s: left out"
+        in (found["findings"][0]["message"])
+    )
+
+
+def test_the_finding_stands_in_the_text(gapped):
+    """For people too."""
+    done = CliRunner().invoke(trim, ["parallelogram-6bar", str(gapped), "--from", "vibration"], standalone_mode=False)
+    assert "Finding: r002: 1 gap in the record of r002_controller, 0.151 s in all" in done.stdout
+    assert "Verdict: add" in done.stdout
+
+
+def test_a_run_of_which_nothing_is_left(made, tmp_path):
+    """It is left out beside a whole one, by name; alone it is refused."""
+    campaign = without_rows(made, tmp_path, {"r001_controller.csv": (0.2, 1.1)})
+    with pytest.raises(AnalysisError, match=r"r001: 1 gap .* nothing of its motion is left; give another run"):
+        told(campaign / "r001.h5", "--from", "torque", expected=1)
+    found = told(campaign, "--from", "torque", expected=3)
+    assert "left out: r001: 1 gap" in found["findings"][0]["message"]
+    assert all(m["interval"][0] < MISSING < m["interval"][1] for m in found["missing"])
