@@ -5,6 +5,7 @@ match is not favoured by a long overlap. What comes out of noise, or fits at sev
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,6 +44,18 @@ class Rough:
     """On the own clock [s]."""
 
 
+class _Known(NamedTuple):
+    """One where a side is known, zero where a gap disturbs it, (m,) and (n,)."""
+
+    own: Floats
+    reference: Floats
+
+    @property
+    def whole(self) -> bool:
+        """Whether neither side has a gap."""
+        return bool(self.own.all() and self.reference.all())
+
+
 def search(content: Prepared) -> Rough:
     """The offset that explains most. Raises AnalysisError if it is no better than chance, or not the only one."""
     step = max(content.own.step, content.reference.step, _span(content) / MOST_SAMPLES)
@@ -50,14 +63,20 @@ def search(content: Prepared) -> Rough:
     seen = _resampled(content.own.time, content.seen, np.arange(begin, end + 0.5 * step, step))
     instants = np.arange(content.reference.start, content.reference.time[-1] + 0.5 * step, step)
     columns = [_resampled(content.reference.time, c, instants) for c in _all_columns(content)]
-    left, overlap = _left(columns, seen, content)
+    known = _known(content, begin + step * np.arange(len(seen)), instants)
+    seen, columns = seen * known.own[:, None], [c * known.reference[:, None] for c in columns]
+    left, overlap = _left(columns, seen, content, known)
     best = int(np.argmin(left))
     independent = _independent(columns, seen) * float(overlap[best])
     _refuse_chance(content, float(left[best]), _chance(independent, sum(c.shape[1] for c in columns), len(left)))
     lag = best - (len(seen) - 1)
-    _refuse_ambiguity(content.name, left, best, _scatter(columns, seen, lag), step)
+    _refuse_ambiguity(content.name, left, best, _scatter(columns, seen, lag, known), step)
     lag_s = (lag + _between(left, best)) * step
     return Rough(content.reference.start + lag_s - begin, 1.0 - float(left[best]), (begin, end))
+
+
+def _known(content: Prepared, own: Floats, reference: Floats) -> _Known:
+    return _Known((~content.in_own_gap(own)).astype(float), (~content.in_gap(reference)).astype(float))
 
 
 def _all_columns(content: Prepared) -> list[Floats]:
@@ -88,13 +107,13 @@ def _resampled(time: Floats, values: Floats, instants: Floats) -> Floats:
     return np.column_stack([np.interp(instants, time, v) for v in values.T])
 
 
-def _left(columns: list[Floats], seen: Floats, content: Prepared) -> tuple[Floats, Floats]:
+def _left(columns: list[Floats], seen: Floats, content: Prepared, known: _Known) -> tuple[Floats, Floats]:
     """Share of the energy in the overlap that is left at each lag, (lags,), and the share that is in the overlap."""
     count, size = len(seen), len(columns[0])
     energy, left, whole = np.zeros(count + size - 1), np.zeros(count + size - 1), float(np.linalg.norm(seen))
     room = np.ones(count + size - 1, dtype=bool)
     for signal, basis in zip(seen.T, columns, strict=True):
-        here, explained, held = _explained(basis, signal / whole, content.signed)
+        here, explained, held = _explained(basis, signal / whole, content.signed, known)
         energy, left, room = energy + here, left + here - explained, room & held
     if not room.any():
         raise AnalysisError(f"{content.name}: no lag has enough overlap")
@@ -102,15 +121,23 @@ def _left(columns: list[Floats], seen: Floats, content: Prepared) -> tuple[Float
     return share.clip(0.0, 1.0), energy
 
 
-def _explained(basis: Floats, signal: Floats, signed: bool) -> tuple[Floats, Floats, Flags]:
-    """At each lag: energy of the signal in the overlap, what of it the basis explains, and whether it holds enough."""
+def _explained(basis: Floats, signal: Floats, signed: bool, known: _Known) -> tuple[Floats, Floats, Flags]:
+    """At each lag: energy of the signal in the overlap, what of it the basis explains, and whether it holds enough.
+
+    The overlap is where both sides are known.
+    """
     count, size = len(signal), len(basis)
     cross = np.column_stack([_correlation(column, signal) for column in basis.T])
-    energy = _sums(signal**2, count, size, own=True)
+    if known.whole:
+        energy = _sums(signal**2, count, size, own=True)
+    else:
+        energy = _correlation(known.reference, signal**2).clip(min=0.0)
     pairs = [(i, j) for i in range(basis.shape[1]) for j in range(i + 1)]
     gram = np.empty((len(cross), basis.shape[1], basis.shape[1]))
     for i, j in pairs:
-        gram[:, i, j] = gram[:, j, i] = _sums(basis[:, i] * basis[:, j], count, size, own=False)
+        both = basis[:, i] * basis[:, j]
+        summed = _sums(both, count, size, own=False) if known.whole else _correlation(both, known.own)
+        gram[:, i, j] = gram[:, j, i] = summed
     whole = np.sum(basis**2)
     needed = LEAST_OVERLAP * whole * min(1.0, count / size)
     held = (np.trace(gram, axis1=1, axis2=2) >= needed) & (energy >= LEAST_OVERLAP * energy.max())
@@ -168,12 +195,13 @@ def _refuse_chance(content: Prepared, left: float, chance: float) -> None:
     )
 
 
-def _scatter(columns: list[Floats], seen: Floats, lag: int) -> float:
+def _scatter(columns: list[Floats], seen: Floats, lag: int, known: _Known) -> float:
     """Standard deviation of the logarithm of what is left at a lag: sqrt(2 / its independent samples)."""
     first, last = max(lag, 0), min(len(columns[0]), len(seen) + lag)
     power = np.zeros((last - first) // 2 + 1)
-    for column, signal in zip(columns, seen[first - lag : last - lag].T, strict=True):
-        basis = column[first:last]
+    own, reference = known.own[first - lag : last - lag], known.reference[first:last]
+    for column, signal in zip(columns, (seen[first - lag : last - lag] * reference[:, None]).T, strict=True):
+        basis = column[first:last] * own[:, None]
         power += np.abs(np.fft.rfft(signal - basis @ np.linalg.lstsq(basis, signal, rcond=None)[0])) ** 2
     return float(np.sqrt(np.sum(power**2) / max(float(np.sum(power)) ** 2, 1e-300)))
 

@@ -83,7 +83,11 @@ class Prepared:
     @property
     def sound(self) -> Flags:
         """Own samples that no gap of the own record disturbs, (m,)."""
-        return ~self._disturbed(self.own_gaps, self.own.time)
+        return ~self.in_own_gap(self.own.time)
+
+    def in_own_gap(self, instants: Floats) -> Flags:
+        """Which instants (m,) of the own clock a gap of the own record disturbs."""
+        return self._disturbed(self.own_gaps, instants)
 
     def in_gap(self, instants: Floats) -> Flags:
         """Which instants (n,) of the reference's clock a gap of its record disturbs."""

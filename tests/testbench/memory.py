@@ -96,3 +96,17 @@ def with_values(run: MemoryRun, channel: str, values: np.ndarray) -> MemoryRun:
     group, index = run.find(channel)
     data = {**run.provenance["data"], f"{group.path}/{group.keys[index]}": values}
     return replace(run, provenance={"data": data})
+
+
+def without(run: MemoryRun, name: str, begin: float, end: float) -> MemoryRun:
+    """The same run whose group ``name`` lacks the samples from one instant to another of its clock [s]."""
+    group, time = run.group(name), run.time(name)
+    kept = (time < begin) | (time >= end)
+    data = dict(run.provenance["data"])
+    for key in group.keys:
+        data[f"{group.path}/{key}"] = data[f"{group.path}/{key}"][kept]
+    data[f"{group.path}/Time"] = time[kept]
+    channels, keys = (Channel("Time", "s"), *group.channels), ("Time", *group.keys)
+    cut = replace(group, channels=channels, keys=keys, clock=TimeColumn(0), samples=int(kept.sum()))
+    groups = tuple(cut if one.name == name else one for one in run.groups)
+    return replace(run, groups=groups, provenance={"data": data})

@@ -136,3 +136,15 @@ def test_a_gap_is_left_out():
         clock = found.map_of(group)
         late = clock.at_reference - true_instant(made, group, clock.at_own)
         assert abs(late) < min(1e-4, 2.0 * clock.half_width(clock.at_own))
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_gaps_do_not_hide_the_lag(moved, seed):
+    """A tenth of half a second's motion is lost: what is left still aligns, for a gap counts for neither side."""
+    run = memory.without(moved.run(seed), "controller", 0.45, 0.55)
+    found = align_run(run, moved.rig, scene_mechanism(run, moved.rig, None), drift=False)
+    assert not found.refused
+    for group in ("daq", "forces"):
+        clock = found.map_of(group)
+        late = float(clock.to_reference(np.array([clock.at_own]))[0]) - truth(moved, seed, group, clock.at_own)
+        assert abs(late) < 2.0 * clock.half_width(clock.at_own)

@@ -10,7 +10,6 @@ from balance.mechanism import Mechanism
 from testbench.errors import AnalysisError
 from testbench.motion.derivatives import Grid
 from testbench.motion.gaps import Gaps
-from testbench.recording import TimeColumn
 from testbench.trim.case import Case
 from testbench.trim.sound import Sound
 from testbench.trim.trials import without_gaps
@@ -54,12 +53,7 @@ def test_without_a_gap_nothing_changes():
 def test_trials_leave_a_run_with_a_gap_out():
     """By name; where no run is whole, they refuse."""
     runs = [memory.scene("x").run(k) for k in range(2)]
-    (group,) = [g for g in runs[0].groups if g.name == "controller"]
-    clock = np.r_[0.0:0.4:0.001, 0.5 : 0.5 + 0.001 * (group.samples - 400) - 1e-9 : 0.001]
-    data = {**runs[0].provenance["data"], f"{group.path}/{group.keys[0]}": clock}
-    timed = replace(group, clock=TimeColumn(0), channels=(replace(group.channels[0], unit="s"), *group.channels[1:]))
-    others = tuple(g for g in runs[0].groups if g.name != "controller")
-    cut = replace(runs[0], groups=(*others, timed), provenance={"data": data})
+    cut = memory.without(runs[0], "controller", 0.4, 0.5)
     model = Mechanism.load(memory.MANIPULATOR)
     case = Case([cut, runs[1]], [memory.scene("x").rig] * 2, model, conditions.find(model), [], None, {})
     kept, findings = without_gaps(case)
