@@ -34,7 +34,7 @@ _ERRORS = {
     "unknown_encoding": "The text is in no encoding that can be told.",
     "unknown_dialect": "Delimiter and decimal mark cannot be told.",
     "decimal_mark_changes": "Some numbers carry another decimal mark than the first lines.",
-    "ambiguous_number": "A number with two kinds of marks, or with marks that may be of thousands.",
+    "ambiguous_number": "A number in another notation than the first ones, or with marks that may be of thousands.",
     "ambiguous_date": "Dates in which day and month cannot be told apart; their times are left out if accepted.",
     "ragged_row": "A row with more or fewer fields than the header; its values are NaN if accepted.",
     "time_not_increasing": "Time that falls or stands still.",

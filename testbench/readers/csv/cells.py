@@ -12,12 +12,32 @@ from .parse import Form
 from .rows import SHOWN, Piece, listed, shown
 
 _KINDS = {
-    "decimal_mark_changes": "the decimal mark changes: the first lines have a decimal {mark}, and {n} numbers here "
-    "have the other one, the first is {first}",
-    "ambiguous_number": "marks that may be of thousands or of decimals in {n} numbers, the first is {first}; "
-    "export without marks of thousands",
-    "nul_bytes": "NUL bytes in {n} cells, as after a power failure of the logger, the first is {first}",
+    "decimal_mark_changes": (
+        "decimal_mark_changes",
+        "the decimal mark changes: the first lines have a decimal {mark}, and {n} numbers here have the other one, the "
+        "first is {first}",
+    ),
+    "thousands": (
+        "ambiguous_number",
+        "marks that may be of thousands or of decimals in {n} numbers, the first is {first}; export without marks of "
+        "thousands",
+    ),
+    "hexadecimal": (
+        "ambiguous_number",
+        "hexadecimal numbers without 0x, it seems, in {n} cells, the first is {first}: then those of digits alone are "
+        "read wrongly too; export decimal numbers, or write 0x before them",
+    ),
+    "notation": (
+        "ambiguous_number",
+        "numbers in another notation than those of the first lines, in {n} cells, the first is {first}; export all of "
+        "a column in one notation, without quotes, brackets or units beside the digits",
+    ),
+    "nul_bytes": (
+        "nul_bytes",
+        "NUL bytes in {n} cells, as after a power failure of the logger, the first is {first}",
+    ),
 }
+"""Contradictions, each with its code and message."""
 
 
 @dataclass
@@ -75,10 +95,13 @@ class CellFilter:
         if "\0" in token:
             self._note("nul_bytes", line, token)
         elif mark in (".", ",") and mark != self.form.dialect.decimal:
-            thousands = marks.may_be_thousands(token)
-            self._note("ambiguous_number" if thousands else "decimal_mark_changes", line, token)
+            self._note("thousands" if marks.may_be_thousands(token) else "decimal_mark_changes", line, token)
         elif marks.is_ambiguous(token):
-            self._note("ambiguous_number", line, token)
+            self._note("thousands", line, token)
+        elif marks.is_bare_hexadecimal(token):
+            self._note("hexadecimal", line, token)
+        elif mark is None and marks.is_dressed(token):
+            self._note("notation", line, token)
         self.by_channel.setdefault(column, _Places()).add(line, token)
         return None
 
@@ -99,10 +122,10 @@ class CellFilter:
     def report(self, report: Report) -> None:
         """Report what was found: once for each kind of contradiction, and once for each channel."""
         other = "comma" if self.form.dialect.decimal == "," else "point"
-        for kind, message in _KINDS.items():
+        for kind, (code, message) in _KINDS.items():
             if places := self.by_kind.get(kind):
                 text = message.format(n=places.total, first=shown(places.cells[0][1]), mark=other)
-                report(Finding(kind, None, _where(places), text))
+                report(Finding(code, None, _where(places), text))
         for column, places in sorted(self.by_channel.items()):
             seen = ", ".join(f"{shown(token)} in line {line}" for line, token in places.cells)
             more = ", ..." if places.total > len(places.cells) else ""

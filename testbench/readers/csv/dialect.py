@@ -20,13 +20,15 @@ class UnclearDialect(Exception):
 class Dialect:
     """Delimiter (``" "``: any run of blanks, ``""``: one column), decimal mark, quotes round numbers.
 
-    ``doubt`` holds a reason why the decimal mark may be another one.
+    ``doubt`` holds a reason why the decimal mark may be another one; ``mark_seen``: it stands in the first lines, or a
+    person said it.
     """
 
     delimiter: str
     decimal: str
     quoted: bool = False
     doubt: str = ""
+    mark_seen: bool = True
 
     def __str__(self) -> str:
         mark = "comma" if self.decimal == "," else "point"
@@ -76,10 +78,9 @@ def detect(lines: Sequence[str], delimiter: str | None = None, decimal: str | No
     quoted = any('"' in line and is_data(split(line, delimiter)) for line in lines)
     if decimal is not None:
         return Dialect(delimiter, decimal, quoted)
-    if delimiter == "," and not quoted:
-        return Dialect(delimiter, ".", quoted)
-    mark, doubt = _decimal(rows)
-    return Dialect(delimiter, mark, quoted, doubt)
+    mark, doubt = (".", "") if delimiter == "," and not quoted else _decimal(rows)
+    seen = any(marks.mark_of(cell) == mark for cells in rows for cell in cells)
+    return Dialect(delimiter, mark, quoted, doubt, seen)
 
 
 def _delimiter(lines: Sequence[str], decimal: str | None) -> str:

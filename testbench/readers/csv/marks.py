@@ -12,6 +12,11 @@ _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}", re.ASCII)
 MINUS = "\N{MINUS SIGN}"
 _FORTRAN = re.compile(r"([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+))[dD]([+-]?\d{1,3})", re.ASCII)
 _HEXADECIMAL = re.compile(r"0[xX][0-9a-fA-F]{1,13}", re.ASCII)
+_BARE_HEXADECIMAL = re.compile(r"(?=.*\d)(?=.*[A-Fa-f])(?![Ee]\d+$)(?:\d[\dA-Fa-f]{2,15}|[\dA-Fa-f]{4,16})", re.ASCII)
+_DRESSED = re.compile(
+    r"""[("']?\s*[+-]?\s*(?=[.,\d]*\d)[\d.,_]++(?:[eEdD][+-]?\d+|(?<=[.,\d]{3})[+-]\d{2,3})?\s?"""
+    r"""(?:[)"'-]|[%°]?[A-Za-zµ]{0,3})"""
+)
 _MISSING_WORDS = "nan +nan -nan inf +inf -inf infinity -infinity na n/a #n/a null none - -- --- ? *"
 _MISSING = frozenset(_MISSING_WORDS.split())
 
@@ -39,6 +44,21 @@ def is_ambiguous(cell: str) -> bool:
 def is_numberish(cell: str) -> bool:
     """Whether the cell has the look of a number, in whatever dialect."""
     return _LOOSE.fullmatch(usual(cell.strip())) is not None
+
+
+def is_word(cell: str) -> bool:
+    """Whether the cell begins with a letter, and stands for no number and no missing value."""
+    return cell.strip()[:1].isalpha() and not is_missing(cell) and not is_numberish(cell)
+
+
+def is_bare_hexadecimal(cell: str) -> bool:
+    """Whether the cell has digits and letters up to F, such as ``01C3``; ``E5`` and ``E005`` are codes of errors."""
+    return mark_of(cell) is None and _BARE_HEXADECIMAL.fullmatch(cell.strip()) is not None
+
+
+def is_dressed(cell: str) -> bool:
+    """Whether the cell is one number with signs beside it: ``"1.5"``, ``(1.5)``, ``1.5-``, ``1.5D+03``, ``1.5 k``."""
+    return usual(cell.strip()) != cell.strip() or _DRESSED.fullmatch(cell.strip()) is not None
 
 
 def usual(cell: str) -> str:

@@ -47,12 +47,14 @@ class Piece:
 class RowFilter:
     """Makes rows regular, and remembers which were not.
 
-    ``names`` is the header line, ``above`` the other lines that came before the data, all as plain text.
+    ``names`` is the header line, ``above`` the other lines that came before the data, all as plain text; ``time`` the
+    field of the clock.
     """
 
     form: Form
     names: bytes | None
     above: frozenset[bytes] = frozenset()
+    time: int | None = None
     places: dict[str, list[str]] = field(default_factory=dict)
     counts: Counter[str] = field(default_factory=Counter)
     firsts: dict[str, str] = field(default_factory=dict)
@@ -114,6 +116,12 @@ class RowFilter:
         cells = [cell.decode("latin-1") for cell in line.split(self.form.separator.encode())]
         if not any(marks.is_numberish(cell) or marks.is_missing(cell) for cell in cells):
             return "nul_bytes" if b"\0" in line else "text_row"
+        if (
+            self.time is not None
+            and marks.is_word(cells[0])
+            and marks.is_word("".join(cells[self.time : self.time + 1]))
+        ):
+            return "text_row"  # such as a mean under the data: Average;1.25
         return "" if fields == self.form.fields else "ragged_row"
 
     def _count(self, kind: str, line: int, text: bytes) -> None:

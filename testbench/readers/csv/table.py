@@ -12,6 +12,7 @@ from ...recording import Block, Group, Report, Samples, TimeColumn
 from ..ahead import in_order
 from .cells import CellFilter
 from .encoding import Encoding
+from .latemarks import LateMarks
 from .lines import Lines, count_lines, in_blocks
 from .parse import Form
 from .rows import Piece, RowFilter
@@ -38,11 +39,14 @@ class Table:
 
     def blocks(self, report: Report) -> Iterator[Block]:
         """The rows in blocks; what is odd in them is reported at the end."""
-        rows = RowFilter(self.form, self._plain(self.names), frozenset(filter(None, map(self._plain, self.above))))
+        above = frozenset(filter(None, map(self._plain, self.above)))
+        rows = RowFilter(self.form, self._plain(self.names), above, self._field_of_time())
         cells = CellFilter(self.form, self._field_names(), self.encoding.name)
+        points = LateMarks(self.form, self.kept)
         group, start = self.group, 0
         for piece in self._pieces(rows, report):
             columns = self._columns(piece, cells)
+            points.look(piece)
             if piece.header_line:
                 group, start = self._next(group), 0
                 report(self._repeated(group, piece.header_line, columns))
@@ -50,6 +54,7 @@ class Table:
             start += len(columns[0])
         rows.report(report)
         cells.report(report)
+        points.report(report)
 
     def _pieces(self, rows: RowFilter, report: Report) -> Iterator[Piece]:
         """Regular rows: as they stand where the whole block parses to finite numbers, else made regular."""
@@ -99,6 +104,10 @@ class Table:
         time = f"; time starts again at {columns[self.kept[clock.index]][0]:g}" if isinstance(clock, TimeColumn) else ""
         message = f"the header comes again{time}; what follows is kept as a recording of its own, {group.name!r}"
         return Finding("repeated_header", None, f"line {line}", message)
+
+    def _field_of_time(self) -> int | None:
+        clock = self.group.clock
+        return self.kept[clock.index] if isinstance(clock, TimeColumn) else None
 
     def _field_names(self) -> tuple[str, ...]:
         names = [f"col{i}" for i in range(self.form.fields)]

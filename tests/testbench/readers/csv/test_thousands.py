@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from testbench.readers import ReadOptions
+
 from .. import reading
 
 VALUES = [-12345.5, -999.25, 0.0, 7.75, 999.5, 1000.0, 1234.5, 12345.75, 1234567.25] * 4
@@ -59,3 +61,35 @@ def test_a_number_grouped_otherwise_far_below_is_refused(tmp_path):
     found = reading.read(path)
     assert np.isnan(found.column("F (N)")[-1])
     assert next(f.where for f in found.findings if f.code == "ambiguous_number") == "line 722"
+
+
+def growing(path, late, delimiter=";"):
+    """A log whose numbers are whole in its first 500 rows; the texts of the last ones are ``late``."""
+    rows = [str(500 + i) for i in range(500)] + late
+    path.write_text(f"n{delimiter}F (N)\n" + "".join(f"{i}{delimiter}{text}\n" for i, text in enumerate(rows)))
+    return reading.read(path)
+
+
+def test_whole_numbers_that_grow_past_999_are_in_doubt(tmp_path):
+    """1.000 below whole numbers may be one or a thousand: an error with its line, at every delimiter."""
+    for delimiter in ";\t,":
+        found = growing(tmp_path / "log.csv", ["1.000", "1.001"], delimiter)
+        (finding,) = [f for f in found.findings if f.severity == 2]
+        assert (finding.code, finding.where) == ("ambiguous_number", "lines 502, 503")
+        assert "'1.000'" in str(finding.message)
+
+
+@pytest.mark.parametrize("late", [["1.000", "0.5"], ["1.000", "1000.5"], ["0.125"], ["1000"]])
+def test_a_number_that_is_no_thousand_settles_the_point(tmp_path, late):
+    """Below whole numbers too, one number such as 0.5 tells that the point is of decimals."""
+    found = growing(tmp_path / "log.csv", late)
+    assert not [f for f in found.findings if f.severity == 2]
+    assert found.column("F (N)")[500:].tolist() == [float(text) for text in late]
+
+
+def test_a_stated_mark_leaves_no_doubt(tmp_path):
+    """Who says --decimal point gets 1.000 as one."""
+    growing(tmp_path / "log.csv", ["1.000"])
+    found = reading.read(tmp_path / "log.csv", ReadOptions(decimal="."))
+    assert found.column("F (N)")[-1] == 1.0
+    assert not [f for f in found.findings if f.severity == 2]
