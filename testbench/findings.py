@@ -66,6 +66,7 @@ _WARNINGS = {
     "time_irregular": "Steps of time too scattered for a sampling rate.",
     "event_times": "A column of times alone: events, such as edges, and no sampled signal.",
     "no_clock": "Neither a time column nor a declared rate.",
+    "rate_doubtful": "Times in few digits, taken as rounded: samples lost as evenly would look the same.",
     "rate_contradiction": "The rate in the header and the steps of the time column differ.",
     "clipping": "Samples at the limit of the sensor's range.",
     "clipping_suspected": "Flat tops at the largest or smallest value, as a saturated sensor leaves them.",

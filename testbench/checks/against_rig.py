@@ -7,7 +7,7 @@ from .. import units
 from ..findings import Finding
 from ..recording import Channel, Recording, SensorRange
 from .groups import GroupCheck
-from .times import RATE_TOLERANCE
+from .sampling import RATE_TOLERANCE
 
 if TYPE_CHECKING:
     from ..rig import Column, Rig

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..recording import Block, Samples
+from .stretches import Stretches
 
 SHOWN = 10
 """How many places a finding lists."""
@@ -72,6 +73,16 @@ class Steps:
             return None
         return len(firsts), float(values @ counts / counts.sum())
 
+    def gathered(self, width: float) -> tuple[Samples, NDArray[np.int64]]:
+        """The steps above 0, neighbours no further apart than ``width`` as one: their means, and how many each is."""
+        self._merge()
+        values, counts = self.values[self.values > 0], self.counts[self.values > 0]
+        firsts = np.flatnonzero(np.diff(values, prepend=-math.inf) > width)
+        if not len(firsts):
+            return values, counts
+        many = np.add.reduceat(counts, firsts)
+        return np.add.reduceat(values * counts, firsts) / many, many
+
     def above(self, limit: float) -> int:
         """How many steps are longer than ``limit``."""
         self._merge()
@@ -96,6 +107,7 @@ class ClockStats:
     falls: list[tuple[str, float]] = field(default_factory=list)
     longest: list[tuple[float, str]] = field(default_factory=list)
     steps: Steps = field(default_factory=Steps)
+    stretches: Stretches = field(default_factory=Stretches)
 
     def update(self, block: Block, times: Samples, all_finite: bool = False) -> None:
         """Take in the times of the next block, of which it may be known that all are finite."""
@@ -117,6 +129,7 @@ class ClockStats:
 
     def _take(self, block: Block, steps: Samples, index: range | NDArray[np.int64]) -> None:
         self.steps.add(steps)
+        self.stretches.add(steps)
         smallest, largest = float(steps.min()), float(steps.max())
         self.dt_min, self.dt_max = min(self.dt_min, smallest), max(self.dt_max, largest)
         if smallest <= 0:

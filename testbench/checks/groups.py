@@ -60,16 +60,15 @@ class GroupCheck:
         """The sampling rate [Hz]: declared, or that of the steps; None if there is none."""
         if isinstance(self.group.clock, UniformClock):
             return self.group.clock.rate_hz
-        return None if self.group.clock is None else times.rate_hz(self.group, self.clock)
+        return None if self.group.clock is None else times.rate_hz(self.group, self.clock, self.stated_rate_hz)
 
     @property
     def rate_source(self) -> str | None:
         """Where the rate comes from."""
-        if self.rate_hz is None:
-            return None
-        if isinstance(self.group.clock, UniformClock):
-            return "declared"
-        return "median_step" if times.rounded_step(self.clock) is None else "mean_step"
+        if isinstance(self.group.clock, TimeColumn):
+            found = times.of(self.group, self.clock, self.stated_rate_hz)
+            return None if found is None else found.source
+        return None if self.rate_hz is None else "declared"
 
     def findings(self) -> list[Finding]:
         """What the data of the group show."""

@@ -4,50 +4,39 @@ import math
 
 from ..findings import Finding
 from ..recording import Group, TimeColumn
+from . import coarse, sampling
 from .clock import ClockStats
+from .sampling import GAP, RATE_TOLERANCE, Sampling
 
-GAP = 1.5
-"""A step longer than this many medians is a gap."""
-IRREGULAR = 0.1
-"""Steps whose middle half spreads over more than this share of the median are those of no sampled signal."""
-_PLACES = 5
-"""Steps of rounded times lie in so few places: two, more where they were rounded twice."""
-_NEIGHBOURS, _COARSE = 8, 2.0**-16
-"""Width of such a place: floating-point numbers beside the times, or the share of a step to which steps are known."""
-_MANY = 0.05
-"""Share of all steps above which gaps may be no gaps at all."""
-_MATTERS = 1e-4
-"""Mean and median step that differ by less than this share are not told apart."""
 _SAME_RATE = 1e-6
 """Rates that differ by less than this share of them are one."""
-RATE_TOLERANCE = 0.005
-"""A header's rate and 1 / median step may differ by this share: rates are often printed in three digits."""
 
 
-def rate_hz(group: Group, clock: ClockStats) -> float | None:
+def of(group: Group, clock: ClockStats, stated_rate_hz: float | None) -> Sampling | None:
+    """The sampling that the times show; None where they are no times of a sampled signal, or in no unit of time."""
+    assert isinstance(group.clock, TimeColumn)
+    factor = group.clock.seconds_per_unit
+    if len(group.channels) == 1 or factor is None:
+        return None
+    found = sampling.of(clock, _stated_step(group, stated_rate_hz))
+    return found if found.is_steady else None
+
+
+def rate_hz(group: Group, clock: ClockStats, stated_rate_hz: float | None) -> float | None:
     """1 / median step [Hz], where the steps are those of a sampled signal in a unit of time.
 
     Where the times are rounded so that the median is none of a sample, 1 / mean step.
     """
-    median = clock.steps.quantile(0.5)
-    if len(group.channels) == 1 or not median > 0 or _spread(clock) > IRREGULAR:
-        return None
+    assert isinstance(group.clock, TimeColumn)
+    found, factor = of(group, clock, stated_rate_hz), group.clock.seconds_per_unit
+    return None if found is None or factor is None else 1.0 / (found.step * factor)
+
+
+def _stated_step(group: Group, stated_rate_hz: float | None) -> float | None:
+    """The step of the header's rate, in the unit of the times."""
     assert isinstance(group.clock, TimeColumn)
     factor = group.clock.seconds_per_unit
-    return None if factor is None else 1.0 / ((rounded_step(clock) or median) * factor)
-
-
-def rounded_step(clock: ClockStats) -> float | None:
-    """The mean step where the times are rounded and their median step shows that, in the unit of the times.
-
-    2048 samples a second with times in four decimals have steps of 0.0004 and 0.0005: their median is that of 2000.
-    """
-    median = clock.steps.quantile(0.5)
-    width = max(_NEIGHBOURS * math.ulp(max(abs(clock.first), abs(clock.last))), _COARSE * median)
-    found = clock.steps.places(median / 2.0, GAP * median, width)
-    if found is None or found[0] > _PLACES or abs(found[1] / median - 1.0) <= _MATTERS:
-        return None
-    return found[1]
+    return 1.0 / (stated_rate_hz * factor) if stated_rate_hz and factor else None
 
 
 def seconds(group: Group, clock: ClockStats) -> dict[str, float | int | None]:
@@ -93,54 +82,63 @@ def _not_increasing(name: str, unit: str, clock: ClockStats) -> Finding:
 
 def _steps(group: Group, clock: ClockStats, name: str, unit: str, stated: float | None) -> list[Finding]:
     """Findings about the lengths of the steps."""
-    median, spread = clock.steps.quantile(0.5), _spread(clock)
     if len(group.channels) == 1:
         message = "the only column of numbers is one of times: events such as edges, no signal; there is no rate"
         return [Finding("event_times", name, None, message)]
-    if not median > 0:
+    shown, median = sampling.of(clock, _stated_step(group, stated)), clock.steps.quantile(0.5)
+    if not shown.step > 0:
         return []
-    if spread > IRREGULAR:
-        message = f"the middle half of the steps spreads over {spread:.0%} of their median {median:g} {unit}: no rate"
-        return [Finding("time_irregular", name, None, message)]
-    found = []
-    if gaps := clock.steps.above(GAP * median):
-        longest = sorted((step, where) for step, where in clock.longest if step > GAP * median)[::-1]
-        shown = ", ".join(f"{step:.6g} {unit} before {where}" for step, where in longest)
-        message = f"steps longer than {GAP:g} times the median {median:.6g} {unit}: {gaps} ({shown})"
-        if gaps > _MANY * clock.steps.above(0.0):
-            message += "; so many are samples lost all over, or times in too few digits: then the rate is wrong too"
-        found.append(Finding("time_gap", name, ", ".join(where for _, where in longest), message))
-    if (jitter := clock.steps.quantile(0.95) - clock.steps.quantile(0.05)) > 0.01 * median:
+    if not shown.is_steady:
+        share = f"{shown.spread:.0%} of their median {median:g} {unit}"
+        return [Finding("time_irregular", name, None, f"the middle half of the steps spreads over {share}: no rate")]
+    found = _gaps(clock, shown, name, unit)
+    jitter = clock.steps.quantile(0.95) - clock.steps.quantile(0.05)
+    if jitter > 0.01 * median and not coarse.is_cause(shown):
         message = f"nine steps in ten lie within {jitter / median:.1%} of the median {median:.6g} {unit}"
         found.append(Finding("time_jitter", name, None, message))
-    rate = rate_hz(group, clock)
-    if rate and not stated and (step := rounded_step(clock)) is not None:
+    rate = rate_hz(group, clock, stated)
+    if rate and shown.rounded and not shown.settled:
+        found.append(Finding("rate_doubtful", name, None, coarse.doubt(shown, rate, unit)))
+    elif rate and shown.rounded and not stated:
         message = (
             f"the times are rounded: steps of {clock.dt_min:.6g} to {clock.dt_max:.6g} {unit}, by whose median of "
-            f"{median:.6g} {unit} the rate would be {rate * step / median:.6g} Hz; it is {rate:.6g} Hz by their mean"
+            f"{median:.6g} {unit} the rate would be {rate * shown.step / median:.6g} Hz; "
+            f"it is {rate:.6g} Hz by their mean"
         )
         found.append(Finding("rate_rounded", name, None, message))
-    return found + _against_stated(name, clock, rate, stated)
+    return found + _against_stated(clock, shown, name, rate, stated)
 
 
-def _against_stated(name: str, clock: ClockStats, rate: float | None, stated: float | None) -> list[Finding]:
+def _gaps(clock: ClockStats, shown: Sampling, name: str, unit: str) -> list[Finding]:
+    """Steps that are longer than those of samples, and where samples may be missing besides."""
+    parts, places = [], None
+    if gaps := clock.steps.above(shown.longest):
+        longest = sorted((step, where) for step, where in clock.longest if step > shown.longest)[::-1]
+        listed = ", ".join(f"{step:.6g} {unit} before {where}" for step, where in longest)
+        limit = f"{shown.longest:.6g} {unit}, a sample taking {shown.step:.6g} {unit} on average"
+        if not coarse.is_cause(shown):
+            limit = f"{GAP:g} times the median {clock.steps.quantile(0.5):.6g} {unit}"
+        parts.append(f"steps longer than {limit}: {gaps} ({listed})")
+        places = ", ".join(where for _, where in longest)
+    if text := coarse.about_gaps(shown, gaps, clock.steps.above(0.0), unit):
+        parts.append(text)
+    return [Finding("time_gap", name, places, "; ".join(parts))] if parts else []
+
+
+def _against_stated(
+    clock: ClockStats, shown: Sampling, name: str, rate: float | None, stated: float | None
+) -> list[Finding]:
     """A header's rate that the steps contradict, or that drifts from the times by more than they are rounded."""
     if not rate or not stated:
         return []
     if abs(rate / stated - 1) > RATE_TOLERANCE:
         message = f"the header states {stated:g} Hz, the steps of time give {rate:.6g} Hz"
         return [Finding("rate_contradiction", name, None, message)]
-    median, span = clock.steps.quantile(0.5), clock.last - clock.first
-    if clock.dt_max > GAP * median or clock.non_increasing:
+    span = clock.last - clock.first
+    if clock.dt_max > shown.longest or clock.non_increasing:
         return []
-    mean = rate * (rounded_step(clock) or median) * clock.steps.above(0.0) / span
+    mean = rate * shown.step * clock.steps.above(0.0) / span
     if abs(mean / stated - 1) <= max(_SAME_RATE, (clock.dt_max - clock.dt_min) / span):
         return []
     message = f"the header states {stated:.10g} Hz, the times give {mean:.10g} Hz on average; the times are taken"
     return [Finding("rate_rounded", name, None, message)]
-
-
-def _spread(clock: ClockStats) -> float:
-    """Spread of the middle half of the steps, as a share of their median."""
-    median = clock.steps.quantile(0.5)
-    return (clock.steps.quantile(0.75) - clock.steps.quantile(0.25)) / median if median > 0 else 0.0

@@ -75,13 +75,6 @@ def test_the_rate_of_rounded_times(rate, decimals, first):
     assert "time_gap" in findings
 
 
-@pytest.mark.parametrize(("rate", "doubt"), [(833, True), (999, False)])
-def test_times_too_coarse_for_their_rate(rate, doubt):
-    """Milliseconds at 833 Hz: every fifth step is of two; whether that is loss cannot be told, and is said."""
-    _, findings = checked(np.round(np.arange(20_000) / rate, 3))
-    assert ("times in too few digits" in findings["time_gap"].message) == doubt
-
-
 def test_the_rate_of_times_rounded_to_floating_point():
     """Seconds since 1970 at 51.2 kHz: neighbours of float64 are a hundredth of a step apart."""
     group, _ = checked(1.7e9 + np.arange(20_000) / 51_200)
