@@ -23,7 +23,8 @@ _FROM = "recovered_from"
 
 def recover(campaign: Path) -> list[Recovery]:
     """Finish or save everything that stopped ingests left in ``campaign``."""
-    found = [left.recover(save) for left in leftover.leftovers(existing(campaign))]
+    outcomes = [left.recover(save) for left in leftover.leftovers(existing(campaign))]
+    found = [outcome for outcome in outcomes if outcome is not None]
     for path in leftover.orphans(campaign):
         if leftover.is_digest(path):
             path.unlink(missing_ok=True)  # the run beside it has been taken care of

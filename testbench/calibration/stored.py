@@ -38,7 +38,7 @@ def write(campaign: Path, runs: Sequence[Path], sensor: str, calibration: Calibr
 
 def read(campaign: Path) -> tuple[Stored, ...]:
     """The calibrations of a campaign, oldest first. Raises StoreError, naming the file, for one that is damaged."""
-    return _read(campaign.resolve(), _state(campaign)) if (campaign / records.FOLDER).is_dir() else ()
+    return _read(campaign.resolve(), _state(campaign)) if (campaign / records.FOLDER).exists() else ()
 
 
 def newest(run: Path, sensor: str) -> Stored | None:

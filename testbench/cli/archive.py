@@ -40,6 +40,8 @@ def archive(stored: tuple[Path, ...], output: Path, as_json: bool) -> int:
     from ..store import records
 
     runs, unopened = stored_runs.each(stored)
+    for folder in dict.fromkeys(run.path.parent for run in runs):
+        records.read(folder)  # an archive without its records would be calibrated otherwise: none is made then
     done, refused = _archived(runs, output)
     refused = [*(one.as_dict() for one in unopened), *refused]
     for folder in dict.fromkeys(run.path.parent for run in runs):

@@ -29,7 +29,7 @@ def verify(campaign: Path, as_json: bool) -> int:
     from ..store import open_campaign
 
     opened = open_campaign(campaign)
-    with progress("verifying", sum(path.stat().st_size for path in opened.run_paths)) as done:
+    with progress("verifying", sum(path.stat().st_size for path in opened.run_paths if path.is_file())) as done:
         files = [*opened.verify(done), *_records(campaign)]
     if as_json:
         emit_json({"campaign": campaign.resolve().name, "files": [file.as_dict() for file in files]})
@@ -43,16 +43,17 @@ def verify(campaign: Path, as_json: bool) -> int:
 
 
 def _records(campaign: Path) -> "list[FileState]":
-    """The records that cannot be used: analyses refuse them as well."""
+    """The records that cannot be used, which analyses refuse as well; and the files that no analysis looks at."""
     from ..calibration import stored
     from ..errors import StoreError
     from ..store import records
     from ..store.campaign import FileState
 
-    if found := records.damaged(campaign):
-        return [FileState(f"{records.FOLDER}/{name}", "damaged", message) for name, message in found.items()]
     try:
+        if found := records.damaged(campaign):
+            return [FileState(f"{records.FOLDER}/{name}", "damaged", message) for name, message in found.items()]
         stored.read(campaign)
     except StoreError as error:
         return [FileState(records.FOLDER, "damaged", str(error))]
-    return []
+    message = "no record by its name: nobody reads it; what it says does not hold"
+    return [FileState(f"{records.FOLDER}/{name}", "extra", message) for name in records.others(campaign)]

@@ -1,6 +1,7 @@
 """A group of a run as columns of a table: time first where the clock is a rate, else as recorded."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -40,16 +41,23 @@ def columns(run: Run, group: str) -> list[Column]:
     return found
 
 
-def unique(headers: list[str]) -> list[str]:
-    """Headers made different by a number where several are the same."""
-    taken: list[str] = []
+def unique(headers: Sequence[str], longest: int | None = None) -> list[str]:
+    """Headers of no more than ``longest`` characters, made different by a number where several are the same."""
+    taken: dict[str, None] = {}
     for header in headers:
-        name, n = header, 1
+        name, n = header[:longest], 1
         while name in taken:
             n += 1
-            name = f"{header}_{n}"
-        taken.append(name)
-    return taken
+            end = f"_{n}"
+            name = (header if longest is None else header[: longest - len(end)]) + end
+        taken[name] = None
+    return list(taken)
+
+
+def unlisted_findings(run: Run, form: str) -> list[str]:
+    """What a form without room for findings loses of a run."""
+    count = sum(finding.severity > 0 for finding in run.findings)
+    return [f"{count} findings about run {run.name!r}: not in {form}; parquet and mat hold them"] if count else []
 
 
 def provenance(run: Run) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from ..recording import UniformClock
 from ..store import Run
-from .columns import columns, line, provenance
+from .columns import columns, line, provenance, unlisted_findings
 
 _AT_ONCE = 1 << 17
 
@@ -28,4 +28,4 @@ def write(run: Run, groups: list[str], target: Path) -> list[str]:
     table = polars.DataFrame({str(i): column.values for i, column in enumerate(found)})
     with target.open("ab") as stream:
         table.write_csv(stream, include_header=False, batch_size=_AT_ONCE)
-    return []
+    return unlisted_findings(run, "CSV")

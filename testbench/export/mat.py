@@ -7,37 +7,36 @@ import numpy as np
 
 from ..errors import StoreError
 from ..store import Run
-from .columns import columns, line, provenance
+from .columns import columns, line, provenance, unique
 
 LARGEST = 2**31 - 1
-"""Bytes that an array of level 5 may have."""
+"""Bytes that a variable of level 5 may have: here a struct with all channels of a group."""
+LONGEST = 63
+"""Characters that MATLAB takes in a name."""
 
 
 def write(run: Run, groups: list[str], target: Path) -> list[str]:
     """Write all groups; each channel is a field of its HDF5 name with ``name``, ``unit`` and ``data``."""
     from scipy.io import savemat
 
+    names = unique([f"group_{run.group(name).path.rpartition('/')[2]}" for name in groups], LONGEST)
     content: dict[str, Any] = {"counterpoise": line(provenance(run))}
-    for name in groups:
-        group = run.group(name)
-        if group.samples * 8 > LARGEST:
-            raise StoreError(f"{run.path.name}: {group.samples} samples are more than a MAT file holds; use parquet")
-        keys = ["time_s" if column.index is None else group.keys[column.index] for column in columns(run, name)]
-        content["group_" + group.path.rpartition("/")[2]] = {
-            "name": name,
-            **{
-                "channel_" + key: {
-                    "name": c.channel.name,
-                    "unit": c.channel.unit or "",
-                    "data": c.values[:, np.newaxis],
-                }
-                for key, c in zip(keys, columns(run, name), strict=True)
-            },
-        }
-    savemat(str(target), _short(content), appendmat=False, long_field_names=True)
+    content |= {name: _struct(run, group) for name, group in zip(names, groups, strict=True)}
+    savemat(str(target), content, appendmat=False, long_field_names=True)
     return []
 
 
-def _short(content: dict[str, Any]) -> dict[str, Any]:
-    """Names of no more than the 63 characters that MATLAB takes."""
-    return {key[:63]: _short(value) if isinstance(value, dict) else value for key, value in content.items()}
+def _struct(run: Run, name: str) -> dict[str, Any]:
+    """A group; no two channels have one field, however long their names are."""
+    group, found = run.group(name), columns(run, name)
+    if (size := 8 * group.samples * len(found)) > LARGEST:
+        raise StoreError(
+            f"{run.path.name}: group {name!r} has {size} bytes of samples, a variable of a MAT file no more than "
+            f"{LARGEST}; use parquet"
+        )
+    keys = ["time_s" if column.index is None else group.keys[column.index] for column in found]
+    fields = {
+        key: {"name": column.channel.name, "unit": column.channel.unit or "", "data": column.values[:, np.newaxis]}
+        for key, column in zip(unique([f"channel_{key}" for key in keys], LONGEST), found, strict=True)
+    }
+    return {"name": name, **fields}

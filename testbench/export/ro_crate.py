@@ -6,19 +6,21 @@ https://www.researchobject.org/ro-crate/specification/1.1/
 import json
 import shutil
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from ..errors import StoreError
 from ..recordings import registry
-from ..store import Campaign, Run, digest
+from ..store import Campaign, Run, digest, records
 from .target import Exported
 
 NAME = "ro-crate-metadata.json"
 SPECIFICATION = "https://w3id.org/ro/crate/1.1"
+HDF5 = "https://www.nationalarchives.gov.uk/PRONOM/fmt/807"
 _UNSTATED = "No licence is stated: all rights stay with the owner of the recording; ask before using it."
 
 
@@ -27,25 +29,32 @@ def write(campaign: Campaign, runs: Sequence[Run], folder: Path, licence: str | 
     target = folder / NAME
     if target.exists():
         raise StoreError(f"{target}: is there already; nothing is overwritten, name another folder")
-    text = json.dumps(document(campaign.path.resolve().name, runs, licence), indent=1, ensure_ascii=False)
+    later = _records(campaign, runs)
+    text = json.dumps(document(campaign.path.resolve().name, runs, licence, later), indent=1, ensure_ascii=False)
     with _whole_or_not(folder) as made:
         if folder.resolve() != campaign.path.resolve():
             for run in runs:
                 _copy(run.path, folder, made)
+            copies = [folder / records.FOLDER / record.name for record in later]
+            made += [path for path in copies if not path.exists()]
+            records.copy(campaign.path, folder, {path.name for path in copies})
         part = folder / f".{NAME}.new"
         made.append(part)
         part.write_text(text + "\n", encoding="utf-8")
         part.rename(target)
-    without = [run.name for run in runs if licence is None and not _known_licences(run)]
+    without = [run.name for run in runs if _UNSTATED in _licences(run, licence)]
     losses = (f"no licence is stated for {', '.join(without)}: say --licence",) if without else ()
     return Exported(target, losses)
 
 
-def document(name: str, runs: Sequence[Run], licence: str | None) -> dict[str, Any]:
-    """The description as JSON-LD."""
+def document(
+    name: str, runs: Sequence[Run], licence: str | None, later: Sequence[records.Record] = ()
+) -> dict[str, Any]:
+    """The description of ``runs`` and the ``later`` records about them as JSON-LD."""
     now = datetime.now(UTC).isoformat(timespec="seconds")
     parts = [node for run in runs for node in _run(run, licence)]
-    licences = {text: _licence(text) for node in parts for text in _texts(node)}
+    parts += [_record(record, runs) for record in later]
+    licences = dict.fromkeys(text for run in runs for text in (licence or _UNSTATED, *_licences(run, licence)))
     simulated = any(run.origin == "simulated" for run in runs)
     root: dict[str, Any] = {
         "@id": "./",
@@ -70,26 +79,30 @@ def document(name: str, runs: Sequence[Run], licence: str | None) -> dict[str, A
         "name": "counterpoise",
         "version": version("counterpoise"),
     }
-    known = {text: _licence(text) for text in (licence or _UNSTATED,)} | licences
-    graph = [metadata, root, *parts, software, *known.values()]
+    form = {"@id": HDF5, "@type": "WebSite", "name": "Hierarchical Data Format 5"}
+    graph = [metadata, root, *parts, software, form, *map(_licence, licences)]
     return {"@context": f"{SPECIFICATION}/context", "@graph": list({node["@id"]: node for node in graph}.values())}
 
 
 def _run(run: Run, licence: str | None) -> list[dict[str, Any]]:
     """A run, its digest, and the logs that it was made of, which are not in the crate."""
     logs = [_log(source) for source in run.provenance["sources"]]
-    known = _known_licences(run) or [licence or _UNSTATED]
-    conditions = [
-        {"@type": "PropertyValue", "name": key, "value": value if isinstance(value, str | int | float) else str(value)}
+    known = _licences(run, licence)
+    properties = [
+        {
+            "@id": f"#{_uri(run.name)}-{key}",
+            "@type": "PropertyValue",
+            "name": key,
+            "value": value if isinstance(value, str | int | float) else json.dumps(value, ensure_ascii=False),
+        }
         for key, value in {"origin": run.origin, **run.conditions}.items()
     ]
-    properties = [{**value, "@id": f"#{run.path.stem}-{value['name']}"} for value in conditions]
     node = {
-        "@id": run.path.name,
+        "@id": _uri(run.path.name),
         "@type": "File",
         "name": run.name,
         "description": f"origin: {run.origin}",
-        "encodingFormat": ["application/x-hdf5", {"@id": "https://www.nationalarchives.gov.uk/PRONOM/fmt/807"}],
+        "encodingFormat": ["application/x-hdf5", {"@id": HDF5}],
         "contentSize": str(run.path.stat().st_size),
         "sha256": digest.recorded(run.path),
         "dateCreated": run.provenance.get("written", ""),
@@ -99,14 +112,37 @@ def _run(run: Run, licence: str | None) -> list[dict[str, Any]]:
         "creator": {"@id": "#counterpoise"},
     }
     name = digest.beside(run.path).name
-    beside = {"@id": name, "@type": "File", "name": name, "encodingFormat": "text/plain"}
+    beside = {"@id": _uri(name), "@type": "File", "name": name, "encodingFormat": "text/plain"}
     return [node, beside, *logs, *properties]
+
+
+def _records(campaign: Campaign, runs: Sequence[Run]) -> list[records.Record]:
+    """The later records about ``runs``: without them, a calibration that was corrected would be wrong again."""
+    names = {run.path.name for run in runs}
+    return [record for record in records.read(campaign.path) if names & record.runs.keys()]
+
+
+def _record(record: records.Record, runs: Sequence[Run]) -> dict[str, Any]:
+    return {
+        "@id": _uri(f"{records.FOLDER}/{record.name}"),
+        "@type": "File",
+        "name": record.name,
+        "description": f"{record.kind}, recorded later about runs, which never change",
+        "encodingFormat": "application/json",
+        "dateCreated": record.written,
+        "about": [{"@id": _uri(run.path.name)} for run in runs if run.path.name in record.runs],
+    }
+
+
+def _uri(name: str) -> str:
+    """A name as JSON-LD refers to it: signs that mean something in a URI are escaped, letters of any script are not."""
+    return "".join(quote(c, safe="/+()@,=~") if c.isascii() else c for c in name)
 
 
 def _log(source: dict[str, Any]) -> dict[str, Any]:
     recording = _recordings().get(source.get("sha256", ""))
     node: dict[str, Any] = {
-        "@id": f"#log-{source.get('sha256') or source['name']}",
+        "@id": f"#log-{source.get('sha256') or _uri(source['name'])}",
         "@type": "CreativeWork",
         "name": source["name"],
         "description": f"the log as it was recorded, {source.get('size_bytes')} bytes; not in this crate",
@@ -119,11 +155,12 @@ def _recordings() -> dict[str, Any]:
     return {recording.sha256: recording for recording in registry().values()}
 
 
-def _known_licences(run: Run) -> list[str]:
-    """Licences of the public recordings that a run was made of."""
-    known = _recordings()
-    found = [known[s["sha256"]].licence for s in run.provenance["sources"] if s.get("sha256") in known]
-    return list(dict.fromkeys(found))
+def _licences(run: Run, licence: str | None) -> list[str]:
+    """Licences of what a run was made of: of public recordings their own, of any other log ``licence``."""
+    known, other = _recordings(), licence or _UNSTATED
+    digests = [source.get("sha256") for source in run.provenance["sources"]]
+    found = [known[sha256].licence if sha256 in known else other for sha256 in digests]
+    return list(dict.fromkeys(found)) or [other]
 
 
 def _reference(licence: str) -> dict[str, str]:
@@ -131,21 +168,17 @@ def _reference(licence: str) -> dict[str, str]:
 
 
 def _identity(licence: str) -> str:
+    """What a licence is called: its address, that of its SPDX name, else a name in this file for what was said."""
     if licence.startswith(("http://", "https://")):
         return licence
-    short = all(c.isalnum() or c in "-.+" for c in licence)
-    return f"https://spdx.org/licenses/{licence}" if short else "#licence-unstated"
+    if licence == _UNSTATED:
+        return "#licence-unstated"
+    short = licence.isascii() and all(c.isalnum() or c in "-.+" for c in licence)
+    return f"https://spdx.org/licenses/{licence}" if short else f"#licence-{_uri(licence)}"
 
 
 def _licence(licence: str) -> dict[str, Any]:
     return {"@id": _identity(licence), "@type": "CreativeWork", "name": licence, "description": licence}
-
-
-def _texts(node: dict[str, Any]) -> list[str]:
-    """The licences that a node refers to, as they are written."""
-    given = node.get("license", [])
-    identities = [one["@id"] for one in (given if isinstance(given, list) else [given])]
-    return [_UNSTATED if i == "#licence-unstated" else i.removeprefix("https://spdx.org/licenses/") for i in identities]
 
 
 @contextmanager
@@ -159,8 +192,9 @@ def _whole_or_not(folder: Path) -> Iterator[list[Path]]:
     except BaseException as error:
         for path in made:
             path.unlink(missing_ok=True)
-        if is_new and folder.is_dir():
-            folder.rmdir()
+        for made_folder in (folder / records.FOLDER, folder) if is_new else ():
+            with suppress(OSError):  # it was not made yet
+                made_folder.rmdir()
         if isinstance(error, OSError):
             reason = error.strerror or error
             raise StoreError(f"{folder}: the crate cannot be written ({reason}); nothing of it is left") from error

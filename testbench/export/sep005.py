@@ -1,31 +1,48 @@
 """SEP005 of the SDyPy project: time series as Python objects.
 
 The proposal defines dictionaries in memory and no file; so do we.
+https://github.com/sdypy/sdypy/blob/main/docs/seps/sep-0005.rst
 """
 
+from collections import Counter
 from typing import Any
 
 from ..recording import UniformClock
 from ..store import Run
-from .columns import columns
+from .columns import Column, columns, unique
 
 
 def sep005(run: Run) -> list[dict[str, Any]]:
     """The channels of a run: ``data`` (n,), ``name``, ``unit_str``, and ``fs`` [Hz] or ``time`` (n,) [s].
 
-    A channel without a unit has an empty ``unit_str``; groups without any clock are left out, for SEP005 needs one.
+    Names are unique, as SEP005 wants them: that of the group goes before where several channels have one name. A
+    uniform clock that does not begin at zero gives both ``fs`` and ``time``. A channel without a unit has an empty
+    ``unit_str``; groups without any clock are left out, for SEP005 needs one.
     """
-    series = []
+    found: list[Column] = []
+    when: dict[str, dict[str, Any]] = {}
     for group in run.groups:
         clock = group.clock
         if clock is None or getattr(clock, "seconds_per_unit", 1.0) is None:
             continue
-        uniform = isinstance(clock, UniformClock)
-        when: dict[str, Any] = {"fs": clock.rate_hz} if isinstance(clock, UniformClock) else {}
-        when = when if uniform else {"time": run.time(group.name)}
-        for column in columns(run, group.name):
-            if column.index is not None and column.index != getattr(clock, "index", None):
-                unit = column.channel.unit or ""
-                known = {"name": column.channel.name, "unit_str": unit, "group": group.name, "origin": run.origin}
-                series.append({"data": column.values, **known, **when})
-    return series
+        when[group.name] = {"fs": clock.rate_hz} if isinstance(clock, UniformClock) else {}
+        if not isinstance(clock, UniformClock) or clock.start_s != 0.0:
+            when[group.name]["time"] = run.time(group.name)
+        time = getattr(clock, "index", None)
+        found += [column for column in columns(run, group.name) if column.index not in (None, time)]
+    return [
+        {
+            "data": column.values,
+            "name": name,
+            "unit_str": column.channel.unit or "",
+            "group": column.group,
+            "origin": run.origin,
+            **when[column.group],
+        }
+        for name, column in zip(_names(found), found, strict=True)
+    ]
+
+
+def _names(found: list[Column]) -> list[str]:
+    counts = Counter(column.channel.name for column in found)
+    return unique([c.channel.name if counts[c.channel.name] == 1 else f"{c.group}: {c.channel.name}" for c in found])

@@ -8,6 +8,7 @@ from uuid import uuid4
 
 from ..errors import StoreError
 from ..store import Run
+from ..store.placing import take_name
 
 TARGETS = {"csv": ".csv", "parquet": ".parquet", "mat": ".mat", "uff": ".uff"}
 """Files that runs become, and their endings; each is a module here with ``write``."""
@@ -26,7 +27,10 @@ class Exported:
 
 def export(run: Run, to: str, folder: Path) -> list[Exported]:
     """Write a run into ``folder``, one file a run, or a group if the target holds one table a file."""
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StoreError(f"{folder}: no folder to write into ({error.strerror or error}); name another") from error
     groups = [group.name for group in run.groups]
     if to not in PER_GROUP:
         return [write(run, groups, to, folder / f"{run.name}{TARGETS[to]}")]
@@ -42,13 +46,19 @@ def export(run: Run, to: str, folder: Path) -> list[Exported]:
 def write(run: Run, groups: list[str], to: str, target: Path) -> Exported:
     """Write groups of a run into one file, beside its place first; never over another file."""
     if target.exists():
-        raise StoreError(f"{target}: is there already; nothing is overwritten, name another place")
+        raise _taken(target)
     part = target.with_name(f".{uuid4().hex[:12]}{TARGETS[to]}")
     try:
         losses = import_module(f".{to}", __package__).write(run, groups, part)
-        part.rename(target)
+        take_name(part, target)
+    except FileExistsError as error:
+        raise _taken(target) from error
     except OSError as error:
         raise StoreError(f"{target}: cannot be written ({error.strerror or error}); nothing of it is left") from error
     finally:
         part.unlink(missing_ok=True)
     return Exported(target, tuple(losses))
+
+
+def _taken(target: Path) -> StoreError:
+    return StoreError(f"{target}: is there already; nothing is overwritten, name another place")

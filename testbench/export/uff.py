@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import StoreError
 from ..store import Run
-from .columns import Column, columns
+from .columns import Column, columns, unlisted_findings
 
 _WIDTH = 80
 _UNIT_WIDTH = 20
@@ -22,7 +22,9 @@ _TIME, _UNKNOWN = 17, 0
 
 def write(run: Run, groups: list[str], target: Path) -> list[str]:
     """Write all groups that have a time; returns what a universal file does not hold."""
-    losses: list[str] = []
+    losses = unlisted_findings(run, "a universal file")
+    if run.conditions:
+        losses.append(f"conditions of run {run.name!r}: not in a universal file; parquet and mat hold them")
     found: list[Column] = []
     for name in groups:
         clock = run.group(name).clock

@@ -101,6 +101,8 @@ def _other(path: Path) -> FileState:
 
 def _state_of(run: Path, progress: Callable[[int], None]) -> FileState:
     """Whether the bytes of a run are those that were written."""
+    if not run.is_file():
+        return FileState(run.name, "damaged", "no file: a folder, a link that leads nowhere, or a device")
     try:
         expected = digest.recorded(run)
         found = digest.sha256_of(run, progress)

@@ -50,13 +50,17 @@ def line_for(run_name: str, digest: str) -> str:
 
 def recorded(run: Path) -> str:
     """The digest that was written beside ``run``."""
+    place = beside(run)
+    if not place.is_file():
+        what = "is no file" if place.exists() else "is missing"
+        raise StoreError(f"{run.name}: its digest {place.name} {what}")
     try:
-        text = beside(run).read_text("utf-8")
-    except FileNotFoundError as error:
-        raise StoreError(f"{run.name}: its digest {beside(run).name} is missing") from error
+        text = place.read_text("utf-8")
+    except OSError as error:
+        raise StoreError(f"{place}: cannot be read ({error.strerror or error})") from error
     except UnicodeDecodeError as error:
-        raise StoreError(f"{beside(run).name}: not a digest; it may be damaged") from error
+        raise StoreError(f"{place.name}: not a digest; it may be damaged") from error
     match = _LINE.fullmatch(text)
     if match is None or match[2] != run.name:
-        raise StoreError(f"{beside(run).name}: not the digest of {run.name}; it may be damaged")
+        raise StoreError(f"{place.name}: not the digest of {run.name}; it may be damaged")
     return match[1]

@@ -1,5 +1,6 @@
 """Names of files that are being written; and giving a finished one its own: on the disk, never over what is there."""
 
+import errno
 import os
 import re
 from pathlib import Path
@@ -40,29 +41,32 @@ def place(part: Path, target: Path, line: str) -> None:
     try:
         digest_part.write_text(line, encoding="utf-8", newline="\n")
         sync(digest_part)
-        _place(digest_part, beside)
+        take_name(digest_part, beside)
         try:
-            _place(part, target)
-        except (StoreError, OSError):
+            take_name(part, target)
+        except OSError:
             beside.unlink()
             raise
+    except FileExistsError as error:
+        taken = error.filename2 or error.filename
+        raise StoreError(
+            f"{taken}: is there already, from another ingest at this moment or one that was stopped; "
+            "`testbench verify` tells which"
+        ) from error
     finally:
         digest_part.unlink(missing_ok=True)
     sync(target.parent)
 
 
-def _place(part: Path, target: Path) -> None:
-    """Give a synced file its name; what has that name already stays, whoever was quicker."""
+def take_name(part: Path, target: Path) -> None:
+    """Give a finished file its name. Raises FileExistsError if it is taken: what has it stays, whoever was quicker."""
     try:
         os.link(part, target)
-    except FileExistsError as error:
-        raise StoreError(
-            f"{target}: is there already, from another ingest at this moment or one that was stopped; "
-            "`testbench verify` tells which"
-        ) from error
+    except FileExistsError:
+        raise
     except OSError as error:  # a file system without hard links
         if target.exists():
-            raise StoreError(f"{target}: is there already; nothing was replaced") from error
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(target)) from error
         os.rename(part, target)
     part.unlink(missing_ok=True)
 

@@ -1,13 +1,14 @@
 """Records beside the runs of a campaign: alignments, calibrations, decisions. Dated, only ever added, never changed.
 
 A record is one JSON file in ``records/``; it names the runs that it is about with their SHA-256, so that it says of
-which bytes it holds, and the SHA-256 of what it says itself. What is current is the newest of its kind.
+which bytes it holds, and the SHA-256 of what it says itself. What is current is the newest of its kind: that with the
+highest number, whatever the clock showed when it was written.
 """
 
 import hashlib
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -20,9 +21,9 @@ from .archive import identities
 from .placing import sync
 
 FOLDER = "records"
-LAYOUT = 2
+LAYOUT = 3
 _KEYS = {"layout", "kind", "written", "software", "runs", "content"}
-"""Of a record, beside its digest; one of layout 1 has none."""
+"""Of a record, beside its digest, which layout 1 had not, and its number, which layouts 1 and 2 had not."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +32,10 @@ class Record:
 
     name: str
     kind: str
+    number: int
+    """Higher than that of every record that was there before; 0 of those that have none."""
     written: str
-    """When, ISO 8601, UTC."""
+    """When, ISO 8601, UTC, by the clock of the machine."""
     runs: Mapping[str, str]
     """SHA-256 of the runs that it is about, by file name."""
     content: Mapping[str, Any]
@@ -45,6 +48,7 @@ def append(campaign: Path, kind: str, runs: Sequence[Path], content: Mapping[str
     now = datetime.now(UTC)
     document = {
         "layout": LAYOUT,
+        "number": 1 + max((record.number for record in read(campaign)), default=0),
         "kind": kind,
         "written": now.isoformat(timespec="microseconds"),
         "software": {"counterpoise": version("counterpoise")},
@@ -74,7 +78,7 @@ def refuse_read_only(campaign: Path) -> None:
 def read(campaign: Path, kind: str | None = None) -> list[Record]:
     """The records of a campaign, of one kind if named, oldest first. Raises StoreError for a file that is none."""
     found = [_record(path) for path in _files(campaign)]
-    return sorted((r for r in found if kind in {None, r.kind}), key=lambda record: record.written)
+    return sorted((r for r in found if kind in {None, r.kind}), key=lambda record: (record.number, record.written))
 
 
 def damaged(campaign: Path) -> dict[str, str]:
@@ -88,6 +92,13 @@ def damaged(campaign: Path) -> dict[str, str]:
     return found
 
 
+def others(campaign: Path) -> list[str]:
+    """The files in the folder of records that are none by their names, which nobody reads: renamed, or left behind."""
+    folder = campaign / FOLDER
+    known = {path.name for path in _files(campaign)}
+    return sorted(path.name for path in folder.iterdir() if path.name not in known) if folder.exists() else []
+
+
 def about(campaign: Path, kind: str, run: Path) -> list[Record]:
     """The records of a kind about a run as it is stored now, or as it was before it was archived, oldest first."""
     found = read(campaign, kind)
@@ -95,13 +106,16 @@ def about(campaign: Path, kind: str, run: Path) -> list[Record]:
     return [record for record in found if record.runs.get(run.name) in known]
 
 
-def copy(campaign: Path, folder: Path) -> list[Path]:
-    """Copy the records of ``campaign`` as they are into that in ``folder``; returns the files that were new there."""
-    if not (campaign / FOLDER).is_dir():
-        return []
-    (folder / FOLDER).mkdir(exist_ok=True)
+def copy(campaign: Path, folder: Path, names: Container[str] | None = None) -> list[Path]:
+    """Copy the records of ``campaign``, of these ``names`` if given, as they are into those of ``folder``.
+
+    Returns the files that were new there.
+    """
+    known = [record for record in read(campaign) if names is None or record.name in names]
+    if known:
+        (folder / FOLDER).mkdir(exist_ok=True)
     added = []
-    for record in read(campaign):
+    for record in known:
         source, target = campaign / FOLDER / record.name, folder / FOLDER / record.name
         if not target.exists():
             _write(target, source.read_text("utf-8"))
@@ -112,30 +126,36 @@ def copy(campaign: Path, folder: Path) -> list[Path]:
 
 
 def _files(campaign: Path) -> list[Path]:
+    if (campaign / FOLDER).exists() and not (campaign / FOLDER).is_dir():
+        raise StoreError(f"{campaign / FOLDER}: is a file; expected the folder of later records, or none")
     return sorted(path for path in (campaign / FOLDER).glob("*.json") if not path.name.startswith("."))
 
 
 def _digest(document: Mapping[str, Any]) -> str:
     """SHA-256 of what a record says: a digit that changes later is noticed."""
-    said = {key: document[key] for key in _KEYS}
+    said = {key: value for key, value in document.items() if key != "sha256"}
     return hashlib.sha256(json.dumps(said, sort_keys=True, ensure_ascii=True).encode("ascii")).hexdigest()
 
 
 def _record(path: Path) -> Record:
+    if not path.is_file():
+        raise StoreError(f"{FOLDER}/{path.name}: not a record: no regular file")
     try:
         document = json.loads(path.read_text("utf-8"))
     except (ValueError, RecursionError) as error:
         raise StoreError(f"{FOLDER}/{path.name}: not a record; it may be damaged: {error}") from error
     except OSError as error:
         raise StoreError(f"{FOLDER}/{path.name}: cannot be read: {error.strerror or error}") from error
-    if not isinstance(document, dict) or document.keys() - {"sha256"} != _KEYS or document["layout"] not in {1, LAYOUT}:
+    layout = document.get("layout") if isinstance(document, dict) else None
+    keys = _KEYS | ({"number"} if layout == LAYOUT else set())
+    if layout not in (1, 2, LAYOUT) or document.keys() - {"sha256"} != keys:
         raise StoreError(f"{FOLDER}/{path.name}: not a record that this version knows (layout {LAYOUT})")
-    if document["layout"] == LAYOUT and document.get("sha256") != _digest(document):
+    if layout != 1 and document.get("sha256") != _digest(document):
         raise StoreError(f"{FOLDER}/{path.name}: not what was written; it is damaged or was edited")
     if not isinstance(document["runs"], dict) or not isinstance(document["content"], dict):
         raise StoreError(f"{FOLDER}/{path.name}: not a record; it may be damaged")
     written, kind = str(document["written"]), str(document["kind"])
-    return Record(path.name, kind, written, document["runs"], document["content"])
+    return Record(path.name, kind, int(document.get("number", 0)), written, document["runs"], document["content"])
 
 
 def _write(target: Path, text: str) -> None:

@@ -53,8 +53,12 @@ class Leftover:
         """Where the run was to be."""
         return self.part.with_name(f"{self.run}.h5")
 
-    def recover(self, save: Save) -> Recovery:
-        """Finish or save what is here, then remove it; what cannot be read stays."""
+    def recover(self, save: Save) -> Recovery | None:
+        """Finish or save what is here, then remove it; what cannot be read stays. None: it was stopped before it began.
+
+        A journal says what is meant before anything else is made: without that there is no run, unless the machine
+        itself lost what was noted.
+        """
         try:
             with self.journal.open("rb") as stream:
                 if not lock.hold(stream) or (lock.fcntl is None and lock.is_held(self.journal)):
@@ -68,8 +72,12 @@ class Leftover:
         self.journal.unlink(missing_ok=True)
         return found
 
-    def _recovered(self, save: Save) -> Recovery:
+    def _recovered(self, save: Save) -> Recovery | None:
         known = journal.read(self.journal)
+        if not known.intent:
+            if self.part.exists():
+                raise StoreError(f"{self.journal.name}: is empty, as after a loss of power; ingest the log again")
+            return None
         if self._complete(known.sealed):
             return Recovery(self.run, "completed", "was written whole; nothing is lost", self.target.name)
         if archive.INTENT in known.intent:

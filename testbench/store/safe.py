@@ -1,6 +1,7 @@
 """Opening HDF5 without letting the file make us open another one, loop, or read what was never written."""
 
 import math
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -30,7 +31,10 @@ def open_for_reading(path: Path) -> Iterator["h5py.File"]:
     if path.is_dir():
         raise StoreError(f"{path}: is a folder; expected one stored run (.h5), such as a campaign holds")
     if not path.is_file():
-        raise StoreError(f"{path}: no such file; expected a stored run (.h5)")
+        what = "is no file but a device or a broken link" if path.exists() or path.is_symlink() else "no such file"
+        raise StoreError(f"{path}: {what}; expected a stored run (.h5)")
+    if not os.access(path, os.R_OK):
+        raise StoreError(f"{path}: cannot be read: no permission; ask its owner, or make it readable")
     if not h5py.is_hdf5(path):
         if digest.beside(path).exists():
             raise StoreError(f"{path.name}: damaged: no HDF5 file, but a digest is beside it: testbench verify")

@@ -2,6 +2,7 @@
 
 import errno
 import json
+from urllib.parse import unquote
 
 import click
 import numpy as np
@@ -12,11 +13,12 @@ from testbench.cli.export import export as command
 from testbench.describe import describe
 from testbench.errors import StoreError
 from testbench.export import export, sep005
+from testbench.findings import Finding
 from testbench.ingest import Ingest
 from testbench.ingest.runsheet import plan
 from testbench.readers import open_recording
 from testbench.recording import Channel, Group, TimeColumn, UniformClock
-from testbench.store import open_campaign, open_run
+from testbench.store import open_campaign, open_run, records
 from testbench.store.writer import RunWriter
 
 SAMPLES = 3000
@@ -98,6 +100,136 @@ def test_mat(run, tmp_path):
     assert json.loads(content["counterpoise"])["origin"] == "simulated"
 
 
+def stored(folder, channels, findings=(), name="r001", sources=({"name": "log.csv", "sha256": "", "size_bytes": 1},)):
+    """A run of one group with these channels, each full of its number."""
+    group = Group("g" * 80, tuple(Channel(channel, "V") for channel in channels), UniformClock(100.0, 0.0))
+    with RunWriter(folder, name) as writer:
+        writer.group(group).append([np.full(9, float(i)) for i in range(len(channels))])
+        writer.group(group).finish(100.0, "declared")
+        writer.describe("simulated", {"payload_kg": 5.0}, findings, {"sources": list(sources)}, None)
+        return open_run(writer.commit())
+
+
+def test_no_channel_is_lost_in_a_mat_file(tmp_path):
+    """Names that are the same in the 63 characters of MATLAB, or like that of the time, stay apart."""
+    from scipy.io import loadmat
+
+    channels = ["A" * 58 + " x", "A" * 58 + " y", "A" * 70, "time s", "time"]
+    (written,) = export(stored(tmp_path / "c", channels), "mat", tmp_path / "out")
+    content = loadmat(written.file, simplify_cells=True)
+    (group,) = (value for key, value in content.items() if key.startswith("group_"))
+    found = {value["name"]: value["data"][0] for key, value in group.items() if key != "name"}
+    assert found == {"time (s)": 0.0} | {channel: i for i, channel in enumerate(channels)}
+    assert all(len(key) <= 63 for key in (*group, *content))
+
+
+def test_a_group_larger_than_a_mat_variable(tmp_path, monkeypatch):
+    """What MATLAB cannot hold is refused: all channels of a group are one variable."""
+    from testbench.export import mat
+
+    run = stored(tmp_path / "c", ["a", "b"])
+    monkeypatch.setattr(mat, "LARGEST", 3 * 9 * 8 - 1)
+    with pytest.raises(StoreError, match=r"216 bytes of samples.*no more than 215; use parquet"):
+        export(run, "mat", tmp_path / "out")
+    monkeypatch.setattr(mat, "LARGEST", 3 * 9 * 8)
+    assert export(run, "mat", tmp_path / "out")
+
+
+def test_what_a_form_does_not_hold_is_listed(tmp_path):
+    """Findings in CSV and universal files, conditions in the latter; parquet and MAT files hold both."""
+    run = stored(tmp_path / "c", ["a"], [Finding("clipping", None, None, "cut"), Finding("timebase", None, None, "x")])
+    lost = {to: " ".join(export(run, to, tmp_path / "out")[0].losses) for to in ("csv", "parquet", "mat", "uff")}
+    assert lost["parquet"] == lost["mat"] == ""
+    assert "findings about run 'r001'" in lost["csv"]
+    assert "findings about run 'r001'" in lost["uff"]
+    assert "conditions" in lost["uff"]
+
+
+def test_two_exports_at_once(run, tmp_path, monkeypatch):
+    """A file that came meanwhile stays as it is."""
+    from testbench.export import target
+
+    real = target.import_module("testbench.export.csv").write
+
+    def slow(run, groups, part):
+        losses = real(run, groups, part)
+        (tmp_path / "out" / "r001.daq.csv").write_text("of another")
+        return losses
+
+    monkeypatch.setattr("testbench.export.csv.write", slow)
+    with pytest.raises(StoreError, match="nothing is overwritten"):
+        export(run, "csv", tmp_path / "out")
+    assert {p.name: p.read_text() for p in (tmp_path / "out").iterdir()} == {"r001.daq.csv": "of another"}
+
+
+def test_a_folder_that_is_a_file(run, tmp_path):
+    """One clear error."""
+    (tmp_path / "out").write_text("mine")
+    with pytest.raises(StoreError, match=r"out: no folder to write into \(File exists\)"):
+        export(run, "csv", tmp_path / "out")
+
+
+def crate(folder, runs, licence):
+    """The nodes of a crate of the runs, by name, and what it says is lost."""
+    from testbench.export import ro_crate
+    from testbench.store import Campaign
+
+    losses = ro_crate.write(Campaign(runs[0].path.parent), runs, folder, licence).losses
+    document = json.loads((folder / ro_crate.NAME).read_text("utf-8"))
+    return {node["@id"]: node for node in document["@graph"]}, losses
+
+
+def test_a_licence_in_words_is_said_as_it_was_given(run, tmp_path):
+    """It is not called unstated."""
+    nodes, losses = crate(tmp_path / "crate", [run], "CC BY 4.0, ölçüm")
+    identity = nodes["r001.h5"]["license"]["@id"]
+    assert nodes["./"]["license"]["@id"] == identity
+    assert nodes[identity]["name"] == "CC BY 4.0, ölçüm"
+    assert losses == ()
+    assert "No licence is stated" not in json.dumps(list(nodes.values()))
+
+
+def test_the_licence_of_a_public_log_is_not_that_of_the_log_beside_it(tmp_path):
+    """A run of a public and of another log has both licences, or one of them is said to be missing."""
+    from testbench.recordings import registry
+
+    known = next(iter(registry().values()))
+    public = {"name": known.file, "sha256": known.sha256, "size_bytes": known.bytes}
+    own = {"name": "mine.csv", "sha256": "1" * 64, "size_bytes": 1}
+    run = stored(tmp_path / "c", ["a"], sources=(public, own))
+    nodes, losses = crate(tmp_path / "a", [run], None)
+    assert len(nodes["r001.h5"]["license"]) == 2
+    assert "no licence is stated for r001" in losses[0]
+    nodes, losses = crate(tmp_path / "b", [run], "CC0-1.0")
+    assert {one["@id"].rpartition("/")[2] for one in nodes["r001.h5"]["license"]} == {known.licence, "CC0-1.0"}
+    assert losses == ()
+
+
+def test_names_in_a_crate_are_references(tmp_path):
+    """Blanks and signs that mean something in a URI are escaped, letters of any script are not (RO-Crate 1.1, A)."""
+    run = stored(tmp_path / "c", ["a"], name="ölçüm #1 (50~)")
+    nodes, _ = crate(tmp_path / "crate", [run], "MIT")
+    assert "ölçüm%20%231%20(50~).h5" in nodes
+    files = [unquote(part["@id"]) for part in nodes["./"]["hasPart"]]
+    assert sorted([*files, "ro-crate-metadata.json"]) == sorted(p.name for p in (tmp_path / "crate").iterdir())
+    assert not any(set(' <>"{}|\\^`') & set(identity) for identity in nodes)
+
+
+def test_a_crate_takes_the_later_records_along(run, tmp_path, monkeypatch):
+    """Those about its runs and no others, described; without them a corrected calibration would be wrong again."""
+    other = stored(run.path.parent, ["a"], name="other")
+    about = records.append(run.path.parent, "calibration", [run.path], {"x": 1})
+    records.append(run.path.parent, "calibration", [other.path], {"x": 2})
+    nodes, _ = crate(tmp_path / "crate", [run], "MIT")
+    assert nodes[f"records/{about.name}"]["about"] == [{"@id": "r001.h5"}]
+    assert {"@id": f"records/{about.name}"} in nodes["./"]["hasPart"]
+    assert [record.content for record in records.read(tmp_path / "crate")] == [{"x": 1}]
+    monkeypatch.setattr(records, "_write", lambda *_: (_ for _ in ()).throw(OSError(errno.ENOSPC, "No space")))
+    with pytest.raises(StoreError, match="nothing of it is left"):
+        crate(tmp_path / "full", [run], "MIT")
+    assert not (tmp_path / "full").exists()
+
+
 def test_uff_by_its_own_library_and_by_our_reader(run, tmp_path):
     """58b with every time in full: the same bits; what ASCII does not hold is said."""
     pyuff = pytest.importorskip("pyuff")
@@ -122,12 +254,15 @@ def read_back_groups(path):
 
 
 def test_sep005(run):
-    """The keys of the proposal: data, name, unit_str, and fs or time."""
+    """The keys of the proposal: data, unique name, unit_str, fs or time; when a uniform clock began is not lost."""
     first, second, third, fourth = sep005(run)
     assert (first["name"], first["unit_str"], second["unit_str"]) == ("İvme X, ön", "m/s²", "N")
     assert first["time"].tobytes() == TIME.tobytes()
     assert third["fs"] == fourth["fs"] == 2000.0
-    assert all(len(s["data"]) == len(s.get("time", s["data"])) and ("fs" in s) != ("time" in s) for s in sep005(run))
+    assert [s["name"] for s in (third, fourth)] == ["forces: Fz (N)", "forces: Fz (N)_2"]
+    assert "fs" not in first
+    assert third["time"].tobytes() == run.time("forces").tobytes()
+    assert all(s["data"].ndim == 1 and len(s["data"]) == len(s.get("time", s["data"])) for s in sep005(run))
 
 
 def test_ro_crate(run, tmp_path, capsys):

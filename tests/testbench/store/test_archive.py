@@ -255,3 +255,12 @@ def test_a_calibration_of_a_run_holds_for_its_archive(tmp_path, capsys):
     both = [physical(open_run(folder / "r1.h5")).channel("ch0") for folder in (run.path.parent, tmp_path / "a")]
     assert both[0].tobytes() == both[1].tobytes()
     np.testing.assert_allclose(both[0], volts.ACCELERATION / 0.9, atol=1e-9)
+
+
+def test_no_archive_without_its_records(tmp_path):
+    """A record that is damaged: nothing is archived, for the archive would be calibrated otherwise."""
+    run = store(tmp_path / "c", GROUP, [column[:500] for column in COLUMNS.values()])
+    records.append(tmp_path / "c", "alignment", [run.path], {"offset_s": 0.5}).write_text("{}")
+    with pytest.raises(StoreError, match="not a record"):
+        command.main([str(tmp_path / "c"), "-o", str(tmp_path / "a")], standalone_mode=False)
+    assert not (tmp_path / "a").exists()

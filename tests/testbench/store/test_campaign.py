@@ -1,5 +1,6 @@
 """A campaign: every flipped bit is found, what is missing or does not belong as well."""
 
+import os
 import random
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from testbench.errors import StoreError
 from testbench.recording import Channel, Group
-from testbench.store import digest, open_campaign
+from testbench.store import digest, open_campaign, open_run
 
 from .test_writer import store
 
@@ -79,3 +80,21 @@ def test_other_folders_are_no_campaigns(tmp_path):
         open_campaign(tmp_path / "nowhere")
     with pytest.raises(StoreError, match="holds no run"):
         open_campaign(tmp_path)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names")
+@pytest.mark.parametrize("make", [lambda path: os.mkfifo(path), os.mkdir, lambda path: os.symlink("nowhere", path)])
+@pytest.mark.parametrize("of_digest", [False, True])
+def test_what_is_no_file_is_damage(campaign, make, of_digest):
+    """A pipe, a folder, a broken link in place of a run or its digest: said at once, and the others are verified."""
+    from testbench.cli.verify import verify
+
+    run = campaign.run_paths[0]
+    place = digest.beside(run) if of_digest else run
+    place.unlink()
+    make(place)
+    assert verify.main([str(campaign.path)], standalone_mode=False) == 1
+    assert states(campaign) == {path.name: "damaged" if path == run else "intact" for path in campaign.run_paths}
+    if not of_digest:
+        with pytest.raises(StoreError, match=r"is a folder|is no file but"):
+            open_run(run)

@@ -1,10 +1,13 @@
 """Records beside runs: added, never changed, about the bytes that they name."""
 
 import json
+import os
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
 
+from testbench.cli.verify import verify
 from testbench.errors import StoreError
 from testbench.recording import Channel, Group
 from testbench.store import digest, open_campaign, records
@@ -73,10 +76,10 @@ def test_records_of_before_there_were_digests(campaign):
     """They are read as ever."""
     path = records.append(campaign, "alignment", [campaign / "a.h5"], {"x": 1})
     document = json.loads(path.read_text("utf-8"))
-    del document["sha256"]
+    del document["sha256"], document["number"]
     path.write_text(json.dumps(document | {"layout": 1}), encoding="utf-8")
     assert [record.content for record in records.read(campaign, "alignment")] == [{"x": 1}]
-    path.write_text(json.dumps(document), encoding="utf-8")
+    path.write_text(json.dumps(document | {"layout": 2}), encoding="utf-8")
     with pytest.raises(StoreError, match="not what was written"):
         records.read(campaign)
 
@@ -105,3 +108,61 @@ def test_records_are_no_extra_files(brief, tmp_path):
     folder = shutil.copytree(brief.campaign, tmp_path / "campaign")
     records.append(folder, "alignment", [], {})
     assert {state.status for state in open_campaign(folder).verify()} == {"intact"}
+
+
+class SetBack(datetime):
+    """A clock that was set back by years."""
+
+    @classmethod
+    def now(cls, tz=None):
+        """The first day of 2020."""
+        return datetime(2020, 1, 1, tzinfo=UTC)
+
+
+def test_a_clock_that_was_set_back(campaign, monkeypatch):
+    """What was recorded last is current, and says truly what the clock showed; records without a number come first."""
+    for offset in (0.5, 0.6):
+        path = records.append(campaign, "alignment", [campaign / "a.h5"], {"offset_s": offset})
+        with monkeypatch.context() as patch:
+            patch.setattr(records, "datetime", SetBack)
+            records.append(campaign, "alignment", [campaign / "a.h5"], {"offset_s": offset + 1.0})
+    found = records.about(campaign, "alignment", campaign / "a.h5")
+    assert [record.content["offset_s"] for record in found] == [0.5, 1.5, 0.6, 1.6]
+    assert [record.number for record in found] == [1, 2, 3, 4]
+    assert found[-1].written == "2020-01-01T00:00:00.000000+00:00"
+    document = json.loads(path.read_text("utf-8"))
+    del document["number"], document["sha256"]
+    path.write_text(json.dumps(document | {"layout": 1}), encoding="utf-8")
+    assert records.read(campaign)[0].name == path.name
+
+
+def states(folder, capsys):
+    """What ``testbench verify`` prints, and its exit code."""
+    capsys.readouterr()
+    code = verify.main([str(folder), "--json"], standalone_mode=False)
+    return {file["name"]: file["status"] for file in json.loads(capsys.readouterr().out)["files"]}, code
+
+
+def test_records_that_nobody_reads_are_named(campaign, capsys):
+    """One that was renamed no longer holds: verify says so; a folder that is a file is damage."""
+    path = records.append(campaign, "alignment", [campaign / "a.h5"], {"offset_s": 0.5})
+    assert states(campaign, capsys)[1] == 0
+    path.rename(path.with_name("mine.json.txt"))
+    found, code = states(campaign, capsys)
+    assert (found["records/mine.json.txt"], code) == ("extra", 3)
+    path.with_name("mine.json.txt").unlink()
+    path.parent.rmdir()
+    path.parent.write_text("")
+    found, code = states(campaign, capsys)
+    assert (found["records"], code) == ("damaged", 1)
+    with pytest.raises(StoreError, match="is a file"):
+        records.read(campaign)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names")
+def test_a_pipe_is_no_record(campaign, capsys):
+    """It is not waited for."""
+    records.append(campaign, "alignment", [campaign / "a.h5"], {"offset_s": 0.5})
+    os.mkfifo(campaign / "records" / "pipe.json")
+    found, code = states(campaign, capsys)
+    assert (found["records/pipe.json"], code) == ("damaged", 1)

@@ -256,13 +256,13 @@ def test_a_recovery_that_was_stopped_before_it_tidied_up(tmp_path, monkeypatch):
 @pytest.mark.skipif(sys.platform == "win32", reason="locks of another kind")
 def test_the_digest_of_a_running_ingest_is_left_alone(tmp_path, monkeypatch):
     """A recovery at the moment in which an ingest names its digest takes nothing away."""
-    real, found = placing._place, []
+    real, found = placing.take_name, []
 
     def amid(part, target):
         found.append(recover(tmp_path))
         real(part, target)
 
-    monkeypatch.setattr(placing, "_place", amid)
+    monkeypatch.setattr(placing, "take_name", amid)
     with RunWriter(tmp_path, "r001", INTENT) as run:
         run.group(GROUP).append(COLUMNS)
         run.group(GROUP).finish(None, None)
@@ -270,3 +270,18 @@ def test_the_digest_of_a_running_ingest_is_left_alone(tmp_path, monkeypatch):
         run.commit()
     assert [[one.status for one in each] for each in found] == [["running"], ["running"]]
     assert {state.status for state in open_campaign(tmp_path).verify()} == {"intact"}
+
+
+@pytest.mark.parametrize("ending", [".journal", ".journal.new"])
+def test_stopped_before_it_began(tmp_path, ending):
+    """An empty journal alone is nothing; beside an unfinished run it was lost with the machine, and the run stays."""
+    journal, part = tmp_path / f".r001.0123456789ab{ending}", tmp_path / ".r001.0123456789ab.part"
+    journal.touch()
+    assert recover(tmp_path) == []
+    assert not list(tmp_path.iterdir())
+    journal.touch()
+    part.write_bytes(b"samples")
+    (found,) = recover(tmp_path)
+    assert (found.status, found.run) == ("failed", "r001")
+    assert "loss of power" in found.message
+    assert part.read_bytes() == b"samples"
