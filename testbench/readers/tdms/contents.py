@@ -36,6 +36,21 @@ class Channel:
         return min((spans.length for spans in self.spans.values()), default=0)
 
 
+_OF_SAMPLES = re.compile(r"wf_increment|wf_start_offset|wf_start_time|unit_string|NI_UnitDescription|NI_Scale\[.*")
+"""Properties that say what the samples of a channel are."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """That a property of a channel was another one for its first ``samples``."""
+
+    path: str
+    name: str
+    before: Property
+    after: Property
+    samples: int
+
+
 @dataclass
 class Contents:
     """All that a file declares, in the order in which it does."""
@@ -43,6 +58,26 @@ class Contents:
     properties: dict[str, dict[str, Property]] = field(default_factory=dict)
     channels: dict[str, Channel] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
+    changes: list[Change] = field(default_factory=list)
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether the file ends before its own structure says."""
+        return any(finding.code == "cut_file" for finding in self.findings)
+
+    @property
+    def contradicted(self) -> list[Change]:
+        """Changes in the midst of samples; one behind the last sample is a correction of all of them."""
+        return [change for change in self.changes if change.samples < self.channels[change.path].length]
+
+    def declare(self, path: str, properties: dict[str, Property]) -> None:
+        """Take new properties of an object, and note which change what its samples so far are."""
+        known, channel = self.properties.setdefault(path, {}), self.channels.get(path)
+        if channel is not None and channel.length:
+            for name in filter(_OF_SAMPLES.fullmatch, properties):
+                if name in known and known[name] != properties[name]:
+                    self.changes.append(Change(path, name, known[name], properties[name], channel.length))
+        known.update(properties)
 
 
 def names(path: str) -> list[str]:
@@ -76,7 +111,7 @@ def read(source: ByteSource) -> Contents:
             objects = _objects(objects, declared, segment)
             known |= declared.indexes
             for path, properties in declared.properties.items():
-                contents.properties.setdefault(path, {}).update(properties)
+                contents.declare(path, properties)
             raw = {path: index for path, index in objects.items() if index is not None}
             for path, index in raw.items():
                 contents.channels.setdefault(path, Channel(path, index.kind))
@@ -93,10 +128,21 @@ def _objects(objects: dict[str, Index | None], declared: Declared, segment: Segm
 
 
 def _locate(source: ByteSource, segment: Segment, raw: dict[str, Index], contents: Contents) -> None:
-    """Note where the samples of all whole chunks of a segment lie."""
+    """Note where the samples of all whole chunks of a segment lie, and what is left behind them."""
+    unit = _locate_chunks(source, segment, raw, contents)
+    left = (segment.end - segment.raw) % unit if unit else segment.end - segment.raw
+    if segment.is_whole and left:
+        where, whole = f"byte {segment.begin}", "rows" if segment.is_interleaved else "chunks"
+        message = (
+            f"segment {segment.number} holds {left} bytes behind its whole {whole} of {unit} bytes; they are not read"
+        )
+        contents.findings.append(Finding("count_contradiction", None, where, message))
+
+
+def _locate_chunks(source: ByteSource, segment: Segment, raw: dict[str, Index], contents: Contents) -> int:
+    """Note where the samples lie; the bytes of what repeats: a row of all channels, or a chunk."""
     if any(index.scalers for index in raw.values()):
-        _locate_daqmx(source, segment, raw, contents)
-        return
+        return _locate_daqmx(source, segment, raw, contents)
     sizes = {path: _bytes(source, index, segment) for path, index in raw.items()}
     there = segment.end - segment.raw
     if segment.is_interleaved:
@@ -109,7 +155,7 @@ def _locate(source: ByteSource, segment: Segment, raw: dict[str, Index], content
                     raise damaged(source.path, f"segment {segment.number}: {path} is interleaved, but is no number")
                 _spans(contents.channels[path], None, kind).add(at, there // width, width, 1, 0)
                 at += kind.itemsize
-        return
+        return width
     chunk = sum(sizes.values())
     chunks, at = there // chunk if chunk else 0, segment.raw
     for path, index in raw.items():
@@ -119,6 +165,7 @@ def _locate(source: ByteSource, segment: Segment, raw: dict[str, Index], content
         else:
             _spans(contents.channels[path], None, kind).add(at, index.values, kind.itemsize, chunks, chunk)
         at += sizes[path]
+    return chunk
 
 
 def _bytes(source: ByteSource, index: Index, segment: Segment) -> int:
@@ -132,8 +179,11 @@ def _bytes(source: ByteSource, index: Index, segment: Segment) -> int:
     return index.values * kind.itemsize
 
 
-def _locate_daqmx(source: ByteSource, segment: Segment, raw: dict[str, Index], contents: Contents) -> None:
-    """Rows of DAQmx buffers: in each chunk one buffer follows the other, in each buffer the channels alternate."""
+def _locate_daqmx(source: ByteSource, segment: Segment, raw: dict[str, Index], contents: Contents) -> int:
+    """Rows of DAQmx buffers: in each chunk one buffer follows the other, in each buffer the channels alternate.
+
+    Gives the bytes of a chunk.
+    """
     first = next(iter(raw.values()))
     if any(index.widths != first.widths or not index.scalers for index in raw.values()):
         raise damaged(source.path, f"segment {segment.number}: DAQmx channels of different buffers")
@@ -152,6 +202,7 @@ def _locate_daqmx(source: ByteSource, segment: Segment, raw: dict[str, Index], c
             at = segment.raw + int(begins[scaler.buffer]) + scaler.offset
             spans = _spans(contents.channels[path], scaler.scale, kind)
             spans.add(at, index.values, first.widths[scaler.buffer], chunks, chunk)
+    return int(chunk)
 
 
 def _spans(channel: Channel, scale: int | None, kind: "np.dtype[np.void]") -> Spans:

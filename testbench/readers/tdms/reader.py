@@ -77,14 +77,13 @@ def _judge_times(source: ByteSource, channel: Channel) -> None:
 
 def _gather(contents: Contents, stem: str) -> list[_Gathered]:
     """Groups of channels of one TDMS group, clock and length."""
-    is_cut = bool(contents.findings)
     by_group: dict[str, list[Channel]] = {}
     for path, channel in contents.channels.items():
         if channel.length:
             by_group.setdefault(next(iter(names(path)), stem), []).append(channel)
     found = []
     for name, channels in by_group.items():
-        if is_cut:
+        if contents.is_cut:
             _trim(channels)
         parts: dict[tuple[object, ...], list[Channel]] = {}
         for channel in channels:
@@ -107,7 +106,11 @@ def _trim(channels: Sequence[Channel]) -> None:
 
 def _gathered(name: str, members: Sequence[Channel], contents: Contents) -> _Gathered:
     channels = tuple(c for member in members for c in _channels(member, contents.properties.get(member.path, {})))
-    clock = _clock(members, channels, contents.properties.get(members[0].path, {}))
+    changed = {(change.path, change.name) for change in contents.contradicted}
+    said = dict(contents.properties.get(members[0].path, {}))
+    if any((member.path, "wf_increment") in changed for member in members):
+        said.pop("wf_increment", None)
+    clock = _clock(members, channels, said)
     return _Gathered(Group(name, channels, clock), tuple(members), members[0].length)
 
 
@@ -201,11 +204,24 @@ def _said(contents: Contents, gathered: Sequence[_Gathered]) -> list[Finding]:
         if said.applies:
             message = f"raw values were made physical by {said.count} scales of the file"
             findings.append(Finding("calibration_applied", title(member.path), None, message))
+    findings += _changed(contents)
     empty = [title(p) for p, c in contents.channels.items() if not c.length and not c.texts and names(p)]
     if empty:
         message = f"no sample in {', '.join(empty[:10])}{' and more' if len(empty) > 10 else ''}"
         findings.append(Finding("empty_group", None, None, message))
     return findings
+
+
+def _changed(contents: Contents) -> list[Finding]:
+    """Properties that change in the midst of the samples; by the format the last one holds for all."""
+    found = []
+    for change in contents.contradicted:
+        last = "there is no rate" if change.name == "wf_increment" else "the last one of the file is taken for all"
+        message = (
+            f"{change.name} is {change.before!r} up to sample {change.samples} and {change.after!r} from there: {last}"
+        )
+        found.append(Finding("header_contradiction", title(change.path), f"sample {change.samples}", message))
+    return found
 
 
 def _texts(contents: Contents) -> list[Finding]:
