@@ -15,7 +15,19 @@ from .walk import plain
 
 MOST_CHANNELS = 4096
 _UNITS = ("units", "unit", "Units", "Unit", "UNITS", "unit_string")
-_MEANT = frozenset((*_UNITS, "scale_factor", "add_offset", "_FillValue", "NAME", "MATLAB_class", "MATLAB_empty"))
+_MEANT = frozenset(
+    (
+        *_UNITS,
+        "scale_factor",
+        "add_offset",
+        "_FillValue",
+        "missing_value",
+        "_Unsigned",
+        "NAME",
+        "MATLAB_class",
+        "MATLAB_empty",
+    )
+)
 _MOST_ATTRIBUTES = 500
 _LONGEST_TEXT = 2000
 Said = str | float | int
@@ -26,29 +38,45 @@ Reopened = Callable[[h5py.Reference], h5py.Dataset]
 
 @dataclass(frozen=True)
 class Law:
-    """Packing by the conventions of netCDF: value = number * scale + offset; ``fill`` stands for no value."""
+    """Packing by the conventions of netCDF: value = number * scale + offset; ``fills`` stand for no value.
+
+    Negative numbers of type ``signed`` are unsigned ones, less ``wrap``.
+    """
 
     scale: float = 1.0
     offset: float = 0.0
-    fill: float | None = None
+    fills: tuple[float, ...] = ()
+    wrap: float = 0.0
 
     def __call__(self, numbers: Samples) -> Samples:
         """The values of packed numbers."""
+        is_fill = np.isin(numbers, self.fills) if self.fills else None
+        if self.wrap:
+            numbers = np.where(numbers < 0, numbers + self.wrap, numbers)
         values = numbers
         if (self.scale, self.offset) != (1.0, 0.0):
             with np.errstate(all="ignore"):
                 values = numbers * self.scale + self.offset
-        return values if self.fill is None else np.where(numbers == self.fill, np.nan, values)
+        return values if is_fill is None else np.where(is_fill, np.nan, values)
 
 
-def law(said: Mapping[str, Said]) -> Law:
-    """The packing that the attributes of a dataset state."""
-    scale, offset, fill = (said.get(key) for key in ("scale_factor", "add_offset", "_FillValue"))
+def law(said: Mapping[str, Said], dtype: np.dtype[Any]) -> Law:
+    """The packing that the attributes of a dataset of this type state."""
+    scale, offset = (said.get(key) for key in ("scale_factor", "add_offset"))
+    fills = [value for key in ("_FillValue", "missing_value") if isinstance(value := said.get(key), int | float)]
+    is_unsigned = dtype.kind == "i" and str(said.get("_Unsigned", "")).casefold() == "true"
     return Law(
         float(scale) if isinstance(scale, int | float) else 1.0,
         float(offset) if isinstance(offset, int | float) else 0.0,
-        float(fill) if isinstance(fill, int | float) and not np.isnan(fill) else None,
+        tuple(dict.fromkeys(_as_stored(fill, dtype) for fill in fills if not np.isnan(fill))),
+        2.0 ** (8 * dtype.itemsize) if is_unsigned else 0.0,
     )
+
+
+def _as_stored(fill: float, dtype: np.dtype[Any]) -> float:
+    """A number as one of ``dtype`` is stored: -999.9 of float32 is not that of float64."""
+    with np.errstate(over="ignore"):
+        return float(np.array(fill).astype(dtype)) if dtype.kind == "f" else float(fill)
 
 
 def sides(shape: Sequence[int]) -> tuple[int, int, bool] | None:
@@ -68,10 +96,16 @@ def numbers(dtype: np.dtype[Any]) -> list[tuple[str, str]] | None:
         if set(dtype.names) == {"real", "imag"}:
             return [("real", "real"), ("imag", "imag")]
         plain_fields = [name for name in dtype.names if dtype[name].kind in "iufb" and not dtype[name].shape]
-        return [(name, "") for name in plain_fields] if len(plain_fields) == len(dtype.names) else None
+        return [(name, "") for name in plain_fields] or None
     if dtype.kind == "c":
         return [("", "real"), ("", "imag")]
     return [("", "")] if dtype.kind in "iufb" else None
+
+
+def left_out(dtype: np.dtype[Any]) -> list[str]:
+    """The fields of one element that are no columns: texts, arrays, further fields."""
+    kept = {field for field, _ in numbers(dtype) or [] if field}
+    return [plain(name) for name in dtype.names or () if name not in kept and name not in ("real", "imag")]
 
 
 def series(dataset: h5py.Dataset, said: Mapping[str, Said], name: str, root: str, reopened: Reopened) -> Series | None:
@@ -81,7 +115,7 @@ def series(dataset: h5py.Dataset, said: Mapping[str, Said], name: str, root: str
     if form is None or parts is None or form[1] * len(parts) > MOST_CHANNELS or form[0] * form[1] != math.prod(shape):
         return None
     length, width, along = form
-    unit, packed, reference = unit_of(said), law(said), dataset.ref
+    unit, packed, reference = unit_of(said), law(said, dataset.dtype), dataset.ref
     channels = tuple(
         Channel(f"{_indexed(name, i, width, along)}{_suffix(field, part)}", unit)
         for field, part in parts

@@ -37,6 +37,8 @@ def _elsewhere(path: str, dataset: h5py.Dataset, plist: h5py.h5p.PropDCID) -> Fi
 
 def _declares_too_much(path: str, dataset: h5py.Dataset, plist: h5py.h5p.PropDCID) -> Finding | None:
     """Sizes that are not there: never written, unpacking to far more than is stored, or in giant chunks."""
+    if dataset.shape is None:  # a dataset without a value, which is whole as it is
+        return None
     there, layout, item = int(dataset.id.get_storage_size()), plist.get_layout(), int(dataset.dtype.itemsize)
     declared = math.prod(map(int, dataset.shape or ())) * item
     chunk = math.prod(map(int, plist.get_chunk())) * item if layout == h5py.h5d.CHUNKED else 0

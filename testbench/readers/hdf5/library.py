@@ -1,6 +1,6 @@
 """Reading HDF5 with h5py: which objects are series, which are said beside them, which are left out."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -42,9 +42,12 @@ def open_library(path: Path) -> Recording:
         found, result = _understood(h5py.File(path, "r"), path)
     if not result.groups:
         grave = [finding for finding in found.findings if finding.severity > 0]
-        raise Refusal(path.name, next(iter(grave), Finding("no_data", None, None, "no array of numbers in it")))
+        others = f"; it holds {_listed(found.others)}" if found.others else ""
+        raise Refusal(
+            path.name, next(iter(grave), Finding("no_data", None, None, f"no array of numbers in it{others}"))
+        )
     if found.others:
-        listed = ", ".join(found.others[:10]) + (" and more" if len(found.others) > 10 else "")
+        listed = _listed(found.others)
         found.findings.append(Finding("left_out", None, None, f"no series of numbers: {listed}"))
     return Recording(
         path=path,
@@ -56,6 +59,10 @@ def open_library(path: Path) -> Recording:
         stated_rate_hz=result.stated_rate_hz,
         findings=tuple(found.findings),
     )
+
+
+def _listed(others: Sequence[str]) -> str:
+    return ", ".join(others[:10]) + (" and more" if len(others) > 10 else "")
 
 
 def _blocks(path: Path, gathering: Gathering) -> Iterator[Block]:
@@ -124,12 +131,17 @@ def _keep(path: str, dataset: h5py.Dataset, said: Mapping[str, arrays.Said], ser
     else:
         axis, is_axis = axes.stated(path, dataset, said, found.nexus)
         series = replace(series, axis=axis, is_axis=is_axis)
-    packing = arrays.law(said)
+    found.others += [f"{path}.{field}" for field in arrays.left_out(dataset.dtype)]
+    packing = arrays.law(said, dataset.dtype)
     if (packing.scale, packing.offset) != (1.0, 0.0):
         message = f"numbers were made physical by scale_factor {packing.scale:g} and add_offset {packing.offset:g}"
         found.findings.append(Finding("calibration_applied", series.channels[0].name, path, message))
-    if packing.fill is not None and not dataset.is_scale:
-        message = f"{packing.fill:g} stands for no value (_FillValue): NaN"
+    if packing.wrap:
+        message = "its integers are unsigned, as _Unsigned states"
+        found.findings.append(Finding("calibration_applied", series.channels[0].name, path, message))
+    if packing.fills and not dataset.is_scale:
+        listed = " and ".join(f"{fill:g}" for fill in packing.fills)
+        message = f"{listed} stands for no value ({'_FillValue' if '_FillValue' in said else 'missing_value'}): NaN"
         found.findings.append(Finding("invalid_samples", series.channels[0].name, path, message))
     if dataset.dtype.kind in "iu" and dataset.dtype.itemsize == 8 and _is_beyond_exact(series):
         message = "holds integers beyond 2**53, which float64 rounds"
