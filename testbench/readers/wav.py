@@ -49,7 +49,7 @@ def open_wav(path: Path, options: ReadOptions) -> Recording:
     """Read the chunks; the samples are read when asked for."""
     with ByteSource(path) as source:
         sound = _sound(source)
-        findings = _said(source, sound)
+        findings = _said(source, sound) or list(_behind(source, sound))
     form = sound.form
     if not sound.frames:
         raise Refusal(path.name, next(iter(findings), Finding("no_data", None, None, "no sample in it")))
@@ -131,6 +131,27 @@ def _said(source: ByteSource, sound: _Sound) -> list[Finding]:
         message = f"{sound.declared} bytes are declared, which are {declared} frames and a part of one"
         return [Finding("count_contradiction", None, None, message)]
     return []
+
+
+def _behind(source: ByteSource, sound: _Sound) -> Iterator[Finding]:
+    """More samples behind those that are declared, as a second chunk or as nothing that is a chunk at all."""
+    at = sound.begin + sound.declared
+    at += sound.declared % 2 if not _is_name(source, at) else 0
+    for _ in range(_MOST_CHUNKS):
+        if at + 8 > source.size:
+            return
+        name, size = struct.unpack("<4sI", source.read(at, 8, "a chunk"))
+        if name == b"data" or not _is_name(source, at):
+            more = "a second chunk of samples" if name == b"data" else "more samples than declared, it seems"
+            message = f"{source.size - at} bytes behind the {sound.frames} frames declared: {more}; they are not read"
+            yield Finding("count_contradiction", None, f"byte {at}", message)
+            return
+        at += 8 + size + size % 2
+
+
+def _is_name(source: ByteSource, at: int) -> bool:
+    """Whether the name of a chunk stands there: four letters, digits, marks or blanks."""
+    return at + 8 <= source.size and all(32 <= letter < 127 for letter in source.read(at, 4, "a name"))
 
 
 def _blocks(path: Path, sound: _Sound, group: Group) -> Iterator[Block]:

@@ -1,11 +1,13 @@
 """Headers of LVM files: the file's settings, and channels, samples, units and abscissa of each segment."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from ...findings import Finding
 from ...recording import Channel, Clock, Group, TimeColumn, UniformClock
+from ...units import seconds_per
 from .. import doubt
 from ..csv.dialect import Dialect
 from ..csv.parse import Form
@@ -27,11 +29,15 @@ class Settings:
 
 @dataclass(frozen=True)
 class Part:
-    """Channels of one segment that share abscissa and number of samples; ``fields`` are their fields in a row."""
+    """Channels of one segment that share abscissa and number of samples; ``fields`` are their fields in a row.
+
+    ``stated_rate_hz`` is the rate that the header states beside recorded abscissae.
+    """
 
     group: Group
     fields: tuple[int, ...]
     declared: int | None
+    stated_rate_hz: float | None = None
 
 
 @dataclass(frozen=True)
@@ -115,7 +121,8 @@ def _parts(
             findings += doubt.step_as_text(said["Delta_X"], "Delta_X")
         title = name if len(gathered) == 1 else f"{name} {names[columns[members[0]][1]]}"
         declared = _count(path, said["Samples"]) if said["Samples"] else None
-        parts.append(Part(Group(title, tuple(channels), clock), tuple(fields), declared))
+        rate = None if x is None else _stated_rate(said, settings.dialect.decimal, clock)
+        parts.append(Part(Group(title, tuple(channels), clock), tuple(fields), declared, rate))
     return tuple(parts), list(dict.fromkeys(findings))
 
 
@@ -127,13 +134,29 @@ def _cell(rows: dict[str, list[str]], key: str, i: int) -> str:
 def _clock(path: Path, said: dict[str, str], decimal: str, x: int | None) -> Clock | None:
     if said["X_Dimension"] not in ("", "Time"):
         return None
+    factor = seconds_per(said["X_Unit_Label"]) if said["X_Unit_Label"] else 1.0
     if x is not None:
-        return TimeColumn(0, 1.0, assumed=not said["X_Unit_Label"])
+        return TimeColumn(0, factor, assumed=not said["X_Unit_Label"])
+    start, step = _start_and_step(path, said, decimal)
+    return None if factor is None else by_step(step * factor, start * factor)
+
+
+def _stated_rate(said: dict[str, str], decimal: str, clock: Clock | None) -> float | None:
+    """The rate of Delta_X beside recorded abscissae [Hz]; None if it says none."""
+    factor = clock.seconds_per_unit if isinstance(clock, TimeColumn) else None
+    with suppress(ValueError):
+        declared = by_step(float(said["Delta_X"].replace(decimal, ".")) * (factor or 0.0), 0.0)
+        return None if declared is None else declared.rate_hz
+    return None
+
+
+def _start_and_step(path: Path, said: dict[str, str], decimal: str) -> tuple[float, float]:
+    """X0 and Delta_X, in the unit of the abscissa; 0 where they are not said."""
     try:
         start, step = (float((said[key] or "0").replace(decimal, ".")) for key in ("X0", "Delta_X"))
     except ValueError as error:
         raise damaged(path, f"X0 {said['X0']!r} or Delta_X {said['Delta_X']!r} is no number") from error
-    return by_step(step, start)
+    return start, step
 
 
 def _count(path: Path, text: str) -> int:

@@ -46,8 +46,15 @@ def open_lvm(path: Path, options: ReadOptions) -> Recording:
         read=file.blocks,
         settings={"encoding": encoding.name, "decimal": stated.dialect.decimal},
         metadata=metadata,
+        stated_rate_hz=_stated_rate(segments),
         findings=tuple(finding for each in file.segments for finding in each.findings),
     )
+
+
+def _stated_rate(segments: Sequence[Segment]) -> float | None:
+    """The rate that headers state beside recorded abscissae, if it is one for the whole file [Hz]."""
+    rates = {part.stated_rate_hz for each in segments for part in each.parts if part.stated_rate_hz is not None}
+    return rates.pop() if len(rates) == 1 else None
 
 
 def _encoding(path: Path) -> Encoding:

@@ -117,6 +117,25 @@ def test_abscissae_of_each_channel_are_clocks_of_their_own(tmp_path):
     np.testing.assert_array_equal(found.time("run m_1"), np.arange(4) / 4)
 
 
+def test_a_stated_step_is_held_against_recorded_abscissae(tmp_path):
+    """Delta_X of 1 ms beside abscissae 125 ms apart is a contradiction; of 125 ms, none."""
+    rows = [f"{i / 8}\t{i}\t{-i}" for i in range(40)]
+    text = _segment(rows)
+    assert "1000 Hz" in reading.read(_write(tmp_path, text, x="One")).message("rate_contradiction")
+    agreeing = text.replace("0.001000000", "0.125000000")
+    assert "rate_contradiction" not in reading.read(_write(tmp_path, agreeing, x="One")).codes
+
+
+@pytest.mark.parametrize(("x", "rows"), [("No", ROWS), ("One", [f"{i}\t{i}\t{-i}" for i in range(6)])])
+def test_abscissae_in_their_own_unit(tmp_path, x, rows):
+    """Steps of 1 ms are 1 kHz, whether X_Unit_Label is that of declared or of recorded abscissae."""
+    text = _segment(rows).replace("X0\t", "X_Unit_Label\tms\tms\t\nX0\t").replace("0.001000000", "1.000000000")
+    found = reading.read(_write(tmp_path, text, x=x))
+    clock = found.group().clock
+    assert clock == (UniformClock(1000.0, 0.0005) if x == "No" else TimeColumn(0, 0.001))
+    assert "rate_contradiction" not in found.codes
+
+
 def test_fewer_rows_than_declared_are_an_error(tmp_path):
     """A missing row is said with both numbers."""
     found = reading.read(_write(tmp_path, _segment(ROWS, n=8)))

@@ -79,6 +79,35 @@ def test_lengths_that_contradict_the_file_are_said(tmp_path, declared, code, sai
     assert said in found.message(code)
 
 
+@pytest.mark.parametrize(
+    ("behind", "said"),
+    [
+        (b"data" + struct.pack("<I", 20) + bytes(20), "a second chunk of samples"),
+        (b"LIST" + struct.pack("<I", 4) + b"INFO" + b"data" + struct.pack("<I", 20) + bytes(20), "a second chunk"),
+        (struct.pack("<40h", *range(-20, 20)), "more samples than declared"),
+        (bytes(400), "more samples than declared"),
+        (b"LIST" + struct.pack("<I", 4) + b"INFO", None),
+        (b"cue \3\0\0\0abc\0", None),
+        (b"\0\0", None),
+    ],
+)
+def test_samples_behind_those_declared_are_an_error(tmp_path, behind, said):
+    """A recorder that appends, or whose length was not brought up to date, leaves samples that are not read."""
+    path = _riff(tmp_path, _form(1, 2, 100, 16), bytes(20))
+    path.write_bytes(path.read_bytes() + behind)
+    found = reading.read(path)
+    assert len(found.column("channel 1")) == 5
+    assert said in found.message("count_contradiction") if said else "count_contradiction" not in found.codes
+
+
+@pytest.mark.parametrize("padded", [True, False])
+def test_an_odd_length_may_be_padded_or_not(tmp_path, padded):
+    """Behind seven bytes of samples the next chunk begins at the next even byte, or, by some writers, at once."""
+    path = _riff(tmp_path, _form(1, 1, 100, 8), bytes(7))
+    path.write_bytes(path.read_bytes() + bytes(padded) + b"LIST" + struct.pack("<I", 4) + b"INFO")
+    assert "count_contradiction" not in reading.read(path).codes
+
+
 @pytest.mark.parametrize("form", [_form(2, 1, 100, 4), _form(1, 0, 100, 16), _form(3, 1, 100, 16), b"\x01\x00"])
 def test_other_formats_are_refused(tmp_path, form):
     """Compressed sound, no channel, floats of two bytes, half a format."""
