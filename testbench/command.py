@@ -4,16 +4,17 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from balance.arrays import Floats
-from balance.closure import Closure
 from balance.mechanism import Mechanism
-from balance.motion import Samples
 
 from .bench.carried import acceleration_in_body
 from .channels import in_si, instants
 from .errors import AnalysisError
-from .motion.derivatives import grid_of, noise_gain, on_grid, rates
+from .motion.derivatives import grid_of, noise_gain
+from .motion.gaps import longest, reach_of
+from .motion.joint_motion import encoder_gaps, followed, group_of_encoders
 from .motion.segments import moving
 from .pairing import rig_of
 from .rig.sensors import Accelerometer, Encoder, Target
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from .rig import Column, Rig
     from .store import Run
 
+NEAR_S = 0.02
+"""How far a correlation may be led by a gap [s]."""
 BANDWIDTH_HZ = 80.0
 """Of the accelerations [Hz]: twice what the moves need, and little of the encoders' steps."""
 
@@ -34,6 +37,7 @@ DEFINITIONS = {
     "delay_s": "by which what is shown follows the target, by correlation",
     "accelerometer_shifted_s": "by which the accelerometer's record is shifted to correlate best with the target",
     "encoder_noise": "standard deviation that the encoders' steps alone give an acceleration of their joint [rad/s2]",
+    "left_out_s": "of the controller's clock, where gaps of its record touch it: in no other number",
     "bandwidth_hz": "of the zero-phase low-pass of what is measured; the target is not filtered",
 }
 """What each number is."""
@@ -51,6 +55,8 @@ class CommandPerformance:
     bandwidth_hz: float
     lag_s: float
     """By how much the accelerometer's logger was started earlier than the controller's, found by correlation [s]."""
+    kept: NDArray[np.bool_]
+    """Which instants no gap touches, (n,); at the others nothing counts."""
     group: str = ""
     """The group of the accelerometer."""
     first: float = 0.0
@@ -58,12 +64,17 @@ class CommandPerformance:
     encoder_noise: dict[str, float] = field(default_factory=dict)
     """What the steps of the encoders alone make of an acceleration of a joint, by joint [rad/s2, m/s2]."""
 
+    @property
+    def left_out_s(self) -> float:
+        """How much gaps touch [s]."""
+        return float(np.mean(~self.kept) * (self.time[-1] - self.time[0]))
+
     def reached(self) -> list["Reached"]:
         """How well the command was reached, by axis and by what shows it."""
         rate = (len(self.time) - 1) / float(self.time[-1] - self.time[0])
         shown = {"encoders": self.encoders, "accelerometer": self.accelerometer}
         return [
-            Reached.of(axis, by, self.target[axis], values[axis], rate)
+            Reached.of(axis, by, self.target[axis], values[axis], rate, self.kept)
             for axis in self.target
             for by, values in shown.items()
             if axis in values
@@ -89,19 +100,24 @@ class Reached:
     and where nothing is commanded."""
 
     @classmethod
-    def of(cls, axis: str, by: str, target: Floats, shown: Floats, rate_hz: float) -> "Reached":
-        """Compare two signals (n,) of one clock; where nothing is commanded, over all of it."""
-        moved = bool(np.ptp(target) > 0.0)
-        span = moving(target, rate_hz) if moved else slice(None)
+    def of(
+        cls, axis: str, by: str, target: Floats, shown: Floats, rate_hz: float, kept: NDArray[np.bool_]
+    ) -> "Reached":
+        """Compare two signals (n,) of one clock where they are ``kept``; where nothing is commanded, over all of it."""
+        moved, even = bool(np.ptp(target) > 0.0), longest(kept)
+        span = np.zeros(len(target), dtype=bool)
+        span[moving(target, rate_hz) if moved else slice(None)] = True
+        span &= kept
         error = shown[span] - target[span]
+        timed = by == "encoders" and bool(np.ptp(target[even]) > 0.0)
         return cls(
             axis,
             by,
-            float(np.abs(target).max()),
-            float(np.abs(shown).max()),
+            float(np.abs(target[kept]).max()),
+            float(np.abs(shown[kept]).max()),
             float(np.sqrt(np.mean(target[span] ** 2))),
             float(np.sqrt(np.mean(error**2))),
-            lag(shown, target, rate_hz) if moved and by == "encoders" else None,
+            lag(shown[even], target[even], rate_hz) if timed else None,
         )
 
     def as_dict(self) -> dict[str, Any]:
@@ -118,7 +134,10 @@ class Reached:
 
 
 def performance(run: "Run", mechanism: Mechanism, bandwidth_hz: float = BANDWIDTH_HZ) -> CommandPerformance:
-    """Target, accelerometer and encoders of a run on one clock. Raises AnalysisError if the rig lacks one of them."""
+    """Target, accelerometer and encoders of a run on one clock. Raises AnalysisError if the rig lacks one of them.
+
+    What gaps of that clock touch does not count.
+    """
     rig = rig_of(run)
     wanted = {column.component: in_si(run, column) for column in _columns(run, rig, Target)}
     first = _columns(run, rig, Target)[0]
@@ -128,11 +147,19 @@ def performance(run: "Run", mechanism: Mechanism, bandwidth_hz: float = BANDWIDT
     band = Band(0.0, bandwidth_hz)
     felt = {c.component: (band.of(*in_si(run, c)), instants(run, c)) for c in sensor.columns(name)}
     target = {axis: values for axis, (values, _) in wanted.items()}
-    late = _lag(target, felt, rate)
+    _columns(run, rig, Encoder)
+    if run.find(first.channel)[0].name != group_of_encoders(run, rig):
+        raise AnalysisError(f"{run.name}: encoders and target are on two loggers, whose clocks are not in line")
+    kept = np.ones(len(time), dtype=bool)
+    if gaps := encoder_gaps(run, rig):
+        even = grid_of(time, f"{run.name}: target", bridged=True)
+        target = {axis: np.interp(even.time, time, values) for axis, values in target.items()}
+        time, kept = even.time, gaps.sound(even, reach_of(bandwidth_hz))
+        if not kept.any():
+            raise AnalysisError(f"{run.name}: {'; '.join(gaps.described)}: nothing is left")
+    late = _lag(target, felt, rate, kept)
     grid, moved = encoder_acceleration(run, rig, mechanism, sensor, bandwidth_hz)
     gain = noise_gain(bandwidth_hz, (len(grid) - 1) / float(grid[-1] - grid[0]))
-    if run.find(first.channel)[0] != run.find(_columns(run, rig, Encoder)[0].channel)[0]:
-        raise AnalysisError(f"{run.name}: encoders and target are on two loggers, whose clocks are not in line")
     return CommandPerformance(
         time,
         target,
@@ -140,6 +167,7 @@ def performance(run: "Run", mechanism: Mechanism, bandwidth_hz: float = BANDWIDT
         {axis: np.interp(time, grid, moved[:, "xyz".index(axis)]) for axis in target},
         bandwidth_hz,
         late,
+        kept,
         run.find(sensor_column.channel)[0].name,
         float(instants(run, sensor_column)[0]),
         {c.component: c.resolution / np.sqrt(12.0) * gain for c in _columns(run, rig, Encoder)},
@@ -151,17 +179,9 @@ def encoder_acceleration(
 ) -> tuple[Floats, Floats]:
     """Instants (n,) [s], and the acceleration of the point where ``sensor`` sits, body axes, (n, 3) [m/s2].
 
-    By the encoders, differentiated below ``bandwidth_hz``, and by the loops of the mechanism.
+    By the encoders, differentiated below ``bandwidth_hz``, and by the loops of the mechanism; in gaps no measurement.
     """
-    columns = _columns(run, rig, Encoder)
-    if len({run.find(column.channel)[0].name for column in columns}) > 1:
-        raise AnalysisError(f"{run.name}: its encoders are on several loggers, whose clocks are not in line")
-    time = instants(run, columns[0])
-    position = np.column_stack([in_si(run, column)[0] for column in columns])
-    grid = grid_of(time, f"{run.name}: encoders")
-    moved = rates(on_grid(time, position, grid), bandwidth_hz, grid.rate)
-    samples = Samples(grid.time, moved.q, moved.v, moved.a, tuple(column.component for column in columns))
-    trajectory = Closure(mechanism).follow(samples)
+    grid, trajectory = followed(run, rig, mechanism, bandwidth_hz, bridged=True)
     still, point = np.zeros((grid.count, 6)), np.array(sensor.position)
     return grid.time, acceleration_in_body(mechanism, trajectory, still, sensor.attached_to, point)
 
@@ -181,7 +201,9 @@ def _moving_accelerometer(run: "Run", rig: "Rig") -> tuple[str, Accelerometer]:
     raise AnalysisError(f"{run.name}: its rig has no accelerometer on a body that moves")
 
 
-def _lag(wanted: dict[str, Floats], felt: dict[str, tuple[Floats, Floats]], rate_hz: float) -> float:
+def _lag(
+    wanted: dict[str, Floats], felt: dict[str, tuple[Floats, Floats]], rate_hz: float, kept: NDArray[np.bool_]
+) -> float:
     """Lag of the accelerometer's record behind the target's, along the axis that moves most [s]."""
     shared = [axis for axis in wanted if axis in felt]
     if not shared:
@@ -189,4 +211,16 @@ def _lag(wanted: dict[str, Floats], felt: dict[str, tuple[Floats, Floats]], rate
     axis = max(shared, key=lambda a: float(np.ptp(wanted[a])))
     values, time = felt[axis]
     regular = np.arange(0.0, float(time[-1] - time[0]), 1.0 / rate_hz)
-    return lag(np.interp(regular, time - time[0], values), wanted[axis], rate_hz)
+    late = lag(np.interp(regular, time - time[0], values), wanted[axis] * kept, rate_hz)
+    return late if kept.all() else _nearest(late, time - time[0], values, wanted[axis], rate_hz, kept)
+
+
+def _nearest(late: float, time: Floats, felt: Floats, wanted: Floats, rate_hz: float, kept: NDArray[np.bool_]) -> float:
+    """The lag within NEAR_S of one at which what was felt differs least from the target where it is known [s].
+
+    A correlation with a gap in it favours what lies beside the gap.
+    """
+    shifts = late + np.arange(-NEAR_S, NEAR_S, 0.1 / rate_hz)
+    own = np.flatnonzero(kept) / rate_hz
+    left = [float(np.sum((np.interp(own + shift, time, felt) - wanted[kept]) ** 2)) for shift in shifts]
+    return float(shifts[int(np.argmin(left))])

@@ -12,7 +12,8 @@ from balance.mechanism import Mechanism
 from .channels import in_si, instants
 from .errors import AnalysisError
 from .motion.derivatives import low_pass
-from .motion.joint_motion import encoders, followed, loaded
+from .motion.gaps import longest, reach_of
+from .motion.joint_motion import encoder_gaps, encoders, followed, loaded
 from .rig.sensors import Torque
 from .signals import lag
 
@@ -26,7 +27,10 @@ BANDWIDTH_HZ = 80.0
 
 @dataclass(frozen=True)
 class DriveTorque:
-    """One drive: what its sensor and what the model says, in the same band [N m, or N of a joint that slides]."""
+    """One drive: what its sensor and what the model says, in the same band [N m, or N of a joint that slides].
+
+    What gaps touch is left out.
+    """
 
     joint: str
     sensor: str
@@ -64,8 +68,16 @@ class DriveTorque:
             f"mean_difference_{self.unit}": float(np.mean(self.measured - self.model)),
             "residual_share": self.residual_share,
             "scale": self.scale,
-            "delay_s": lag(self.measured, self.model, self.rate_hz),
+            "left_out_s": float(self.time[-1] - self.time[0]) - (len(self.time) - 1) / self.rate_hz,
+            "delay_s": lag(self.measured[self._even], self.model[self._even], self.rate_hz),
         }
+
+    @property
+    def _even(self) -> slice:
+        """The longest stretch without a gap."""
+        close = np.diff(self.time) < 1.5 / self.rate_hz
+        found = longest(close)
+        return slice(found.start, found.stop + 1)
 
     @staticmethod
     def _moving(values: Floats) -> Floats:
@@ -78,6 +90,7 @@ DEFINITIONS = {
     "mean_difference": "mean of measured less model: an offset of the sensor, static friction, or gravity",
     "residual_share": "RMS of measured less model over RMS of measured, means removed",
     "scale": "least-squares factor of the model, means removed",
+    "left_out_s": "what gaps of the encoders' record touch: in no other number",
     "delay_s": "by which the measured torque follows the model, by correlation",
 }
 """What each number of a drive is."""
@@ -88,22 +101,30 @@ def against_model(
 ) -> list[DriveTorque]:
     """Each drive of a run, ``mechanism`` being without payload and counter-masses, which the run's conditions put on.
 
-    Raises AnalysisError where the rig has no torque, or it is on another clock than the encoders.
+    Raises AnalysisError where the rig has no torque, it is on another clock than the encoders, or gaps leave nothing.
     """
     columns = [column for name, sensor in rig.of_kind(Torque).items() for column in sensor.columns(name)]
     if not columns:
         raise AnalysisError(f"{run.name}: its rig has no sensor of kind torque")
     model = loaded(run, mechanism)
-    grid, path = followed(run, rig, model, bandwidth_hz)
+    grid, path = followed(run, rig, model, bandwidth_hz, bridged=True)
+    gaps, reach = encoder_gaps(run, rig), reach_of(bandwidth_hz)
+    kept = gaps.sound(grid, reach)
+    if not kept.any():
+        raise AnalysisError(f"{run.name}: {'; '.join(gaps.texts(reach))}: nothing is left")
+
+    def smooth(values: Floats) -> Floats:
+        return gaps.apart(lambda part: low_pass(part, bandwidth_hz, grid.rate), values, grid, reach)[kept]
+
     response = simulate(model, path)
     expected = response.torque
     return [
         DriveTorque(
             column.component,
             column.sensor,
-            grid.time,
-            low_pass(np.interp(grid.time, *_recorded(run, rig, column)), bandwidth_hz, grid.rate),
-            low_pass(expected[column.component], bandwidth_hz, grid.rate),
+            grid.time[kept],
+            smooth(np.interp(grid.time, *_recorded(run, rig, column))),
+            smooth(expected[column.component]),
             grid.rate,
             bandwidth_hz,
             "N" if column.component in response.sliding else "Nm",

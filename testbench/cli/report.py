@@ -136,7 +136,7 @@ def _say_compared(compared: list[dict[str, Any]]) -> None:
         header = ["condition", "joint", "measured without", "with", "model without", "with", "measured times",
                   "model times", "origin"]  # fmt: skip
         title = "RMS torque of the drives with and without counter-masses [N m, or N]"
-        emit_table(title, header, rows, "means of repeats; times: with over without")
+        emit_table(title, header, rows, "means of repeats, runs with a gap left out; times: with over without")
 
 
 def _write(

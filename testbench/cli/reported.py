@@ -34,7 +34,7 @@ def say(found: "RunReport") -> None:
 def _motions(part: Part) -> None:
     rows = [
         [m["motion"], m["by"], m["group"], f"{m['start_s']:.4f}", f"{m['end_s']:.4f}", str(m["repeat"]),
-         f"{1e3 * m['extent_m']:.1f}", m["reason"]]
+         "-" if m["extent_m"] is None else f"{1e3 * m['extent_m']:.1f}", m["reason"]]
         for m in part["found"]
     ]  # fmt: skip
     header = ["motion", "by", "clock of", "start [s]", "end [s]", "repeat", "extent [mm]", "because"]

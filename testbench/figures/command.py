@@ -33,10 +33,12 @@ def command_performance(run: "Run", mechanism: Mechanism | None = None, bandwidt
                 (f"accelerometer, below {bandwidth_hz:g} Hz", shown.accelerometer[axis], style.ACCELEROMETER),
                 (f"encoders, differentiated below {bandwidth_hz:g} Hz", shown.encoders[axis], style.ENCODERS),
             )
-            for label, values, colour in lines:
+            for label, every, colour in lines:
+                values = np.where(shown.kept, every, np.nan)
                 above.plot(shown.time, values / G0, color=colour, label=label)
                 below.plot(shown.time, (values - shown.target[axis]) / G0, color=colour)
-            above.plot(shown.time, shown.target[axis] / G0, color=style.TARGET, lw=0.9, ls="--", label="target")
+            target = np.where(shown.kept, shown.target[axis], np.nan)
+            above.plot(shown.time, target / G0, color=style.TARGET, lw=0.9, ls="--", label="target")
             above.set_ylabel(f"{axis} [g0]")
             below.set_ylabel(f"{axis} less target [g0]")
         span = moving(shown.target[axes_moved[0]], 1.0 / float(shown.time[1] - shown.time[0]))

@@ -95,6 +95,11 @@ class Gaps:
         ]
 
 
+def longest(kept: NDArray[np.bool_]) -> slice:
+    """The longest stretch in which something holds."""
+    return max(stretches(kept), key=lambda part: part.stop - part.start, default=slice(0, 0))
+
+
 def reach_of(bandwidth_hz: float) -> float:
     """How far beyond its ends a gap disturbs positions smoothed below a bandwidth [s]."""
     return REACH_PERIODS / bandwidth_hz

@@ -22,8 +22,9 @@ from ..errors import AnalysisError
 from ..rig.sensors import Accelerometer, Target
 from ..signals import Band
 from .derivatives import grid_of, on_grid
-from .joint_motion import followed, group_of_encoders
-from .legs import Leg, legs_of_acceleration, legs_of_path
+from .gaps import wide_steps
+from .joint_motion import encoder_gaps, followed, group_of_encoders
+from .legs import REST_S, Leg, legs_of_acceleration, legs_of_path
 
 if TYPE_CHECKING:
     from ..rig import Rig
@@ -34,6 +35,7 @@ BANDWIDTH_HZ = 80.0
 """Of what motions are found in [Hz]."""
 LARGEST_SHARE = 0.3
 """Of the encoders' rate, where that is less."""
+NO_GAP: Floats = np.zeros((0, 2))
 STILL = {"command": 1e-3, "encoders": 0.02, "acceleration": 0.15}
 """Share of the largest speed, or of the largest acceleration, below which something rests."""
 ALONG = np.cos(np.radians(10.0))
@@ -58,8 +60,8 @@ class FoundMotion:
     repeat: int
     """Which one of its name, from 1."""
     legs: int
-    extent: float
-    """Largest distance from where it began [m]."""
+    extent: float | None
+    """Largest distance from where it began [m]; None where a gap hides it."""
     reason: str
     """Why it is called so."""
 
@@ -82,7 +84,7 @@ def found(
     run: "Run", rig: "Rig", mechanism: Callable[[], Mechanism]
 ) -> tuple[dict[Source, list[FoundMotion]], dict[Source, str]]:
     """The motions of a run by each source that its rig has, and why a source tells nothing."""
-    ways: dict[Source, Callable[[], tuple[str, list[Leg]]]] = {
+    ways: dict[Source, Callable[[], tuple[str, list[Leg], Floats]]] = {
         "command": lambda: _commanded(run, rig),
         "encoders": lambda: _encoded(run, rig, mechanism()),
         "acceleration": lambda: _felt(run, rig),
@@ -91,20 +93,21 @@ def found(
     reasons: dict[Source, str] = {}
     for source, way in ways.items():
         try:
-            group, legs = way()
-            motions[source] = named(legs, source, group)
+            group, legs, gaps = way()
+            motions[source] = named(legs, source, group, gaps)
         except CounterpoiseError as error:
             reasons[source] = str(error)
     return motions, reasons
 
 
-def named(legs: Sequence[Leg], source: Source, group: str) -> list[FoundMotion]:
-    """Legs as motions, each with its name, or ``unknown``, and why."""
+def named(legs: Sequence[Leg], source: Source, group: str, gaps: Floats = NO_GAP) -> list[FoundMotion]:
+    """Legs as motions, each with its name, or ``unknown``, and why; one that ``gaps`` (g, 2) [s] touch is unknown."""
     done: list[FoundMotion] = []
     for some in _cycles(legs, BACK[source]):
-        name, reason = _name(some, source)
+        name, reason = _touched(some, gaps) or _name(some, source)
         places = np.cumsum([leg.chord for leg in some], axis=0)
-        extent = float(np.linalg.norm(places, axis=1).max())
+        far = [float(size) for size in np.linalg.norm(places, axis=1) if np.isfinite(size)]
+        extent = max(far) if len(far) == len(places) else None
         repeat = 1 + sum(one.name == name for one in done)
         done.append(FoundMotion(name, source, group, some[0].start, some[-1].end, repeat, len(some), extent, reason))
     return done
@@ -123,6 +126,14 @@ def _cycles(legs: Sequence[Leg], back: float) -> Iterator[list[Leg]]:
             some = []
     if some:
         yield some
+
+
+def _touched(legs: Sequence[Leg], gaps: Floats) -> tuple[str, str] | None:
+    """Unknown, for what a motion did in a gap is known to nobody."""
+    for begin, end in gaps:
+        if legs[0].start - REST_S < end and begin < legs[-1].end + REST_S:
+            return "unknown", f"a gap of {end - begin:.4g} s after {begin:.6g} s touches it"
+    return None
 
 
 def _name(legs: Sequence[Leg], source: Source) -> tuple[str, str]:
@@ -159,7 +170,7 @@ def _triangle(places: Floats, same: float) -> str | None:
     return ", ".join("(" + ", ".join(f"{1e3 * v:.0f}" for v in nodes[i][:2]) + ") mm" for i in corners)
 
 
-def _commanded(run: "Run", rig: "Rig") -> tuple[str, list[Leg]]:
+def _commanded(run: "Run", rig: "Rig") -> tuple[str, list[Leg], Floats]:
     columns = [c for name, sensor in rig.of_kind(Target).items() for c in sensor.columns(name)]
     if not columns:
         raise AnalysisError("the rig has no target")
@@ -169,18 +180,37 @@ def _commanded(run: "Run", rig: "Rig") -> tuple[str, list[Leg]]:
     values = np.zeros((run.group(next(iter(groups))).samples, 3))
     for column in columns:
         values[:, "xyz".index(column.component)] = in_si(run, column)[0]
-    return groups.pop(), legs_of_acceleration(instants(run, columns[0]), values, STILL["command"])
+    time = instants(run, columns[0])
+    gaps = wide_steps(time)
+    if not len(gaps):
+        return groups.pop(), legs_of_acceleration(time, values, STILL["command"]), gaps
+    return groups.pop(), _up_to(gaps, time, values), gaps
 
 
-def _encoded(run: "Run", rig: "Rig", mechanism: Mechanism) -> tuple[str, list[Leg]]:
+def _up_to(gaps: Floats, time: Floats, values: Floats) -> list[Leg]:
+    """Legs of a commanded acceleration (n, 3) before its first gap; what comes from there on is one, whose chord is
+    known to nobody: a speed is not integrated across a gap.
+    """
+    begin, end = gaps[0]
+    before, size = time <= begin, np.linalg.norm(values, axis=1)
+    moves = time[size > STILL["command"] * size.max()]
+    legs = legs_of_acceleration(time[before], values[before], STILL["command"]) if before.sum() > 1 else []
+    if not moves.size or moves[-1] < begin:
+        return legs
+    return [*legs, Leg(float(begin), max(float(moves[-1]), float(end)), np.full(3, np.nan), np.nan)]
+
+
+def _encoded(run: "Run", rig: "Rig", mechanism: Mechanism) -> tuple[str, list[Leg], Floats]:
     group = group_of_encoders(run, rig)
     rate = run.group(group).rate_hz
-    grid, path = followed(run, rig, mechanism, min(BANDWIDTH_HZ, LARGEST_SHARE * rate if rate else BANDWIDTH_HZ))
+    bandwidth = min(BANDWIDTH_HZ, LARGEST_SHARE * rate if rate else BANDWIDTH_HZ)
+    grid, path = followed(run, rig, mechanism, bandwidth, bridged=True)
+    gaps = list(encoder_gaps(run, rig).spans.values())
     body, position = _driven(rig, mechanism)
     at = kinematics.pose(mechanism.tree, np.ascontiguousarray(path.q.T))
     place = dense(at.point(mechanism.tree.bodies[mechanism.body_index(body)], position), at.count).T
     speed = np.linalg.norm(np.gradient(place, grid.step, axis=0), axis=1)
-    return group, legs_of_path(grid.time, place, speed, STILL["encoders"])
+    return group, legs_of_path(grid.time, place, speed, STILL["encoders"]), gaps[0] if gaps else NO_GAP
 
 
 def _driven(rig: "Rig", mechanism: Mechanism) -> tuple[str, Floats]:
@@ -194,7 +224,7 @@ def _driven(rig: "Rig", mechanism: Mechanism) -> tuple[str, Floats]:
     return body, np.array(mechanism.centre(body))
 
 
-def _felt(run: "Run", rig: "Rig") -> tuple[str, list[Leg]]:
+def _felt(run: "Run", rig: "Rig") -> tuple[str, list[Leg], Floats]:
     """By an accelerometer on a body; its axes are taken for the base's, so what turns is not told by it."""
     for name, sensor in rig.of_kind(Accelerometer).items():
         columns = list(sensor.columns(name)) if sensor.attached_to != "base" else []
@@ -207,5 +237,6 @@ def _felt(run: "Run", rig: "Rig") -> tuple[str, list[Leg]]:
             even = on_grid(time, in_si(run, column)[0][:, None], grid)[:, 0]
             rest = np.median(even[: max(len(even) // 20, 1)])
             values[:, "xyz".index(column.component)] = Band(0.0, BANDWIDTH_HZ).of(even - rest, grid.rate)
-        return run.find(columns[0].channel)[0].name, legs_of_acceleration(grid.time, values, STILL["acceleration"])
+        group = run.find(columns[0].channel)[0].name
+        return group, legs_of_acceleration(grid.time, values, STILL["acceleration"]), NO_GAP
     raise AnalysisError("the rig has no accelerometer on a body that moves")

@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from ..wrench import MeasuredWrench
 
 
+LEAST_GAP_S = 1e-6
+"""What is left out of a record, beyond rounding [s]."""
+
+
 def wrench_part(wrench: "MeasuredWrench", band: Band | None) -> Part:
     """Every metric of every component; null with the reason where the sensors do not determine it."""
     components: dict[str, dict[str, float] | None] = {}
@@ -52,12 +56,20 @@ def torque_part(run: "Run", rig: "Rig", mechanism: Mechanism, bandwidth_hz: floa
     return {"drives": [drive.as_dict() for drive in drives], "definitions": torque.DEFINITIONS}
 
 
+def _gapped(part: Part) -> bool:
+    return any(drive["left_out_s"] > LEAST_GAP_S for drive in part.get("drives", []))
+
+
 def fallen(balanced: list[Part], unbalanced: list[Part]) -> list[Part]:
     """How torques changed with counter-masses: root mean square, measured and by the model, means of repeats.
 
-    Of parts by :func:`torque_part`; drives that are not in all of them are left out.
+    Of parts by :func:`torque_part`; drives that are not in all of them are left out, and so are runs with a gap, whose
+    root mean square is of another span.
     """
-    sides = [[{d["joint"]: d for d in part.get("drives", [])} for part in some] for some in (balanced, unbalanced)]
+    sides = [
+        [{d["joint"]: d for d in part.get("drives", [])} for part in some if not _gapped(part)]
+        for some in (balanced, unbalanced)
+    ]
     if not all(sides):
         return []
     joints = [j for j in sides[0][0] if all(j in drives for some in sides for drives in some)]

@@ -11,7 +11,8 @@ from balance.mechanism import Mechanism
 from .. import command
 from ..findings import Finding
 from ..motion import motions
-from ..motion.joint_motion import mechanism_of
+from ..motion.gaps import reach_of
+from ..motion.joint_motion import encoder_gaps, encoders, mechanism_of
 from ..pairing import doubts, rig_of
 from ..vibration import DEFAULT_BAND
 from ..wrench import shaking_wrench
@@ -21,6 +22,7 @@ from .response import base_response
 
 if TYPE_CHECKING:
     from ..motion.motions import FoundMotion
+    from ..rig import Rig
     from ..signals import Band
     from ..store import Run
 
@@ -86,6 +88,7 @@ def report(
     except CounterpoiseError as error:
         forces = response = {"reason": str(error)}
     torque = attempt(lambda: loads.torque_part(run, rig, mechanism(), bandwidth_hz))
+    findings += _gaps(run, rig, bandwidth_hz)
     findings += _contradicted(run, torque)
     return RunReport(
         run,
@@ -110,10 +113,22 @@ def _command(
     return shown, {
         "axes": [one.as_dict() for one in shown.reached()],
         "bandwidth_hz": bandwidth_hz,
+        "left_out_s": shown.left_out_s,
         "accelerometer_shifted_s": shown.lag_s,
         "encoder_noise": shown.encoder_noise,
         "definitions": command.DEFINITIONS,
     }
+
+
+def _gaps(run: "Run", rig: "Rig", bandwidth_hz: float) -> list[Part]:
+    """What of the encoders' record is left out, if they have a gap."""
+    if not encoders(rig):
+        return []
+    try:
+        gaps = encoder_gaps(run, rig)
+    except CounterpoiseError:
+        return []
+    return [finding.as_dict() for finding in gaps.findings(run.name, reach_of(bandwidth_hz))]
 
 
 def _contradicted(run: "Run", torque: Part) -> list[Part]:
