@@ -83,6 +83,13 @@ class Steps:
         many = np.add.reduceat(counts, firsts)
         return np.add.reduceat(values * counts, firsts) / many, many
 
+    def mean(self, lowest: float, highest: float) -> float:
+        """The mean of the steps above ``lowest``, ``highest`` at most; NaN if there are none."""
+        self._merge()
+        chosen = (self.values > lowest) & (self.values <= highest)
+        count = self.counts[chosen].sum()
+        return float(self.values[chosen] @ self.counts[chosen] / count) if count else math.nan
+
     def above(self, limit: float) -> int:
         """How many steps are longer than ``limit``."""
         self._merge()

@@ -24,8 +24,8 @@ _NEARLY_ALL = 0.9
 """Share of the steps that are of two neighbouring numbers of places."""
 _WHOLE = 0.05
 """How far a step may be from a whole number of places [places]."""
-_WIDTH = 1.25
-"""How far apart the furthest times above and below a straight line may be [places]; 1 but for the fitted slope."""
+_WIDTH = 1.5
+"""How far apart the furthest times above and below a fitted line may be [places]: 1, and up to 1.4 by the fit."""
 _RARER, _LENGTH = 32, 128
 """Steps of the rarer kind in a piece that is fitted by one line, and of both kinds, whichever makes it longer."""
 _FEWEST, _SHORTEST = 10, 64

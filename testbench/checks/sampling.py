@@ -58,8 +58,8 @@ def of(clock: ClockStats, stated_step: float | None = None) -> Sampling:
         return _by_median(clock, steps, even, told)
     if not even.rounded:
         return _by_median(clock, steps, even)
-    mean = even.mean if even.uneven else steps.mean
-    longest = max(GAP * mean, (steps.short + 1.5) * steps.place)
+    longest = max(GAP * steps.mean, (steps.short + 1.5) * steps.place)
+    mean = even.mean if even.uneven else clock.steps.mean(0.0, longest)
     told = steps.short > 1 or steps.longer_share > 0.5 or _near(stated_step, mean)
     return Sampling(mean, longest, "mean_step", 0.0, steps, even, told)
 

@@ -58,6 +58,17 @@ def test_any_rate_in_whole_milliseconds():
         assert group.rate_hz == pytest.approx(rate, rel=1.1 / column[-1])
 
 
+@pytest.mark.parametrize("rate", [494.7, 251.9, 133.2583])
+def test_a_clock_that_trembles_a_little(rate):
+    """Times that scatter by 0.03 places before they are rounded take a third number of places now and then."""
+    times = np.arange(6000) * 1e3 / rate
+    column = np.round(times + np.random.default_rng(9).normal(0.0, 0.03, 6000))
+    group, findings = checked(column, column=MS)
+    assert group.rate_hz == pytest.approx(rate, rel=2.0 / column[-1])
+    assert "time_gap" not in findings
+    assert "time_gap" not in checked(np.floor(times), column=MS)[1]
+
+
 def test_a_short_log():
     """A second of it is enough; a dozen samples are not, and have the answer of the median or none."""
     assert checked(rounded(700, 3, 700))[0].rate_hz == pytest.approx(700, rel=2e-3)
@@ -88,6 +99,15 @@ def test_lost_samples_stay_gaps(share, seed):
     uneven = "samples lost all over: they do not come as evenly as rounding"
     assert (uneven in findings["time_gap"].message) == (share > 0.055)
     assert "cannot be told" not in findings["time_gap"].message
+
+
+def test_loss_that_is_even_for_a_while():
+    """Every eighth sample for a third of the log, then as many by chance: all of them are lost samples."""
+    kept = np.random.default_rng(4).random(30_000) >= 0.15
+    kept[:10_000] = np.arange(10_000) % 8 != 7
+    group, findings = checked(np.flatnonzero(kept).astype(float), column=MS)
+    assert (group.rate_hz, "rate_doubtful" in findings) == (1000.0, False)
+    assert "samples lost all over" in findings["time_gap"].message
 
 
 @pytest.mark.parametrize("share", [0.3, 0.45])
