@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 _DEFLATE, _SHUFFLE, _FLETCHER32 = 1, 2, 3
 _FILTERS = frozenset({_DEFLATE, _SHUFFLE, _FLETCHER32})
 """Numbers of the filters that every HDF5 library has."""
+_CHECKSUM = 4
+"""Bytes that Fletcher-32 adds to a chunk."""
 _LARGEST_RATIO = 1040
 """Times that deflated values may be larger than what holds them: no such stream grows by more than 1032."""
 
@@ -46,6 +48,8 @@ def open_for_reading(path: Path) -> Iterator["h5py.File"]:
             yield file
     except (OSError, RuntimeError, LookupError, ValueError, TypeError, AttributeError, ArithmeticError) as error:
         raise StoreError(f"{path.name}: not a stored run, or damaged: {error}") from error
+    except MemoryError as error:
+        raise StoreError(f"{path.name}: does not fit into this machine's memory ({error or 'none is left'})") from error
 
 
 def member(group: "h5py.Group", path: str) -> Any:  # noqa: ANN401
@@ -117,13 +121,16 @@ def _refuse_outside(dataset: "h5py.Dataset") -> None:
     if not filters <= _FILTERS:
         raise StoreError(f"{dataset.file.filename}: {dataset.name} needs a filter that is not a standard one")
     ratio = _LARGEST_RATIO if _DEFLATE in filters else 1
-    if dataset.nbytes > ratio * dataset.id.get_storage_size() or _has_holes(dataset):
+    if dataset.nbytes > ratio * dataset.id.get_storage_size() or _has_holes(dataset, filters):
         raise StoreError(f"{dataset.file.filename}: {dataset.name} declares more values than the file holds")
 
 
-def _has_holes(dataset: "h5py.Dataset") -> bool:
-    """Whether a chunk was never written: HDF5 would make up its values."""
-    if not dataset.chunks or dataset.id.get_storage_size() >= dataset.nbytes:
+def _has_holes(dataset: "h5py.Dataset", filters: Set[int]) -> bool:
+    """Whether a chunk was never written: HDF5 would make up its values. Chunks are of one size unless deflated."""
+    if not dataset.chunks:
         return False
-    chunks = [-(-length // size) for length, size in zip(dataset.shape, dataset.chunks, strict=True)]
-    return dataset.id.get_num_chunks() < math.prod(chunks)
+    count = math.prod(-(-length // size) for length, size in zip(dataset.shape, dataset.chunks, strict=True))
+    if _DEFLATE in filters:
+        return int(dataset.id.get_num_chunks()) < count
+    size = math.prod(dataset.chunks) * dataset.dtype.itemsize + (_CHECKSUM if _FLETCHER32 in filters else 0)
+    return int(dataset.id.get_storage_size()) < count * size

@@ -10,6 +10,7 @@ from testbench.errors import StoreError
 from testbench.recording import Channel, Group, TimeColumn
 from testbench.store import open_run
 from testbench.store.archive import archive
+from testbench.store.safe import open_for_reading
 
 from .test_writer import store
 
@@ -133,11 +134,31 @@ def foreign_filter(node, folder):
     node.create_dataset("AccX", data=np.ones(4), chunks=(4,), compression="lzf")
 
 
-@pytest.mark.parametrize("make", [deflated_hole, half_a_hole, foreign_filter])
+def last_chunk_missing(node, folder):
+    """One chunk of four was not written; with their checksums the others take more room than all the values."""
+    node.create_dataset("AccX", (4,), "f8", chunks=(1,), fletcher32=True)[:3] = 1.0
+
+
+def incompressible_but_the_last(node, folder):
+    """The same where what was written does not get smaller."""
+    dataset = node.create_dataset("AccX", (4,), "f8", chunks=(1,), compression="gzip", fletcher32=True)
+    dataset[:3] = np.random.default_rng(1).normal(size=3)
+    assert dataset.id.get_storage_size() > dataset.nbytes
+
+
+@pytest.mark.parametrize(
+    "make", [deflated_hole, half_a_hole, last_chunk_missing, incompressible_but_the_last, foreign_filter]
+)
 def test_compressed_data_must_be_there(run, make):
     """What archives are made of is no way round the rules."""
     with pytest.raises(StoreError, match=r"declares more values than the file holds|filter that is not a standard one"):
         open_run(replaced(run, make)).channel("AccX")
+
+
+def test_more_than_the_memory_holds(run):
+    """Deflated values may be a thousand times their file: one clear error."""
+    with pytest.raises(StoreError, match=r"r001\.h5: does not fit into this machine's memory"), open_for_reading(run):
+        raise MemoryError
 
 
 @pytest.fixture
