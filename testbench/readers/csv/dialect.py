@@ -1,6 +1,7 @@
 """Delimiter and decimal mark, detected once from the first lines; never guessed from one cell."""
 
 import csv
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,6 +10,8 @@ from . import marks, moments
 
 COMMENT_SIGNS = ("#", "%", "//")
 _DELIMITERS = ("\t", ";", "|", ",", " ")
+_HALF_OF_DECIMAL = re.compile(r"-0|[+-]?0\d+")
+"""Whole numbers as they stand before or behind a decimal comma, and seldom alone."""
 _NAMES = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma", " ": "blanks", "": "none (one column)"}
 
 
@@ -121,7 +124,7 @@ def _comma_or_one_column(
         return ""
     if header in (fields, fields - 1, fields + 1) or any("." in cell for cells in data for cell in cells):
         return ","
-    if header == 0 and fields % 2:
+    if header == 0 and fields % 2 and not any(_HALF_OF_DECIMAL.fullmatch(cell) for cells in data for cell in cells):
         return ","
     raise UnclearDialect(
         f"commas may part the columns or be decimal marks (row {','.join(data[0])!r}, {header} names above it); "

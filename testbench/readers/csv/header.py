@@ -12,6 +12,7 @@ from .dialect import Dialect, UnclearDialect, is_comment, is_data
 
 _LONGEST_UNIT = 20
 _NOTATION = re.compile(r"[ymdhsf]+(?:[-/.:, t]+[ymdhsfz]+)+", re.IGNORECASE)
+_NAME_AND_UNIT = re.compile(r"[^()[\]]*[^()[\]/·*^]\s*[(\[]([^()[\]]+)[)\]]")
 _BRACKETED = re.compile(r"\(.*\)|\[.*\]")
 
 
@@ -105,16 +106,43 @@ def _name_rows(rows: Sequence[Sequence[str]], above: Sequence[int], fields: int)
             "hold the delimiter, or say --delimiter and --decimal"
         )
     if len(above) > 1 and len(rows[above[-2]]) == len(rows[last]) and _are_units(rows[last], rows[above[-2]]):
-        return [above[-2], last]
-    return [last]
+        return [_of_names(rows, above[-2]), last]
+    return [_of_names(rows, last)]
+
+
+def _of_names(rows: Sequence[Sequence[str]], at: int) -> int:
+    """The row of names: the one ``at`` this place, or a full one above where it holds dates, or mostly nothing.
+
+    Some loggers write rates, dates and starts of the channels below their names.
+    """
+    cells = rows[at]
+    if 2 * sum(map(bool, cells)) > len(cells) and not any(map(moments.read, cells)):
+        return at
+    found = _full_row_above(rows, at)
+    return at if found is None else found
+
+
+def _full_row_above(rows: Sequence[Sequence[str]], at: int) -> int | None:
+    """The nearest row of as many cells above a row of three or more, if all are names: no number, date or pair."""
+    for i in range(at - 1, -1, -1) if len(rows[at]) > 2 else ():
+        cells = rows[i]
+        if len(cells) == len(rows[at]) and all(cells) and all(map(_may_be_name, cells)):
+            return i
+    return None
+
+
+def _may_be_name(cell: str) -> bool:
+    return not marks.is_numberish(cell) and moments.read(cell) is None and "=" not in cell
 
 
 def _are_units(cells: Sequence[str], over: Sequence[str]) -> bool:
     """Whether a row holds units, below a row of names: units in brackets or not, or empty, and not all empty.
 
-    Some may be unknown: if all stand in brackets, one of time below a name of time, or most are known below names that
-    are no units.
+    A name with its unit, such as ``F (N)``, is none. Some may be unknown: if all stand in brackets, one of time below
+    a name of time, or most are known below names that are no units.
     """
+    if any((match := _NAME_AND_UNIT.fullmatch(cell)) and units.is_unit(match[1]) for cell in cells):
+        return False
     texts = [cell.strip().strip("()[]").strip() for cell in cells]
     known = sum(map(units.is_unit, texts))
     given = sum(map(bool, texts))
@@ -137,7 +165,7 @@ def _labels(rows: Sequence[Sequence[str]], named: Sequence[int], fields: int) ->
     """Names and second-row units of the columns; a last column without name and values is no column."""
     if not named:
         return [f"col{i}" for i in range(fields)], [""] * fields
-    labels = list(rows[named[0]])
+    labels = _filled(rows, named[0])
     given = list(rows[named[-1]]) if len(named) > 1 else []
     below = [cells for cells in rows[named[-1] + 1 :] if len(cells) == fields]
     ends_empty = fields > 1 and not any(cells[-1] for cells in below)
@@ -146,6 +174,12 @@ def _labels(rows: Sequence[Sequence[str]], named: Sequence[int], fields: int) ->
     if len(labels) > fields or (len(labels) < fields and not ends_empty):
         raise UnclearDialect(f"line {named[0] + 1} has {len(labels)} names, the rows below it have {fields} fields")
     return [label or f"col{i}" for i, label in enumerate(labels)], (given + [""] * fields)[: len(labels)]
+
+
+def _filled(rows: Sequence[Sequence[str]], at: int) -> list[str]:
+    """The names of a row; where some have none, the name above: ``Time, Acc, Acc`` over ``, X, Y``."""
+    above = None if all(rows[at][:-1]) else _full_row_above(rows, at)
+    return list(rows[at]) if above is None else [own or over for own, over in zip(rows[at], rows[above], strict=True)]
 
 
 def _names_in_comment(lines: Sequence[str], dialect: Dialect, fields: int) -> list[str]:

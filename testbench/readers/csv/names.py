@@ -29,7 +29,9 @@ def _channel(name: str, below: str) -> Channel:
     Round brackets may hold anything (``Force (filtered)``): what is no known unit is one only if it is written as one.
     """
     if below:
-        return Channel(name, below.strip("()[] ") or None, name)
+        enclosed = _BRACKETS.fullmatch(below.strip())
+        text = below.strip() if enclosed is None else (enclosed[1] or enclosed[2] or "").strip()
+        return Channel(name, text or None, name)
     for match in reversed(list(_BRACKETS.finditer(name))):
         text = (match[1] or match[2] or "").strip()
         if units.is_unit(text) or _is_written_as_unit(text, square=match[2] is not None):

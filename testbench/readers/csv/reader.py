@@ -20,13 +20,15 @@ from .sample import Sample, take
 from .spelling import Spelled
 from .table import Table
 
+_ROWS_AT_END = 100
+
 
 def open_text(path: Path, options: ReadOptions) -> Recording:
     """Read the first lines of a text; its rows are read when asked for."""
     sample = take(path, options.encoding)
     dialect, header = _understood(path, sample, options)
     spelled = spelling.find(path, sample, dialect, header, options.date_order)
-    texts = spelled.texts | _text_fields(spelled.rows, header) - spelled.fields
+    texts = spelled.texts | _text_fields(spelled, header) - spelled.fields
     kept = _kept(path, header, spelled, texts, options)
     said = tuple(preamble.strip(text) for text in header.preamble)
     stated = above.find(said, dialect.decimal)
@@ -116,14 +118,19 @@ def _understood(path: Path, sample: Sample, options: ReadOptions) -> tuple[Diale
         raise Refusal(path.name, Finding("no_data", None, None, message)) from error
 
 
-def _text_fields(rows: Sequence[Sequence[str]], header: Header) -> set[int]:
-    """Columns that hold text in every row of the sample."""
-    data = [cells for cells in rows if len(cells) == header.fields]
+def _text_fields(spelled: Spelled, header: Header) -> set[int]:
+    """Columns that hold text in every one of the first rows, and are not mostly numbers in the last ones.
+
+    A logger may write a word until its sensor is ready.
+    """
+    data = [cells for cells in spelled.rows if len(cells) == header.fields]
+    ends = [cells for cells in spelled.ends if len(cells) == header.fields][-_ROWS_AT_END:]
     return {
         i
         for i in range(len(header.channels))
         if any(not marks.is_missing(cells[i]) for cells in data)
         and not any(marks.is_numberish(cells[i]) for cells in data)
+        and 2 * sum(marks.is_numberish(cells[i]) for cells in ends) <= len(ends)
     }
 
 
@@ -145,6 +152,8 @@ def _is_padded(sample: Sample, header: Header) -> bool:
 def _said(sample: Sample, dialect: Dialect, header: Header, known: Set[int]) -> list[Finding]:
     """What was detected, and what of it was inferred; the units of ``known`` columns are."""
     message = f"{dialect}, encoding {sample.encoding.name}, first row of data in line {header.first_data_line}"
+    if header.named and (unnamed := [c.name for i, c in enumerate(header.channels) if c.name == f"col{i}"]):
+        message += f"; columns without a name: {', '.join(unnamed)}"
     findings = [Finding("dialect", None, None, message)]
     if sample.encoding.inferred:
         message = f"read as {sample.encoding.name}: {sample.encoding.inferred}; --encoding says it otherwise"

@@ -22,9 +22,10 @@ Read = Callable[[Report], Iterator[Block]]
 
 @dataclass(frozen=True)
 class Spelled:
-    """What was found in the first ``rows`` of a text."""
+    """What was found in the first ``rows`` of a text, and in its last ones, ``ends``."""
 
     rows: Sequence[Sequence[str]]
+    ends: Sequence[Sequence[str]]
     times: Times
     numbers: tuple[Grouped | Noted, ...]
     encoding: Encoding
@@ -61,12 +62,10 @@ def find(path: Path, sample: Sample, dialect: Dialect, header: Header, date_orde
     """The columns of the file that begins with ``sample``; ``date_order`` is what a person says of its dates."""
     rows = [dialect.split(line) for line in sample.lines[header.first_data_line - 1 :]]
 
-    def last() -> list[list[str]]:
-        return [dialect.split(line) for line in last_lines(path, sample.encoding)]
-
-    found = times.find(rows, last, header, date_order or "")
+    ends = [dialect.split(line) for line in last_lines(path, sample.encoding)]
+    found = times.find(rows, lambda: ends, header, date_order or "")
     grouped = [g for g in thousands.find(rows, header, dialect.decimal) if g.field not in found.spoken_for]
     noted = notation.find(rows, header, dialect.decimal, found.spoken_for | {g.field for g in grouped})
-    rounded = exact.rounded([*rows, *last()], header, found.spoken_for)
+    rounded = exact.rounded([*rows, *ends], header, found.spoken_for)
     said = (*found.findings, *thousands.said(grouped, header), *notation.said(noted, header), *rounded)
-    return Spelled(rows, found, (*grouped, *noted), sample.encoding, said)
+    return Spelled(rows, ends, found, (*grouped, *noted), sample.encoding, said)

@@ -15,6 +15,8 @@ from .test_times import NOTATIONS
 
 START = datetime(2024, 2, 29, 23, 59, 58, 250000)
 PLAIN = {name: notation for name, notation in NOTATIONS.items() if ";" not in notation}
+ORDERS = {"day above twelve first": "dmy", "month first": "mdy"}
+"""The orders of dates whose notation leaves them open."""
 
 
 def rows_of(notation, count, step_ms, end="\n", last=False):
@@ -59,8 +61,7 @@ def number(cell):
 def test_blocks_of_all_notations(name, end):
     """Taken at once, through midnight; and equal to the bit and the last decimal."""
     first, text = rows_of(PLAIN[name], 800, 5, end)
-    order = {"day above twelve first": "dmy", "month first": "mdy"}.get(name, "")
-    quick, slow = both(text.encode(), column_of(first, 0, order))
+    quick, slow = both(text.encode(), column_of(first, 0, ORDERS.get(name, "")))
     assert quick is not None
     assert quick == slow
 
@@ -76,5 +77,5 @@ def test_damaged_blocks(name, step_ms, last, at, with_, dropped):
     first, text = rows_of(PLAIN[name], 80, step_ms, last=last)
     raw = text.encode()
     raw = raw[: at % len(raw)] + with_ + raw[at % len(raw) + dropped :]
-    quick, slow = both(raw, column_of(first, 2 if last else 0, "mdy" if name == "month first" else "dmy"))
+    quick, slow = both(raw, column_of(first, 2 if last else 0, ORDERS.get(name, "")))
     assert quick is None or quick == slow

@@ -34,6 +34,16 @@ def test_a_number_in_another_notation_is_refused(log, token, said):
     assert said is None or said in found.message("ambiguous_number")
 
 
+def test_words_before_the_sensor_is_ready_hide_no_numbers(log):
+    """A column of words in all of the first lines, and of numbers at the end, is a channel with values missing."""
+    found = log(
+        "Time (s),F (N),G (N),note\n" + "".join(f"{i / 100},{'WAIT' if i < 600 else i},{i},ok\n" for i in range(1200))
+    )
+    assert found.column("F (N)")[600:].tolist() == [float(i) for i in range(600, 1200)]
+    assert "600 of its cells" in found.message("not_a_number")
+    assert [f.channel for f in found.findings if f.code == "text_channel"] == ["note"]
+
+
 def test_means_under_the_data_are_no_samples(log):
     """A word where the time stands: the line is no row, and an error; a word in another column is a row."""
     found = log(HEADER + "".join(ROWS) + "Average,1.5,2.5\nMax,2.5,3.5\n")

@@ -26,7 +26,7 @@ def test_dialects_of_loggers(case: str) -> None:
     assert (found.delimiter, found.decimal, found.doubt) == (delimiter, decimal, "")
 
 
-@pytest.mark.parametrize("text", ["10,13\n11,14\n12,15", "a,b\n0,5,1,2\n0,6,1,3"])
+@pytest.mark.parametrize("text", ["10,13\n11,14\n12,15", "a,b\n0,5,1,2\n0,6,1,3", "1,-0,251\n2,1,063\n3,2,5"])
 def test_commas_of_two_meanings_are_refused(text: str) -> None:
     """Commas that may be delimiters or decimal marks are not guessed."""
     with pytest.raises(UnclearDialect, match="commas may part the columns or be decimal marks"):

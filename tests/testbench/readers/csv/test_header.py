@@ -37,12 +37,29 @@ def test_units_in_a_second_row() -> None:
         ("Zeit;Kraft;Weg\n[s];[Furlong];[Elle]", [("Zeit", "s"), ("Kraft", "Furlong"), ("Weg", "Elle")]),
         ("Load;Span;Angle\nkN;blorp;deg", [("Load", "kN"), ("Span", "blorp"), ("Angle", "deg")]),
         ("run 7;hall 2;cell 3\nTime;Force;Angle", [("Time", None), ("Force", None), ("Angle", None)]),
+        ("Test;Run;Ali\nTime (s);F (N);A (g)", [("Time (s)", "s"), ("F (N)", "N"), ("A (g)", "g")]),
+        ("Strom;Kraft;Weg\n[A];kN/(m);(mm)", [("Strom", "A"), ("Kraft", "kN/(m)"), ("Weg", "mm")]),
     ],
 )
 def test_an_unknown_unit_in_a_second_row_takes_no_name(first_rows: str, expected: list[tuple[str, str | None]]) -> None:
     """A row of units with an odd one among them is a row of units still, and the odd one is kept as written."""
     found = header(f"{first_rows}\n0,1;2,5;1\n0,2;2,6;2")
     assert [(c.name, c.unit) for c in found.channels] == expected
+
+
+@pytest.mark.parametrize(
+    ("above", "expected"),
+    [
+        ("Time;Force;Acc\nSR = 9 Hz;SR = 9 Hz;SR = 9 Hz\n01.02.2024 10:00:00;;\nT0 = 0;;\ns;N;g", "Time Force Acc"),
+        ("Time;Force;Acc\n2024-02-01;x;y", "Time Force Acc"),
+        ("Time;Acc;Acc\n;X;Y\ns;g;g", "Time X Y"),
+        ("Operator;Ali;\n;X;Y", "col0 X Y"),
+    ],
+)
+def test_names_above_rows_that_are_none(above: str, expected: str) -> None:
+    """Rates, dates and starts of channels below their names are no names; a cell without one has the name above it."""
+    found = header(f"{above}\n0,1;2,5;1,5\n0,2;2,6;2,5")
+    assert [c.label for c in found.channels] == expected.split()
 
 
 def test_unknown_units_in_brackets() -> None:
