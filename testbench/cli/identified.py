@@ -118,6 +118,8 @@ def _verdict(result: Identification, validation: Validation | None) -> list[str]
             for row, below, raw in shares
         ]
         doubts = [*doubts, *validation.doubts()]
+    lost = [*result.left_out, *(validation.evidence.left_out if validation else ())]
+    lines += [f"Finding: {text}." for text in lost]
     return [*lines, f"Verdict: {'doubtful' if doubts else 'usable'}", *(f"  {doubt}" for doubt in doubts)]
 
 

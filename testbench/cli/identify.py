@@ -21,7 +21,7 @@ Examples:
   testbench identify two-joint-arm-a0 campaign/first.h5 --validate campaign/second.h5 --json
   testbench identify parallelogram-6bar campaign/r0*.h5 --by both
 \b
-Exit codes: 0 done, 3 done but doubtful for the reasons listed, 1 refused."""
+Exit codes: 0 done, 3 done with findings (gaps left out) or doubts, which are listed, 1 refused."""
 )
 @click.argument("mechanism", metavar="MECH")
 @click.argument("runs", metavar="RUN...", nargs=-1, required=True, type=click.Path(path_type=Path))
@@ -91,7 +91,10 @@ def identify(mechanism: str, runs: tuple[Path, ...], figure: Path | None, as_jso
 
         print_result(result, validation, taken.notes)
         calibrations.say(calibrations.held(opened, described))
-    return EXIT_WITH_FINDINGS if result.doubts() or (validation and validation.doubts()) else 0
+    odd = result.left_out or result.doubts()
+    if validation is not None:
+        odd = odd or validation.evidence.left_out or validation.doubts()
+    return EXIT_WITH_FINDINGS if odd else 0
 
 
 def _draw(result: "Identification", path: Path) -> None:

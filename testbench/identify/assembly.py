@@ -65,7 +65,7 @@ def assemble(
         record = joint_record(run, model, rig, torque=chosen != "wrench")
         if chosen != "torque":
             loads, missing = loads_of(run, rig_for(run, rig), model, (clocks or {}).get(run.path))
-            record = replace(record, loads=loads)
+            record = replace(record, loads=loads, gaps=loads.gaps)
             notes += [note for note in missing if note not in notes]
         beyond = model.pi - first.pi
         records.append(replace(record, mounted=beyond) if np.any(beyond) else record)

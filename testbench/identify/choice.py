@@ -17,6 +17,7 @@ from balance.observability import Observability
 
 from ..errors import AnalysisError
 from ..motion.derivatives import HIGHEST_CUTOFF
+from ..motion.gaps import reach_of
 from .evidence import POSITION_BANDWIDTH, Evidence, gather
 from .methods import Method, Methods
 from .record import LONGEST_DELAY_S, JointRecord
@@ -66,9 +67,9 @@ def choose(
     records: Sequence[JointRecord], mechanism: Mechanism, observability: Observability, method: Method = "ls"
 ) -> Choice:
     """Apply the rule, by least squares whatever the method. Raises AnalysisError for records that are too short."""
-    found = [
-        _best(gather(records, mechanism, cutoff), mechanism, observability) for cutoff in possible_cutoffs(records)
-    ]
+    cutoffs = possible_cutoffs(records)
+    common = _common(records, min(cutoffs))
+    found = [_best(gather(records, mechanism, cutoff), mechanism, observability, common) for cutoff in cutoffs]
     chosen, held_out = min(found, key=lambda pair: pair[0].error)
     parameters = held_out.parameters(chosen.delay, method)
     return Choice(
@@ -79,6 +80,16 @@ def choose(
         held_out.predict(parameters, held_out.columns),
         held_out.predict(parameters, held_out.smooth_columns),
     )
+
+
+def _common(records: Sequence[JointRecord], lowest: float) -> Floats:
+    """One at the instants by which all cut-offs are compared, those that no gap touches at the lowest one, (n, 1).
+
+    If that leaves none, each is compared by its own.
+    """
+    reach = reach_of(POSITION_BANDWIDTH * lowest)
+    sound = np.concatenate([r.sound(reach)[r.edge : r.grid.count - r.edge] for r in records])
+    return sound if sound.any() else np.ones_like(sound)
 
 
 def possible_cutoffs(records: Sequence[JointRecord]) -> list[float]:
@@ -109,10 +120,12 @@ def delays(records: Sequence[JointRecord]) -> list[float]:
     return [k * step for k in range(-(most // stride) * stride, most + 1, stride)]
 
 
-def _best(evidence: Evidence, mechanism: Mechanism, observability: Observability) -> "tuple[Candidate, HeldOut]":
+def _best(
+    evidence: Evidence, mechanism: Mechanism, observability: Observability, common: Floats
+) -> "tuple[Candidate, HeldOut]":
     held_out = HeldOut(evidence, mechanism, observability)
     found = [
-        Candidate(evidence.cutoff, delay, held_out.error(delay))
+        Candidate(evidence.cutoff, delay, held_out.error(delay, common))
         for delay in delays([part.record for part in evidence.parts])
     ]
     return min(found, key=lambda candidate: candidate.error), held_out
@@ -146,11 +159,14 @@ class HeldOut:
         """Torque of every stretch, from the parameters that were identified without it, (n, joints) [N m, N]."""
         return np.einsum("njr,nr->nj", columns, parameters[self.fold])
 
-    def error(self, delay: float, method: Method = "ls") -> float:
-        """Rms over the rows of the torque error on held-out stretches, as a part of the torque's rms."""
+    def error(self, delay: float, common: Floats | float = 1.0) -> float:
+        """Rms over the rows of the torque error on held-out stretches, as a part of the torque's rms, where ``common``.
+
+        That is one where samples count, (n, 1).
+        """
         torque = self.evidence.torque(delay)
-        predicted = self.predict(self.parameters(delay, method), self.columns)
-        shares = unexplained(torque, predicted, self.evidence.moving)
+        predicted = self.predict(self.parameters(delay), self.columns)
+        shares = unexplained(torque, predicted, self.evidence.moving * common)
         return float(np.sqrt(np.mean(shares**2)))
 
 

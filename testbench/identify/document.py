@@ -5,6 +5,8 @@ from typing import Any
 
 from balance.errors import DataError
 
+from ..findings import Finding
+from ..motion.gaps import CODE
 from .choice import CUTOFFS_HZ, STRETCHES
 from .explanation import Explanation
 from .methods import NAMES
@@ -50,8 +52,15 @@ def document(result: Identification, validation: Validation | None = None) -> di
         "evidence": Explanation(result).document(),
         "validation": _validation(result, validation),
         "verdict": "doubtful" if result.doubts() or (validation and validation.doubts()) else "usable",
+        "findings": _findings(result, validation),
         "doubts": result.doubts() + (validation.doubts() if validation else []),
     }
+
+
+def _findings(result: Identification, validation: Validation | None) -> list[dict[str, str | None]]:
+    """What gaps of records took away."""
+    texts = (*result.left_out, *(validation.evidence.left_out if validation else ()))
+    return [Finding(CODE, None, text.partition(":")[0], text).as_dict() for text in texts]
 
 
 def _compared(result: Identification) -> list[Mapping[str, object]]:

@@ -19,7 +19,8 @@ from balance.motion import Samples
 from balance.regressor import driven_torque_regressor, wrench_regressor
 
 from ..errors import AnalysisError
-from ..motion.derivatives import Rates, low_pass, rates
+from ..motion.derivatives import Rates
+from ..motion.gaps import reach_of
 from .record import JointRecord
 
 POSITION_BANDWIDTH = 2.0
@@ -44,7 +45,7 @@ class Part:
     whole: Floats
     """W of the whole record, positions smoothed, (samples, rows, p)."""
     moving: Floats
-    """One where a joint moves, zero where it rests, (samples, rows)."""
+    """One where a joint moves, zero where it rests or a gap touches, (samples, rows)."""
 
     def late(self, values: Floats, delay: float) -> Floats:
         """Rows (samples, rows) of the whole record, those of torques as they stand ``delay`` [s] later."""
@@ -64,16 +65,29 @@ class Part:
 
     def low_passed_measured(self, delay: float) -> Floats:
         """The same, low-passed at the cut-off, (samples, rows) [N m, N]."""
-        rate = self.record.grid.rate
-        return self.late(self._smooth, delay) - low_pass(self.known, self.cutoff, rate)
+        return self.late(self._smooth, delay) - self.low_passed(self.known)
 
     @cached_property
     def _smooth(self) -> Floats:
-        return low_pass(self.record.measured, self.cutoff, self.record.grid.rate)
+        return self.low_passed(self.record.measured)
 
     def low_passed_columns(self, pivots: Sequence[int]) -> Floats:
         """Columns of the whole record's W, low-passed at the cut-off, (samples, rows, pivots)."""
-        return low_pass(self.whole[:, :, list(pivots)], self.cutoff, self.record.grid.rate)
+        return self.low_passed(self.whole[:, :, list(pivots)])
+
+    def low_passed(self, values: Floats) -> Floats:
+        """``values`` of the whole record, low-passed at the cut-off between gaps."""
+        return self.record.low_pass(values, self.cutoff, self.reach)
+
+    @property
+    def reach(self) -> float:
+        """How far a gap disturbs the positions [s]."""
+        return reach_of(POSITION_BANDWIDTH * self.cutoff)
+
+    @cached_property
+    def sound(self) -> Floats:
+        """One where no gap touches, else zero, (samples, 1)."""
+        return self.record.sound(self.reach)
 
     def inside(self, values: Floats) -> Floats:
         """``values`` of the whole record without its ends."""
@@ -112,6 +126,11 @@ class Evidence:
         """One where a joint moves, zero where it rests, (n, rows)."""
         return self._joined(lambda part: part.inside(part.moving))
 
+    @cached_property
+    def sound(self) -> Floats:
+        """One where no gap touches, else zero, (n, 1)."""
+        return self._joined(lambda part: part.inside(part.sound))
+
     def low_passed_columns(self, pivots: Sequence[int]) -> Floats:
         """Columns of W low-passed at the cut-off, (n, rows, pivots)."""
         return self._joined(lambda part: part.inside(part.low_passed_columns(pivots)))
@@ -134,6 +153,11 @@ class Evidence:
             numbers.append(first + np.maximum(moved - 1, 0) * count // max(int(moved[-1]), 1))
         return np.concatenate(numbers)
 
+    @property
+    def left_out(self) -> list[str]:
+        """What gaps take of the records."""
+        return [text for part in self.parts for text in part.record.left_out(part.reach)]
+
     def _joined(self, of: Callable[[Part], Floats]) -> Floats:
         return np.concatenate([of(part) for part in self.parts])
 
@@ -148,9 +172,14 @@ def gather(records: Sequence[JointRecord], mechanism: Mechanism, cutoff: float) 
         if not moving.any():
             raise AnalysisError(
                 f"{', '.join(r.name for r in records)}: joint {joint!r} never moves faster than {REST_SPEED} rad/s: "
-                "expected a record in which every driven joint moves"
+                "expected a record in which every driven joint moves" + _but(evidence)
             )
     return evidence
+
+
+def _but(evidence: Evidence) -> str:
+    lost = evidence.left_out
+    return f"; {'; '.join(lost)}" if lost else ""
 
 
 def one_sided(records: Sequence[JointRecord], mechanism: Mechanism, cutoff: float) -> Evidence:
@@ -160,7 +189,7 @@ def one_sided(records: Sequence[JointRecord], mechanism: Mechanism, cutoff: floa
     """
     parts = []
     for record in records:
-        smooth = rates(record.q, cutoff, record.grid.rate)
+        smooth = record.rates(cutoff)
         parts.append(_part_of(record, mechanism, cutoff, Rates(record.q, smooth.v, smooth.a)))
     return Evidence(tuple(parts))
 
@@ -210,7 +239,7 @@ def _diagonal(blocks: Sequence[Floats]) -> Floats:
 
 
 def _part(record: JointRecord, mechanism: Mechanism, cutoff: float) -> Part:
-    return _part_of(record, mechanism, cutoff, rates(record.q, POSITION_BANDWIDTH * cutoff, record.grid.rate))
+    return _part_of(record, mechanism, cutoff, record.rates(POSITION_BANDWIDTH * cutoff))
 
 
 def _part_of(record: JointRecord, mechanism: Mechanism, cutoff: float, smooth: Rates) -> Part:
@@ -220,6 +249,7 @@ def _part_of(record: JointRecord, mechanism: Mechanism, cutoff: float, smooth: R
     forces = len(record.rows(mechanism)) - record.torque.shape[1]
     any_moves = np.repeat(moving.max(axis=1, keepdims=True), forces, axis=1)
     used = np.concatenate([moving[:, : record.torque.shape[1]], any_moves], axis=1)
+    used = used * record.sound(reach_of(POSITION_BANDWIDTH * cutoff))
     return Part(record, cutoff, names_of(mechanism, record.rows(mechanism)), smooth, path, whole, used)
 
 

@@ -21,7 +21,6 @@ from balance.arrays import Floats
 from balance.identification import Estimate, Identified, solve_base
 from balance.observability import Observability, observe
 
-from ..motion.derivatives import low_pass
 from .choice import HeldOut, unexplained
 from .evidence import Evidence, gather
 from .record import JointRecord
@@ -120,7 +119,7 @@ class Explanation:
 
     def scale_of_all(self) -> Estimate | None:
         """Scale of all rows by masses that are known to differ between the runs; None where none do."""
-        known = np.concatenate([part.inside(low_pass(part.known, part.cutoff, part.record.grid.rate))
+        known = np.concatenate([part.inside(part.low_passed(part.known))
                                 for part in self.evidence.parts])  # fmt: skip
         if not np.any(known):
             return None
@@ -199,9 +198,7 @@ class Explanation:
         names = list(self.evidence.names)
         places = [names.index(f"coulomb[{joint}]") for joint in self.result.joints]
         raw = [part.whole[:, :, places] ** 2 for part in self.evidence.parts]
-        smooth = np.concatenate(
-            [p.inside(low_pass(r, p.cutoff, p.record.grid.rate)) for p, r in zip(self.evidence.parts, raw, strict=True)]
-        )
+        smooth = np.concatenate([p.inside(p.low_passed(r)) for p, r in zip(self.evidence.parts, raw, strict=True)])
         added = [f"uneven[{joint}]" for joint in self.result.joints]
         return np.concatenate([self._columns, smooth], axis=2), [*names, *added]
 

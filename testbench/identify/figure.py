@@ -20,13 +20,14 @@ def draw(result: Identification) -> "Figure":
     """A panel a joint: torque as recorded, low-passed, and predicted for each held-out stretch from all others."""
     evidence, chosen = result.choice.evidence, result.chosen
     time = np.arange(len(evidence.time)) * evidence.parts[0].record.grid.step + evidence.time[0]
-    raw, smooth = evidence.torque(chosen.delay), evidence.low_passed_torque(chosen.delay)
+    shown = (evidence.torque(chosen.delay), evidence.low_passed_torque(chosen.delay), result.choice.predicted_smooth)
+    raw, smooth, predicted = (np.where(evidence.sound > 0.0, values, np.nan) for values in shown)
     with style.styled():
         figure, panels = style.grid(len(result.joints), 1, 2.2, sharex=True)
         for j, (axes, joint) in enumerate(zip(panels[:, 0], result.joints, strict=True)):
             axes.plot(time, raw[:, j], color=_RECORDED, lw=0.7, label="as recorded")
             axes.plot(time, smooth[:, j], color=style.TARGET, label=f"below {chosen.cutoff:.3g} Hz")
-            axes.plot(time, result.choice.predicted_smooth[:, j], color=style.WITH, ls="--",
+            axes.plot(time, predicted[:, j], color=style.WITH, ls="--",
                       label="model, each stretch predicted from the others")  # fmt: skip
             for k in range(1, STRETCHES):
                 axes.axvline(time[len(time) * k // STRETCHES], color="k", lw=0.4, alpha=0.3)

@@ -16,8 +16,10 @@ from balance.regressor import wrench_regressor
 
 from ..errors import AnalysisError
 from ..motion import base_motion
+from ..motion.gaps import Gaps
 from ..motion.joint_motion import followed
 from ..trim.evidence import carried, clock_maps, refuse_saturation
+from ..trim.sound import gaps_of
 from ..wrench import COMPONENTS, shaking_wrench
 
 if TYPE_CHECKING:
@@ -45,6 +47,8 @@ class Loads:
     """(n, k) [N, N m]"""
     share: Floats | None
     """What was kept of the components, (n, k, k); None: all."""
+    gaps: Gaps
+    """Of the encoders' record and of the others that count, on the encoders' clock."""
 
     def seen(self, wrench: Floats) -> Floats:
         """What these loads see of a regressor of the shaking wrench (n, 6, p), (n, k, p)."""
@@ -63,7 +67,7 @@ def loads_of(
     refuse_saturation(run, rig, wrench)
     base = base_motion.recorded(run, rig)
     wanted: tuple[str, ...] = COMPONENTS[:3] if base is not None else COMPONENTS
-    grid, path = followed(run, rig, mechanism, CUTOFF_HZ)
+    grid, path = followed(run, rig, mechanism, CUTOFF_HZ, bridged=True)
     size = np.abs(wrench_regressor(mechanism, path.q, path.v, path.a)).max(axis=(0, 2))
     wanted = tuple(name for name in wanted if size[COMPONENTS.index(name)] > NOTHING * size.max())
     names = tuple(name for name in wanted if wrench.values[name] is not None)
@@ -72,15 +76,17 @@ def loads_of(
         raise AnalysisError(
             f"{run.name}: its force sensors determine nothing in which this mechanism shakes: {lacking}"
         )
-    maps = clock_maps(run, rig, mechanism, {wrench.group} | ({base.group} if base else set()), clocks)
+    groups = {wrench.group} | ({base.group} if base else set())
+    maps = clock_maps(run, rig, mechanism, groups, clocks)
+    gaps = gaps_of(run, rig, groups, maps)
     seen = np.column_stack([v for name in names if (v := wrench.values[name]) is not None])
     values = carried(wrench.time, seen, wrench.group, maps, grid)
     reasons = tuple(f"{name} left out: {wrench.reasons[name]}" for name in wanted if name not in names)
     if base is None:
-        return Loads(names, values, None), (*reasons, BASE_STILL)
+        return Loads(names, values, None, gaps), (*reasons, BASE_STILL)
     axes = [COMPONENTS.index(name) for name in names]
     share = base_motion.projector(base_motion.force_rows(mechanism, path)[:, axes], base.rows)
     felt = mechanism.total_mass * carried(base.time, base.values, base.group, maps, grid)
     k = len(names)
     kept = np.einsum("nij,nj->ni", share[:, :, :k], values) + np.einsum("nij,nj->ni", share[:, :, k:], felt)
-    return Loads(names, kept, share[:, :, :k]), (*reasons, BASE_MOVES)
+    return Loads(names, kept, share[:, :, :k], gaps), (*reasons, BASE_MOVES)

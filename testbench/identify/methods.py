@@ -18,7 +18,7 @@ from balance.mechanism import Mechanism
 from balance.observability import Observability
 
 from ..errors import AnalysisError
-from ..motion.derivatives import Rates, low_pass
+from ..motion.derivatives import Rates
 from .deviation import Deviation
 from .evidence import Evidence, Part, path_of, regressor
 
@@ -139,7 +139,9 @@ class Methods:
         for part, model in zip(self.evidence.parts, models, strict=True):
             joints = part.record.torque.shape[1]
             columns = part.whole[:, :joints, list(self.observability.pivots)]
-            right = np.concatenate([columns, part.measured(self.delay)[:, :joints, None]], axis=2)
+            right = (
+                np.concatenate([columns, part.measured(self.delay)[:, :joints, None]], axis=2) * part.sound[:, :, None]
+            )
             parts.append(part.inside(model.simulate(right, max(PULL * part.cutoff, model.least_pull_hz)).q))
         made = np.concatenate(parts)
         return Equations(made[:, :, :r], made[:, :, r], self.evidence.moving[:, : made.shape[1]])
@@ -148,12 +150,12 @@ class Methods:
         """Low-passed base columns along the simulated motion, without the record's ends."""
         joints = part.record.torque.shape[1]
         pivots = list(self.observability.pivots)
-        left = part.measured(self.delay)[:, :joints] - part.whole[:, :joints, pivots] @ base
+        left = (part.measured(self.delay)[:, :joints] - part.whole[:, :joints, pivots] @ base) * part.sound
         away = model.simulate(left[:, :, None], max(PULL * part.cutoff, model.least_pull_hz))
         motion = Rates(*(m + e[:, :, 0] for m, e in zip(_arrays(part.motion), _arrays(away), strict=True)))
         path = path_of(part.record, self.mechanism, motion, part.path)
         columns = regressor(part.record, self.mechanism, motion, path)[:, :, pivots]
-        return part.inside(low_pass(columns, part.cutoff, part.record.grid.rate))
+        return part.inside(part.low_passed(columns))
 
     def _full(self, base: Floats) -> Floats:
         """Parameters over all (p,) that make the same rows as the base parameters."""

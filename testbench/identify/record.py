@@ -10,7 +10,8 @@ from balance.mechanism import Mechanism
 from .. import rig as rigs
 from ..calibration.applied import readings
 from ..errors import AnalysisError
-from ..motion.derivatives import Grid, grid_of, on_grid
+from ..motion.derivatives import Grid, Rates, bridged, grid_of, low_pass, on_grid
+from ..motion.gaps import Gaps
 from ..recording import Origin
 from ..rig.sensors import Encoder, Torque
 from ..store import Run
@@ -38,6 +39,8 @@ class JointRecord:
     """What force sensors measured, if they count."""
     mounted: Floats = field(default_factory=lambda: np.zeros(0))
     """Inertial parameters that this run is known to have beyond the mechanism's, (10 nb,), or none, (0,)."""
+    gaps: Gaps = field(default_factory=Gaps)
+    """Where records that count hold no samples, on the grid's clock."""
 
     @property
     def measured(self) -> Floats:
@@ -49,6 +52,22 @@ class JointRecord:
         """Samples left out at both ends, where low-passes start up and delays reach beyond the record."""
         seconds = min(EDGE_S, EDGE_SHARE * self.grid.count * self.grid.step)
         return round(max(seconds, LONGEST_DELAY_S) / self.grid.step)
+
+    def rates(self, cutoff: float) -> Rates:
+        """Positions smoothed below a cut-off [Hz] and differentiated, between gaps; in gaps straight lines."""
+        return self.gaps.rates(self.q, cutoff, self.grid)
+
+    def low_pass(self, values: Floats, cutoff: float, reach: float) -> Floats:
+        """Values (n, ...) smoothed below a cut-off [Hz], between gaps and what these disturb within ``reach`` [s]."""
+        return self.gaps.apart(lambda part: low_pass(part, cutoff, self.grid.rate), values, self.grid, reach)
+
+    def sound(self, reach: float) -> Floats:
+        """One where no gap touches positions, or torques that come late or early, else zero, (n, 1)."""
+        return self.gaps.sound(self.grid, reach + LONGEST_DELAY_S)[:, None].astype(float)
+
+    def left_out(self, reach: float) -> list[str]:
+        """What gaps take of the record."""
+        return [f"{self.name}: {text}" for text in self.gaps.texts(reach + LONGEST_DELAY_S)]
 
     def rows(self, mechanism: Mechanism) -> tuple[str, ...]:
         """Names of the rows: driven joints, then components of force and moment."""
@@ -71,13 +90,14 @@ def joint_record(run: Run, mechanism: Mechanism, rig: "rigs.Rig | None" = None, 
             f"{run.name}: positions and torques are in several groups, {', '.join(sorted(groups))}: "
             "expected one clock for all of them"
         )
-    time = run.time(groups.pop())
+    group = groups.pop()
+    time = run.time(group)
     values = np.stack([readings(run, column) for column in channels], axis=1)
-    _refuse_gaps(run.name, [column.channel for column in channels], values, time)
-    grid = grid_of(time, run.name)
-    even = on_grid(time, values, grid)
+    _refuse_lost(run.name, [column.channel for column in channels], values, time)
+    grid, gaps = grid_of(time, run.name, bridged=True), Gaps.of({group: time})
+    even = on_grid(*bridged(time, values, grid.step), grid) if gaps else on_grid(time, values, grid)
     joints = len(mechanism.driven)
-    return JointRecord(run.name, run.origin, grid, even[:, :joints], even[:, joints:])
+    return JointRecord(run.name, run.origin, grid, even[:, :joints], even[:, joints:], gaps=gaps)
 
 
 def rig_for(run: Run, rig: "rigs.Rig | None") -> "rigs.Rig":
@@ -109,7 +129,7 @@ def _channels(
     return found
 
 
-def _refuse_gaps(run: str, channels: list[str], values: Floats, time: Floats) -> None:
+def _refuse_lost(run: str, channels: list[str], values: Floats, time: Floats) -> None:
     lost = ~np.isfinite(values)
     if lost.any():
         sample, column = (int(i) for i in np.argwhere(lost)[0])

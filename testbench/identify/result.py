@@ -136,6 +136,11 @@ class Identification:
         rows = counter_mass_rows(self._found, self.mechanism, names)
         return [self._counter_mass(site, self._padded(row)) for site, row in rows.items()]
 
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """What gaps took of the records."""
+        return tuple(self.choice.evidence.left_out)
+
     def doubts(self) -> list[str]:
         """Why the result is doubtful; empty if it is not."""
         return doubts(self)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from balance.arrays import Floats, Indices
+from balance.errors import ModelError
 from balance.forward import Inverse, refuse_loops, simulate_forward
 from balance.joint_terms import TERMS, joint_terms
 from balance.mechanism import Mechanism
@@ -51,7 +52,7 @@ def strayed(
 ) -> list[Strayed]:
     """Windows of all records, once for each of ``parameters``, base values (FOLDS, r) of the fold a window is in.
 
-    Raises ModelError for mechanisms with loops.
+    Windows that a gap touches are left out. Raises ModelError for mechanisms with loops, and where no window is left.
     """
     refuse_loops(mechanism)
     count = len(evidence.time)
@@ -62,6 +63,8 @@ def strayed(
         inside = slice(first, first + len(part.inside(part.moving)))
         first = inside.stop
         rms.append(_windows(part, mechanism, pivots, parameters, delay, stretch[inside]))
+    if not sum(one.shape[1] for one in rms):
+        raise ModelError("gaps touch every held-out stretch: there is none to simulate")
     step = evidence.parts[0].record.grid.step
     seconds = min(_length(int(n), step) for n in np.bincount(stretch)) * step
     return [Strayed(found, seconds) for found in np.concatenate(rms, axis=1)]
@@ -83,6 +86,8 @@ def _windows(
     """How far each window of a record strays with each of the parameters, (sets, windows, joints)."""
     labels, firsts, sizes = np.unique(stretch, return_index=True, return_counts=True)
     count = _length(int(sizes.min()), part.record.grid.step) + 1
+    whole = part.inside(part.sound)[firsts[:, None] + np.arange(count), 0].all(axis=1)
+    labels, firsts = labels[whole], firsts[whole]
     place = firsts[:, None] + np.arange(count)
     joints = part.record.torque.shape[1]
     torque = part.inside(part.late(part.record.measured, delay))[place][:, :, :joints]

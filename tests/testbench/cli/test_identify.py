@@ -13,6 +13,9 @@ from testbench.errors import AnalysisError
 from testbench.ingest import Ingest
 from testbench.ingest.runsheet import PlannedRun
 
+from ..conftest import simulated
+from .gapped import without_rows
+
 ARM = "two-joint-arm-a0"
 
 
@@ -105,3 +108,47 @@ def test_no_run_is_a_wrong_command_line():
     done = CliRunner().invoke(identify, [ARM])
     assert done.exit_code == 2
     assert "RUN..." in done.stderr
+
+
+def test_a_gap_is_left_out_and_said(run, tmp_path):
+    """Half a second lost: values as of the whole record, known to a fiftieth, and what is left out is said."""
+    lines = (run.parent / "swing.csv").read_text("utf-8").splitlines(keepends=True)
+    log = tmp_path / "paused.csv"
+    log.write_text("".join([*lines[:2], *(x for x in lines[2:] if not 2.5 <= float(x.split(",")[0]) < 3.0)]), "utf-8")
+    assert Ingest(tmp_path, rigs.load(ARM)).run(PlannedRun("paused", (log,)))[0].status == "stored"
+    whole = json.loads(invoke(ARM, run, "--json"))
+    found = json.loads(invoke(ARM, tmp_path / "paused.h5", "--json", expected=3))
+    assert found["verdict"] == "usable"
+    (finding,) = found["findings"]
+    assert finding["code"] == "time_gap"
+    assert (
+        "paused: 1 gap in the record of paused, 0.505 s in all, the first after 2.495 s: left out" in finding["message"]
+    )
+    for one, other in zip(found["first_moments"], whole["first_moments"], strict=True):
+        assert one["interval"][0] < other["value"] < one["interval"][1]
+        assert one["interval"][0] < one["in_file"] < one["interval"][1]
+        assert one["interval"][1] - one["interval"][0] < 0.02 * max(row["value"] for row in found["first_moments"])
+    text = invoke(ARM, tmp_path / "paused.h5", "--figure", tmp_path / "torque.svg", expected=3)
+    assert "Finding: paused: 1 gap" in text
+    assert "Verdict: usable" in text
+
+
+def test_a_gap_through_loops_and_loggers(tmp_path):
+    """Force sensors and encoders of their own clocks, a gap in the encoders': first moments as built, and a finding."""
+    plan = """
+mechanism = "parallelogram-6bar"
+seed = 5
+[[conditions]]
+payload = "3.4116 kg"
+counter_masses = { counter_A0A = "17.1105 kg", counter_B0B = "17.1105 kg" }
+motion = ["x", "y", "triangle"]
+peak_acceleration = "3 g0"
+also_without = false
+"""
+    made = simulated(tmp_path, plan)
+    campaign = without_rows(made, tmp_path / "gapped", {"r003_controller.csv": (0.5, 0.65)})
+    found = json.loads(invoke("parallelogram-6bar", campaign, "--by", "wrench", "--json", expected=3))
+    assert [f["message"][:33] for f in found["findings"]] == ["r003: 1 gap in the record of r003"]
+    for moment in found["first_moments"]:
+        assert moment["interval"][0] < moment["in_file"] < moment["interval"][1]
+        assert moment["interval"][1] - moment["interval"][0] < 0.01
