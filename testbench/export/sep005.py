@@ -17,19 +17,19 @@ def sep005(run: Run) -> list[dict[str, Any]]:
 
     Names are unique, as SEP005 wants them: that of the group goes before where several channels have one name. A
     uniform clock that does not begin at zero gives both ``fs`` and ``time``. A channel without a unit has an empty
-    ``unit_str``; groups without any clock are left out, for SEP005 needs one.
+    ``unit_str``; groups without a time in seconds are left out, for SEP005 needs one.
     """
     found: list[Column] = []
     when: dict[str, dict[str, Any]] = {}
     for group in run.groups:
-        clock = group.clock
-        if clock is None or getattr(clock, "seconds_per_unit", 1.0) is None:
+        if not group.has_time:
             continue
+        clock = group.clock
         when[group.name] = {"fs": clock.rate_hz} if isinstance(clock, UniformClock) else {}
         if not isinstance(clock, UniformClock) or clock.start_s != 0.0:
             when[group.name]["time"] = run.time(group.name)
-        time = getattr(clock, "index", None)
-        found += [column for column in columns(run, group.name) if column.index not in (None, time)]
+        measured = set(group.measured)
+        found += [column for column in columns(run, group.name) if column.index in measured]
     return [
         {
             "data": column.values,

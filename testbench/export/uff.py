@@ -27,12 +27,12 @@ def write(run: Run, groups: list[str], target: Path) -> list[str]:
         losses.append(f"conditions of run {run.name!r}: not in a universal file; parquet and mat hold them")
     found: list[Column] = []
     for name in groups:
-        clock = run.group(name).clock
-        if clock is None or getattr(clock, "seconds_per_unit", 1.0) is None:
+        group = run.group(name)
+        if not group.has_time:
             losses.append(f"group {name!r} has no time: not in a universal file")
             continue
-        time = getattr(clock, "index", None)
-        found += [c for c in columns(run, name) if c.index is not None and c.index != time]
+        measured = set(group.measured)
+        found += [column for column in columns(run, name) if column.index in measured]
     if not found:
         raise StoreError(f"{run.path.name}: no channel with a time, which a universal file needs; use csv")
     with target.open("wb") as stream:

@@ -106,8 +106,10 @@ def _state_of(run: Path, progress: Callable[[int], None]) -> FileState:
     try:
         expected = digest.recorded(run)
         found = digest.sha256_of(run, progress)
-    except (StoreError, OSError) as error:
+    except StoreError as error:
         return FileState(run.name, "damaged", str(error))
+    except OSError as error:
+        return FileState(run.name, "damaged", f"cannot be read ({error.strerror or error})")
     if found == expected:
         return FileState(run.name, "intact")
     message = f"its content changed: SHA-256 {found[:12]}..., when written {expected[:12]}..."

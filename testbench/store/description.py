@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from .groups import GroupWriter
 
 LARGEST = 64 << 20
-"""A description longer than this is none of ours [bytes]."""
+"""Texts longer than this that their file does not hold as they are, but deflated, are none of ours [bytes]."""
 
 
 def text(origin: Origin, conditions: Conditions, provenance: Mapping[str, Any], groups: Iterable["GroupWriter"]) -> str:

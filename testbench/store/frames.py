@@ -57,18 +57,13 @@ def _asked(run: "Run", group: "StoredGroup", channels: Sequence[str] | None) -> 
     """Indices of the channels that are asked for; without any, all but the time."""
     if channels is not None:
         return [run.find(name, group.name)[1] for name in channels]
-    time = getattr(group.clock, "index", None) if _has_time(group) else None
-    return [i for i in range(len(group.channels)) if i != time]
+    return list(group.measured)
 
 
 def _index(run: "Run", group: "StoredGroup") -> tuple[str, Samples]:
-    if _has_time(group):
+    if group.has_time:
         return layout.TIME, run.time(group.name)
     return layout.SAMPLE, np.arange(group.samples, dtype=np.float64)
-
-
-def _has_time(group: "StoredGroup") -> bool:
-    return group.clock is not None and getattr(group.clock, "seconds_per_unit", 1.0) is not None
 
 
 def _attributes(group: "StoredGroup", index: int) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from ..errors import StoreError
 from ..findings import Finding
-from ..recording import Conditions, Group, Origin, Samples, UniformClock
+from ..recording import Conditions, Group, Origin, Samples, TimeColumn, UniformClock
 from . import description, layout, safe
 from .forms import Decimals
 
@@ -29,6 +29,18 @@ class StoredGroup(Group):
     keys: tuple[str, ...] = ()
     whole: tuple[Decimals | None, ...] = ()
     """How each channel is kept as whole numbers, if it is."""
+
+    @property
+    def has_time(self) -> bool:
+        """Whether its samples have a time in seconds: a rate, or a recorded column whose unit is known."""
+        clock = self.clock
+        return clock.seconds_per_unit is not None if isinstance(clock, TimeColumn) else clock is not None
+
+    @property
+    def measured(self) -> tuple[int, ...]:
+        """Indices of the channels besides the time: of all where that is in no unit of time."""
+        time = self.clock.index if isinstance(self.clock, TimeColumn) and self.has_time else None
+        return tuple(i for i in range(len(self.channels)) if i != time)
 
     def places(self, index: int) -> tuple[str, ...]:
         """Where a channel lies in the file: its samples, and the signs of its zeros where these lie apart."""

@@ -70,9 +70,9 @@ def member(group: "h5py.Group", path: str) -> Any:  # noqa: ANN401
 
 
 def texts(group: "h5py.Group", path: str, largest: int) -> list[str]:
-    """The texts of a dataset, of fixed length each, of no more than ``largest`` bytes together."""
+    """The texts of a dataset, of fixed length each; of no more than ``largest`` bytes together if they are deflated."""
     dataset = member(group, path)
-    if dataset.dtype.kind != "S" or dataset.nbytes > largest:
+    if dataset.dtype.kind != "S" or dataset.nbytes > max(largest, dataset.id.get_storage_size()):
         raise StoreError(f"{group.file.filename}: {path} does not hold texts as we store them")
     return [bytes(text).decode("utf-8") for text in dataset[()]]
 

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from testbench.errors import StoreError
+from testbench.findings import Finding
 from testbench.recording import Channel, Group, TimeColumn
-from testbench.store import open_run
+from testbench.store import description, layout, open_run
 from testbench.store.archive import archive
 from testbench.store.safe import open_for_reading
+from testbench.store.writer import RunWriter
 
 from .test_writer import store
 
@@ -153,6 +155,25 @@ def test_compressed_data_must_be_there(run, make):
     """What archives are made of is no way round the rules."""
     with pytest.raises(StoreError, match=r"declares more values than the file holds|filter that is not a standard one"):
         open_run(replaced(run, make)).channel("AccX")
+
+
+def test_long_texts_open_and_deflated_ones_do_not(tmp_path, monkeypatch):
+    """Findings and descriptions of any length are read back; texts a thousand times as long as their file are not."""
+    monkeypatch.setattr(description, "LARGEST", 1000)
+    channel = Group("log", (Channel("AccX (g)", "g", "AccX"),))
+    with RunWriter(tmp_path, "r001") as writer:
+        writer.group(channel).append([np.ones(4)])
+        writer.group(channel).finish(None, None)
+        findings = [Finding("clipping", f"channel {i}" * (1 + i % 9), None, "cut") for i in range(100)]
+        writer.describe("simulated", {}, findings, {"sources": [], "comments": ["long " * 400]}, None)
+        run = open_run(writer.commit())
+    assert list(run.findings) == findings
+    with h5py.File(run.path, "r+") as file:
+        content = file[layout.FINDINGS][()]
+        del file[layout.FINDINGS]
+        file.create_dataset(layout.FINDINGS, data=content, compression="gzip")
+    with pytest.raises(StoreError, match="does not hold texts as we store them"):
+        open_run(run.path)
 
 
 def test_more_than_the_memory_holds(run):
