@@ -15,6 +15,10 @@ _UNITS_OF_JERK = ("m/s^3", "mm/s^3")
 _UNITS_OF_MASS = ("kg", "mg", "lb")
 _UNITS_OF_FORCE = ("N", "kN", "lbf", "kgf", "Newtons", "newton")
 _EXACT_ENOUGH = 1e-6
+_DAYS = ((25_569, 80_000), (719_529, 800_000))
+"""Days as spreadsheets (since 1900) and as MATLAB (since the year 0) count them, from 1970 on."""
+_SHORTEST_STEP = 2e-5
+"""Seconds from one sample to the next that are rather days: 50 kHz, or a sample in two seconds."""
 
 
 def units_of(channels: Iterable[Channel]) -> list[Finding]:
@@ -43,6 +47,11 @@ def _unit_of(channel: Channel) -> Finding | None:
 
 def _is_one(unit: str, known: Iterable[str]) -> bool:
     return any(units.same(unit, other) for other in known)
+
+
+def may_be_days(first: float, step: float) -> bool:
+    """Whether times without a unit may be days of a calendar: by the first one, and by the step to the next."""
+    return any(low <= first < high for low, high in _DAYS) and 0 < step < _SHORTEST_STEP
 
 
 def step_as_text(text: str, what: str) -> list[Finding]:

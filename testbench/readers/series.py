@@ -9,6 +9,7 @@ import numpy as np
 
 from ..recording import Block, Channel, Clock, Group, Samples, TimeColumn, UniformClock
 from ..units import seconds_per
+from . import doubt
 from .csv import names
 from .declared import by_rate
 from .stream import block_samples
@@ -109,6 +110,8 @@ def _time(members: Sequence[Series]) -> TimeColumn | None:
             unit = channel.unit or named.unit
             factor = seconds_per(unit.split(" since ")[0]) if unit else 1.0
             clock = TimeColumn(index, factor, assumed=unit is None)
+            if unit is None and _may_be_days(member):
+                clock = TimeColumn(index, None)
             if member.is_axis:
                 return clock
             found.append((clock, channel.name.rpartition(".")[2]))
@@ -125,6 +128,11 @@ def _is_time(member: Series) -> bool:
     if member.is_axis:
         return named or (channel.unit is not None and seconds_per(channel.unit.split(" since ")[0]) is not None)
     return named and _grows(member)
+
+
+def _may_be_days(member: Series) -> bool:
+    first = member.block(0, min(2, member.length))[0]
+    return len(first) > 1 and doubt.may_be_days(float(first[0]), float(first[1] - first[0]))
 
 
 def _grows(member: Series) -> bool:

@@ -145,6 +145,8 @@ def _are_units(cells: Sequence[str], over: Sequence[str]) -> bool:
         return False
     texts = [cell.strip().strip("()[]").strip() for cell in cells]
     known = sum(map(units.is_unit, texts))
+    if any(":" in name for name in over) and known < sum(map(bool, texts)):
+        return False  # over names, such as of a line Vertical Units,CH1:V
     given = sum(map(bool, texts))
     if not given or known == given:
         return given > 0

@@ -8,6 +8,7 @@ from ...recording import Channel, TimeColumn
 
 _BRACKETS = re.compile(r"\(([^()]*)\)|\[([^][]*)\]")
 _SIGNS_OF_UNITS = re.compile(r"[^\W\d_°%µ‰][^\s]{0,9}(?:\s?[/·⋅*^]\s?[^\s]{1,10}|[²³⁻¹]+)+")
+_SCALED = re.compile(r"\s*[x×*·]\s*1(?:0+|0?[\^eE][+-]?\d+)\b")
 _TIME_SUFFIX = re.compile(r"(.*?)[_ ](s|sec|ms|us|µs|ns|min)", re.IGNORECASE)
 _ONE_OF_SEVERAL = re.compile(r"[ .-]*(?:\d+|(?<=[ .-])[abcxyz])$")
 _TIME_NAMES = frozenset({
@@ -34,6 +35,8 @@ def _channel(name: str, below: str) -> Channel:
         return Channel(name, text or None, name)
     for match in reversed(list(_BRACKETS.finditer(name))):
         text = (match[1] or match[2] or "").strip()
+        if _SCALED.match(name[match.end() :]):
+            break  # F (N) x10: the numbers are of another unit than the brackets'
         if units.is_unit(text) or _is_written_as_unit(text, square=match[2] is not None):
             label = (name[: match.start()].rstrip() + " " + name[match.end() :].lstrip()).strip()
             return Channel(name, text, label or name)

@@ -9,19 +9,17 @@ from itertools import pairwise
 
 from ...findings import Finding
 from ...recording import Channel, TimeColumn
+from .. import doubt
 from . import marks, moments, names
 from .exact import is_exact
 from .header import Header
 from .moments import DAY, Moment, Notation
 from .stamps import Counted, Stamps, is_plain
 
-_SIGNIFICANT = 15
-"""Digits of a decimal number that float64 holds whatever they are."""
-_TEN_DIGITS = 10
-"""Seconds since 1970 have no more before the point until the year 2286."""
+_SIGNIFICANT = 15  # digits of a decimal number that float64 holds whatever they are
+_TEN_DIGITS = 10  # seconds since 1970 have no more before the point until the year 2286
 _SINCE_1970 = {13: 1e-3, 16: 1e-6, 19: 1e-9}
 """Seconds in a unit, by the digits of a time since 1970 that is counted in it, from 2001 to 2286."""
-
 _ORDERS = {"dmy": "day before month", "mdy": "month before day", "ymd": "year, month, day"}
 
 Rows = Sequence[Sequence[str]]
@@ -31,7 +29,8 @@ Rows = Sequence[Sequence[str]]
 class Times:
     """The times that were found: columns that become numbers, ``texts`` that do not, what is said of them.
 
-    ``coarse`` columns repeat their times; ``digits`` is how many a number called time has before its point.
+    ``coarse`` columns repeat their times; ``digits`` is how many a number called time has before its point, and
+    too many for seconds if it may be a day.
     """
 
     columns: tuple[Stamps | Counted, ...] = ()
@@ -77,7 +76,7 @@ class Times:
 
 
 def _of_epoch(clock: TimeColumn, name: str, digits: int) -> TimeColumn:
-    """Seconds are not assumed of numbers too large for seconds since 1970; ``unix`` and ``epoch`` tell the unit."""
+    """Seconds are not assumed of numbers too large for seconds since 1970, or maybe days; ``unix`` tells the unit."""
     if not clock.assumed or digits <= _TEN_DIGITS:
         return clock
     return TimeColumn(clock.index, _SINCE_1970.get(digits) if _is_of_epoch(name) else None)
@@ -233,7 +232,9 @@ def _with_numbers(times: Times, i: int, channel: Channel, cells: Sequence[str]) 
     if not cells or not all(map(is_plain, cells)):
         return times
     whole, _, decimals = cells[0].lstrip("+-").replace(",", ".").partition(".")
-    times = replace(times, digits=times.digits | {i: len(whole)})
+    first, last = (float(cell.replace(",", ".")) for cell in (cells[0], cells[-1]))
+    days = doubt.may_be_days(first, (last - first) / len(cells))
+    times = replace(times, digits=times.digits | {i: _TEN_DIGITS + 1 if days else len(whole)})
     name = channel.name
     said = _SINCE_1970.get(len(whole)) if channel.unit is None and _is_of_epoch(name) else None
     if said:

@@ -53,6 +53,7 @@ def test_an_unknown_unit_in_a_second_row_takes_no_name(first_rows: str, expected
         ("Time;Force;Acc\nSR = 9 Hz;SR = 9 Hz;SR = 9 Hz\n01.02.2024 10:00:00;;\nT0 = 0;;\ns;N;g", "Time Force Acc"),
         ("Time;Force;Acc\n2024-02-01;x;y", "Time Force Acc"),
         ("Time;Acc;Acc\n;X;Y\ns;g;g", "Time X Y"),
+        ("Vertical Units;CH1:V;CH2:V\nSecond;Volt;Value", "Second Volt Value"),
         ("Operator;Ali;\n;X;Y", "col0 X Y"),
     ],
 )
@@ -60,6 +61,12 @@ def test_names_above_rows_that_are_none(above: str, expected: str) -> None:
     """Rates, dates and starts of channels below their names are no names; a cell without one has the name above it."""
     found = header(f"{above}\n0,1;2,5;1,5\n0,2;2,6;2,5")
     assert [c.label for c in found.channels] == expected.split()
+
+
+def test_a_factor_behind_the_unit_leaves_no_unit() -> None:
+    """Numbers of a channel called F (N) x10 are no newtons; x1 behind a unit may be an axis."""
+    found = header("F (N) x10,A [g] *1e-3,Fx1 (N),B (g) x1\n0.1,1.5,2.5,3.5\n0.2,1,2,3").channels
+    assert [c.unit for c in found] == [None, None, "N", "g"]
 
 
 def test_unknown_units_in_brackets() -> None:
