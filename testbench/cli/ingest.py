@@ -1,8 +1,6 @@
 """``testbench ingest``."""
 
-import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,9 +9,9 @@ import click
 from balance.cli.console import EXIT_REFUSED, emit_json, emit_table, json_option
 
 from . import reading
+from .progress import progress
 
 if TYPE_CHECKING:
-    from ..ingest import Progress
     from ..ingest.outcome import Outcome
     from ..rig import Rig
 
@@ -96,24 +94,9 @@ def _ingest(
     runs, options = plan(files, sheet), reading.read_options(**text)
     others = OtherLogs(files if sheet is None else (), options)
     total = sum(path.stat().st_size for run in runs for path in run.files if path.is_file())
-    with _progress(total) as progress:
-        work = Ingest(campaign, rig, options, frozenset(accept), progress, others.holding)
+    with progress("reading", total) as done:
+        work = Ingest(campaign, rig, options, frozenset(accept), done, others.holding)
         return [outcome for run in runs for outcome in work.run(run)]
-
-
-@contextmanager
-def _progress(total_bytes: int) -> Iterator["Progress"]:
-    """A bar on stderr with rate and time left, only on a terminal and only where it is worth it."""
-    if not sys.stderr.isatty() or total_bytes < 20 << 20:
-        yield lambda count: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn, TransferSpeedColumn
-
-    columns = (BarColumn(), DownloadColumn(), TransferSpeedColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("reading", total=total_bytes)
-        yield lambda count: bar.advance(task, count)
 
 
 def _print(outcomes: "Sequence[Outcome]") -> None:

@@ -146,8 +146,9 @@ def _log(source: dict[str, Any]) -> dict[str, Any]:
         "@type": "CreativeWork",
         "name": source["name"],
         "description": f"the log as it was recorded, {source.get('size_bytes')} bytes; not in this crate",
-        "sha256": source.get("sha256", ""),
     }
+    if source.get("sha256"):  # that of a log whose ingest was stopped is not known
+        node["sha256"] = source["sha256"]
     return node if recording is None else {**node, "creditText": recording.credit, "url": recording.url}
 
 

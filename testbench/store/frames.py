@@ -33,7 +33,10 @@ def to_pandas(run: "Run", group: str | None, channels: Sequence[str] | None) -> 
 
 
 def to_xarray(run: "Run", group: str | None, channels: Sequence[str] | None) -> "xarray.Dataset":
-    """Channels by their HDF5 name against time [s], with ``units`` and ``long_name``, as `open_dataset` gives them."""
+    """Channels by their HDF5 name against time [s], with ``units`` and ``long_name``, as `open_dataset` gives them.
+
+    A time column is the axis, in seconds, and no channel beside it, also where it is asked for.
+    """
     import xarray
 
     where = run.group(group)
@@ -41,6 +44,7 @@ def to_xarray(run: "Run", group: str | None, channels: Sequence[str] | None) -> 
     found = {
         where.keys[i]: (kind, run.channel_at(where.name, i), _attributes(where, i))
         for i in _asked(run, where, channels)
+        if where.keys[i] != kind
     }
     axis = {kind: (kind, index, {"units": "s"} if kind == layout.TIME else {})}
     return xarray.Dataset(found, axis, _about(run, where))

@@ -42,6 +42,17 @@ def test_pandas(run):
     assert list(run.to_pandas(channels=["AccX"]).columns) == ["AccX (g)"]
 
 
+def test_the_time_may_be_asked_for(run):
+    """In xarray it is the axis, in seconds, and no error beside it; where there is none it is a channel like others."""
+    pytest.importorskip("xarray")
+    found = run.to_xarray(channels=["Time (ms)", "AccX"])
+    if isinstance(run.group().clock, TimeColumn):
+        assert list(found.data_vars) == ["AccX"]
+        assert found["time"].to_numpy().tobytes() == run.time().tobytes()
+    else:
+        assert list(found.data_vars) == ["Time", "AccX"]
+
+
 def test_two_channels_of_one_name_stay_two(tmp_path):
     """Neither is lost in pandas, nor in xarray."""
     twice = Group("daq", (Channel("Fz (N)", "N"), Channel("Fz (N)", "N")), UniformClock(10.0))
