@@ -54,7 +54,7 @@ def document(
     now = datetime.now(UTC).isoformat(timespec="seconds")
     parts = [node for run in runs for node in _run(run, licence)]
     parts += [_record(record, runs) for record in later]
-    licences = dict.fromkeys(text for run in runs for text in (licence or _UNSTATED, *_licences(run, licence)))
+    licences = list(dict.fromkeys(text for run in runs for text in _licences(run, licence)))
     simulated = any(run.origin == "simulated" for run in runs)
     root: dict[str, Any] = {
         "@id": "./",
@@ -63,7 +63,7 @@ def document(
         "description": f"{len(runs)} runs of test benches in HDF5, stored by counterpoise"
         + ("; runs of origin 'simulated' were not measured." if simulated else "."),
         "datePublished": now,
-        "license": _reference(licence or _UNSTATED),
+        "license": _references(licences),
         "hasPart": [{"@id": node["@id"]} for node in parts if node["@type"] == "File"],
     }
     about = {"@id": "./"}
@@ -106,7 +106,7 @@ def _run(run: Run, licence: str | None) -> list[dict[str, Any]]:
         "contentSize": str(run.path.stat().st_size),
         "sha256": digest.recorded(run.path),
         "dateCreated": run.provenance.get("written", ""),
-        "license": [_reference(text) for text in known] if len(known) > 1 else _reference(known[0]),
+        "license": _references(known),
         "isBasedOn": [{"@id": log["@id"]} for log in logs],
         "additionalProperty": [{"@id": value["@id"]} for value in properties],
         "creator": {"@id": "#counterpoise"},
@@ -164,8 +164,9 @@ def _licences(run: Run, licence: str | None) -> list[str]:
     return list(dict.fromkeys(found)) or [other]
 
 
-def _reference(licence: str) -> dict[str, str]:
-    return {"@id": _identity(licence)}
+def _references(licences: Sequence[str]) -> dict[str, str] | list[dict[str, str]]:
+    found = [{"@id": _identity(licence)} for licence in licences]
+    return found[0] if len(found) == 1 else found
 
 
 def _identity(licence: str) -> str:

@@ -199,7 +199,15 @@ def test_the_licence_of_a_public_log_is_not_that_of_the_log_beside_it(tmp_path):
     run = stored(tmp_path / "c", ["a"], sources=(public, own))
     nodes, losses = crate(tmp_path / "a", [run], None)
     assert len(nodes["r001.h5"]["license"]) == 2
+    assert nodes["./"]["license"] == nodes["r001.h5"]["license"]
     assert "no licence is stated for r001" in losses[0]
+    assert all(one["@id"] in nodes for one in nodes["./"]["license"])
+    alone = stored(tmp_path / "d", ["a"], sources=(public,))
+    nodes, losses = crate(tmp_path / "e", [alone], None)
+    assert (
+        nodes["./"]["license"] == nodes["r001.h5"]["license"] == {"@id": f"https://spdx.org/licenses/{known.licence}"}
+    )
+    assert losses == ()
     nodes, losses = crate(tmp_path / "b", [run], "CC0-1.0")
     assert {one["@id"].rpartition("/")[2] for one in nodes["r001.h5"]["license"]} == {known.licence, "CC0-1.0"}
     assert losses == ()
