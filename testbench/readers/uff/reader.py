@@ -98,12 +98,12 @@ def _group(name: str, members: Sequence[Function]) -> Group:
     first = members[0]
     channels = [c for f in members for c in _channels(f)]
     clock: Clock | None = None
-    if first.even and first.abscissa.kind == TIME:
-        clock = by_step(first.step, first.start)
-        return Group(name, tuple(channels), clock)
     axis = Channel(first.axis_name, first.abscissa.unit)
     if first.abscissa.kind == TIME:
-        clock = TimeColumn(0, seconds_per(axis.unit) if axis.unit else 1.0, assumed=axis.unit is None)
+        factor = 1.0 if axis.unit is None else seconds_per(axis.unit)
+        if first.even and factor is not None:
+            return Group(name, tuple(channels), by_step(first.step * factor, first.start * factor))
+        clock = TimeColumn(0, factor, assumed=axis.unit is None)
     return Group(name, (axis, *channels), clock)
 
 

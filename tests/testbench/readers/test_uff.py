@@ -39,6 +39,21 @@ def _write(tmp_path, *sets):
     return path
 
 
+@pytest.mark.parametrize(("unit", "rate_hz"), [("s", 512), ("ms", 512e3), ("min", 512 / 60), ("NONE", 512)])
+def test_the_step_is_in_the_unit_of_the_abscissa(tmp_path, unit, rate_hz):
+    """Steps of 1/512 ms are 512 kHz; without a unit they are seconds, as the format says."""
+    found = reading.read(_write(tmp_path, _function("Acc 1", np.arange(9.0), abscissa_axis_units_lab=unit)))
+    assert found.group().clock.rate_hz == pytest.approx(rate_hz, rel=1e-5)
+
+
+def test_a_time_of_unknown_unit_is_a_channel_without_rate(tmp_path):
+    """Steps in blorps are no steps in seconds."""
+    found = reading.read(_write(tmp_path, _function("Acc 1", np.arange(9.0), abscissa_axis_units_lab="blorp")))
+    assert found.group().clock == TimeColumn(0, None)
+    assert found.column("Time")[1] == pytest.approx(1 / 512, rel=1e-5)
+    assert "time_unit_unknown" in found.codes
+
+
 @pytest.mark.parametrize("binary", [0, 1])
 @pytest.mark.parametrize("kind", [2, 4])
 def test_real_functions_are_what_another_program_wrote(tmp_path, binary, kind):
