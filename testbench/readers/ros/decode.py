@@ -8,6 +8,8 @@ from .definitions import DURATION, PRIMITIVES, TEXTS, TIME, Field
 
 MOST_NUMBERS = 4096
 """A message of more numbers is a picture or a cloud of points, and no sample."""
+_PADDING = 7
+"""Bytes with which CDR may fill up a message."""
 Number = float | int | bool
 
 
@@ -41,6 +43,9 @@ class Decoder:
             state.fields(self._fields, "")
         except struct.error as error:
             raise Unreadable(f"a message of {len(raw)} bytes ends too early") from error
+        left = len(raw) - state.at
+        if left > (_PADDING if self._is_cdr else 0):
+            raise Unreadable(f"a message of {len(raw)} bytes is {left} longer than its description says")
         return state.message
 
 

@@ -143,6 +143,16 @@ def test_descriptions_that_are_none_are_said(text):
         parse(text + "\n" + "=" * 80 + "\nMSG: pkg/A\nA a\n", "pkg/M", is_ros2=False)
 
 
+@pytest.mark.parametrize(("is_cdr", "padding"), [(False, 0), (True, 7)])
+def test_bytes_that_no_field_describes_are_said(is_cdr, padding):
+    """A message longer than its description is of another one: its numbers would stand in the wrong places."""
+    decoder = Decoder(parse("float64 x", "p/M", is_ros2=is_cdr), is_cdr=is_cdr)
+    raw = (b"\x00\x01\x00\x00" if is_cdr else b"") + np.array([1.5], "<f8").tobytes()
+    assert decoder.decode(raw + bytes(padding)).numbers == [1.5]
+    with pytest.raises(Unreadable, match=f"is {padding + 1} longer"):
+        decoder.decode(raw + bytes(padding + 1))
+
+
 def test_messages_are_never_longer_than_their_bytes():
     """Lengths of gigabytes in a few bytes, and pictures."""
     decoder = Decoder(parse("float64[] x\nstring s", "p/M", False), is_cdr=False)
