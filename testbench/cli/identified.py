@@ -17,7 +17,11 @@ def print_result(result: Identification, validation: Validation | None = None, l
     about = f"{result.mechanism.name} from {', '.join(result.runs)} (origin {result.origin})"
     header = ["", "value", "unit", "95 % interval", "in MECH's file"]
     emit_table(f"Identified: {about}", header, [_row(value) for value in result.base_values()])
-    emit_table("Friction, drives and offsets", header, [_row(value) for value in result.joint_values()])
+    emit_table(
+        "Friction, drives and offsets" if result.joints else "Offsets",
+        header,
+        [_row(value) for value in result.joint_values()],
+    )
     moments = [value for value in result.first_moments() if value.in_file] or result.first_moments()
     rows = [[value.name, *(f"{other:.4f}" for other in value.variants.values())] for value in moments]
     emit_table("First moments by other choices [kg m]", ["", *result.variants], rows)
@@ -28,7 +32,7 @@ def print_result(result: Identification, validation: Validation | None = None, l
             for found in result.counter_masses()
         ]
         columns = ["site", "x [mm]", "mass [kg]", "95 % interval", "first moment [kg m]", "95 % interval"]
-        emit_table("Counter-masses that would balance it", columns, rows)
+        emit_table("Counter-masses that would balance it, beyond what the first run mounted", columns, rows)
     click.echo("\n".join([*_notes(result), *left_out, *_verdict(result, validation)]))
 
 
@@ -43,7 +47,13 @@ def _methods(result: Identification) -> tuple[list[str], list[list[str]]]:
         ]
         for one in result.comparison
     ]
-    return ["", "torque unexplained", "simulated angle off by, rms [rad]", "first moments [kg m]"], rows
+    return ["", f"{_kind(result)} unexplained", "simulated angle off by, rms [rad]", "first moments [kg m]"], rows
+
+
+def _kind(result: Identification) -> str:
+    """What was measured: torques, forces and moments, or both."""
+    forces = len(result.rows) > len(result.joints)
+    return " and ".join([*(["torque"] if result.joints else []), *(["force"] if forces else [])])
 
 
 def _values(result: Identification, method: str) -> list[str]:
@@ -63,7 +73,7 @@ def _notes(result: Identification) -> list[str]:
             f"{raw:.1%} as recorded"
             for row, below, raw in shares
         ),
-        f"Cut-off {chosen.cutoff:.3g} Hz{delay}: chosen by the torque error on held-out stretches.",
+        f"Cut-off {chosen.cutoff:.3g} Hz{delay}: chosen by the {_kind(result)} error on held-out stretches.",
         f"{seen.rank} combinations of {len(seen.names)} parameters are observable; excitation {result.excitation}, "
         f"condition {seen.condition:.3g}. Not determined by themselves: {_few(seen.undetermined)}.",
         f"Intervals: delete-block jackknife over {result.identified.blocks} stretches, widened to contain the other "

@@ -46,7 +46,7 @@ def _motions(part: Part) -> None:
 def _command(part: Part) -> None:
     rows = [
         [a["axis"], a["by"], _number(a["target_peak_m_s2"]), _number(a["peak_m_s2"]), _number(a["target_rms_m_s2"]),
-         _number(a["error_rms_m_s2"]), "-" if a["delay_s"] is None else f"{1e3 * a['delay_s']:.2f}"]
+         _number(a["error_rms_m_s2"]), "-" if a["delay_s"] is None else f"{1e3 * a['delay_s']:z.2f}"]
         for a in part["axes"]
     ]  # fmt: skip
     header = ["axis", "by", "target peak", "peak", "target RMS", "RMS error", "delay [ms]"]
@@ -112,11 +112,11 @@ def _wrench(part: Part) -> None:
 def _torque(part: Part) -> None:
     rows = []
     for drive in part["drives"]:
-        unit = "Nm" if "measured_rms_Nm" in drive else "N"
+        key, unit = ("Nm", "N m") if "measured_rms_Nm" in drive else ("N", "N")
         rows.append([
-            drive["joint"], *(_number(drive[f"{name}_{unit}"]) for name in ("measured_rms", "model_rms")),
+            drive["joint"], *(_number(drive[f"{name}_{key}"]) for name in ("measured_rms", "model_rms")),
             f"{drive['rms_ratio']:.3f}", f"{drive['scale']:.3f}", f"{100 * drive['residual_share']:.1f}",
-            f"{1e3 * drive['delay_s']:.2f}", unit,
+            f"{1e3 * drive['delay_s']:z.2f}", unit,
         ])  # fmt: skip
     header = ["joint", "measured RMS", "model RMS", "ratio", "scale", "left [%]", "delay [ms]", "unit"]
     band = part["drives"][0]["bandwidth_hz"] if part["drives"] else 0.0

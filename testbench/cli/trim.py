@@ -121,14 +121,14 @@ def _level(result: "Trim") -> str:
 
 
 def _print(result: "Trim", stock: str | None) -> None:
-    header = ["site", "missing [kg m]", _level(result), "that is [kg]", "at x [mm]"]
+    header = ["site", "missing [kg m]", _level(result), "that is [kg]", "site at x [mm]"]
     title = f"Missing on {result.mechanism.name}, {result.origin}, {_few(result.runs)}, by {result.source}"
     emit_table(title, header, [_row(m) for m in result.missing])
     if result.consensus is not None:
         _print_sources(result)
     _print_addition(result, stock)
     click.echo("\n".join(result.about))
-    click.echo(f"{result.unexplained:.1%} of what was measured stays unexplained. Verdict: {result.verdict}")
+    click.echo(f"{result.unexplained:.1%} of what was measured stays unexplained. Verdict: {_verdict(result, stock)}")
     for doubt in result.doubts():
         click.echo(f"  {doubt}")
     for gap in result.gaps:
@@ -159,13 +159,29 @@ def _print_addition(result: "Trim", stock: str | None) -> None:
         plates = f" = {' + '.join(c.plates)}" if c.plates else ""
         click.echo(f"Add {c.mass:.3f} kg at {c.site}{plates}.")
     if not added:
-        click.echo(f"Add nothing{f': no plates of {stock} bring it nearer' if stock else ''}.")
+        _print_nothing(result, stock)
     for m in result.removal:
         click.echo(f"{m.site} has {-m.mass:.3f} kg too much: remove it.")
     low, high = result.predicted_residual_interval
     click.echo(
-        f"First-moment residual predicted with that: {result.predicted_residual:.4f} kg m, {low:.4f} .. {high:.4f}."
+        f"First-moment residual predicted{' with that' if added else ''}: {result.predicted_residual:.4f} kg m, "
+        f"{low:.4f} .. {high:.4f}."
     )
+
+
+def _print_nothing(result: "Trim", stock: str | None) -> None:
+    """Why nothing is to be added: plates that do not help, or nothing that is told to be missing."""
+    lacking = [f"{m.mass:.3f} kg at {m.site}" for m in result.missing if m.told and m.first_moment > 0.0]
+    if lacking:
+        click.echo(f"No plates of {stock} bring it nearer: what is missing stays: {', '.join(lacking)}.")
+    elif not result.removal:
+        click.echo("Add nothing: every interval holds zero.")
+
+
+def _verdict(result: "Trim", stock: str | None) -> str:
+    """The verdict, and that it cannot be followed where the plates do not help."""
+    helped = any(c.mass > 0.0 for c in result.addition.counter_masses)
+    return result.verdict if helped or result.verdict != "add" else f"add, but not from {stock}"
 
 
 def _few(names: tuple[str, ...]) -> str:

@@ -156,12 +156,19 @@ def _result(case: Case, told: tuple[list[Told], list[str]], plates: Sequence[Pla
         tuple(Share(one.source, tuple(_missing(one.imbalance, case)), one.imbalance.unexplained) for one in found),
         tuple(_missing(measured, case)),
         measured,
-        tuple(dict.fromkeys([*(line for one in found for line in one.about), *silent])),
+        tuple(dict.fromkeys([*_about(found), *silent])),
         tuple(doubt for one in found for doubt in one.doubts) + _contradiction(both),
         both,
         tuple(plates),
         tuple(finding for one in found for finding in one.findings),
     )
+
+
+def _about(found: list[Told]) -> list[str]:
+    """How it was found, each line with its source where there are several."""
+    if len(found) == 1:
+        return list(found[0].about)
+    return [f"By {NAMES[one.source]}: {line[0].lower()}{line[1:]}" for one in found for line in one.about]
 
 
 def _contradiction(both: Consensus | None) -> tuple[str, ...]:

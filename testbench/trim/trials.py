@@ -154,7 +154,8 @@ def refuse_alike(runs: "Sequence[Run]", mechanism: Mechanism, conditions: Condit
         apart = masses[i] - (masses[i] @ np.linalg.pinv(others)) @ others if len(others) else masses[i]
         if np.ptp(apart) < max(least, 1e-12):
             raise AnalysisError(
-                f"{', '.join(run.name for run in runs)}: no trial mass at {site} that differs from run to run "
-                f"independently of the others: what is missing there is not determined; mount at least {least:.2g} kg "
-                "more or less there in some runs"
+                f"{', '.join(run.name for run in runs)}: what is mounted differs from run to run, so that they are "
+                f"taken for runs with trial masses, but the mass at {site} does not differ independently of the "
+                f"others: what is missing there is not determined; mount at least {least:.2g} kg more or less there in "
+                "some runs, or name runs of one mounting alone"
             )

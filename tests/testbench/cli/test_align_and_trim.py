@@ -119,6 +119,26 @@ def test_trim_for_people(campaign, tmp_path):
         assert words in text
 
 
+def test_plates_that_are_too_heavy(campaign, tmp_path):
+    """Said as such beside the verdict, not as if nothing were missing; each line says which source it is of."""
+    shelf = tmp_path / "shelf.csv"
+    shelf.write_text("name,mass_kg,quantity\nP5,5.0,4\n", encoding="utf-8")
+    text = invoke(trim, "parallelogram-6bar", campaign, "--stock", shelf)
+    assert "bring it nearer: what is missing stays: 0.8" in text
+    assert f"Verdict: add, but not from {shelf}" in text
+    assert "Add nothing" not in text
+    assert "By motor torques: intervals: delete-block jackknife" in text
+
+
+def test_trim_of_two_mountings_that_nobody_meant_for_trials(campaign, brief):
+    """Runs with and without counter-masses: said why they are taken for trials, and what else can be asked."""
+    runs = [brief.campaign / f"r00{k}.h5" for k in (5, 6)]
+    with pytest.raises(
+        AnalysisError, match=r"what is mounted differs from run to run.* name runs of one mounting alone"
+    ):
+        invoke(trim, "parallelogram-6bar", *runs)
+
+
 def test_trim_uses_what_align_stored(campaign, tmp_path, monkeypatch):
     """With a stored alignment no clock is aligned anew, and the answer is the same to a tenth of its interval."""
     folder = shutil.copytree(campaign, tmp_path / "campaign")

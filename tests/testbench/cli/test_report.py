@@ -1,6 +1,7 @@
 """``testbench report`` as a person calls it."""
 
 import json
+import re
 
 import click
 import pytest
@@ -35,6 +36,13 @@ def test_text_has_every_part_and_says_simulated(pair):
     ):
         assert words in text
     assert "No response: r005: the clock of" in text
+
+
+def test_moments_and_torques_have_one_spelling_of_their_unit(pair):
+    """N m in every table."""
+    text = invoke(*pair)
+    assert re.search(r"N m +│", text)
+    assert "Nm" not in text
 
 
 def test_json_and_figures_of_two_runs(pair, tmp_path):
