@@ -16,6 +16,7 @@ def write(run: Run, groups: list[str], target: Path) -> list[str]:
 
     (group,) = groups
     found = columns(run, group)
+    headers = [" ".join(column.header.splitlines()) for column in found]
     clock = run.group(group).clock
     with target.open("w", encoding="utf-8", newline="") as text:
         text.write(f"# origin: {run.origin}\n")
@@ -24,8 +25,24 @@ def write(run: Run, groups: list[str], target: Path) -> list[str]:
                 text.write(f"# {key} = {line(value)}\n")
         if isinstance(clock, UniformClock):
             text.write(f"# rate: {clock.rate_hz!r} Hz\n")
-        csv.writer(text, lineterminator="\n").writerow([column.header for column in found])
+        comment = any("#" in header for header in headers)  # unless it is quoted
+        csv.writer(text, lineterminator="\n", quoting=csv.QUOTE_ALL if comment else csv.QUOTE_MINIMAL).writerow(headers)
     table = polars.DataFrame({str(i): column.values for i, column in enumerate(found)})
     with target.open("ab") as stream:
         table.write_csv(stream, include_header=False, batch_size=_AT_ONCE)
-    return unlisted_findings(run, "CSV")
+    losses = [
+        f"name {column.header!r} is written on one line"
+        for column, header in zip(found, headers, strict=True)
+        if column.header != header
+    ]
+    if all(map(_is_number, headers)):
+        losses.append(f"names of group {group!r} are all numbers: some readers take them for the first sample")
+    return losses + unlisted_findings(run, "CSV")
+
+
+def _is_number(header: str) -> bool:
+    try:
+        float(header)
+    except ValueError:
+        return False
+    return True

@@ -145,6 +145,26 @@ def test_what_a_form_does_not_hold_is_listed(tmp_path):
     assert "conditions" in lost["uff"]
 
 
+def test_names_that_look_like_something_else_in_csv(tmp_path):
+    """A comment sign in a name hides no name from pandas nor from us; a name of two lines and one of digits is said."""
+    import pandas
+
+    run = stored(tmp_path / "c", ["#1", "z#w", "a\nb"])
+    (written,) = export(run, "csv", tmp_path / "out")
+    table = pandas.read_csv(written.file, comment="#")
+    assert list(table.columns) == ["time (s)", "#1 (V)", "z#w (V)", "a b (V)"]
+    assert table.to_numpy()[:, 1:].tolist() == [[0.0, 1.0, 2.0]] * 9
+    assert [len(column) for column in read_back(written.file)[1]] == [9] * 4
+    assert "on one line" in written.losses[0]
+    group = Group("g", (Channel("1"), Channel("2.5")))
+    with RunWriter(tmp_path, "r002") as writer:
+        writer.group(group).append([np.zeros(3), np.ones(3)])
+        writer.group(group).finish(None, None)
+        writer.describe("unstated", {}, [], {"sources": []}, None)
+        (written,) = export(open_run(writer.commit()), "csv", tmp_path / "out")
+    assert "are all numbers" in written.losses[0]
+
+
 def test_two_exports_at_once(run, tmp_path, monkeypatch):
     """A file that came meanwhile stays as it is."""
     from testbench.export import target
