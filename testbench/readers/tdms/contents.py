@@ -90,6 +90,18 @@ def title(path: str) -> str:
     return (names(path) or [path])[-1] or path
 
 
+def changed(contents: Contents) -> list[Finding]:
+    """Properties that change in the midst of the samples; by the format the last one holds for all."""
+    found = []
+    for change in contents.contradicted:
+        last = "there is no rate" if change.name == "wf_increment" else "the last one of the file is taken for all"
+        message = (
+            f"{change.name} is {change.before!r} up to sample {change.samples} and {change.after!r} from there: {last}"
+        )
+        found.append(Finding("header_contradiction", title(change.path), f"sample {change.samples}", message))
+    return found
+
+
 def read(source: ByteSource) -> Contents:
     """Walk through all segments."""
     contents, known = Contents(), dict[str, Index | None]()

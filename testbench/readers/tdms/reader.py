@@ -16,7 +16,7 @@ from ..nonfinite import watched
 from ..registry import Reader, ReadOptions
 from ..stream import ByteSource, as_float64, block_samples, damaged, refusing
 from . import types
-from .contents import Channel, Contents, names, read, title
+from .contents import Channel, Contents, changed, names, read, title
 from .metadata import Property
 from .scaling import Scaling
 from .spans import Reading
@@ -88,7 +88,9 @@ def _gather(contents: Contents, stem: str) -> list[_Gathered]:
         parts: dict[tuple[object, ...], list[Channel]] = {}
         for channel in channels:
             said = contents.properties.get(channel.path, {})
-            parts.setdefault((channel.length, *(said.get(key) for key in _CLOCK)), []).append(channel)
+            parts.setdefault((channel.length, _seconds_per(said), *(said.get(key) for key in _CLOCK)), []).append(
+                channel
+            )
         for members in parts.values():
             whole = name if len(parts) == 1 else f"{name} {title(members[0].path)}"
             found.append(_gathered(whole, members, contents))
@@ -119,13 +121,9 @@ def _channels(member: Channel, said: dict[str, Property]) -> list[model.Channel]
     unit = str(said.get("unit_string") or said.get("NI_UnitDescription") or "") or None
     if member.kind == types.TIME:
         return [model.Channel(name, "s"), *([model.Channel(f"{name} remainder", "s")] if member.has_remainder else [])]
-    if _is_complex(member):
+    if any(spans.kind.kind == "c" for spans in member.spans.values()):
         return [model.Channel(f"{name} ({part})", unit) for part in ("real", "imag")]
     return [model.Channel(name, unit)]
-
-
-def _is_complex(member: Channel) -> bool:
-    return any(spans.kind.kind == "c" for spans in member.spans.values())
 
 
 def _clock(members: Sequence[Channel], channels: Sequence[model.Channel], said: dict[str, Property]) -> Clock | None:
@@ -138,10 +136,16 @@ def _clock(members: Sequence[Channel], channels: Sequence[model.Channel], said: 
         unit = channels[named[0]].unit
         return TimeColumn(named[0], seconds_per(unit) if unit else 1.0, assumed=unit is None)
     step, start = said.get("wf_increment"), said.get("wf_start_offset", 0.0)
-    unit = str(said.get("wf_xunit_string") or "s")
-    if isinstance(step, float) and seconds_per(unit) == 1.0 and isinstance(start, int | float):
-        return by_step(step, float(start))
+    factor = _seconds_per(said)
+    if isinstance(step, float) and factor is not None and isinstance(start, int | float):
+        return by_step(step * factor, start * factor)
     return None
+
+
+def _seconds_per(said: dict[str, Property]) -> float | None:
+    """Seconds in the unit of the abscissa; None if that is no time, as of a spectrum."""
+    unit, name = said.get("wf_xunit_string"), said.get("wf_xname") or "Time"
+    return seconds_per(str(unit)) if unit else 1.0 if is_time(str(name)) else None
 
 
 def _blocks(path: Path, contents: Contents, gathered: Sequence[_Gathered], report: Report) -> Iterator[Block]:
@@ -204,24 +208,12 @@ def _said(contents: Contents, gathered: Sequence[_Gathered]) -> list[Finding]:
         if said.applies:
             message = f"raw values were made physical by {said.count} scales of the file"
             findings.append(Finding("calibration_applied", title(member.path), None, message))
-    findings += _changed(contents)
+    findings += changed(contents)
     empty = [title(p) for p, c in contents.channels.items() if not c.length and not c.texts and names(p)]
     if empty:
         message = f"no sample in {', '.join(empty[:10])}{' and more' if len(empty) > 10 else ''}"
         findings.append(Finding("empty_group", None, None, message))
     return findings
-
-
-def _changed(contents: Contents) -> list[Finding]:
-    """Properties that change in the midst of the samples; by the format the last one holds for all."""
-    found = []
-    for change in contents.contradicted:
-        last = "there is no rate" if change.name == "wf_increment" else "the last one of the file is taken for all"
-        message = (
-            f"{change.name} is {change.before!r} up to sample {change.samples} and {change.after!r} from there: {last}"
-        )
-        found.append(Finding("header_contradiction", title(change.path), f"sample {change.samples}", message))
-    return found
 
 
 def _texts(contents: Contents) -> list[Finding]:

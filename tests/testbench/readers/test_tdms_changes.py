@@ -44,6 +44,21 @@ def test_another_unit_or_start_is_said(tmp_path, name, before, after):
     assert found.group().clock.rate_hz == 1000.0
 
 
+@pytest.mark.parametrize(
+    ("axis", "rate_hz"),
+    [
+        ({}, 8.0), ({"wf_xname": "Time"}, 8.0), ({"wf_xname": "Zeit", "wf_xunit_string": "s"}, 8.0),
+        ({"wf_xname": "Time", "wf_xunit_string": "ms"}, 8000.0), ({"wf_xname": "Frequency"}, None),
+        ({"wf_xname": "Frequency", "wf_xunit_string": "Hz"}, None), ({"wf_xunit_string": "blorp"}, None),
+    ],
+)  # fmt: skip
+def test_a_step_is_one_of_time_in_its_unit(tmp_path, axis, rate_hz):
+    """1/8 of an abscissa is 8 Hz of seconds, 8 kHz of milliseconds, and no rate of anything else."""
+    found = written(tmp_path, (VALUES, {"wf_increment": 0.125, **axis}))
+    clock = found.group().clock
+    assert (None if clock is None else clock.rate_hz) == rate_hz
+
+
 def test_a_correction_behind_the_samples_is_no_contradiction(tmp_path):
     """A property that is written anew once all samples are there is that of all of them; so is one said twice alike."""
     first = {"unit_string": "N", "wf_increment": 0.001}
