@@ -19,6 +19,7 @@ from ..wrench import shaking_wrench
 from . import loads, vibration
 from .part import Part, attempt
 from .response import base_response
+from .signs import turned
 
 if TYPE_CHECKING:
     from ..motion.motions import FoundMotion
@@ -89,6 +90,7 @@ def report(
         forces = response = {"reason": str(error)}
     torque = attempt(lambda: loads.torque_part(run, rig, mechanism(), bandwidth_hz))
     findings += _gaps(run, rig, bandwidth_hz)
+    findings += [finding.as_dict() for finding in turned(run, rig, mechanism)]
     findings += _contradicted(run, torque)
     return RunReport(
         run,

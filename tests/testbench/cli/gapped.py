@@ -1,6 +1,7 @@
-"""Logs of a campaign with rows taken out, as a logger that paused leaves them."""
+"""Logs of a campaign with rows taken out, as a logger that paused leaves them, or with rows changed."""
 
 import shutil
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from testbench import rig as rigs
@@ -11,14 +12,25 @@ from testbench.ingest.runsheet import plan as sheet
 from ..conftest import Simulated
 
 
-def without_rows(made: Simulated, folder: Path, cuts: dict[str, tuple[float, float]]) -> Path:
-    """The campaign of the same logs, less the rows of some from one instant of their clock to another [s]."""
+def without_rows(
+    made: Simulated,
+    folder: Path,
+    cuts: Mapping[str, tuple[float, float]],
+    changed: Mapping[str, Callable[[str], str]] | None = None,
+) -> Path:
+    """The campaign of the same logs, less the rows of some from one instant of their clock to another [s].
+
+    Of others, rows are ``changed``.
+    """
     logs = Path(shutil.copytree(made.logs, folder / "logs", ignore=shutil.ignore_patterns("truth")))
     for name, (begin, end) in cuts.items():
         lines = (logs / name).read_text("utf-8").splitlines(keepends=True)
         kept = [line for line in lines if not line[0].isdigit() or not begin <= float(line.split(",")[0]) < end]
         assert len(kept) < len(lines)
         (logs / name).write_text("".join(kept), "utf-8")
+    for name, change in (changed or {}).items():
+        lines = (logs / name).read_text("utf-8").splitlines(keepends=True)
+        (logs / name).write_text("".join(change(x) if x[0].isdigit() else x for x in lines), "utf-8")
     campaign = folder / "campaign"
     campaign.mkdir()
     ingest = Ingest(campaign, rigs.load("parallelogram-6bar"))
