@@ -1,7 +1,7 @@
 """Which runs of a campaign are compared with which: all conditions alike but the counter-masses."""
 
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
@@ -54,11 +54,18 @@ class Pair:
 
 
 def pairs(runs: Iterable["Run"]) -> tuple[list[Pair], list[Finding]]:
-    """The pairs of a campaign, and what each run that is in none of them lacks."""
+    """The pairs of a campaign, and what each run that is in none of them lacks.
+
+    What was saved of a stopped ingest is in none where another run holds more of the same logs: no test counts twice.
+    """
+    runs = list(runs)
     groups: dict[Key, dict[tuple[tuple[str, float], ...], list[Run]]] = defaultdict(lambda: defaultdict(list))
     findings: list[Finding] = []
     for run in runs:
-        if missing := [name for name in _NEEDED if name not in run.conditions]:
+        if (whole := _held_by(runs, run)) is not None:
+            twice = f"what was saved of a stopped ingest; {whole.name} holds more of the same logs: left out"
+            findings.append(_about(run, "held_twice", twice))
+        elif missing := [name for name in _NEEDED if name not in run.conditions]:
             lack = f"its conditions lack {', '.join(missing)}; put them into the sheet and ingest with --runs"
             findings.append(_about(run, "conditions_missing", lack))
         else:
@@ -117,6 +124,24 @@ def _rig(text: str) -> "Rig":
 def _mounted(run: "Run") -> tuple[tuple[str, float], ...]:
     """Counter-masses that are on; a sheet that names none means none."""
     return tuple(sorted((site, mass) for site, mass in run.conditions.get("counter_masses", {}).items() if mass > 0.0))
+
+
+def _held_by(runs: Sequence["Run"], part: "Run") -> "Run | None":
+    """The run that holds most of the logs of which ``part`` was saved when their ingest was stopped, if not itself."""
+    if not _is_part(part) or not part.provenance["sources"]:
+        return None
+    same = [run for run in runs if _logs(run) == _logs(part)]
+    most = max(same, key=lambda run: (not _is_part(run), sum(group.samples for group in run.groups)))
+    return None if most is part else most
+
+
+def _is_part(run: "Run") -> bool:
+    return any(finding.code == "interrupted" for finding in run.findings)
+
+
+def _logs(run: "Run") -> list[tuple[str, int]]:
+    """Names and sizes [bytes] of the logs that a run was made of."""
+    return sorted((source["name"], source["size_bytes"]) for source in run.provenance["sources"])
 
 
 def _about(run: "Run", code: str, message: str) -> Finding:

@@ -24,8 +24,7 @@ def recover(campaign: Path, as_json: bool) -> int:
     """Save what ingests had acknowledged before they were stopped.
 
     It becomes a run of its own, NAME.recovered, which says what is lost; no stored run is touched. If the log is
-    still at hand, ingest it again: then nothing is lost at all. Then take NAME.recovered.h5 and its digest out of the
-    campaign: analyses count both runs, as repeats.
+    still at hand, ingest it again: then nothing is lost at all, and `testbench analyze` leaves NAME.recovered out.
     """
     from ..recovery import recover as save
 

@@ -1,6 +1,7 @@
 """Which runs are compared with which, and what those lack that are in no pair."""
 
 from dataclasses import dataclass, field
+from itertools import permutations
 
 import pytest
 
@@ -31,6 +32,14 @@ class FakeRun:
     rig: str | None = RIG
     findings: tuple[Finding, ...] = ()
     groups: tuple[Group, ...] = field(default=(Group("daq", (Channel("AccX (g)", "g", "AccX"),)),))
+    provenance: dict = field(default_factory=lambda: {"sources": []})
+
+
+@dataclass
+class Samples:
+    """A group, of which pairing counts the samples."""
+
+    samples: int
 
 
 def run(name: str, masses: dict | None, acceleration: float = 3.0, **more) -> FakeRun:
@@ -46,6 +55,30 @@ def test_pairs():
     assert [[r.name for r in pair.runs] for pair in found] == [["a", "c", "b"], ["d", "e"]]
     assert found[0].counter_masses == BUILT
     assert not findings
+
+
+def test_no_test_counts_twice():
+    """What was saved of a stopped ingest is left out where another run holds more of its logs, and only there."""
+    logs = {"sources": [{"name": "a.csv", "size_bytes": 1000}]}
+    stopped = (Finding("interrupted", None, None, "the ingest was stopped"),)
+    short, longer = (Samples(n) for n in (300, 700))
+
+    def saved(name: str, group: Samples, sources: dict = logs) -> FakeRun:
+        return run(name, BUILT, findings=stopped, groups=(group,), provenance=sources)
+
+    whole, without = run("a", BUILT, provenance=logs, groups=(short,)), run("b", {})
+    for first, *others in permutations([saved("a.recovered", longer), whole, without]):
+        found, findings = pairs([first, *others])
+        assert [[r.name for r in pair.runs] for pair in found] == [["a", "b"]]
+        assert [(f.code, f.where) for f in findings] == [("held_twice", "a.recovered")]
+        assert "a holds more" in findings[0].message
+    found, findings = pairs([saved("p", short), saved("q", longer), without])
+    assert [r.name for r in found[0].balanced] == ["q"]
+    assert [f.where for f in findings] == ["p"]
+    other = {"sources": [{"name": "a.csv", "size_bytes": 1001}]}
+    for apart in ([saved("p", short)], [saved("p", short), run("a", BUILT, provenance=other)]):
+        assert not pairs([*apart, without])[1]
+    assert not pairs([saved("p", short, {"sources": []}), saved("q", short, {"sources": []}), without])[1]
 
 
 def test_none_named_is_none_mounted():
