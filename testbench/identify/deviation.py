@@ -19,7 +19,8 @@ from balance.arrays import Floats
 from balance.mechanism import Mechanism
 
 from ..motion.derivatives import Rates
-from .evidence import Part, model_torque, path_of
+from .equations import model_torque, path_of
+from .evidence import Part
 
 DAMPING = 0.7
 """Of the pull."""

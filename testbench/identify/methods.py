@@ -20,7 +20,8 @@ from balance.observability import Observability
 from ..errors import AnalysisError
 from ..motion.derivatives import Rates
 from .deviation import Deviation
-from .evidence import Evidence, Part, path_of, regressor
+from .equations import path_of, regressor
+from .evidence import Evidence, Part
 
 Method = Literal["ls", "iv", "oe"]
 METHODS: tuple[Method, ...] = ("ls", "iv", "oe")
