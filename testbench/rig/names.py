@@ -50,7 +50,8 @@ def of_mechanism(name: str, folder: Path | None) -> Names | None:
             f"(there are: {', '.join(shipped)}; '{NONE}' for a bench without one)"
         )
     try:
-        root = ElementTree.parse(path).getroot()  # noqa: S314: a file of the user's own, of which names alone are taken
+        # A file of the user's own, of which names alone are taken.
+        root = ElementTree.parse(path).getroot()
     except (ElementTree.ParseError, OSError) as error:
         raise RigError(f"mechanism: {path.name} cannot be read: {error}") from error
     return _names(name, root)

@@ -1,5 +1,6 @@
 """``testbench align`` and ``testbench trim`` as a person calls them."""
 
+import errno
 import json
 import os
 import shutil
@@ -71,15 +72,19 @@ def test_align_of_a_campaign_that_is_read_only(campaign, monkeypatch):
     assert not computed
 
 
-def test_align_that_cannot_be_recorded(campaign, tmp_path):
+def test_align_that_cannot_be_recorded(campaign, tmp_path, monkeypatch):
     """What was computed is shown all the same, with why it is not recorded, and nothing half is left."""
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
     folder = shutil.copytree(campaign, tmp_path / "campaign")
-    (folder / "records").write_text("in the way")
+    monkeypatch.setattr(records.os, "fsync", full)
     found = json.loads(invoke(align, folder / "r001.h5", "--no-drift", "--json", expected=1))
     assert len(found["alignments"]) == 2
     assert not found["records"]
-    assert "cannot be written (File exists); nothing was recorded" in found["refused"][0]
-    assert (folder / "records").read_text() == "in the way"
+    assert "cannot be written (No space left on device); nothing was recorded" in found["refused"][0]
+    assert not list((folder / "records").iterdir())
 
 
 def test_align_for_people(campaign):
