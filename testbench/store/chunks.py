@@ -13,15 +13,12 @@ from numpy.typing import NDArray
 
 from ..recording import Samples
 from . import fletcher
-from .swift import Swift
+from .swift import SWIFT
 
 if TYPE_CHECKING:
     import h5py
 
 _CHECKSUM = 4
-_WORDS = 4
-"""Words of 16 bits in a sample."""
-_swift = Swift()
 
 
 def are_possible(dataset: "h5py.Dataset") -> bool:
@@ -61,12 +58,9 @@ class Room:
         return rest
 
 
-def _checksums(chunks: NDArray[np.float64], length: int) -> Sequence[int] | NDArray[np.uint32]:
+def _checksums(chunks: NDArray[np.float64], length: int) -> NDArray[np.uint32]:
     """Fletcher-32 of the first ``length`` samples of each chunk."""
-    if (loop := _swift.loop(chunks.nbytes)) is not None:
-        begin, step = chunks.ctypes.data, chunks.strides[0]
-        return [loop(begin + row * step, _WORDS * length) for row in range(len(chunks))]
-    sums = fletcher.Sums(len(chunks), length)
+    sums = SWIFT.sums(len(chunks), length)
     for row, chunk in enumerate(chunks):
         sums.add(row, chunk[:length].view("<u8"))
     return sums.checksums()

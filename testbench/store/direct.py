@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..recording import Samples
 from . import fletcher
+from .swift import SWIFT
 
 if TYPE_CHECKING:
     import h5py
@@ -41,7 +42,7 @@ def read(dataset: "h5py.Dataset") -> Samples:
     places = _places(dataset, os.fstat(handle).st_size)
     values = np.empty((len(places), length))
     written = np.empty((len(places), 1), "<u4")
-    sums = fletcher.Sums(len(places), length)
+    sums = SWIFT.sums(len(places), length)
     parts = [range(i, min(i + _AT_ONCE, len(places))) for i in range(0, len(places), _AT_ONCE)]
     with ThreadPoolExecutor(1) as pool:
         pending = [pool.submit(_read, handle, places, values, written, part) for part in parts]

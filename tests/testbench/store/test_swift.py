@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from testbench.recording import Channel, Group
-from testbench.store import chunks, fletcher, journal, open_run, swift
+from testbench.store import chunks, direct, fletcher, journal, open_run, swift
 from testbench.store.writer import RunWriter
 
 
@@ -41,11 +41,11 @@ def test_runs_are_the_same_with_it_and_hdf5_checks_them(loop, tmp_path, monkeypa
     provenance = {"sources": [{"name": "log.csv", "sha256": "0" * 64, "size_bytes": 1}]}
     used = []
     for name, ready in (("without", None), ("with", lambda *given: used.append(given) or loop(*given))):
-        monkeypatch.setattr(chunks, "_swift", swift.Swift())
+        monkeypatch.setattr(chunks, "SWIFT", swift.Swift())
         with RunWriter(tmp_path, name) as writer:
             for part in np.array_split(values, 5):
                 writer.group(group).append([part, -part])
-                chunks._swift._loop = ready
+                chunks.SWIFT._loop = ready
             writer.group(group).finish(None, None)
             writer.describe("simulated", {}, [], provenance, None)
             run = open_run(writer.commit())
@@ -67,16 +67,42 @@ def test_the_journal_says_where_chunks_lie(tmp_path):
             assert len(pieces) == 300_000 // 32768
 
 
-def test_it_is_asked_for_only_where_much_is_written(monkeypatch):
+def test_long_channels_are_read_with_it(loop, tmp_path, monkeypatch):
+    """The same bits as were written, each chunk checked by it; a flipped bit is found."""
+    values, used = np.random.default_rng(4).normal(size=5 * (1 << 15) + 9), []
+    ready = swift.Swift()
+    ready._loop = lambda *given: used.append(given[1]) or loop(*given)
+    monkeypatch.setattr(direct, "SWIFT", ready)
+    path = tmp_path / "x.h5"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("x", data=values, chunks=(1 << 15,), fletcher32=True)
+    with h5py.File(path) as file:
+        assert direct.is_possible(file["x"])
+        assert direct.read(file["x"]).tobytes() == values.tobytes()
+        at = file["x"].id.get_chunk_info(3).byte_offset
+    assert used == 6 * [4 << 15]
+    with path.open("r+b") as stream:
+        stream.seek(at + 1234)
+        byte = stream.read(1)[0]
+        stream.seek(at + 1234)
+        stream.write(bytes([byte ^ 16]))
+    with h5py.File(path) as file, pytest.raises(OSError, match="from 98304 on does not match"):
+        direct.read(file["x"])
+
+
+def test_it_is_asked_for_only_where_much_is_done(monkeypatch):
     """A short run starts no compiler."""
     asked = []
     monkeypatch.setattr(swift.Kernel, "loop", lambda self: asked.append(self) or (lambda *given: 7))
-    ready = swift.Swift()
-    assert ready.loop(swift.MUCH_BYTES) is None
+    ready, quadruples = swift.Swift(), swift.MUCH_BYTES // 8
+    assert isinstance(ready.sums(1, quadruples), fletcher.Sums)
     assert not asked
-    ready.loop(1)
+    ready.sums(1, 1)
     for thread in threading.enumerate():
         if thread is not threading.current_thread() and thread.daemon:
             thread.join(10)
-    assert ready.loop(1)() == 7
+    sums = ready.sums(2, 1)
+    for row in range(2):
+        sums.add(row, np.zeros(1, np.uint64))
+    assert sums.checksums().tolist() == [7, 7]
     assert asked == [swift.CHECKSUM]
