@@ -31,6 +31,20 @@ def simulated(folder: Path, plan: str, rig: str = "parallelogram-6bar") -> Simul
     return Simulated(folder / "logs", campaign)
 
 
+def built(*motions: str) -> str:
+    """A plan of these motions at 3.4116 kg with the counter-masses that were built for it, one run each."""
+    return f"""
+mechanism = "parallelogram-6bar"
+seed = 5
+[[conditions]]
+payload = "3.4116 kg"
+counter_masses = {{ counter_A0A = "17.1105 kg", counter_B0B = "17.1105 kg" }}
+motion = {list(motions)}
+peak_acceleration = "3 g0"
+also_without = false
+"""
+
+
 @pytest.fixture(scope="session")
 def brief(tmp_path_factory: pytest.TempPathFactory) -> Simulated:
     """The shipped brief plan: four conditions, with and without counter-masses."""

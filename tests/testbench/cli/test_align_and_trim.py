@@ -13,16 +13,8 @@ from testbench.cli.trim import trim
 from testbench.errors import AnalysisError, StoreError
 from testbench.store import records
 
-PLAN = """
-mechanism = "parallelogram-6bar"
-seed = 5
-[[conditions]]
-payload = "3.4116 kg"
-counter_masses = { counter_A0A = "17.1105 kg", counter_B0B = "17.1105 kg" }
-motion = ["x", "triangle"]
-peak_acceleration = "3 g0"
-also_without = false
-"""
+from ..conftest import built, simulated
+
 STARTS = {"daq": -0.237, "forces": -0.151, "controller": -0.100}
 """Of the loggers in the shipped rig, from the start of the motion [s]."""
 
@@ -30,9 +22,7 @@ STARTS = {"daq": -0.237, "forces": -0.151, "controller": -0.100}
 @pytest.fixture(scope="module")
 def campaign(tmp_path_factory):
     """A campaign of two runs with the counter-masses that were built for 3.4116 kg."""
-    from ..conftest import simulated
-
-    return simulated(tmp_path_factory.mktemp("trim"), PLAN).campaign
+    return simulated(tmp_path_factory.mktemp("trim"), built("x", "triangle")).campaign
 
 
 def invoke(command, *arguments, expected=0) -> str:

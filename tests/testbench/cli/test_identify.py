@@ -13,7 +13,7 @@ from testbench.errors import AnalysisError
 from testbench.ingest import Ingest
 from testbench.ingest.runsheet import PlannedRun
 
-from ..conftest import simulated
+from ..conftest import built, simulated
 from .gapped import without_rows
 
 ARM = "two-joint-arm-a0"
@@ -136,17 +136,7 @@ def test_a_gap_is_left_out_and_said(run, tmp_path):
 
 def test_a_gap_through_loops_and_loggers(tmp_path):
     """Force sensors and encoders of their own clocks, a gap in the encoders': first moments as built, and a finding."""
-    plan = """
-mechanism = "parallelogram-6bar"
-seed = 5
-[[conditions]]
-payload = "3.4116 kg"
-counter_masses = { counter_A0A = "17.1105 kg", counter_B0B = "17.1105 kg" }
-motion = ["x", "y", "triangle"]
-peak_acceleration = "3 g0"
-also_without = false
-"""
-    made = simulated(tmp_path, plan)
+    made = simulated(tmp_path, built("x", "y", "triangle"))
     campaign = without_rows(made, tmp_path / "gapped", {"r003_controller.csv": (0.5, 0.65)})
     found = json.loads(invoke("parallelogram-6bar", campaign, "--by", "wrench", "--json", expected=3))
     assert [f["message"][:33] for f in found["findings"]] == ["r003: 1 gap in the record of r003"]

@@ -2,21 +2,8 @@
 
 import pytest
 
-from .. import reading
-
 HEADER = "Time (s),AccX (g),AccY (g)\n"
 ROWS = [f"{i / 1000:.4f},{i % 7 - 3}.5,{i % 5}.25\n" for i in range(600)]
-
-
-@pytest.fixture
-def log(tmp_path):
-    """Write a text as a log and read it to its end."""
-
-    def write_and_read(text):
-        (tmp_path / "log.csv").write_text(text, encoding="utf-8")
-        return reading.read(tmp_path / "log.csv")
-
-    return write_and_read
 
 
 @pytest.mark.parametrize(

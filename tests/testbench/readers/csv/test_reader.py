@@ -22,18 +22,6 @@ HEADER = "Time (s),AccX (g),AccY (g)\n"
 ROWS = [f"{i / 1000:.4f},{0.5 * i % 7 - 3:.4f},{1.25 * (i % 11):.4f}\n" for i in range(400)]
 
 
-@pytest.fixture
-def log(tmp_path):
-    """Write a text or bytes as a log and read it to its end."""
-
-    def write_and_read(content, options=None):
-        path = tmp_path / "log.csv"
-        path.write_bytes(content if isinstance(content, bytes) else content.encode())
-        return reading.read(path, options)
-
-    return write_and_read
-
-
 @settings(max_examples=60, deadline=None)
 @given(
     values=st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=2, max_size=30),

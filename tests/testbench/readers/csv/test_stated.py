@@ -12,17 +12,6 @@ from .. import reading
 ROWS = "".join(f"{i}.5,{i}.25\n" for i in range(300))
 
 
-@pytest.fixture
-def log(tmp_path):
-    """Write a text as a log and read it to its end."""
-
-    def write_and_read(text):
-        (tmp_path / "log.csv").write_text(text, encoding="utf-8")
-        return reading.read(tmp_path / "log.csv")
-
-    return write_and_read
-
-
 @pytest.mark.parametrize(
     ("text", "decimal", "rate_hz"),
     [

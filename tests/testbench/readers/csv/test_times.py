@@ -38,18 +38,6 @@ def stamps(notation, count=400, step_ms=5):
     return [notation.format(t, t.microsecond // 1000, t) for t in times]
 
 
-@pytest.fixture
-def log(tmp_path):
-    """Write a text as a log and read it to its end."""
-
-    def write_and_read(text, options=None):
-        path = tmp_path / "log.csv"
-        path.write_text(text, encoding="utf-8", newline="")
-        return reading.read(path, options)
-
-    return write_and_read
-
-
 @pytest.mark.parametrize("name", NOTATIONS)
 def test_notations_of_loggers(log, name):
     """Whatever the notation, the clock is that of 200 Hz, each time the nearest float64 to its exact seconds."""
