@@ -3,8 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,10 +10,6 @@ from .arrays import Floats, frozen
 from .constraints import Loop
 from .errors import ModelError
 from .tree import Tree
-
-if TYPE_CHECKING:
-    import pinocchio
-
 
 HEAVIEST = 1e9
 """Masses from here on are slips of the pen [kg]."""
@@ -80,23 +74,6 @@ class Mechanism:
     """Bodies that carry the payload when none is named."""
     limits: Floats
     """Lower and upper limit of each coordinate that the file states, else infinite, (nv, 2) [rad, m]. Not enforced."""
-
-    @classmethod
-    def load(cls, name: str | Path) -> "Mechanism":
-        """Load a shipped mechanism by name, or a file: MJCF (.xml), URDF (.urdf) or SDF (.sdf).
-
-        Raises DataError for a name that is neither, ModelError for a file that cannot be understood.
-        """
-        from .loading import load
-
-        return load(name)
-
-    @classmethod
-    def from_text(cls, text: str, name: str) -> "Mechanism":
-        """Load a mechanism from the text of a MJCF file, such as one stored with a run."""
-        from .loading import load_text
-
-        return load_text(text, name)
 
     def beyond_limits(self, q: Floats) -> dict[str, tuple[float, float]]:
         """For each joint that leaves its limits at the configurations ``q`` (n, nv), how far it goes [rad, m]."""
@@ -186,9 +163,3 @@ class Mechanism:
                 raise ModelError(f"counter-mass at {name!r} is {mass:g} kg: expected zero or a positive mass")
             parameters[site.body] += mass * site.unit_mass()
         return replace(self, parameters=frozen(parameters))
-
-    def pinocchio_model(self) -> "pinocchio.Model":
-        """The Pinocchio model with the present masses, for whoever wants to go on with Pinocchio."""
-        from .loading import pinocchio_model
-
-        return pinocchio_model(self)

@@ -21,8 +21,10 @@ from balance.arrays import Floats
 from balance.closure import Closure
 from balance.drive import PointDrive
 from balance.dynamics import simulate
+from balance.loading.loading import load_mechanism, pinocchio_model
 from balance.mechanism import Mechanism
-from balance.motion import Motion, Samples
+from balance.motion import Samples
+from balance.motion.reading import load_motion
 
 REQUIRED = {"serial-1r": 8, "serial-2r": 8, "serial-3r": 8, "four-bar": 50, "parallelogram-6bar": 50,
             "parallelogram-6bar-full": 50}  # fmt: skip
@@ -42,7 +44,7 @@ class Peer:
 
     def __init__(self, mechanism: Mechanism, samples: Samples, tuned: bool) -> None:
         self.tuned = tuned
-        self.model = mechanism.pinocchio_model()
+        self.model = pinocchio_model(mechanism)
         self.ends = [
             tuple(self._frame(end.joint, end.position) for end in (loop.first, loop.second)) for loop in mechanism.loops
         ]
@@ -139,7 +141,7 @@ class Peer:
 def motion_of(name: str, mechanism: Mechanism, count: int) -> Samples:
     """A motion of ``count`` samples: the manipulators' along x, a turn of the crank, sweeps of a chain's joints."""
     if name.startswith("parallelogram"):
-        motion = Motion.load("x")
+        motion = load_motion("x")
         samples = motion.sample((count - 1) / motion.duration)
         return Samples(
             *(x[:count] for x in (samples.time, samples.position, samples.velocity, samples.acceleration)),
@@ -175,7 +177,7 @@ class Result:
 
 def compare(name: str, count: int, peer_count: int, rounds: int, tuned: bool) -> Result:
     """Compare results, then time both in turn; medians."""
-    mechanism = Mechanism.load(name)
+    mechanism = load_mechanism(name)
     samples = motion_of(name, mechanism, count)
     first = max(0, (count - peer_count) // 2)
     part = slice(first, first + peer_count)

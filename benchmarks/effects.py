@@ -11,7 +11,7 @@ import time
 
 import numpy as np
 
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from balance.quantities import G0
 from testbench import rig as rigs
 from testbench.bench.recorded import lead_s
@@ -21,7 +21,7 @@ from testbench.plan import PlannedRun
 from testbench.rig import Rig
 
 PLAIN, DEEP = rigs.load("parallelogram-6bar"), rigs.load("parallelogram-6bar-deep")
-MECHANISM = Mechanism.load(PLAIN.mechanism)
+MECHANISM = load_mechanism(PLAIN.mechanism)
 BUILT = {"counter_A0A": 24.2626, "counter_B0B": 24.2626}
 EFFECTS = ("coupling", "planes", "rotors", "weight", "floor", "roughness", "modes")
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from testbench import plan, rig
 from testbench.bench.campaign import simulate
 from testbench.identify import identify
@@ -37,7 +37,7 @@ also_without = false
 
 def inside(folder: Path, seed: int, by: str) -> list[bool]:
     """Whether each base parameter's known value lies in its interval."""
-    mechanism = Mechanism.load("parallelogram-6bar")
+    mechanism = load_mechanism("parallelogram-6bar")
     if not (folder / "campaign").exists():
         (folder / "plan.toml").write_text(PLAN.format(seed=seed), encoding="utf-8")
         bench = rig.load("parallelogram-6bar")

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 from balance.arrays import Floats
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from balance.quantities import G0
 from testbench.bench.loggers import record
 from testbench.bench.run import BenchRun, simulate_run
@@ -64,7 +64,7 @@ class Scene:
 
 def scenes(rig: Rig) -> dict[tuple[int, bool], Scene]:
     """By condition and whether counter-masses are on."""
-    mechanism, found = Mechanism.load(rig.mechanism), {}
+    mechanism, found = load_mechanism(rig.mechanism), {}
     for number, (payload, mass, motion, acceleration) in enumerate(CONDITIONS):
         for balanced in (True, False):
             masses = {"counter_A0A": mass, "counter_B0B": mass} if balanced else {}

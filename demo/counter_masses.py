@@ -7,6 +7,7 @@ from balance import datasets, sizing, stock
 from balance.cli.console import emit_table
 from balance.conditions import Conditions, find
 from balance.figures.drawing import draw_mechanism, save
+from balance.loading.loading import load_mechanism
 from balance.mechanism import Mechanism
 from balance.sizing import Sizing
 
@@ -16,7 +17,7 @@ from .console import heading, saved
 def run(out: Path) -> None:
     """Print the table of counter-masses and draw the balanced mechanism."""
     heading("1. Counter-masses of the parallelogram 6-bar manipulator")
-    mechanism = Mechanism.load("parallelogram-6bar")
+    mechanism = load_mechanism("parallelogram-6bar")
     conditions = find(mechanism)
     for row in range(conditions.rank):
         print(f"   {conditions.text(row)}")

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from balance.closure import Closure
 from balance.conditions import find
 from balance.figures.drawing import draw_on
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from balance.quantities import G0
 from balance.sizing import given
 from testbench.figures import style
@@ -24,7 +24,7 @@ def overview(with_run: "Run", without_run: "Run") -> "Figure":
     from matplotlib.figure import Figure
 
     conditions = with_run.conditions
-    mechanism = Mechanism.load(rig_of(with_run).mechanism).with_payload({"platform": conditions["payload_kg"]})
+    mechanism = load_mechanism(rig_of(with_run).mechanism).with_payload({"platform": conditions["payload_kg"]})
     mounted = given(find(mechanism), mechanism, conditions["counter_masses"])
     with style.styled():
         figure = Figure(figsize=(9.0, 3.6), layout="constrained")

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from .checks import GroupCheck, RecordingCheck, times
-from .findings import Finding, placed
+from .findings import Finding
 from .readers import ReadOptions, open_recording
-from .recording import Recording, UniformClock
+from .recording import Recording, UniformClock, placed
 
 
 @dataclass(frozen=True)

@@ -4,15 +4,11 @@
 ``warning``: kept and flagged. ``note``: said, and no reason to stop.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import TYPE_CHECKING
 
 from .errors import RecordingError
-
-if TYPE_CHECKING:
-    from .recording import Group
 
 
 class Severity(IntEnum):
@@ -116,7 +112,7 @@ MEANING = {**_ERRORS, **_WARNINGS, **_NOTES}
 class Finding:
     """Something odd: its code, the channel and place (``line 62``) where there is one, and a message.
 
-    ``group`` is the channel's, where the run has several and the channel does not say which; see :func:`placed`.
+    ``group`` is the channel's, where the run has several and the channel does not say which; see ``recording.placed``.
     """
 
     code: str
@@ -136,21 +132,6 @@ class Finding:
         """The finding as it is printed and stored; the group only where it says something."""
         known = {"code": self.code, "channel": self.channel, "where": self.where, "message": self.message}
         return known if self.group is None else {**known, "group": self.group}
-
-
-def placed(findings: Iterable[Finding], groups: "Sequence[Group]", several: bool) -> list[Finding]:
-    """Findings about a file's ``groups``, each with its group where there are ``several`` and it can be told.
-
-    A check knows its group; what a reader says of a channel is of the only group that holds one of this name.
-    """
-    return [replace(finding, group=_holder(finding, groups) if several else None) for finding in findings]
-
-
-def _holder(finding: Finding, groups: "Sequence[Group]") -> str | None:
-    if finding.group is not None or finding.channel is None:
-        return finding.group
-    holders = [g.name for g in groups if any(finding.channel in {c.name, c.label} for c in g.channels)]
-    return holders[0] if len(holders) == 1 else None
 
 
 def worst(findings: Iterable[Finding]) -> Severity:

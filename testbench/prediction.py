@@ -7,6 +7,7 @@ import numpy as np
 
 from balance import datasets
 from balance.arrays import Floats
+from balance.loading.loading import load_mechanism
 from balance.mechanism import Mechanism
 from balance.quantities import G0
 
@@ -45,7 +46,7 @@ class Prediction:
             raise AnalysisError(
                 f"the rig is for {rig.mechanism!r}, which is not shipped: give its file, --mechanism FILE"
             )
-        return cls(rig, Mechanism.load(mechanism or datasets.ROOT / "mechanisms" / f"{rig.mechanism}.xml"), measure)
+        return cls(rig, load_mechanism(mechanism or datasets.ROOT / "mechanisms" / f"{rig.mechanism}.xml"), measure)
 
     def reductions(self, pair: "Pair") -> tuple[dict[tuple[str, str], float | None], dict[str, float | None]]:
         """Reductions [%] of the base's vibration by (sensor, axis), and of the shaking force by axis."""

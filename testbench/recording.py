@@ -1,7 +1,7 @@
 """What a reader gives: groups of channels with their clock, then the data in blocks."""
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, TypedDict
 
@@ -99,6 +99,21 @@ class Group:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "name", storable(self.name))
+
+
+def placed(findings: Iterable[Finding], groups: Sequence[Group], several: bool) -> list[Finding]:
+    """Findings about a file's ``groups``, each with its group where there are ``several`` and it can be told.
+
+    A check knows its group; what a reader says of a channel is of the only group that holds one of this name.
+    """
+    return [replace(finding, group=_holder(finding, groups) if several else None) for finding in findings]
+
+
+def _holder(finding: Finding, groups: Sequence[Group]) -> str | None:
+    if finding.group is not None or finding.channel is None:
+        return finding.group
+    holders = [g.name for g in groups if any(finding.channel in {c.name, c.label} for c in g.channels)]
+    return holders[0] if len(holders) == 1 else None
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from .checks import RecordingCheck
-from .findings import Finding, placed
-from .recording import Block, Recording, Report
+from .findings import Finding
+from .recording import Block, Recording, Report, placed
 from .store import open_run
 from .store import recover as leftover
 from .store.campaign import existing

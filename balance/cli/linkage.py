@@ -102,15 +102,15 @@ def linkage(
     LINKAGE is a TOML file or a shipped one: dwell, knife, pantograph, sewing-machine, dwell-short,
     dwell-short-two-point (the six of the source), two-levels. Verified by dynamics at constant and varying input speed.
     """
-    from ..linkages.description import Linkage
     from ..linkages.document import document
     from ..linkages.method import balance
     from ..linkages.printed import compare
+    from ..linkages.reading import load_linkage
     from ..linkages.verification import verify
 
     if speed == 0.0 or isnan(variation):
         raise click.UsageError(f"--{'speed' if speed == 0.0 else 'variation'}: expected a number other than zero")
-    described = Linkage.load(linkage)
+    described = load_linkage(linkage)
     result = balance(described, gears=False if force_only else None)
     check = verify(result, speed, variation) if described.is_placed else None
     comparison = None if force_only else compare(result)

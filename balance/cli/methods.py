@@ -114,9 +114,10 @@ def _own_motion(mechanism: str) -> str:
 def _outcomes(model: "Mechanism", motion: str, settings: Any) -> Any:  # noqa: ANN401
     from ..closure import Closure
     from ..methods import side_by_side
-    from ..motion import DEFAULT_RATE_HZ, Motion
+    from ..motion import DEFAULT_RATE_HZ
+    from ..motion.reading import load_motion
 
-    trajectory = Closure(model).follow(Motion.load(motion).sample(DEFAULT_RATE_HZ))
+    trajectory = Closure(model).follow(load_motion(motion).sample(DEFAULT_RATE_HZ))
     return side_by_side.compare(model, trajectory, settings)
 
 

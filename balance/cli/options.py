@@ -66,9 +66,9 @@ figure_option = click.option(
 
 def load(mechanism: str, payload: tuple[tuple[str, float], ...]) -> "Mechanism":
     """The mechanism by name or file, with its payload."""
-    from ..mechanism import Mechanism
+    from ..loading.loading import load_mechanism
 
-    return Mechanism.load(mechanism).with_payload(once(payload, "--payload"))
+    return load_mechanism(mechanism).with_payload(once(payload, "--payload"))
 
 
 def once(pairs: tuple[tuple[str, float], ...], option: str) -> dict[str, float]:

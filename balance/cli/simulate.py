@@ -48,14 +48,15 @@ def simulate(
     """
     from ..closure import Closure
     from ..dynamics import simulate as respond
-    from ..motion import DEFAULT_RATE_HZ, Motion
+    from ..motion import DEFAULT_RATE_HZ
+    from ..motion.reading import load_motion
     from ..quantities import parse
     from .responses import label, summary
 
     if csv and parquet and Path(csv).resolve() == Path(parquet).resolve():
         raise click.UsageError(f"--csv and --parquet name one file, {csv}: give each its own")
     model = options.load(mechanism, payload).with_counter_mass(options.once(counter, "--counter"))
-    samples = Motion.load(motion).sample(parse(rate, "frequency") if rate else DEFAULT_RATE_HZ)
+    samples = load_motion(motion).sample(parse(rate, "frequency") if rate else DEFAULT_RATE_HZ)
     trajectory = Closure(model).follow(samples)
     response = respond(model, trajectory)
     beyond = model.beyond_limits(trajectory.q)

@@ -113,9 +113,10 @@ def _sized(
 def _responses(result: "Sizing", motion: str) -> "dict[str, Response]":
     from ..closure import Closure
     from ..dynamics import simulate
-    from ..motion import DEFAULT_RATE_HZ, Motion
+    from ..motion import DEFAULT_RATE_HZ
+    from ..motion.reading import load_motion
 
-    trajectory = Closure(result.before).follow(Motion.load(motion).sample(DEFAULT_RATE_HZ))
+    trajectory = Closure(result.before).follow(load_motion(motion).sample(DEFAULT_RATE_HZ))
     return {"before": simulate(result.before, trajectory), "after": simulate(result.after, trajectory)}
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from .. import datasets
 from ..errors import CounterpoiseError, DataError
+from ..loading.loading import load_mechanism
 from . import fields, loadfile, motorfile
 from .loads import Load
 from .machine import READINGS, Inertia, Machine
@@ -70,15 +71,14 @@ class DriveFile:
     @property
     def readings(self) -> tuple[str, ...]:
         """The reading that the file asks for, or all of them; without a gearbox they are one."""
+
         if self.reading is None and self.ratio != 1.0:
             return tuple(READINGS)
         return (self.reading or next(iter(READINGS)),)
 
     def load_mechanism(self) -> "Mechanism":
         """The mechanism of the drive."""
-        from ..mechanism import Mechanism
-
-        return Mechanism.load(self.mechanism)
+        return load_mechanism(self.mechanism)
 
     def machines(self, mechanism: "Mechanism") -> list[Machine]:
         """The machine at each nominal speed, in each reading of the gearbox that the file leaves open."""

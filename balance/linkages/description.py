@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from ..errors import ModelError
 from .expressions import Expression, Point, Symbol
@@ -190,13 +189,6 @@ class Linkage:
     """About how every body stands in one position, which chooses the assembly branch [rad]."""
     printed: Mapping[str, object] = field(default_factory=dict)
     """What a source prints for it, to be compared with."""
-
-    @classmethod
-    def load(cls, name: str | Path) -> "Linkage":
-        """Load a shipped linkage by name, or a TOML file. Raises DataError or ModelError, naming the key."""
-        from .reading import load
-
-        return load(name)
 
     @property
     def values(self) -> dict[str, float]:

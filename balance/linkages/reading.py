@@ -26,8 +26,8 @@ RESERVED = {GROUND: "the ground is not described, it is there", "base": "the nam
 """Names that no link can have, and why."""
 
 
-def load(name: str | Path) -> Linkage:
-    """Load a shipped linkage by name, or a TOML file."""
+def load_linkage(name: str | Path) -> Linkage:
+    """Load a shipped linkage by name, or a TOML file. Raises DataError or ModelError, naming the key."""
     path = datasets.find(name, "linkages", ".toml")
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))

@@ -4,7 +4,7 @@ import numpy as np
 
 from ..closure import Closure
 from ..errors import ModelError
-from ..mechanism import Mechanism
+from ..loading.loading import mechanism_from_text
 from .method import Balance
 from .model import mjcf
 from .skeleton import skeleton
@@ -18,7 +18,7 @@ def check_turns(result: Balance) -> None:
     linkage = result.linkage
     if not linkage.turns_with:
         return
-    mechanism = Mechanism.from_text(mjcf(result, "before", together=False), linkage.name)
+    mechanism = mechanism_from_text(mjcf(result, "before", together=False), linkage.name)
     closure = Closure(mechanism)
     rates = closure.velocities(closure.states(STATES, step=0.02))
     tree = skeleton(result, together=False)

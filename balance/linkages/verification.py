@@ -14,6 +14,7 @@ from ..arrays import Floats
 from ..closure import Closure, Trajectory
 from ..dynamics import Response, simulate
 from ..errors import ClosureError, ModelError
+from ..loading.loading import mechanism_from_text
 from ..mechanism import Mechanism
 from ..motion import Samples
 from .coupling import Couplings
@@ -110,7 +111,7 @@ def verify(
         raise ModelError(f"{linkage.name}: say which joint is driven, and how fast: drive = 'A0', speed = '50 rpm'")
     stages = STAGES if result.moment is not None else STAGES[:2]
     check_turns(result)
-    models = {stage: Mechanism.from_text(mjcf(result, stage), linkage.name) for stage in stages}
+    models = {stage: mechanism_from_text(mjcf(result, stage), linkage.name) for stage in stages}
     closure = Closure(models["before"])
     start = float(closure.home[models["before"].coordinate_index(linkage.drive)])
     paths = [_followed(closure, linkage, samples(linkage, speed, share, start, count)) for share in (0.0, variation)]

@@ -27,8 +27,11 @@ _Constraints = tuple[list[Any], list[Any]]
 """Point anchors and frame anchors, as Pinocchio returns them."""
 
 
-def load(name: str | Path) -> Mechanism:
-    """Load a shipped mechanism by name, or a file."""
+def load_mechanism(name: str | Path) -> Mechanism:
+    """Load a shipped mechanism by name, or a file: MJCF (.xml), URDF (.urdf) or SDF (.sdf).
+
+    Raises DataError for a name that is neither, ModelError for a file that cannot be understood.
+    """
     path = datasets.find(name, "mechanisms", ".xml")
     if path.suffix.lower() not in {".xml", ".mjcf", ".urdf", ".sdf"}:
         raise ModelError(f"{path.name}: expected a MJCF (.xml, .mjcf), URDF (.urdf) or SDF (.sdf) file")
@@ -40,14 +43,14 @@ def load(name: str | Path) -> Mechanism:
     return _mechanism(path, text, model, loops, extras)
 
 
-def load_text(text: str, name: str) -> Mechanism:
-    """Load a mechanism from the text of a file."""
+def mechanism_from_text(text: str, name: str) -> Mechanism:
+    """Load a mechanism from the text of a MJCF, URDF or SDF file, such as one stored with a run."""
     with _written(text, name) as path:
-        return load(path)
+        return load_mechanism(path)
 
 
 def pinocchio_model(mechanism: Mechanism) -> "pinocchio.Model":
-    """The Pinocchio model of a mechanism, with its present masses."""
+    """The Pinocchio model of a mechanism with its present masses, for whoever wants to go on with Pinocchio."""
     pin = _pinocchio()
     with _written(mechanism.text, mechanism.name) as path:
         model = _read(path)[0]

@@ -1,8 +1,6 @@
 """A motion from rest to rest through way-points, or of recorded samples; and its samples at instants."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -86,20 +84,6 @@ class Motion:
     """Samples of a file, in place of legs."""
     sliding: bool | None = None
     """Whether driven joints are given in lengths, not angles."""
-
-    @classmethod
-    def load(cls, name: str | Path) -> "Motion":
-        """Load a shipped motion by name, or a TOML file. Raises DataError, naming the key that is wrong."""
-        from .reading import load
-
-        return load(name)
-
-    @classmethod
-    def from_table(cls, table: Mapping[str, object], folder: Path = Path()) -> "Motion":
-        """Build a motion from the keys of a motion file; ``folder`` is where a file of samples is looked for."""
-        from .reading import from_table
-
-        return from_table(table, folder)
 
     def with_peak_acceleration(self, acceleration: float) -> "Motion":
         """The same path with another peak acceleration [m/s2 or rad/s2]."""

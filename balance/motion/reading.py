@@ -18,16 +18,16 @@ _KEYS = {
 }  # fmt: skip
 
 
-def load(name: str | Path) -> Motion:
+def load_motion(name: str | Path) -> Motion:
     """Load a shipped motion by name, or a TOML file. Raises DataError, naming the key that is wrong."""
     path = datasets.find(name, "motions", ".toml")
     try:
-        return from_table(tomllib.loads(path.read_text(encoding="utf-8-sig")), path.parent)
+        return motion_from_table(tomllib.loads(path.read_text(encoding="utf-8-sig")), path.parent)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, UnitError, DataError) as error:
         raise DataError(f"{path.name}: {error}") from error
 
 
-def from_table(table: Mapping[str, object], folder: Path = Path()) -> Motion:
+def motion_from_table(table: Mapping[str, object], folder: Path = Path()) -> Motion:
     """Build a motion from the keys of a motion file; ``folder`` is where a file of samples is looked for."""
     _refuse_unknown(table, _KEYS)
     joints, point, axes = _driven(table)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from balance import conditions
+from balance.loading.loading import load_mechanism
 from balance.mechanism import Mechanism
 
 from ..errors import RigError
@@ -31,7 +32,7 @@ def simulate(plan: Plan, rig: Rig, folder: Path, progress: Callable[[int, int], 
         )
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise RigError(f"{folder}: exists and is not empty; name a new folder")
-    mechanism = Mechanism.load(rig.mechanism)
+    mechanism = load_mechanism(rig.mechanism)
     payload_body(mechanism, plan.payload_body)
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as beside:

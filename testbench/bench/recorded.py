@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 
 from ..plan import Plan, PlannedRun
 from ..rig import Rig
@@ -39,7 +39,7 @@ def simulate(plan: Plan, rig: Rig, seed: int | None = None) -> Iterator[Simulate
     The same plan, rig and seed give the same runs. Raises RigError where plan or rig cannot be simulated.
     """
     seed = plan.seed if seed is None else seed
-    mechanism, sensors = Mechanism.load(rig.mechanism), draw(rig, seed)
+    mechanism, sensors = load_mechanism(rig.mechanism), draw(rig, seed)
     for number, planned in enumerate(plan.runs()):
         run = simulate_run(rig, mechanism, planned, lead_s(rig))
         yield record_run(rig, planned, run, sensors, (seed, number))

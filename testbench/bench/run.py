@@ -16,7 +16,8 @@ from balance.closure import Closure, Trajectory
 from balance.dynamics import Response, simulate
 from balance.errors import DataError
 from balance.mechanism import Mechanism
-from balance.motion import Motion, Samples
+from balance.motion import Samples
+from balance.motion.reading import load_motion
 
 from ..errors import RigError
 from ..plan import PlannedRun
@@ -139,7 +140,7 @@ def simulate_run(rig: Rig, mechanism: Mechanism, planned: PlannedRun, lead: floa
     bench = rig.bench
     loaded = _loaded(mechanism, bench, planned)
     try:
-        motion = Motion.load(planned.motion).with_peak_acceleration(planned.peak_acceleration)
+        motion = load_motion(planned.motion).with_peak_acceleration(planned.peak_acceleration)
     except DataError as error:
         raise RigError(f"motion {planned.motion!r} of run {planned.name}: {error}") from error
     command = _settling(motion.sample(rate_hz(rig)), bench.settling, lead)

@@ -62,14 +62,15 @@ def identify(mechanism: str, runs: tuple[Path, ...], figure: Path | None, as_jso
     and delay are chosen by the torque error on held-out stretches. Intervals (95 %) contain the answers at half and
     double that cut-off, without the delay, and by the other methods.
     """
-    from balance.mechanism import Mechanism
+
+    from balance.loading.loading import load_mechanism
 
     from .. import rig as rigs
     from ..identify import identify as identified
     from ..identify.assembly import assemble
     from ..identify.validation import validate
 
-    model = Mechanism.load(mechanism)
+    model = load_mechanism(mechanism)
     described = rigs.load(options["rig"]) if options["rig"] else None
     opened = stored_runs.opened(runs)
     taken = assemble(opened, model, options["by"], described, options["accept"])

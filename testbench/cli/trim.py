@@ -72,7 +72,7 @@ def trim(
     mounting. Intervals are of 95 %, or said not to be. Runs that cannot tell are refused.
     """
     from balance import stock as stocks
-    from balance.mechanism import Mechanism
+    from balance.loading.loading import load_mechanism
 
     from .. import rig as rigs
     from ..trim import trim_runs
@@ -84,7 +84,7 @@ def trim(
     described = rigs.load(rig) if rig else None
     plates = stocks.load(stock) if stock else []
     result = trim_runs(
-        opened, Mechanism.load(mechanism), site, plates, sources or None, described, cutoff, _stored(opened)
+        opened, load_mechanism(mechanism), site, plates, sources or None, described, cutoff, _stored(opened)
     )
     if figure:
         from balance.figures.drawing import save

@@ -5,28 +5,35 @@ leaves goes beside: the base's accelerations, for sensors' inexact factors and r
 second derivative of the loads, for a frame that gives way below its elastic modes.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from balance import conditions
 from balance.arrays import Floats
+from balance.mechanism import Mechanism
 from balance.regressor import wrench_regressor
 
 from ..bench.carried import acceleration_in_body
 from ..channels import in_si, instants
 from ..errors import AnalysisError
 from ..motion import base_motion
-from ..motion.derivatives import HIGHEST_CUTOFF, low_pass
+from ..motion.derivatives import HIGHEST_CUTOFF, LARGEST_STEP, low_pass
+from ..motion.joint_motion import encoders, followed
 from .base import recorded, stated_noise
 from .mapping import ClockMap
-from .shared import Shared
+from .shared import Shared, gaps
 
 if TYPE_CHECKING:
-    from ..rig import Column
+    from balance.closure import Trajectory
+
+    from ..motion.derivatives import Grid
+    from ..rig import Column, Rig
     from ..rig.sensors import Accelerometer
-    from .pairs import Scene
+    from ..store import Run
 
 LEAST_AXIS = 0.05
 """Share of the strongest signal below which one has mostly noise."""
@@ -34,7 +41,47 @@ CLEAR = 10.0
 """So many times its sensor's noise, in the band that is compared, is what goes beside: noise in it would bias."""
 
 
-def plain(scene: "Scene", reference: "Column", own: "Column", first: ClockMap | None) -> Shared:
+CUTOFF_HZ = 80.0
+"""Of what is compared with encoders: twice what the moves need, and little of the encoders' steps [Hz]."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A run with its rig and, where something follows from the encoders, its mechanism."""
+
+    run: "Run"
+    rig: "Rig"
+    mechanism: Callable[[], Mechanism]
+    cutoff: float | None = None
+    """Highest frequency that is compared [Hz]; by kind unless given."""
+
+    @cached_property
+    def loaded(self) -> Mechanism:
+        """The mechanism as it was mounted in this run."""
+        return self.mechanism()
+
+    @cached_property
+    def followed(self) -> "tuple[Grid, Trajectory]":
+        """The trajectory by the encoders, on their clock."""
+        return followed(self.run, self.rig, self.loaded, 2.0 * self.highest, bridged=True)
+
+    @cached_property
+    def gaps(self) -> Floats:
+        """Where the trajectory bridges gaps of the encoders' record, from and to, (g, 2) [s]."""
+        return gaps(instants(self.run, encoders(self.rig)[0]), LARGEST_STEP)
+
+    @property
+    def highest(self) -> float:
+        """Highest frequency that is compared with encoders [Hz]."""
+        return self.cutoff or CUTOFF_HZ
+
+    def columns(self, columns: "Iterable[Column]", group: str) -> "list[Column]":
+        """Those of ``columns`` that the run holds in a group."""
+        where = self.run.group(group)
+        return [column for column in columns if where.index(column.channel) is not None]
+
+
+def plain(scene: Scene, reference: "Column", own: "Column", first: ClockMap | None) -> Shared:
     """A quantity that a channel of each logger measures."""
     run = scene.run
     return Shared(
@@ -48,7 +95,7 @@ def plain(scene: "Scene", reference: "Column", own: "Column", first: ClockMap | 
     )
 
 
-def moving_body(scene: "Scene", sensor: "Accelerometer", columns: "list[Column]", first: ClockMap | None) -> Shared:
+def moving_body(scene: Scene, sensor: "Accelerometer", columns: "list[Column]", first: ClockMap | None) -> Shared:
     """An accelerometer on a moving body, less the base's acceleration where one logger has both, with the encoders."""
     grid, path = scene.followed
     mechanism, position = scene.loaded, np.array(sensor.position)
@@ -81,7 +128,7 @@ def moving_body(scene: "Scene", sensor: "Accelerometer", columns: "list[Column]"
     )
 
 
-def forces(scene: "Scene", columns: "list[Column]", known: Mapping[str, ClockMap], first: ClockMap | None) -> Shared:
+def forces(scene: Scene, columns: "list[Column]", known: Mapping[str, ClockMap], first: ClockMap | None) -> Shared:
     """Sums of the forces of the supports, with what the encoders allow a shaking force of this mechanism to be.
 
     Where the base's acceleration is known on the reference's clock, its part is fixed.
@@ -128,7 +175,7 @@ def forces(scene: "Scene", columns: "list[Column]", known: Mapping[str, ClockMap
     )
 
 
-def _sums(scene: "Scene", columns: "list[Column]") -> tuple[Floats, Floats]:
+def _sums(scene: Scene, columns: "list[Column]") -> tuple[Floats, Floats]:
     """Sums of force channels by axis, (n, 3) [N], and their noise by the rig, (3,) [N]."""
     seen, power = np.zeros((len(instants(scene.run, columns[0])), 3)), np.zeros(3)
     for column in columns:

@@ -5,72 +5,26 @@ mechanism's first moments, the forces on its supports. Encoders of one joint, an
 loggers see the same at once.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
-from functools import cached_property, partial
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import TYPE_CHECKING
 
 from balance.arrays import Floats
-from balance.mechanism import Mechanism
 
 from ..channels import instants
-from ..motion.derivatives import LARGEST_STEP
-from ..motion.joint_motion import encoders, followed
+from ..motion.joint_motion import encoders
 from ..pairing import rig_of
 from ..rig.sensors import Accelerometer
-from .contents import forces, moving_body, plain
+from .contents import Scene, forces, moving_body, plain
 from .mapping import ClockMap
-from .shared import Shared, gaps
+from .shared import Shared
 
 if TYPE_CHECKING:
-    from balance.closure import Trajectory
-
-    from ..motion.derivatives import Grid
     from ..rig import Column, Rig
     from ..store import Run
 
-CUTOFF_HZ = 80.0
-"""Of what is compared with encoders: twice what the moves need, and little of the encoders' steps [Hz]."""
-
-
 Making = Callable[[ClockMap | None], Shared]
 """What both saw, once roughly (None), then, where the base's motion is taken out, by a first map of the own clock."""
-
-
-@dataclass(frozen=True)
-class Scene:
-    """A run with its rig and, where something follows from the encoders, its mechanism."""
-
-    run: "Run"
-    rig: "Rig"
-    mechanism: Callable[[], Mechanism]
-    cutoff: float | None = None
-    """Highest frequency that is compared [Hz]; by kind unless given."""
-
-    @cached_property
-    def loaded(self) -> Mechanism:
-        """The mechanism as it was mounted in this run."""
-        return self.mechanism()
-
-    @cached_property
-    def followed(self) -> "tuple[Grid, Trajectory]":
-        """The trajectory by the encoders, on their clock."""
-        return followed(self.run, self.rig, self.loaded, 2.0 * self.highest, bridged=True)
-
-    @cached_property
-    def gaps(self) -> Floats:
-        """Where the trajectory bridges gaps of the encoders' record, from and to, (g, 2) [s]."""
-        return gaps(instants(self.run, encoders(self.rig)[0]), LARGEST_STEP)
-
-    @property
-    def highest(self) -> float:
-        """Highest frequency that is compared with encoders [Hz]."""
-        return self.cutoff or CUTOFF_HZ
-
-    def columns(self, columns: "Iterable[Column]", group: str) -> "list[Column]":
-        """Those of ``columns`` that the run holds in a group."""
-        where = self.run.group(group)
-        return [column for column in columns if where.index(column.channel) is not None]
 
 
 def candidates(scene: Scene, reference: str, own: str, known: Mapping[str, ClockMap]) -> Iterator[Making]:

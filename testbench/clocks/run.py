@@ -12,9 +12,10 @@ from ..errors import AnalysisError
 from ..motion import base_motion
 from ..motion.joint_motion import encoders, loaded, mechanism_of
 from ..pairing import rig_of
+from .contents import Scene
 from .correlation import Aligned, by_correlation
 from .mapping import ClockMap, same_clock
-from .pairs import Making, Scene, candidates, delay_of, named
+from .pairs import Making, candidates, delay_of, named
 
 if TYPE_CHECKING:
     from ..rig import Rig

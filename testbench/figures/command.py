@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from balance.loading.loading import load_mechanism
 from balance.mechanism import Mechanism
 from balance.quantities import G0
 
@@ -23,7 +24,7 @@ def command_performance(run: "Run", mechanism: Mechanism | None = None, bandwidt
 
     ``mechanism`` turns joint angles into the platform's motion; by default the one that the rig names.
     """
-    shown = performance(run, mechanism or Mechanism.load(rig_of(run).mechanism), bandwidth_hz)
+    shown = performance(run, mechanism or load_mechanism(rig_of(run).mechanism), bandwidth_hz)
     axes_moved = [axis for axis, values in shown.target.items() if np.ptp(values) > 0.0] or list(shown.target)
     with style.styled():
         figure, panels = style.grid(2 * len(axes_moved), 1, 1.9, sharex=True)

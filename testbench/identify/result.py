@@ -18,9 +18,18 @@ from balance.observability import NotObservable
 from ..recording import Origin
 from .choice import Candidate, Choice, unexplained
 from .comparison import Compared, compare
-from .doubts import FAIR_CONDITION, POOR_CONDITION, doubts
 from .methods import Method
+from .record import LONGEST_DELAY_S
 from .value import CounterMassValue, Value, unit_of
+
+DOUBTFUL_RATIO = 0.3
+"""Part of the torque, low-passed like the model, that may stay unexplained before a result is doubtful."""
+FAIR_CONDITION = 30.0
+POOR_CONDITION = 100.0
+"""Of the base columns, scaled to unit length, from which an excitation is no longer good, and poor (Gautier, Khalil,
+Int. J. Robot. Res. 11, 1992)."""
+DOUBTFUL_WIDTH = 0.5
+"""Half of an interval, as a part of the largest first moment, from which a first moment is doubtful."""
 
 
 @dataclass(frozen=True)
@@ -143,7 +152,26 @@ class Identification:
 
     def doubts(self) -> list[str]:
         """Why the result is doubtful; empty if it is not."""
-        return doubts(self)
+        found = [
+            f"{ratio:.0%} of {self.named(row)} below {self.chosen.cutoff:.3g} Hz stays unexplained"
+            for row, ratio in zip(self.rows, self.rms_ratio_in_band, strict=True)
+            if ratio > DOUBTFUL_RATIO
+        ]
+        seen = self.identified.observability
+        if seen.condition > POOR_CONDITION:
+            found.append(
+                f"the motion tells the parameters poorly apart: condition {seen.condition:.3g}, expected below "
+                f"{POOR_CONDITION:g}; weakest: {seen.weakest}"
+            )
+        if abs(self.chosen.delay) > LONGEST_DELAY_S - 0.5 * self.choice.evidence.parts[0].record.grid.step:
+            found.append(f"the delay of the torques, {self.chosen.delay * 1e3:.3g} ms, is at the end of what is tried")
+        found += [f"{text} is not determined by this record" for text in self.undetermined_moments()]
+        largest = max((abs(value.value) for value in self.first_moments()), default=0.0)
+        for value in self.first_moments():
+            low, high = value.interval
+            if (high - low) / 2 > DOUBTFUL_WIDTH * largest:
+                found.append(f"{value.name} is known to {(high - low) / 2:.2g} kg m only")
+        return found
 
     @property
     def excitation(self) -> str:

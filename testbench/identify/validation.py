@@ -11,10 +11,9 @@ from balance.errors import ModelError
 
 from ..errors import AnalysisError
 from .choice import FOLDS, unexplained
-from .doubts import DOUBTFUL_RATIO
 from .evidence import Evidence, gather
 from .record import JointRecord
-from .result import Identification
+from .result import DOUBTFUL_RATIO, Identification
 from .simulation import Strayed, strayed
 
 OWN_FACTOR = 2.0

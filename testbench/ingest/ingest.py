@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from ..checks import RecordingCheck, against_rig
 from ..errors import RecordingError, StoreError
-from ..findings import Finding, Refusal, placed, refused
+from ..findings import Finding, Refusal, refused
 from ..readers import ReadOptions
-from ..recording import Group, Origin
+from ..recording import Group, Origin, placed
 from ..store import digest, lock, open_run
 from ..store.sources import StoredSources
 from ..store.writer import RunWriter

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from balance.closure import Closure, Trajectory
+from balance.loading.loading import load_mechanism
 from balance.mechanism import Mechanism
 from balance.motion import Samples
 
@@ -89,4 +90,4 @@ def mechanism_of(run: "Run", rig: "Rig", given: str | None) -> Mechanism:
         raise AnalysisError(
             f"{run.name}: its rig is for {rig.mechanism!r}, which is not shipped: give its file, --mechanism FILE"
         )
-    return Mechanism.load(given or datasets.ROOT / "mechanisms" / f"{rig.mechanism}.xml")
+    return load_mechanism(given or datasets.ROOT / "mechanisms" / f"{rig.mechanism}.xml")

@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 from balance.arrays import Floats
 from balance.closure import Closure
 from balance.dynamics import Response, simulate
+from balance.loading.loading import load_mechanism
 from balance.mechanism import Mechanism
-from balance.motion import DEFAULT_RATE_HZ, Motion
+from balance.motion import DEFAULT_RATE_HZ
+from balance.motion.reading import load_motion
 from balance.quantities import G0
 
 from ..bench.run import payload_body
@@ -89,7 +91,7 @@ def cases(published: Published, plan: Plan) -> Cases:
 
     Raises AnalysisError where a printed condition is not in the plan, or one payload alone is.
     """
-    mechanism = Mechanism.load(plan.mechanism)
+    mechanism = load_mechanism(plan.mechanism)
     rows = []
     for run in plan.runs():
         if not run.counter_masses or run.repeat > 1:
@@ -123,7 +125,7 @@ def _stacked(rows: list[tuple[PlannedRun, str, float | None, Mechanics]]) -> Cas
 
 def _mechanics(mechanism: Mechanism, run: PlannedRun) -> Mechanics:
     loaded = mechanism.with_payload({payload_body(mechanism): run.payload})
-    samples = Motion.load(run.motion).with_peak_acceleration(run.peak_acceleration).sample(DEFAULT_RATE_HZ)
+    samples = load_motion(run.motion).with_peak_acceleration(run.peak_acceleration).sample(DEFAULT_RATE_HZ)
     trajectory = Closure(loaded).follow(samples)
     bare, balanced = (simulate(m, trajectory) for m in (loaded, loaded.with_counter_mass(run.counter_masses)))
     return _by_acceleration(bare, balanced, run.peak_acceleration)

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+import numpy as np
+
 from ..errors import StoreError
 from ..findings import Finding
 from ..recording import Conditions, Group, Origin, Samples, TimeColumn, UniformClock
@@ -66,6 +68,11 @@ class StoredGroup(Group):
                 return names.index(name)
         return None
 
+    def attributes(self, index: int) -> dict[str, str]:
+        """``long_name`` and, where the log has one, ``units`` of a channel, as xarray and netCDF name them."""
+        channel = self.channels[index]
+        return {"long_name": channel.name, **({} if channel.unit is None else {"units": channel.unit})}
+
 
 @dataclass(frozen=True)
 class Run:
@@ -121,16 +128,56 @@ class Run:
         return self._read(where, index)
 
     def to_pandas(self, group: str | None = None, channels: Sequence[str] | None = None) -> "pandas.DataFrame":
-        """A group as a table against time [s]; of ``channels`` alone if given. Units are in ``.attrs["units"]``."""
-        from .frames import to_pandas
+        """A group as a table against time [s], or sample where there is no time; of ``channels`` alone if given.
 
-        return to_pandas(self, group, channels)
+        Columns are the channels by name as written; units are in ``.attrs["units"]``.
+        """
+        import pandas
+
+        where = self.group(group)
+        indices = self._selected(where, channels)
+        kind, index = self._index(where)
+        axis = pandas.Index(index, name="time (s)" if kind == layout.TIME else kind, copy=False)
+        columns = [self.channel_at(where.name, i) for i in indices]
+        frame = pandas.DataFrame(dict(enumerate(columns)), index=axis, copy=False)
+        frame.columns = pandas.Index([where.channels[i].name for i in indices])
+        units = {where.channels[i].name: where.channels[i].unit for i in indices}
+        frame.attrs.update({**self._about(where), "units": units})
+        return frame
 
     def to_xarray(self, group: str | None = None, channels: Sequence[str] | None = None) -> "xarray.Dataset":
-        """A group as a dataset against time [s], with units and names; of ``channels`` alone if given."""
-        from .frames import to_xarray
+        """A group as a dataset against time [s], as `open_dataset` gives it: HDF5 names, ``units``, ``long_name``.
 
-        return to_xarray(self, group, channels)
+        A time column is the axis, in seconds, and no channel beside it, also where it is asked for.
+        """
+        import xarray
+
+        where = self.group(group)
+        kind, index = self._index(where)
+        found = {
+            where.keys[i]: (kind, self.channel_at(where.name, i), where.attributes(i))
+            for i in self._selected(where, channels)
+            if where.keys[i] != kind
+        }
+        axis = {kind: (kind, index, {"units": "s"} if kind == layout.TIME else {})}
+        return xarray.Dataset(found, axis, self._about(where))
+
+    def _about(self, group: StoredGroup) -> dict[str, Any]:
+        """Where the values are from, and by which calibrations in SI, a JSON text: netCDF holds no tables."""
+        about = {"run": self.name, "group": group.name, "origin": self.origin}
+        held = self.provenance.get("calibrations")
+        return about if held is None else {**about, "calibrations": json.dumps(held, ensure_ascii=False)}
+
+    def _selected(self, group: StoredGroup, channels: Sequence[str] | None) -> list[int]:
+        """Indices of the channels that are asked for; without any, all but the time."""
+        if channels is not None:
+            return [self.find(name, group.name)[1] for name in channels]
+        return list(group.measured)
+
+    def _index(self, group: StoredGroup) -> tuple[str, Samples]:
+        if group.has_time:
+            return layout.TIME, self.time(group.name)
+        return layout.SAMPLE, np.arange(group.samples, dtype=np.float64)
 
     def time(self, group: str | None = None) -> Samples:
         """Time of each sample on its logger's own clock, (n,) [s]."""

@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 
+from balance.loading.loading import load_mechanism, mechanism_from_text
 from balance.mechanism import Mechanism
 
 BUILT_IN = ("serial-1r", "serial-2r", "serial-3r", "four-bar", "parallelogram-6bar", "parallelogram-6bar-full")
@@ -22,7 +23,7 @@ LOADS = {
 @cache
 def load(name: str) -> Mechanism:
     """A built-in mechanism, read once."""
-    return Mechanism.load(name)
+    return load_mechanism(name)
 
 
 @cache
@@ -123,4 +124,4 @@ def bennett(angle: float = 0.8, alpha: float = 0.6, beta: float = 1.1, a: float 
 
 def model(text: str, name: str = "test") -> Mechanism:
     """A mechanism from the text of a MJCF file."""
-    return Mechanism.from_text(text, name)
+    return mechanism_from_text(text, name)

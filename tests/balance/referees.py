@@ -10,6 +10,7 @@ import pinocchio
 from balance.arrays import Floats
 from balance.closure import Closure, Trajectory
 from balance.drive import JointDrive
+from balance.loading.loading import pinocchio_model
 from balance.mechanism import Mechanism
 from balance.motion import Samples
 
@@ -112,7 +113,7 @@ class MujocoReferee:
 
 def pinocchio_response(mechanism: Mechanism, trajectory: Trajectory) -> tuple[Floats, Floats]:
     """Shaking wrench (n, 6) and joint torques of the open tree (n, nv) by Pinocchio's rnea, a sample at a time."""
-    model = mechanism.pinocchio_model()
+    model = pinocchio_model(mechanism)
     data, gravity = model.createData(), model.gravity.linear.copy()
     wrench, torque = np.empty((len(trajectory.q), 6)), np.empty_like(trajectory.q)
     for k, (q, v, a) in enumerate(zip(trajectory.q, trajectory.v, trajectory.a, strict=True)):
@@ -128,7 +129,7 @@ def pinocchio_response(mechanism: Mechanism, trajectory: Trajectory) -> tuple[Fl
 
 def pinocchio_energy(mechanism: Mechanism, trajectory: Trajectory) -> Floats:
     """Kinetic and potential energy along a trajectory by Pinocchio, (n,) [J]."""
-    model = mechanism.pinocchio_model()
+    model = pinocchio_model(mechanism)
     data = model.createData()
     return np.array(
         [

@@ -5,13 +5,13 @@ import pytest
 
 from balance import conditions, trim
 from balance.consensus import consensus
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 
 
 @pytest.fixture(scope="module")
 def found():
     """The conditions of an arm of two joints."""
-    return conditions.find(Mechanism.load("serial-2r"))
+    return conditions.find(load_mechanism("serial-2r"))
 
 
 def source(found, values, errors, free=None, freedom=1000):

@@ -6,7 +6,7 @@ import pytest
 from balance.consistency import LEAST_SHARE, Consistent, consistent, pseudo_inertia
 from balance.identification import Identified, solve
 from balance.joint_terms import joint_terms
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from balance.observability import observe
 from balance.regressor import torque_regressor
 
@@ -104,6 +104,6 @@ def test_no_random_feasible_set_is_nearer():
 @pytest.mark.parametrize("name", ["serial-2r", "parallelogram-6bar"])
 def test_bodies_of_the_files_exist(name):
     """Every shipped body has a pseudo-inertia that is not negative."""
-    mechanism = Mechanism.load(name)
+    mechanism = load_mechanism(name)
     for row in mechanism.parameters:
         assert np.linalg.eigvalsh(pseudo_inertia(row))[0] > -1e-12

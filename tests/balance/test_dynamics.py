@@ -9,8 +9,10 @@ from scipy.integrate import cumulative_trapezoid
 from balance.closure import Closure, Trajectory
 from balance.dynamics import Response, momentum, simulate
 from balance.errors import ClosureError, ModelError
+from balance.loading.loading import pinocchio_model
 from balance.mechanism import Mechanism
-from balance.motion import Motion, Samples
+from balance.motion import Samples
+from balance.motion.reading import load_motion
 
 from . import models, referees
 
@@ -77,7 +79,7 @@ def test_pinocchio_agrees(name: str) -> None:
 
 def along_x(mechanism: Mechanism, rate_hz: float = 2000.0) -> Trajectory:
     """The published motion along x."""
-    return Closure(mechanism).follow(Motion.load("x").sample(rate_hz))
+    return Closure(mechanism).follow(load_motion("x").sample(rate_hz))
 
 
 @pytest.mark.parametrize("name", models.MANIPULATORS)
@@ -87,7 +89,7 @@ def test_no_momentum_when_balanced(name: str, motion: str) -> None:
     counter = (1.04642 * 0.05943 + (0.58909 + 5.0) * 0.15 + 0.58909 * 0.0187) / 0.03755
     mechanism = models.load(name).with_payload({"platform": 5.0})
     balanced = mechanism.with_counter_mass({"counter_A0A": counter, "counter_B0B": counter})
-    trajectory = Closure(balanced).follow(Motion.load(motion).sample(500.0))
+    trajectory = Closure(balanced).follow(load_motion(motion).sample(500.0))
     assert np.abs(momentum(balanced, trajectory.q, trajectory.v)[:, :3]).max() < 1e-12
     assert np.abs(momentum(mechanism, trajectory.q, trajectory.v)[:, :3]).max() > 1.0
     assert np.abs(simulate(balanced, trajectory).force).max() < 1e-10
@@ -164,7 +166,7 @@ def test_weight_moment_is_that_of_the_centre_of_mass() -> None:
 
     mechanism = models.model(models.skew_arm())
     motion = referees.random_motion(mechanism)
-    model = mechanism.pinocchio_model()
+    model = pinocchio_model(mechanism)
     centres = np.array([pinocchio.centerOfMass(model, model.createData(), q) for q in motion.q])
     expected = np.cross(centres, mechanism.total_mass * mechanism.gravity)
     np.testing.assert_allclose(simulate(mechanism, motion).weight_moment, expected, rtol=1e-10, atol=1e-10)
@@ -218,6 +220,6 @@ def test_a_motor_at_a_dead_centre_is_refused() -> None:
     text = models.load("four-bar").text.replace('joint="A0"/>\n  </actuator>', 'joint="B0"/>\n  </actuator>')
     mechanism = models.model(text)
     assert mechanism.driven == ("B0",)
-    trajectory = Closure(mechanism).follow(Motion.load("four-bar").sample(1000.0))
+    trajectory = Closure(mechanism).follow(load_motion("four-bar").sample(1000.0))
     with pytest.raises(ClosureError, match="dead centre of B0 at t = "):
         simulate(mechanism, trajectory)

@@ -7,10 +7,10 @@ import pytest
 from balance import datasets
 from balance.errors import ModelError
 from balance.forward import acceleration, refuse_loops, simulate_forward
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from balance.regressor import torque_regressor
 
-ARM = Mechanism.load("serial-3r")
+ARM = load_mechanism("serial-3r")
 STEP = 1e-3
 
 
@@ -55,4 +55,4 @@ def test_a_motion_without_bounds_is_no_number():
 def test_loops_are_refused():
     """A mechanism with loops has no free joints."""
     with pytest.raises(ModelError, match="parallelogram-6bar has loops"):
-        refuse_loops(Mechanism.load("parallelogram-6bar"))
+        refuse_loops(load_mechanism("parallelogram-6bar"))

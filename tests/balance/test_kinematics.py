@@ -6,6 +6,7 @@ import pytest
 
 from balance import kinematics
 from balance.components import dense, dense_rows, zeros
+from balance.loading.loading import pinocchio_model
 from balance.mechanism import Mechanism
 
 from . import models
@@ -31,7 +32,7 @@ def test_poses_and_rates_are_pinocchios(mechanism: Mechanism) -> None:
     q, v, a = states(mechanism)
     at = kinematics.pose(mechanism.tree, q)
     moving = kinematics.motion(mechanism.tree, at, v, a)
-    model = mechanism.pinocchio_model()
+    model = pinocchio_model(mechanism)
     data = model.createData()
     world = pinocchio.LOCAL_WORLD_ALIGNED
     for k in range(N):

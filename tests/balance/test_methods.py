@@ -10,9 +10,11 @@ from balance import conditions, sizing
 from balance.closure import Closure, Trajectory
 from balance.dynamics import momentum, simulate
 from balance.errors import ModelError
+from balance.loading.loading import load_mechanism, mechanism_from_text
 from balance.mechanism import Mechanism
 from balance.methods import active, counterinertia, mirror, printed, side_by_side
-from balance.motion import Motion, Samples
+from balance.motion import Samples
+from balance.motion.reading import load_motion
 from balance.potential import first_moment
 
 from . import models, referees
@@ -32,7 +34,7 @@ def test_serial_chains_equal_the_derived_conditions(count, seed):
 @pytest.mark.parametrize("name", ["serial-1r", "serial-2r", "serial-3r", "serial-4r", "serial-5r"])
 def test_shipped_chains_equal_the_derived_conditions(name):
     """1R to 5R as shipped."""
-    (comparison,) = printed.compare(conditions.find(Mechanism.load(name)))
+    (comparison,) = printed.compare(conditions.find(load_mechanism(name)))
     assert comparison.is_equal(1e-12)
 
 
@@ -127,7 +129,7 @@ def test_wheels_cancel_the_moment_in_pinocchio(name):
         ElementTree.SubElement(body, "inertial", pos="0 0 0", mass="1", diaginertia=f"{inertia} {inertia} {inertia}")
     for part in ("actuator", "keyframe"):
         root.remove(root.find(part))
-    whole = Mechanism.from_text(ElementTree.tostring(root, encoding="unicode"), "whole")
+    whole = mechanism_from_text(ElementTree.tostring(root, encoding="unicode"), "whole")
     signs = [-ratio * np.sign(wheel.momentum) for wheel in wheels]
     own = [whole.coordinates.index(joint) for joint in plain.coordinates]
     geared = [whole.coordinates.index(f"w{wheel.body}") for wheel in wheels]
@@ -205,7 +207,7 @@ def with_images(name: str, copies: tuple[str, ...]) -> Mechanism:
         base.append(copy)
     for part in ("actuator", "keyframe"):
         root.remove(root.find(part))
-    return Mechanism.from_text(ElementTree.tostring(root, encoding="unicode"), "copies")
+    return mechanism_from_text(ElementTree.tostring(root, encoding="unicode"), "copies")
 
 
 @pytest.mark.parametrize("method", IMAGES)
@@ -269,7 +271,7 @@ def test_springs_free_the_motors_of_weight(name):
 def test_force_balance_alone_raises_moment_and_torque():
     """On the manipulator at 5 kg along x, both go up; counter-masses cancel the force to rounding."""
     mechanism = models.load("parallelogram-6bar").with_payload({"platform": 5.0})
-    motion = Closure(mechanism).follow(Motion.load("x").sample(500.0))
+    motion = Closure(mechanism).follow(load_motion("x").sample(500.0))
     outcomes = {o.name: o for o in side_by_side.compare(mechanism, motion)}
     plain, heavy = outcomes["as it is"], outcomes["counter-mass"]
     assert heavy.force_peak < 1e-12 * plain.force_peak

@@ -7,8 +7,9 @@ import pytest
 
 from balance import datasets
 from balance.errors import DataError, ModelError, UnitError
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from balance.motion import Motion, Samples
+from balance.motion.reading import load_motion, motion_from_table
 from balance.quantities import G0
 
 SHEET: dict[str, object] = {
@@ -31,7 +32,7 @@ RATE = 20_000.0
 
 def motion(**changes: object) -> Motion:
     """The sheet with changes; None takes a key out."""
-    return Motion.from_table({key: value for key, value in (SHEET | changes).items() if value is not None})
+    return motion_from_table({key: value for key, value in (SHEET | changes).items() if value is not None})
 
 
 @pytest.mark.parametrize("ramp", [0.05, 0.25, 0.5])
@@ -98,7 +99,7 @@ def test_polygon_of_any_corners() -> None:
 
 def test_joints_in_degrees() -> None:
     """Joint motions are about their start, angles in any unit, one joint at a time."""
-    moved = Motion.from_table(JOINTS)
+    moved = motion_from_table(JOINTS)
     assert moved.joints == ("J1", "J2")
     np.testing.assert_allclose(moved.waypoints[1], [0.1, np.deg2rad(100.0)])
     np.testing.assert_allclose(moved.waypoints[-1], [1.1, np.deg2rad(10.0)])
@@ -144,7 +145,7 @@ def test_samples_of_a_file_come_back(tmp_path: Path) -> None:
     sine = 0.03 * np.sin(w * time[:, None])
     written(tmp_path, Samples(time, sine, sine, sine), ("x (m)", "y (m)"))
     (tmp_path / "path.toml").write_text('driven = "platform"\nsamples = "path.csv"\n', encoding="utf-8")
-    read = Motion.load(tmp_path / "path.toml")
+    read = load_motion(tmp_path / "path.toml")
     samples = read.sample(10.0)
     np.testing.assert_array_equal(samples.position, sine)
     np.testing.assert_allclose(samples.velocity, 0.03 * w * np.cos(w * time[:, None]), atol=1e-8)
@@ -173,7 +174,7 @@ def test_wrong_files_of_samples(tmp_path: Path, case: str) -> None:
         (tmp_path / "path.csv").write_text(content, encoding="utf-8")
     (tmp_path / "sheet.toml").write_text('samples = "path.csv"\n', encoding="utf-8")
     with pytest.raises(DataError, match=rf"^sheet\.toml: samples: .*{message}"):
-        Motion.load(tmp_path / "sheet.toml")
+        load_motion(tmp_path / "sheet.toml")
 
 
 WRONG = {
@@ -241,7 +242,7 @@ def test_every_wrong_joint_value_is_named(case: str) -> None:
     """Joint motions are angles, of joints that are named."""
     changes, message = WRONG_JOINTS[case]
     with pytest.raises((DataError, UnitError), match=message):
-        Motion.from_table({key: value for key, value in (JOINTS | changes).items() if value is not None})
+        motion_from_table({key: value for key, value in (JOINTS | changes).items() if value is not None})
 
 
 def test_a_polygon_needs_two_coordinates() -> None:
@@ -257,7 +258,7 @@ def test_a_polygon_needs_two_coordinates() -> None:
 @pytest.mark.parametrize("name", datasets.names("motions", ".toml"))
 def test_shipped_motions(name: str) -> None:
     """Each loads, and says where it is from or that it is assumed."""
-    assert Motion.load(name).duration > 0.5
+    assert load_motion(name).duration > 0.5
     comment = (datasets.ROOT / "motions" / f"{name}.toml").read_text(encoding="utf-8").splitlines()[0]
     assert comment.startswith("#")
     assert "Source" in comment or "ssumed" in comment
@@ -267,27 +268,27 @@ def test_broken_toml_is_refused(tmp_path: Path) -> None:
     """The file is named; so is a file in another encoding."""
     (tmp_path / "a.toml").write_text("driven = platform", encoding="utf-8")
     with pytest.raises(DataError, match=r"^a\.toml: "):
-        Motion.load(tmp_path / "a.toml")
+        load_motion(tmp_path / "a.toml")
     (tmp_path / "b.toml").write_bytes('driven = "Gövde"'.encode("utf-16"))
     with pytest.raises(DataError, match=r"^b\.toml: "):
-        Motion.load(tmp_path / "b.toml")
+        load_motion(tmp_path / "b.toml")
     with pytest.raises(DataError, match="no such file"):
-        Motion.load("loop-the-loop")
+        load_motion("loop-the-loop")
 
 
 def test_a_rate_that_steps_over_the_ramps_is_refused() -> None:
     """20 samples a second miss the pulses of a 3 g0 move: the rate that is needed is named."""
     with pytest.raises(DataError, match=r"20 Hz is too slow .* at least 188 Hz"):
-        Motion.load("x").sample(20.0)
+        load_motion("x").sample(20.0)
 
 
 def test_joints_are_driven_in_their_own_quantity():
     """Lengths for what slides, angles for what turns; the other way round is refused by name."""
     table = {"driven": "joints", "joints": ["J1"], "peak_acceleration": "3 m/s^2", "start": ["0 mm"]}
-    motion = Motion.from_table(table | {"moves": [{"joint": "J1", "to": ["40 mm"]}]})
+    motion = motion_from_table(table | {"moves": [{"joint": "J1", "to": ["40 mm"]}]})
     assert motion.sliding
     assert motion.sample(1000.0).position.max() == pytest.approx(0.04)
     with pytest.raises(ModelError, match="'J1' of serial-1r turns, but the motion gives lengths"):
-        motion.sample(1000.0).drive(Mechanism.load("serial-1r"))
+        motion.sample(1000.0).drive(load_mechanism("serial-1r"))
     with pytest.raises(UnitError, match="acceleration"):
-        Motion.from_table(table | {"peak_acceleration": "3 rad/s^2", "moves": [{"joint": "J1", "to": ["40 mm"]}]})
+        motion_from_table(table | {"peak_acceleration": "3 rad/s^2", "moves": [{"joint": "J1", "to": ["40 mm"]}]})

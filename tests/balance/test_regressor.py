@@ -5,6 +5,7 @@ import pytest
 
 from balance import regressor
 from balance.dynamics import driven_rates, momentum, simulate
+from balance.loading.loading import pinocchio_model
 from balance.mechanism import Mechanism
 
 from . import models, referees
@@ -44,7 +45,7 @@ def test_torque_regressor_is_pinocchios(name: str) -> None:
 
     mechanism = mechanism_of(name)
     motion = referees.random_motion(mechanism, count=6)
-    model = mechanism.pinocchio_model()
+    model = pinocchio_model(mechanism)
     data = model.createData()
     mine = regressor.torque_regressor(mechanism, motion.q, motion.v, motion.a)
     for k, (q, v, a) in enumerate(zip(motion.q, motion.v, motion.a, strict=True)):

@@ -9,6 +9,7 @@ import pytest
 from balance import sizing
 from balance.closure import Closure
 from balance.errors import DataError, ModelError, SizingError
+from balance.loading.loading import pinocchio_model
 from balance.potential import first_moment, potential
 from balance.static import conditions, design, springfile
 from balance.static.springs import End, Spring, energy, joint_torques, lengths
@@ -58,7 +59,7 @@ def test_pinocchio_s_potential_energy_and_the_springs_by_its_frames(name):
     """Weight by Pinocchio's potential energy, spring ends by its frames: constant to 1e-12 as well."""
     mechanism = models.load(name)
     found = design.design(mechanism)
-    pin = mechanism.pinocchio_model()
+    pin = pinocchio_model(mechanism)
     data = pin.createData()
     total = []
     for q in found.q:
@@ -128,7 +129,7 @@ def test_without_gravity_there_is_nothing_to_balance():
 def test_potential_is_minus_gravity_times_first_moment():
     """Pinocchio's centre of mass times total mass is the first moment."""
     mechanism = models.load("parallelogram-6bar-full")
-    pin = mechanism.pinocchio_model()
+    pin = pinocchio_model(mechanism)
     data = pin.createData()
     q = Closure(mechanism).states(5, 1)
     centre = np.array([pinocchio.centerOfMass(pin, data, state) for state in q])

@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 from scipy.stats import t as student
 
 from balance import conditions, trials
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from balance.trim import Free
 
 from ..testbench.coverage import assert_holds
@@ -57,7 +57,7 @@ def campaign(seed, noise=NOISE):
 def measured(seed, noise=NOISE):
     """What one campaign says."""
     free = Free(np.eye(2), np.zeros(2))
-    return trials.measure(campaign(seed, noise), AT, conditions.find(Mechanism.load("four-bar")), np.zeros(2), free)
+    return trials.measure(campaign(seed, noise), AT, conditions.find(load_mechanism("four-bar")), np.zeros(2), free)
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from scipy.stats import binomtest
 from balance import conditions, sizing, trim
 from balance.closure import Closure
 from balance.errors import DataError
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from balance.motion import Samples
 from balance.observability import NotObservable
 from balance.regressor import wrench_regressor
@@ -43,7 +43,7 @@ def record(columns, force, nuisance=None, stretches=20):
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_values_are_those_of_the_model(name):
     """From exact forces come exactly the values of the conditions, whatever the masses."""
-    found, columns, force = equations(Mechanism.load(name))
+    found, columns, force = equations(load_mechanism(name))
     measured = trim.measure([record(columns, force)], found)
     assert measured.values == pytest.approx(found.values(), abs=1e-9)
     assert measured.unexplained < 1e-6
@@ -52,7 +52,7 @@ def test_values_are_those_of_the_model(name):
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_missing_masses_are_those_of_exact_sizing(name):
     """What each site lacks, from exact forces, is what sizing from the model mounts there."""
-    mechanism = Mechanism.load(name)
+    mechanism = load_mechanism(name)
     found, columns, force = equations(mechanism)
     lacking = trim.measure([record(columns, force)], found).missing(mechanism, mechanism.counter_sites)
     sized = sizing.exact(found, mechanism)
@@ -65,7 +65,7 @@ def test_missing_masses_are_those_of_exact_sizing(name):
 def test_the_built_set_of_the_manipulator():
     """17.1105 kg for 3.4116 kg leave 0.03081 kg m on each arm: 0.8205 kg at 37.55 mm."""
     masses = {"counter_A0A": 17.1105, "counter_B0B": 17.1105}
-    mechanism = Mechanism.load("parallelogram-6bar").with_payload({"platform": 3.4116}).with_counter_mass(masses)
+    mechanism = load_mechanism("parallelogram-6bar").with_payload({"platform": 3.4116}).with_counter_mass(masses)
     found, columns, force = equations(mechanism)
     for one in trim.measure([record(columns, force)], found).missing(mechanism, mechanism.counter_sites):
         assert one.first_moment.value == pytest.approx(0.030809, abs=1e-6)
@@ -74,7 +74,7 @@ def test_the_built_set_of_the_manipulator():
 
 def test_nuisances_do_not_matter():
     """Any amount of an offset, and of a signal that is named as one, leaves the values as they are."""
-    found, columns, force = equations(Mechanism.load("four-bar"))
+    found, columns, force = equations(load_mechanism("four-bar"))
     rng = np.random.default_rng(1)
     other = rng.normal(size=force.shape)
     nuisance = np.stack([np.ones_like(force), other], axis=2)
@@ -84,7 +84,7 @@ def test_nuisances_do_not_matter():
 
 def test_records_are_joined():
     """Two records that each excite half of the conditions determine all of them; one alone is refused."""
-    mechanism = Mechanism.load("serial-2r")
+    mechanism = load_mechanism("serial-2r")
     found, columns, force = equations(mechanism)
     values = found.values()
     halves = [columns.copy(), columns.copy()]
@@ -98,21 +98,21 @@ def test_records_are_joined():
 
 def test_no_motion_is_refused():
     """Columns of zeros determine nothing."""
-    found, columns, force = equations(Mechanism.load("four-bar"))
+    found, columns, force = equations(load_mechanism("four-bar"))
     with pytest.raises(NotObservable, match="nothing moves"):
         trim.measure([record(0.0 * columns, force)], found)
 
 
 def test_too_few_stretches_are_refused():
     """An interval needs stretches to leave out."""
-    found, columns, force = equations(Mechanism.load("four-bar"))
+    found, columns, force = equations(load_mechanism("four-bar"))
     with pytest.raises(DataError, match="stretches"):
         trim.measure([record(columns, force, stretches=4)], found)
 
 
 def test_adjusted_has_the_values_that_it_is_given():
     """The mechanism with measured values has them, and sizing of it mounts what is missing."""
-    mechanism = Mechanism.load("parallelogram-6bar")
+    mechanism = load_mechanism("parallelogram-6bar")
     found = conditions.find(mechanism)
     values = np.array([0.4, 0.01, 0.39, -0.02])
     changed = trim.adjusted(found, mechanism, values)
@@ -122,7 +122,7 @@ def test_adjusted_has_the_values_that_it_is_given():
 
 def test_intervals_hold():
     """With forces whose noise is correlated in time, 95 % intervals hold the truth as often, over seeds."""
-    found, columns, force = equations(Mechanism.load("four-bar"), 800)
+    found, columns, force = equations(load_mechanism("four-bar"), 800)
     hits = []
     for seed in range(60):
         white = np.random.default_rng(seed).normal(size=(len(force) + 20, 3))
@@ -134,7 +134,7 @@ def test_intervals_hold():
 
 def test_gains_say_how_readings_move_the_values():
     """Readings that are more move the values by their gains, nuisances and what else is unknown fitted beside."""
-    found, columns, force = equations(Mechanism.load("four-bar"))
+    found, columns, force = equations(load_mechanism("four-bar"))
     rng = np.random.default_rng(1)
     columns = np.concatenate([columns, rng.normal(size=(*force.shape, 2))], axis=2)[:, :1]
     force, nuisance = force[:, :1] + 0.1 * rng.normal(size=(len(force), 1)), rng.normal(size=(len(force), 1, 2))
@@ -148,7 +148,7 @@ def test_gains_say_how_readings_move_the_values():
 
 def test_a_prior_holds_what_else_is_unknown():
     """A column of which much is known takes up nothing, one of which nothing is known all that it can."""
-    found, columns, force = equations(Mechanism.load("four-bar"))
+    found, columns, force = equations(load_mechanism("four-bar"))
     also = np.random.default_rng(2).normal(size=(*force.shape, 1))
     both = [record(np.concatenate([columns, also], axis=2), force + 0.5 * also[:, :, 0])]
     free = trim.fit(both, found, prior=np.zeros(1))
@@ -159,7 +159,7 @@ def test_a_prior_holds_what_else_is_unknown():
 
 def test_few_stretches_that_tell_leave_few_degrees_of_freedom():
     """Where two stretches of twenty move the mechanism, these alone tell: the factor to an interval is larger."""
-    found, columns, force = equations(Mechanism.load("four-bar"))
+    found, columns, force = equations(load_mechanism("four-bar"))
     rng = np.random.default_rng(3)
     noise = 0.1 * rng.normal(size=force.shape)
     everywhere = trim.measure([record(columns, force + noise)], found)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from balance import conditions, sizing
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from balance.regressor import torque_regressor
 
 ARMS = {
@@ -17,7 +17,7 @@ ARMS = {
 @pytest.fixture(params=list(ARMS))
 def arm(request):
     """A shipped arm and its published parameters."""
-    return Mechanism.load(request.param), ARMS[request.param]
+    return load_mechanism(request.param), ARMS[request.param]
 
 
 def test_first_moments_as_published(arm):

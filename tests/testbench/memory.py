@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from balance.quantities import G0
 from testbench import rig as rigs
 from testbench.bench.loggers import record
@@ -87,7 +87,7 @@ def scene(
     """The manipulator on its bench."""
     rig = rig or rigs.load(MANIPULATOR)
     planned = planned_run(motion, masses, acceleration_g, payload)
-    bench = simulate_run(rig, Mechanism.load(MANIPULATOR), planned)
+    bench = simulate_run(rig, load_mechanism(MANIPULATOR), planned)
     return Scene(rig, planned, bench, signals(rig, bench))
 
 

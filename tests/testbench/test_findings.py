@@ -4,10 +4,10 @@ import pytest
 
 from testbench.cli.reading import print_findings
 from testbench.describe import describe
-from testbench.findings import MEANING, Finding, Refusal, Severity, placed, refused, worst
+from testbench.findings import MEANING, Finding, Refusal, Severity, refused, worst
 from testbench.ingest import Ingest
 from testbench.ingest.runsheet import PlannedRun
-from testbench.recording import Channel, Group
+from testbench.recording import Channel, Group, placed
 from testbench.store import open_run
 
 PAGE = Path(__file__).parents[2] / "docs" / "findings.md"

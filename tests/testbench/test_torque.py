@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from testbench.errors import AnalysisError
 from testbench.torque import against_model
 
 from . import memory
 
-MECHANISM = Mechanism.load("parallelogram-6bar")
+MECHANISM = load_mechanism("parallelogram-6bar")
 
 
 @pytest.mark.parametrize("masses", [{}, memory.BUILT])

@@ -10,8 +10,8 @@ from balance import datasets
 from balance.cli.methods import methods
 from balance.cli.static import static
 from balance.errors import DataError
-from balance.mechanism import Mechanism
-from balance.motion import Motion
+from balance.loading.loading import load_mechanism
+from balance.motion.reading import load_motion
 
 
 def run(command, *arguments: str) -> tuple[int, str]:
@@ -79,7 +79,7 @@ def test_static_places(tmp_path):
 )
 def test_shipped_motions_move_their_mechanism(name):
     """Each chain and the four-bar has a motion of its name that drives all its motors."""
-    assert set(Motion.load(name).joints) == set(Mechanism.load(name).driven)
+    assert set(load_motion(name).joints) == set(load_mechanism(name).driven)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 
 from balance.closure import Closure
 from balance.dynamics import simulate
-from balance.motion import Motion
+from balance.motion.reading import load_motion
 
 from .. import models
 
@@ -34,7 +34,7 @@ def test_series_are_written_with_units(balance, tmp_path):
     ).code == 0  # fmt: skip
     table = polars.read_parquet(parquet)
     mechanism = models.load("parallelogram-6bar")
-    response = simulate(mechanism, Closure(mechanism).follow(Motion.load("y").sample(1000.0)))
+    response = simulate(mechanism, Closure(mechanism).follow(load_motion("y").sample(1000.0)))
     np.testing.assert_array_equal(table["Fy_N"], response.force[:, 1])
     np.testing.assert_array_equal(table["torque_B0_Nm"], response.torque["B0"])
     assert {"time_s", "q_A0_rad", "v_platform_x_m_per_s", "a_B_rad_per_s2"} <= set(table.columns)

@@ -7,7 +7,8 @@ import pytest
 
 from balance.closure import Closure, Trajectory
 from balance.errors import ClosureError
-from balance.motion import Motion, Samples
+from balance.motion import Samples
+from balance.motion.reading import load_motion
 
 from .. import models
 
@@ -177,7 +178,7 @@ def test_the_side_links_laid_flat_are_singular() -> None:
 def test_shipped_motions_close_both_manipulators(name: str, motion: str) -> None:
     """The platform goes where the motion sends it, without turning, well apart from singular states."""
     mechanism = models.load(name)
-    samples = Motion.load(motion).sample(1000.0)
+    samples = load_motion(motion).sample(1000.0)
     trajectory = Closure(mechanism).follow(samples)
     q = dict(zip(mechanism.coordinates, trajectory.q.T, strict=True))
     theta2 = q["A0"] + q["A"]

@@ -9,6 +9,7 @@ import numpy as np
 
 from balance.drives.drivefile import DriveFile
 from balance.drives.machine import Machine
+from balance.loading.loading import load_mechanism
 from balance.mechanism import Mechanism
 
 REFERENCE = json.loads((Path(__file__).parent / "reference.json").read_text(encoding="utf-8"))
@@ -18,7 +19,7 @@ RPM = np.pi / 30.0
 @cache
 def mechanism() -> Mechanism:
     """The inverted slider-crank."""
-    return Mechanism.load("inverted-slider-crank")
+    return load_mechanism("inverted-slider-crank")
 
 
 @cache

@@ -11,6 +11,7 @@ from balance.drives import features
 from balance.drives.errors import DriveError
 from balance.drives.reduced import reduce
 from balance.errors import ClosureError, ModelError
+from balance.loading.loading import pinocchio_model
 from balance.motion import Samples
 
 from .. import models, referees
@@ -53,7 +54,7 @@ def test_energies_are_pinocchio_s(text):
     crank = replace(model, driven=(reduced.crank,))
     rate = np.full((len(U), 1), 1.7)
     trajectory = Closure(crank).follow(Samples(U, U[:, None], rate, 0.0 * rate, joints=(reduced.crank,)))
-    pin = model.pinocchio_model()
+    pin = pinocchio_model(model)
     data = pin.createData()
     pairs = list(zip(trajectory.q, trajectory.v, strict=True))
     kinetic = np.array([pinocchio.computeKineticEnergy(pin, data, q, v) for q, v in pairs])

@@ -12,7 +12,7 @@ from balance.engines.firing import firing
 from balance.engines.mechanism import mjcf
 from balance.engines.slidercrank import SliderCrank
 from balance.errors import DataError
-from balance.mechanism import Mechanism
+from balance.loading.loading import mechanism_from_text
 from balance.motion import Samples
 from balance.rotors.rotor import Unbalance
 
@@ -40,7 +40,7 @@ def test_whole_engine_against_its_mechanism(seed):
     engine = _random(seed)
     time = np.linspace(0.0, 1.0, 80)
     theta, omega, alpha = 30 * time + np.sin(9 * time), 30 + 9 * np.cos(9 * time), -81 * np.sin(9 * time)
-    model = Mechanism.from_text(mjcf(engine), "engine")
+    model = mechanism_from_text(mjcf(engine), "engine")
     motion = Samples(time, theta[:, None], omega[:, None], alpha[:, None], joints=("crankshaft",))
     found = simulate(model, Closure(model).follow(motion))
     force, tilting = engine.force(theta, omega, alpha), engine.tilting(theta, omega, alpha)

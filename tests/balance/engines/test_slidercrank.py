@@ -13,7 +13,7 @@ from balance.engines.mechanism import mjcf
 from balance.engines.rod import replacements
 from balance.engines.slidercrank import SliderCrank
 from balance.errors import DataError
-from balance.mechanism import Mechanism
+from balance.loading.loading import mechanism_from_text
 from balance.motion import Samples
 
 OWN = SliderCrank(0.05, 0.2, 1.0, 0.025, 0.002, 1.2, 0.06, 0.0101, 0.8)
@@ -22,7 +22,7 @@ THETA, OMEGA, ALPHA = 40 * TIME + np.sin(9 * TIME), 40 + 9 * np.cos(9 * TIME), -
 
 
 def _simulated(engine):
-    model = Mechanism.from_text(mjcf(engine), "engine")
+    model = mechanism_from_text(mjcf(engine), "engine")
     turning = Samples(TIME, THETA[:, None], OMEGA[:, None], ALPHA[:, None], joints=("crankshaft",))
     return simulate(model, Closure(model).follow(turning))
 

@@ -4,16 +4,16 @@ import re
 
 import pytest
 
-from balance.linkages.description import Linkage
 from balance.linkages.equations import equations
 from balance.linkages.expressions import read
 from balance.linkages.method import balance
+from balance.linkages.reading import load_linkage
 
 
 @pytest.fixture
 def pantograph():
     """Texts of the pantograph's equations."""
-    return [equation.text for equation in equations(balance(Linkage.load("pantograph")))]
+    return [equation.text for equation in equations(balance(load_linkage("pantograph")))]
 
 
 def test_counter_masses_read_as_printed(pantograph):
@@ -32,7 +32,7 @@ def test_gears_read_as_printed(pantograph):
 @pytest.mark.parametrize("name", ["pantograph", "sewing-machine", "dwell-short-two-point", "two-levels"])
 def test_evaluated_symbols_give_the_results(name):
     """Sums of products, read back with the values of their symbols, are the numbers beside them."""
-    result = balance(Linkage.load(name))
+    result = balance(load_linkage(name))
     checked = 0
     for equation in equations(result):
         left, _, right = equation.text.partition(" = ")

@@ -12,7 +12,7 @@ from balance.linkages.force import solve
 from balance.linkages.method import balance
 from balance.linkages.model import mjcf
 from balance.linkages.reading import from_table
-from balance.mechanism import Mechanism
+from balance.loading.loading import mechanism_from_text
 
 HERE = {"a": Symbol(1.0, 0.0)}
 
@@ -64,7 +64,7 @@ def test_places_on_the_wrong_side_are_refused_by_name():
 def test_momentum_vanishes_at_random_states(random_crank_rocker):
     """With the counter-masses no loop-consistent motion has linear momentum."""
     result = balance(random_crank_rocker(5), gears=False)
-    before, after = (Mechanism.from_text(mjcf(result, stage), "x") for stage in ("before", "force"))
+    before, after = (mechanism_from_text(mjcf(result, stage), "x") for stage in ("before", "force"))
     q = Closure(before).states(20)
     v = Closure(before).velocities(q)
     assert np.abs(momentum(after, q, v)[:, :2]).max() < 1e-13 * np.abs(momentum(before, q, v)[:, :2]).max() * 100

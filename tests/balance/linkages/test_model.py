@@ -6,11 +6,10 @@ import pytest
 
 from balance.closure import Closure
 from balance.errors import ClosureError, ModelError
-from balance.linkages.description import Linkage
 from balance.linkages.method import balance
 from balance.linkages.model import mjcf
-from balance.linkages.reading import from_table
-from balance.mechanism import Mechanism
+from balance.linkages.reading import from_table, load_linkage
+from balance.loading.loading import mechanism_from_text
 
 
 def test_gears_in_mujoco_follow_their_ratios():
@@ -21,9 +20,9 @@ def test_gears_in_mujoco_follow_their_ratios():
     from balance.linkages.coupling import Couplings
     from balance.linkages.verification import samples
 
-    result = balance(Linkage.load("two-levels"))
+    result = balance(load_linkage("two-levels"))
     linkage = result.linkage
-    plain, geared = (Mechanism.from_text(mjcf(result, stage), "x") for stage in ("before", "complete"))
+    plain, geared = (mechanism_from_text(mjcf(result, stage), "x") for stage in ("before", "complete"))
     closure = Closure(plain)
     start = float(closure.home[plain.coordinate_index("A0")])
     path = Couplings.of(result).extend(closure.follow(samples(linkage, 10.0, 0.2, start, 12)), plain, geared)
@@ -40,9 +39,9 @@ def test_gears_in_mujoco_follow_their_ratios():
 
 def test_the_core_refuses_the_couplings_by_name():
     """A file with gears as joint equalities is for MuJoCo: the core does not drop them silently."""
-    text = mjcf(balance(Linkage.load("two-levels")), "complete", couplings=True)
+    text = mjcf(balance(load_linkage("two-levels")), "complete", couplings=True)
     with pytest.raises(ModelError, match="coupling between joints"):
-        Mechanism.from_text(text, "x")
+        mechanism_from_text(text, "x")
 
 
 def test_a_linkage_that_does_not_close_is_refused(slider_crank_keys):
@@ -135,7 +134,7 @@ def test_a_pushed_linkage_leaves_a_free_base_where_it_is_in_mujoco():
     moved, turned = pushed(mjcf(result, "before"), 1.0)
     assert moved > 1e-2 * turned
     with pytest.raises(ModelError, match=r"coupling between joints|tendon"):
-        Mechanism.from_text(text, "x")
+        mechanism_from_text(text, "x")
 
 
 def test_a_point_mass_that_turns_gets_no_inertia_worth_mentioning(slider_crank_keys):

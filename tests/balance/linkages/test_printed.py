@@ -4,10 +4,9 @@ import pytest
 
 from balance import datasets
 from balance.errors import DataError
-from balance.linkages.description import Linkage
 from balance.linkages.method import balance
 from balance.linkages.printed import compare
-from balance.linkages.reading import from_table
+from balance.linkages.reading import from_table, load_linkage
 
 SIX = ["dwell", "knife", "pantograph", "sewing-machine", "dwell-short", "dwell-short-two-point"]
 CUT = {("dwell", "m_z4"), ("sewing-machine", "I12*")}
@@ -20,7 +19,7 @@ CONTRADICTED = {
 @pytest.fixture(scope="module")
 def comparisons():
     """Every linkage of the source, balanced, beside what is printed for it."""
-    return {name: compare(balance(Linkage.load(name))) for name in SIX}
+    return {name: compare(balance(load_linkage(name))) for name in SIX}
 
 
 @pytest.mark.parametrize("name", SIX)
@@ -62,7 +61,7 @@ def test_carrier_factor_of_the_pantograph(comparisons):
 
 def test_two_point_coupler_needs_five_times_its_inertia():
     """Link 3 of 4.6 must have about 0.191 kg m2, not 0.0399."""
-    reshaped = balance(Linkage.load("dwell-short-two-point")).moment.reshaped["3"]
+    reshaped = balance(load_linkage("dwell-short-two-point")).moment.reshaped["3"]
     assert reshaped == pytest.approx(0.191, rel=0.01)
 
 

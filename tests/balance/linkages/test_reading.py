@@ -7,8 +7,7 @@ import pytest
 
 from balance import datasets
 from balance.errors import CounterpoiseError, DataError
-from balance.linkages.description import Linkage
-from balance.linkages.reading import from_table
+from balance.linkages.reading import from_table, load_linkage
 
 
 def changed(keys, where, value):
@@ -102,7 +101,7 @@ def test_every_shipped_linkage_is_read():
     """The six of the source, and one of our own."""
     names = datasets.names("linkages", ".toml")
     assert len(names) == 7
-    assert all(Linkage.load(name).bodies for name in names)
+    assert all(load_linkage(name).bodies for name in names)
 
 
 def test_a_file_that_is_no_toml_is_named(tmp_path):
@@ -110,7 +109,7 @@ def test_a_file_that_is_no_toml_is_named(tmp_path):
     path = tmp_path / "bad.toml"
     path.write_text("links = [", encoding="utf-8")
     with pytest.raises(DataError, match=r"bad\.toml: not a TOML file"):
-        Linkage.load(path)
+        load_linkage(path)
     path.write_text("[links.2]\nmass = '1 kg'\n", encoding="utf-8")
     with pytest.raises(DataError, match=r"bad\.toml: .*centre is missing"):
-        Linkage.load(path)
+        load_linkage(path)

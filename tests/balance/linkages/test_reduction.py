@@ -5,9 +5,8 @@ from itertools import product
 import pytest
 
 from balance.errors import ModelError
-from balance.linkages.description import Linkage
 from balance.linkages.force import force_balance
-from balance.linkages.reading import from_table
+from balance.linkages.reading import from_table, load_linkage
 from balance.linkages.reduction import reduction_tree
 from balance.linkages.walk import leaves_first
 
@@ -72,7 +71,7 @@ def test_the_chosen_tree_has_the_least_counter_mass(crank_rocker_keys):
 
 def test_leaves_come_first():
     """Every body comes before the one that carries it."""
-    linkage = Linkage.load("pantograph")
+    linkage = load_linkage("pantograph")
     order = leaves_first(linkage, reduction_tree(linkage, linkage.values))
     assert order.index("4") < order.index("3") < order.index("2+7")
     assert order.index("6") < order.index("2+7")

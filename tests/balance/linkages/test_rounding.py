@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from balance.linkages.description import Linkage
 from balance.linkages.method import balance
+from balance.linkages.reading import load_linkage
 from balance.linkages.rounding import intervals
 
 
 def test_random_inputs_within_their_rounding_stay_in_the_interval():
     """Whatever digits were cut off, the result lies where the interval says, up to second order."""
-    result = balance(Linkage.load("knife"))
+    result = balance(load_linkage("knife"))
     bounds, rng = intervals(result), np.random.default_rng(1)
     for _ in range(30):
         moved = {n: s.value + s.half_unit * rng.uniform(-1, 1) for n, s in result.linkage.symbols.items()}
@@ -21,7 +21,7 @@ def test_random_inputs_within_their_rounding_stay_in_the_interval():
 
 def test_one_input_alone_gives_its_own_share():
     """m6* = m6 L6 / (2 R6): the interval of a product is the sum of relative half units, to first order."""
-    result = balance(Linkage.load("dwell"))
+    result = balance(load_linkage("dwell"))
     symbols = result.linkage.symbols
     share = sum(symbols[name].half_unit / symbols[name].value for name in ("m6", "L6", "R6"))
     low, high = intervals(result)["m6*"]

@@ -3,9 +3,8 @@
 import pytest
 
 from balance.errors import ModelError
-from balance.linkages.description import Linkage
 from balance.linkages.method import balance
-from balance.linkages.reading import from_table
+from balance.linkages.reading import from_table, load_linkage
 from balance.linkages.verification import verify
 
 
@@ -56,6 +55,6 @@ def test_bodies_that_do_not_turn_together_are_refused_by_name():
 
 def test_the_parallelogram_of_the_pantograph_is_checked():
     """Its side 5 passes its inertia to the crank that it is parallel to."""
-    result = balance(Linkage.load("pantograph"))
+    result = balance(load_linkage("pantograph"))
     assert "I[5]" in [term.text for term in result.moment.bodies["2+7"].terms]
     assert verify(result, count=60).constant.trajectory.is_closed()

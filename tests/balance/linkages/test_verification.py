@@ -8,19 +8,18 @@ import pytest
 from balance.closure import Closure
 from balance.errors import ClosureError, ModelError
 from balance.linkages.coupling import Couplings
-from balance.linkages.description import Linkage
 from balance.linkages.method import balance
 from balance.linkages.model import mjcf
-from balance.linkages.reading import from_table
+from balance.linkages.reading import from_table, load_linkage
 from balance.linkages.verification import samples, verify
-from balance.mechanism import Mechanism
+from balance.loading.loading import mechanism_from_text
 
 
 def geared_path(result, count=60, variation=0.4):
     """Text and trajectory of every stage at varying speed."""
     linkage = result.linkage
     texts = {stage: mjcf(result, stage) for stage in ("before", "force", "complete")}
-    models = {stage: Mechanism.from_text(text, linkage.name) for stage, text in texts.items()}
+    models = {stage: mechanism_from_text(text, linkage.name) for stage, text in texts.items()}
     closure = Closure(models["before"])
     start = float(closure.home[models["before"].coordinate_index(linkage.drive)])
     path = closure.follow(samples(linkage, linkage.speed, variation, start, count))
@@ -32,7 +31,7 @@ def geared_path(result, count=60, variation=0.4):
 @pytest.mark.parametrize("name", ["two-levels", "pantograph"])
 def test_shipped_linkages_are_balanced_by_other_dynamics(name, referee, referees):
     """Force and moment are below 1e-10 of before at varying speed, by dynamics that are not ours."""
-    texts, paths = geared_path(balance(Linkage.load(name)))
+    texts, paths = geared_path(balance(load_linkage(name)))
     before, after = (referees[referee](texts[s], paths[s], gravity=False)[:, :3] for s in ("before", "complete"))
     assert np.abs(after[:, :2]).max() < 1e-10 * np.abs(before[:, :2]).max()
     assert np.abs(after[:, 2]).max() < 1e-10 * np.abs(before[:, 2]).max()
@@ -83,7 +82,7 @@ def test_constant_speed_hides_a_wrong_gear_on_the_crank(crank_rocker_keys):
 
 def test_force_balance_raises_the_moment_and_full_balance_the_torque():
     """What the counter-masses and gears cost is said: mass, and torque at both speeds."""
-    check = verify(balance(Linkage.load("two-levels")))
+    check = verify(balance(load_linkage("two-levels")))
     assert check.constant.residual("force")["moment"] > 1.0
     cost = check.penalty("complete")
     assert cost["mass"] > 5.0
@@ -92,7 +91,7 @@ def test_force_balance_raises_the_moment_and_full_balance_the_torque():
 
 def test_varying_speed_is_the_rate_of_its_position():
     """Velocity and acceleration are the derivatives of the position, of a turn and of a swing."""
-    linkage = Linkage.load("two-levels")
+    linkage = load_linkage("two-levels")
     for described in (linkage, replace(linkage, swing=(0.5, 1.1))):
         motion = samples(described, 12.0, 0.3, 1.0, 4000)
         step = motion.time[1]
@@ -137,12 +136,12 @@ def test_a_linkage_with_two_freedoms_is_not_told_to_swing(crank_rocker_keys):
 def test_a_linkage_without_ground_pivots_is_not_simulated():
     """What is not given is named."""
     with pytest.raises(ModelError, match="where joint A0 is on the ground is not given"):
-        verify(balance(Linkage.load("dwell")))
+        verify(balance(load_linkage("dwell")))
 
 
 def test_pantograph_gives_the_printed_rms_values():
     """Drive torque within 0.1 % of the interval that the printed digits stand for, other RMS values within 11 %."""
-    linkage = Linkage.load("pantograph")
+    linkage = load_linkage("pantograph")
     run = verify(balance(linkage)).constant
     printed = linkage.printed["rms"]
     for stage, half in (("before", 0.0005), ("force", 0.0005)):

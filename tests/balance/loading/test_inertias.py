@@ -5,6 +5,7 @@ import pytest
 
 from balance.errors import ModelError
 from balance.loading.inertias import principal_inertias
+from balance.loading.loading import mechanism_from_text
 from balance.mechanism import Mechanism
 
 _ARM = """<mujoco><compiler angle="radian"/><worldbody><body name="base"><body name="arm">
@@ -14,7 +15,7 @@ _ARM = """<mujoco><compiler angle="radian"/><worldbody><body name="base"><body n
 
 def arm(mass: str, inertia: str) -> Mechanism:
     """One body that turns about z."""
-    return Mechanism.from_text(_ARM.format(mass=mass, inertia=inertia), "arm")
+    return mechanism_from_text(_ARM.format(mass=mass, inertia=inertia), "arm")
 
 
 def test_a_rod_a_disc_and_a_point_are_bodies() -> None:

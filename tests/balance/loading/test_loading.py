@@ -11,7 +11,7 @@ from balance import datasets
 from balance.closure import Closure
 from balance.conditions import find
 from balance.errors import DataError, ModelError
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism, mechanism_from_text, pinocchio_model
 
 from .. import models, referees
 
@@ -36,7 +36,7 @@ def test_shipped_mechanisms_load_by_name(name: str) -> None:
     mechanism = models.load(name)
     assert mechanism.name == name
     assert Closure(mechanism).residual(mechanism.home[None]).max() < 1e-14
-    by_path = Mechanism.load(datasets.ROOT / "mechanisms" / f"{name}.xml")
+    by_path = load_mechanism(datasets.ROOT / "mechanisms" / f"{name}.xml")
     np.testing.assert_array_equal(by_path.parameters, mechanism.parameters)
 
 
@@ -51,7 +51,7 @@ def test_every_shipped_mechanism_says_where_it_is_from() -> None:
 def test_text_and_file_are_the_same_mechanism() -> None:
     """A result can be computed anew from the text that was stored with it."""
     stored = models.load("four-bar")
-    again = Mechanism.from_text(stored.text, stored.name)
+    again = mechanism_from_text(stored.text, stored.name)
     assert (again.name, again.bodies, again.driven) == (stored.name, stored.bodies, stored.driven)
     np.testing.assert_array_equal(again.pi, stored.pi)
 
@@ -67,7 +67,7 @@ def test_printed_masses_are_in_the_manipulator() -> None:
 def test_urdf_loads_with_every_joint_driven(tmp_path: Path) -> None:
     """A 2R arm as URDF: gravity along -z, friction and damping read, the printed conditions found."""
     (tmp_path / "arm.urdf").write_text(URDF, encoding="utf-8")
-    arm = Mechanism.load(tmp_path / "arm.urdf")
+    arm = load_mechanism(tmp_path / "arm.urdf")
     assert (arm.bodies, arm.coordinates) == (("upper", "fore"), ("shoulder", "elbow"))
     np.testing.assert_array_equal(arm.gravity, [0.0, 0.0, -9.81])
     assert (arm.viscous[0], arm.coulomb[0]) == (0.2, 0.1)
@@ -80,15 +80,15 @@ def test_urdf_loads_with_every_joint_driven(tmp_path: Path) -> None:
 def test_urdf_goes_back_to_pinocchio(tmp_path: Path) -> None:
     """The Pinocchio model of a URDF mechanism carries its payload."""
     (tmp_path / "arm.urdf").write_text(URDF, encoding="utf-8")
-    arm = Mechanism.load(tmp_path / "arm.urdf").with_payload({"fore": 2.0})
-    assert arm.pinocchio_model().inertias[2].mass == pytest.approx(2.0)
+    arm = load_mechanism(tmp_path / "arm.urdf").with_payload({"fore": 2.0})
+    assert pinocchio_model(arm).inertias[2].mass == pytest.approx(2.0)
 
 
 def test_urdf_continuous_joints_turn(tmp_path: Path) -> None:
     """A continuous joint is a hinge without limits: same conditions as the limited one."""
     text = URDF.replace('name="elbow" type="revolute"', 'name="elbow" type="continuous"')
     (tmp_path / "arm.urdf").write_text(text, encoding="utf-8")
-    assert find(Mechanism.load(tmp_path / "arm.urdf")).rank == 4
+    assert find(load_mechanism(tmp_path / "arm.urdf")).rank == 4
 
 
 def test_urdf_mimic_joints_are_refused(tmp_path: Path) -> None:
@@ -97,7 +97,7 @@ def test_urdf_mimic_joints_are_refused(tmp_path: Path) -> None:
     text = URDF.replace(elbow, elbow + '<mimic joint="shoulder" multiplier="2"/>')
     (tmp_path / "arm.urdf").write_text(text, encoding="utf-8")
     with pytest.raises(ModelError, match=r"arm\.urdf: joint 'elbow' mimics 'shoulder'"):
-        Mechanism.load(tmp_path / "arm.urdf")
+        load_mechanism(tmp_path / "arm.urdf")
 
 
 @pytest.mark.parametrize("text", ["", "<robot/>", "<robot><link/>", "no xml", "<mujoco/>"])
@@ -105,7 +105,7 @@ def test_broken_urdf_is_refused(tmp_path: Path, text: str) -> None:
     """One message that names the file."""
     (tmp_path / "broken.urdf").write_text(text, encoding="utf-8")
     with pytest.raises(ModelError, match=r"^broken\.urdf"):
-        Mechanism.load(tmp_path / "broken.urdf")
+        load_mechanism(tmp_path / "broken.urdf")
 
 
 def test_sdf_loads_or_says_that_it_cannot(tmp_path: Path) -> None:
@@ -115,16 +115,16 @@ def test_sdf_loads_or_says_that_it_cannot(tmp_path: Path) -> None:
     (tmp_path / "arm.sdf").write_text("<sdf version='1.7'/>", encoding="utf-8")
     expected = "arm.sdf" if hasattr(pinocchio, "buildModelFromSdf") else "built without SDF; convert the file"
     with pytest.raises(ModelError, match=expected):
-        Mechanism.load(tmp_path / "arm.sdf")
+        load_mechanism(tmp_path / "arm.sdf")
 
 
 def test_other_files_are_refused(tmp_path: Path) -> None:
     """An ending that is no mechanism's, and a name that is neither shipped nor a file."""
     (tmp_path / "arm.step").write_text("solid", encoding="utf-8")
     with pytest.raises(ModelError, match=r"arm\.step: expected a MJCF \(\.xml, \.mjcf\), URDF"):
-        Mechanism.load(tmp_path / "arm.step")
+        load_mechanism(tmp_path / "arm.step")
     with pytest.raises(DataError, match=r"five-bar: no such file.*four-bar.*serial-1r"):
-        Mechanism.load("five-bar")
+        load_mechanism("five-bar")
 
 
 def test_a_file_in_another_encoding(tmp_path: Path) -> None:
@@ -132,7 +132,7 @@ def test_a_file_in_another_encoding(tmp_path: Path) -> None:
     text = models.load("serial-1r").text.replace("All values assumed", "Tüm değerler varsayılmış")
     (tmp_path / "arm.xml").write_bytes(text.encode("cp1254"))
     with pytest.raises(ModelError, match=r"arm\.xml: not in UTF-8"):
-        Mechanism.load(tmp_path / "arm.xml")
+        load_mechanism(tmp_path / "arm.xml")
 
 
 def test_a_body_fixed_to_another_has_its_own_mass() -> None:
@@ -154,7 +154,7 @@ def test_the_pinocchio_model_carries_the_loads() -> None:
     import pinocchio
 
     mechanism = models.loaded("parallelogram-6bar")
-    model = mechanism.pinocchio_model()
+    model = pinocchio_model(mechanism)
     assert pinocchio.computeTotalMass(model) == pytest.approx(mechanism.total_mass)
     np.testing.assert_array_equal(model.gravity.linear, mechanism.gravity)
 
@@ -163,8 +163,8 @@ def test_without_pinocchio_the_message_says_how_to_get_it() -> None:
     """Pinocchio hidden: one message, pip and conda named."""
     code = (
         "import sys; sys.modules['pinocchio'] = None\n"
-        "from balance.mechanism import Mechanism\nfrom balance.errors import ModelError\n"
-        "try: Mechanism.load('four-bar')\n"
+        "from balance.loading.loading import load_mechanism\nfrom balance.errors import ModelError\n"
+        "try: load_mechanism('four-bar')\n"
         "except ModelError as error: print(error)\n"
     )
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout

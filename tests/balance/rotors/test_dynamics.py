@@ -9,7 +9,7 @@ import pytest
 
 from balance.closure import Closure
 from balance.dynamics import simulate
-from balance.mechanism import Mechanism
+from balance.loading.loading import mechanism_from_text, pinocchio_model
 from balance.motion import Samples
 from balance.rotors import planes
 from balance.rotors.rotor import Plane, Unbalance
@@ -55,7 +55,7 @@ def test_pinocchio_as_referee():
     expected = (sum(u.vector for u in unbalances) * (OMEGA**2 - 1j * ALPHA) * np.exp(1j * THETA)).tolist()
     size = max(abs(f) for f in expected)
     for state, force in ((unbalances, expected), (corrected, [0.0] * len(TIME))):
-        model = Mechanism.from_text(_mjcf(state), "rotor").pinocchio_model()
+        model = pinocchio_model(mechanism_from_text(_mjcf(state), "rotor"))
         data = model.createData()
         for q, v, a, f in zip(THETA, OMEGA, ALPHA, force, strict=True):
             args = (np.array([x]) for x in (q, v, a))
@@ -64,6 +64,6 @@ def test_pinocchio_as_referee():
 
 
 def _simulated(unbalances):
-    model = Mechanism.from_text(_mjcf(unbalances), "rotor")
+    model = mechanism_from_text(_mjcf(unbalances), "rotor")
     turning = Samples(TIME, THETA[:, None], OMEGA[:, None], ALPHA[:, None], joints=("shaft",))
     return simulate(model, Closure(model).follow(turning))

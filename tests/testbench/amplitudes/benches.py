@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from balance.quantities import G0
 from testbench.amplitudes import Amplitude, Group, Judged, Noise, Ratio, Repeatability, Side
 from testbench.bench.loggers import reading
@@ -111,7 +111,7 @@ class Condition:
 
 def conditions(case: Case) -> tuple[Condition, Condition]:
     """The runs of a case with counter-masses and without."""
-    mechanism = Mechanism.load(case.rig.mechanism)
+    mechanism = load_mechanism(case.rig.mechanism)
     logger = case.rig.loggers[case.rig.sensors["base_acc"].logger]
     found = []
     for mass in (case.counter_mass, 0.0):

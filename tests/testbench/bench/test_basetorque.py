@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from balance.closure import Closure
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism, mechanism_from_text
 from testbench.bench.basetorque import crossed, second_moment
 
 SPATIAL = """
@@ -28,7 +28,7 @@ def particles(row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def test_second_moment():
     """Particles placed by it have the body's inertia."""
-    row = Mechanism.from_text(SPATIAL, "spatial").parameters[1]
+    row = mechanism_from_text(SPATIAL, "spatial").parameters[1]
     mass, place = particles(row)
     inertia = sum(m * (p @ p * np.eye(3) - np.outer(p, p)) for m, p in zip(mass, place, strict=True))
     xx, xy, yy, xz, yz, zz = row[4:]
@@ -37,7 +37,7 @@ def test_second_moment():
 
 def test_sum_over_particles():
     """In space the sum over bodies is the sum over particles, each moved by its own finite difference."""
-    mechanism = Mechanism.from_text(SPATIAL, "spatial")
+    mechanism = mechanism_from_text(SPATIAL, "spatial")
     q, rates = np.array([0.3, -0.7]), np.array([[2.0, -1.0], [0.5, 3.0]])
 
     def places(at: np.ndarray) -> np.ndarray:
@@ -57,7 +57,7 @@ def test_sum_over_particles():
 
 def test_nothing_along_itself():
     """It is odd: no sweep of a motion across itself, and the opposite the other way round."""
-    mechanism = Mechanism.load("parallelogram-6bar")
+    mechanism = load_mechanism("parallelogram-6bar")
     closure = Closure(mechanism)
     q = closure.states(5, seed=2)
     v, u = closure.velocities(q, 1), closure.velocities(q, 2)

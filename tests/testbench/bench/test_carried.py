@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from balance.closure import Closure
-from balance.mechanism import Mechanism
-from balance.motion import Motion
+from balance.loading.loading import load_mechanism, pinocchio_model
+from balance.motion.reading import load_motion, motion_from_table
 from testbench.bench.base import rigid_body
 from testbench.bench.carried import acceleration_in_body, locked_inertia
 
@@ -15,11 +15,11 @@ pinocchio = pytest.importorskip("pinocchio")
 @pytest.mark.parametrize("name", ["parallelogram-6bar", "four-bar", "serial-3r"])
 def test_locked_inertia(name):
     """Locked, the bodies weigh and turn as the composite body that Pinocchio computes."""
-    mechanism = Mechanism.load(name)
+    mechanism = load_mechanism(name)
     masses = dict.fromkeys(mechanism.counter_sites, 3.0)
     mechanism = mechanism.with_counter_mass(masses)
     q = Closure(mechanism).states(3, seed=4)[-1]
-    model = mechanism.pinocchio_model()
+    model = pinocchio_model(mechanism)
     data = model.createData()
     pinocchio.ccrba(model, data, q, np.zeros(model.nv))
     about = pinocchio.SE3(np.eye(3), data.com[0]).act(data.Ig)
@@ -29,8 +29,8 @@ def test_locked_inertia(name):
 
 def test_platform_on_a_base_at_rest():
     """Where the base rests, an accelerometer on the platform sees the commanded acceleration."""
-    mechanism = Mechanism.load("parallelogram-6bar")
-    samples = Motion.load("triangle").sample(2000.0)
+    mechanism = load_mechanism("parallelogram-6bar")
+    samples = load_motion("triangle").sample(2000.0)
     trajectory = Closure(mechanism).follow(samples)
     still = np.zeros((len(samples.time), 6))
     found = acceleration_in_body(mechanism, trajectory, still, "platform", np.zeros(3))
@@ -39,10 +39,10 @@ def test_platform_on_a_base_at_rest():
 
 def test_base_that_moves():
     """What the base does adds to it: u'' + phi'' x p, seen in the axes of the body."""
-    mechanism = Mechanism.load("serial-1r")
+    mechanism = load_mechanism("serial-1r")
     joint = mechanism.coordinates[0]
     motion = {"driven": "joints", "joints": [joint], "start": ["30 deg"], "peak_acceleration": "1 rad/s^2"}
-    samples = Motion.from_table({**motion, "moves": [{"joint": joint, "to": ["1 rad"]}]}).sample(100.0)
+    samples = motion_from_table({**motion, "moves": [{"joint": joint, "to": ["1 rad"]}]}).sample(100.0)
     trajectory = Closure(mechanism).follow(samples)
     moving = np.tile([1.0, 2.0, 0.0, 0.0, 0.0, 0.5], (len(samples.time), 1))
     body, point = mechanism.bodies[0], np.array([0.2, 0.0, 0.0])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from testbench.bench import coupling
 from testbench.bench.base import Base
 from testbench.bench.run import simulate_run
@@ -14,7 +14,7 @@ from testbench.rig.bench import Bench
 
 from .freebase import FreeBase
 
-MECHANISM, RIG = Mechanism.load("parallelogram-6bar"), load("parallelogram-6bar")
+MECHANISM, RIG = load_mechanism("parallelogram-6bar"), load("parallelogram-6bar")
 BUILT = {"counter_A0A": 24.2626, "counter_B0B": 24.2626}
 PLANES = {"AC": "25 mm", "BD": "25 mm", "platform": "10 mm", "counter_A0A": "-40 mm", "counter_B0B": "-40 mm"}
 ROTORS = {"A0": {"inertia": "2e-4 kg m^2", "ratio": 30.0}, "B0": {"inertia": "2e-4 kg m^2", "ratio": -30.0}}

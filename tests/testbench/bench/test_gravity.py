@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from testbench.bench import gravity
 from testbench.bench import run as runs
 from testbench.bench.base import Base, displacement_at, first_moment
@@ -16,7 +16,7 @@ from testbench.rig.bench import Bench
 
 from .freebase import FreeBase
 
-RIG, MECHANISM = load("parallelogram-6bar"), Mechanism.load("parallelogram-6bar")
+RIG, MECHANISM = load("parallelogram-6bar"), load_mechanism("parallelogram-6bar")
 G = np.array([0.0, -9.81, 0.0])
 
 

@@ -5,12 +5,12 @@ import pytest
 
 from balance.closure import Closure
 from balance.dynamics import simulate
-from balance.mechanism import Mechanism
-from balance.motion import Motion
+from balance.loading.loading import load_mechanism, mechanism_from_text
+from balance.motion.reading import load_motion
 from testbench.bench.planes import with_planes
 from testbench.errors import RigError
 
-MECHANISM = Mechanism.load("parallelogram-6bar")
+MECHANISM = load_mechanism("parallelogram-6bar")
 PLANES = {"A0A": 0.01, "AC": 0.025, "BD": 0.025, "platform": -0.01, "counter_A0A": -0.04, "counter_B0B": -0.04}
 EXACT = {"counter_A0A": 24.276118, "counter_B0B": 24.276118}
 
@@ -23,7 +23,7 @@ def loaded(planes):
 def responses(planes):
     """In its plane, and with planes, along a triangle."""
     flat, deep = loaded({}), loaded(planes)
-    trajectory = Closure(flat).follow(Motion.load("triangle").sample(1000.0))
+    trajectory = Closure(flat).follow(load_motion("triangle").sample(1000.0))
     return trajectory, simulate(flat, trajectory), simulate(deep, trajectory)
 
 
@@ -32,7 +32,7 @@ def test_as_in_a_file():
     text = MECHANISM.text.replace('<inertial pos="0.0187 0 0"', '<inertial pos="0.0187 0 0.025"', 1)
     text = text.replace('name="counter_A0A" pos="-0.03755 0 0"', 'name="counter_A0A" pos="-0.03755 0 -0.04"')
     text = text.replace('<inertial pos="0 0 0" mass="1.451"', '<inertial pos="0 0 -0.01" mass="1.451"')
-    read = Mechanism.from_text(text, "changed").with_payload({"platform": 5.0}).with_counter_mass(EXACT)
+    read = mechanism_from_text(text, "changed").with_payload({"platform": 5.0}).with_counter_mass(EXACT)
     found = loaded({"AC": 0.025, "counter_A0A": -0.04, "platform": -0.01})
     assert found.parameters == pytest.approx(read.parameters, abs=1e-14)
     assert not np.allclose(found.parameters, loaded({}).parameters)
@@ -72,7 +72,7 @@ def test_all_in_one_other_plane():
 def test_own_inertia_of_the_counter_masses():
     """The shaking moment about z holds the discs' own inertia: m k^2 times what their arms turn."""
     text = MECHANISM.text.replace('radius_of_gyration" data="0.06"', 'radius_of_gyration" data="0"')
-    points = Mechanism.from_text(text, "points").with_payload({"platform": 5.0}).with_counter_mass(EXACT)
+    points = mechanism_from_text(text, "points").with_payload({"platform": 5.0}).with_counter_mass(EXACT)
     trajectory, flat, _ = responses({})
     turning = trajectory.a[:, [MECHANISM.coordinate_index("A0"), MECHANISM.coordinate_index("B0")]].sum(axis=1)
     less = flat.moment[:, 2] - simulate(points, trajectory).moment[:, 2]

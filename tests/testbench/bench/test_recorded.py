@@ -4,6 +4,7 @@ import numpy as np
 import polars
 import pytest
 
+from balance.loading.loading import load_mechanism
 from testbench import bench
 from testbench import plan as plans
 from testbench import rig as rigs
@@ -61,11 +62,10 @@ def test_seeds():
 
 def test_recorded_often():
     """One run without chance serves many recordings: the same as simulated for each."""
-    from balance.mechanism import Mechanism
     from testbench.bench.run import simulate_run
 
     rig, (planned,) = restless(), PLAN.runs()
-    run = simulate_run(rig, Mechanism.load(rig.mechanism), planned, lead_s(rig))
+    run = simulate_run(rig, load_mechanism(rig.mechanism), planned, lead_s(rig))
     for seed in (8, 9):
         again = bench.record_run(rig, planned, run, draw(rig, seed), (seed, 0))
         (whole,) = bench.simulate(PLAN, rig, seed)

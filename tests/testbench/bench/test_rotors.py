@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from balance.closure import Closure
-from balance.mechanism import Mechanism
-from balance.motion import Motion
+from balance.loading.loading import load_mechanism
+from balance.motion.reading import load_motion
 from testbench.bench import rotors
 from testbench.bench.run import simulate_run
 from testbench.errors import RigError
@@ -13,7 +13,7 @@ from testbench.plan import PlannedRun
 from testbench.rig import load
 from testbench.rig.effects import Rotor
 
-RIG, MECHANISM = load("parallelogram-6bar"), Mechanism.load("parallelogram-6bar")
+RIG, MECHANISM = load("parallelogram-6bar"), load_mechanism("parallelogram-6bar")
 ROTOR = Rotor.model_validate({"inertia": "2e-4 kg m^2", "ratio": 30.0})
 
 
@@ -68,7 +68,7 @@ def test_power():
 def test_axis():
     """The momentum lies along the axis, of whatever length it is written."""
     across = ROTOR.model_copy(update={"axis": (0.0, 3.0, 4.0)})
-    rates = Closure(MECHANISM).follow(Motion.load("x").sample(500.0)).v
+    rates = Closure(MECHANISM).follow(load_motion("x").sample(500.0)).v
     found = rotors.momentum(MECHANISM, {"A0": across}, rates)
     straight = rotors.momentum(MECHANISM, {"A0": ROTOR}, rates)
     assert found == pytest.approx(straight[:, [2]] * np.array([0.0, 0.6, 0.8]))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from testbench.bench.run import payload_body, simulate_run
 from testbench.bench.sensors import signals
 from testbench.bench.supports import transport
@@ -18,7 +18,7 @@ RIG = load("parallelogram-6bar")
 def run(masses: dict[str, float], motion: str = "x", rig: Rig = RIG, acceleration: float = 29.43):
     """The 5 kg run of the published table, by default along x at 3 g0."""
     planned = PlannedRun("r", 5.0, masses, motion, acceleration, 1)
-    return simulate_run(rig, Mechanism.load("parallelogram-6bar"), planned)
+    return simulate_run(rig, load_mechanism("parallelogram-6bar"), planned)
 
 
 def heavy() -> Rig:
@@ -92,7 +92,7 @@ def test_every_channel_has_a_signal():
 
 def test_payload_body():
     """A plan may not call another body the payload: its runs record a mass alone."""
-    mechanism = Mechanism.load("parallelogram-6bar")
+    mechanism = load_mechanism("parallelogram-6bar")
     assert payload_body(mechanism, "platform") == "platform"
     with pytest.raises(RigError, match=r"'AC'.*'platform'"):
         payload_body(mechanism, "AC")

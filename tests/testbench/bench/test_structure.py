@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from testbench.bench.run import simulate_run
 from testbench.bench.sensors import base_acceleration
 from testbench.bench.structure import at_sensors, coordinate
@@ -18,7 +18,7 @@ MODE = Mode.model_validate({
 })  # fmt: skip
 STEP, OMEGA = 1e-4, 2 * np.pi * 60.0
 TIME = np.arange(30_000) * STEP
-RIG, MECHANISM = load("parallelogram-6bar"), Mechanism.load("parallelogram-6bar")
+RIG, MECHANISM = load("parallelogram-6bar"), load_mechanism("parallelogram-6bar")
 
 
 def run(modes, motion: str = "x"):

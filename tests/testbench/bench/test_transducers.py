@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from balance.loading.loading import load_mechanism
 from testbench.bench.sensors import support_signals
 from testbench.bench.transducers import draw, shown
 from testbench.errors import RigError
@@ -99,14 +100,13 @@ def test_refused(errors, said):
 
 def test_stated_cross_talk():
     """Where the rig itself states a cross-talk matrix, readings = crosstalk @ loads."""
-    from balance.mechanism import Mechanism
     from testbench.bench.run import simulate_run
     from testbench.plan import PlannedRun
 
     matrix = ((1.0, 0.02, 0.0), (0.0, 1.0, 0.03), (0.01, 0.0, 1.0))
     mixed = RIG.sensors["kistler"].model_copy(update={"crosstalk": matrix})
     rig = RIG.model_copy(update={"sensors": {**RIG.sensors, "kistler": mixed}})
-    done = simulate_run(RIG, Mechanism.load(RIG.mechanism), PlannedRun("r", 5.0, {}, "x", 9.81, 1))
+    done = simulate_run(RIG, load_mechanism(RIG.mechanism), PlannedRun("r", 5.0, {}, "x", 9.81, 1))
     plain, read = support_signals(RIG, done), support_signals(rig, done)
     loads = np.array([plain[name] for name in ("Fx2", "Fy2", "Fz2")])
     assert np.array([read[name] for name in ("Fx2", "Fy2", "Fz2")]) == pytest.approx(np.array(matrix) @ loads)

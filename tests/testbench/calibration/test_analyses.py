@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from balance import datasets
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from balance.quantities import G0
 from testbench import rig as rigs
 from testbench.calibration.correct import calibrate
@@ -61,7 +61,7 @@ def test_reductions(campaign, capsys):
 def test_forces_torques_angles_and_base(campaign):
     """Supports, motors, encoders and the base's accelerometer: each follows the record about it, the others stay."""
     run, other = open_campaign(campaign).runs[-1], open_campaign(campaign).runs[0]
-    rig, mechanism = rig_of(run), Mechanism.load("parallelogram-6bar")
+    rig, mechanism = rig_of(run), load_mechanism("parallelogram-6bar")
     forces, torques = shaking_wrench(run, rig, preload=True), joint_record(run, mechanism)
     path = followed(run, rig, mechanism, 40.0)[1]
     twice = {"futek_1": "0.5 N/N", "futek_2": "0.5 N/N", "motor_A0": "0.5 (N m)/(N m)", "base_acc": "0.5 g/g"}

@@ -7,6 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from balance import datasets
+from balance.loading.loading import load_mechanism
 from testbench import rig as rigs
 from testbench.cli.identify import identify
 from testbench.errors import AnalysisError
@@ -22,7 +23,6 @@ ARM = "two-joint-arm-a0"
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     """A stored run of a simulated arm: a swing of both joints, torques of the shipped parameters without friction."""
-    from balance.mechanism import Mechanism
     from balance.regressor import torque_regressor
 
     folder = tmp_path_factory.mktemp("campaign")
@@ -32,7 +32,7 @@ def run(tmp_path_factory):
     q = np.sin(np.outer(time, omega)) @ wave
     v = (np.cos(np.outer(time, omega)) * omega) @ wave
     a = (-np.sin(np.outer(time, omega)) * omega**2) @ wave
-    model = Mechanism.load(ARM)
+    model = load_mechanism(ARM)
     torque = torque_regressor(model, q, v, a) @ model.pi + np.random.default_rng(0).normal(0, 0.05, q.shape)
     log = folder / "swing.csv"
     table = np.column_stack([time, q, torque])

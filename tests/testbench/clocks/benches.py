@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from balance.quantities import G0
 from testbench.bench.recorded import SimulatedRun, lead_s, record_run
 from testbench.bench.run import BenchRun, simulate_run
@@ -79,7 +79,7 @@ class Case:
     @cached_property
     def bench(self) -> BenchRun:
         """What happens, but for chance."""
-        return simulate_run(self.rig, Mechanism.load(self.rig.mechanism), self.planned, lead_s(self.rig) + 0.2)
+        return simulate_run(self.rig, load_mechanism(self.rig.mechanism), self.planned, lead_s(self.rig) + 0.2)
 
     def recorded(self, seed: int) -> SimulatedRun:
         """One run of a campaign of its own; loggers start when they like, else encoders' steps would repeat."""
@@ -132,7 +132,7 @@ def stored(made: SimulatedRun, rig: Rig) -> MemoryRun:
 def aligned(case: Case, made: SimulatedRun) -> RunClocks:
     """The clocks as ``testbench align`` finds them."""
     run = stored(made, case.rig)
-    return align_run(run, case.rig, lambda: loaded(run, Mechanism.load(case.rig.mechanism)), drift=case.drift)
+    return align_run(run, case.rig, lambda: loaded(run, load_mechanism(case.rig.mechanism)), drift=case.drift)
 
 
 def truth(made: SimulatedRun, group: str, own: float) -> float:

@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from testbench import plan, rig
 from testbench.bench.campaign import simulate
 from testbench.ingest import Ingest, runsheet
 from testbench.store import Run, open_campaign
 
-MECHANISM = Mechanism.load("parallelogram-6bar")
+MECHANISM = load_mechanism("parallelogram-6bar")
 CONDITION = """
 [[conditions]]
 payload = "{payload} kg"

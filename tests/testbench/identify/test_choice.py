@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from balance.observability import observe
 from testbench.identify.choice import CUTOFFS_HZ, HeldOut, choose, delays, possible_cutoffs, unexplained
 from testbench.identify.evidence import gather
 
 from . import arms
 
-ARM = Mechanism.load("two-joint-arm-a0")
+ARM = load_mechanism("two-joint-arm-a0")
 
 
 def test_chosen_is_the_least_of_all():

@@ -4,14 +4,14 @@ import numpy as np
 
 from balance.forward import acceleration
 from balance.joint_terms import joint_terms
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from balance.regressor import torque_regressor
 from testbench.identify.deviation import DAMPING, Deviation
 from testbench.identify.evidence import gather
 
 from . import arms
 
-ARM = Mechanism.load("two-joint-arm-a0")
+ARM = load_mechanism("two-joint-arm-a0")
 PULL = 2.0
 
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from balance.identification import solve
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from balance.observability import observe
 from testbench.identify.evidence import REST_SPEED, gather, one_sided
 
 from . import arms
 
-ARM = Mechanism.load("two-joint-arm-a0")
+ARM = load_mechanism("two-joint-arm-a0")
 MOMENTS = ({"mcx[link_1]": 1.0, "m[link_2]": 0.3}, {"mcx[link_2]": 1.0})
 TRUTH = np.array([0.34912, 0.11106])
 

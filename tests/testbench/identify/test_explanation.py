@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from testbench.identify import identify
 from testbench.identify.explanation import SCALE_UNKNOWN, Explanation
 
 from . import arms
 
-ARM = Mechanism.load("two-joint-arm-a0")
+ARM = load_mechanism("two-joint-arm-a0")
 FIRST, SECOND = "mcx[link_1] + 0.3 m[link_2]", "mcx[link_2]"
 
 

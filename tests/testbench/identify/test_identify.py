@@ -5,14 +5,14 @@ import pytest
 
 from balance import sizing
 from balance.conditions import find
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from balance.observability import NotObservable
 from testbench.errors import AnalysisError
 from testbench.identify import identify
 
 from . import arms
 
-ARM = Mechanism.load("two-joint-arm-a0")
+ARM = load_mechanism("two-joint-arm-a0")
 MOMENTS = ({"mcx[link_1]": 1.0, "m[link_2]": 0.3}, {"mcx[link_2]": 1.0})
 
 
@@ -120,7 +120,7 @@ def test_two_records_together():
 
 def test_a_mechanism_with_a_loop():
     """A four-bar driven by one motor: what its torque determines is found, through the closed loop."""
-    mechanism = Mechanism.load("four-bar")
+    mechanism = load_mechanism("four-bar")
     found = identify([arms.record(mechanism, seed=2, noise=0.01, swing=(0.9, 2.5))], mechanism)
     for row, value in zip(found.identified.observability.combinations, found.identified.base, strict=True):
         low, high = found.value(row).interval

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from balance import datasets
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from testbench import rig as rigs
 from testbench.errors import AnalysisError
 from testbench.identify import joint_record
@@ -14,7 +14,7 @@ from testbench.ingest import Ingest
 from testbench.ingest.runsheet import PlannedRun
 from testbench.store import Run, open_run
 
-ARM = Mechanism.load("two-joint-arm-a0")
+ARM = load_mechanism("two-joint-arm-a0")
 TIME = np.arange(0.0, 2.0, 0.01)
 RIG = datasets.find("two-joint-arm-a0", "rigs", ".toml").read_text("utf-8")
 

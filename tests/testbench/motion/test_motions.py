@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from balance import datasets
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from testbench import rig as rigs
 from testbench.motion.legs import Leg, legs_of_acceleration
 from testbench.motion.motions import found, named
 
 from .. import memory
 
-MECHANISM = Mechanism.load("parallelogram-6bar")
+MECHANISM = load_mechanism("parallelogram-6bar")
 
 
 @pytest.mark.parametrize(("motion", "legs", "extent"), [("x", 3, 0.04), ("y", 3, 0.04), ("triangle", 5, 0.0320)])

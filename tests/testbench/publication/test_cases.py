@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from balance.conditions import find
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from testbench import plan
 from testbench.errors import AnalysisError
 from testbench.publication.cases import cases
@@ -22,7 +22,7 @@ def test_every_number_once(printed):
 
 def test_forces_follow_from_first_moments(printed):
     """A shaking force by acceleration is the balance conditions' residual by the length of the arms."""
-    mechanism = Mechanism.load("parallelogram-6bar")
+    mechanism = load_mechanism("parallelogram-6bar")
     conditions = find(mechanism)
     for run in plan.load("kiper2019").runs():
         loaded = mechanism.with_payload({"platform": run.payload}).with_counter_mass(run.counter_masses)

@@ -13,13 +13,14 @@ import os
 import sys
 from pathlib import Path
 
+from balance.loading.loading import load_mechanism
+
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: more threads cost more than they bring
 
 import numpy as np
 from scipy.stats import binomtest
 
 from balance.errors import CounterpoiseError
-from balance.mechanism import Mechanism
 from testbench import rig as rigs
 from testbench.bench.recorded import lead_s, record_run
 from testbench.bench.run import simulate_run
@@ -76,7 +77,7 @@ def deep_scene(memory, motion: str, masses: dict[str, float], rig: rigs.Rig):
             return memory.stored(rig, self.planned, made.logs, f"seed{seed}.h5")
 
     planned = memory.planned_run(motion, masses)
-    run = simulate_run(rig, Mechanism.load(memory.MANIPULATOR), planned, lead_s(rig) + 0.2)
+    run = simulate_run(rig, load_mechanism(memory.MANIPULATOR), planned, lead_s(rig) + 0.2)
     return Deep(rig, planned, run, {})
 
 
@@ -87,7 +88,7 @@ def main() -> None:
     asked.add_argument("--seeds", type=int, default=200)
     asked.add_argument("--bench", choices=["shipped", "other", "deep"], default="shipped")
     options = asked.parse_args()
-    memory, mechanism = _memory(), Mechanism.load("parallelogram-6bar")
+    memory, mechanism = _memory(), load_mechanism("parallelogram-6bar")
     scenes = campaigns(memory, options.source, bench(options.bench))
     found, refused, doubtful = [], 0, 0
     for seed in range(options.seeds):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from testbench import rig as rigs
 from testbench.rig.scatter import scatter
 from testbench.trim import calibration, trim_runs
@@ -18,7 +18,7 @@ MISSING = 0.0308090
 @pytest.fixture(scope="module")
 def manipulator():
     """The mechanism without payload and counter-masses."""
-    return Mechanism.load(memory.MANIPULATOR)
+    return load_mechanism(memory.MANIPULATOR)
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from balance import conditions
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from testbench.errors import AnalysisError
 from testbench.motion.derivatives import Grid
 from testbench.motion.gaps import Gaps
@@ -54,7 +54,7 @@ def test_trials_leave_a_run_with_a_gap_out():
     """By name; where no run is whole, they refuse."""
     runs = [memory.scene("x").run(k) for k in range(2)]
     cut = memory.without(runs[0], "controller", 0.4, 0.5)
-    model = Mechanism.load(memory.MANIPULATOR)
+    model = load_mechanism(memory.MANIPULATOR)
     case = Case([cut, runs[1]], [memory.scene("x").rig] * 2, model, conditions.find(model), [], None, {})
     kept, findings = without_gaps(case)
     assert kept.runs == [runs[1]]

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from testbench import rig as rigs
 from testbench.errors import AnalysisError
 from testbench.trim import trim_runs
@@ -24,7 +24,7 @@ MOTIONS = ("x", "y", "triangle")
 @pytest.fixture(scope="module")
 def manipulator():
     """The mechanism without payload and counter-masses."""
-    return Mechanism.load(memory.MANIPULATOR)
+    return load_mechanism(memory.MANIPULATOR)
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import pytest
 
 from balance import conditions, trim
 from balance.closure import Closure
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from balance.motion import Samples
 from testbench.motion.derivatives import rates
 from testbench.motion.joint_motion import encoders, loaded
@@ -24,7 +24,7 @@ STEP = 4.8e-5
 @pytest.fixture(scope="module")
 def case():
     """The runs of three motions, the conditions, the fit, the parameters that it found."""
-    mechanism = Mechanism.load(memory.MANIPULATOR)
+    mechanism = load_mechanism(memory.MANIPULATOR)
     runs = [memory.scene(motion).run(k) for k, motion in enumerate(("x", "y", "triangle"))]
     found = conditions.find(loaded(runs[0], mechanism))
     rigs = [memory.scene("x").rig] * 3

@@ -7,7 +7,7 @@ import pytest
 
 from balance import stock
 from balance.errors import CounterpoiseError
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from testbench import rig as rigs
 from testbench.errors import AnalysisError
 from testbench.trim import trim_runs
@@ -23,7 +23,7 @@ MISSING = 0.0308090
 @pytest.fixture(scope="module")
 def manipulator():
     """The mechanism without payload and counter-masses."""
-    return Mechanism.load(memory.MANIPULATOR)
+    return load_mechanism(memory.MANIPULATOR)
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +94,7 @@ def test_without_the_base_accelerometer(manipulator, triangle):
     rig = without_base_accelerometer(rigs.load(memory.MANIPULATOR))
     with pytest.raises(AnalysisError, match="forces is not aligned"):
         trim_runs([triangle.run(0)], manipulator, source="wrench", rig=rig)
-    arm = Mechanism.load("serial-2r")
+    arm = load_mechanism("serial-2r")
     rig = without_base_accelerometer(rigs.from_text(linkages.rig_text(arm)))
     found = trim_runs([linkages.run(arm)], arm, source="wrench", rig=rig)
     assert found.verdict == "doubtful"
@@ -150,7 +150,7 @@ def test_runs_of_two_mountings_are_refused(manipulator, triangle):
 @pytest.mark.parametrize("name", ["four-bar", "serial-2r"])
 def test_other_mechanisms_by_wrench(name):
     """A linkage and an arm on a force plate: what their counter-masses lack, within the interval."""
-    mechanism = Mechanism.load(name)
+    mechanism = load_mechanism(name)
     found = trim_runs([linkages.run(mechanism)], mechanism)
     masses = np.linalg.lstsq(*_system(mechanism, found), rcond=None)[0]
     for one, mass in zip(found.missing, masses, strict=True):
@@ -169,7 +169,7 @@ def _system(mechanism, found):
 
 def test_a_serial_arm_by_torque():
     """Motor torques of an arm tell what both its joints lack, with 1 kg mounted at each."""
-    mechanism = Mechanism.load("serial-2r")
+    mechanism = load_mechanism("serial-2r")
     mounted = {"counter_link_1": 1.0, "counter_link_2": 0.3}
     run = linkages.run(mechanism, counter_masses=mounted, plate=False, seconds=10.0, rate=250.0)
     found = trim_runs([run], mechanism)
