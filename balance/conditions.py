@@ -11,9 +11,9 @@ import numpy as np
 from .arrays import Floats
 from .closure import Closure
 from .combinations import echelon, row_space, text_of
+from .dynamics.regressor import momentum_regressor
 from .errors import ModelError
 from .mechanism import Mechanism
-from .regressor import momentum_regressor
 
 MOMENTA = {"linear": [0, 1, 2], "planar": [0, 1, 2, 5], "all": [0, 1, 2, 3, 4, 5]}
 """Linear momentum; with the angular one about z; with all three angular ones."""

@@ -20,7 +20,7 @@ import pinocchio
 from balance.arrays import Floats
 from balance.closure import Closure
 from balance.drive import PointDrive
-from balance.dynamics import simulate
+from balance.dynamics.inverse_dynamics import simulate
 from balance.loading.loading import load_mechanism, pinocchio_model
 from balance.mechanism import Mechanism
 from balance.motion import Samples

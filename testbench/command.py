@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from balance.arrays import Floats
+from balance.dynamics.moving_base import acceleration_in_body
 from balance.mechanism import Mechanism
 
-from .bench.carried import acceleration_in_body
 from .channels import in_si, instants
 from .errors import AnalysisError
 from .motion.derivatives import grid_of, noise_gain

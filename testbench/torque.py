@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from balance.arrays import Floats
-from balance.dynamics import simulate
+from balance.dynamics.inverse_dynamics import simulate
 from balance.mechanism import Mechanism
 
 from .channels import in_si, instants

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from balance.arrays import Floats
+from balance.dynamics.moving_base import skew
 
 from .amplitudes.faults import flat_tops
-from .bench.base import skew
 from .calibration.applied import crosses
 from .channels import in_si, instants
 from .errors import AnalysisError

@@ -29,7 +29,7 @@ def check(
     if not counter:
         raise click.UsageError("check needs the counter-masses to check: --counter SITE=M")
     from ..conditions import find
-    from ..gain import shaking_force_per_acceleration
+    from ..dynamics.inverse_dynamics import shaking_force_per_acceleration
     from ..quantities import G0
     from ..sizing import balanced_payload, given
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 from .console import emit_table
 
 if TYPE_CHECKING:
-    from ..dynamics import Response
+    from ..dynamics.inverse_dynamics import Response
 
 
 def summary(response: "Response") -> dict[str, Any]:

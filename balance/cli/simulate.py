@@ -11,7 +11,7 @@ from .console import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 
 if TYPE_CHECKING:
     from ..closure import Trajectory
-    from ..dynamics import Response
+    from ..dynamics.inverse_dynamics import Response
     from ..mechanism import Mechanism
 
 
@@ -47,7 +47,7 @@ def simulate(
     of the base frame; drive torque includes gravity.
     """
     from ..closure import Closure
-    from ..dynamics import simulate as respond
+    from ..dynamics.inverse_dynamics import simulate as respond
     from ..motion import DEFAULT_RATE_HZ
     from ..motion.reading import load_motion
     from ..quantities import parse

@@ -10,7 +10,7 @@ from .responses import print_responses, summary
 from .tables import first_moment, mass, per_cent
 
 if TYPE_CHECKING:
-    from ..dynamics import Response
+    from ..dynamics.inverse_dynamics import Response
     from ..mechanism import Mechanism
     from ..sizing import Sizing
 
@@ -112,7 +112,7 @@ def _sized(
 
 def _responses(result: "Sizing", motion: str) -> "dict[str, Response]":
     from ..closure import Closure
-    from ..dynamics import simulate
+    from ..dynamics.inverse_dynamics import simulate
     from ..motion import DEFAULT_RATE_HZ
     from ..motion.reading import load_motion
 

@@ -10,11 +10,11 @@ import numpy as np
 
 from ..arrays import Floats
 from ..closure import Closure, Trajectory
-from ..dynamics import simulate
+from ..dynamics.inverse_dynamics import simulate
+from ..dynamics.regressor import potential
 from ..errors import ModelError
 from ..mechanism import Mechanism
 from ..motion import Samples
-from ..potential import potential
 from .errors import DriveError
 from .periodic import Periodic
 

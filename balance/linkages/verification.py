@@ -12,7 +12,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..closure import Closure, Trajectory
-from ..dynamics import Response, simulate
+from ..dynamics.inverse_dynamics import Response, simulate
 from ..errors import ClosureError, ModelError
 from ..loading.loading import mechanism_from_text
 from ..mechanism import Mechanism

@@ -8,9 +8,9 @@ import numpy as np
 
 from ..arrays import Floats
 from ..closure import Trajectory
-from ..dynamics import Response, momentum, simulate
+from ..dynamics.inverse_dynamics import Response, momentum, simulate
+from ..dynamics.regressor import first_moment
 from ..mechanism import Mechanism
-from ..potential import first_moment
 from .outcome import Outcome
 
 _NOTHING = 1e-9

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..closure import Closure, Trajectory
-from ..dynamics import momentum, simulate
+from ..dynamics.inverse_dynamics import momentum, simulate
 from ..mechanism import Mechanism
 from .outcome import Outcome
 from .rotation import angular_velocity, rotation

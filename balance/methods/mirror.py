@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..closure import Trajectory
-from ..dynamics import Response, simulate
+from ..dynamics.inverse_dynamics import Response, simulate
 from ..mechanism import Mechanism
 from .outcome import Outcome
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..arrays import Floats
-from ..dynamics import Response
+from ..dynamics.inverse_dynamics import Response
 
 
 @dataclass(frozen=True)

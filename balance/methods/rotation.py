@@ -8,7 +8,7 @@ from .. import kinematics
 from ..arrays import Floats
 from ..closure import Trajectory
 from ..components import dense
-from ..dynamics import driven_rates
+from ..dynamics.inverse_dynamics import driven_rates
 from ..mechanism import Mechanism
 
 

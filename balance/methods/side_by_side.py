@@ -7,7 +7,7 @@ import numpy as np
 from .. import sizing
 from ..closure import Trajectory
 from ..conditions import find
-from ..dynamics import driven_rates, simulate
+from ..dynamics.inverse_dynamics import driven_rates, simulate
 from ..errors import ModelError, SizingError
 from ..mechanism import Mechanism
 from ..static import design as springs

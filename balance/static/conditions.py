@@ -5,9 +5,9 @@ import numpy as np
 from ..closure import Closure
 from ..combinations import echelon, row_space
 from ..conditions import Conditions, pivot_order
+from ..dynamics.regressor import potential_regressor
 from ..errors import ModelError
 from ..mechanism import Mechanism
-from ..potential import potential_regressor
 
 
 def find(mechanism: Mechanism) -> Conditions:

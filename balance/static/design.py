@@ -9,9 +9,9 @@ from scipy.optimize import linprog
 
 from ..arrays import Floats
 from ..closure import Closure
+from ..dynamics.regressor import potential
 from ..errors import ModelError, SizingError
 from ..mechanism import Mechanism
-from ..potential import potential
 from .springs import End, Spring, energy, unit_energies
 
 _STATES, _SEED = 120, 11

@@ -7,10 +7,10 @@ import numpy as np
 from ..arrays import Floats
 from ..closure import Closure
 from ..conditions import Conditions
-from ..dynamics import driven_rates, simulate
+from ..dynamics.inverse_dynamics import driven_rates, simulate
+from ..dynamics.regressor import potential
 from ..mechanism import Mechanism
 from ..motion import Samples
-from ..potential import potential
 from ..sizing import Sizing
 from .design import Springs
 from .springs import joint_torques, lengths

@@ -14,7 +14,7 @@ from balance import kinematics
 from balance.arrays import Floats
 from balance.closure import Trajectory
 from balance.components import Vector, dense
-from balance.dynamics import driven_rates, momentum
+from balance.dynamics.inverse_dynamics import driven_rates, momentum
 from balance.mechanism import Mechanism
 
 from ..rig.effects import Rotor

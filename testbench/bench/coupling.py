@@ -16,14 +16,12 @@ import numpy as np
 
 from balance.arrays import Floats
 from balance.closure import Trajectory
-from balance.dynamics import momentum
+from balance.dynamics.inverse_dynamics import momentum
+from balance.dynamics.moving_base import BaseMotion, ElasticBase, first_moment, inertia_along, skew, skews, times
 from balance.mechanism import Mechanism
 
 from ..errors import RigError
 from ..rig.effects import Rotor
-from .base import Base, BaseMotion, first_moment, skew
-from .carried import inertia_along, skews
-from .linear import times
 from .rotors import momentum as spin
 
 ROUNDS = 40
@@ -63,7 +61,7 @@ class Coupling:
         turning[:, 3:, 3:] -= skew(gravity) @ skews(wandered)
         return cls(inertia, gyration, turning)
 
-    def respond(self, base: Base, carried: Floats, push: Floats, step: float) -> BaseMotion:
+    def respond(self, base: ElasticBase, carried: Floats, push: Floats, step: float) -> BaseMotion:
         """Motion from rest under ``push`` (n, 6), the base holding ``carried``; the rest of M by iteration.
 
         Raises RigError if the mechanism is so heavy beside its base that the rounds do not agree.

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from balance.arrays import Floats
+from balance.dynamics.moving_base import BaseMotion, ElasticBase
 
-from .base import Base, BaseMotion
 from .noise import flat_density, floor_density, lines
 from .streams import stream
 
@@ -25,7 +25,7 @@ class Disturbance:
     """What the mechanism exerts on the base beyond its shaking wrench, about the origin, (n, 6) [N, N m]."""
 
 
-def draw(bench: "Bench", base: Base, count: int, step: float, seed: tuple[int, int]) -> Disturbance | None:
+def draw(bench: "Bench", base: ElasticBase, count: int, step: float, seed: tuple[int, int]) -> Disturbance | None:
     """``count`` samples every ``step`` [s] of all that the bench states; None where it states nothing.
 
     On each Fourier line x = (K - w^2 M + i w C)^-1 (W + (K + i w C) x_floor): stationary from the first sample.

@@ -3,8 +3,7 @@
 import numpy as np
 
 from balance.arrays import Floats
-
-from .linear import respond
+from balance.dynamics.moving_base import linear_response
 
 
 def low_pass(signal: Floats, corner: float, step: float) -> Floats:
@@ -12,11 +11,11 @@ def low_pass(signal: Floats, corner: float, step: float) -> Floats:
     omega, rest, passed = 2.0 * np.pi * corner, signal[0], signal - signal[0]
     for angle in (np.pi / 8.0, 3.0 * np.pi / 8.0):
         section = np.array([[0.0, 1.0], [-(omega**2), -2.0 * np.cos(angle) * omega]])
-        passed = respond(section, np.array([[0.0], [omega**2]]), passed[..., None], step)[..., 0]
+        passed = linear_response(section, np.array([[0.0], [omega**2]]), passed[..., None], step)[..., 0]
     return passed + rest
 
 
 def high_pass(signal: Floats, corner: float, step: float) -> Floats:
     """First order, as of AC coupling or a charge amplifier: s / (s + w), (n, ...); zero at the first sample."""
     omega, moved = 2.0 * np.pi * corner, signal - signal[0]
-    return moved - respond(np.array([[-omega]]), np.array([[omega]]), moved[..., None], step)[..., 0]
+    return moved - linear_response(np.array([[-omega]]), np.array([[omega]]), moved[..., None], step)[..., 0]

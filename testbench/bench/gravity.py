@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from balance.arrays import Floats
-
-from .base import displacement_at, first_moment, skew
+from balance.dynamics.moving_base import displacement_at, first_moment, skew
 
 if TYPE_CHECKING:
     from ..rig.bench import Mount

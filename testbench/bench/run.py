@@ -13,7 +13,8 @@ import numpy as np
 
 from balance.arrays import Floats
 from balance.closure import Closure, Trajectory
-from balance.dynamics import Response, simulate
+from balance.dynamics.inverse_dynamics import Response, simulate
+from balance.dynamics.moving_base import BaseMotion, ElasticBase, first_moment, locked_inertia, times
 from balance.errors import DataError
 from balance.mechanism import Mechanism
 from balance.motion import Samples
@@ -24,12 +25,10 @@ from ..plan import PlannedRun
 from ..rig import Rig
 from ..rig.bench import Bench
 from ..rig.effects import Rotor
+from ..rig.support_loads import elastic_base
 from . import disturbance, gravity, rotors, structure
-from .base import Base, BaseMotion, first_moment
 from .basetorque import torque_of_base
-from .carried import locked_inertia
 from .coupling import Coupling
-from .linear import times
 from .planes import with_planes
 
 RATE_HZ = 10_000.0
@@ -49,7 +48,7 @@ class BenchRun:
     """With the moment of the rotors."""
     carried: Floats
     """Inertia of the mechanism about the base frame's origin, (6, 6)."""
-    base: Base
+    base: ElasticBase
     motion: BaseMotion
     """Of the base."""
     gravity: Floats = field(default_factory=lambda: np.zeros(3))
@@ -175,9 +174,9 @@ def _loaded(mechanism: Mechanism, bench: Bench, planned: PlannedRun) -> Mechanis
     return loaded.with_counter_mass(planned.counter_masses)
 
 
-def _standing(bench: Bench, carried: Floats, mechanism: Mechanism) -> Base:
+def _standing(bench: Bench, carried: Floats, mechanism: Mechanism) -> ElasticBase:
     """The base under what it carries; where the rig states the weight, with what that does to its stiffness."""
-    base = Base.of(bench, carried)
+    base = elastic_base(bench, carried)
     if not bench.weight:
         return base
     added = gravity.stiffness(bench.mounts, base.stiffness, base.mass, mechanism.gravity)
@@ -191,7 +190,7 @@ def _with_rotors(response: Response, mechanism: Mechanism, bench: Bench, traject
 
 
 def _moved(
-    bench: Bench, mechanism: Mechanism, trajectory: Trajectory, response: Response, base: Base, carried: Floats
+    bench: Bench, mechanism: Mechanism, trajectory: Trajectory, response: Response, base: ElasticBase, carried: Floats
 ) -> tuple[BaseMotion, Coupling | None]:
     """How the base moves under what the mechanism does."""
     wrench = np.hstack([response.force, response.moment])

@@ -6,16 +6,14 @@ from typing import Any
 import numpy as np
 
 from balance.arrays import Floats
+from balance.dynamics.moving_base import acceleration_in_body, displacement_at, times
 from balance.errors import ModelError
 
 from ..errors import RigError
 from ..rig import Rig
 from ..rig import sensors as kinds
-from .base import displacement_at
-from .carried import acceleration_in_body
-from .linear import times
+from ..rig.support_loads import shares
 from .run import BenchRun
-from .supports import shares
 
 _WRENCH = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 

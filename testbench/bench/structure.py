@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from balance.arrays import Floats
-
-from .linear import respond
+from balance.dynamics.moving_base import linear_response
 
 if TYPE_CHECKING:
     from ..rig.effects import Mode
@@ -23,7 +22,7 @@ def coordinate(mode: "Mode", wrench: Floats, step: float) -> Floats:
     omega = 2.0 * np.pi * mode.frequency
     push = wrench @ np.array([*mode.translation, *mode.rotation]) / mode.mass
     back = np.array([-(omega**2), -2.0 * mode.damping * omega])
-    state = respond(np.array([[0.0, 1.0], back]), np.array([[0.0], [1.0]]), push[:, None], step)
+    state = linear_response(np.array([[0.0, 1.0], back]), np.array([[0.0], [1.0]]), push[:, None], step)
     return push + state @ back
 
 

@@ -14,10 +14,10 @@ import numpy as np
 
 from balance import conditions
 from balance.arrays import Floats
+from balance.dynamics.moving_base import acceleration_in_body
+from balance.dynamics.regressor import wrench_regressor
 from balance.mechanism import Mechanism
-from balance.regressor import wrench_regressor
 
-from ..bench.carried import acceleration_in_body
 from ..channels import in_si, instants
 from ..errors import AnalysisError
 from ..motion import base_motion

@@ -6,10 +6,10 @@ import numpy as np
 
 from balance.arrays import Floats
 from balance.closure import Closure, Trajectory
-from balance.joint_terms import TERMS, joint_terms
+from balance.dynamics.joint_friction import TERMS, joint_terms
+from balance.dynamics.regressor import driven_torque_regressor, wrench_regressor
 from balance.mechanism import Mechanism
 from balance.motion import Samples
-from balance.regressor import driven_torque_regressor, wrench_regressor
 
 from ..motion.derivatives import Rates
 from .record import JointRecord

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from balance.arrays import Floats
+from balance.dynamics.regressor import wrench_regressor
 from balance.mechanism import Mechanism
-from balance.regressor import wrench_regressor
 
 from ..errors import AnalysisError
 from ..motion import base_motion

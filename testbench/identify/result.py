@@ -10,8 +10,8 @@ from balance import conditions
 from balance.arrays import Floats
 from balance.combinations import text_of
 from balance.consistency import Consistent, consistent
+from balance.dynamics.joint_friction import TERMS
 from balance.identification import Identified, counter_mass_rows
-from balance.joint_terms import TERMS
 from balance.mechanism import Mechanism
 from balance.observability import NotObservable
 

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from balance.arrays import Floats, Indices
+from balance.dynamics.forward_dynamics import Inverse, refuse_loops, simulate_forward
+from balance.dynamics.joint_friction import TERMS, joint_terms
+from balance.dynamics.regressor import torque_regressor
 from balance.errors import ModelError
-from balance.forward import Inverse, refuse_loops, simulate_forward
-from balance.joint_terms import TERMS, joint_terms
 from balance.mechanism import Mechanism
-from balance.regressor import torque_regressor
 
 from .choice import FOLDS, STRETCHES
 from .evidence import Evidence, Part

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from balance.arrays import Floats
+from balance.dynamics.joint_friction import TERMS
 from balance.identification import Estimate
-from balance.joint_terms import TERMS
 from balance.mechanism import Mechanism
 
 from ..wrench import COMPONENTS

@@ -16,9 +16,9 @@ from balance import kinematics
 from balance.arrays import Floats
 from balance.closure import Trajectory
 from balance.components import dense
+from balance.dynamics.moving_base import displacement_at
 from balance.mechanism import Mechanism
 
-from ..bench.base import displacement_at
 from ..channels import in_si, instants
 
 if TYPE_CHECKING:

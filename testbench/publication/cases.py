@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from balance.arrays import Floats
 from balance.closure import Closure
-from balance.dynamics import Response, simulate
+from balance.dynamics.inverse_dynamics import Response, simulate
 from balance.loading.loading import load_mechanism
 from balance.mechanism import Mechanism
 from balance.motion import DEFAULT_RATE_HZ

@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from balance.arrays import Floats
-from balance.dynamics import simulate
+from balance.dynamics.inverse_dynamics import simulate
 from balance.errors import CounterpoiseError
 from balance.mechanism import Mechanism
 
-from ..bench.supports import shares
 from ..calibration.applied import crosses
 from ..channels import in_si, instants
 from ..clocks import stored
@@ -26,6 +25,7 @@ from ..findings import Finding
 from ..motion.derivatives import low_pass
 from ..motion.gaps import reach_of
 from ..motion.joint_motion import encoder_gaps, followed, group_of_encoders, loaded
+from ..rig.support_loads import shares
 from ..wrench import COMPONENTS
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ import numpy as np
 from balance import trim
 from balance.arrays import Floats, Indices
 from balance.conditions import Conditions
+from balance.dynamics.regressor import wrench_regressor
 from balance.mechanism import Mechanism
-from balance.regressor import wrench_regressor
 
 from ..channels import in_si
 from ..clocks.mapping import ClockMap

@@ -13,9 +13,9 @@ import numpy as np
 
 from balance.arrays import Floats
 from balance.closure import Closure, Trajectory
+from balance.dynamics.regressor import wrench_regressor
 from balance.mechanism import Mechanism
 from balance.motion import Samples
-from balance.regressor import wrench_regressor
 
 from ..motion.derivatives import rates
 from .vibration import POSITION_BANDWIDTH, Shaken

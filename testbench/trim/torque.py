@@ -13,9 +13,9 @@ from scipy.linalg import null_space
 
 from balance.arrays import Floats
 from balance.conditions import Conditions
-from balance.joint_terms import joint_terms
+from balance.dynamics.joint_friction import joint_terms
+from balance.dynamics.regressor import driven_torque_regressor
 from balance.mechanism import Mechanism
-from balance.regressor import driven_torque_regressor
 
 from ..channels import in_si, instants
 from ..clocks.mapping import ClockMap

@@ -16,11 +16,11 @@ from scipy.linalg import null_space
 from balance import trials
 from balance.arrays import Floats
 from balance.conditions import Conditions
+from balance.dynamics.moving_base import locked_inertia
+from balance.dynamics.regressor import wrench_regressor
 from balance.mechanism import Mechanism
-from balance.regressor import wrench_regressor
 from balance.trim import Free, Imbalance, site_columns
 
-from ..bench.carried import locked_inertia
 from ..clocks.mapping import ClockMap
 from ..errors import AnalysisError
 from ..findings import Finding

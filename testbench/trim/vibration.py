@@ -16,16 +16,16 @@ from scipy.linalg import null_space
 from balance.arrays import Floats
 from balance.closure import Trajectory
 from balance.conditions import Conditions
+from balance.dynamics.moving_base import ElasticBase, locked_inertia
+from balance.dynamics.regressor import wrench_regressor
 from balance.mechanism import Mechanism
-from balance.regressor import wrench_regressor
 
-from ..bench.base import Base
-from ..bench.carried import locked_inertia
 from ..clocks.mapping import ClockMap
 from ..errors import AnalysisError
 from ..motion import base_motion
 from ..motion.derivatives import Grid
 from ..motion.joint_motion import followed, loaded
+from ..rig.support_loads import elastic_base
 from .beside import reduction
 from .evidence import carried, clock_maps, motion_of, refuse_clipped_base, span_of
 from .parts import Part
@@ -55,7 +55,7 @@ class Shaken:
     """As mounted."""
     grid: Grid
     path: Trajectory
-    base: Base
+    base: ElasticBase
     """With the mechanism's inertia locked onto it."""
     sensors: base_motion.BaseAcceleration
     seen: Floats
@@ -162,6 +162,6 @@ def shaken(
     sound = Sound.of(run, rig, grid, {sensors.group}, maps, POSITION_BANDWIDTH * cutoff)
     sound.refuse_nothing(path)
     seen = carried(sensors.time, sensors.values, sensors.group, maps, grid)
-    base = Base.of(rig.bench, locked_inertia(model, path.q[0]))
+    base = elastic_base(rig.bench, locked_inertia(model, path.q[0]))
     used = span_of(path, grid, RINGING_S)
     return Shaken(model, grid, path, base, sensors, seen, used, cutoff, motion_of(run), sound)

@@ -9,9 +9,9 @@ from balance import closed_forms
 from balance.closure import Closure
 from balance.combinations import echelon, row_space
 from balance.conditions import Conditions, find
-from balance.dynamics import momentum
+from balance.dynamics.inverse_dynamics import momentum
+from balance.dynamics.regressor import momentum_regressor
 from balance.errors import ClosureError, ModelError
-from balance.regressor import momentum_regressor
 
 from . import models
 

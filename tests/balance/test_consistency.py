@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from balance.consistency import LEAST_SHARE, Consistent, consistent, pseudo_inertia
+from balance.dynamics.joint_friction import joint_terms
+from balance.dynamics.regressor import torque_regressor
 from balance.identification import Identified, solve
-from balance.joint_terms import joint_terms
 from balance.loading.loading import load_mechanism
 from balance.observability import observe
-from balance.regressor import torque_regressor
 
 from . import models
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from balance import conditions, sizing
+from balance.dynamics.regressor import torque_regressor
 from balance.errors import DataError
 from balance.identification import counter_mass_rows, solve, student_t
 from balance.observability import NotObservable, observe
-from balance.regressor import torque_regressor
 
 from . import models
 

@@ -8,14 +8,14 @@ import pytest
 
 from balance import conditions, sizing
 from balance.closure import Closure, Trajectory
-from balance.dynamics import momentum, simulate
+from balance.dynamics.inverse_dynamics import momentum, simulate
+from balance.dynamics.regressor import first_moment
 from balance.errors import ModelError
 from balance.loading.loading import load_mechanism, mechanism_from_text
 from balance.mechanism import Mechanism
 from balance.methods import active, counterinertia, mirror, printed, side_by_side
 from balance.motion import Samples
 from balance.motion.reading import load_motion
-from balance.potential import first_moment
 
 from . import models, referees
 from .test_static import chain

@@ -5,10 +5,10 @@ import pytest
 
 from balance import conditions
 from balance.combinations import text_of
+from balance.dynamics.joint_friction import joint_terms
+from balance.dynamics.regressor import torque_regressor, wrench_regressor
 from balance.errors import DataError
-from balance.joint_terms import joint_terms
 from balance.observability import NotObservable, observe
-from balance.regressor import torque_regressor, wrench_regressor
 
 from . import models
 

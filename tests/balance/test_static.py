@@ -8,9 +8,9 @@ import pytest
 
 from balance import sizing
 from balance.closure import Closure
+from balance.dynamics.regressor import first_moment, potential
 from balance.errors import DataError, ModelError, SizingError
 from balance.loading.loading import pinocchio_model
-from balance.potential import first_moment, potential
 from balance.static import conditions, design, springfile
 from balance.static.springs import End, Spring, energy, joint_torques, lengths
 

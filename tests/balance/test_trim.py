@@ -6,11 +6,11 @@ from scipy.stats import binomtest
 
 from balance import conditions, sizing, trim
 from balance.closure import Closure
+from balance.dynamics.regressor import wrench_regressor
 from balance.errors import DataError
 from balance.loading.loading import load_mechanism
 from balance.motion import Samples
 from balance.observability import NotObservable
-from balance.regressor import wrench_regressor
 
 MECHANISMS = ("parallelogram-6bar", "four-bar", "serial-2r", "serial-3r")
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from balance import conditions, sizing
+from balance.dynamics.regressor import torque_regressor
 from balance.loading.loading import load_mechanism
-from balance.regressor import torque_regressor
 
 ARMS = {
     "two-joint-arm-a0": (0.3, 0.3491, 0.1111, 0.053470810264216295, 0.02392374528789766, 0.6043459469186889),

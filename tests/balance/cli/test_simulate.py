@@ -7,7 +7,7 @@ import polars
 import pytest
 
 from balance.closure import Closure
-from balance.dynamics import simulate
+from balance.dynamics.inverse_dynamics import simulate
 from balance.motion.reading import load_motion
 
 from .. import models

@@ -5,7 +5,7 @@ import pytest
 
 from balance import datasets
 from balance.closure import Closure
-from balance.dynamics import simulate
+from balance.dynamics.inverse_dynamics import simulate
 from balance.engines import orders, reading, shafts
 from balance.engines.engine import Cylinder, Engine
 from balance.engines.firing import firing

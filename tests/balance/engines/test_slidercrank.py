@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from balance.closure import Closure
-from balance.dynamics import simulate
+from balance.dynamics.inverse_dynamics import simulate
 from balance.engines.engine import Cylinder, Engine
 from balance.engines.mechanism import mjcf
 from balance.engines.rod import replacements

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from balance.closure import Closure
-from balance.dynamics import momentum
+from balance.dynamics.inverse_dynamics import momentum
 from balance.errors import SizingError
 from balance.linkages.description import Place
 from balance.linkages.expressions import ORIGIN, Point, Symbol, read

@@ -174,7 +174,7 @@ def test_without_pinocchio_the_message_says_how_to_get_it() -> None:
 
 def test_joint_references_and_degrees_agree_with_mujoco() -> None:
     """Angles in degrees, a reference position, bodies turned by axis and angle: the same motion as MuJoCo's."""
-    from ..test_dynamics import assert_mujoco_agrees
+    from ..dynamics.test_inverse_dynamics import assert_mujoco_agrees
 
     text = models.skew_arm().replace('<compiler angle="radian"/>', "")
     text = text.replace('euler="0.3 -0.5 0.2"', 'axisangle="0.6 0 0.8 40"').replace(

@@ -8,7 +8,7 @@ import pinocchio
 import pytest
 
 from balance.closure import Closure
-from balance.dynamics import simulate
+from balance.dynamics.inverse_dynamics import simulate
 from balance.loading.loading import mechanism_from_text, pinocchio_model
 from balance.motion import Samples
 from balance.rotors import planes

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from balance import datasets
-from balance.dynamics import driven_rates
+from balance.dynamics.inverse_dynamics import driven_rates
 from testbench.bench.run import BenchRun
 from testbench.rig import Rig
 

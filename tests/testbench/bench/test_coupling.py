@@ -5,12 +5,12 @@ import pytest
 
 from balance.loading.loading import load_mechanism
 from testbench.bench import coupling
-from testbench.bench.base import Base
 from testbench.bench.run import simulate_run
 from testbench.errors import RigError
 from testbench.plan import PlannedRun
 from testbench.rig import Rig, load
 from testbench.rig.bench import Bench
+from testbench.rig.support_loads import elastic_base
 
 from .freebase import FreeBase
 
@@ -34,7 +34,7 @@ def run(rig: Rig, masses=BUILT, motion: str = "x"):
 def missing(rig: Rig, done, masses, gravity=(0.0, 0.0, 0.0)) -> np.ndarray:
     """What mounts must give and do not at the motion found, to first order, as a share of the wrench, (6,)."""
     samples = np.arange(0, len(done.time), 97)
-    referee, bare = FreeBase(rig, done, 5.0, masses, gravity), Base.of(rig.bench)
+    referee, bare = FreeBase(rig, done, 5.0, masses, gravity), elastic_base(rig.bench)
     asked = referee.linear(samples)[0]
     given = -(done.motion.displacement @ bare.stiffness.T + done.motion.velocity @ bare.damping.T)[samples]
     at_rest = referee.loads(samples[:1], 0.0)[0]

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from testbench.bench.base import Base
 from testbench.bench.disturbance import draw
 from testbench.bench.noise import FLOOR_VELOCITY, flat_density, floor_density, lines
 from testbench.errors import RigError
 from testbench.rig import from_text, load
 from testbench.rig.bench import Bench
+from testbench.rig.support_loads import elastic_base
 
 STEP, COUNT = 1e-3, 60_000
 
@@ -16,7 +16,7 @@ STEP, COUNT = 1e-3, 60_000
 def drawn(seed: int = 1, **settings):
     """A minute of the default bench."""
     bench = Bench.model_validate(settings)
-    return Base.of(bench), draw(bench, Base.of(bench), COUNT, STEP, (7, seed))
+    return elastic_base(bench), draw(bench, elastic_base(bench), COUNT, STEP, (7, seed))
 
 
 def density(signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

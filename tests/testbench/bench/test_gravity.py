@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
+from balance.dynamics.moving_base import displacement_at, first_moment
 from balance.loading.loading import load_mechanism
 from testbench.bench import gravity
 from testbench.bench import run as runs
-from testbench.bench.base import Base, displacement_at, first_moment
 from testbench.bench.run import simulate_run
 from testbench.bench.sensors import base_acceleration, signals
-from testbench.bench.supports import transport
 from testbench.plan import PlannedRun
 from testbench.rig import Rig, load
 from testbench.rig.bench import Bench
+from testbench.rig.support_loads import elastic_base, transport
 
 from .freebase import FreeBase
 
@@ -64,7 +64,7 @@ def test_wandering_against_mujoco():
     samples = np.arange(0, len(done.time), 97)
     referee = FreeBase(rig, done, 5.0, {}, G)
     asked = referee.linear(samples)[0] - referee.loads(samples[:1], 0.0)[0]
-    bare = Base.of(rig.bench, done.carried)
+    bare = elastic_base(rig.bench, done.carried)
     sunk = np.linalg.solve(bare.stiffness, np.r_[bare.mass[0, 0] * G, np.cross(first_moment(bare.mass), G)])
     given = np.zeros((len(samples), 6))
     for mount in rig.bench.mounts:
@@ -88,7 +88,7 @@ def test_a_pendulum_upside_down():
         for z in (-0.2, 0.2)
     ]
     frame = {"mass": "100 kg", "centre": ["0 m", "0 m", "0 m"], "inertia": "1 kg m^2", "mounts": legs}
-    base = Base.of(Bench.model_validate(frame))
+    base = elastic_base(Bench.model_validate(frame))
     added = gravity.stiffness(Bench.model_validate(frame).mounts, base.stiffness, base.mass, G)
     assert added[3:, 3:] == pytest.approx(np.diag([-981.0, 0.0, -981.0]), abs=1e-9)
     assert not np.any(added[:3])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from balance.closure import Closure
-from balance.dynamics import simulate
+from balance.dynamics.inverse_dynamics import simulate
 from balance.loading.loading import load_mechanism, mechanism_from_text
 from balance.motion.reading import load_motion
 from testbench.bench.planes import with_planes

@@ -6,10 +6,10 @@ import pytest
 from balance.loading.loading import load_mechanism
 from testbench.bench.run import payload_body, simulate_run
 from testbench.bench.sensors import signals
-from testbench.bench.supports import transport
 from testbench.errors import RigError
 from testbench.plan import PlannedRun
 from testbench.rig import Rig, load
+from testbench.rig.support_loads import elastic_base, transport
 
 EXACT = {"counter_A0A": 24.276118, "counter_B0B": 24.276118}
 RIG = load("parallelogram-6bar")
@@ -39,10 +39,8 @@ def supported(done, rig: Rig) -> np.ndarray:
 
 def test_base_moves_by_what_the_sensors_carry():
     """Newton for the bare base: the sensors' wrench, dampers and springs give its momentum."""
-    from testbench.bench.base import Base
-
     done = run({})
-    bare = Base.of(RIG.bench)
+    bare = elastic_base(RIG.bench)
     m = done.motion
     left = m.acceleration @ bare.mass.T + m.velocity @ bare.damping.T + m.displacement @ bare.stiffness.T
     assert left == pytest.approx(supported(done, RIG), abs=1e-9 * np.abs(left).max())

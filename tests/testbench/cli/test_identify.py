@@ -23,7 +23,7 @@ ARM = "two-joint-arm-a0"
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     """A stored run of a simulated arm: a swing of both joints, torques of the shipped parameters without friction."""
-    from balance.regressor import torque_regressor
+    from balance.dynamics.regressor import torque_regressor
 
     folder = tmp_path_factory.mktemp("campaign")
     time = np.arange(0.0, 6.0, 0.005)

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from balance.closure import Closure
-from balance.joint_terms import joint_terms
+from balance.dynamics.joint_friction import joint_terms
+from balance.dynamics.regressor import driven_torque_regressor
 from balance.mechanism import Mechanism
 from balance.motion import Samples
-from balance.regressor import driven_torque_regressor
 from testbench import recordings
 from testbench.identify import JointRecord
 from testbench.motion.derivatives import Grid

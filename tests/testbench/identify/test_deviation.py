@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from balance.forward import acceleration
-from balance.joint_terms import joint_terms
+from balance.dynamics.forward_dynamics import acceleration
+from balance.dynamics.joint_friction import joint_terms
+from balance.dynamics.regressor import torque_regressor
 from balance.loading.loading import load_mechanism
-from balance.regressor import torque_regressor
 from testbench.identify.deviation import DAMPING, Deviation
 from testbench.identify.evidence import gather
 

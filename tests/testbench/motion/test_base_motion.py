@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from balance.dynamics.moving_base import displacement_at
 from balance.mechanism import Mechanism
-from testbench.bench.base import displacement_at
 from testbench.motion import base_motion
 
 from .. import memory

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from balance.closure import Closure
-from balance.dynamics import simulate
+from balance.dynamics.inverse_dynamics import simulate
 from balance.mechanism import Mechanism
 from balance.motion import Samples
 from testbench.recording import Channel, UniformClock

@@ -85,7 +85,7 @@ def test_the_wrench_changes_with_acceleration_by_the_inertia(case):
     at = [run.model.coordinate_index(joint) for joint in joints]
     samples = [x[:, at] for x in (run.path.q, run.path.v, run.path.a)]
     more = Closure(run.model).follow(Samples(run.path.time, samples[0], samples[1], samples[2] + 3.0, joints))
-    from balance.regressor import wrench_regressor
+    from balance.dynamics.regressor import wrench_regressor
 
     wrench = [wrench_regressor(run.model, p.q, p.v, p.a) @ pi for p in (run.path, more)]
     assert wrench[1] - wrench[0] == pytest.approx(3.0 * by_rate.sum(axis=2), abs=1e-4 * np.abs(by_rate).max())

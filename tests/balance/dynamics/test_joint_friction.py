@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from balance.joint_terms import TERMS, joint_terms
+from balance.dynamics.joint_friction import TERMS, joint_terms
 
 V = np.array([[2.0, -3.0], [-2.0, 0.0]])
 A = np.array([[0.5, 4.0], [-1.0, 2.0]])

@@ -8,9 +8,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .arrays import Floats
-from .errors import ModelError
-from .mechanism import Mechanism
+from ..arrays import Floats
+from ..errors import ModelError
+from ..mechanism import Mechanism
 
 Inverse = Callable[[Floats, Floats, Floats], Floats]
 """Torques (n, nv) [N m, N] of the states q, v, a (n, nv)."""

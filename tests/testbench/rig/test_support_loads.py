@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from testbench.bench.supports import shares, transport
 from testbench.errors import RigError
 from testbench.rig import load
+from testbench.rig.support_loads import shares, transport
 
 SUPPORTS = load("parallelogram-6bar").supports
 WRENCHES = np.random.default_rng(3).normal(size=(50, 6))

@@ -1,24 +1,113 @@
 """Momentum, shaking wrench and drive torque of a mechanism along a trajectory, by summing over bodies.
 
 The same quantities as ``regressor.W @ pi``, without building W: for one design at many instants.
+
+The physics of one body is linear in its ten inertial parameters ``row``, (m, m cx, m cy, m cz, Ixx, Ixy, Iyy, Ixz, Iyz,
+Izz), inertia about the origin of the joint's frame, as in ``mechanism.PARAMETERS``: a unit row gives a column of a
+regressor, the body's own row gives its load.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from . import body, kinematics
-from .arrays import Floats
-from .blocks import in_blocks
-from .body import Load
-from .closure import Trajectory
-from .components import ZERO, Entry, add, dense, fill, minus, mul, sub
-from .errors import ClosureError, ModelError
-from .mechanism import Mechanism
+from .. import kinematics
+from ..arrays import Floats
+from ..blocks import in_blocks
+from ..closure import Closure, Trajectory
+from ..components import (
+    ZERO,
+    Entry,
+    Matrix,
+    Vector,
+    add,
+    apply,
+    apply_transposed,
+    cross,
+    dense,
+    dot,
+    fill,
+    minus,
+    mul,
+    plus,
+    scale,
+    sub,
+    vector,
+)
+from ..drive import PointDrive
+from ..errors import ClosureError, ModelError
+from ..kinematics import Motion, Pose
+from ..mechanism import Mechanism
+from ..motion import Samples
 
 _DEAD_CENTRE = 1e-6
 """Share of their largest effect on the mechanism at which driven joints count as having none."""
+
+
+@dataclass(frozen=True)
+class SpatialForce:
+    """A force [N] and its moment [N m] about the base frame's origin, or a linear and an angular momentum.
+
+    Six entries, each an (n,) array or a number that holds for all n instants.
+    """
+
+    force: Vector = ZERO
+    moment: Vector = ZERO
+
+    def plus(self, other: "SpatialForce") -> "SpatialForce":
+        """Sum of two."""
+        return SpatialForce(plus(self.force, other.force), plus(self.moment, other.moment))
+
+    def minus(self, other: "SpatialForce") -> "SpatialForce":
+        """Difference of two."""
+        return SpatialForce(minus(self.force, other.force), minus(self.moment, other.moment))
+
+    def along(self, at: Pose, joint: int, revolute: bool) -> Entry:
+        """Share along a joint's axis: torque [N m] or force [N]."""
+        if revolute:
+            return dot(at.axis[joint], minus(self.moment, cross(at.position[joint], self.force)))
+        return dot(at.axis[joint], self.force)
+
+
+def body_momentum(row: Floats, at: Pose, moving: Motion, joint: int) -> SpatialForce:
+    """Linear [kg m/s] and angular momentum about the base origin [kg m2/s], o the joint's origin, h the first moment:
+
+    p = m v_o + w x h,   L = o x p + h x v_o + I w.
+    """
+    first, omega, velocity = at.arm(joint, row[1:4]), moving.omega[joint], moving.velocity[joint]
+    linear = plus(scale(float(row[0]), velocity), cross(omega, first))
+    spin = _inertia_times(at.rotation[joint], row, omega)
+    return SpatialForce(linear, plus(plus(cross(at.position[joint], linear), cross(first, velocity)), spin))
+
+
+def body_force(row: Floats, at: Pose, moving: Motion, joint: int) -> SpatialForce:
+    """Force [N] and moment about the base origin [N m] that move the body. Newton-Euler about the joint's origin o:
+
+    F = m a_o + al x h + w x (w x h),   M = o x F + h x a_o + I al + w x (I w).
+    """
+    first, acceleration = at.arm(joint, row[1:4]), moving.acceleration[joint]
+    omega, alpha = moving.omega[joint], moving.alpha[joint]
+    swept = plus(cross(alpha, first), cross(omega, cross(omega, first)))
+    force = plus(scale(float(row[0]), acceleration), swept)
+    spin = _inertia_times(at.rotation[joint], row, alpha)
+    gyroscopic = cross(omega, _inertia_times(at.rotation[joint], row, omega))
+    moment = plus(plus(cross(at.position[joint], force), cross(first, acceleration)), plus(spin, gyroscopic))
+    return SpatialForce(force, moment)
+
+
+def body_weight(row: Floats, at: Pose, gravity: Floats, joint: int) -> SpatialForce:
+    """Weight [N] and its moment about the base origin [N m]."""
+    g = vector(gravity)
+    centre = plus(scale(float(row[0]), at.position[joint]), at.arm(joint, row[1:4]))
+    return SpatialForce(scale(float(row[0]), g), cross(centre, g))
+
+
+def _inertia_times(rotation: Matrix, row: Floats, angular: Vector) -> Vector:
+    """Inertia about the joint's origin times a base-frame vector."""
+    xx, xy, yy, xz, yz, zz = (float(x) for x in row[4:])
+    inertia = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
+    return apply(rotation, apply(inertia, apply_transposed(rotation, angular)))
 
 
 @dataclass(frozen=True)
@@ -86,23 +175,23 @@ def momentum(mechanism: Mechanism, q: Floats, v: Floats) -> Floats:
     """Linear momentum [kg m/s], then angular about the base frame's origin [kg m2/s], for (n, nv) states, (n, 6)."""
     at = kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
     moving = kinematics.motion(mechanism.tree, at, np.ascontiguousarray(v.T))
-    total = Load()
+    total = SpatialForce()
     for row, joint in zip(mechanism.parameters, mechanism.tree.bodies, strict=True):
-        total = total.plus(body.momentum(row, at, moving, joint))
+        total = total.plus(body_momentum(row, at, moving, joint))
     return np.concatenate([dense(total.force, at.count), dense(total.moment, at.count)]).T
 
 
-def _loads(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> tuple[Load, Load, list[Entry]]:
+def _loads(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> tuple[SpatialForce, SpatialForce, list[Entry]]:
     """Rate of momentum, weight, and the torque of every joint of the open tree."""
     tree = mechanism.tree
     at = kinematics.pose(tree, q)
     moving = kinematics.motion(tree, at, v, a)
-    inertial, weight = [Load()] * tree.size, [Load()] * tree.size
+    inertial, weight = [SpatialForce()] * tree.size, [SpatialForce()] * tree.size
     for row, joint in zip(mechanism.parameters, tree.bodies, strict=True):
-        inertial[joint] = body.rate_of_momentum(row, at, moving, joint)
-        weight[joint] = body.weight(row, at, mechanism.gravity, joint)
+        inertial[joint] = body_force(row, at, moving, joint)
+        weight[joint] = body_weight(row, at, mechanism.gravity, joint)
     torque: list[Entry] = [0.0] * tree.size
-    total, total_weight = Load(), Load()
+    total, total_weight = SpatialForce(), SpatialForce()
     for i in reversed(range(tree.size)):
         revolute, parent = tree.joints[i].revolute, tree.joints[i].parent
         torque[i] = sub(inertial[i].along(at, i, revolute), weight[i].along(at, i, revolute))
@@ -164,3 +253,24 @@ def _refuse_undetermined(mechanism: Mechanism, per_drive: Floats, driven: tuple[
             f"{mechanism.name} has {per_drive.shape[2]} degrees of freedom and {len(driven)} driven joints "
             f"({', '.join(driven)}): their torques are not determined"
         )
+
+
+def shaking_force_per_acceleration(mechanism: Mechanism, body: str) -> float | None:
+    """Largest shaking force per acceleration of a body's centre in the plane x-y, whatever its direction [N/(m/s2)].
+
+    None where the position of that body does not determine the mechanism, so that there is no such number.
+    """
+    closure = Closure(mechanism)
+    drive = PointDrive.of(mechanism, body, ("x", "y"))
+    if drive.size != closure.dof:
+        return None
+    at = drive.value(mechanism, closure.home)
+    rest = Samples(np.zeros(1), at[None], np.zeros((1, 2)), np.zeros((1, 2)), point=body)
+    try:
+        columns = [
+            simulate(replace(mechanism, driven=()), closure.follow(replace(rest, acceleration=unit[None]))).force[0]
+            for unit in np.eye(2)
+        ]
+    except ClosureError:
+        return None
+    return float(np.linalg.svd(np.array(columns), compute_uv=False)[0])

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from balance import datasets
+from balance.dynamics.forward_dynamics import acceleration, refuse_loops, simulate_forward
+from balance.dynamics.regressor import torque_regressor
 from balance.errors import ModelError
-from balance.forward import acceleration, refuse_loops, simulate_forward
 from balance.loading.loading import load_mechanism
-from balance.regressor import torque_regressor
 
 ARM = load_mechanism("serial-3r")
 STEP = 1e-3

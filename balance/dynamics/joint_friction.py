@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .arrays import Floats
+from ..arrays import Floats
 
 COULOMB_SPEED = 0.05
 """Speed at which dry friction has reached 76 % of its value [rad/s, m/s]: a sign that has noise about zero is none."""

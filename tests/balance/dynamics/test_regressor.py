@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from balance import regressor
-from balance.dynamics import driven_rates, momentum, simulate
+from balance.dynamics import regressor
+from balance.dynamics.inverse_dynamics import driven_rates, momentum, simulate
 from balance.loading.loading import pinocchio_model
 from balance.mechanism import Mechanism
 
-from . import models, referees
+from .. import models, referees
 
 EVERY = [*models.BUILT_IN, "skew arm", "spatial four-bar", "Bennett"]
 

@@ -1,18 +1,19 @@
-"""Momentum, shaking wrench and joint torque as ``W @ pi``: linear in the inertial parameters of all bodies.
+"""First moment, momentum, shaking wrench, joint torque and potential energy as ``W @ pi``.
 
-Columns are the mechanism's ``parameter_names``. States need not be closed: what is projected on loops comes after.
+Linear in the inertial parameters of all bodies: columns are the mechanism's ``parameter_names``. States need not be
+closed: what is projected on loops comes after.
 """
 
 from collections.abc import Callable
 
 import numpy as np
 
-from . import body, kinematics
-from .arrays import Floats
-from .body import Load
-from .components import fill
-from .kinematics import Motion, Pose
-from .mechanism import PARAMETERS, Mechanism
+from .. import kinematics
+from ..arrays import Floats
+from ..components import dense, fill
+from ..kinematics import Motion, Pose
+from ..mechanism import PARAMETERS, Mechanism
+from .inverse_dynamics import SpatialForce, body_force, body_momentum, body_weight
 
 _UNIT_ROWS = np.eye(len(PARAMETERS))
 
@@ -23,7 +24,7 @@ def momentum_regressor(mechanism: Mechanism, q: Floats, v: Floats) -> Floats:
     ``q`` and ``v`` are (n, nv).
     """
     at, moving = _states(mechanism, q, v)
-    return _six_rows(mechanism, at, lambda row, joint: body.momentum(row, at, moving, joint))
+    return _six_rows(mechanism, at, lambda row, joint: body_momentum(row, at, moving, joint))
 
 
 def wrench_regressor(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> Floats:
@@ -32,7 +33,7 @@ def wrench_regressor(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> F
     What the mechanism exerts on its base, weight excluded, base axes; ``q``, ``v``, ``a`` are (n, nv).
     """
     at, moving = _states(mechanism, q, v, a)
-    return -_six_rows(mechanism, at, lambda row, joint: body.rate_of_momentum(row, at, moving, joint))
+    return -_six_rows(mechanism, at, lambda row, joint: body_force(row, at, moving, joint))
 
 
 def torque_regressor(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> Floats:
@@ -44,7 +45,7 @@ def torque_regressor(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> F
     at, moving = _states(mechanism, q, v, a)
     columns = np.zeros((len(mechanism.bodies) * len(PARAMETERS), tree.size, at.count))
     for column, (row, joint) in zip(columns, _unit_bodies(mechanism), strict=True):
-        load = body.rate_of_momentum(row, at, moving, joint).minus(body.weight(row, at, mechanism.gravity, joint))
+        load = body_force(row, at, moving, joint).minus(body_weight(row, at, mechanism.gravity, joint))
         for i in tree.path(joint):
             column[i] = load.along(at, i, tree.joints[i].revolute)
     return _samples_first(columns)
@@ -58,6 +59,35 @@ def driven_torque_regressor(mechanism: Mechanism, q: Floats, v: Floats, a: Float
     return np.einsum("nij,nik->njk", rates, torque_regressor(mechanism, q, v, a))
 
 
+def first_moment_regressor(mechanism: Mechanism, q: Floats) -> Floats:
+    """W with ``W @ pi`` = first moment of mass about the base frame's origin [kg m], (n, 3, 10 nb), for (n, nv) states.
+
+    A body at o turned by R has m o + R h: columns o and those of R.
+    """
+    at = kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
+    columns = np.zeros((len(q), 3, len(mechanism.bodies), len(PARAMETERS)))
+    for body, joint in enumerate(mechanism.tree.bodies):
+        columns[:, :, body, 0] = dense(at.position[joint], at.count).T
+        for axis in range(3):
+            columns[:, :, body, 1 + axis] = dense(at.arm(joint, np.eye(3)[axis]), at.count).T
+    return columns.reshape(len(q), 3, -1)
+
+
+def first_moment(mechanism: Mechanism, q: Floats) -> Floats:
+    """First moment of mass about the base frame's origin, (n, 3) [kg m], for (n, nv) states."""
+    return first_moment_regressor(mechanism, q) @ mechanism.pi
+
+
+def potential_regressor(mechanism: Mechanism, q: Floats) -> Floats:
+    """W with ``W @ pi`` = potential energy of weight [J], (n, 10 nb), for (n, nv) states: V = -g . first moment."""
+    return np.einsum("i,nik->nk", -mechanism.gravity, first_moment_regressor(mechanism, q))
+
+
+def potential(mechanism: Mechanism, q: Floats) -> Floats:
+    """Potential energy of weight, zero with all mass at the height of the base's origin, (n,) [J]."""
+    return -first_moment(mechanism, q) @ mechanism.gravity
+
+
 def _states(mechanism: Mechanism, q: Floats, v: Floats, a: Floats | None = None) -> tuple[Pose, Motion]:
     at = kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
     rates = None if a is None else np.ascontiguousarray(a.T)
@@ -69,7 +99,7 @@ def _unit_bodies(mechanism: Mechanism) -> list[tuple[Floats, int]]:
     return [(row, joint) for joint in mechanism.tree.bodies for row in _UNIT_ROWS]
 
 
-def _six_rows(mechanism: Mechanism, at: Pose, load_of: Callable[[Floats, int], Load]) -> Floats:
+def _six_rows(mechanism: Mechanism, at: Pose, load_of: Callable[[Floats, int], SpatialForce]) -> Floats:
     columns = np.empty((len(mechanism.bodies) * len(PARAMETERS), 6, at.count))
     for column, (row, joint) in zip(columns, _unit_bodies(mechanism), strict=True):
         load = load_of(row, joint)

@@ -6,15 +6,25 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
+from balance import kinematics
 from balance.closure import Closure, Trajectory
-from balance.dynamics import Response, momentum, simulate
+from balance.components import dense
+from balance.dynamics.inverse_dynamics import (
+    Response,
+    body_force,
+    body_momentum,
+    momentum,
+    shaking_force_per_acceleration,
+    simulate,
+)
 from balance.errors import ClosureError, ModelError
 from balance.loading.loading import pinocchio_model
-from balance.mechanism import Mechanism
+from balance.mechanism import Mechanism, Site
 from balance.motion import Samples
 from balance.motion.reading import load_motion
+from balance.quantities import G0
 
-from . import models, referees
+from .. import models, referees
 
 OTHERS = {
     "skew arm": models.skew_arm(),
@@ -223,3 +233,63 @@ def test_a_motor_at_a_dead_centre_is_refused() -> None:
     trajectory = Closure(mechanism).follow(load_motion("four-bar").sample(1000.0))
     with pytest.raises(ClosureError, match="dead centre of B0 at t = "):
         simulate(mechanism, trajectory)
+
+
+def test_a_disc_is_its_mass_at_a_site() -> None:
+    """1 kg at a site: parameters of a disc normal to z by Steiner's theorem, its trace the sum of squares."""
+    site = Site("s", 0, np.array([0.3, -0.4, 0.1]), radius_of_gyration=0.2)
+    m, *first, xx, xy, yy, xz, yz, zz = site.unit_mass()
+    assert (m, first) == (1.0, [0.3, -0.4, 0.1])
+    at_centre = np.diag([0.02, 0.02, 0.04])
+    steiner = 0.26 * np.eye(3) - np.outer(first, first)
+    np.testing.assert_allclose([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], at_centre + steiner, atol=1e-15)
+
+
+def test_a_link_turning_steadily() -> None:
+    """A bar turning at w about z: m c w of momentum, J w of angular momentum, m c w2 of centripetal force."""
+    mechanism, w = models.load("serial-1r"), 3.0
+    at = kinematics.pose(mechanism.tree, np.array([[0.5]]))
+    moving = kinematics.motion(mechanism.tree, at, np.array([[w]]))
+    row = mechanism.parameters[0]
+    carried, load = body_momentum(row, at, moving, 0), body_force(row, at, moving, 0)
+    assert np.linalg.norm(dense(carried.force, 1)) == pytest.approx(1.2 * 0.14 * w)
+    assert dense(carried.moment, 1)[2, 0] == pytest.approx(row[9] * w)
+    np.testing.assert_allclose(
+        dense(load.force, 1)[:, 0], -1.2 * 0.14 * w**2 * np.array([np.cos(0.5), np.sin(0.5), 0.0]), atol=1e-12
+    )
+    np.testing.assert_allclose(dense(load.moment, 1), 0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize("name", models.MANIPULATORS)
+def test_unbalanced_at_5_kg(name: str) -> None:
+    """59.617 N per g0 at 5 kg: the first moment 0.9116 kg m over r, times g0."""
+    mechanism = models.load(name).with_payload({"platform": 5.0})
+    force = shaking_force_per_acceleration(mechanism, "platform")
+    assert force is not None
+    assert force * G0 == pytest.approx(59.617, abs=5e-4)
+    assert force * G0 == pytest.approx(24.276118 * 0.03755 / 0.15 * G0, rel=1e-6)
+
+
+def test_balanced_is_nothing() -> None:
+    """With the exact counter-masses no force, whatever the direction."""
+    mechanism = models.load("parallelogram-6bar").with_payload({"platform": 5.0})
+    balanced = mechanism.with_counter_mass({"counter_A0A": 24.276118069, "counter_B0B": 24.276118069})
+    assert shaking_force_per_acceleration(balanced, "platform") == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_point_mass_on_an_arm_shakes_with_its_mass() -> None:
+    """A 2R arm whose only mass is at its tip: one newton per m/s2 and kilogram, in every direction."""
+    text = models.load("serial-2r").text
+    text = text.replace('mass="1.2"', 'mass="1e-9"').replace('pos="0.11 0 0" mass="0.9"', 'pos="0.25 0 0" mass="3"')
+    assert shaking_force_per_acceleration(models.model(text), "link_2") == pytest.approx(3.0, rel=1e-6)
+
+
+def test_where_there_is_no_such_number() -> None:
+    """One degree of freedom, or three: the centre's position does not determine the mechanism."""
+    assert shaking_force_per_acceleration(models.load("four-bar"), "AB") is None
+    assert shaking_force_per_acceleration(models.load("serial-3r"), "link_3") is None
+
+
+def test_a_body_that_does_not_move_the_mechanism() -> None:
+    """The first link of a 2R arm moves on a circle: its centre in the plane says nothing of the second link."""
+    assert shaking_force_per_acceleration(models.load("serial-2r"), "link_1") is None

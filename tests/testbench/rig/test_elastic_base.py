@@ -3,16 +3,17 @@
 import numpy as np
 import pytest
 
-from testbench.bench.base import Base, displacement_at, skew
+from balance.dynamics.moving_base import ElasticBase, displacement_at, skew
 from testbench.errors import RigError
 from testbench.rig.bench import Bench
+from testbench.rig.support_loads import elastic_base
 
 RATE = 10_000.0
 
 
-def base() -> Base:
+def base() -> ElasticBase:
     """The default frame on four feet: no symmetry, all six degrees of freedom coupled."""
-    return Base.of(Bench())
+    return elastic_base(Bench())
 
 
 def pulse(count: int, seed: int = 1) -> np.ndarray:
@@ -127,7 +128,7 @@ def test_mounts_in_line():
     text = {"stiffness": "1 kN/m", "damping": "1 N s/m"}
     mounts = [{"position": [f"{x} m", "0 m", "0 m"], **text} for x in (0, 1, 2)]
     with pytest.raises(RigError, match=r"bench\.mounts"):
-        Base.of(Bench.model_validate({"mounts": mounts}))
+        elastic_base(Bench.model_validate({"mounts": mounts}))
 
 
 def test_skew():

@@ -1,0 +1,218 @@
+"""Rigid bodies on a base that moves: its inertia, elastic mounts and response, and what is felt on the moving bodies.
+
+Small motions x = (u, phi): translation of the base frame's origin [m], rotation [rad], base axes, from equilibrium.
+With the mechanism's inertia locked onto the base and w its shaking wrench about the same origin:
+
+    (M_base + M_mechanism) x'' + C x' + K x = w
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from .. import kinematics
+from ..arrays import Floats
+from ..closure import Trajectory
+from ..components import dense
+from ..kinematics import Pose
+from ..mechanism import Mechanism
+
+BLOCK = 128
+"""Samples a block: about the square root of the samples of a run."""
+_ROWS = 1024
+"""Rows in one product, so few that BLAS stays on one thread: more threads cost more here than they bring."""
+
+
+def skew(vector: Floats) -> Floats:
+    """The matrix S with S b = vector x b, (3, 3)."""
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def skews(vectors: Floats) -> Floats:
+    """The matrices S with S b = vector x b for vectors (n, 3), (n, 3, 3)."""
+    return np.cross(vectors[:, None, :], np.eye(3)[None], axis=-1).transpose(0, 2, 1)
+
+
+def displacement_at(point: Floats) -> Floats:
+    """The matrix J with J x = u + phi x point, (3, 6)."""
+    return np.hstack([np.eye(3), -skew(point)])
+
+
+def rigid_body(mass: float, first: Floats, inertia: Floats) -> Floats:
+    """Mass matrix about the origin, (6, 6): ``first`` moment of mass [kg m] and ``inertia`` [kg m2] about it."""
+    return np.block([[mass * np.eye(3), -skew(first)], [skew(first), inertia]])
+
+
+def first_moment(mass: Floats) -> Floats:
+    """First moment of mass (..., 3) [kg m] of mass matrices (..., 6, 6)."""
+    return np.stack([mass[..., 5, 1], mass[..., 3, 2], mass[..., 4, 0]], axis=-1)
+
+
+def locked_inertia(mechanism: Mechanism, q: Floats) -> Floats:
+    """Mass matrix of the mechanism, locked at ``q`` (nv,), about the base frame's origin, (6, 6) [kg, kg m, kg m2]."""
+    return inertia_along(mechanism, q[None])[0]
+
+
+def inertia_along(mechanism: Mechanism, q: Floats) -> Floats:
+    """Mass matrices of the mechanism at configurations (n, nv) about the base frame's origin, (n, 6, 6).
+
+    For a body with first moment h and inertia I about its joint's origin o, all in base axes:
+    I_0 = I - S(o) S(h) - S(h) S(o) - m S(o) S(o).
+    """
+    at = kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
+    first, second = np.zeros((at.count, 3)), np.zeros((at.count, 3, 3))
+    for row, joint in zip(mechanism.parameters, mechanism.tree.bodies, strict=True):
+        turn = np.moveaxis(_rotation(at, joint), 2, 0)
+        origin, own_first, mass = dense(at.position[joint], at.count).T, turn @ row[1:4], float(row[0])
+        xx, xy, yy, xz, yz, zz = row[4:]
+        own = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.transpose(0, 2, 1)
+        first += mass * origin + own_first
+        second += own + _moved(origin, own_first) + _moved(own_first, origin) + mass * _moved(origin, origin)
+    return _mass_matrices(mechanism.total_mass, first, second)
+
+
+def _moved(a: Floats, b: Floats) -> Floats:
+    """-S(a) S(b) = (a . b) 1 - b a', (n, 3, 3)."""
+    return np.einsum("ni,ni->n", a, b)[:, None, None] * np.eye(3) - np.einsum("ni,nj->nij", b, a)
+
+
+def _mass_matrices(mass: float, first: Floats, inertia: Floats) -> Floats:
+    found = np.zeros((len(first), 6, 6))
+    found[:, :3, :3] = mass * np.eye(3)
+    found[:, 3:, :3] = skews(first)
+    found[:, :3, 3:] = -found[:, 3:, :3]
+    found[:, 3:, 3:] = inertia
+    return found
+
+
+def acceleration_in_body(
+    mechanism: Mechanism, trajectory: Trajectory, base: Floats, body: str, position: Floats
+) -> Floats:
+    """Acceleration of a point of a body, in the body's axes, (n, 3) [m/s2].
+
+    ``base`` (n, 6) are the base's accelerations u'', phi'' [m/s2, rad/s2]: R' (a + u'' + phi'' x p).
+    """
+    q, v, a = (np.ascontiguousarray(x.T) for x in (trajectory.q, trajectory.v, trajectory.a))
+    at = kinematics.pose(mechanism.tree, q)
+    moving = kinematics.motion(mechanism.tree, at, v, a)
+    joint = mechanism.tree.bodies[mechanism.body_index(body)]
+    point = dense(at.point(joint, position), at.count).T
+    relative = dense(kinematics.point_acceleration(at, moving, joint, position), at.count).T
+    absolute = relative + base[:, :3] + np.cross(base[:, 3:], point)
+    return np.einsum("ijn,ni->nj", _rotation(at, joint), absolute)
+
+
+def _rotation(at: Pose, joint: int) -> Floats:
+    """Rotation from a joint's frame to the base, (3, 3, n)."""
+    return np.stack([dense(at.arm(joint, unit), at.count) for unit in np.eye(3)], axis=1)
+
+
+@dataclass(frozen=True)
+class BaseMotion:
+    """Motion of the base frame, translations first: (n, 6) each."""
+
+    displacement: Floats
+    """[m, rad]"""
+    velocity: Floats
+    """[m/s, rad/s]"""
+    acceleration: Floats
+    """[m/s2, rad/s2]"""
+
+    def plus(self, other: "BaseMotion") -> "BaseMotion":
+        """This motion and another: the base is linear."""
+        return BaseMotion(
+            self.displacement + other.displacement,
+            self.velocity + other.velocity,
+            self.acceleration + other.acceleration,
+        )
+
+    def acceleration_at(self, point: Floats) -> Floats:
+        """Acceleration of a point of the base, base axes, (n, 3) [m/s2]; small motions, no centripetal part."""
+        return self.acceleration @ displacement_at(point).T
+
+
+@dataclass(frozen=True)
+class ElasticBase:
+    """Mass, damping and stiffness about the base frame's origin, (6, 6) each, SI."""
+
+    mass: Floats
+    damping: Floats
+    stiffness: Floats
+
+    @property
+    def frequencies_hz(self) -> Floats:
+        """Undamped natural frequencies, rising, (6,) [Hz]."""
+        from scipy.linalg import eigh
+
+        return np.sqrt(eigh(self.stiffness, self.mass, eigvals_only=True)) / (2.0 * np.pi)
+
+    def state_space(self) -> tuple[Floats, Floats]:
+        """A (12, 12) and B (12, 6) of y' = A y + B w with y = (x, x')."""
+        a, b = np.zeros((12, 12)), np.zeros((12, 6))
+        a[:6, 6:] = np.eye(6)
+        a[6:, :6], a[6:, 6:] = (-np.linalg.solve(self.mass, matrix) for matrix in (self.stiffness, self.damping))
+        b[6:] = np.linalg.inv(self.mass)
+        return a, b
+
+    def respond(self, wrench: Floats, step: float) -> BaseMotion:
+        """Motion from rest under a wrench (n, 6) [N, N m] sampled every ``step`` [s]; exact where that is linear."""
+        a, b = self.state_space()
+        state = linear_response(a, b, wrench, step)
+        return BaseMotion(state[:, :6], state[:, 6:], times(a[6:], state) + times(b[6:], wrench))
+
+
+def linear_response(a: Floats, b: Floats, driven: Floats, step: float) -> Floats:
+    """States (n, ..., k) of y' = A y + B w from rest, exact where w is linear between samples.
+
+    ``driven`` is w, (n, ..., m), sampled every ``step`` [s].
+
+    y[i+1] = P y[i] + Q0 w[i] + Q1 w[i+1], from the exponential of the system with w and its slope appended.
+    """
+    phi, now, after = _propagator(a.tobytes(), b.tobytes(), len(a), step)
+    state = np.zeros((*driven.shape[:-1], len(a)))
+    state[1:] = times(now, driven[:-1]) + times(after, driven[1:])
+    return _accumulated(phi, state)
+
+
+def times(matrix: Floats, vectors: Floats) -> Floats:
+    """Matrix (j, k) times each of ``vectors`` (..., k), (..., j)."""
+    rows = np.ascontiguousarray(vectors).reshape(-1, matrix.shape[1])
+    found, across = np.empty((len(rows), len(matrix))), np.ascontiguousarray(matrix.T)
+    for begin in range(0, len(rows), _ROWS):
+        np.matmul(rows[begin : begin + _ROWS], across, out=found[begin : begin + _ROWS])
+    return found.reshape(*vectors.shape[:-1], len(matrix))
+
+
+def _accumulated(phi: Floats, pushes: Floats) -> Floats:
+    """y[i] = P y[i-1] + push[i] for all i: within all blocks at once, then from block to block."""
+    size, blocks = phi.shape[0], -(-len(pushes) // BLOCK)
+    held = np.zeros((blocks * BLOCK, pushes.size // (len(pushes) * size), size))
+    held[: len(pushes)] = pushes.reshape(len(pushes), -1, size)
+    held = held.reshape(blocks, BLOCK, -1, size)
+    powers = [phi]
+    for i in range(1, BLOCK):
+        held[:, i] += times(phi, held[:, i - 1])
+        powers.append(powers[-1] @ phi)
+    carried = held[:, -1].copy()
+    for k in range(1, blocks):
+        carried[k] += carried[k - 1] @ powers[-1].T
+    for i, power in enumerate(powers):
+        held[1:, i] += times(power, carried[:-1])
+    return held.reshape(-1, *pushes.shape[1:])[: len(pushes)]
+
+
+@lru_cache(maxsize=64)
+def _propagator(a_bytes: bytes, b_bytes: bytes, size: int, step: float) -> tuple[Floats, Floats, Floats]:
+    """P, Q0 and Q1 of A (size, size) and B (size, m), which come as their bytes: the same system is asked for often."""
+    from scipy.linalg import expm
+
+    a, b = np.frombuffer(a_bytes).reshape(size, size), np.frombuffer(b_bytes).reshape(size, -1)
+    inputs = b.shape[1]
+    system = np.zeros((size + 2 * inputs,) * 2)
+    system[:size, :size], system[:size, size : size + inputs] = a * step, b * step
+    system[size : size + inputs, size + inputs :] = np.eye(inputs)
+    full = expm(system)
+    slope = full[:size, size + inputs :]
+    return full[:size, :size], full[:size, size : size + inputs] - slope, slope
