@@ -13,6 +13,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +82,11 @@ class Kernel:
 
         parts = [binding.get_default_triple(), *_processor(), *(version(name) for name in ("llvmlite", "numba"))]
         return hashlib.sha256(self.source.read_bytes() + "\0".join(parts).encode()).hexdigest()[:16]
+
+
+def can_compile() -> bool:
+    """Whether numba is installed (the extra ``compiled``); it is not imported."""
+    return find_spec("numba") is not None
 
 
 def folder() -> Path:

@@ -150,14 +150,14 @@ def _write(
 
 
 def _write_csv(check: "Verification", path: str) -> None:
-    import polars
+    from ..table_files import write_csv_file
 
     columns = {}
     for name, run in (("constant", check.constant), ("varying", check.varying)):
         columns[f"time_{name}_s"] = run.trajectory.time
         for stage in run.responses:
             columns |= {f"{name}_{stage}_{column}": values for column, values in run.series(stage).items()}
-    polars.DataFrame({name: values.copy() for name, values in columns.items()}).write_csv(path)
+    write_csv_file(path, columns)
 
 
 def _print(

@@ -92,16 +92,13 @@ def _write(
     model: "Mechanism", trajectory: "Trajectory", response: "Response", csv: str | None, parquet: str | None
 ) -> None:
     """Time series with units in the column names."""
-    import polars
+    from ..table_files import write_csv_file, write_parquet
 
     columns = {"time_s": response.time} | response.columns()
     for joint, q, v, a in zip(model.coordinates, trajectory.q.T, trajectory.v.T, trajectory.a.T, strict=True):
         unit = "rad" if model.tree.joints[model.coordinates.index(joint)].revolute else "m"
         columns |= {f"q_{joint}_{unit}": q, f"v_{joint}_{unit}_per_s": v, f"a_{joint}_{unit}_per_s2": a}
-    table = polars.DataFrame({name: values.copy() for name, values in columns.items()})
     if csv:
-        with open(csv, "wb") as file:
-            file.write(b"# origin: simulated\n")
-            table.write_csv(file)
+        write_csv_file(csv, columns, "# origin: simulated\n")
     if parquet:
-        table.write_parquet(parquet, metadata={"origin": "simulated"})
+        write_parquet(parquet, columns, {"origin": "simulated"})

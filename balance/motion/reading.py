@@ -1,5 +1,6 @@
 """Motion files: TOML with way-points, or with a CSV of samples."""
 
+import csv
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -81,19 +82,20 @@ def read_samples(path: Path, joints: tuple[str, ...], point: str | None, axes: t
 
     Velocity and acceleration are those of the quintic spline through the samples.
     """
-    import pandas
     from scipy.interpolate import make_interp_spline
 
     columns = ["time (s)", *(f"{name} ({'rad' if joints else 'm'})" for name in joints or axes)]
     try:
-        table = pandas.read_csv(path)
-        sliding = bool(joints) and f"{joints[0]} (m)" in table
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            names, *rows = (row for row in csv.reader(stream) if row)
+        sliding = bool(joints) and f"{joints[0]} (m)" in names
         if sliding:
             columns = ["time (s)", *(f"{name} (m)" for name in joints)]
-        values = table[columns].to_numpy(dtype=float)
+        places = [names.index(name) for name in columns]
+        values = np.array([[float(row[i]) for i in places] for row in rows]).reshape(-1, len(columns))
     except FileNotFoundError as error:
         raise DataError(f"samples: no such file {path.name!r}") from error
-    except (KeyError, ValueError) as error:
+    except (IndexError, ValueError) as error:
         raise DataError(f"samples: {path.name} must hold the columns {', '.join(columns)} of numbers") from error
     time = values[:, 0]
     if len(time) < 6 or not np.isfinite(values).all() or not (np.diff(time) > 0).all():

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from balance.table_files import write_parquet
+
 from .sampling import is_irregular
 from .sensors import base_acceleration
 from .transducers import draw
@@ -36,16 +38,11 @@ _ACCELERATION = tuple(
 
 def write_run(folder: Path, rig: "Rig", run: "SimulatedRun", balance: "Conditions") -> dict[str, Any]:
     """Write a run's time series, SI; returns what else is true of it. ``balance`` are the mechanism's conditions."""
-    import polars
-
-    columns = time_series(rig, run.bench)
-    polars.DataFrame({name: values.copy() for name, values in columns.items()}).write_parquet(
-        folder / f"{run.planned.name}.parquet"
-    )
+    write_parquet(folder / f"{run.planned.name}.parquet", time_series(rig, run.bench))
     for name, log in run.logs.items():
         if is_irregular(rig.loggers[name]):
-            instants = polars.DataFrame({"logged_s": log.time, "true_s": log.true})
-            instants.write_parquet(folder / f"{run.planned.name}_{name}.instants.parquet")
+            instants = {"logged_s": log.time, "true_s": log.true}
+            write_parquet(folder / f"{run.planned.name}_{name}.instants.parquet", instants)
     return {
         "run": run.planned.name,
         **run.planned.conditions,

@@ -163,9 +163,9 @@ def _machine(options: dict[str, Any], mean: float) -> Any:  # noqa: ANN401
 
 
 def _write(course: dict[str, Any], path: Path) -> None:
-    import polars
+    from balance.table_files import write_csv_file
 
-    polars.DataFrame(course).write_csv(path)
+    write_csv_file(path, course)
 
 
 def _print(result: dict[str, Any]) -> None:

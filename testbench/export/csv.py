@@ -3,17 +3,15 @@
 import csv
 from pathlib import Path
 
+from balance.table_files import write_csv
+
 from ..recording import UniformClock
 from ..store import Run
 from .columns import columns, line, provenance, unlisted_findings
 
-_AT_ONCE = 1 << 17
-
 
 def write(run: Run, groups: list[str], target: Path) -> list[str]:
     """Write one group. Each number is the shortest text that reads back to it."""
-    import polars
-
     (group,) = groups
     found = columns(run, group)
     headers = [" ".join(column.header.splitlines()) for column in found]
@@ -27,9 +25,8 @@ def write(run: Run, groups: list[str], target: Path) -> list[str]:
             text.write(f"# rate: {clock.rate_hz!r} Hz\n")
         comment = any("#" in header for header in headers)  # unless it is quoted
         csv.writer(text, lineterminator="\n", quoting=csv.QUOTE_ALL if comment else csv.QUOTE_MINIMAL).writerow(headers)
-    table = polars.DataFrame({str(i): column.values for i, column in enumerate(found)})
     with target.open("ab") as stream:
-        table.write_csv(stream, include_header=False, batch_size=_AT_ONCE)
+        write_csv(stream, [column.values for column in found])
     losses = [
         f"name {column.header!r} is written on one line"
         for column, header in zip(found, headers, strict=True)

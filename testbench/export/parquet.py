@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from balance.table_files import write_parquet
+
 from ..store import Run
 from .columns import columns, line, provenance, unique
 
@@ -11,15 +13,10 @@ KEY = "counterpoise"
 
 def write(run: Run, groups: list[str], target: Path) -> list[str]:
     """Write one group."""
-    import polars
-
     (group,) = groups
     found = columns(run, group)
     names = unique([column.channel.name for column in found])
     units = {name: column.channel.unit for name, column in zip(names, found, strict=True)}
-    table = polars.DataFrame({name: column.values for name, column in zip(names, found, strict=True)})
-    try:
-        table.write_parquet(target, metadata={KEY: line({"group": group, **provenance(run), "units": units})})
-    except polars.exceptions.PolarsError as error:
-        raise OSError(str(error)) from error
+    table = {name: column.values for name, column in zip(names, found, strict=True)}
+    write_parquet(target, table, {KEY: line({"group": group, **provenance(run), "units": units})})
     return []

@@ -158,7 +158,7 @@ class Ingest:
 
     def _provenance(self, sources: Sequence[Source]) -> dict[str, Any]:
         return {
-            "software": {name: version(name) for name in ("counterpoise", "h5py", "numpy", "polars")},
+            "software": {name: version(name) for name in ("counterpoise", "h5py", "numpy")},
             "written": datetime.now(UTC).isoformat(timespec="seconds"),
             "accepted_findings": sorted(self.accepted),
             "sources": [source.provenance() for source in sources],

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from balance.arrays import Floats
 
 from ..errors import AnalysisError
+from ..native import can_compile
 
 SEGMENT = 4096
 """Samples of a segment where none is asked for."""
@@ -79,10 +80,11 @@ def _summed(channels: Sequence[Floats], window: Floats, count: int) -> Matrix:
     step = max(1, BLOCK // len(window))
     parts = [range(i, min(i + step, count)) for i in range(0, count, step)]
     size = count * len(window) * len(channels)
+    compiled = can_compile()
     if size < WORTH_A_THREAD:
-        return _Share(channels, window, step, size >= WORTH).over(parts)
+        return _Share(channels, window, step, compiled and size >= WORTH).over(parts)
     with ThreadPoolExecutor(2) as pool:
-        shares = [pool.submit(_Share(channels, window, step, True).over, parts[i::2]) for i in range(2)]
+        shares = [pool.submit(_Share(channels, window, step, compiled).over, parts[i::2]) for i in range(2)]
         return np.asarray(shares[0].result() + shares[1].result())
 
 

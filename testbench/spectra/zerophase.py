@@ -11,6 +11,8 @@ import numpy as np
 
 from balance.arrays import Floats
 
+from ..native import can_compile
+
 _NOTHING = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 0.0])
 """A section that passes what it is given."""
 LANES = 4
@@ -33,7 +35,7 @@ def zero_phase(sections: Floats, channels: Floats, padding: int, out: Floats | N
     from scipy.signal import sosfilt_zi, sosfiltfilt
 
     passed = np.empty(channels.shape) if out is None else out
-    if channels.size < WORTH:
+    if channels.size < WORTH or not can_compile():
         passed[...] = sosfiltfilt(sections, channels, padtype="even", padlen=padding)
         return passed
     if len(sections) % 2:

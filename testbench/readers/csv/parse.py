@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from io import BytesIO
 
 import numpy as np
 
@@ -11,9 +11,6 @@ from ...recording import Samples
 from .dialect import Dialect
 from .lines import count_lines
 from .quotes import unquoted
-
-if TYPE_CHECKING:
-    import polars
 
 _NEVER_WRITTEN = "\x1f"  # a separator that no log holds, so that a mark in a number or text is never taken for one
 _NO_NUMBER = b"\x1a"
@@ -54,28 +51,26 @@ class Form:
 
     def columns(self, plain: bytes) -> list[Samples] | None:
         """The columns of rows, cells that are no number as NaN; None if a row has too many cells or too few."""
-        comma = self.dialect.decimal == ","
-        if comma and b"." in plain:
-            plain = plain.replace(b".", _NO_NUMBER)  # else 1.5 would pass for one and a half
-        frame = self._frame(plain, comma, strict=True)
-        if frame is None:  # some cell is no number: it becomes null, and is looked at by itself
-            frame = self._frame(plain, comma, strict=False)
-        if frame is None or frame.height != count_lines(plain):
+        if self.dialect.decimal == ",":
+            plain = plain.replace(b".", _NO_NUMBER).replace(b",", b".")  # else 1.5 would pass for one and a half
+        if not plain.strip():
             return None
-        return [np.asarray(frame.to_series(i).to_numpy(), dtype=np.float64) for i in range(self.fields)]
-
-    def _frame(self, plain: bytes, decimal_comma: bool, strict: bool) -> "polars.DataFrame | None":
-        import polars
-
         try:
-            return polars.read_csv(
-                plain,
-                has_header=False,
-                schema={str(i): polars.Float64 for i in range(self.fields)},
-                separator=self.separator,
-                decimal_comma=decimal_comma,
-                quote_char=None,
-                ignore_errors=not strict,
-            )
-        except polars.exceptions.PolarsError:
+            table = np.loadtxt(BytesIO(plain), delimiter=self.separator, comments=None, ndmin=2, encoding="latin-1")
+        except ValueError:  # some cell is no number: it becomes NaN, and is looked at by itself
+            return self._cell_by_cell(plain)
+        return list(table.T.copy()) if table.shape == (count_lines(plain), self.fields) else None
+
+    def _cell_by_cell(self, plain: bytes) -> list[Samples] | None:
+        rows = [line.split(self.separator.encode()) for line in plain.removesuffix(b"\n").split(b"\n")]
+        if any(len(row) != self.fields for row in rows):
             return None
+        return [np.array([_number(cell) for cell in column]) for column in zip(*rows, strict=True)]
+
+
+def _number(cell: bytes) -> float:
+    """The number of a cell; NaN where it is none, as 1_000."""
+    try:
+        return float(cell) if b"_" not in cell else np.nan
+    except ValueError:
+        return np.nan
