@@ -1,9 +1,16 @@
-"""A brief simulated campaign, made once, for the tests of what comes after the logs."""
+"""Simulated campaigns, each made once a test run, for the tests of what comes after the logs; and the command."""
 
+import contextlib
+import hashlib
+import io
+import subprocess
+import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from filelock import FileLock
 
 
 class Simulated(NamedTuple):
@@ -31,24 +38,78 @@ def simulated(folder: Path, plan: str, rig: str = "parallelogram-6bar") -> Simul
     return Simulated(folder / "logs", campaign)
 
 
-def built(*motions: str) -> str:
-    """A plan of these motions at 3.4116 kg with the counter-masses that were built for it, one run each."""
-    return f"""
-mechanism = "parallelogram-6bar"
-seed = 5
+CONDITION = """
 [[conditions]]
-payload = "3.4116 kg"
-counter_masses = {{ counter_A0A = "17.1105 kg", counter_B0B = "17.1105 kg" }}
-motion = {list(motions)}
+payload = "{} kg"
+{}motion = {}
 peak_acceleration = "3 g0"
 also_without = false
 """
 
 
+def conditions(*several: tuple[float, float, tuple[str, ...]], seed: int = 5) -> str:
+    """A plan of payloads [kg], counter-masses on each arm [kg] (zero: none) and motions, one run each."""
+    mounted = 'counter_masses = {{ counter_A0A = "{0} kg", counter_B0B = "{0} kg" }}\n'
+    parts = [CONDITION.format(p, mounted.format(m) if m else "", list(motions)) for p, m, motions in several]
+    return f'mechanism = "parallelogram-6bar"\nseed = {seed}\n' + "".join(parts)
+
+
+def built(*motions: str) -> str:
+    """A plan of these motions at 3.4116 kg with the counter-masses that were built for it."""
+    return conditions((3.4116, 17.1105, motions))
+
+
 @pytest.fixture(scope="session")
-def brief(tmp_path_factory: pytest.TempPathFactory) -> Simulated:
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Simulated]:
+    """Campaigns by plan and rig, each made once for all processes of a test run; who changes one copies it first."""
+    base = tmp_path_factory.getbasetemp()
+    base = (base.parent if base.name.startswith("popen-") else base) / "shared"
+    base.mkdir(exist_ok=True)
+
+    def made(plan: str, rig: str = "parallelogram-6bar") -> Simulated:
+        folder = base / hashlib.sha256(f"{rig}\n{plan}".encode()).hexdigest()[:16]
+        with FileLock(f"{folder}.lock"):
+            if not (folder / "whole").exists():
+                folder.mkdir()
+                simulated(folder, plan, rig)
+                (folder / "whole").touch()
+        return Simulated(folder / "logs", folder / "campaign")
+
+    return made
+
+
+@pytest.fixture(scope="session")
+def brief(shared: Callable[..., Simulated]) -> Simulated:
     """The shipped brief plan: four conditions, with and without counter-masses."""
     from balance import datasets
 
-    text = datasets.find("kiper2019-brief", "plans", ".toml").read_text("utf-8")
-    return simulated(tmp_path_factory.mktemp("brief"), text)
+    return shared(datasets.find("kiper2019-brief", "plans", ".toml").read_text("utf-8"))
+
+
+@pytest.fixture(scope="session")
+def pair_built(shared: Callable[..., Simulated]) -> Simulated:
+    """Two runs, x and a triangle, at 3.4116 kg with the counter-masses that were built for it."""
+    return shared(built("x", "triangle"))
+
+
+@pytest.fixture
+def command() -> Callable[..., tuple[int, str, str]]:
+    """``testbench`` with words, in this process: exit code, standard output and error."""
+    return lambda *words: (lambda done: (done.returncode, done.stdout, done.stderr))(call(*words))
+
+
+def call(*words: object) -> subprocess.CompletedProcess[str]:
+    """``testbench`` with words as a process of its own would do it, but in this one."""
+    from testbench.cli import main
+
+    out, err, before = io.StringIO(), io.StringIO(), sys.argv
+    sys.argv = ["testbench", *map(str, words)]
+    try:
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            main()
+        code = 0
+    except SystemExit as stop:
+        code = int(stop.code or 0)
+    finally:
+        sys.argv = before
+    return subprocess.CompletedProcess(list(map(str, words)), code, out.getvalue(), err.getvalue())

@@ -138,9 +138,8 @@ def test_registry_is_complete():
             recordings.named(wrong)
 
 
+@pytest.mark.recordings
 def test_recordings_at_hand_are_those_of_the_registry():
     """Every recording in the folder that the environment names has the registered content."""
-    if recordings.FOLDER_VARIABLE not in os.environ:
-        pytest.skip(f"{recordings.FOLDER_VARIABLE} is not set: no real recordings at hand")
     for name in recordings.registry():
         assert recordings.find(name) == Path(os.environ[recordings.FOLDER_VARIABLE]) / name

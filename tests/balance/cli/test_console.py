@@ -1,6 +1,7 @@
 """Both commands at the face: exit codes, one message each, no traceback ever, quick help."""
 
 import json
+import os
 import subprocess
 import sys
 import time
@@ -140,8 +141,18 @@ def test_help_takes_at_most_four_times_bare_python(package):
         f"import sys; sys.argv = ['{package}', '--help']\nfrom {package}.cli import main\n"
         "try: main()\nexcept SystemExit as end: assert not end.code"
     )
-    bare, shown = zip(*((seconds("-c", "pass"), seconds("-c", call)) for _ in range(9)), strict=True)
+    bare, shown = zip(*((seconds("-c", "pass"), seconds("-c", call)) for _ in range(5)), strict=True)
     assert min(shown) < 4 * min(bare)
+
+
+def test_linear_algebra_keeps_to_one_thread(balance, monkeypatch):
+    """Unless the environment asks for more."""
+    for given, expected in (({}, "1"), ({"OPENBLAS_NUM_THREADS": "3"}, "3")):
+        monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+        for name, value in given.items():
+            monkeypatch.setenv(name, value)
+        balance("--version")
+        assert os.environ["OPENBLAS_NUM_THREADS"] == expected
 
 
 @pytest.mark.parametrize("module", ["balance.closed_forms", "balance.cli", "balance.quantities", "balance.conditions"])

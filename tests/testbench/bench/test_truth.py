@@ -3,8 +3,6 @@
 import ast
 import json
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +19,8 @@ from testbench.cli.align import align
 from testbench.cli.analyze import analyze
 from testbench.cli.compare import compare
 from testbench.cli.trim import trim
+
+from ..conftest import call as command
 
 PLAN = """
 mechanism = "parallelogram-6bar"
@@ -43,12 +43,6 @@ def made(tmp_path_factory) -> Path:
     ingested = command("ingest", *logs, "--rig", RIG, "--runs", folder / "logs" / "runs.csv", "-o", folder / "campaign")
     assert ingested.returncode in {0, 3}
     return folder
-
-
-def command(*words: object) -> subprocess.CompletedProcess[str]:
-    """Run the command ``testbench``."""
-    call = "from testbench.cli import main; main()"
-    return subprocess.run([sys.executable, "-c", call, *map(str, words)], capture_output=True, text=True, check=False)
 
 
 def analysed(folder: Path) -> list[str]:

@@ -62,14 +62,13 @@ position = ["0 m", "0 m", "0 m"]
 
 def ingested(name, folder, rig):
     """A recording by the beginning of its name, stored with a rig."""
-    if "COUNTERPOISE_RECORDINGS" not in os.environ:
-        pytest.skip("COUNTERPOISE_RECORDINGS is not set: the public recordings are not at hand")
     (path,) = Path(os.environ["COUNTERPOISE_RECORDINGS"]).glob(f"{name}*")
     (outcome,) = Ingest(folder / "campaign", rigs.load(rig)).run(PlannedRun("r1", (path,)))
     assert outcome.status == "stored", outcome.message
     return open_run(folder / "campaign" / "r1.h5")
 
 
+@pytest.mark.recordings
 def test_volts_of_a_force_plate(tmp_path):
     """Eight channels in volts, whose unit the log does not write, give the plate's force and moment in N and N m."""
     run = ingested("12_", tmp_path, PLATE)
@@ -90,6 +89,7 @@ def test_volts_of_a_force_plate(tmp_path):
     assert physical(run).group().channels[5].unit == "N"
 
 
+@pytest.mark.recordings
 def test_another_range_of_the_amplifier(tmp_path):
     """Found out later that the amplifier stood at another range: a record, and the forces double."""
     run = ingested("12_", tmp_path, PLATE)
@@ -99,6 +99,7 @@ def test_another_range_of_the_amplifier(tmp_path):
     assert {state.status for state in open_campaign(run.path.parent).verify()} == {"intact"}
 
 
+@pytest.mark.recordings
 def test_offsets_of_a_wheel(tmp_path):
     """The offsets of an unloaded wheel, recorded later: means go to zero, what varies and what is stored stay."""
     run = ingested("11_", tmp_path, WHEEL)

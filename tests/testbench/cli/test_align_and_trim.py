@@ -13,16 +13,27 @@ from testbench.cli.trim import trim
 from testbench.errors import AnalysisError, StoreError
 from testbench.store import records
 
-from ..conftest import built, simulated
-
 STARTS = {"daq": -0.237, "forces": -0.151, "controller": -0.100}
 """Of the loggers in the shipped rig, from the start of the motion [s]."""
 
 
 @pytest.fixture(scope="module")
-def campaign(tmp_path_factory):
+def campaign(pair_built):
     """A campaign of two runs with the counter-masses that were built for 3.4116 kg."""
-    return simulated(tmp_path_factory.mktemp("trim"), built("x", "triangle")).campaign
+    return pair_built.campaign
+
+
+@pytest.fixture(scope="module")
+def aligned(campaign, tmp_path_factory):
+    """The same whose clocks were aligned, and what that said."""
+    folder = shutil.copytree(campaign, tmp_path_factory.mktemp("aligned") / "campaign")
+    return folder, json.loads(invoke(align, folder, "--no-drift", "--json"))
+
+
+@pytest.fixture(scope="module")
+def trimmed(campaign):
+    """The document of ``trim``."""
+    return json.loads(invoke(trim, "parallelogram-6bar", campaign, "--json"))
 
 
 def invoke(command, *arguments, expected=0) -> str:
@@ -32,13 +43,12 @@ def invoke(command, *arguments, expected=0) -> str:
     return done.stdout
 
 
-def test_align_stores_a_record(campaign, tmp_path):
+def test_align_stores_a_record(campaign, aligned):
     """Offsets are those of the bench, within their intervals' size; a dry run leaves no record, another leaves one."""
-    folder = shutil.copytree(campaign, tmp_path / "campaign")
-    dry = json.loads(invoke(align, folder, "--dry-run", "--json"))
+    folder, found = aligned
+    dry = json.loads(invoke(align, campaign / "r001.h5", "--dry-run", "--json"))
     assert not dry["records"]
-    assert not records.read(folder)
-    found = json.loads(invoke(align, folder, "--no-drift", "--json"))
+    assert not records.read(campaign)
     assert len(found["alignments"]) == 4
     for row in found["alignments"]:
         true = STARTS[row["group"].partition("_")[2]] - STARTS["controller"]
@@ -91,9 +101,9 @@ def test_align_by_named_channels_can_be_refused(campaign):
     assert CliRunner().invoke(align, [str(campaign), "--by", "trigger"]).exit_code == 2
 
 
-def test_trim_document(campaign):
+def test_trim_document(trimmed):
     """Keys of the JSON document; 0.0308 kg m and 0.82 kg an arm within the intervals; simulated is said."""
-    found = json.loads(invoke(trim, "parallelogram-6bar", campaign / "r001.h5", campaign / "r002.h5", "--json"))
+    found = trimmed
     assert {"missing", "add", "predicted_residual_kgm", "verdict"} <= set(found)
     assert found["verdict"] == "add"
     assert found["origin"] == "simulated"
@@ -105,20 +115,20 @@ def test_trim_document(campaign):
     assert found["predicted_residual_kgm"] < 0.005
 
 
-def test_trim_for_people(campaign, tmp_path):
+def test_trim_for_people(aligned, tmp_path):
     """The text says what to add where, how it was found, and that the runs are simulated; plates are named."""
     shelf = tmp_path / "shelf.csv"
     shelf.write_text("name,mass_kg,quantity\nP400,0.4,6\n", encoding="utf-8")
-    text = invoke(trim, "parallelogram-6bar", campaign, "--stock", shelf)
+    text = invoke(trim, "parallelogram-6bar", aligned[0], "--stock", shelf)
     for words in ("Add 0.800 kg at counter_A0A = P400 + P400", "base's motion taken out", "simulated", "Verdict: add"):
         assert words in text
 
 
-def test_plates_that_are_too_heavy(campaign, tmp_path):
+def test_plates_that_are_too_heavy(aligned, tmp_path):
     """Said as such beside the verdict, not as if nothing were missing; each line says which source it is of."""
     shelf = tmp_path / "shelf.csv"
     shelf.write_text("name,mass_kg,quantity\nP5,5.0,4\n", encoding="utf-8")
-    text = invoke(trim, "parallelogram-6bar", campaign, "--stock", shelf)
+    text = invoke(trim, "parallelogram-6bar", aligned[0], "--stock", shelf)
     assert "bring it nearer: what is missing stays: 0.8" in text
     assert f"Verdict: add, but not from {shelf}" in text
     assert "Add nothing" not in text
@@ -134,14 +144,11 @@ def test_trim_of_two_mountings_that_nobody_meant_for_trials(campaign, brief):
         invoke(trim, "parallelogram-6bar", *runs)
 
 
-def test_trim_uses_what_align_stored(campaign, tmp_path, monkeypatch):
+def test_trim_uses_what_align_stored(trimmed, aligned, monkeypatch):
     """With a stored alignment no clock is aligned anew, and the answer is the same to a tenth of its interval."""
-    folder = shutil.copytree(campaign, tmp_path / "campaign")
-    before = json.loads(invoke(trim, "parallelogram-6bar", folder, "--json"))
-    invoke(align, folder, "--no-drift")
     monkeypatch.setattr("testbench.trim.evidence.align_run", None)
-    after = json.loads(invoke(trim, "parallelogram-6bar", folder, "--json"))
-    for one, other in zip(before["missing"], after["missing"], strict=True):
+    after = json.loads(invoke(trim, "parallelogram-6bar", aligned[0], "--json"))
+    for one, other in zip(trimmed["missing"], after["missing"], strict=True):
         width = one["interval"][1] - one["interval"][0]
         assert other["first_moment_kgm"] == pytest.approx(one["first_moment_kgm"], abs=0.1 * width)
 

@@ -2,13 +2,12 @@
 
 import csv
 import json
-import os
-import sys
-from pathlib import Path
 
 import pytest
 
-from testbench.cli import main
+from testbench import recordings
+
+from ..readers import reading
 
 NUMBERS = ("n", "nan", "min", "max", "mean", "first", "last")
 CLOCK = ("t_first", "t_last", "dt_min", "dt_median", "dt_max")
@@ -29,27 +28,10 @@ ANSWERS = {
 """Exit code, a finding, and what its message must hold, by the manifest's ``must_report``."""
 
 
-def folder() -> Path:
-    """The public recordings; tests are skipped without them."""
-    if "COUNTERPOISE_RECORDINGS" not in os.environ:
-        pytest.skip("COUNTERPOISE_RECORDINGS is not set: the public recordings are not at hand")
-    return Path(os.environ["COUNTERPOISE_RECORDINGS"])
-
-
-def rows(path: Path) -> list[dict[str, str]]:
-    """The rows of a manifest; the test is skipped where there is none."""
-    if not path.is_file():
-        pytest.skip(f"{path.name} is not beside the public recordings")
-    with path.open(encoding="utf-8", newline="") as stream:
-        return list(csv.DictReader(stream))
-
-
-def info(path, monkeypatch, capsys):
+def info(command, path):
     """Exit code and document of ``testbench info PATH --stats --json``."""
-    monkeypatch.setattr(sys, "argv", ["testbench", "info", str(path), "--stats", "--json"])
-    with pytest.raises(SystemExit) as stop:
-        main()
-    return stop.value.code, json.loads(capsys.readouterr().out)
+    code, out, _ = command("info", path, "--stats", "--json")
+    return code, json.loads(out)
 
 
 def close(one, other):
@@ -86,26 +68,30 @@ def _assert_time_of(what, expected, groups):
             assert_row(what, {**clock, "non_increasing": expected[unit]["non_increasing"]}, groups)
 
 
-def test_every_public_recording_has_its_known_values(monkeypatch, capsys):
-    """All channels and clocks of all rows: counts, extremes, means, ends, steps."""
-    listed = [row["file"] for row in rows(folder() / "manifest.csv")]
-    assert listed == sorted(p.name for p in folder().glob("[0-9]*"))
-    for row in rows(folder() / "manifest.csv"):
-        code, document = info(folder() / row["file"], monkeypatch, capsys)
-        assert code in (0, 3), row["file"]
-        known = json.loads(row["checks"])
-        assert known, row["file"]
-        for what, expected in known.items():
-            assert_row(f"{row['file']}: {what}", expected, document["groups"])
+@pytest.mark.recordings
+@pytest.mark.parametrize("name", recordings.registry())
+def test_every_public_recording_has_its_known_values(command, name):
+    """All channels and clocks: counts, extremes, means, ends, steps."""
+    code, document = info(command, reading.real(name))
+    assert code in (0, 3)
+    assert reading.known(name)
+    for what, expected in reading.known(name).items():
+        assert_row(what, expected, document["groups"])
 
 
-def test_every_malformed_recording_gets_its_answer(monkeypatch, capsys):
-    """All rows: the exit code, and a finding that says what the manifest wants reported."""
-    bad = folder().parent / "bad"
-    assert {row["file"] for row in rows(bad / "manifest.csv")} == set(ANSWERS)
+@pytest.mark.recordings("malformed")
+def test_every_malformed_recording_gets_its_answer(command, tmp_path):
+    """All rows: the exit code, and a finding that says what the manifest wants reported; what is refused is not stored.
+
+    ``ingest`` answers as ``info`` does.
+    """
+    with reading.malformed("manifest.csv").open(encoding="utf-8", newline="") as stream:
+        assert {row["file"] for row in csv.DictReader(stream)} == set(ANSWERS)
     for name, (expected, finding, said) in ANSWERS.items():
-        code, document = info(bad / name, monkeypatch, capsys)
+        code, document = info(command, reading.malformed(name))
         messages = [f["message"] for f in document["findings"] if f["code"] == finding]
         assert (code, bool(messages)) == (expected, True), name
         for text in said:
             assert any(text in message for message in messages), f"{name}: {text!r} in {messages}"
+        ingested, _, err = command("ingest", reading.malformed(name), "-o", tmp_path / name)
+        assert (ingested, "Traceback" in err, (tmp_path / name).exists()) == (expected, False, expected != 1), name

@@ -8,24 +8,12 @@ import zipfile
 
 import pytest
 
-from testbench.cli import main
-
 ROWS = "Time (s),F [N]\n" + "".join(f"{i / 100:.2f},{i * 1.5:.2f}\n" for i in range(200))
 
 
-@pytest.fixture
-def command(monkeypatch, capsys, tmp_path):
-    """Run the command in an empty folder; its exit code, stdout and stderr."""
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["testbench", *map(str, words)])
-        with pytest.raises(SystemExit) as stop:
-            main()
-        out, err = capsys.readouterr()
-        return stop.value.code, out, err
-
-    return run
 
 
 def workbook(path):

@@ -1,8 +1,6 @@
 """``testbench info``, ``formats``, ``ingest``, ``list`` and ``verify`` as a person and a program call them."""
 
-import csv
 import json
-import os
 import re
 import subprocess
 import sys
@@ -10,25 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from testbench.cli import main
 from testbench.store import open_run
+
+from ..readers import reading
 
 HEADER = "Time (s),AccX (g)\n"
 ROWS = "".join(f"{i / 1000:.4f},{0.5 * (i % 7) - 3:.4f}\n" for i in range(200))
-
-
-@pytest.fixture
-def command(monkeypatch, capsys):
-    """Run the command; its exit code, stdout and stderr."""
-
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["testbench", *map(str, words)])
-        with pytest.raises(SystemExit) as stop:
-            main()
-        out, err = capsys.readouterr()
-        return stop.value.code, out, err
-
-    return run
 
 
 @pytest.fixture
@@ -187,64 +172,14 @@ def test_reading_needs_no_mechanics():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-def recordings():
-    """The folder of public recordings; the test is skipped without it."""
-    folder = os.environ.get("COUNTERPOISE_RECORDINGS")
-    if not folder:
-        pytest.skip("COUNTERPOISE_RECORDINGS is not set: the public recordings are not at hand")
-    return Path(folder)
-
-
-def close(value, expected):
-    """Equal to 1e-9."""
-    return value == pytest.approx(expected, rel=1e-9)
-
-
-@pytest.mark.parametrize(
-    "name", ["08_phyphox_linear_acc.csv", "09_double_pendulum_A0_061705.csv", "10_double_pendulum_C1_154548.csv"]
-)
-def test_public_recordings_by_info_and_from_hdf5(command, tmp_path, name):
-    """Their known values as info prints them, and the same from HDF5 after ingest."""
-    folder = recordings()
-    with (folder / "manifest.csv").open(encoding="utf-8", newline="") as stream:
-        known = next(json.loads(row["checks"]) for row in csv.DictReader(stream) if row["file"] == name)
-    code, out, _ = command("info", folder / name, "--stats", "--json")
-    assert code in (0, 3)
-    (group,) = json.loads(out)["groups"]
-    channels = {channel["name"]: channel for channel in group["channels"]}
-    assert command("ingest", folder / name, "-o", tmp_path / "c")[0] in (0, 3)
+@pytest.mark.recordings
+@pytest.mark.parametrize("name", ["08_phyphox_linear_acc.csv", "10_double_pendulum_C1_154548.csv"])
+def test_public_recordings_from_hdf5(command, tmp_path, name):
+    """Their known values, after ingest."""
+    assert command("ingest", reading.real(name), "-o", tmp_path / "c")[0] in (0, 3)
     run = open_run(tmp_path / "c" / f"{Path(name).stem}.h5")
-    for channel, expected in known.items():
-        stored = run.channel(channel)
+    for channel, expected in reading.known(name).items():
         if "t_first" in expected:
-            assert all(
-                close(group["clock"][f"{key}_s"], expected[key])
-                for key in ("t_first", "t_last", "dt_min", "dt_median", "dt_max")
-            )
-            assert (stored[0], stored[-1]) == (expected["t_first"], expected["t_last"])
-            continue
-        exactly = {key: value for key, value in expected.items() if key != "mean"}
-        assert {key: channels[channel][key] for key in exactly} == exactly
-        assert close(channels[channel]["mean"], expected["mean"])
-        assert (stored.min(), stored.max(), stored[0], stored[-1]) == tuple(
-            expected[key] for key in ("min", "max", "first", "last")
-        )
-
-
-ANSWERS = {
-    "b03_cut_mid_row.csv": {3}, "b04_nan_inf_tokens.csv": {3}, "b05_header_repeated.csv": {3},
-    "b06_time_not_monotonic.csv": {1}, "b08_cp1254_turkish.csv": {3}, "b11_empty.csv": {1},
-    "b15_mixed_decimal.csv": {1}, "b16_saturated_16g.csv": {3},
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", ANSWERS)
-def test_malformed_recordings_get_their_answer(command, tmp_path, name):
-    """The exit code of info and of ingest; what is refused leaves nothing behind."""
-    path = recordings().parent / "bad" / name
-    if not path.is_file():
-        pytest.skip(f"{name} is not beside the public recordings")
-    assert command("info", path)[0] in ANSWERS[name]
-    code, _, err = command("ingest", path, "-o", tmp_path / "c")
-    assert (code in ANSWERS[name], "Traceback" in err) == (True, False)
-    assert (tmp_path / "c").exists() is (code != 1)
+            reading.assert_clock(run.channel(channel), expected)
+        else:
+            reading.assert_values(run.channel(channel), expected)

@@ -8,7 +8,6 @@ from click.testing import CliRunner
 from testbench.cli.trim import trim
 from testbench.errors import AnalysisError
 
-from ..conftest import built, simulated
 from .gapped import without_rows
 
 MISSING = 0.030809
@@ -17,15 +16,9 @@ BOTH = {"r001_controller.csv": (0.4, 0.5), "r002_controller.csv": (0.5, 0.65)}
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory):
-    """Two runs of one mounting, and their logs."""
-    return simulated(tmp_path_factory.mktemp("whole"), built("x", "triangle"))
-
-
-@pytest.fixture(scope="module")
-def gapped(made, tmp_path_factory):
+def gapped(pair_built, tmp_path_factory):
     """The same with a gap in the motion of each."""
-    return without_rows(made, tmp_path_factory.mktemp("gapped"), BOTH)
+    return without_rows(pair_built, tmp_path_factory.mktemp("gapped"), BOTH)
 
 
 def told(campaign, *options, expected) -> dict:
@@ -37,9 +30,9 @@ def told(campaign, *options, expected) -> dict:
 
 
 @pytest.mark.parametrize("source", ["wrench", "torque", "vibration"])
-def test_a_gap_is_left_out_and_said(made, gapped, source):
+def test_a_gap_is_left_out_and_said(pair_built, gapped, source):
     """The interval holds the truth and what the whole runs tell, is less than twice as wide, and no doubt arises."""
-    whole, found = (told(c, "--from", source, expected=code) for c, code in ((made.campaign, 0), (gapped, 3)))
+    whole, found = (told(c, "--from", source, expected=code) for c, code in ((pair_built.campaign, 0), (gapped, 3)))
     assert found["verdict"] == whole["verdict"] == "add"
     assert not found["doubts"]
     for one, other in zip(found["missing"], whole["missing"], strict=True):
@@ -61,9 +54,9 @@ def test_the_finding_stands_in_the_text(gapped):
     assert "Verdict: add" in done.stdout
 
 
-def test_a_run_of_which_nothing_is_left(made, tmp_path):
+def test_a_run_of_which_nothing_is_left(pair_built, tmp_path):
     """It is left out beside a whole one, by name; alone it is refused."""
-    campaign = without_rows(made, tmp_path, {"r001_controller.csv": (0.2, 1.1)})
+    campaign = without_rows(pair_built, tmp_path, {"r001_controller.csv": (0.2, 1.1)})
     with pytest.raises(AnalysisError, match=r"r001: 1 gap .* nothing of its motion is left; give another run"):
         told(campaign / "r001.h5", "--from", "torque", expected=1)
     found = told(campaign, "--from", "torque", expected=3)

@@ -9,6 +9,7 @@ from scipy.stats import binomtest
 
 from testbench.encoder import Disc, edges_of, periodic_turn, read_times
 from testbench.errors import AnalysisError
+from testbench.recordings import FOLDER_VARIABLE
 
 from . import discs
 
@@ -132,13 +133,11 @@ def test_fewer_edges_than_harmonics_are_refused():
         found(discs.turning(pulses=20), Disc(20), harmonics=12)
 
 
+@pytest.mark.recordings("malformed")
 @pytest.mark.parametrize(("name", "ratio"), [("open_encoder_crank100_276", 1.0), ("open_encoder_motor361_276", 3.61)])
 def test_edges_made_elsewhere_from_a_known_motion(name, ratio):
     """True fluctuation 0.223214, largest and smallest speed 84.71183 and 67.64612 rpm: within the intervals."""
-    folder = os.environ.get("COUNTERPOISE_RECORDINGS")
-    path = Path(folder or ".").parent / f"{name}.csv"
-    if not folder or not path.is_file():
-        pytest.skip(f"needs {name}.csv beside the folder that COUNTERPOISE_RECORDINGS names")
+    path = Path(os.environ[FOLDER_VARIABLE]).parent / f"{name}.csv"
     turn = found(read_times(path), Disc(100, ratio))
     assert turn.fluctuation(NOMINAL).value == pytest.approx(0.223214, abs=2e-5)
     assert turn.fluctuation(NOMINAL).holds(0.223214)

@@ -1,10 +1,8 @@
 """Records of arms with known parameters: a smooth motion, its exact torques, then what sensors make of them."""
 
-import os
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from balance.closure import Closure
 from balance.dynamics.joint_friction import joint_terms
@@ -48,9 +46,7 @@ def truth(mechanism: Mechanism) -> np.ndarray:
 
 
 def real(name: str) -> Path:
-    """A real recording, or the test is skipped."""
-    if recordings.FOLDER_VARIABLE not in os.environ:
-        pytest.skip(f"{recordings.FOLDER_VARIABLE} is not set: no real recordings at hand")
+    """A real recording, for tests that are marked ``recordings``."""
     return recordings.find(name)
 
 

@@ -1,23 +1,40 @@
 """Identification through closed loops, from logs of the simulated bench: the known parameters lie in the intervals."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from balance.mechanism import Mechanism
 from testbench.errors import AnalysisError
 from testbench.identify import identify
 from testbench.identify.assembly import assemble
 from testbench.identify.explanation import Explanation
 from testbench.identify.validation import validate
+from testbench.store import open_campaign
 
-from . import bench
+from ..conftest import conditions
 
-CONDITIONS = [(3.4116, 17.1105, "triangle"), (5.0, 17.1105, "triangle"), (3.4116, 10.0, "y")]
+MECHANISM = Mechanism.load("parallelogram-6bar")
+PLAN = conditions((3.4116, 17.1105, ("triangle",)), (5.0, 17.1105, ("triangle",)), (3.4116, 10.0, ("y",)))
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory):
+def runs(shared):
     """Two triangles with two payloads, and a move along y with other counter-masses."""
-    return bench.runs(tmp_path_factory.mktemp("bench"), CONDITIONS)
+    return open_campaign(shared(PLAN).campaign).runs
+
+
+@pytest.fixture(scope="module")
+def taken(runs):
+    """Encoders and torques of the first two runs."""
+    return assemble(runs[:2], MECHANISM, "torque")
+
+
+@pytest.fixture(scope="module")
+def separate(runs):
+    """Those of the third, as mounted in the first."""
+    return assemble([runs[0], runs[2]], MECHANISM, "torque").records[1:]
 
 
 def inside(result) -> list[bool]:
@@ -26,9 +43,8 @@ def inside(result) -> list[bool]:
 
 
 @pytest.fixture(scope="module")
-def by_torque(runs):
+def by_torque(taken):
     """From the motor torques of the first two runs."""
-    taken = assemble(runs[:2], bench.MECHANISM, "torque")
     return identify(taken.records, taken.mechanism, "ls", others=False)
 
 
@@ -57,17 +73,22 @@ def test_known_masses_tell_the_scale(by_torque):
     assert scale.half_width < 0.01
 
 
-def test_a_wrong_scale_is_found(runs):
+def test_a_wrong_scale_is_found(taken):
     """Torques that read 8 % too much are found to, by the payloads that are known."""
-    taken = assemble(runs[:2], bench.MECHANISM, "torque")
     louder = [type(r)(r.name, r.origin, r.grid, r.q, 1.08 * r.torque, None, r.mounted) for r in taken.records]
     scale = Explanation(identify(louder, taken.mechanism, "ls", others=False)).scale_of_all()
     assert scale.value == pytest.approx(1.08, abs=0.01)
 
 
-def test_force_sensors(runs):
+@pytest.fixture(scope="module")
+def by_force(runs):
+    """Force sensors of the first run."""
+    return assemble(runs[:1], MECHANISM, "wrench")
+
+
+def test_force_sensors(by_force):
     """Forces alone, the base's motion taken out, determine the balance conditions, closer than torques do."""
-    taken = assemble(runs[:1], bench.MECHANISM, "wrench")
+    taken = by_force
     result = identify(taken.records, taken.mechanism)
     assert result.rows == ("Fx", "Fy")
     assert result.method == "ls"
@@ -83,7 +104,7 @@ def test_force_sensors(runs):
 
 def test_both_together(runs, by_torque):
     """Forces and torques, each weighted by its noise: inertias from torques, first moments as close as from forces."""
-    taken = assemble(runs[:1], bench.MECHANISM, "both")
+    taken = assemble(runs[:1], MECHANISM, "both")
     result = identify(taken.records, taken.mechanism, "ls", others=False)
     assert result.rows == ("A0", "B0", "Fx", "Fy")
     values = {value.name: value for value in result.base_values()}
@@ -95,36 +116,33 @@ def test_both_together(runs, by_torque):
     assert all(value.value == pytest.approx(value.in_file, rel=0.02) for value in inertias)
 
 
-def test_a_separate_run_is_foretold(runs, by_torque):
+def test_a_separate_run_is_foretold(separate, by_torque):
     """A run with other counter-masses and another motion is foretold: less than 2 % of its torque stays unexplained."""
-    records = assemble([runs[0], runs[2]], bench.MECHANISM, "torque").records[1:]
-    held = validate(by_torque, records)
+    held = validate(by_torque, separate)
     assert (held.rms_ratio_in_band < 0.02).all()
     assert held.doubts() == []
     assert held.angles is None
 
 
-def test_a_separate_run_with_an_unknown_mass_is_not(runs, by_torque):
+def test_a_separate_run_with_an_unknown_mass_is_not(separate, by_torque):
     """Where the sheet forgot the counter-masses, the separate run is not foretold, and that is a doubt."""
-    (record,) = assemble([runs[0], runs[2]], bench.MECHANISM, "torque").records[1:]
+    (record,) = separate
     forgotten = type(record)("forgotten", record.origin, record.grid, record.q, record.torque)
     held = validate(by_torque, [forgotten])
     assert (held.rms_ratio_in_band > 0.1).any()
     assert any("forgotten" in doubt for doubt in held.doubts())
 
 
-def test_runs_identified_from_prove_nothing(runs, by_torque):
+def test_runs_identified_from_prove_nothing(taken, by_force, by_torque):
     """A run that was identified from is refused as a separate one; so are other sensors."""
-    records = assemble(runs[:2], bench.MECHANISM, "torque").records
     with pytest.raises(AnalysisError, match="identified from"):
-        validate(by_torque, records[:1])
+        validate(by_torque, taken.records[:1])
     with pytest.raises(AnalysisError, match="measured Fx, Fy, expected A0, B0"):
-        validate(by_torque, assemble(runs[2:], bench.MECHANISM, "wrench").records)
+        validate(by_torque, [replace(record, name="another") for record in by_force.records])
 
 
-def test_what_other_runs_mounted_is_taken_off(runs, by_torque):
+def test_what_other_runs_mounted_is_taken_off(taken, by_torque):
     """Two payloads in one solve leave little unexplained; taken for alike, they leave five times as much."""
-    taken = assemble(runs[:2], bench.MECHANISM, "torque")
     alike = [type(r)(r.name, r.origin, r.grid, r.q, r.torque) for r in taken.records]
     mixed = identify(alike, taken.mechanism, "ls", others=False)
     assert np.all(mixed.rms_ratio_in_band > 5 * by_torque.rms_ratio_in_band)

@@ -19,6 +19,7 @@ from testbench.store import open_run
 
 from . import arms
 
+pytestmark = pytest.mark.recordings
 RECORDINGS = {
     "two-joint-arm-a0": "09_double_pendulum_A0_061705.csv",
     "two-joint-arm-c1": "10_double_pendulum_C1_154548.csv",

@@ -1,6 +1,5 @@
 """What the tests of readers share: a recording read to its end, the public recordings, and their known values."""
 
-import csv
 import json
 import os
 from dataclasses import dataclass
@@ -13,8 +12,10 @@ import pytest
 from testbench.checks import RecordingCheck
 from testbench.readers import open_recording
 from testbench.recording import Group, Recording, TimeColumn
+from testbench.recordings import FOLDER_VARIABLE
 
-VARIABLE = "COUNTERPOISE_RECORDINGS"
+KNOWN = Path(__file__).with_name("known_values.json")
+"""What other people's libraries give of the public recordings, by file."""
 
 
 @dataclass
@@ -96,27 +97,18 @@ def in_process(monkeypatch):
 
 
 def real(name) -> Path:
-    """A public recording; the test is skipped where they are not at hand."""
-    if VARIABLE not in os.environ:
-        pytest.skip(f"{VARIABLE} is not set: the public recordings are not at hand")
-    return Path(os.environ[VARIABLE]) / name
+    """A public recording, for tests that are marked ``recordings``."""
+    return Path(os.environ[FOLDER_VARIABLE]) / name
 
 
 def malformed(name) -> Path:
-    """A malformed recording, which lie beside the public ones."""
-    path = real(".").parent / "bad" / name
-    if not path.is_file():
-        pytest.skip(f"{name} is not beside the public recordings")
-    return path
+    """A malformed one beside them, for tests that are marked ``recordings("malformed")``."""
+    return real(".").parent / "bad" / name
 
 
 def known(name):
     """The known values of a public recording, by what they are of."""
-    manifest = real("manifest.csv")
-    if not manifest.is_file():
-        pytest.skip("the public recordings come without their manifest")
-    with manifest.open(encoding="utf-8", newline="") as stream:
-        return json.loads(next(row["checks"] for row in csv.DictReader(stream) if row["file"] == name))
+    return json.loads(KNOWN.read_text(encoding="utf-8"))[name]
 
 
 def assert_values(column, expected, exact=True):

@@ -167,6 +167,7 @@ def test_a_header_that_contradicts_itself_is_refused(tmp_path, changed):
         reading.read(path)
 
 
+@pytest.mark.recordings
 def test_public_recording_gives_its_known_values():
     """Force plates at 2000 Hz, markers at 100 Hz, missing positions counted."""
     name = "14_walk_4_forceplates.c3d"

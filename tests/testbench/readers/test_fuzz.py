@@ -64,6 +64,7 @@ def test_damaged_files_are_read_or_refused_in_a_process_of_their_own(tmp_path, n
     _all_of(examples.make(tmp_path, name), max(6, CASES // 10), seed=2)
 
 
+@pytest.mark.recordings
 @pytest.mark.parametrize("name", REAL)
 def test_damaged_public_recordings_are_read_or_refused(tmp_path, name):
     """What real loggers wrote, damaged."""

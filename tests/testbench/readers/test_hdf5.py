@@ -316,6 +316,7 @@ def test_integers_that_do_not_fit_are_said(made):
     assert "not_exact" in made(lambda f: f.create_dataset("x", data=np.array([1, 2**53 + 1]))).codes
 
 
+@pytest.mark.recordings("malformed")
 def test_a_malformed_recording_lists_what_lies_outside():
     """Three objects of another file, a link to nowhere, a circle; the two channels that are safe are kept."""
     path = reading.malformed("b13_links_outside.h5")

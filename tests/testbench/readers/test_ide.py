@@ -50,6 +50,7 @@ def test_what_is_no_element_is_refused(tmp_path):
             _check(tmp_path, HEAD + BLOCK + rest)
 
 
+@pytest.mark.recordings
 def test_public_recording_gives_its_known_values():
     """Five channels at five rates, each with its own time in microseconds, calibrated."""
     found = reading.read(reading.real(NAME))
@@ -66,6 +67,7 @@ def test_public_recording_gives_its_known_values():
     assert "calibration_applied" in found.codes
 
 
+@pytest.mark.recordings
 def test_small_blocks_give_the_same(tmp_path):
     """What idelib gives piece by piece is what it gives at once."""
     from testbench.readers.ide import library
@@ -83,6 +85,7 @@ def test_small_blocks_give_the_same(tmp_path):
         np.testing.assert_array_equal(np.concatenate(pieces, axis=1), columns)
 
 
+@pytest.mark.recordings
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.999])
 def test_a_cut_recording_says_so(tmp_path, share):
     """What is whole can be had by one who accepts the loss."""

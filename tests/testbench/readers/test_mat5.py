@@ -156,6 +156,7 @@ def test_declared_sizes_that_are_not_there_are_refused(tmp_path):
         reading.read(path)
 
 
+@pytest.mark.recordings
 def test_public_recording_gives_its_known_values():
     """Time traces, spectra and correlations of one analyser, complex ones too."""
     name = "07_ema_case1.mat"
@@ -175,6 +176,7 @@ def test_public_recording_gives_its_known_values():
     assert "1280 Hz, the times give 1279.95" in found.message("rate_rounded")
 
 
+@pytest.mark.recordings("malformed")
 def test_a_malformed_recording_names_its_last_whole_variable():
     """70 % of a file: what is cut, and what was whole before."""
     found = reading.read(reading.malformed("b18_truncated.mat"))

@@ -317,6 +317,7 @@ def test_bombs_and_circles_are_refused(tmp_path):
             reading.read(_made(tmp_path, samples))
 
 
+@pytest.mark.recordings
 def test_public_recording_gives_its_known_values():
     """Nine groups at two rates, each with its own time."""
     name = "06_canmod_imu_60FEB5A8.mf4"

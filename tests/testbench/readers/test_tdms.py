@@ -285,6 +285,7 @@ def test_declared_petabytes_are_not_believed(tmp_path):
         reading.read(path)
 
 
+@pytest.mark.recordings
 def test_public_recording_gives_its_known_values():
     """A load cell in 4310 segments, with timestamps that scatter."""
     name = "01_loadcell_wagon55.tdms"
@@ -298,6 +299,7 @@ def test_public_recording_gives_its_known_values():
             assert found.unit(channel) is None
 
 
+@pytest.mark.recordings("malformed")
 def test_a_malformed_recording_is_refused_with_its_counts():
     """60 % of the bytes: which segment is cut, and what there is of which channel."""
     found = reading.read(reading.malformed("b01_truncated_data.tdms"))

@@ -204,6 +204,7 @@ def test_a_count_that_the_data_do_not_bear_out_is_refused(tmp_path):
             reading.read(path)
 
 
+@pytest.mark.recordings
 def test_public_recording_gives_its_known_values():
     """Four channels of 222400 samples at 3200 Hz, two of them at one node."""
     name = "04_mpstd_4acc.uff"

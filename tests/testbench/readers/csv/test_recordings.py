@@ -25,6 +25,7 @@ TEXTS = {
 """Texts among the public recordings; names of their checks that are not names of channels."""
 
 
+@pytest.mark.recordings
 @pytest.mark.parametrize("name", TEXTS)
 def test_public_recordings_have_their_known_values(name):
     """Counts, extremes and ends exactly, means to 1e-9, clocks to 1e-9."""
@@ -38,6 +39,7 @@ def test_public_recordings_have_their_known_values(name):
     assert not [f for f in found.findings if f.severity == 2]
 
 
+@pytest.mark.recordings
 def test_a_headerless_recording_keeps_its_first_row():
     """25 columns col0 ... col24, the first row among the samples, and a finding that there were no names."""
     found = reading.read(reading.real("11_smartwheel_offsets_baseline.csv"))
@@ -45,6 +47,7 @@ def test_a_headerless_recording_keeps_its_first_row():
     assert found.codes >= {"no_header", "no_clock"}
 
 
+@pytest.mark.recordings
 def test_a_declared_rate_is_the_clock():
     """Cortex declares 450 Hz and 1092 samples; both hold."""
     found = reading.read(reading.real("13_cortex_walk1.forces"))
@@ -58,6 +61,7 @@ def malformed_facts(name):
         return json.loads(next(row["facts"] for row in csv.DictReader(stream) if row["file"] == name))
 
 
+@pytest.mark.recordings("malformed")
 def test_cut_inside_a_row():
     """The last row has 9 of 21 fields: it is left out and said."""
     found = reading.read(reading.malformed("b03_cut_mid_row.csv"))
@@ -66,6 +70,7 @@ def test_cut_inside_a_row():
     assert "line 1502 has 9 of 21 fields and no line end" in found.message("cut_last_row")
 
 
+@pytest.mark.recordings("malformed")
 def test_tokens_that_are_no_numbers():
     """Ten cells, each named with line and token; no column becomes text; means are of finite values."""
     found = reading.read(reading.malformed("b04_nan_inf_tokens.csv"))
@@ -81,6 +86,7 @@ def test_tokens_that_are_no_numbers():
     assert sum(stats.not_finite for stats in check.stats) == facts["unreadable_or_nonfinite"]
 
 
+@pytest.mark.recordings("malformed")
 def test_a_repeated_header():
     """300 and 200 rows as two recordings, with the line of the second header and the time that starts again."""
     found = reading.read(reading.malformed("b05_header_repeated.csv"))
@@ -90,6 +96,7 @@ def test_a_repeated_header():
     assert "0.00735983" in finding.message
 
 
+@pytest.mark.recordings("malformed")
 def test_time_that_falls():
     """Refused, with the lines and the size of each step."""
     found = reading.read(reading.malformed("b06_time_not_monotonic.csv"))
@@ -99,6 +106,7 @@ def test_time_that_falls():
     assert finding.severity == 2
 
 
+@pytest.mark.recordings("malformed")
 def test_turkish_names_in_windows_1254():
     """The names exactly, the numbers of first and last row exactly, and the encoding that was taken."""
     facts = malformed_facts("b08_cp1254_turkish.csv")
@@ -110,12 +118,14 @@ def test_turkish_names_in_windows_1254():
     assert "cp1254" in found.message("encoding_inferred")
 
 
+@pytest.mark.recordings("malformed")
 def test_an_empty_file():
     """Refused, saying that it is empty."""
     with pytest.raises(Refusal, match="the file is empty"):
         reading.read(reading.malformed("b11_empty.csv"))
 
 
+@pytest.mark.recordings("malformed")
 def test_a_decimal_mark_that_changes():
     """Refused: the first line with the other mark, and the numbers that may mean two things."""
     found = reading.read(reading.malformed("b15_mixed_decimal.csv"))
@@ -126,6 +136,7 @@ def test_a_decimal_mark_that_changes():
     assert np.isnan(fy[[20, 80]]).all()
 
 
+@pytest.mark.recordings("malformed")
 def test_a_sensor_at_its_range():
     """Counts at both limits, the longest run, the limit; the samples stay."""
     found = reading.read(reading.malformed("b16_saturated_16g.csv"))

@@ -1,11 +1,9 @@
 """The compiled loop over rows: the bits of ``float()`` or nothing, and the same findings as the usual way."""
 
-import os
 import random
 import subprocess
 import sys
 import threading
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +16,8 @@ from testbench.readers.csv import lines, swift
 from testbench.readers.csv.dialect import Dialect
 from testbench.readers.csv.parse import Form
 from testbench.readers.csv.swift import ROWS, Swift
+
+from .. import reading
 
 HEADER = "Time (s);AccX (g);AccY (g)\n"
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
@@ -194,18 +194,16 @@ def test_the_loop_takes_what_is_regular(tmp_path, monkeypatch):
 
 def recordings():
     """The texts among the recordings, good ones and damaged ones beside them."""
-    given = os.environ.get("COUNTERPOISE_RECORDINGS")
-    folders = [] if given is None else [Path(given), Path(given).parent / "bad"]
-    texts = [p for f in folders for p in sorted(f.glob("*.*")) if p.suffix in (".csv", ".txt")]
+    good = reading.real(".")
+    texts = [p for f in (good, good.parent / "bad") for p in sorted(f.glob("*.*")) if p.suffix in (".csv", ".txt")]
     return [p for p in texts if p.name != "manifest.csv" and p.stat().st_size > 0]
 
 
-@pytest.mark.parametrize("path", recordings() or [None], ids=lambda p: p.name if p else "none")
-def test_recordings_are_read_the_same_either_way(path, monkeypatch):
+@pytest.mark.recordings
+def test_recordings_are_read_the_same_either_way(monkeypatch):
     """The logs of real loggers."""
-    if path is None:
-        pytest.skip("COUNTERPOISE_RECORDINGS is not set")
-    both_ways(path, monkeypatch)
+    for path in recordings():
+        both_ways(path, monkeypatch)
 
 
 def test_it_is_compiled_once_and_again_where_damaged(tmp_path, monkeypatch):

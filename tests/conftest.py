@@ -1,0 +1,46 @@
+"""Tests that need real recordings wait where none are at hand; the end of the run says how many, and how to go on."""
+
+import os
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: a second thread costs many times what it brings
+
+import pytest
+
+from testbench import recordings
+
+WAITS = "waits for real recordings"
+
+
+def at_hand() -> bool:
+    """Whether the recordings are: in the folder that the environment names, or all of them fetched.
+
+    Fetched ones are named by the environment from then on, for this run and its processes.
+    """
+    cache = recordings.cache_folder()
+    if recordings.FOLDER_VARIABLE not in os.environ and all((cache / name).is_file() for name in recordings.registry()):
+        os.environ[recordings.FOLDER_VARIABLE] = str(cache)
+    return recordings.FOLDER_VARIABLE in os.environ
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Skip what is marked ``recordings`` where there are none; ``malformed`` ones lie beside a folder of one's own."""
+    good = at_hand()
+    bad = good and (Path(os.environ[recordings.FOLDER_VARIABLE]).parent / "bad").is_dir()
+    for item in items:
+        marker = item.get_closest_marker("recordings")
+        if marker is not None and not (bad if "malformed" in marker.args else good):
+            item.add_marker(pytest.mark.skip(reason=WAITS))
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """One line in place of a reason for each."""
+    skipped = terminalreporter.stats.get("skipped", [])
+    waiting = [report for report in skipped if WAITS in str(report.longrepr)]
+    if waiting:
+        terminalreporter.stats["skipped"] = [report for report in skipped if report not in waiting]
+        terminalreporter.stats["waiting"] = waiting
+        terminalreporter.write_line(
+            f"{len(waiting)} tests wait for real recordings: fetch them by `testbench recordings fetch`, or name a "
+            f"folder that holds them in {recordings.FOLDER_VARIABLE}"
+        )
