@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from balance.mechanism import Mechanism
+from balance.loading.loading import load_mechanism
 from testbench.errors import AnalysisError
 from testbench.identify import identify
 from testbench.identify.assembly import assemble
@@ -15,7 +15,7 @@ from testbench.store import open_campaign
 
 from ..conftest import conditions
 
-MECHANISM = Mechanism.load("parallelogram-6bar")
+MECHANISM = load_mechanism("parallelogram-6bar")
 PLAN = conditions((3.4116, 17.1105, ("triangle",)), (5.0, 17.1105, ("triangle",)), (3.4116, 10.0, ("y",)))
 
 
