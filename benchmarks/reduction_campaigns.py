@@ -7,7 +7,7 @@ the accelerometer's noise. ``python -m benchmarks.reduction_campaigns SEEDS REPE
 
 import sys
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,8 +36,9 @@ CONDITIONS = ((3.4116, 17.1105, "x", 1.0), (5.0, 24.2626, "y", 2.0), (5.0, 24.26
 class MemoryRun(Run):
     """A run whose data are in memory, by path."""
 
-    def _read(self, group: StoredGroup, index: int) -> np.ndarray:
-        return self.provenance["data"][f"{group.path}/{group.keys[index]}"]
+    def channels_at(self, places: Sequence[tuple[StoredGroup, int]]) -> list[np.ndarray]:
+        """Values by group and index."""
+        return [self.provenance["data"][f"{group.path}/{group.keys[index]}"] for group, index in places]
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from balance.quantities import G0
 from balance.sizing import given
 from testbench.figures import style
 from testbench.motion.segments import moving
-from testbench.pairing import rig_of
+from testbench.runs.si_run import SIRun
 from testbench.vibration import Measure, base_accelerations
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ def overview(with_run: "Run", without_run: "Run") -> "Figure":
     from matplotlib.figure import Figure
 
     conditions = with_run.conditions
-    mechanism = load_mechanism(rig_of(with_run).mechanism).with_payload({"platform": conditions["payload_kg"]})
+    mechanism = load_mechanism(SIRun.of(with_run).rig.mechanism).with_payload({"platform": conditions["payload_kg"]})
     mounted = given(find(mechanism), mechanism, conditions["counter_masses"])
     with style.styled():
         figure = Figure(figsize=(9.0, 3.6), layout="constrained")
@@ -32,7 +32,7 @@ def overview(with_run: "Run", without_run: "Run") -> "Figure":
         draw_on(left, mechanism, mounted.counter_masses, Closure(mechanism).home)
         left.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title="Counter-masses for 5 kg")
         measure = Measure()
-        signals = [base_accelerations(run, rig_of(run))["base_acc", "x"] for run in (without_run, with_run)]
+        signals = [base_accelerations(SIRun.of(run))["base_acc", "x"] for run in (without_run, with_run)]
         shapes = [measure.shape(*signal) / G0 for signal in signals]
         span = moving(shapes[0], signals[0][1], margin_s=0.05)
         series = [([i / rate for i in range(span.stop - span.start)], shape[span]) for shape, (_, rate) in

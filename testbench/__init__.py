@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .calibration.view import physical
+    from .runs.physical_run import physical
     from .store import Campaign, Run, open_campaign, open_run
 
 __all__ = ["Campaign", "Run", "open_campaign", "open_run", "physical"]
@@ -14,7 +14,7 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     if name == "physical":
-        from .calibration.view import physical
+        from .runs.physical_run import physical
 
         return physical
     from . import store

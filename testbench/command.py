@@ -8,21 +8,18 @@ from numpy.typing import NDArray
 
 from balance.arrays import Floats
 from balance.dynamics.moving_base import acceleration_in_body
-from balance.mechanism import Mechanism
 
-from .channels import in_si, instants
 from .errors import AnalysisError
 from .motion.derivatives import grid_of, noise_gain
 from .motion.gaps import longest, reach_of
-from .motion.joint_motion import encoder_gaps, followed, group_of_encoders
 from .motion.segments import moving
-from .pairing import rig_of
 from .rig.sensors import Accelerometer, Encoder, Target
 from .signals import Band, lag
 
 if TYPE_CHECKING:
-    from .rig import Column, Rig
-    from .store import Run
+    from .rig import Column
+    from .runs.aligned_run import AlignedRun
+    from .runs.si_run import SIRun
 
 NEAR_S = 0.02
 """How far a correlation may be led by a gap [s]."""
@@ -133,32 +130,30 @@ class Reached:
         }
 
 
-def performance(run: "Run", mechanism: Mechanism, bandwidth_hz: float = BANDWIDTH_HZ) -> CommandPerformance:
+def performance(aligned: "AlignedRun", bandwidth_hz: float = BANDWIDTH_HZ) -> CommandPerformance:
     """Target, accelerometer and encoders of a run on one clock. Raises AnalysisError if the rig lacks one of them.
 
     What gaps of that clock touch does not count.
     """
-    rig = rig_of(run)
-    wanted = {column.component: in_si(run, column) for column in _columns(run, rig, Target)}
-    first = _columns(run, rig, Target)[0]
-    time, rate = instants(run, first), in_si(run, first)[1]
-    name, sensor = _moving_accelerometer(run, rig)
-    sensor_column = next(sensor.columns(name))
-    band = Band(0.0, bandwidth_hz)
-    felt = {c.component: (band.of(*in_si(run, c)), instants(run, c)) for c in sensor.columns(name)}
-    target = {axis: values for axis, (values, _) in wanted.items()}
-    _columns(run, rig, Encoder)
-    if run.find(first.channel)[0].name != group_of_encoders(run, rig):
+    run = aligned.run
+    columns = _columns(run, Target)
+    wanted = {column.component: run.values(column) for column in columns}
+    time, rate = run.instants(columns[0]), run.rate(columns[0])
+    name, sensor = _moving_accelerometer(run)
+    sensor_columns, band = list(sensor.columns(name)), Band(0.0, bandwidth_hz)
+    felt = {c.component: (band.of(*run.signal(c)), run.instants(c)) for c in sensor_columns}
+    encoders = _columns(run, Encoder)
+    if run.group_of(columns[0]) != aligned.reference:
         raise AnalysisError(f"{run.name}: encoders and target are on two loggers, whose clocks are not in line")
-    kept = np.ones(len(time), dtype=bool)
-    if gaps := encoder_gaps(run, rig):
+    target, kept = dict(wanted), np.ones(len(time), dtype=bool)
+    if gaps := aligned.gaps():
         even = grid_of(time, f"{run.name}: target", bridged=True)
         target = {axis: np.interp(even.time, time, values) for axis, values in target.items()}
         time, kept = even.time, gaps.sound(even, reach_of(bandwidth_hz))
         if not kept.any():
             raise AnalysisError(f"{run.name}: {'; '.join(gaps.described)}: nothing is left")
     late = _lag(target, felt, rate, kept)
-    grid, moved = encoder_acceleration(run, rig, mechanism, sensor, bandwidth_hz)
+    grid, moved = encoder_acceleration(aligned, sensor, bandwidth_hz)
     gain = noise_gain(bandwidth_hz, (len(grid) - 1) / float(grid[-1] - grid[0]))
     return CommandPerformance(
         time,
@@ -168,34 +163,32 @@ def performance(run: "Run", mechanism: Mechanism, bandwidth_hz: float = BANDWIDT
         bandwidth_hz,
         late,
         kept,
-        run.find(sensor_column.channel)[0].name,
-        float(instants(run, sensor_column)[0]),
-        {c.component: c.resolution / np.sqrt(12.0) * gain for c in _columns(run, rig, Encoder)},
+        run.group_of(sensor_columns[0]),
+        float(run.instants(sensor_columns[0])[0]),
+        {c.component: c.resolution / np.sqrt(12.0) * gain for c in encoders},
     )
 
 
-def encoder_acceleration(
-    run: "Run", rig: "Rig", mechanism: Mechanism, sensor: Accelerometer, bandwidth_hz: float
-) -> tuple[Floats, Floats]:
+def encoder_acceleration(run: "AlignedRun", sensor: Accelerometer, bandwidth_hz: float) -> tuple[Floats, Floats]:
     """Instants (n,) [s], and the acceleration of the point where ``sensor`` sits, body axes, (n, 3) [m/s2].
 
     By the encoders, differentiated below ``bandwidth_hz``, and by the loops of the mechanism; in gaps no measurement.
     """
-    grid, trajectory = followed(run, rig, mechanism, bandwidth_hz, bridged=True)
-    still, point = np.zeros((grid.count, 6)), np.array(sensor.position)
-    return grid.time, acceleration_in_body(mechanism, trajectory, still, sensor.attached_to, point)
+    trajectory = run.trajectory(bandwidth_hz)
+    still, point = np.zeros((run.grid.count, 6)), np.array(sensor.position)
+    return run.grid.time, acceleration_in_body(run.unloaded, trajectory, still, sensor.attached_to, point)
 
 
-def _columns(run: "Run", rig: "Rig", kind: type[Target] | type[Encoder]) -> "list[Column]":
+def _columns(run: "SIRun", kind: type[Target] | type[Encoder]) -> "list[Column]":
     """The channels of all sensors of a kind, of which there must be one."""
-    found = [column for name, sensor in rig.of_kind(kind).items() for column in sensor.columns(name)]
+    found = run.rig.columns_of(kind)
     if not found:
         raise AnalysisError(f"{run.name}: its rig has no sensor of kind {kind.__name__.lower()}")
     return found
 
 
-def _moving_accelerometer(run: "Run", rig: "Rig") -> tuple[str, Accelerometer]:
-    for name, sensor in rig.of_kind(Accelerometer).items():
+def _moving_accelerometer(run: "SIRun") -> tuple[str, Accelerometer]:
+    for name, sensor in run.rig.of_kind(Accelerometer).items():
         if sensor.attached_to != "base":
             return name, sensor
     raise AnalysisError(f"{run.name}: its rig has no accelerometer on a body that moves")

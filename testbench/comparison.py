@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 from balance.errors import CounterpoiseError
 
 from .findings import Finding
-from .pairing import Pair, rig_of
+from .pairing import Pair
 from .prediction import Prediction
 from .published import Published
 from .reductions import Reduction, analyze
+from .runs.si_run import SIRun
 from .vibration import Measure
 
 if TYPE_CHECKING:
@@ -140,7 +141,7 @@ def _simulated(
     findings: list[Finding],
 ) -> tuple[dict[tuple[str, str], float | None], dict[str, float | None]]:
     """The simulated reductions of a pair; where the bench cannot be simulated, none and a finding."""
-    rig = rig_of(pair.runs[0])
+    rig = SIRun.of(pair.runs[0]).rig
     try:
         if rig.text not in predictions:
             predictions[rig.text] = Prediction.of(rig, measure, mechanism)

@@ -10,9 +10,7 @@ import numpy as np
 
 from balance.arrays import Floats
 
-from .channels import in_si
-from .held import held
-from .pairing import rig_of
+from .runs.si_run import SIRun
 from .spectra import Spectra, welch
 from .spectra.densities import SEGMENT
 from .spectra.zerophase import LANES
@@ -93,15 +91,15 @@ def definitions(band: "Band | None") -> dict[str, str]:
 
 
 def levels(
-    run: "Run", columns: "Iterable[Column]", band: "Band | None" = DEFAULT_BAND, segment: int = SEGMENT
+    run: SIRun, columns: "Iterable[Column]", band: "Band | None" = DEFAULT_BAND, segment: int = SEGMENT
 ) -> list[Level]:
-    """Levels of channels of a run, a few at a time. Raises AnalysisError as ``in_si`` and the band do."""
+    """Levels of channels of a run, a few at a time. Raises AnalysisError as the channels and the band do."""
     wanted = list(columns)
-    run = held(run, wanted)
+    run = run.preloaded(wanted)
     together: dict[tuple[float, int], list[tuple[Column, Floats]]] = defaultdict(list)
     found: list[Level] = []
     for column in wanted:
-        values, rate = in_si(run, column)
+        values, rate = run.signal(column)
         waiting = together[rate, len(values)]
         waiting.append((column, values))
         if len(waiting) == AT_ONCE:
@@ -126,7 +124,8 @@ def of_runs(
     waiting: deque[tuple[Run, Future[list[Level]]]] = deque()
     with ThreadPoolExecutor(AT_A_TIME) as pool:
         for run in runs:
-            waiting.append((run, pool.submit(levels, run, rig_of(run).columns(), band, segment)))
+            si = SIRun.of(run)
+            waiting.append((run, pool.submit(levels, si, si.rig.columns(), band, segment)))
             if len(waiting) > AT_A_TIME:
                 done, found = waiting.popleft()
                 yield done, found.result()

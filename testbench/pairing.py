@@ -3,18 +3,13 @@
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import TYPE_CHECKING
 
-from .errors import AnalysisError
-from .findings import Finding, Severity
+from .findings import Finding
 
 if TYPE_CHECKING:
-    from .rig import Rig
     from .store import Run
 
-MENDED = frozenset({"uncalibrated", "calibration_contradiction"})
-"""Findings that a later record mends; until then reading the channel is refused."""
 _NEEDED = ("payload_kg", "motion", "peak_acceleration_g")
 
 
@@ -80,45 +75,6 @@ def pairs(runs: Iterable["Run"]) -> tuple[list[Pair], list[Finding]]:
         alone = [*without, *(run for some in sets.values() for run in some)]
         findings += [_about(run, "no_partner", lack) for run in alone]
     return found, findings
-
-
-def rig_of(run: "Run") -> "Rig":
-    """The rig that was stored with a run. Raises AnalysisError if there is none."""
-    if run.rig is None:
-        raise AnalysisError(
-            f"{run.name}: stored without a rig, so that nothing says which channel is of which sensor; "
-            "ingest with --rig"
-        )
-    return _rig(run.rig)
-
-
-def doubts(run: "Run") -> list[Finding]:
-    """What was found wrong with the accelerometers of the base when the run was ingested."""
-    used = {
-        column.channel for name, sensor in rig_of(run).base_accelerometers.items() for column in sensor.columns(name)
-    }
-    found = []
-    for finding in run.findings:
-        if finding.code in MENDED:
-            continue
-        if finding.severity >= Severity.WARNING and _label(run, finding.channel) in used:
-            found.append(
-                Finding(finding.code, finding.channel, run.name, f"{run.name}: {finding.channel}: {finding.message}")
-            )
-    return found
-
-
-def _label(run: "Run", channel: str | None) -> str | None:
-    """A channel's name without its unit."""
-    labels = {c.name: c.label for group in run.groups for c in group.channels}
-    return labels.get(channel or "", channel)
-
-
-@cache
-def _rig(text: str) -> "Rig":
-    from .rig import from_text
-
-    return from_text(text, "stored rig")
 
 
 def _mounted(run: "Run") -> tuple[tuple[str, float], ...]:

@@ -13,8 +13,9 @@ from .amplitudes.recorded import Place
 from .amplitudes.unified import CONFIDENCE
 from .errors import AnalysisError
 from .findings import Finding
-from .pairing import Key, Pair, doubts, pairs, rig_of
+from .pairing import Key, Pair, pairs
 from .published import MANIPULATOR, NO_ORIGINALS
+from .runs.si_run import SIRun
 from .vibration import Measure
 
 if TYPE_CHECKING:
@@ -109,7 +110,7 @@ class Analysis:
     def notes(self) -> list[str]:
         """What a reader of the reductions must know."""
         simulated = [run for pair in self.pairs for run in pair.runs if run.origin == "simulated"]
-        shown = any((rig_of(run).mechanism or "").startswith(MANIPULATOR) for run in simulated)
+        shown = any(SIRun.of(run).rig.mechanism.startswith(MANIPULATOR) for run in simulated)
         return [NO_ORIGINALS] if shown else []
 
 
@@ -122,9 +123,8 @@ def analyze(runs: Iterable["Run"], measure: Measure) -> Analysis:
     scatter, reductions = scatter_of(conditions), []
     for condition in conditions:
         some = _reductions(condition, scatter)
-        doubtful = (doubt for run in condition.pair.runs for doubt in doubts(run))
         findings += [*condition.findings, *reduction_findings(condition, some)]
-        findings += [*scatter_findings(condition, scatter), *doubtful]
+        findings += [*scatter_findings(condition, scatter), *condition.doubts]
         reductions += some
     return Analysis(
         tuple(condition.pair for condition in conditions), tuple(reductions), tuple(dict.fromkeys(findings))

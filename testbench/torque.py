@@ -7,19 +7,16 @@ import numpy as np
 
 from balance.arrays import Floats
 from balance.dynamics.inverse_dynamics import simulate
-from balance.mechanism import Mechanism
 
-from .channels import in_si, instants
 from .errors import AnalysisError
 from .motion.derivatives import low_pass
 from .motion.gaps import longest, reach_of
-from .motion.joint_motion import encoder_gaps, encoders, followed, loaded
 from .rig.sensors import Torque
 from .signals import lag
 
 if TYPE_CHECKING:
-    from .rig import Column, Rig
-    from .store import Run
+    from .rig import Column
+    from .runs.aligned_run import AlignedRun
 
 BANDWIDTH_HZ = 80.0
 """Of both [Hz]: twice what the moves need, and little of the encoders' steps."""
@@ -96,19 +93,17 @@ DEFINITIONS = {
 """What each number of a drive is."""
 
 
-def against_model(
-    run: "Run", rig: "Rig", mechanism: Mechanism, bandwidth_hz: float = BANDWIDTH_HZ
-) -> list[DriveTorque]:
-    """Each drive of a run, ``mechanism`` being without payload and counter-masses, which the run's conditions put on.
+def against_model(aligned: "AlignedRun", bandwidth_hz: float = BANDWIDTH_HZ) -> list[DriveTorque]:
+    """Each drive of a run against the model as mounted.
 
     Raises AnalysisError where the rig has no torque, it is on another clock than the encoders, or gaps leave nothing.
     """
-    columns = [column for name, sensor in rig.of_kind(Torque).items() for column in sensor.columns(name)]
+    run = aligned.run
+    columns = run.rig.columns_of(Torque)
     if not columns:
         raise AnalysisError(f"{run.name}: its rig has no sensor of kind torque")
-    model = loaded(run, mechanism)
-    grid, path = followed(run, rig, model, bandwidth_hz, bridged=True)
-    gaps, reach = encoder_gaps(run, rig), reach_of(bandwidth_hz)
+    model, path = aligned.mechanism, aligned.trajectory(bandwidth_hz)
+    grid, gaps, reach = aligned.grid, aligned.gaps(), reach_of(bandwidth_hz)
     kept = gaps.sound(grid, reach)
     if not kept.any():
         raise AnalysisError(f"{run.name}: {'; '.join(gaps.texts(reach))}: nothing is left")
@@ -123,7 +118,7 @@ def against_model(
             column.component,
             column.sensor,
             grid.time[kept],
-            smooth(np.interp(grid.time, *_recorded(run, rig, column))),
+            smooth(np.interp(grid.time, *_recorded(aligned, column))),
             smooth(expected[column.component]),
             grid.rate,
             bandwidth_hz,
@@ -134,13 +129,13 @@ def against_model(
     ]
 
 
-def _recorded(run: "Run", rig: "Rig", column: "Column") -> tuple[Floats, Floats]:
-    reference = run.find(encoders(rig)[0].channel)[0].name
-    if (group := run.find(column.channel)[0].name) != reference:
+def _recorded(aligned: "AlignedRun", column: "Column") -> tuple[Floats, Floats]:
+    run = aligned.run
+    if (group := run.group_of(column)) != aligned.reference:
         raise AnalysisError(
-            f"{run.name}: torque {column.channel} is of {group}, the encoders of {reference}: two clocks"
+            f"{run.name}: torque {column.channel} is of {group}, the encoders of {aligned.reference}: two clocks"
         )
-    return instants(run, column), in_si(run, column)[0]
+    return run.instants(column), run.values(column)
 
 
 def _rms(values: Floats) -> float:

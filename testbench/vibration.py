@@ -8,13 +8,11 @@ import numpy as np
 
 from balance.arrays import Floats
 
-from .channels import in_si
 from .errors import AnalysisError
 from .signals import Band, without_offset
 
 if TYPE_CHECKING:
-    from .rig import Rig
-    from .store import Run
+    from .runs.si_run import SIRun
 
 Metric = Literal["peak", "peak_to_peak", "rms"]
 METRICS: dict[Metric, tuple[str, Callable[[Floats], float]]] = {
@@ -54,16 +52,12 @@ class Measure:
         return self.band.of(values, rate_hz) if self.band else values
 
 
-def base_accelerations(run: "Run", rig: "Rig") -> dict[tuple[str, str], tuple[Floats, float]]:
+def base_accelerations(run: "SIRun") -> dict[tuple[str, str], tuple[Floats, float]]:
     """Acceleration (n,) [m/s2] and rate [Hz] of each axis of each accelerometer on the base, by (sensor, axis)."""
-    sensors = rig.base_accelerometers
-    if not sensors:
+    columns = run.rig.base_columns
+    if not columns:
         raise AnalysisError(
             f"{run.name}: its rig has no accelerometer that is attached_to the base: there is no base vibration to "
             "judge; add the sensor to the rig and ingest again"
         )
-    return {
-        (name, column.component): in_si(run, column)
-        for name, sensor in sensors.items()
-        for column in sensor.columns(name)
-    }
+    return {(column.sensor, column.component): run.signal(column) for column in columns}

@@ -16,21 +16,16 @@ from numpy.typing import NDArray
 from balance.arrays import Floats
 from balance.dynamics.moving_base import skew
 
-from .amplitudes.faults import flat_tops
-from .calibration.applied import crosses
-from .channels import in_si, instants
 from .errors import AnalysisError
 from .findings import Finding
 from .motion.segments import moving
+from .runs.si_run import SIRun
 
 if TYPE_CHECKING:
-    from .rig import Column, Rig
+    from .rig import Column
     from .rig.sensors import Support
-    from .store import Run
 
 COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
-AT_RANGE = 1.0 - 1e-4
-"""Share of its range from which a sensor counts as saturated."""
 LEAST_REST_S = 0.02
 """Of rest before or after the motion, from which a preload is taken [s]."""
 
@@ -64,37 +59,38 @@ class MeasuredWrench:
 
 
 def shaking_wrench(
-    run: "Run", rig: "Rig", point: tuple[float, float, float] = (0.0, 0.0, 0.0), preload: bool = False
+    run: SIRun, point: tuple[float, float, float] = (0.0, 0.0, 0.0), preload: bool = False
 ) -> MeasuredWrench:
     """The wrench of a run about a point of the base [m]; ``preload`` keeps what the sensors show at rest.
 
     Raises AnalysisError if the rig has no force sensors, or they are on several loggers.
     """
-    if not rig.supports:
+    supports = run.rig.supports
+    if not supports:
         raise AnalysisError(
             f"{run.name}: its rig has no force sensors (kind wrench or force): nothing measures a shaking force"
         )
-    columns = {name: list(support.columns(name)) for name, support in rig.supports.items()}
+    columns = {name: list(support.columns(name)) for name, support in supports.items()}
     group = _group(run, [column for some in columns.values() for column in some])
     first = next(iter(columns.values()))[0]
-    time, rate = instants(run, first), in_si(run, first)[1]
+    time, rate = run.instants(first), run.rate(first)
     loads, findings, full, dead = {}, [], {}, {}
-    for name, support in rig.supports.items():
-        readings = np.column_stack([in_si(run, column)[0] for column in columns[name]])
-        mixed = support.crosstalk is not None or crosses(run, columns[name][0])
-        dead[name] = _dead(support, columns[name], readings, mixed)
+    for name, support in supports.items():
+        readings, has_matrix = run.stacked(columns[name]), run.has_matrix(columns[name][0])
+        mixed = support.crosstalk is not None or has_matrix
+        dead[name] = _dead(run, support, columns[name], mixed)
         findings += [_of_dead(run, channel, readings) for channel in dict.fromkeys(dead[name].values())]
-        findings += [f for c, r in zip(columns[name], readings.T, strict=True) if (f := _saturated(run, c, r))]
-        full[name] = np.column_stack([_at_end(run, c, r) for c, r in zip(columns[name], readings.T, strict=True)])
+        findings += [f for column in columns[name] if (f := run.saturation(column)) is not None]
+        full[name] = np.column_stack([run.clipped(column) for column in columns[name]])
         if mixed:
             full[name][:] = full[name].any(axis=1, keepdims=True)
-        loads[name] = readings if crosses(run, columns[name][0]) else _uncrossed(support, readings)
+        loads[name] = readings if has_matrix else _uncrossed(support, readings)
     tare = "nothing is taken off: what the sensors show at rest is in it"
     if not preload:
         still = _at_rest(np.hstack(list(loads.values())), rate)
         loads, tare = {name: without_preload(values, still) for name, values in loads.items()}, _tare(still, rate)
     loads = {name: np.where(full[name], np.nan, values) for name, values in loads.items()}
-    values, reasons = _total(rig.supports, loads, np.array(point), dead)
+    values, reasons = _total(supports, loads, np.array(point), dead)
     clipped = {n: found for n, v in values.items() if v is not None and (found := _stretches(np.isnan(v), time))}
     return MeasuredWrench(group, time, rate, point, values, reasons, tuple(findings), tare, clipped)
 
@@ -134,55 +130,22 @@ def _stretches(odd: NDArray[np.bool_], time: Floats) -> tuple[tuple[float, float
     return tuple((float(time[a]), float(time[b - 1])) for a, b in edges.reshape(-1, 2))
 
 
-def _at_end(run: "Run", column: "Column", readings: Floats) -> NDArray[np.bool_]:
-    """Which samples (n,) are at the end of the range; else the extremes of a channel that is suspected to clip."""
-    full = np.abs(readings) >= AT_RANGE * (np.inf if column.range is None else column.range)
-    if full.any():
-        return np.asarray(full)
-    if _saturated(run, column, readings) is None:
-        return np.zeros(len(readings), dtype=bool)
-    return np.asarray((readings == readings.max()) | (readings == readings.min()))
-
-
-def _group(run: "Run", columns: "list[Column]") -> str:
-    groups = {run.find(column.channel)[0].name for column in columns}
+def _group(run: SIRun, columns: "list[Column]") -> str:
+    groups = run.groups_of(columns)
     if len(groups) > 1:
         raise AnalysisError(
-            f"{run.name}: its force sensors are on several loggers, {', '.join(sorted(groups))}: expected one clock"
+            f"{run.name}: its force sensors are on several loggers, {', '.join(groups)}: expected one clock"
         )
-    return groups.pop()
+    return groups[0]
 
 
-def _saturated(run: "Run", column: "Column", readings: Floats) -> Finding | None:
-    """Samples at the end of the stated range, or flat tops below it; where none is stated, what ingest suspected."""
-    if column.range is not None:
-        count = int(np.count_nonzero(np.abs(readings) >= AT_RANGE * column.range))
-        if not count:
-            return _flat(run, column, readings)
-        message = f"{count} samples at the end of its range of {column.range:g} (SI)"
-        return Finding("clipping", column.channel, run.name, f"{run.name}: {column.channel}: {message}")
-    labels = {c.name: c.label for group in run.groups for c in group.channels}
-    for finding in run.findings:
-        if finding.code.startswith("clipping") and labels.get(finding.channel or "", finding.channel) == column.channel:
-            return Finding(finding.code, column.channel, run.name, f"{run.name}: {finding.message}")
-    return None
-
-
-def _flat(run: "Run", column: "Column", readings: Floats) -> Finding | None:
-    """Flat tops below the sensor's range: an amplifier or a logger that ends before it."""
-    message = flat_tops(readings, "N" if (column.component or "F")[0] != "M" else "N m")
-    if message is None:
-        return None
-    return Finding("clipping_suspected", column.channel, run.name, f"{run.name}: {column.channel}: {message}")
-
-
-def _dead(support: "Support", columns: "list[Column]", readings: Floats, mixed: bool) -> dict[str, str]:
+def _dead(run: SIRun, support: "Support", columns: "list[Column]", mixed: bool) -> dict[str, str]:
     """The channel that shows one value only, by each component that rests on it: all of a sensor that is ``mixed``."""
-    dead = {m: c.channel for m, c, r in zip(support.measured, columns, readings.T, strict=True) if np.ptp(r) == 0.0}
+    dead = {m: c.channel for m, c in zip(support.measured, columns, strict=True) if run.is_dead(c)}
     return dict.fromkeys(support.measured, next(iter(dead.values()))) if dead and mixed else dead
 
 
-def _of_dead(run: "Run", channel: str, readings: Floats) -> Finding:
+def _of_dead(run: SIRun, channel: str, readings: Floats) -> Finding:
     message = f"all {len(readings)} samples are one value: dead, stuck or unplugged"
     return Finding("constant_channel", channel, run.name, f"{run.name}: {channel}: {message}")
 

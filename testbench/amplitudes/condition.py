@@ -4,12 +4,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+from ..checks.clipping import is_dead
 from ..errors import AnalysisError
 from ..findings import Finding
 from ..pairing import Pair
+from ..runs.si_run import SIRun
 from ..vibration import Measure
 from .amplitude import Amplitude
-from .faults import is_dead
 from .judged import Judged
 from .recorded import Place, amplitudes
 from .repeatability import Group, Repeatability
@@ -40,6 +41,8 @@ class Condition:
     """Runs in which the channel shows one value only."""
     findings: tuple[Finding, ...] = ()
     """Runs that cannot be read and are left out, sensors that failed in a run, records unlike in length."""
+    doubts: tuple[Finding, ...] = ()
+    """What ingest found wrong with the accelerometers on the base."""
 
     @classmethod
     def of(cls, pair: Pair, measure: Measure) -> "Condition":
@@ -48,7 +51,7 @@ class Condition:
         Raises AnalysisError where none with, or none without counter-masses can be read, or their rigs have not the
         same accelerometers on the base.
         """
-        pair, found, unread = _readable(pair, measure)
+        pair, found, unread, doubts = _readable(pair, measure)
         for run, some in zip(pair.runs, found, strict=True):
             if some.keys() != found[0].keys():
                 raise AnalysisError(
@@ -63,6 +66,7 @@ class Condition:
             {place: max((r.noise.step for r in some if r.noise), default=0.0) for place, some in lent.items()},
             {place: _dead(pair, some) for place, some in lent.items()},
             (*unread, *_failed(pair, found), *unlike_in_length(pair, found)),
+            tuple(doubts),
         )
 
     def sides(self, place: Place, scatter: Scatter) -> tuple[Side, Side]:
@@ -109,17 +113,20 @@ def _groups(pair: Pair, runs: list[Amplitude]) -> tuple[Group, Group]:
     return Group(judged[:count], names[:count]), Group(judged[count:], names[count:])
 
 
-def _readable(pair: Pair, measure: Measure) -> tuple[Pair, list[dict[Place, Amplitude]], list[Finding]]:
-    """The pair of the runs that can be read, their records, and why the others cannot."""
+def _readable(pair: Pair, measure: Measure) -> tuple[Pair, list[dict[Place, Amplitude]], list[Finding], list[Finding]]:
+    """The pair of the runs that can be read, their records, why the others cannot, and doubts about those that can."""
     records: list[dict[Place, Amplitude]] = []
     unread: list[Finding] = []
+    doubts: list[Finding] = []
     errors: list[str] = []
     sides: list[tuple[Run, ...]] = []
     for side in (pair.balanced, pair.unbalanced):
         read = []
         for run in side:
             try:
-                records.append(amplitudes(run, measure))
+                si = SIRun.of(run)
+                records.append(amplitudes(si, measure))
+                doubts += si.doubts(si.rig.base_columns)
                 read.append(run)
             except AnalysisError as error:
                 errors.append(str(error))
@@ -127,7 +134,7 @@ def _readable(pair: Pair, measure: Measure) -> tuple[Pair, list[dict[Place, Ampl
         sides.append(tuple(read))
     if not all(sides):
         raise AnalysisError("; ".join(errors))
-    return replace(pair, balanced=sides[0], unbalanced=sides[1]), records, unread
+    return replace(pair, balanced=sides[0], unbalanced=sides[1]), records, unread, doubts
 
 
 def _dead(pair: Pair, runs: list[Amplitude]) -> tuple[str, ...]:

@@ -6,34 +6,31 @@ import numpy as np
 
 from balance.arrays import Floats
 
+from ..checks.clipping import flat_tops, stuck_value
 from ..errors import AnalysisError
 from ..motion.segments import rest_before
-from ..pairing import doubts, rig_of
 from ..vibration import Measure, base_accelerations
 from .amplitude import Amplitude
-from .faults import flat_tops, held
 from .noise import ENOUGH, Noise
 
 if TYPE_CHECKING:
-    from ..rig import Rig
-    from ..store import Run
+    from ..runs.si_run import SIRun
 
 Place = tuple[str, str]
 """Sensor and axis."""
 _CLIPPED = ("clipping", "clipping_suspected")
 
 
-def amplitudes(run: "Run", measure: Measure) -> dict[Place, Amplitude]:
+def amplitudes(run: "SIRun", measure: Measure) -> dict[Place, Amplitude]:
     """Amplitude of the base's vibration by (sensor, axis), in m/s2; without noise where no rest stretch shows it."""
-    rig = rig_of(run)
-    clipped = {f.channel for f in doubts(run) if f.code in _CLIPPED}
-    columns = {(c.sensor, c.component): c for n, s in rig.base_accelerometers.items() for c in s.columns(n)}
+    clipped = {f.channel for f in run.doubts(run.rig.base_columns) if f.code in _CLIPPED}
+    columns = {(c.sensor, c.component): c for c in run.rig.base_columns}
     rests: dict[str, slice | None] = {}
     found = {}
-    for place, (values, rate) in base_accelerations(run, rig).items():
-        group, index = run.find(columns[place].channel)
+    for place, (values, rate) in base_accelerations(run).items():
+        group, index = run.recorded.find(columns[place].channel)
         if group.name not in rests:
-            rests[group.name] = _rest(run, rig, group.name, rate)
+            rests[group.name] = _rest(run, group.name, rate)
         column = columns[place]
         noise = _noise(values, rate, rests[group.name], column.resolution, measure)
         stated = Noise.stated(column.noise, rate, column.resolution)
@@ -46,7 +43,7 @@ def amplitudes(run: "Run", measure: Measure) -> dict[Place, Amplitude]:
 
 def _faults(values: Floats, rate_hz: float, said: bool) -> tuple[tuple[str, str], ...]:
     """What a record shows of a sensor that failed; ``said``: ingest found already that it clipped."""
-    shown = {"held_value": held(values, rate_hz), "clipping_suspected": None if said else flat_tops(values)}
+    shown = {"held_value": stuck_value(values, rate_hz), "clipping_suspected": None if said else flat_tops(values)}
     return tuple((code, message) for code, message in shown.items() if message)
 
 
@@ -60,10 +57,9 @@ def _noise(values: Floats, rate_hz: float, still: slice | None, step: float, mea
     return noise if noise.freedom(measure.band) >= ENOUGH else None
 
 
-def _rest(run: "Run", rig: "Rig", group: str, rate_hz: float) -> slice | None:
+def _rest(run: "SIRun", group: str, rate_hz: float) -> slice | None:
     """The stretch before anything moves that the logger of ``group`` records."""
-    where = run.group(group)
-    signals = [run.channel(c.channel, group) for c in rig.columns() if where.index(c.channel) is not None]
+    signals = [run.recorded.channel(c.channel, group) for c in run.rig.columns() if run.holds(c, group)]
     return rest_before([s for s in signals if np.isfinite(s).all()], rate_hz)
 
 

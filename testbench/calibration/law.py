@@ -10,6 +10,7 @@ from balance.arrays import Floats
 from balance.errors import UnitError
 from balance.quantities import SI_UNITS
 
+from .. import units as unit_names
 from .amounts import Amount, amount, electrical_name, measures, unit
 from .document import Calibration, Polynomial, names_of, of_component
 
@@ -28,6 +29,30 @@ class Channel(Protocol):
     @property
     def dimensions(self) -> tuple[str, ...]:
         """What it may measure, such as ("angle", "length")."""
+        ...
+
+
+class LoggedChannel(Channel, Protocol):
+    """What must be known of a channel besides, to tell the unit in which its logger writes."""
+
+    @property
+    def channel(self) -> str:
+        """Its name in the log."""
+        ...
+
+    @property
+    def sensor(self) -> str:
+        """Its sensor's name in the rig."""
+        ...
+
+    @property
+    def unit(self) -> str:
+        """By the rig; empty where it does not say."""
+        ...
+
+    @property
+    def stated(self) -> bool:
+        """Whether the rig states the unit, and it is not the usual one of the kind."""
         ...
 
 
@@ -97,6 +122,34 @@ def bind(calibration: Calibration, channels: Sequence[Channel], units: Sequence[
     if calibration.matrix is not None:
         return _matrix(calibration, channels, units)
     return Law(tuple(_channel(calibration, c, u) for c, u in zip(channels, units, strict=True)))
+
+
+def bind_sensor(calibration: Calibration, channels: Sequence[LoggedChannel], written: Sequence[str | None]) -> Law:
+    """The law of a sensor whose log writes these units, None where it writes none.
+
+    Raises UnitError where a unit is missing, contradicts the rig or does not lead to what the sensor measures.
+    """
+    return bind(calibration, channels, [_raw_unit(c, calibration, w) for c, w in zip(channels, written, strict=True)])
+
+
+def _raw_unit(channel: LoggedChannel, calibration: Calibration, written: str | None) -> str:
+    """The unit of a channel: of the log, the calibration or the rig, which must not contradict each other."""
+    rig = channel.unit if channel.stated else None
+    stated = {"its log": written, "the calibration": calibration.unit, "the rig": rig}
+    given = [(who, name) for who, name in stated.items() if name]
+    for who, name in given[1:]:
+        if not unit_names.same(given[0][1], name):
+            found = f"{given[0][1]!r} by {given[0][0]} and in {name!r} by {who}"
+            raise UnitError(f"channel {channel.channel!r} is in {found}: correct one")
+    if given:
+        return given[0][1]
+    scaled = (calibration.sensitivity, calibration.polynomial, calibration.matrix) != (None, None, None)
+    if channel.unit and not scaled:
+        return channel.unit  # an offset alone leaves the usual unit of the kind
+    raise UnitError(
+        f"channel {channel.channel!r} has no unit, neither in its log nor in the rig: say "
+        f"sensors.{channel.sensor}.unit, or the unit of the calibration"
+    )
 
 
 def _channel(calibration: Calibration, channel: Channel, written: str) -> tuple[float, ...]:

@@ -30,6 +30,40 @@ class Stored:
     calibration: Calibration
 
 
+@dataclass(frozen=True)
+class CalibrationInForce:
+    """A calibration that holds for a sensor, and where it is from."""
+
+    sensor: str
+    calibration: Calibration
+    source: str
+    """``rig``, or the name of the record."""
+    written: str | None = None
+    """When the record was written, ISO 8601, UTC."""
+    reason: str | None = None
+    runs: tuple[str, ...] = ()
+
+    @classmethod
+    def by_record(cls, found: Stored, run: str) -> "CalibrationInForce":
+        """Of a record, in one run."""
+        return cls(found.sensor, found.calibration, found.record, found.written, found.reason, (run,))
+
+    def as_dict(self) -> dict[str, Any]:
+        """As it is printed."""
+        return {
+            "sensor": self.sensor,
+            "calibration": str(self.calibration),
+            "from": self.source,
+            "written": self.written,
+            "reason": self.reason,
+            "runs": list(self.runs),
+        }
+
+    def __str__(self) -> str:
+        since = "of the rig" if self.source == "rig" else f"recorded {(self.written or '')[:16]} UTC: {self.reason}"
+        return f"{self.sensor}: {self.calibration} ({since})"
+
+
 def write(campaign: Path, runs: Sequence[Path], sensor: str, calibration: Calibration, reason: str) -> Path:
     """Add a calibration of a sensor in stored runs of ``campaign``; returns the record's file."""
     content = {"sensor": sensor, "reason": reason, "calibration": calibration.document()}
@@ -41,17 +75,18 @@ def read(campaign: Path) -> tuple[Stored, ...]:
     return _read(campaign.resolve(), _state(campaign)) if (campaign / records.FOLDER).exists() else ()
 
 
-def newest(run: Path, sensor: str) -> Stored | None:
-    """The newest calibration of a sensor that names a run. Raises StoreError if it is about other bytes."""
-    found = [stored for stored in read(run.parent) if stored.sensor == sensor and run.name in stored.runs]
-    if not found:
-        return None
-    if found[-1].record not in _about(run.resolve(), digest.recorded(run), _state(run.parent)):
+def newest_by_sensor(run: Path) -> dict[str, Stored]:
+    """The newest calibration of each sensor that names a run, whatever bytes it is about."""
+    return {found.sensor: found for found in read(run.parent) if run.name in found.runs}
+
+
+def refuse_other_bytes(found: Stored, run: Path) -> None:
+    """Raise StoreError where a record that names a run is about other bytes of it than those stored."""
+    if found.record not in _about(run.resolve(), digest.recorded(run), _state(run.parent)):
         raise StoreError(
-            f"{records.FOLDER}/{found[-1].record}: calibrates {sensor} in other bytes of {run.name} than those stored "
-            f"now; if the new run is right, calibrate it: testbench calibrate {run} {sensor} ..."
+            f"{records.FOLDER}/{found.record}: calibrates {found.sensor} in other bytes of {run.name} than those "
+            f"stored now; if the new run is right, calibrate it: testbench calibrate {run} {found.sensor} ..."
         )
-    return found[-1]
 
 
 def _state(campaign: Path) -> tuple[Any, ...]:

@@ -123,11 +123,11 @@ def _units(present: "Iterable[Column]", channels: Mapping[str, Channel]) -> list
 def _calibrated(column: "Column", channels: Mapping[str, Channel]) -> list[Finding]:
     from balance.errors import UnitError
 
-    from ..calibration.applied import check
+    from ..calibration.law import bind_sensor
 
     assert column.calibration is not None
     try:
-        check(column, column.calibration, lambda channel: channels[channel].unit)
+        bind_sensor(column.calibration, column.siblings, [channels[s.channel].unit for s in column.siblings])
     except UnitError as error:
         message = f"sensors.{column.sensor}.calibration: {error}"
         return [Finding("calibration_contradiction", channels[column.channel].name, None, message)]

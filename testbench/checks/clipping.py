@@ -1,9 +1,11 @@
-"""Flat tops: samples at the limit of a sensor's range, or at a channel's own largest value."""
+"""Records of a sensor that failed: flat tops at its limit or at its own largest value, one value only, or stuck."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+
+from balance.arrays import Floats
 
 from ..recording import Samples, SensorRange
 
@@ -13,6 +15,10 @@ _LIMIT_TOLERANCE = 1e-4
 _MOST_EDGES = 1000
 _STEPS = 10_000
 _JUMP = 3.0
+STUCK_S = 0.05
+"""Shortest time of one value that counts as stuck [s]: half a period of 10 Hz."""
+_LONGER = 10
+"""How many times longer it is than any other, the rest at the beginning among them."""
 
 
 def code_below(limit: SensorRange) -> float:
@@ -117,3 +123,32 @@ class Clipping:
             and float(np.median(side.edges)) >= _JUMP * self.smallest_step > 0
             for side in (self.above, self.below)
         )
+
+
+def is_dead(values: Floats) -> bool:
+    """Whether a record (n,) shows one value only."""
+    return bool(np.ptp(values) == 0.0)
+
+
+def stuck_value(values: Floats, rate_hz: float) -> str | None:
+    """Where a record (n,) keeps one value though it changes everywhere else, after it has moved; None if nowhere.
+
+    A coarse channel keeps a value whenever it rests: such times are many, or one lies at the beginning.
+    """
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1, [len(values)]])
+    lengths = np.diff(edges)
+    at = int(np.argmax(lengths))
+    longest, others = int(lengths[at]), np.delete(lengths, at)
+    if at == 0 or longest < STUCK_S * rate_hz or longest < _LONGER * int(others.max()):
+        return None
+    start, seconds = edges[at] / rate_hz, longest / rate_hz
+    return (
+        f"one value for {seconds:.3f} s from {start:.3f} s of the record on, elsewhere it changes: stuck or unplugged"
+    )
+
+
+def flat_tops(values: Floats, unit: str = "m/s2") -> str | None:
+    """What looks like flat tops at the extremes of a record (n,), whatever range is stated; None if nothing does."""
+    clipping = Clipping(None)
+    clipping.update(np.asarray(values, dtype=np.float64))
+    return clipping.message(unit)

@@ -64,7 +64,8 @@ def align(
     from .. import rig as rigs
     from ..clocks import run as clocks
     from ..clocks.ways import WAYS
-    from ..pairing import rig_of
+    from ..motion.joint_motion import loaded, mechanism_of
+    from ..runs.si_run import SIRun
 
     if by == "trigger" and not pair:
         raise click.UsageError("--by trigger needs --pair: the channel of each logger that holds the trigger")
@@ -78,15 +79,17 @@ def align(
     def aligned(run: "Run") -> "RunClocks":
         if pair:
             return clocks.align_named(run, *_split(pair), not no_drift, cutoff, WAYS[by])
-        known = described or rig_of(run)
-        model = clocks.scene_mechanism(run, known, mechanism)
-        return clocks.align_run(run, known, model, reference, not no_drift, cutoff, WAYS[by])
+        si = SIRun.of(run, described)
+        return clocks.align_run(
+            si, lambda: loaded(si, mechanism_of(si, mechanism)), reference, not no_drift, cutoff, WAYS[by]
+        )
 
     done, refused = _each(opened, aligned)
+    bound = [SIRun.of(run, described) for run in opened if described or run.rig]
     records, unrecorded = ([], []) if dry_run else _store(done)
     if as_json:
         rows = [row for _, found in done for row in found.as_rows()]
-        held = calibrations.document(opened, described)
+        held = calibrations.document(bound)
         stored = [str(path) for path in records]
         emit_json(
             {
@@ -98,7 +101,7 @@ def align(
         )
     else:
         _print([found for _, found in done], refused, records)
-        calibrations.say(calibrations.held(opened, described))
+        calibrations.say(bound)
     stored_runs.say(unopened)
     for reason in unrecorded:
         click.echo(f"testbench: {reason}", err=True)

@@ -53,7 +53,7 @@ def analyze(campaign: Path, metric: str, band: "Band | None", figure: str | None
         })  # fmt: skip
     else:
         _print(campaign, analysis, str(measure))
-        calibrations.say(calibrations.held(runs))
+        calibrations.say(runs)
     return EXIT_WITH_FINDINGS if analysis.findings else 0
 
 

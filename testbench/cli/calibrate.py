@@ -7,12 +7,12 @@ import click
 
 from balance.cli.console import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 
+from . import calibrations
 from .reading import plain
 
 if TYPE_CHECKING:
     from ..calibration.document import Calibration
-    from ..calibration.holding import Holding
-    from ..calibration.stored import Stored
+    from ..calibration.stored import CalibrationInForce, Stored
     from ..store import Run
     from .stored_runs import NotOpened
 
@@ -70,7 +70,7 @@ def calibrate(words: tuple[str, ...], listed: bool, reason: str | None, as_json:
     if not runs:
         _say(damaged)
         return EXIT_REFUSED
-    from ..calibration.correct import calibrate as correct
+    from ..runs.recalibrate import calibrate as correct
     from .stored_runs import NotOpened
 
     done = correct(runs, words[-1], calibration, reason)
@@ -170,9 +170,8 @@ def _each(texts: tuple[str, ...], option: str) -> str | dict[str, str] | None:
 
 def _list(runs: "list[Run]", damaged: "list[NotOpened]", as_json: bool) -> None:
     from ..calibration import stored
-    from ..calibration.holding import of_runs
 
-    holding = of_runs(runs)
+    holding = calibrations.in_force(runs)
     folders = dict.fromkeys(run.path.parent for run in runs)
     names = {run.path.name for run in runs}
     records = [record for folder in folders for record in stored.read(folder) if names & record.runs.keys()]
@@ -195,19 +194,19 @@ def _list(runs: "list[Run]", damaged: "list[NotOpened]", as_json: bool) -> None:
 _NONE = "none: what the logs hold is taken to be in the physical units that they write"
 
 
-def _row(held: "Holding") -> list[str]:
+def _row(held: "CalibrationInForce") -> list[str]:
     since = "rig" if held.written is None else held.written[:19]
     return [held.sensor, str(held.calibration), since, held.reason or "", " ".join(held.runs)]
 
 
-def _state(record: "Stored", holding: "list[Holding]") -> str:
+def _state(record: "Stored", holding: "list[CalibrationInForce]") -> str:
     runs = [run for held in holding if held.source == record.record for run in held.runs]
     if not runs:
         return "superseded"
     return f"holds for {' '.join(runs)}"
 
 
-def _document(record: "Stored", holding: "list[Holding]") -> dict[str, Any]:
+def _document(record: "Stored", holding: "list[CalibrationInForce]") -> dict[str, Any]:
     return {
         "record": record.record,
         "written": record.written,

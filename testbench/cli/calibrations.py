@@ -6,25 +6,31 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from ..calibration.holding import Holding
-    from ..rig import Rig
+    from ..calibration.stored import CalibrationInForce
+    from ..runs.si_run import SIRun
     from ..store import Run
 
 
-def held(runs: "Iterable[Run]", rig: "Rig | None" = None) -> "list[Holding]":
-    """The calibrations that hold in runs; none where the logs are in physical units already."""
-    from ..calibration.holding import of_runs
+def in_force(runs: "Iterable[Run | SIRun]") -> "list[CalibrationInForce]":
+    """The calibrations in force in runs; none where the logs are in physical units already, or there is no rig."""
+    from ..runs.si_run import SIRun, calibrations_in_force
 
-    return of_runs(runs, rig)
+    bound = (run if isinstance(run, SIRun) else run.rig and SIRun.of(run) for run in runs)
+    return calibrations_in_force(run for run in bound if run)
 
 
-def document(runs: "Iterable[Run]", rig: "Rig | None" = None) -> list[dict[str, Any]]:
+def document(runs: "Iterable[Run | SIRun]") -> list[dict[str, Any]]:
     """The same, for ``--json``."""
-    return [holding.as_dict() for holding in held(runs, rig)]
+    return [found.as_dict() for found in in_force(runs)]
 
 
-def say(holdings: "Sequence[Holding]") -> None:
-    """A line for each calibration, with the runs in which it holds."""
-    for holding in holdings:
-        runs = ", ".join(holding.runs[:4]) + (f" and {len(holding.runs) - 4} more" if len(holding.runs) > 4 else "")
-        click.echo(f"Calibrated {holding}, in {runs}.")
+def say(runs: "Iterable[Run | SIRun]") -> None:
+    """A line for each calibration, with the runs in which it is in force."""
+    say_each(in_force(runs))
+
+
+def say_each(found: "Sequence[CalibrationInForce]") -> None:
+    """The same of calibrations that are known."""
+    for one in found:
+        runs = ", ".join(one.runs[:4]) + (f" and {len(one.runs) - 4} more" if len(one.runs) > 4 else "")
+        click.echo(f"Calibrated {one}, in {runs}.")

@@ -57,7 +57,7 @@ def compare(
         emit_json({**_document(comparison, published, str(measure)), "calibrations": calibrations.document(runs)})
     else:
         _print(campaign, comparison, published, str(measure))
-        calibrations.say(calibrations.held(runs))
+        calibrations.say(runs)
     return EXIT_WITH_FINDINGS if comparison.findings else 0
 
 

@@ -52,7 +52,7 @@ def export(stored: Path, to: str, output: Path, licence: str | None, physical: b
         runs, refused = stored_runs.each([stored])
         written, failed = _files(runs, to, output, physical)
         refused += failed
-    applied = calibrations.held(runs) if physical else []
+    applied = calibrations.in_force(runs) if physical else []
     losses = [loss for one in written for loss in one.losses]
     if as_json:
         files = [{"file": str(one.file), "losses": list(one.losses)} for one in written]
@@ -64,7 +64,7 @@ def export(stored: Path, to: str, output: Path, licence: str | None, physical: b
             click.echo(plain(str(one.file)))
         for loss in losses:
             click.echo(f"  lost: {plain(loss)}")
-        calibrations.say(applied)
+        calibrations.say_each(applied)
     stored_runs.say(refused)
     if refused:
         return EXIT_REFUSED
@@ -77,8 +77,8 @@ def _files(
     """What was written, and the runs that were refused with the reason."""
     from balance.errors import CounterpoiseError
 
-    from ..calibration.view import physical as in_si
     from ..export import export as write
+    from ..runs.physical_run import physical as in_si
 
     written, refused = [], []
     with progress("exporting", sum(run.path.stat().st_size for run in runs)) as done:

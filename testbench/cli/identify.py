@@ -69,10 +69,12 @@ def identify(mechanism: str, runs: tuple[Path, ...], figure: Path | None, as_jso
     from ..identify import identify as identified
     from ..identify.assembly import assemble
     from ..identify.validation import validate
+    from ..runs.si_run import SIRun
 
     model = load_mechanism(mechanism)
     described = rigs.load(options["rig"]) if options["rig"] else None
     opened = stored_runs.opened(runs)
+    bound = [SIRun.of(run, described) for run in opened]
     taken = assemble(opened, model, options["by"], described, options["accept"])
     result = identified(taken.records, taken.mechanism, options["method"])
     others = stored_runs.opened(options["separate"])
@@ -86,12 +88,12 @@ def identify(mechanism: str, runs: tuple[Path, ...], figure: Path | None, as_jso
         from ..identify.document import document
 
         found = {**document(result, validation), "by": taken.by, "left_out": list(taken.notes)}
-        emit_json({**found, "calibrations": calibrations.document(opened, described)})
+        emit_json({**found, "calibrations": calibrations.document(bound)})
     else:
         from .identified import print_result
 
         print_result(result, validation, taken.notes)
-        calibrations.say(calibrations.held(opened, described))
+        calibrations.say(bound)
     odd = result.left_out or result.doubts()
     if validation is not None:
         odd = odd or validation.evidence.left_out or validation.doubts()

@@ -79,13 +79,14 @@ def report(
     """
     from ..pairing import pairs
     from ..report import report as reported
+    from ..runs.si_run import SIRun
 
     if not bandwidth > 0.0:
         raise click.UsageError(f"--bandwidth {bandwidth:g}: expected a positive frequency")
     opened, refused = stored_runs.each(runs)
     found = {}
     for run in opened:
-        found[run.name] = reported(run, point, band, bandwidth, mechanism)
+        found[run.name] = reported(SIRun.of(run), point, band, bandwidth, mechanism)
     compared = [_compared(pair, found) for pair in pairs(opened)[0]]
     document = {
         "runs": [one.as_dict() for one in found.values()],
@@ -102,7 +103,7 @@ def report(
         _say_compared(compared)
         for path in written:
             click.echo(f"Wrote {path}.")
-        calibrations.say(calibrations.held(opened))
+        calibrations.say(opened)
     stored_runs.say(refused)
     if refused:
         return EXIT_REFUSED

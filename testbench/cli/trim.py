@@ -75,6 +75,7 @@ def trim(
     from balance.loading.loading import load_mechanism
 
     from .. import rig as rigs
+    from ..runs.si_run import SIRun
     from ..trim import trim_runs
     from ..trim.document import document
 
@@ -82,6 +83,7 @@ def trim(
         raise click.UsageError(f"--cutoff {cutoff:g}: expected a positive frequency")
     opened = stored_runs.opened(runs)
     described = rigs.load(rig) if rig else None
+    bound = [SIRun.of(run, described) for run in opened]
     plates = stocks.load(stock) if stock else []
     result = trim_runs(
         opened, load_mechanism(mechanism), site, plates, sources or None, described, cutoff, _stored(opened)
@@ -93,24 +95,23 @@ def trim(
 
         save(draw(result), figure)
     if as_json:
-        emit_json({**document(result), "calibrations": calibrations.document(opened, described)})
+        emit_json({**document(result), "calibrations": calibrations.document(bound)})
     else:
         _print(result, stock)
-        calibrations.say(calibrations.held(opened, described))
+        calibrations.say(bound)
     return EXIT_WITH_FINDINGS if result.findings or result.doubts() else 0
 
 
 def _stored(runs: "list[Run]") -> "dict[Path, dict[str, ClockMap]]":
     """Alignments that the campaign holds; what it does not hold is found anew."""
-    from ..clocks import stored
     from ..errors import AnalysisError
-    from ..motion.joint_motion import group_of_encoders
-    from ..pairing import rig_of
+    from ..runs.aligned_run import recorded_clocks
+    from ..runs.si_run import SIRun
 
     found = {}
     for run in runs:
         try:
-            found[run.path] = stored.read(run.path, group_of_encoders(run, rig_of(run)))
+            found[run.path] = recorded_clocks(SIRun.of(run))
         except AnalysisError:
             continue
     return {path: maps for path, maps in found.items() if maps}

@@ -11,8 +11,8 @@ from ..motion import base_motion
 from ..motion.segments import rest_before
 
 if TYPE_CHECKING:
-    from ..rig import Column, Rig
-    from ..store import Run
+    from ..rig import Column
+    from ..runs.si_run import SIRun
 
 
 @dataclass(frozen=True)
@@ -30,13 +30,13 @@ class Base:
     """Standard deviation of a sample by the rig, (k,) [m/s2]; zero where it states none."""
 
 
-def recorded(run: "Run", rig: "Rig", group: str | None = None) -> Base | None:
+def recorded(run: "SIRun", group: str | None = None) -> Base | None:
     """The accelerometers on the base that a group holds; of any group, the one with most channels. None: no such."""
-    found = base_motion.recorded(run, rig, group)
+    found = base_motion.recorded(run, group)
     if found is None:
         return None
     rate = (len(found.time) - 1) / float(found.time[-1] - found.time[0])
-    corners = [getattr(rig.sensors[column.sensor], "high_pass", None) for column in found.columns]
+    corners = [getattr(run.rig.sensors[column.sensor], "high_pass", None) for column in found.columns]
     values = [restored(v, rate, corner) for v, corner in zip(found.values.T, corners, strict=True)]
     noise = np.array([stated_noise(column) for column in found.columns])
     return Base(found.group, found.rows, found.time, np.column_stack(values), noise)

@@ -18,11 +18,11 @@ from balance.dynamics.moving_base import acceleration_in_body
 from balance.dynamics.regressor import wrench_regressor
 from balance.mechanism import Mechanism
 
-from ..channels import in_si, instants
 from ..errors import AnalysisError
 from ..motion import base_motion
 from ..motion.derivatives import HIGHEST_CUTOFF, LARGEST_STEP, low_pass
-from ..motion.joint_motion import encoders, followed
+from ..motion.joint_motion import encoder_trajectory
+from ..rig.sensors import Encoder
 from .base import recorded, stated_noise
 from .mapping import ClockMap
 from .shared import Shared, gaps
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from balance.closure import Trajectory
 
     from ..motion.derivatives import Grid
-    from ..rig import Column, Rig
+    from ..rig import Column
     from ..rig.sensors import Accelerometer
-    from ..store import Run
+    from ..runs.si_run import SIRun
 
 LEAST_AXIS = 0.05
 """Share of the strongest signal below which one has mostly noise."""
@@ -47,10 +47,9 @@ CUTOFF_HZ = 80.0
 
 @dataclass(frozen=True)
 class Scene:
-    """A run with its rig and, where something follows from the encoders, its mechanism."""
+    """A run and, where something follows from the encoders, its mechanism."""
 
-    run: "Run"
-    rig: "Rig"
+    run: "SIRun"
     mechanism: Callable[[], Mechanism]
     cutoff: float | None = None
     """Highest frequency that is compared [Hz]; by kind unless given."""
@@ -63,12 +62,12 @@ class Scene:
     @cached_property
     def followed(self) -> "tuple[Grid, Trajectory]":
         """The trajectory by the encoders, on their clock."""
-        return followed(self.run, self.rig, self.loaded, 2.0 * self.highest, bridged=True)
+        return encoder_trajectory(self.run, self.loaded, 2.0 * self.highest)
 
     @cached_property
     def gaps(self) -> Floats:
         """Where the trajectory bridges gaps of the encoders' record, from and to, (g, 2) [s]."""
-        return gaps(instants(self.run, encoders(self.rig)[0]), LARGEST_STEP)
+        return gaps(self.run.instants(self.run.rig.columns_of(Encoder)[0]), LARGEST_STEP)
 
     @property
     def highest(self) -> float:
@@ -77,8 +76,7 @@ class Scene:
 
     def columns(self, columns: "Iterable[Column]", group: str) -> "list[Column]":
         """Those of ``columns`` that the run holds in a group."""
-        where = self.run.group(group)
-        return [column for column in columns if where.index(column.channel) is not None]
+        return [column for column in columns if self.run.holds(column, group)]
 
 
 def plain(scene: Scene, reference: "Column", own: "Column", first: ClockMap | None) -> Shared:
@@ -86,10 +84,10 @@ def plain(scene: Scene, reference: "Column", own: "Column", first: ClockMap | No
     run = scene.run
     return Shared(
         f"{own.channel} with {reference.channel}",
-        instants(run, reference),
-        (in_si(run, reference)[0][:, None],),
-        instants(run, own),
-        in_si(run, own)[0][:, None],
+        run.instants(reference),
+        (run.values(reference)[:, None],),
+        run.instants(own),
+        run.values(own)[:, None],
         signed=True,
         cutoff=scene.cutoff,
     )
@@ -102,8 +100,8 @@ def moving_body(scene: Scene, sensor: "Accelerometer", columns: "list[Column]", 
     axes = [column.component for column in columns]
     still, at = np.zeros((grid.count, 6)), ["xyz".index(axis) for axis in axes]
     expected = acceleration_in_body(mechanism, path, still, sensor.attached_to, position)[:, at]
-    seen, time = np.column_stack([in_si(scene.run, column)[0] for column in columns]), instants(scene.run, columns[0])
-    base = recorded(scene.run, scene.rig, scene.run.find(columns[0].channel)[0].name)
+    seen, time = scene.run.stacked(columns), scene.run.instants(columns[0])
+    base = recorded(scene.run, scene.run.group_of(columns[0]))
     name, beside = f"acceleration of {sensor.attached_to} with encoders", None
     if first is not None and base is not None:
         rows = base_motion.sensor_rows(mechanism, path, sensor.attached_to, position, axes)
@@ -134,13 +132,13 @@ def forces(scene: Scene, columns: "list[Column]", known: Mapping[str, ClockMap],
     Where the base's acceleration is known on the reference's clock, its part is fixed.
     """
     grid, path = scene.followed
-    mechanism, time = scene.loaded, instants(scene.run, columns[0])
+    mechanism, time = scene.loaded, scene.run.instants(columns[0])
     pivots = [int(np.flatnonzero(row)[0]) for row in conditions.find(mechanism).matrix]
     regressor = wrench_regressor(mechanism, path.q, path.v, path.a)[:, :3, pivots]
     loads, noise = _sums(scene, columns)
     seen, fixed, doubt = loads, np.zeros((grid.count, 3)), 0.0
-    base = recorded(scene.run, scene.rig)
-    own, name, beside, along = scene.run.find(columns[0].channel)[0].name, "forces with encoders", None, None
+    base = recorded(scene.run)
+    own, name, beside, along = scene.run.group_of(columns[0]), "forces with encoders", None, None
     if base is not None and base.group in {own, *known}:
         share = base_motion.projector(base_motion.force_rows(mechanism, path), base.rows)
         name += ", base motion taken out"
@@ -177,10 +175,10 @@ def forces(scene: Scene, columns: "list[Column]", known: Mapping[str, ClockMap],
 
 def _sums(scene: Scene, columns: "list[Column]") -> tuple[Floats, Floats]:
     """Sums of force channels by axis, (n, 3) [N], and their noise by the rig, (3,) [N]."""
-    seen, power = np.zeros((len(instants(scene.run, columns[0])), 3)), np.zeros(3)
+    seen, power = np.zeros((len(scene.run.instants(columns[0])), 3)), np.zeros(3)
     for column in columns:
         axis = "xyz".index(column.component[1])
-        seen[:, axis] += in_si(scene.run, column)[0]
+        seen[:, axis] += scene.run.values(column)
         power[axis] += stated_noise(column) ** 2
     return seen, np.sqrt(power)
 

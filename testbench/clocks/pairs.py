@@ -11,10 +11,8 @@ from typing import TYPE_CHECKING
 
 from balance.arrays import Floats
 
-from ..channels import instants
-from ..motion.joint_motion import encoders
-from ..pairing import rig_of
-from ..rig.sensors import Accelerometer
+from ..rig.sensors import Accelerometer, Encoder
+from ..runs.si_run import SIRun
 from .contents import Scene, forces, moving_body, plain
 from .mapping import ClockMap
 from .shared import Shared
@@ -31,20 +29,20 @@ def candidates(scene: Scene, reference: str, own: str, known: Mapping[str, Clock
     """What the groups ``reference`` and ``own`` of a run both saw, best first; ``known`` are clocks aligned already."""
     for one, other in _same(scene, reference, own):
         yield partial(plain, scene, one, other)
-    if not scene.columns(encoders(scene.rig), reference):
+    if not scene.columns(scene.run.rig.columns_of(Encoder), reference):
         return
-    for name, sensor in scene.rig.of_kind(Accelerometer).items():
+    for name, sensor in scene.run.rig.of_kind(Accelerometer).items():
         columns = scene.columns(sensor.columns(name), own)
         if sensor.attached_to != "base" and columns:
             yield partial(moving_body, scene, sensor, columns)
-    supports = scene.rig.supports.items()
+    supports = scene.run.rig.supports.items()
     loads = [c for name, s in supports for c in scene.columns(s.columns(name), own) if c.component[0] == "F"]
     if loads:
         yield partial(forces, scene, loads, known)
 
 
 def named(run: "Run", reference: str, own: str, cutoff: float | None = None) -> Shared:
-    """Two channels that a person names; their units and signs do not matter."""
+    """Two channels that a person names; their units and signs do not matter, nor need the run have a rig."""
     return Shared(
         f"{own} with {reference}",
         _happened(run, reference),
@@ -55,31 +53,32 @@ def named(run: "Run", reference: str, own: str, cutoff: float | None = None) -> 
     )
 
 
-def delay_of(rig: "Rig", run: "Run", group: str) -> float | None:
+def delay_of(run: "SIRun", group: str) -> float | None:
     """Of the filter of the logger that wrote a group [s], as the rig states it; None where it states none."""
-    where = run.group(group)
-    loggers = {column.logger for column in rig.columns() if where.index(column.channel) is not None}
-    stated = [rig.loggers[name].delay for name in loggers if rig.loggers[name].low_pass is not None]
+    loggers = {column.logger for column in run.rig.columns() if run.holds(column, group)}
+    stated = [run.rig.loggers[name].delay for name in loggers if run.rig.loggers[name].low_pass is not None]
     return max(stated, default=None)
 
 
 def _happened(run: "Run", channel: str) -> Floats:
     """When what a channel's samples show happened, (n,) [s]; the filter is known where the stored rig has both."""
     where, index = run.find(channel)
-    for column in rig_of(run).columns() if run.rig is not None else ():
-        if where.index(column.channel) == index:
-            return instants(run, column)
+    if run.rig is not None:
+        si = SIRun.of(run)
+        for column in si.rig.columns():
+            if where.index(column.channel) == index:
+                return si.instants(column)
     return run.time(where.name)
 
 
 def _same(scene: Scene, reference: str, own: str) -> "Iterator[tuple[Column, Column]]":
     """Pairs of channels of the same quantity, one in each group."""
     seen: dict[object, Column] = {}
-    for column in scene.columns(scene.rig.columns(), reference):
-        if (quantity := _quantity(scene.rig, column)) is not None:
+    for column in scene.columns(scene.run.rig.columns(), reference):
+        if (quantity := _quantity(scene.run.rig, column)) is not None:
             seen.setdefault(quantity, column)
-    for column in scene.columns(scene.rig.columns(), own):
-        if (quantity := _quantity(scene.rig, column)) in seen:
+    for column in scene.columns(scene.run.rig.columns(), own):
+        if (quantity := _quantity(scene.run.rig, column)) in seen:
             yield seen[quantity], column
 
 

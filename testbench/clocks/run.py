@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from balance.errors import CounterpoiseError
@@ -10,15 +9,14 @@ from balance.mechanism import Mechanism
 
 from ..errors import AnalysisError
 from ..motion import base_motion
-from ..motion.joint_motion import encoders, loaded, mechanism_of
-from ..pairing import rig_of
+from ..rig.sensors import Encoder
+from ..runs.si_run import SIRun
 from .contents import Scene
 from .correlation import Aligned, by_correlation
 from .mapping import ClockMap, same_clock
 from .pairs import Making, candidates, delay_of, named
 
 if TYPE_CHECKING:
-    from ..rig import Rig
     from ..store import Run
     from .shared import Shared
 
@@ -74,8 +72,7 @@ class RunClocks:
 
 
 def align_run(
-    run: "Run",
-    rig: "Rig",
+    run: SIRun,
     mechanism: Callable[[], Mechanism],
     reference: str | None = None,
     drift: bool = True,
@@ -90,19 +87,19 @@ def align_run(
     """
     if len(run.groups) < 2:
         raise AnalysisError(f"{run.name}: one logger, one clock: there is nothing to align")
-    reference = reference or _reference(run, rig)
+    reference = reference or _reference(run)
     run.group(reference)
-    scene = Scene(run, rig, mechanism, cutoff)
+    scene = Scene(run, mechanism, cutoff)
     known = {reference: same_clock((0.0, 0.0))}
     aligned: dict[str, Aligned] = {}
     refused: dict[str, str] = {}
-    for group in _base_first(run, rig, reference, among):
+    for group in _base_first(run, reference, among):
         found = _first(candidates(scene, reference, group, known), drift, way)
         if isinstance(found, Aligned):
             aligned[group], known[group] = found, found.clock
         else:
             refused[group] = found
-    delays = {group.name: delay_of(rig, run, group.name) for group in run.groups}
+    delays = {group.name: delay_of(run, group.name) for group in run.groups}
     return RunClocks(run.name, run.origin, reference, aligned, refused, delays)
 
 
@@ -112,31 +109,19 @@ def align_named(run: "Run", reference: str, own: str, drift: bool, cutoff: float
     if there == here:
         raise AnalysisError(f"{run.name}: {reference!r} and {own!r} are in one group, {here}: they share a clock")
     found = way(named(run, reference, own, cutoff), drift)
-    delays = {group: delay_of(rig_of(run), run, group) for group in (there, here)} if run.rig is not None else {}
+    delays = {group: delay_of(SIRun.of(run), group) for group in (there, here)} if run.rig is not None else {}
     return RunClocks(run.name, run.origin, there, {here: found}, {}, delays)
 
 
-def scene_mechanism(run: "Run", rig: "Rig", given: str | None) -> Callable[[], Mechanism]:
-    """The mechanism of a run, loaded when it is needed."""
-    return partial(_loaded, run, rig, given)
-
-
-def _loaded(run: "Run", rig: "Rig", given: str | None) -> Mechanism:
-    return loaded(run, mechanism_of(run, rig, given))
-
-
-def _reference(run: "Run", rig: "Rig") -> str:
+def _reference(run: SIRun) -> str:
     """The group that holds the encoders, else the first."""
-    for column in encoders(rig):
-        for group in run.groups:
-            if group.index(column.channel) is not None:
-                return group.name
-    return run.groups[0].name
+    columns = run.rig.columns_of(Encoder)
+    return next((g.name for column in columns for g in run.groups if run.holds(column, g.name)), run.groups[0].name)
 
 
-def _base_first(run: "Run", rig: "Rig", reference: str, among: Collection[str] | None) -> list[str]:
+def _base_first(run: SIRun, reference: str, among: Collection[str] | None) -> list[str]:
     """The other groups, that of the base's accelerometers first: the forces are aligned with their help."""
-    base = base_motion.recorded(run, rig)
+    base = base_motion.recorded(run)
     first = base.group if base is not None else None
     others = [group.name for group in run.groups if group.name != reference]
     kept = [name for name in others if among is None or name in among or name == first]

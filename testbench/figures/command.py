@@ -10,7 +10,8 @@ from balance.quantities import G0
 
 from ..command import BANDWIDTH_HZ, performance
 from ..motion.segments import moving
-from ..pairing import rig_of
+from ..runs.aligned_run import AlignedRun
+from ..runs.si_run import SIRun
 from . import style
 
 if TYPE_CHECKING:
@@ -24,7 +25,8 @@ def command_performance(run: "Run", mechanism: Mechanism | None = None, bandwidt
 
     ``mechanism`` turns joint angles into the platform's motion; by default the one that the rig names.
     """
-    shown = performance(run, mechanism or load_mechanism(rig_of(run).mechanism), bandwidth_hz)
+    si = SIRun.of(run)
+    shown = performance(AlignedRun(si, mechanism or load_mechanism(si.rig.mechanism)), bandwidth_hz)
     axes_moved = [axis for axis, values in shown.target.items() if np.ptp(values) > 0.0] or list(shown.target)
     with style.styled():
         figure, panels = style.grid(2 * len(axes_moved), 1, 1.9, sharex=True)

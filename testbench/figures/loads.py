@@ -5,12 +5,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..channels import in_si, instants
 from ..errors import AnalysisError
 from ..motion.segments import moving
-from ..pairing import rig_of
 from ..rig import Column
 from ..rig.sensors import Torque
+from ..runs.si_run import SIRun
 from ..vibration import DEFAULT_BAND
 from . import style
 
@@ -26,11 +25,10 @@ _ACROSS = 3
 
 def motor_torques(with_run: "Run", without_run: "Run") -> "Figure":
     """Torque of each motor as its drive reports it, gravity included; band-limited."""
-    rig = rig_of(with_run)
-    columns = [column for name, sensor in rig.of_kind(Torque).items() for column in sensor.columns(name)]
+    runs = SIRun.of(without_run), SIRun.of(with_run)
+    columns = runs[1].rig.columns_of(Torque)
     if not columns:
         raise AnalysisError(f"{with_run.name}: its rig has no sensor of kind torque")
-    runs = (without_run, with_run)
     with style.styled():
         figure, panels = style.grid(len(columns), 1, 2.0, sharex=True)
         for axes, column in zip(panels[:, 0], columns, strict=True):
@@ -39,7 +37,7 @@ def motor_torques(with_run: "Run", without_run: "Run") -> "Figure":
             axes.set_title(
                 f"{column.sensor}, joint {column.component}: peak {peaks[0]:.1f} N m without, {peaks[1]:.1f} N m with"
             )
-        _limit(panels[-1], columns, without_run)
+        _limit(panels[-1], columns, runs[0])
         style.legend(figure, panels[0, 0])
         style.title(figure, f"Motor torques, band {DEFAULT_BAND}", runs)
     return figure
@@ -47,10 +45,10 @@ def motor_torques(with_run: "Run", without_run: "Run") -> "Figure":
 
 def force_sensors(with_run: "Run", without_run: "Run") -> "Figure":
     """Every force and moment between mechanism and base, band-limited; a sensor's components side by side."""
-    rows = _rows([list(sensor.columns(name)) for name, sensor in rig_of(with_run).supports.items()])
+    runs = SIRun.of(without_run), SIRun.of(with_run)
+    rows = _rows([list(sensor.columns(name)) for name, sensor in runs[1].rig.supports.items()])
     if not rows:
         raise AnalysisError(f"{with_run.name}: its rig has no force sensor between mechanism and base")
-    runs = (without_run, with_run)
     with style.styled():
         figure, panels = style.grid(len(rows), _ACROSS, 1.6, sharex=True)
         for row, columns in zip(panels, rows, strict=True):
@@ -59,24 +57,24 @@ def force_sensors(with_run: "Run", without_run: "Run") -> "Figure":
                 axes.set_title(f"{column.sensor} {column.component} [{'N' if column.component[0] == 'F' else 'N m'}]")
             for axes in row[len(columns) :]:
                 axes.set_visible(False)
-        _limit(panels[-1], [column for columns in rows for column in columns], without_run)
+        _limit(panels[-1], [column for columns in rows for column in columns], runs[0])
         style.legend(figure, panels[0, 0])
         style.title(figure, f"Forces between mechanism and base, band {DEFAULT_BAND}", runs)
     return figure
 
 
-def _draw(axes: "Axes", column: Column, runs: "tuple[Run, Run]") -> list[float]:
+def _draw(axes: "Axes", column: Column, runs: tuple[SIRun, SIRun]) -> list[float]:
     """Draw a channel of both runs, the one without counter-masses first; their peaks [SI]."""
-    signals = [(instants(run, column), DEFAULT_BAND.of(*in_si(run, column))) for run in runs]
+    signals = [(run.instants(column), DEFAULT_BAND.of(*run.signal(column))) for run in runs]
     style.two_runs(axes, *signals)
     return [float(np.abs(values).max()) for _, values in signals]
 
 
-def _limit(bottom: "Sequence[Axes]", columns: Sequence[Column], run: "Run") -> None:
+def _limit(bottom: "Sequence[Axes]", columns: Sequence[Column], run: SIRun) -> None:
     """Show the part in which something moves, by the channel that moves most; panels share their axis of time."""
-    strongest = max(columns, key=lambda column: float(np.ptp(in_si(run, column)[0])))
-    span = moving(*in_si(run, strongest))
-    time = instants(run, strongest)[span]
+    strongest = max(columns, key=lambda column: float(np.ptp(run.values(column))))
+    span = moving(*run.signal(strongest))
+    time = run.instants(strongest)[span]
     bottom[0].set_xlim(time[0], time[-1])
     for axes in bottom:
         axes.set_xlabel("time of the logger [s]")

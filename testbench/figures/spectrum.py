@@ -6,7 +6,7 @@ import numpy as np
 
 from ..errors import AnalysisError
 from ..levels import levels
-from ..pairing import rig_of
+from ..runs.si_run import SIRun
 from . import style
 
 if TYPE_CHECKING:
@@ -20,9 +20,8 @@ LOWEST, HIGHEST = 1.0, 500.0
 
 def base_spectrum(run: "Run") -> "Figure":
     """Power spectral density of the base's acceleration along each axis, with the frequencies where it peaks."""
-    rig = rig_of(run)
-    columns = [c for name, sensor in rig.base_accelerometers.items() for c in sensor.columns(name)]
-    found = [(level, level.spectrum) for level in levels(run, columns)]
+    si = SIRun.of(run)
+    found = [(level, level.spectrum) for level in levels(si, si.rig.base_columns)]
     shown = [(level, spectrum) for level, spectrum in found if spectrum is not None]
     if not shown:
         raise AnalysisError(f"{run.name}: no accelerometer on the base with a record long enough for a spectrum")

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from ..runs.si_run import SIRun
     from ..store import Run
 
 WITHOUT, WITH = "#d55e00", "#0072b2"
@@ -47,7 +48,7 @@ def grid(rows: int, columns: int, height: float, **shared: Any) -> "tuple[Figure
     return figure, figure.subplots(rows, columns, squeeze=False, **shared)
 
 
-def title(figure: "Figure", text: str, runs: Sequence["Run"]) -> None:
+def title(figure: "Figure", text: str, runs: "Sequence[Run | SIRun]") -> None:
     """Title of a figure: what it shows, in which condition, and that it is simulated where it is."""
     headline(figure, f"{origin_of(runs)}{text}\n{condition_of(runs[0])}")
 
@@ -57,14 +58,14 @@ def headline(figure: "Figure", text: str) -> None:
     figure.suptitle(text, x=0.01, ha="left", fontweight="bold")
 
 
-def origin_of(runs: Sequence["Run"]) -> str:
+def origin_of(runs: "Sequence[Run | SIRun]") -> str:
     """``Simulated: `` and the like; nothing before what was measured."""
     origins = sorted({str(run.origin) for run in runs})
     words = {"simulated": "Simulated", "unstated": "Origin unstated", "measured": "Measured"}
     return "" if origins == ["measured"] else " and ".join(words[origin] for origin in origins) + ": "
 
 
-def condition_of(run: "Run") -> str:
+def condition_of(run: "Run | SIRun") -> str:
     """Payload, motion, acceleration."""
     c = run.conditions
     parts = (

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 
 from balance.quantities import G0
 
-from ..channels import instants
 from ..motion.segments import moving
-from ..pairing import Key, Pair, rig_of
+from ..pairing import Key, Pair
 from ..reductions import Reduction, reduce
+from ..runs.si_run import SIRun
 from ..vibration import Measure, base_accelerations
 from . import style
 
@@ -25,17 +25,15 @@ def base_acceleration(with_run: "Run", without_run: "Run", measure: Measure | No
     The grey band is what noise alone shows.
     """
     measure = measure or Measure()
-    runs = (without_run, with_run)
-    found = [base_accelerations(run, rig_of(run)) for run in runs]
-    columns = {
-        (c.sensor, c.component): c for n, s in rig_of(with_run).base_accelerometers.items() for c in s.columns(n)
-    }
+    runs = SIRun.of(without_run), SIRun.of(with_run)
+    found = [base_accelerations(run) for run in runs]
+    columns = {(c.sensor, c.component): c for c in runs[1].rig.base_columns}
     fell = {(r.sensor, r.axis): r for r in reduce(_pair(with_run, without_run), measure)}
     with style.styled():
         figure, panels = style.grid(len(columns), 1, 1.7, sharex=True)
         for axes, (place, column) in zip(panels[:, 0], columns.items(), strict=True):
             shapes = [measure.shape(*signals[place]) / G0 for signals in found]
-            times = [instants(run, column) for run in runs]
+            times = [run.instants(column) for run in runs]
             style.two_runs(axes, (times[0], shapes[0]), (times[1], shapes[1]))
             axes.set_ylabel(f"{column.component} [g0]")
             axes.set_title(f"{place[0]}, {column.component} axis: {_said(fell[place])}")
@@ -43,7 +41,7 @@ def base_acceleration(with_run: "Run", without_run: "Run", measure: Measure | No
         first, column = next(iter(columns.items()))
         strongest = max(found[0].values(), key=lambda signal: float(abs(measure.shape(*signal)).max()))
         span = moving(measure.shape(*strongest), strongest[1], margin_s=0.1)
-        time = instants(without_run, column)[span]
+        time = runs[0].instants(column)[span]
         panels[-1, 0].set_xlim(time[0], time[-1])
         panels[-1, 0].set_xlabel(f"time of the logger of {first[0]} [s]")
         style.legend(figure, panels[0, 0])

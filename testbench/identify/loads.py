@@ -17,7 +17,8 @@ from balance.mechanism import Mechanism
 from ..errors import AnalysisError
 from ..motion import base_motion
 from ..motion.gaps import Gaps
-from ..motion.joint_motion import followed
+from ..motion.joint_motion import encoder_trajectory
+from ..runs.si_run import SIRun
 from ..trim.evidence import carried, clock_maps, refuse_saturation
 from ..trim.sound import gaps_of
 from ..wrench import COMPONENTS, shaking_wrench
@@ -63,11 +64,12 @@ def loads_of(
 
     Raises AnalysisError if no component is determined, a sensor is at the end of its range, clocks cannot be aligned.
     """
-    wrench = shaking_wrench(run, rig)
+    si = SIRun.of(run, rig)
+    wrench = shaking_wrench(si)
     refuse_saturation(run, rig, wrench)
-    base = base_motion.recorded(run, rig)
+    base = base_motion.recorded(si)
     wanted: tuple[str, ...] = COMPONENTS[:3] if base is not None else COMPONENTS
-    grid, path = followed(run, rig, mechanism, CUTOFF_HZ, bridged=True)
+    grid, path = encoder_trajectory(si, mechanism, CUTOFF_HZ)
     size = np.abs(wrench_regressor(mechanism, path.q, path.v, path.a)).max(axis=(0, 2))
     wanted = tuple(name for name in wanted if size[COMPONENTS.index(name)] > NOTHING * size.max())
     names = tuple(name for name in wanted if wrench.values[name] is not None)

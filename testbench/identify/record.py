@@ -8,12 +8,12 @@ from balance.arrays import Floats
 from balance.mechanism import Mechanism
 
 from .. import rig as rigs
-from ..calibration.applied import readings
 from ..errors import AnalysisError
 from ..motion.derivatives import Grid, Rates, bridged, grid_of, low_pass, on_grid
 from ..motion.gaps import Gaps
 from ..recording import Origin
 from ..rig.sensors import Encoder, Torque
+from ..runs.si_run import SIRun
 from ..store import Run
 from .loads import Loads
 
@@ -92,7 +92,7 @@ def joint_record(run: Run, mechanism: Mechanism, rig: "rigs.Rig | None" = None, 
         )
     group = groups.pop()
     time = run.time(group)
-    values = np.stack([readings(run, column) for column in channels], axis=1)
+    values = np.stack([SIRun.of(run, rig).readings(column) for column in channels], axis=1)
     _refuse_lost(run.name, [column.channel for column in channels], values, time)
     grid, gaps = grid_of(time, run.name, bridged=True), Gaps.of({group: time})
     even = on_grid(*bridged(time, values, grid.step), grid) if gaps else on_grid(time, values, grid)

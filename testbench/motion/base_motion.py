@@ -19,11 +19,9 @@ from balance.components import dense
 from balance.dynamics.moving_base import displacement_at
 from balance.mechanism import Mechanism
 
-from ..channels import in_si, instants
-
 if TYPE_CHECKING:
-    from ..rig import Column, Rig
-    from ..store import Run
+    from ..rig import Column
+    from ..runs.si_run import SIRun
 
 NEAR = 1e-3
 """A lever at which the base's rotation does not matter [m]."""
@@ -44,29 +42,24 @@ class BaseAcceleration:
     """The channels, (k,)."""
 
 
-def recorded(run: "Run", rig: "Rig", group: str | None = None) -> BaseAcceleration | None:
+def recorded(run: "SIRun", group: str | None = None) -> BaseAcceleration | None:
     """The accelerometers on the base that a group holds; of any group, the one with most channels. None: no such."""
-    found = [_in_group(run, rig, g.name) for g in run.groups if group in {None, g.name}]
+    found = [_in_group(run, g.name) for g in run.groups if group in {None, g.name}]
     return max((f for f in found if f is not None), key=lambda f: len(f.rows), default=None)
 
 
-def _in_group(run: "Run", rig: "Rig", group: str) -> BaseAcceleration | None:
-    where = run.group(group)
+def _in_group(run: "SIRun", group: str) -> BaseAcceleration | None:
     columns = [
         (sensor.position, column)
-        for name, sensor in rig.base_accelerometers.items()
+        for name, sensor in run.rig.base_accelerometers.items()
         for column in sensor.columns(name)
-        if where.index(column.channel) is not None
+        if run.holds(column, group)
     ]
     if not columns:
         return None
     rows = np.array([displacement_at(np.array(p))["xyz".index(c.component)] for p, c in columns])
     channels = tuple(c for _, c in columns)
-    return BaseAcceleration(group, rows, instants(run, channels[0]), _stacked(run, channels), channels)
-
-
-def _stacked(run: "Run", columns: "Iterable[Column]") -> Floats:
-    return np.column_stack([in_si(run, column)[0] for column in columns])
+    return BaseAcceleration(group, rows, run.instants(channels[0]), run.stacked(channels), channels)
 
 
 def projector(rows: Floats, accelerometers: Floats) -> Floats:

@@ -15,20 +15,17 @@ from balance import kinematics
 from balance.arrays import Floats
 from balance.components import dense
 from balance.errors import CounterpoiseError
-from balance.mechanism import Mechanism
 
-from ..channels import in_si, instants
 from ..errors import AnalysisError
 from ..rig.sensors import Accelerometer, Target
 from ..signals import Band
 from .derivatives import grid_of, on_grid
 from .gaps import wide_steps
-from .joint_motion import encoder_gaps, followed, group_of_encoders
 from .legs import REST_S, Leg, legs_of_acceleration, legs_of_path
 
 if TYPE_CHECKING:
-    from ..rig import Rig
-    from ..store import Run
+    from ..runs.aligned_run import AlignedRun
+    from ..runs.si_run import SIRun
 
 Source = Literal["command", "encoders", "acceleration"]
 BANDWIDTH_HZ = 80.0
@@ -81,13 +78,13 @@ class FoundMotion:
 
 
 def found(
-    run: "Run", rig: "Rig", mechanism: Callable[[], Mechanism]
+    run: "SIRun", aligned: "Callable[[], AlignedRun]"
 ) -> tuple[dict[Source, list[FoundMotion]], dict[Source, str]]:
     """The motions of a run by each source that its rig has, and why a source tells nothing."""
     ways: dict[Source, Callable[[], tuple[str, list[Leg], Floats]]] = {
-        "command": lambda: _commanded(run, rig),
-        "encoders": lambda: _encoded(run, rig, mechanism()),
-        "acceleration": lambda: _felt(run, rig),
+        "command": lambda: _commanded(run),
+        "encoders": lambda: _encoded(aligned()),
+        "acceleration": lambda: _felt(run),
     }
     motions: dict[Source, list[FoundMotion]] = {}
     reasons: dict[Source, str] = {}
@@ -170,21 +167,21 @@ def _triangle(places: Floats, same: float) -> str | None:
     return ", ".join("(" + ", ".join(f"{1e3 * v:.0f}" for v in nodes[i][:2]) + ") mm" for i in corners)
 
 
-def _commanded(run: "Run", rig: "Rig") -> tuple[str, list[Leg], Floats]:
-    columns = [c for name, sensor in rig.of_kind(Target).items() for c in sensor.columns(name)]
+def _commanded(run: "SIRun") -> tuple[str, list[Leg], Floats]:
+    columns = run.rig.columns_of(Target)
     if not columns:
         raise AnalysisError("the rig has no target")
-    groups = {run.find(c.channel)[0].name for c in columns}
+    groups = run.groups_of(columns)
     if len(groups) > 1:
         raise AnalysisError("the target is on several loggers")
-    values = np.zeros((run.group(next(iter(groups))).samples, 3))
+    values = np.zeros((run.group(groups[0]).samples, 3))
     for column in columns:
-        values[:, "xyz".index(column.component)] = in_si(run, column)[0]
-    time = instants(run, columns[0])
+        values[:, "xyz".index(column.component)] = run.values(column)
+    time = run.instants(columns[0])
     gaps = wide_steps(time)
     if not len(gaps):
-        return groups.pop(), legs_of_acceleration(time, values, STILL["command"]), gaps
-    return groups.pop(), _up_to(gaps, time, values), gaps
+        return groups[0], legs_of_acceleration(time, values, STILL["command"]), gaps
+    return groups[0], _up_to(gaps, time, values), gaps
 
 
 def _up_to(gaps: Floats, time: Floats, values: Floats) -> list[Leg]:
@@ -200,22 +197,21 @@ def _up_to(gaps: Floats, time: Floats, values: Floats) -> list[Leg]:
     return [*legs, Leg(float(begin), max(float(moves[-1]), float(end)), np.full(3, np.nan), np.nan)]
 
 
-def _encoded(run: "Run", rig: "Rig", mechanism: Mechanism) -> tuple[str, list[Leg], Floats]:
-    group = group_of_encoders(run, rig)
-    rate = run.group(group).rate_hz
+def _encoded(run: "AlignedRun") -> tuple[str, list[Leg], Floats]:
+    rate, mechanism = run.run.group(run.reference).rate_hz, run.unloaded
     bandwidth = min(BANDWIDTH_HZ, LARGEST_SHARE * rate if rate else BANDWIDTH_HZ)
-    grid, path = followed(run, rig, mechanism, bandwidth, bridged=True)
-    gaps = list(encoder_gaps(run, rig).spans.values())
-    body, position = _driven(rig, mechanism)
+    path, gaps = run.trajectory(bandwidth), list(run.gaps().spans.values())
+    body, position = _driven(run)
     at = kinematics.pose(mechanism.tree, np.ascontiguousarray(path.q.T))
     place = dense(at.point(mechanism.tree.bodies[mechanism.body_index(body)], position), at.count).T
-    speed = np.linalg.norm(np.gradient(place, grid.step, axis=0), axis=1)
-    return group, legs_of_path(grid.time, place, speed, STILL["encoders"]), gaps[0] if gaps else NO_GAP
+    speed = np.linalg.norm(np.gradient(place, run.grid.step, axis=0), axis=1)
+    return run.reference, legs_of_path(run.grid.time, place, speed, STILL["encoders"]), gaps[0] if gaps else NO_GAP
 
 
-def _driven(rig: "Rig", mechanism: Mechanism) -> tuple[str, Floats]:
+def _driven(run: "AlignedRun") -> tuple[str, Floats]:
     """The point whose path is the motion: of the accelerometer on what moves, else of the payload."""
-    for sensor in rig.of_kind(Accelerometer).values():
+    mechanism = run.unloaded
+    for sensor in run.run.rig.of_kind(Accelerometer).values():
         if sensor.attached_to != "base":
             return sensor.attached_to, np.array(sensor.position)
     if len(mechanism.payload_bodies) != 1:
@@ -224,19 +220,18 @@ def _driven(rig: "Rig", mechanism: Mechanism) -> tuple[str, Floats]:
     return body, np.array(mechanism.centre(body))
 
 
-def _felt(run: "Run", rig: "Rig") -> tuple[str, list[Leg], Floats]:
+def _felt(run: "SIRun") -> tuple[str, list[Leg], Floats]:
     """By an accelerometer on a body; its axes are taken for the base's, so what turns is not told by it."""
-    for name, sensor in rig.of_kind(Accelerometer).items():
+    for name, sensor in run.rig.of_kind(Accelerometer).items():
         columns = list(sensor.columns(name)) if sensor.attached_to != "base" else []
         if not columns:
             continue
-        time = instants(run, columns[0])
+        time = run.instants(columns[0])
         grid = grid_of(time, f"{run.name}: {name}")
         values = np.zeros((grid.count, 3))
         for column in columns:
-            even = on_grid(time, in_si(run, column)[0][:, None], grid)[:, 0]
+            even = on_grid(time, run.values(column)[:, None], grid)[:, 0]
             rest = np.median(even[: max(len(even) // 20, 1)])
             values[:, "xyz".index(column.component)] = Band(0.0, BANDWIDTH_HZ).of(even - rest, grid.rate)
-        group = run.find(columns[0].channel)[0].name
-        return group, legs_of_acceleration(grid.time, values, STILL["acceleration"]), NO_GAP
+        return run.group_of(columns[0]), legs_of_acceleration(grid.time, values, STILL["acceleration"]), NO_GAP
     raise AnalysisError("the rig has no accelerometer on a body that moves")

@@ -9,7 +9,8 @@ from balance.errors import CounterpoiseError
 
 from .. import figures
 from ..motion.joint_motion import mechanism_of
-from ..pairing import Pair, pairs, rig_of
+from ..pairing import Pair, pairs
+from ..runs.si_run import SIRun
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -30,7 +31,7 @@ def draw(runs: "Sequence[Run]", folder: Path, mechanism: str | None, bandwidth_h
 
 
 def _command(run: "Run", mechanism: str | None, bandwidth_hz: float) -> "Figure":
-    return figures.command_performance(run, mechanism_of(run, rig_of(run), mechanism), bandwidth_hz)
+    return figures.command_performance(run, mechanism_of(SIRun.of(run), mechanism), bandwidth_hz)
 
 
 def _names(pair: Pair, folder: Path) -> dict[str, Path]:

@@ -4,16 +4,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from balance.mechanism import Mechanism
-
 from .. import torque
 from ..signals import Band
 from ..vibration import METRICS
 from .part import Part
 
 if TYPE_CHECKING:
-    from ..rig import Rig
-    from ..store import Run
+    from ..runs.aligned_run import AlignedRun
     from ..wrench import MeasuredWrench
 
 
@@ -50,9 +47,9 @@ def wrench_part(wrench: "MeasuredWrench", band: Band | None) -> Part:
     }
 
 
-def torque_part(run: "Run", rig: "Rig", mechanism: Mechanism, bandwidth_hz: float) -> Part:
+def torque_part(run: "AlignedRun", bandwidth_hz: float) -> Part:
     """Each drive against the model."""
-    drives = torque.against_model(run, rig, mechanism, bandwidth_hz)
+    drives = torque.against_model(run, bandwidth_hz)
     return {"drives": [drive.as_dict() for drive in drives], "definitions": torque.DEFINITIONS}
 
 

@@ -11,18 +11,16 @@ import numpy as np
 
 from balance.arrays import Floats
 
-from ..channels import in_si, instants
-from ..clocks import stored
 from ..errors import AnalysisError
-from ..motion.joint_motion import group_of_encoders
+from ..runs.aligned_run import recorded_clocks
 from ..spectra.conditioned import conditioned
 from ..spectra.transfer import Transfer, transfer
 from .part import Part
 from .vibration import HIGHEST_HZ, base_columns
 
 if TYPE_CHECKING:
-    from ..rig import Column, Rig
-    from ..store import Run
+    from ..rig import Column
+    from ..runs.si_run import SIRun
     from ..wrench import MeasuredWrench
 
 SEGMENT_S = 0.25
@@ -31,13 +29,13 @@ STANDS_OUT = 3.0
 """How many times its scatter in the quietest twentieth of the record a component must scatter in all of it to count."""
 
 
-def base_response(run: "Run", rig: "Rig", wrench: "MeasuredWrench", highest_hz: float = HIGHEST_HZ) -> Part:
+def base_response(run: "SIRun", wrench: "MeasuredWrench", highest_hz: float = HIGHEST_HZ) -> Part:
     """Acceleration of the base along each axis per shaking force along it, where the coherence is significant."""
     pushes = _pushes(wrench)
     rows: list[Part] = []
-    for column in base_columns(run, rig):
+    for column in base_columns(run):
         if (along := f"F{column.component}") in pushes:
-            answer = _beside(run, rig, wrench, column)
+            answer = _beside(run, wrench, column)
             rows += _rows(column, along, pushes, answer, wrench.rate, highest_hz)
     return {
         "rows": rows,
@@ -88,12 +86,12 @@ def _row(column: "Column", told: Transfer, i: int) -> Part:
     }  # fmt: skip
 
 
-def _beside(run: "Run", rig: "Rig", wrench: "MeasuredWrench", column: "Column") -> Floats:
+def _beside(run: "SIRun", wrench: "MeasuredWrench", column: "Column") -> Floats:
     """A channel at the instants of the forces, (n,). Raises AnalysisError where their clocks are not in line."""
-    group, time = run.find(column.channel)[0].name, instants(run, column)
-    values, at = in_si(run, column)[0], wrench.time
+    group, time = run.group_of(column), run.instants(column)
+    values, at = run.values(column), wrench.time
     if group != wrench.group:
-        maps = stored.read(run.path, group_of_encoders(run, rig)) if run.path.parent.is_dir() else {}
+        maps = recorded_clocks(run)
         if missing := [name for name in (group, wrench.group) if name not in maps]:
             raise AnalysisError(
                 f"{run.name}: the clock of {', '.join(missing)} is not aligned: testbench align {run.path} first"

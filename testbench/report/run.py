@@ -6,14 +6,14 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from balance.errors import CounterpoiseError
-from balance.mechanism import Mechanism
 
 from .. import command
 from ..findings import Finding
 from ..motion import motions
 from ..motion.gaps import reach_of
-from ..motion.joint_motion import encoder_gaps, encoders, mechanism_of
-from ..pairing import doubts, rig_of
+from ..motion.joint_motion import encoder_gaps, mechanism_of
+from ..rig.sensors import Encoder
+from ..runs.aligned_run import AlignedRun
 from ..vibration import DEFAULT_BAND
 from ..wrench import shaking_wrench
 from . import loads, vibration
@@ -23,7 +23,7 @@ from .signs import turned
 
 if TYPE_CHECKING:
     from ..motion.motions import FoundMotion
-    from ..rig import Rig
+    from ..runs.si_run import SIRun
     from ..signals import Band
     from ..store import Run
 
@@ -64,7 +64,7 @@ class RunReport:
 
 
 def report(
-    run: "Run",
+    run: "SIRun",
     point: Point = (0.0, 0.0, 0.0),
     band: "Band | None" = DEFAULT_BAND,
     bandwidth_hz: float = command.BANDWIDTH_HZ,
@@ -72,32 +72,31 @@ def report(
 ) -> RunReport:
     """Analyse one run: vibration and forces in ``band``, accelerations and torques below ``bandwidth_hz``.
 
-    ``given`` is a mechanism in place of the one that the rig names. Raises AnalysisError if the run has no rig.
+    ``given`` is a mechanism in place of the one that the rig names.
     """
-    rig = rig_of(run)
-    mechanism = cache(lambda: mechanism_of(run, rig, given))
-    found, reasons = motions.found(run, rig, mechanism)
-    shown, of_command = _command(run, mechanism, bandwidth_hz)
+    aligned = cache(lambda: AlignedRun(run, mechanism_of(run, given)))
+    found, reasons = motions.found(run, aligned)
+    shown, of_command = _command(aligned, bandwidth_hz)
     forces: Part = {}
     response: Part = {}
-    findings: list[Part] = [finding.as_dict() for finding in doubts(run)]
+    findings: list[Part] = [finding.as_dict() for finding in run.doubts(run.rig.base_columns)]
     try:
-        wrench = shaking_wrench(run, rig, point)
+        wrench = shaking_wrench(run, point)
         forces = attempt(lambda: loads.wrench_part(wrench, band))
-        response = attempt(lambda: base_response(run, rig, wrench))
+        response = attempt(lambda: base_response(run, wrench))
         findings += [finding.as_dict() for finding in wrench.findings]
     except CounterpoiseError as error:
         forces = response = {"reason": str(error)}
-    torque = attempt(lambda: loads.torque_part(run, rig, mechanism(), bandwidth_hz))
-    findings += _gaps(run, rig, bandwidth_hz)
-    findings += [finding.as_dict() for finding in turned(run, rig, mechanism)]
+    torque = attempt(lambda: loads.torque_part(aligned(), bandwidth_hz))
+    findings += _gaps(run, bandwidth_hz)
+    findings += [finding.as_dict() for finding in turned(run, aligned)]
     findings += _contradicted(run, torque)
     return RunReport(
-        run,
+        run.recorded,
         _motions(run, found, reasons, findings),
         of_command,
-        attempt(lambda: vibration.base_levels(run, rig, band)),
-        attempt(lambda: vibration.base_modes(run, rig, vibration.motion_on_base_clock(run, rig, found, shown))),
+        attempt(lambda: vibration.base_levels(run, band)),
+        attempt(lambda: vibration.base_modes(run, vibration.motion_on_base_clock(run, found, shown))),
         response,
         forces,
         torque,
@@ -105,11 +104,9 @@ def report(
     )
 
 
-def _command(
-    run: "Run", mechanism: Callable[[], Mechanism], bandwidth_hz: float
-) -> tuple[command.CommandPerformance | None, Part]:
+def _command(aligned: Callable[[], AlignedRun], bandwidth_hz: float) -> tuple[command.CommandPerformance | None, Part]:
     try:
-        shown = command.performance(run, mechanism(), bandwidth_hz)
+        shown = command.performance(aligned(), bandwidth_hz)
     except CounterpoiseError as error:
         return None, {"reason": str(error)}
     return shown, {
@@ -122,18 +119,18 @@ def _command(
     }
 
 
-def _gaps(run: "Run", rig: "Rig", bandwidth_hz: float) -> list[Part]:
+def _gaps(run: "SIRun", bandwidth_hz: float) -> list[Part]:
     """What of the encoders' record is left out, if they have a gap."""
-    if not encoders(rig):
+    if not run.rig.columns_of(Encoder):
         return []
     try:
-        gaps = encoder_gaps(run, rig)
+        gaps = encoder_gaps(run)
     except CounterpoiseError:
         return []
     return [finding.as_dict() for finding in gaps.findings(run.name, reach_of(bandwidth_hz))]
 
 
-def _contradicted(run: "Run", torque: Part) -> list[Part]:
+def _contradicted(run: "SIRun", torque: Part) -> list[Part]:
     """Drives whose torque is of another size than the model's, a finding each."""
     return [
         Finding(
@@ -149,7 +146,7 @@ def _contradicted(run: "Run", torque: Part) -> list[Part]:
 
 
 def _motions(
-    run: "Run",
+    run: "SIRun",
     found: "dict[motions.Source, list[FoundMotion]]",
     reasons: "dict[motions.Source, str]",
     findings: list[Part],

@@ -16,22 +16,17 @@ from numpy.typing import NDArray
 from balance.arrays import Floats
 from balance.dynamics.inverse_dynamics import simulate
 from balance.errors import CounterpoiseError
-from balance.mechanism import Mechanism
 
-from ..calibration.applied import crosses
-from ..channels import in_si, instants
-from ..clocks import stored
 from ..findings import Finding
 from ..motion.derivatives import low_pass
-from ..motion.gaps import reach_of
-from ..motion.joint_motion import encoder_gaps, followed, group_of_encoders, loaded
 from ..rig.support_loads import shares
+from ..runs.aligned_run import AlignedRun, recorded_clocks
 from ..wrench import COMPONENTS
 
 if TYPE_CHECKING:
     from ..motion.derivatives import Grid
-    from ..rig import Column, Rig
-    from ..store import Run
+    from ..rig import Column
+    from ..runs.si_run import SIRun
 
 CODE = "force_sign"
 BANDWIDTH_HZ = 40.0
@@ -57,15 +52,15 @@ class _Loaded:
     """Readings on the same grid, less their mean, (m,) [N, N m]."""
 
 
-def turned(run: "Run", rig: "Rig", mechanism: Callable[[], Mechanism]) -> list[Finding]:
+def turned(run: "SIRun", aligned: Callable[[], AlignedRun]) -> list[Finding]:
     """A finding for each force channel that goes against its load; none where signs cannot be told.
 
-    ``mechanism`` gives the model without payload and counter-masses, which the run's conditions put on.
+    ``aligned`` gives the run with its mechanism.
     """
-    if not rig.supports:
+    if not run.rig.supports:
         return []
     try:
-        channels, clock = _channels(run, rig, loaded(run, mechanism()))
+        channels, clock = _channels(aligned())
     except CounterpoiseError:
         return []
     lag = clock if clock is not None else _lag(channels)
@@ -78,26 +73,26 @@ def turned(run: "Run", rig: "Rig", mechanism: Callable[[], Mechanism]) -> list[F
     return [_finding(run, *each) for each in found if each[1] < AGAINST]
 
 
-def _channels(run: "Run", rig: "Rig", model: Mechanism) -> tuple[list[_Loaded], int | None]:
+def _channels(run: AlignedRun) -> tuple[list[_Loaded], int | None]:
     """The channels with large loads, and the samples by which readings are late, where that is known."""
-    grid, path = followed(run, rig, model, 2.0 * BANDWIDTH_HZ, bridged=True)
-    made = simulate(model, path)
+    grid, rig = run.grid, run.run.rig
+    made = simulate(run.mechanism, run.trajectory(2.0 * BANDWIDTH_HZ))
     wrench = np.hstack([made.force, made.moment])
-    kept = encoder_gaps(run, rig).sound(grid, reach_of(BANDWIDTH_HZ))
+    kept = run.valid_samples(BANDWIDTH_HZ)
     found: list[_Loaded] = []
     for name, share in shares(rig.supports).items():
         support, columns = rig.supports[name], list(rig.supports[name].columns(name))
         loads = (wrench @ share.T)[:, [COMPONENTS.index(m) for m in support.measured]]
-        if support.crosstalk is not None and not crosses(run, columns[0]):
+        if support.crosstalk is not None and not run.run.has_matrix(columns[0]):
             loads = loads @ np.array(support.crosstalk).T
         smooth = low_pass(loads, BANDWIDTH_HZ, grid.rate)
-        found += [_of(run, c, grid, load, kept) for c, load in zip(columns, smooth.T, strict=True)]
-    return _large(found), _known_lag(run, rig, grid)
+        found += [_of(run.run, c, grid, load, kept) for c, load in zip(columns, smooth.T, strict=True)]
+    return _large(found), _known_lag(run)
 
 
-def _of(run: "Run", column: "Column", grid: "Grid", load: Floats, kept: NDArray[np.bool_]) -> _Loaded:
-    values, rate = in_si(run, column)
-    time = instants(run, column)
+def _of(run: "SIRun", column: "Column", grid: "Grid", load: Floats, kept: NDArray[np.bool_]) -> _Loaded:
+    values, rate = run.signal(column)
+    time = run.instants(column)
     even = np.arange(float(time[0]), float(time[-1]), grid.step)
     seen = np.interp(even, time, low_pass(values, BANDWIDTH_HZ, rate))
     return _Loaded(column, (load - load[kept].mean()) * kept, seen - np.median(seen))
@@ -113,14 +108,14 @@ def _large(channels: list[_Loaded]) -> list[_Loaded]:
     return found
 
 
-def _known_lag(run: "Run", rig: "Rig", grid: "Grid") -> int | None:
+def _known_lag(aligned: AlignedRun) -> int | None:
     """By the clocks that the campaign holds, samples from the readings' first to the encoders' first; None: unknown."""
-    name, support = next(iter(rig.supports.items()))
+    run, grid = aligned.run, aligned.grid
+    name, support = next(iter(run.rig.supports.items()))
     column = next(iter(support.columns(name)))
-    group, first = run.find(column.channel)[0].name, instants(run, column)[:1]
-    reference = group_of_encoders(run, rig)
-    if group != reference:
-        maps = stored.read(run.path, reference) if run.path.parent.is_dir() else {}
+    group, first = run.group_of(column), run.instants(column)[:1]
+    if group != aligned.reference:
+        maps = recorded_clocks(run)
         if group not in maps:
             return None
         first = maps[group].to_reference(first)
@@ -153,7 +148,7 @@ def _followed(one: _Loaded, lag: int) -> tuple[float, float]:
     return float(np.corrcoef(load, seen)[0, 1]), float(seen.std() / load.std())
 
 
-def _finding(run: "Run", one: _Loaded, correlation: float, ratio: float) -> Finding:
+def _finding(run: "SIRun", one: _Loaded, correlation: float, ratio: float) -> Finding:
     column = one.column
     return Finding(
         CODE,

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..channels import in_si, instants
 from ..errors import AnalysisError
 from ..levels import definitions, levels
 from ..signals import Band
@@ -15,8 +14,8 @@ from .part import Part
 if TYPE_CHECKING:
     from ..command import CommandPerformance
     from ..motion.motions import FoundMotion, Source
-    from ..rig import Column, Rig
-    from ..store import Run
+    from ..rig import Column
+    from ..runs.si_run import SIRun
 
 HIGHEST_HZ = 100.0
 """Of the modes that are looked for [Hz]: a base on its mounts, and what a motion excites."""
@@ -24,33 +23,33 @@ SETTLED_S = 0.02
 """After the end of the motion from which on the base rings freely; the zero-phase band smears as far [s]."""
 
 
-def base_columns(run: "Run", rig: "Rig") -> "list[Column]":
+def base_columns(run: "SIRun") -> "list[Column]":
     """The channels of the accelerometers on the base. Raises AnalysisError if there is none."""
-    columns = [c for name, sensor in rig.base_accelerometers.items() for c in sensor.columns(name)]
+    columns = run.rig.base_columns
     if not columns:
         raise AnalysisError(f"{run.name}: its rig has no accelerometer that is attached_to the base")
     return columns
 
 
-def base_levels(run: "Run", rig: "Rig", band: Band | None) -> Part:
+def base_levels(run: "SIRun", band: Band | None) -> Part:
     """Every metric of every axis, and where its spectrum peaks."""
-    found = levels(run, base_columns(run, rig), band)
+    found = levels(run, base_columns(run), band)
     return {"axes": [level.as_dict() for level in found], "definitions": definitions(band)}
 
 
-def base_modes(run: "Run", rig: "Rig", moved: tuple[float, float]) -> Part:
+def base_modes(run: "SIRun", moved: tuple[float, float]) -> Part:
     """Modes from what rings after the motion ``moved``, on the clock of the accelerometers on the base [s]."""
     start, end = moved
-    columns = base_columns(run, rig)
-    group = run.find(columns[0].channel)[0].name
-    columns = [c for c in columns if run.find(c.channel)[0].name == group]
-    time, rate = instants(run, columns[0]), in_si(run, columns[0])[1]
+    columns = base_columns(run)
+    group = run.group_of(columns[0])
+    columns = [c for c in columns if run.group_of(c) == group]
+    time, rate = run.instants(columns[0]), run.rate(columns[0])
     band = Band(0.0, min(HIGHEST_HZ, 0.2 * rate))
-    values = np.column_stack([band.of(*in_si(run, c)) for c in columns])
+    values = np.column_stack([band.of(*run.signal(c)) for c in columns])
     after = time > end + SETTLED_S
     found = modes(values[after], rate, band.high_hz, ambient=values[time < start - SETTLED_S])
     return {
-        "modes": [_in_si(mode.as_dict()) for mode in found],
+        "modes": [_named(mode.as_dict()) for mode in found],
         "channels": [c.channel for c in columns],
         "from_s": end + SETTLED_S,
         "to_s": float(time[-1]),
@@ -61,18 +60,18 @@ def base_modes(run: "Run", rig: "Rig", moved: tuple[float, float]) -> Part:
     }
 
 
-def _in_si(mode: Part) -> Part:
+def _named(mode: Part) -> Part:
     return {"amplitudes_m_s2" if name == "amplitudes" else name: value for name, value in mode.items()}
 
 
 def motion_on_base_clock(
-    run: "Run", rig: "Rig", found: "Mapping[Source, list[FoundMotion]]", shown: "CommandPerformance | None"
+    run: "SIRun", found: "Mapping[Source, list[FoundMotion]]", shown: "CommandPerformance | None"
 ) -> tuple[float, float]:
     """When the first motion began and the last ended, on the clock of the base's accelerometers [s].
 
     Raises AnalysisError where no source of motions tells it on that clock.
     """
-    group = run.find(base_columns(run, rig)[0].channel)[0].name
+    group = run.group_of(base_columns(run)[0])
     for motions in found.values():
         if motions and motions[-1].group == group and motions[-1].source != "acceleration":
             return motions[0].start, motions[-1].end

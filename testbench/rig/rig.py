@@ -15,6 +15,7 @@ from . import sensors as kinds
 from .bench import TABLES, Bench, Logger
 from .columns import Column
 from .fields import Table
+from .logged import LoggedSensor
 from .messages import explain, suggestion
 from .names import Names, of_mechanism
 
@@ -51,6 +52,15 @@ class Rig(Table):
     def of_kind(self, kind: type[S]) -> dict[str, S]:
         """The sensors of a kind, by name."""
         return {name: sensor for name, sensor in self.sensors.items() if isinstance(sensor, kind)}
+
+    def columns_of(self, kind: type[LoggedSensor]) -> list[Column]:
+        """The channels of all sensors of a kind, in the order of the file."""
+        return [column for name, sensor in self.of_kind(kind).items() for column in sensor.columns(name)]
+
+    @property
+    def base_columns(self) -> list[Column]:
+        """The channels of the accelerometers on the base."""
+        return [column for name, sensor in self.base_accelerometers.items() for column in sensor.columns(name)]
 
     @property
     def supports(self) -> dict[str, kinds.Support]:

@@ -119,13 +119,19 @@ class Run:
 
     def channel(self, name: str, group: str | None = None) -> Samples:
         """The values of a channel as recorded, in its unit as written, (n,)."""
-        where, i = self.find(name, group)
-        return self._read(where, i)
+        return self.channels_at([self.find(name, group)])[0]
 
     def channel_at(self, group: str, index: int) -> Samples:
         """The values of the channel of this index in its group, whatever its name, (n,)."""
-        where = self.group(group)
-        return self._read(where, index)
+        return self.channels_at([(self.group(group), index)])[0]
+
+    def channels_at(self, places: Sequence[tuple[StoredGroup, int]]) -> list[Samples]:
+        """The values of channels as recorded, (n,) each, by group and index; read in one opening of the file."""
+        with safe.open_for_reading(self.path) as file:
+            if len(places) == 1:
+                return [group.samples_of(file, index) for group, index in places]
+            nodes = {group.path: safe.member(file, group.path) for group, _ in places}
+            return [_samples(file, nodes[group.path], group, index) for group, index in places]
 
     def to_pandas(self, group: str | None = None, channels: Sequence[str] | None = None) -> "pandas.DataFrame":
         """A group as a table against time [s], or sample where there is no time; of ``channels`` alone if given.
@@ -188,12 +194,8 @@ class Run:
             raise StoreError(
                 f"{self.path.name}: group {where.name!r} has no time column in a unit of time, and no rate"
             )
-        recorded = self._read(where, where.clock.index)
+        (recorded,) = self.channels_at([(where, where.clock.index)])
         return recorded if where.clock.seconds_per_unit == 1.0 else recorded * where.clock.seconds_per_unit
-
-    def _read(self, group: StoredGroup, index: int) -> Samples:
-        with safe.open_for_reading(self.path) as file:
-            return group.samples_of(file, index)
 
 
 def open_run(path: str | Path) -> Run:
@@ -228,6 +230,13 @@ def _group(file: "h5py.File", known: Mapping[str, Any]) -> StoredGroup:
         if (found := safe.member(file, f"{group.path}/{key}").shape) != (group.samples,):
             raise StoreError(f"{file.filename}: {group.path}/{key} holds {found}, expected {group.samples} samples")
     return group
+
+
+def _samples(file: "h5py.File", node: "h5py.Group", group: StoredGroup, index: int) -> Samples:
+    """As the group reads them; values that are stored as they are without going down to the group once more."""
+    if group.whole and group.whole[index] is not None:
+        return group.samples_of(file, index)
+    return safe.numbers(node, group.keys[index])
 
 
 def _findings(file: "h5py.File") -> tuple[Finding, ...]:

@@ -15,8 +15,8 @@ from balance.stock import Plate
 
 from ..errors import AnalysisError
 from ..motion.joint_motion import loaded
-from ..pairing import rig_of
 from ..recording import Origin
+from ..runs.si_run import SIRun
 from .case import NAMES, Case, Source, Told
 from .evidence import CUTOFF_HZ
 from .missing import Missing, Share, refuse_blur
@@ -59,7 +59,7 @@ def trim_runs(
         )
     mounted = loaded(runs[0], mechanism)
     mounted.with_counter_mass(dict.fromkeys(names, 0.0))
-    rigs = [rig or rig_of(run) for run in runs]
+    rigs = [SIRun.of(run, rig).rig for run in runs]
     case = Case(runs, rigs, mechanism, conditions.find(mounted), names, cutoff, clocks or {})
     return _result(case, _told(case, _wanted(case, source)), plates)
 

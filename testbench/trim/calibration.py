@@ -15,9 +15,8 @@ import numpy as np
 from balance import trim
 from balance.arrays import Floats
 
-from ..calibration.applied import crosses
-from ..channels import in_si, instants
 from ..rig.scatter import scatter
+from ..runs.si_run import SIRun
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -95,8 +94,9 @@ def of_forces(
         if not entries:
             continue
         columns = list(support.columns(name))
-        shown = carry(instants(run, columns[0]), np.column_stack([in_si(run, column)[0] for column in columns]))
-        parted = support.crosstalk is not None and not crosses(run, columns[0])
+        si = SIRun.of(run, rig)
+        shown = carry(si.instants(columns[0]), si.stacked(columns))
+        parted = support.crosstalk is not None and not si.has_matrix(columns[0])
         loads = np.linalg.inv(np.array(support.crosstalk)) if parted else np.eye(len(columns))
         for entry in entries:
             change = np.zeros((len(shown), len(axes)))

@@ -17,16 +17,16 @@ from balance.conditions import Conditions
 from balance.dynamics.regressor import wrench_regressor
 from balance.mechanism import Mechanism
 
-from ..channels import in_si
 from ..clocks.mapping import ClockMap
 from ..clocks.run import align_run
 from ..errors import AnalysisError
 from ..findings import Finding
 from ..motion import base_motion
 from ..motion.derivatives import HIGHEST_CUTOFF, Grid, low_pass
-from ..motion.joint_motion import followed, group_of_encoders, loaded
+from ..motion.joint_motion import encoder_trajectory, group_of_encoders, loaded
 from ..motion.segments import moving
-from ..wrench import AT_RANGE, MeasuredWrench, shaking_wrench
+from ..runs.si_run import SIRun
+from ..wrench import MeasuredWrench, shaking_wrench
 from .calibration import Effects, of_forces, of_readings, stated
 from .sound import Sound
 
@@ -79,12 +79,13 @@ def run_evidence(
     nothing.
     """
     model = loaded(run, mechanism)
-    wrench = shaking_wrench(run, rig)
+    si = SIRun.of(run, rig)
+    wrench = shaking_wrench(si)
     refuse_saturation(run, rig, wrench)
-    grid, path = followed(run, rig, model, POSITION_BANDWIDTH * cutoff, bridged=True)
+    grid, path = encoder_trajectory(si, model, POSITION_BANDWIDTH * cutoff)
     columns = trim.columns_of(conditions, wrench_regressor(model, path.q, path.v, path.a)[:, :3])
     rows = _rows(run, wrench, columns)
-    base = base_motion.recorded(run, rig)
+    base = base_motion.recorded(si)
     needed = {wrench.group} | ({base.group} if base else set())
     maps = clock_maps(run, rig, model, needed, clocks)
     sound = Sound.of(run, rig, grid, needed, maps, POSITION_BANDWIDTH * cutoff)
@@ -126,13 +127,10 @@ def refuse_saturation(run: "Run", rig: "Rig", wrench: MeasuredWrench) -> None:
 
 def refuse_clipped_base(run: "Run", rig: "Rig") -> None:
     """Raise AnalysisError where an accelerometer on the base is at the end of its range."""
-    for name, sensor in rig.base_accelerometers.items():
-        for column in sensor.columns(name):
-            if column.range is None or all(g.index(column.channel) is None for g in run.groups):
-                continue
-            count = int(np.count_nonzero(np.abs(in_si(run, column)[0]) >= AT_RANGE * column.range))
-            if count:
-                raise AnalysisError(f"{run.name}: {column.channel}: {count} samples at the end of its range")
+    si = SIRun.of(run, rig)
+    for column in rig.base_columns:
+        if column.range is not None and si.holds(column) and (full := si.at_range(column)).any():
+            raise AnalysisError(f"{run.name}: {column.channel}: {int(full.sum())} samples at the end of its range")
 
 
 def _rows(run: "Run", wrench: MeasuredWrench, columns: Floats) -> list[int]:
@@ -154,14 +152,15 @@ def clock_maps(
     run: "Run", rig: "Rig", model: Mechanism, needed: set[str], known: Mapping[str, ClockMap] | None
 ) -> Mapping[str, ClockMap]:
     """Maps of the groups that are needed to the encoders' clock: those that are known, else found."""
-    reference = group_of_encoders(run, rig)
+    si = SIRun.of(run, rig)
+    reference = group_of_encoders(si)
     needed = needed - {reference}
     if known is not None and needed <= known.keys():
         return known
     if not needed:
         return {}
     times = run.time(reference)
-    found = align_run(run, rig, lambda: model, reference, drift=bool(times[-1] - times[0] >= LONG_S), among=needed)
+    found = align_run(si, lambda: model, reference, drift=bool(times[-1] - times[0] >= LONG_S), among=needed)
     return {group: found.map_of(group) for group in needed}
 
 

@@ -9,13 +9,14 @@ import numpy as np
 
 from balance.arrays import Floats
 
-from ..channels import instants
 from ..clocks.mapping import ClockMap
 from ..errors import AnalysisError
 from ..findings import Finding
 from ..motion.derivatives import Grid, low_pass
 from ..motion.gaps import Gaps, reach_of, stretches
-from ..motion.joint_motion import encoders, group_of_encoders
+from ..motion.joint_motion import group_of_encoders
+from ..rig.sensors import Encoder
+from ..runs.si_run import SIRun
 
 if TYPE_CHECKING:
     from balance.closure import Trajectory
@@ -91,8 +92,9 @@ class Sound:
 
 def gaps_of(run: "Run", rig: "Rig", groups: Collection[str], maps: Mapping[str, ClockMap]) -> Gaps:
     """Gaps of the encoders' record and of other groups, on the clock of the encoders."""
-    reference = group_of_encoders(run, rig)
-    records = {reference: instants(run, encoders(rig)[0])}
+    si = SIRun.of(run, rig)
+    reference = group_of_encoders(si)
+    records = {reference: si.instants(rig.columns_of(Encoder)[0])}
     for group in sorted(set(groups) - {reference}):
         records[group] = maps[group].to_reference(run.time(group))
     return Gaps.of(records)

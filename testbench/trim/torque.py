@@ -17,13 +17,12 @@ from balance.dynamics.joint_friction import joint_terms
 from balance.dynamics.regressor import driven_torque_regressor
 from balance.mechanism import Mechanism
 
-from ..channels import in_si, instants
 from ..clocks.mapping import ClockMap
 from ..errors import AnalysisError
 from ..motion.derivatives import Grid
-from ..motion.joint_motion import encoders, followed, loaded
-from ..rig.sensors import Torque
-from ..wrench import AT_RANGE
+from ..motion.joint_motion import encoder_trajectory, loaded
+from ..rig.sensors import Encoder, Torque
+from ..runs.si_run import SIRun
 from .evidence import carried, clock_maps, motion_of, span_of
 from .parts import Part
 from .sound import Sound
@@ -53,14 +52,14 @@ def torque_part(
     clocks: "Mapping[str, ClockMap] | None",
 ) -> Part:
     """The equations of a run. Raises AnalysisError where a joint has no torque or encoder, or gaps leave nothing."""
-    model = loaded(run, mechanism)
+    model, si = loaded(run, mechanism), SIRun.of(run, rig)
     channels = torque_channels(run, rig, model)
-    grid, path = followed(run, rig, model, POSITION_BANDWIDTH * cutoff, bridged=True)
+    grid, path = encoder_trajectory(si, model, POSITION_BANDWIDTH * cutoff)
     group = _group(run, channels)
     maps = clock_maps(run, rig, model, {group}, clocks)
     sound = Sound.of(run, rig, grid, {group}, maps, POSITION_BANDWIDTH * cutoff)
     sound.refuse_nothing(path)
-    torque = _on_grid(run, channels, group, maps, grid)
+    torque = _on_grid(si, channels, group, maps, grid)
     own, beside = _columns(model, conditions, path, _driven_rates(run, rig, model, path))
     places = [model.coordinate_index(joint) for joint in model.driven]
     speed = path.v[:, places]
@@ -82,7 +81,7 @@ def torque_part(
 
 def _driven_rates(run: "Run", rig: "Rig", model: Mechanism, path: "Trajectory") -> Floats:
     """Rates of all coordinates per rate of the driven joints, (n, nv, dof). Raises AnalysisError without encoders."""
-    seen = [column.component for column in encoders(rig)]
+    seen = [column.component for column in rig.columns_of(Encoder)]
     if sorted(seen) != sorted(model.driven):
         raise AnalysisError(
             f"{run.name}: encoders on {', '.join(seen)}, motors on {', '.join(model.driven)}: expected the same joints"
@@ -106,7 +105,7 @@ def torque_channels(run: "Run", rig: "Rig", model: Mechanism) -> "list[Column]":
         )
     columns = [known[joint] for joint in model.driven]
     for column in columns:
-        if column.range is not None and (at := np.abs(in_si(run, column)[0]) >= AT_RANGE * column.range).any():
+        if column.range is not None and (at := SIRun.of(run, rig).at_range(column)).any():
             raise AnalysisError(
                 f"{run.name}: {column.channel}: {int(at.sum())} samples at the end of its range of "
                 f"{column.range:g} (SI): a clipped torque cannot tell what is missing; use gentler runs"
@@ -114,9 +113,8 @@ def torque_channels(run: "Run", rig: "Rig", model: Mechanism) -> "list[Column]":
     return columns
 
 
-def _on_grid(run: "Run", columns: "Sequence[Column]", group: str, maps: "Mapping[str, ClockMap]", grid: Grid) -> Floats:
-    values = np.column_stack([in_si(run, column)[0] for column in columns])
-    return carried(instants(run, columns[0]), values, group, maps, grid)
+def _on_grid(run: SIRun, columns: "Sequence[Column]", group: str, maps: "Mapping[str, ClockMap]", grid: Grid) -> Floats:
+    return carried(run.instants(columns[0]), run.stacked(columns), group, maps, grid)
 
 
 def _group(run: "Run", columns: "Sequence[Column]") -> str:

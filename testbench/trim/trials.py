@@ -26,7 +26,8 @@ from ..errors import AnalysisError
 from ..findings import Finding
 from ..motion import base_motion
 from ..motion.gaps import CODE, Gaps
-from ..motion.joint_motion import followed, group_of_encoders, loaded
+from ..motion.joint_motion import encoder_trajectory, group_of_encoders, loaded
+from ..runs.si_run import SIRun
 from .beside import reduction
 from .case import Case
 from .evidence import carried, clock_maps, refuse_clipped_base
@@ -59,12 +60,12 @@ class _Seen:
         cutoff: float,
         clocks: "Mapping[str, ClockMap] | None",
     ) -> None:
-        base = base_motion.recorded(run, rig)
+        base = base_motion.recorded(SIRun.of(run, rig))
         if base is None:
             raise AnalysisError(f"{run.name}: no accelerometer on the base was recorded: nothing shows how it vibrates")
         refuse_clipped_base(run, rig)
         model = loaded(run, mechanism)
-        grid, path = followed(run, rig, model, 4.0 * cutoff)
+        grid, path = encoder_trajectory(SIRun.of(run, rig), model, 4.0 * cutoff, bridged=False)
         maps = clock_maps(run, rig, model, {base.group}, clocks)
         self.time = grid.time - grid.time[0]
         self.reading = carried(base.time, base.values, base.group, maps, grid)
@@ -94,8 +95,8 @@ def without_gaps(case: Case) -> tuple[Case, tuple[Finding, ...]]:
 
 def _gaps(run: "Run", rig: "Rig") -> Gaps:
     """Of the encoders and of the accelerometers on the base, each on its own clock."""
-    base = base_motion.recorded(run, rig)
-    groups = dict.fromkeys([group_of_encoders(run, rig), *([base.group] if base else [])])
+    base = base_motion.recorded(SIRun.of(run, rig))
+    groups = dict.fromkeys([group_of_encoders(SIRun.of(run, rig)), *([base.group] if base else [])])
     return Gaps.of({group: run.time(group) for group in groups})
 
 

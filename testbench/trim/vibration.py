@@ -24,8 +24,9 @@ from ..clocks.mapping import ClockMap
 from ..errors import AnalysisError
 from ..motion import base_motion
 from ..motion.derivatives import Grid
-from ..motion.joint_motion import followed, loaded
+from ..motion.joint_motion import encoder_trajectory, loaded
 from ..rig.support_loads import elastic_base
+from ..runs.si_run import SIRun
 from .beside import reduction
 from .evidence import carried, clock_maps, motion_of, refuse_clipped_base, span_of
 from .parts import Part
@@ -152,12 +153,12 @@ def shaken(
             f"{run.name}: its rig does not state the base (bench: {', '.join(NEEDED)}): state it, or make runs with "
             "trial masses, by which the base's response is measured (--from trials)"
         )
-    sensors = base_motion.recorded(run, rig)
+    sensors = base_motion.recorded(SIRun.of(run, rig))
     if sensors is None:
         raise AnalysisError(f"{run.name}: no accelerometer on the base was recorded: nothing shows how it vibrates")
     refuse_clipped_base(run, rig)
     model = loaded(run, mechanism)
-    grid, path = followed(run, rig, model, POSITION_BANDWIDTH * cutoff, bridged=True)
+    grid, path = encoder_trajectory(SIRun.of(run, rig), model, POSITION_BANDWIDTH * cutoff)
     maps = clock_maps(run, rig, model, {sensors.group}, clocks)
     sound = Sound.of(run, rig, grid, {sensors.group}, maps, POSITION_BANDWIDTH * cutoff)
     sound.refuse_nothing(path)

@@ -13,7 +13,7 @@ from balance.observability import NotObservable
 from ..errors import AnalysisError
 from ..findings import Finding
 from ..motion.gaps import CODE as GAP
-from ..motion.joint_motion import encoders
+from ..rig.sensors import Encoder
 from . import calibration
 from .case import Case, Told
 from .evidence import CUTOFF_HZ, run_evidence
@@ -196,7 +196,7 @@ def _with_encoder_steps(
     rank, basis = case.conditions.rank, basis_of(case.conditions)
     pi = basis[:, :rank] @ measured.values + basis[:, rank:] @ (combinations @ found.shared[: combinations.shape[1]])
     steps = [
-        step_covariance(run, encoders(rig), gain, pi)
+        step_covariance(run, rig.columns_of(Encoder), gain, pi)
         for run, rig, gain in zip(runs, case.rigs, found.gains, strict=True)
     ]
     return replace(measured, covariance=measured.covariance + np.sum(steps, axis=0))

@@ -7,13 +7,17 @@ from balance.loading.loading import load_mechanism
 from testbench.command import performance
 from testbench.errors import AnalysisError
 from testbench.motion.derivatives import noise_gain, rates
+from testbench.runs.aligned_run import AlignedRun
+from testbench.runs.si_run import SIRun
 from testbench.store import open_campaign
 
 
 @pytest.fixture(scope="module")
 def shown(brief):
     """The 5 kg run along y at 3 g0 with counter-masses: the base hardly moves."""
-    return performance(open_campaign(brief.campaign).runs[6], load_mechanism("parallelogram-6bar"))
+    return performance(
+        AlignedRun(SIRun.of(open_campaign(brief.campaign).runs[6]), load_mechanism("parallelogram-6bar"))
+    )
 
 
 def test_encoders_give_the_commanded_acceleration(shown):
@@ -40,7 +44,7 @@ def test_what_the_rig_lacks(brief, monkeypatch):
     text = run.rig[: run.rig.index("[sensors.target]")] + run.rig[run.rig.index("[bench]") :]
     object.__setattr__(run, "rig", text)
     with pytest.raises(AnalysisError, match="target"):
-        performance(run, load_mechanism("parallelogram-6bar"))
+        performance(AlignedRun(SIRun.of(run), load_mechanism("parallelogram-6bar")))
 
 
 def test_figures_name_peaks_errors_and_delays(shown):

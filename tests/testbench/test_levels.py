@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from testbench.channels import in_si
 from testbench.levels import definitions, levels, of_runs
-from testbench.pairing import rig_of
+from testbench.runs.si_run import SIRun
 from testbench.store import open_campaign
 from testbench.vibration import METRICS, Measure
 
@@ -20,10 +19,12 @@ def runs(brief):
 
 def test_metrics_are_those_of_the_reductions(runs):
     """Peak, peak to peak and RMS of the base are what a reduction takes of it, to rounding."""
-    rig = rig_of(runs[0])
-    for level in levels(runs[0], rig.sensors["base_acc"].columns("base_acc")):
+    rig = SIRun.of(runs[0]).rig
+    for level in levels(SIRun.of(runs[0]), rig.sensors["base_acc"].columns("base_acc")):
         for metric in METRICS:
-            assert level.metrics[metric] == pytest.approx(Measure(metric).of(*in_si(runs[0], level.column)), rel=1e-12)
+            assert level.metrics[metric] == pytest.approx(
+                Measure(metric).of(*SIRun.of(runs[0]).signal(level.column)), rel=1e-12
+            )
         assert level.metrics.keys() <= definitions(level.band).keys()
 
 
@@ -32,18 +33,18 @@ def test_many_runs_are_each_as_alone(runs):
     found = list(of_runs(runs))
     assert [run.name for run, _ in found] == [run.name for run in runs]
     for run, some in found:
-        alone = levels(run, rig_of(run).columns())
+        alone = levels(SIRun.of(run), SIRun.of(run).rig.columns())
         assert [one.as_dict() for one in some] == [one.as_dict() for one in alone]
 
 
 def test_a_line_in_the_noise_is_found():
     """A 63 Hz line of 0.1 m/s2 that is put into the base's record stands first among the peaks, others are not seen."""
     run = memory.scene("x", payload=5.0, masses={}).run(0)
-    column = next(rig_of(run).sensors["base_acc"].columns("base_acc"))
+    column = next(SIRun.of(run).rig.sensors["base_acc"].columns("base_acc"))
     time = np.arange(60_000) / 5000.0
     quiet = np.random.default_rng(2).normal(0.0, 0.001, len(time))
     line = memory.with_values(run, "AccX", quiet + np.sin(2 * np.pi * 63.0 * time) / 98.1)
-    (level,) = levels(line, [column])
+    (level,) = levels(SIRun.of(line), [column])
     assert [peak["frequency_hz"] for peak in level.peaks()] == [pytest.approx(63.0, abs=5000.0 / 4096.0)]
-    (nothing,) = levels(memory.with_values(run, "AccX", quiet), [column])
+    (nothing,) = levels(SIRun.of(memory.with_values(run, "AccX", quiet)), [column])
     assert nothing.peaks() == []

@@ -7,8 +7,9 @@ import pytest
 
 from testbench.errors import AnalysisError
 from testbench.findings import Finding
-from testbench.pairing import doubts, pairs, rig_of
+from testbench.pairing import pairs
 from testbench.recording import Channel, Group
+from testbench.runs.si_run import SIRun
 
 BUILT = {"counter_A0A": 24.2626, "counter_B0B": 24.2626}
 RIG = """
@@ -122,7 +123,7 @@ def test_conditions_missing():
 def test_no_rig():
     """A run without a rig is refused with what is needed."""
     with pytest.raises(AnalysisError, match=r"a: stored without a rig.*--rig"):
-        rig_of(run("a", BUILT, rig=None))
+        SIRun.of(run("a", BUILT, rig=None))
 
 
 def test_doubts():
@@ -130,4 +131,5 @@ def test_doubts():
     clipped = Finding("clipping", "AccX (g)", None, "12 samples")
     other = Finding("clipping", "PlatX (g)", None, "12 samples")
     note = Finding("time_jitter", "AccX (g)", None, "a little")
-    assert [d.channel for d in doubts(run("a", BUILT, findings=(clipped, other, note)))] == ["AccX (g)"]
+    found = SIRun.of(run("a", BUILT, findings=(clipped, other, note)))
+    assert [d.channel for d in found.doubts(found.rig.base_columns)] == ["AccX (g)"]

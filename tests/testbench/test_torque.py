@@ -5,6 +5,8 @@ import pytest
 
 from balance.loading.loading import load_mechanism
 from testbench.errors import AnalysisError
+from testbench.runs.aligned_run import AlignedRun
+from testbench.runs.si_run import SIRun
 from testbench.torque import against_model
 
 from . import memory
@@ -16,7 +18,7 @@ MECHANISM = load_mechanism("parallelogram-6bar")
 def test_bench(masses):
     """Torques of a bench that is simulated by the same mechanics are the model's, with and without counter-masses."""
     scene = memory.scene("x", masses=masses)
-    found = against_model(scene.run(0), scene.rig, MECHANISM)
+    found = against_model(AlignedRun(SIRun.of(scene.run(0), scene.rig), MECHANISM))
     assert [one.joint for one in found] == ["A0", "B0"]
     for one in found:
         told = one.as_dict()
@@ -31,18 +33,12 @@ def test_a_sensor_that_is_off_shows():
     scene = memory.scene("x", masses={})
     run = scene.run(0)
     tau = run.channel("tau1")
-    (late,) = [
-        one.as_dict()
-        for one in against_model(
-            memory.with_values(run, "tau1", 1.3 * np.concatenate([np.full(4, tau[0]), tau[:-4]])),
-            scene.rig,
-            MECHANISM,
-        )
-        if one.joint == "A0"
-    ]
-    assert late["rms_ratio"] == pytest.approx(1.3, rel=0.02)
-    assert late["delay_s"] == pytest.approx(0.004, abs=5e-4)
-    assert late["residual_share"] > 0.1
+    late = 1.3 * np.concatenate([np.full(4, tau[0]), tau[:-4]])
+    off = AlignedRun(SIRun.of(memory.with_values(run, "tau1", late)), MECHANISM)
+    (found,) = [one.as_dict() for one in against_model(off) if one.joint == "A0"]
+    assert found["rms_ratio"] == pytest.approx(1.3, rel=0.02)
+    assert found["delay_s"] == pytest.approx(0.004, abs=5e-4)
+    assert found["residual_share"] > 0.1
 
 
 def test_without_torque_sensors_there_is_nothing_to_compare():
@@ -50,4 +46,4 @@ def test_without_torque_sensors_there_is_nothing_to_compare():
     scene = memory.scene("x")
     left = {n: s for n, s in scene.rig.sensors.items() if s.kind != "torque"}
     with pytest.raises(AnalysisError, match="kind torque"):
-        against_model(scene.run(0), scene.rig.model_copy(update={"sensors": left}), MECHANISM)
+        against_model(AlignedRun(SIRun.of(scene.run(0), scene.rig.model_copy(update={"sensors": left})), MECHANISM))

@@ -5,10 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.channels import in_si
+from testbench import rig as rigs
 from testbench.errors import AnalysisError
 from testbench.recording import Channel, UniformClock
 from testbench.rig import Column
+from testbench.runs.si_run import SIRun
 from testbench.signals import Band
 from testbench.store import Run, StoredGroup, open_run
 from testbench.store.writer import RunWriter
@@ -51,17 +52,24 @@ def column(unit: str) -> Column:
     return Column("AccX", "acc", "x", "daq", unit, ("acceleration",))
 
 
+def signal(run: Run, column: Column) -> tuple[np.ndarray, float]:
+    """The channel in SI, of a rig that knows no other."""
+    rig = rigs.from_text('mechanism = "none"\n[loggers.daq]\n[sensors.acc]\nkind = "accelerometer"\nlogger = "daq"\n'
+                         'channels = { x = "AccX" }\nposition = ["0 m", "0 m", "0 m"]\n')  # fmt: skip
+    return SIRun.of(run, rig).signal(column)
+
+
 @pytest.mark.parametrize(("unit", "factor"), [("g", 9.81), ("m/s^2", 1.0), ("mm/s2", 1e-3)])
 def test_units_of_the_log(tmp_path, unit, factor):
     """The unit of the log decides; g is g0 = 9.81 m/s2."""
     run = stored(tmp_path, unit, TIME)
-    assert in_si(run, column(unit))[0] == pytest.approx(factor * TIME)
-    assert in_si(run, column(""))[0] == pytest.approx(factor * TIME)
+    assert signal(run, column(unit))[0] == pytest.approx(factor * TIME)
+    assert signal(run, column(""))[0] == pytest.approx(factor * TIME)
 
 
 def test_unit_of_the_rig(tmp_path):
     """Where the log has no unit, that of the rig counts."""
-    assert in_si(stored(tmp_path, None, TIME), column("g"))[0] == pytest.approx(9.81 * TIME)
+    assert signal(stored(tmp_path, None, TIME), column("g"))[0] == pytest.approx(9.81 * TIME)
 
 
 @pytest.mark.parametrize(
@@ -71,7 +79,7 @@ def test_unit_of_the_rig(tmp_path):
 def test_doubtful_units(tmp_path, logged, rigged, said):
     """No unit, two units, or one of something else: refused with run and channel."""
     with pytest.raises(AnalysisError, match=f"r: channel 'AccX'.*{said}"):
-        in_si(stored(tmp_path, logged, TIME), column(rigged))
+        signal(stored(tmp_path, logged, TIME), column(rigged))
 
 
 def test_no_number(tmp_path):
@@ -79,10 +87,10 @@ def test_no_number(tmp_path):
     values = TIME.copy()
     values[17] = np.nan
     with pytest.raises(AnalysisError, match="sample 17"):
-        in_si(stored(tmp_path, "g", values), column("g"))
+        signal(stored(tmp_path, "g", values), column("g"))
 
 
 def test_no_clock(tmp_path):
     """A channel without a rate is refused."""
     with pytest.raises(AnalysisError, match="no sampling rate"):
-        in_si(stored(tmp_path, "g", TIME, None), column("g"))
+        signal(stored(tmp_path, "g", TIME, None), column("g"))

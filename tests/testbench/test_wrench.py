@@ -6,6 +6,7 @@ import pytest
 from balance import datasets
 from testbench import rig as rigs
 from testbench.errors import AnalysisError, RigError
+from testbench.runs.si_run import SIRun
 from testbench.wrench import COMPONENTS, shaking_wrench, without_preload
 
 from . import memory
@@ -32,7 +33,7 @@ def transmitted(scene, run, seed, point):
 def test_all_six_components_at_any_point(moved, point):
     """A 6-axis, a 3-axis and two 1-axis sensors add up to what the mechanism exerted, within their noise."""
     run = moved.run(0)
-    found = shaking_wrench(run, moved.rig, point)
+    found = shaking_wrench(SIRun.of(run, moved.rig), point)
     assert found.determined(COMPONENTS) == list(COMPONENTS)
     true = transmitted(moved, run, 0, np.array(point))
     for k, component in enumerate(COMPONENTS):
@@ -45,7 +46,7 @@ def test_all_six_components_at_any_point(moved, point):
 def test_what_is_not_determined_is_none_with_the_reason(moved):
     """If the rig does not say that the side sensors carry no sideways force, Fx is unknown, and so are the moments."""
     rig = rigs.from_text(TEXT.replace('unloaded = "rest"', 'unloaded = ["Mx", "My", "Mz"]'))
-    found = shaking_wrench(moved.run(0), rig)
+    found = shaking_wrench(SIRun.of(moved.run(0), rig))
     assert found.determined(COMPONENTS) == ["Fz", "Mx", "My"]
     assert found.values["Fx"] is None
     assert "futek_1 does not measure Fx" in found.reasons["Fx"]
@@ -56,8 +57,8 @@ def test_the_point_decides_what_a_lever_needs(moved):
     """An unknown Fy matters to Mx only about a point out of its plane."""
     rig = rigs.from_text(TEXT.replace('unloaded = "rest"', 'unloaded = ["Mx", "My", "Mz"]'))
     run = moved.run(0)
-    assert shaking_wrench(run, rig, (0.1, 0.2, 0.0)).values["Mx"] is not None
-    assert "Fy" in shaking_wrench(run, rig, (0.1, 0.2, 0.1)).reasons["Mx"]
+    assert shaking_wrench(SIRun.of(run, rig), (0.1, 0.2, 0.0)).values["Mx"] is not None
+    assert "Fy" in shaking_wrench(SIRun.of(run, rig), (0.1, 0.2, 0.1)).reasons["Mx"]
 
 
 def test_crosstalk_is_taken_out(moved):
@@ -69,7 +70,7 @@ def test_crosstalk_is_taken_out(moved):
         mixed = memory.with_values(mixed, name, loads @ matrix[k])
     rows = ", ".join(str([float(x) for x in row]) for row in matrix)
     rig = rigs.from_text(TEXT.replace('model = "Kistler 9016-b"', f'model = "x"\ncrosstalk = [{rows}]'))
-    plain, found = shaking_wrench(run, moved.rig), shaking_wrench(mixed, rig)
+    plain, found = shaking_wrench(SIRun.of(run, moved.rig)), shaking_wrench(SIRun.of(mixed, rig))
     assert found.values["Fy"] == pytest.approx(plain.values["Fy"], abs=1e-9)
 
 
@@ -90,9 +91,9 @@ def test_preload_and_drift_of_a_sensor_are_taken_off(moved):
     """A preload of 1800 N with a drift of 3 N/s leaves the shaking force as it was."""
     run = moved.run(0)
     drifting = memory.with_values(run, "Fz2", run.channel("Fz2") + 1800.0 + 3.0 * run.time("forces"))
-    one, other = (shaking_wrench(r, moved.rig).values["Fz"] for r in (run, drifting))
+    one, other = (shaking_wrench(SIRun.of(r, moved.rig)).values["Fz"] for r in (run, drifting))
     assert other == pytest.approx(one, abs=0.05)
-    kept = shaking_wrench(drifting, moved.rig, preload=True).values["Fz"]
+    kept = shaking_wrench(SIRun.of(drifting, moved.rig), preload=True).values["Fz"]
     assert np.mean(kept) > 1790.0
 
 
@@ -108,7 +109,7 @@ def test_saturation_is_flagged(moved):
     """A sensor at the end of its range is a finding that names it."""
     run = moved.run(0)
     clipped = memory.with_values(run, "Fx1", np.clip(40.0 * run.channel("Fx1"), -500.0, 500.0))
-    found = shaking_wrench(clipped, moved.rig)
+    found = shaking_wrench(SIRun.of(clipped, moved.rig))
     assert [(f.code, f.channel) for f in found.findings] == [("clipping", "Fx1")]
 
 
@@ -119,7 +120,7 @@ def test_what_rests_on_a_clipped_sensor_is_no_number_there(moved):
     limit = 0.6 * float(np.abs(true).max())
     rig = rigs.from_text(TEXT.replace('range = "1112 N"', f'range = "{limit} N"', 1))
     whole, found = (
-        shaking_wrench(memory.with_values(run, "Fz3", values), rig)
+        shaking_wrench(SIRun.of(memory.with_values(run, "Fz3", values), rig))
         for values in (0.5 * true, np.clip(true, -limit, limit))
     )
     over = np.abs(true) >= (1 - 1e-4) * limit
@@ -136,22 +137,22 @@ def test_what_rests_on_a_clipped_sensor_is_no_number_there(moved):
 
 def test_how_preload_is_taken_off_is_said(moved):
     """Rest on both sides: a line through both means; kept: nothing."""
-    assert "before and" in shaking_wrench(moved.run(0), moved.rig).tare
-    assert shaking_wrench(moved.run(0), moved.rig, preload=True).tare.startswith("nothing")
+    assert "before and" in shaking_wrench(SIRun.of(moved.run(0), moved.rig)).tare
+    assert shaking_wrench(SIRun.of(moved.run(0), moved.rig), preload=True).tare.startswith("nothing")
 
 
 def test_no_force_sensor_is_refused(moved):
     """A rig without supports measures no shaking force."""
     rig = moved.rig.model_copy(update={"sensors": dict(moved.rig.base_accelerometers)})
     with pytest.raises(AnalysisError, match="no force sensors"):
-        shaking_wrench(moved.run(0), rig)
+        shaking_wrench(SIRun.of(moved.run(0), rig))
 
 
 def test_a_dead_force_sensor_leaves_no_number(moved):
     """One of two sensors that share Fx unplugged: half of Fx is not Fx. What rests on others alone stays as it was."""
     run = moved.run(0)
     dead = memory.with_values(run, "Fx1", np.zeros(len(run.channel("Fx1"))))
-    whole, found = shaking_wrench(run, moved.rig), shaking_wrench(dead, moved.rig)
+    whole, found = shaking_wrench(SIRun.of(run, moved.rig)), shaking_wrench(SIRun.of(dead, moved.rig))
     assert found.values["Fx"] is None
     assert "Fx1 shows one value only" in found.reasons["Fx"]
     assert "Mz" in found.reasons
@@ -163,9 +164,9 @@ def test_flat_tops_below_the_stated_range_are_no_numbers():
     """An amplifier that ends at half of what passed, far below the sensor's range: what rests on it is no number."""
     scene = memory.scene("x", masses={})
     run = scene.run(0)
-    assert not shaking_wrench(run, scene.rig).findings
+    assert not shaking_wrench(SIRun.of(run, scene.rig)).findings
     values = run.channel("Fx1")
     top = 0.5 * np.abs(values).max()
-    found = shaking_wrench(memory.with_values(run, "Fx1", np.clip(values, -top, top)), scene.rig)
+    found = shaking_wrench(SIRun.of(memory.with_values(run, "Fx1", np.clip(values, -top, top)), scene.rig))
     assert [f.code for f in found.findings] == ["clipping_suspected"]
     assert found.clipped["Fx"]

@@ -7,7 +7,7 @@ import pytest
 
 from testbench.amplitudes.amplitude import Amplitude
 from testbench.amplitudes.condition import unlike_in_length
-from testbench.amplitudes.faults import flat_tops, held, is_dead
+from testbench.checks.clipping import flat_tops, is_dead, stuck_value
 from testbench.errors import AnalysisError
 from testbench.pairing import Key, Pair
 from testbench.reductions import analyze
@@ -47,7 +47,7 @@ def test_whole_records_have_no_faults(runs):
     for run in runs:
         values = run.channel("AccX")
         assert not is_dead(values)
-        assert held(values, RATE) is None
+        assert stuck_value(values, RATE) is None
         assert flat_tops(values) is None
     assert not {"dead_channel", "held_value", "durations_differ", "not_analyzed"} & analysed(*runs)[1].keys()
 
@@ -74,7 +74,7 @@ def test_a_sensor_unplugged_in_the_motion_is_said(runs):
 def test_a_coarse_channel_at_rest_is_not_unplugged():
     """Steps of 0.1 of a motion between two rests: what is held at rest is no fault."""
     motion = np.concatenate([np.zeros(2000), np.sin(np.arange(5000) / 100.0), np.zeros(3000)])
-    assert held(np.round(motion, 1), RATE) is None
+    assert stuck_value(np.round(motion, 1), RATE) is None
 
 
 def test_flat_tops_below_the_stated_range_make_a_bound(runs):

@@ -10,13 +10,13 @@ from balance import datasets
 from balance.loading.loading import load_mechanism
 from balance.quantities import G0
 from testbench import rig as rigs
-from testbench.calibration.correct import calibrate
 from testbench.calibration.document import Calibration
 from testbench.cli.analyze import analyze
 from testbench.identify.record import joint_record
 from testbench.motion import base_motion
-from testbench.motion.joint_motion import followed
-from testbench.pairing import rig_of
+from testbench.motion.joint_motion import encoder_trajectory
+from testbench.runs.recalibrate import calibrate
+from testbench.runs.si_run import SIRun
 from testbench.store import open_campaign
 from testbench.vibration import base_accelerations
 from testbench.wrench import shaking_wrench
@@ -46,9 +46,9 @@ def test_reductions(campaign, capsys):
     before = reductions(campaign, capsys)
     assert before["calibrations"] == []
     (run,) = [run for run in open_campaign(campaign).runs if run.conditions.get("counter_masses")]
-    raw = base_accelerations(run, rig_of(run))
+    raw = base_accelerations(SIRun.of(run))
     calibrate([run], "base_acc", Calibration(sensitivity="1.03 g/g"), "amplifier was set 3 % too high")
-    for place, (values, _) in base_accelerations(run, rig_of(run)).items():
+    for place, (values, _) in base_accelerations(SIRun.of(run)).items():
         np.testing.assert_allclose(values, raw[place][0] / 1.03, rtol=1e-12)
     after = reductions(campaign, capsys)
     (held,) = after["calibrations"]
@@ -61,23 +61,23 @@ def test_reductions(campaign, capsys):
 def test_forces_torques_angles_and_base(campaign):
     """Supports, motors, encoders and the base's accelerometer: each follows the record about it, the others stay."""
     run, other = open_campaign(campaign).runs[-1], open_campaign(campaign).runs[0]
-    rig, mechanism = rig_of(run), load_mechanism("parallelogram-6bar")
-    forces, torques = shaking_wrench(run, rig, preload=True), joint_record(run, mechanism)
-    path = followed(run, rig, mechanism, 40.0)[1]
+    mechanism = load_mechanism("parallelogram-6bar")
+    forces, torques = shaking_wrench(SIRun.of(run), preload=True), joint_record(run, mechanism)
+    path = encoder_trajectory(SIRun.of(run), mechanism, 40.0)[1]
     twice = {"futek_1": "0.5 N/N", "futek_2": "0.5 N/N", "motor_A0": "0.5 (N m)/(N m)", "base_acc": "0.5 g/g"}
     for sensor, text in twice.items():
         calibrate([run], sensor, Calibration(sensitivity=text), "test of a scale")
     calibrate([run], "encoder_A0", Calibration(offset="1 deg"), "zero was read again")
     single = run.channel("Fz3") + run.channel("Fz4")
-    found = shaking_wrench(run, rig, preload=True)
+    found = shaking_wrench(SIRun.of(run), preload=True)
     np.testing.assert_allclose(found.values["Fz"] - forces.values["Fz"], single, atol=1e-9)
     np.testing.assert_array_equal(found.values["Fx"], forces.values["Fx"])
     now = joint_record(run, mechanism)
     np.testing.assert_allclose(now.torque, torques.torque * [2.0, 1.0], atol=1e-12)
     np.testing.assert_allclose(now.q - torques.q, np.broadcast_to([-np.pi / 180.0, 0.0], now.q.shape), atol=1e-12)
     raw = np.column_stack([run.channel(name) for name in ("AccX", "AccY", "AccZ")])
-    np.testing.assert_allclose(base_motion.recorded(run, rig).values, 2.0 * G0 * raw, rtol=1e-12)
-    moved = followed(run, rig, mechanism, 40.0)[1].q - path.q
+    np.testing.assert_allclose(base_motion.recorded(SIRun.of(run)).values, 2.0 * G0 * raw, rtol=1e-12)
+    moved = encoder_trajectory(SIRun.of(run), mechanism, 40.0)[1].q - path.q
     assert np.abs(moved).max() == pytest.approx(np.pi / 180.0, rel=0.2)
     assert not any(h.sensor == "futek_1" for h in _held(other))
 
@@ -89,12 +89,10 @@ def test_a_simulated_bench_that_writes_volts():
     volts = plain.replace('unit = "g"', 'unit = "mV"', 1).replace("[sensors.base_acc]", table, 1)
     runs = [memory.scene("x", rig=rigs.load(text)).run(0) for text in (plain, volts)]
     assert runs[1].channel("AccX").mean() == pytest.approx(2500.0, abs=5.0)
-    first, second = (base_accelerations(run, rig_of(run)) for run in runs)
+    first, second = (base_accelerations(SIRun.of(run)) for run in runs)
     for place, (values, _) in first.items():
         np.testing.assert_allclose(second[place][0], values, atol=1.1 * 0.5e-5 * G0)
 
 
 def _held(run):
-    from testbench.calibration.holding import of_runs
-
-    return of_runs([run])
+    return SIRun.of(run).calibrations

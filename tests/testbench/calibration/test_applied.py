@@ -7,17 +7,15 @@ import numpy as np
 import pytest
 
 from testbench import rig as rigs
-from testbench.calibration import applied
-from testbench.calibration.correct import calibrate
 from testbench.calibration.document import Calibration
-from testbench.calibration.view import physical
-from testbench.channels import in_si
 from testbench.errors import AnalysisError, RigError, StoreError
 from testbench.export import export
 from testbench.ingest import Ingest
 from testbench.ingest.runsheet import PlannedRun
-from testbench.pairing import doubts, rig_of
 from testbench.readers import open_recording
+from testbench.runs.physical_run import physical
+from testbench.runs.recalibrate import calibrate
+from testbench.runs.si_run import SIRun
 from testbench.store import open_campaign, open_run, records
 from testbench.wrench import shaking_wrench
 
@@ -26,14 +24,14 @@ from . import volts
 
 def column(run, sensor="acc", index=0):
     """A channel of a sensor, as the run's rig has it."""
-    return list(rig_of(run).sensors[sensor].columns(sensor))[index]
+    return list(SIRun.of(run).rig.sensors[sensor].columns(sensor))[index]
 
 
 def test_volts_stay_and_accelerations_are_computed(tmp_path):
     """The dataset holds the logger's volts to the bit; in SI it is the acceleration that was put on."""
     run = volts.stored(tmp_path, volts.HEAD + volts.SENSITIVITY)
     assert run.channel("ch0")[0] == 2.5
-    values, rate = in_si(run, column(run))
+    values, rate = SIRun.of(run).signal(column(run))
     assert rate == pytest.approx(1000.0)
     np.testing.assert_allclose(values, volts.ACCELERATION, atol=1e-9)
 
@@ -42,7 +40,7 @@ def test_the_unit_that_the_log_does_not_write(tmp_path):
     """The rig's unit, or the calibration's, says it; where nobody does, it is refused at ingest and not guessed."""
     rig = volts.HEAD + volts.SENSITIVITY
     run = volts.stored(tmp_path, rig.replace("[sensors.acc]", '[sensors.acc]\nunit = "V"'), unit=None)
-    np.testing.assert_allclose(in_si(run, column(run))[0], volts.ACCELERATION, atol=1e-9)
+    np.testing.assert_allclose(SIRun.of(run).values(column(run)), volts.ACCELERATION, atol=1e-9)
     (outcome,) = Ingest(tmp_path / "c2", rigs.load(rig)).run(PlannedRun("r1", (tmp_path / "r1.csv",)))
     assert [f.code for f in outcome.findings if f.severity == 2] == ["calibration_contradiction"]
     assert "neither in its log nor in the rig" in outcome.message or "no unit" in outcome.findings[-1].message
@@ -70,8 +68,8 @@ def test_six_axes(tmp_path):
     """The matrix gives back the six loads, in N and N m, also to the analysis of the shaking wrench."""
     run = volts.stored(tmp_path, volts.HEAD + volts.SENSITIVITY + volts.SIX + volts.MATRIX)
     for i in range(6):
-        np.testing.assert_allclose(in_si(run, column(run, "six", i))[0], volts.LOADS[i], atol=1e-7)
-    wrench = shaking_wrench(run, rig_of(run), preload=True)
+        np.testing.assert_allclose(SIRun.of(run).values(column(run, "six", i)), volts.LOADS[i], atol=1e-7)
+    wrench = shaking_wrench(SIRun.of(run), preload=True)
     for i, name in enumerate(volts.NAMES):
         np.testing.assert_allclose(wrench.values[name], volts.LOADS[i], atol=1e-7)
 
@@ -83,9 +81,9 @@ def test_a_matrix_goes_before_the_crosstalk_of_the_rig(tmp_path):
     run = volts.stored(tmp_path, rig)
     matrix = {"raw": "V", "physical": {"F": "N", "M": "N m"}, "rows": volts.PER_VOLT.tolist()}
     calibrate([run], "six", Calibration.model_validate({"matrix": matrix}), "delivered with the sensor")
-    wrench = shaking_wrench(run, rig_of(run), preload=True)
+    wrench = shaking_wrench(SIRun.of(run), preload=True)
     np.testing.assert_allclose(wrench.values["Mz"], volts.LOADS[5], atol=1e-7)
-    np.testing.assert_allclose(applied.loads(run, column(run, "six", 5)), volts.LOADS[5], atol=1e-7)
+    np.testing.assert_allclose(SIRun.of(run).loads(column(run, "six", 5)), volts.LOADS[5], atol=1e-7)
 
 
 def test_a_correction_is_a_later_record(tmp_path):
@@ -94,9 +92,9 @@ def test_a_correction_is_a_later_record(tmp_path):
     before = hashlib.sha256(run.path.read_bytes()).hexdigest()
     first = calibrate([run], "acc", Calibration(sensitivity="200 mV/g", offset="2.5 V"), "typing error")
     old = first.record.read_bytes()
-    np.testing.assert_allclose(in_si(run, column(run))[0], volts.ACCELERATION / 2.0, atol=1e-9)
+    np.testing.assert_allclose(SIRun.of(run).values(column(run)), volts.ACCELERATION / 2.0, atol=1e-9)
     calibrate([run], "acc", Calibration(sensitivity="50 mV/g", offset="2.5 V", date="2026-03-31"), "certificate 12")
-    np.testing.assert_allclose(in_si(run, column(run))[0], 2.0 * volts.ACCELERATION, atol=1e-9)
+    np.testing.assert_allclose(SIRun.of(run).values(column(run)), 2.0 * volts.ACCELERATION, atol=1e-9)
     assert run.channel("ch0")[0] == 2.5
     assert hashlib.sha256(run.path.read_bytes()).hexdigest() == before
     assert first.record.read_bytes() == old
@@ -108,10 +106,10 @@ def test_a_sensor_without_calibration_gets_one_later(tmp_path):
     run = volts.stored(tmp_path, volts.HEAD)
     assert [f.code for f in run.findings if f.severity == 1] == ["uncalibrated"]
     with pytest.raises(AnalysisError, match="testbench calibrate"):
-        in_si(run, column(run))
+        SIRun.of(run).signal(column(run))
     calibrate([run], "acc", Calibration(sensitivity="100 mV/g", offset="2.5 V"), "sheet found")
-    np.testing.assert_allclose(in_si(run, column(run))[0], volts.ACCELERATION, atol=1e-9)
-    assert doubts(run) == []
+    np.testing.assert_allclose(SIRun.of(run).values(column(run)), volts.ACCELERATION, atol=1e-9)
+    assert SIRun.of(run).doubts([column(run)]) == []
 
 
 def test_tables_in_si(tmp_path):
@@ -170,7 +168,7 @@ def test_a_damaged_record_is_refused(tmp_path, old, new):
     done = calibrate([run], "acc", Calibration(sensitivity="100 mV/g"), "yearly")
     done.record.write_text(done.record.read_text("utf-8").replace(old, new), encoding="utf-8")
     with pytest.raises(StoreError, match=done.record.name):
-        in_si(run, column(run))
+        SIRun.of(run).signal(column(run))
 
 
 def test_a_record_about_other_bytes_is_refused(tmp_path):
@@ -181,6 +179,6 @@ def test_a_record_about_other_bytes_is_refused(tmp_path):
         (run.path.parent / name).unlink()
     again = volts.stored(tmp_path, volts.HEAD + volts.SENSITIVITY + volts.SIX)
     with pytest.raises(StoreError, match=r"other bytes of r1\.h5"):
-        in_si(again, column(again))
+        SIRun.of(again).signal(column(again))
     calibrate([again], "acc", Calibration(sensitivity="100 mV/g", offset="2.5 V"), "of the new run")
-    np.testing.assert_allclose(in_si(open_run(again.path), column(again))[0], volts.ACCELERATION, atol=1e-9)
+    np.testing.assert_allclose(SIRun.of(open_run(again.path)).values(column(again)), volts.ACCELERATION, atol=1e-9)

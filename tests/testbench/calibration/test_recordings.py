@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from testbench import rig as rigs
-from testbench.calibration.correct import calibrate
 from testbench.calibration.document import Calibration
-from testbench.calibration.view import physical
 from testbench.ingest import Ingest
 from testbench.ingest.runsheet import PlannedRun
-from testbench.pairing import rig_of
+from testbench.runs.physical_run import physical
+from testbench.runs.recalibrate import calibrate
+from testbench.runs.si_run import SIRun
 from testbench.store import open_campaign, open_run
 from testbench.wrench import shaking_wrench
 
@@ -83,7 +83,7 @@ def test_volts_of_a_force_plate(tmp_path):
         "My": A * (-z[0] + z[1] + z[2] - z[3]),
         "Mz": B * (-x12 + x34) + A * (y14 - y23),
     }
-    wrench = shaking_wrench(run, rig_of(run), preload=True)
+    wrench = shaking_wrench(SIRun.of(run), preload=True)
     for name, expected in printed.items():
         np.testing.assert_allclose(wrench.values[name], expected, rtol=1e-9, atol=1e-9)
     assert physical(run).group().channels[5].unit == "N"

@@ -11,12 +11,12 @@ import click
 import numpy as np
 import pytest
 
-from testbench.calibration.view import physical
 from testbench.cli import main
 from testbench.cli.calibrate import calibrate
 from testbench.cli.export import export
 from testbench.cli.verify import verify
 from testbench.errors import RigError
+from testbench.runs.physical_run import physical
 from testbench.store import open_run
 
 from ..calibration import volts

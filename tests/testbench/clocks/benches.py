@@ -6,6 +6,7 @@ same motion of the same bench.
 """
 
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -25,6 +26,7 @@ from testbench.recording import Channel, TimeColumn, UniformClock
 from testbench.rig import Rig, load
 from testbench.rig import from_text as load_text
 from testbench.rig.sensors import Encoder
+from testbench.runs.si_run import SIRun
 from testbench.store.run import Run, StoredGroup
 
 try:
@@ -55,8 +57,9 @@ def _soft() -> Rig:
 class MemoryRun(Run):
     """A run whose data are in memory, by path."""
 
-    def _read(self, group: StoredGroup, index: int) -> np.ndarray:
-        return self.provenance["data"][f"{group.path}/{group.keys[index]}"]
+    def channels_at(self, places: Sequence[tuple[StoredGroup, int]]) -> list[np.ndarray]:
+        """Values by group and index."""
+        return [self.provenance["data"][f"{group.path}/{group.keys[index]}"] for group, index in places]
 
 
 @dataclass(frozen=True)
@@ -132,7 +135,7 @@ def stored(made: SimulatedRun, rig: Rig) -> MemoryRun:
 def aligned(case: Case, made: SimulatedRun) -> RunClocks:
     """The clocks as ``testbench align`` finds them."""
     run = stored(made, case.rig)
-    return align_run(run, case.rig, lambda: loaded(run, load_mechanism(case.rig.mechanism)), drift=case.drift)
+    return align_run(SIRun.of(run, case.rig), lambda: loaded(run, load_mechanism(case.rig.mechanism)), drift=case.drift)
 
 
 def truth(made: SimulatedRun, group: str, own: float) -> float:

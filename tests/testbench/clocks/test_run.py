@@ -7,8 +7,10 @@ from balance import datasets
 from testbench import rig as rigs
 from testbench.clocks.correlation import by_correlation
 from testbench.clocks.mapping import ClockMap
-from testbench.clocks.run import align_named, align_run, scene_mechanism
+from testbench.clocks.run import align_named, align_run
 from testbench.errors import AnalysisError
+from testbench.motion.joint_motion import loaded, mechanism_of
+from testbench.runs.si_run import SIRun
 
 from .. import memory
 from ..coverage import assert_holds
@@ -22,6 +24,12 @@ def moved():
     return memory.scene("x")
 
 
+def aligned_by(run, rig, **options):
+    """The clocks of a run, by the rig and the mechanism that it names."""
+    si = SIRun.of(run, rig)
+    return align_run(si, lambda: loaded(si, mechanism_of(si, None)), **options)
+
+
 def truth(scene, seed, group, own):
     """An own instant's true time on the controller's clock [s]."""
     starts = scene.starts(seed)
@@ -33,7 +41,7 @@ def truth(scene, seed, group, own):
 def test_bench(moved, seed):
     """Platform accelerometer and force sensors are aligned with the encoders to 0.1 ms, though the base moves."""
     run = moved.run(seed)
-    found = align_run(run, moved.rig, scene_mechanism(run, moved.rig, None), drift=False)
+    found = aligned_by(run, moved.rig, drift=False)
     assert found.reference == "controller"
     assert not found.refused
     for group in ("daq", "forces"):
@@ -56,7 +64,7 @@ def filtered():
 def test_delays_of_stated_filters_are_taken_off(filtered, seed):
     """Offsets are those of the clocks, within 0.1 ms and the interval, though the filters delay by more."""
     run = filtered.run(seed)
-    found = align_run(run, filtered.rig, scene_mechanism(run, filtered.rig, None), drift=False)
+    found = aligned_by(run, filtered.rig, drift=False)
     delays = {"daq": 0.000208, "forces": 0.000520}
     for group, delay in delays.items():
         clock = found.map_of(group)
@@ -69,9 +77,7 @@ def test_delays_of_stated_filters_are_taken_off(filtered, seed):
 def test_a_filter_that_the_rig_does_not_state_stays_in_the_offset(filtered, moved):
     """Read by a rig that does not state it, the forces seem later by their filter's delay, and no delay is claimed."""
     run = filtered.run(0)
-    stated, unstated = (
-        align_run(run, rig, scene_mechanism(run, rig, None), drift=False) for rig in (filtered.rig, moved.rig)
-    )
+    stated, unstated = (aligned_by(run, rig, drift=False) for rig in (filtered.rig, moved.rig))
     late = unstated.map_of("forces").offset - stated.map_of("forces").offset
     assert late == pytest.approx(-0.00052, abs=5e-5)
     assert unstated.delays["forces"] is None
@@ -81,7 +87,7 @@ def test_without_the_base_accelerometer_the_interval_says_so(moved):
     """Without the base's acceleration the answer is off by its effect, and the interval is as wide."""
     run = moved.run(0)
     rig = moved.rig.model_copy(update={"sensors": {k: v for k, v in moved.rig.sensors.items() if k != "base_acc"}})
-    clock = align_run(run, rig, scene_mechanism(run, rig, None), drift=False).map_of("daq")
+    clock = aligned_by(run, rig, drift=False).map_of("daq")
     late = float(clock.to_reference(np.array([clock.at_own]))[0]) - truth(moved, 0, "daq", clock.at_own)
     assert 3e-5 < abs(late) < clock.half_width(clock.at_own)
 
@@ -100,7 +106,7 @@ def test_what_the_rig_does_not_pair_is_refused(moved):
     """An accelerometer on the base alone says nothing of the encoders' clock; the message says what to do."""
     run = moved.run(0)
     rig = moved.rig.model_copy(update={"sensors": {k: v for k, v in moved.rig.sensors.items() if k != "platform_acc"}})
-    found = align_run(run, rig, scene_mechanism(run, rig, None))
+    found = aligned_by(run, rig)
     assert "--pair" in found.refused["daq"]
 
 
@@ -142,7 +148,7 @@ def test_a_gap_is_left_out():
 def test_gaps_do_not_hide_the_lag(moved, seed):
     """A tenth of half a second's motion is lost: what is left still aligns, for a gap counts for neither side."""
     run = memory.without(moved.run(seed), "controller", 0.45, 0.55)
-    found = align_run(run, moved.rig, scene_mechanism(run, moved.rig, None), drift=False)
+    found = aligned_by(run, moved.rig, drift=False)
     assert not found.refused
     for group in ("daq", "forces"):
         clock = found.map_of(group)

@@ -8,10 +8,18 @@ from balance.loading.loading import load_mechanism
 from testbench import rig as rigs
 from testbench.motion.legs import Leg, legs_of_acceleration
 from testbench.motion.motions import found, named
+from testbench.runs.aligned_run import AlignedRun
+from testbench.runs.si_run import SIRun
 
 from .. import memory
 
 MECHANISM = load_mechanism("parallelogram-6bar")
+
+
+def found_in(run, rig):
+    """The motions of a run by each source, and why a source tells nothing."""
+    si = SIRun.of(run, rig)
+    return found(si, lambda: AlignedRun(si, MECHANISM))
 
 
 @pytest.mark.parametrize(("motion", "legs", "extent"), [("x", 3, 0.04), ("y", 3, 0.04), ("triangle", 5, 0.0320)])
@@ -19,7 +27,7 @@ def test_each_source_names_the_motion_of_the_bench(motion, legs, extent):
     """Command and encoders: name, start and end within 10 ms, size within 1 %; what is felt, size within 5 %."""
     scene = memory.scene(motion)
     run = scene.run(0)
-    by, reasons = found(run, scene.rig, lambda: MECHANISM)
+    by, reasons = found_in(run, scene.rig)
     moved = scene.bench.command.time[np.abs(scene.bench.command.acceleration).max(axis=1) > 0]
     assert not reasons
     for source, group, size, near in (
@@ -78,7 +86,7 @@ def test_slow_encoders_tell_the_motion():
     """At 200 samples a second the band is narrower, and the motion is still named."""
     text = datasets.find("parallelogram-6bar", "rigs", ".toml").read_text("utf-8")
     scene = memory.scene("x", rig=rigs.from_text(text.replace('rate = "1 kHz"', 'rate = "200 Hz"')))
-    by, _ = found(scene.run(0), scene.rig, lambda: MECHANISM)
+    by, _ = found_in(scene.run(0), scene.rig)
     assert [m.name for m in by["encoders"]] == ["x"]
 
 
@@ -86,7 +94,7 @@ def test_what_a_source_lacks_is_said():
     """Without encoders and target, what is felt is left, and each other source says why."""
     scene = memory.scene("x")
     left = {n: s for n, s in scene.rig.sensors.items() if s.kind not in {"encoder", "target"}}
-    by, reasons = found(scene.run(0), scene.rig.model_copy(update={"sensors": left}), lambda: MECHANISM)
+    by, reasons = found_in(scene.run(0), scene.rig.model_copy(update={"sensors": left}))
     assert [m.name for m in by["acceleration"]] == ["x"]
     assert "no target" in reasons["command"]
     assert "no encoder" in reasons["encoders"]

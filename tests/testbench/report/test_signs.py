@@ -7,6 +7,7 @@ from click.testing import CliRunner
 
 from testbench.cli.report import report as command
 from testbench.report import report
+from testbench.runs.si_run import SIRun
 
 from .. import memory
 from ..cli.gapped import without_rows
@@ -14,7 +15,7 @@ from ..cli.gapped import without_rows
 
 def signs(run) -> list[str]:
     """The channels with a finding."""
-    return [finding["channel"] for finding in report(run).findings if finding["code"] == "force_sign"]
+    return [finding["channel"] for finding in report(SIRun.of(run)).findings if finding["code"] == "force_sign"]
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from testbench.channels import in_si, instants
 from testbench.errors import AnalysisError
+from testbench.runs.si_run import SIRun
 from testbench.signals import Band
 from testbench.spectra.modes import modes, strongest
 
@@ -51,14 +51,14 @@ def test_intervals_hold_as_often_as_they_say(coverage):
 def test_bench(motion, masses):
     """What the decay after a motion determines are eigenvalues of the bench: 1 % in frequency where it rings most."""
     scene = memory.scene(motion, masses=masses)
-    run = scene.run(0)
+    run = SIRun.of(scene.run(0))
     values = np.linalg.eigvals(scene.bench.base.state_space()[0])
     values = values[values.imag > 0]
     true = np.column_stack([np.abs(values) / (2 * np.pi), -values.real / np.abs(values)])
     columns = list(scene.rig.sensors["base_acc"].columns("base_acc"))
     moved = scene.bench.command.time[np.abs(scene.bench.command.acceleration).max(axis=1) > 0]
-    after = instants(run, columns[0]) > moved[-1] - scene.starts(0)["daq"]["start"] + 0.02
-    found = modes(np.column_stack([Band(0.0, 100.0).of(*in_si(run, c)) for c in columns])[after], 5000.0, 100.0)
+    after = run.instants(columns[0]) > moved[-1] - scene.starts(0)["daq"]["start"] + 0.02
+    found = modes(np.column_stack([Band(0.0, 100.0).of(*run.signal(c)) for c in columns])[after], 5000.0, 100.0)
     determined = [m for m in found if m.refused is None]
     assert determined
     for mode in determined:

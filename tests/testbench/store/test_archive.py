@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 import testbench
-from testbench.calibration.view import physical
 from testbench.cli.archive import archive as command
 from testbench.errors import StoreError
 from testbench.export import export
 from testbench.ingest import Ingest
 from testbench.ingest.runsheet import plan
 from testbench.recording import Channel, Group, TimeColumn, UniformClock
+from testbench.runs.physical_run import physical
 from testbench.store import archive as archives
 from testbench.store import digest, forms, groups, open_campaign, open_run, records
 from testbench.store.archive import archive

@@ -2,17 +2,18 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from balance.errors import UnitError
 
+from ..calibration import stored
+from ..calibration.document import Calibration
+from ..calibration.law import bind_sensor
 from ..errors import RigError, StoreError
-from ..pairing import rig_of
+from ..rig.messages import suggestion
 from ..store import digest
-from . import applied, stored
-from .document import Calibration
+from .si_run import SIRun
 
 if TYPE_CHECKING:
     from ..rig import Column
@@ -45,12 +46,13 @@ def calibrate(runs: "Sequence[Run]", sensor: str, calibration: Calibration, reas
     without: list[str] = []
     left_out: dict[str, str] = {}
     for run in runs:
-        columns = _columns(run, sensor)
-        if not any(group.index(column.channel) is not None for column in columns for group in run.groups):
+        si = SIRun.of(run)
+        columns = _columns(si, sensor)
+        if not any(si.holds(column) for column in columns):
             without.append(run.name)
             continue
         try:
-            applied.check(columns[0], calibration, partial(applied.written_unit, run))
+            bind_sensor(calibration, columns, [si.written_unit(column) for column in columns])
         except UnitError as error:
             raise RigError(f"{run.name}: sensor {sensor}: {error}") from error
         try:
@@ -67,10 +69,8 @@ def calibrate(runs: "Sequence[Run]", sensor: str, calibration: Calibration, reas
     return Corrected(record, tuple(run.name for run in held), tuple(without), left_out)
 
 
-def _columns(run: "Run", sensor: str) -> "list[Column]":
-    from ..rig.messages import suggestion
-
-    sensors = rig_of(run).sensors
+def _columns(run: SIRun, sensor: str) -> "list[Column]":
+    sensors = run.rig.sensors
     if sensor not in sensors:
         known = ", ".join(sensors)
         raise RigError(

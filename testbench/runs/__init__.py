@@ -1,0 +1,1 @@
+"""A stored run as analyses take it: with its rig in SI (``SIRun``), on one clock with its motion (``AlignedRun``)."""

@@ -1,0 +1,139 @@
+"""A run on one clock, that of its encoders, with the motion of its mechanism.
+
+What is recorded is carried over to an even grid of the encoders' clock; gaps are masks, and nothing is invented there.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from balance.arrays import Floats
+from balance.mechanism import Mechanism
+
+from ..clocks import stored
+from ..clocks.mapping import ClockMap
+from ..clocks.run import align_run
+from ..motion import base_motion
+from ..motion.derivatives import HIGHEST_CUTOFF, Grid, grid_of, low_pass
+from ..motion.gaps import Gaps, reach_of
+from ..motion.joint_motion import encoder_gaps, encoder_trajectory, group_of_encoders, loaded
+from ..motion.segments import moving
+from ..rig.sensors import Encoder
+from .si_run import Mask, SIRun
+
+if TYPE_CHECKING:
+    from balance.closure import Trajectory
+
+    from ..rig import Column
+
+LONG_S = 5.0
+"""From which the drift between clocks matters and can be told [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class AlignedRun:
+    """A run with its mechanism, on the clock of its encoders.
+
+    What lacks (encoders, a clock that cannot be aligned, loops that do not close) is raised when it is asked for.
+    """
+
+    run: SIRun
+    unloaded: Mechanism
+    """Without payload and counter-masses."""
+    known_clocks: Mapping[str, ClockMap] | None = None
+    """Maps of groups onto the encoders' clock that are known, such as :func:`recorded_clocks`."""
+    _trajectories: "dict[float, Trajectory]" = field(default_factory=dict, init=False, repr=False)
+    _clocks: dict[frozenset[str], Mapping[str, ClockMap]] = field(default_factory=dict, init=False, repr=False)
+
+    @cached_property
+    def mechanism(self) -> Mechanism:
+        """As it was mounted in this run. Raises AnalysisError where payload and mechanism do not fit."""
+        return loaded(self.run, self.unloaded)
+
+    @cached_property
+    def reference(self) -> str:
+        """The group of the encoders, whose clock counts. Raises AnalysisError where it has none, or several."""
+        return group_of_encoders(self.run)
+
+    @cached_property
+    def encoders(self) -> "list[Column]":
+        """Their channels."""
+        return self.run.rig.columns_of(Encoder)
+
+    @cached_property
+    def grid(self) -> Grid:
+        """Even instants of the encoders' clock, gaps bridged."""
+        self.reference  # noqa: B018  raises where there is none
+        return grid_of(self.run.instants(self.encoders[0]), f"{self.run.name}: encoders", bridged=True)
+
+    def trajectory(self, bandwidth_hz: float) -> "Trajectory":
+        """Of all joints on the grid, positions smoothed below ``bandwidth_hz``; in gaps straight lines."""
+        if bandwidth_hz not in self._trajectories:
+            self._trajectories[bandwidth_hz] = encoder_trajectory(self.run, self.unloaded, bandwidth_hz)[1]
+        return self._trajectories[bandwidth_hz]
+
+    def motion_span(self, bandwidth_hz: float, margin_s: float) -> slice:
+        """Samples of the grid from the first to the last motion of any joint, with a margin [s]."""
+        speeds = (v for v in self.trajectory(bandwidth_hz).v.T if np.ptp(v) > 0.0)
+        spans = [moving(v, self.grid.rate, margin_s) for v in speeds]
+        return slice(min(s.start for s in spans), max(s.stop for s in spans))
+
+    @cached_property
+    def base(self) -> base_motion.BaseAcceleration | None:
+        """What accelerometers on the base recorded, on their own clock; None where there is none."""
+        return base_motion.recorded(self.run)
+
+    def clocks(self, groups: Collection[str]) -> Mapping[str, ClockMap]:
+        """Maps of groups onto the encoders' clock: those that are known, else found in the records.
+
+        Raises AnalysisError where they cannot be aligned.
+        """
+        needed = frozenset(groups) - {self.reference}
+        if self.known_clocks is not None and needed <= self.known_clocks.keys():
+            return self.known_clocks
+        if needed and needed not in self._clocks:
+            self._clocks[needed] = self._found(needed)
+        return self._clocks.get(needed, {})
+
+    def gaps(self, groups: Collection[str] = ()) -> Gaps:
+        """Where the encoders and other groups hold no samples, on the encoders' clock."""
+        others = sorted(set(groups) - {self.reference})
+        if not others:
+            return encoder_gaps(self.run)
+        maps = self.clocks(groups)
+        times = {group: maps[group].to_reference(self.run.time(group)) for group in others}
+        return Gaps.of({self.reference: self.run.instants(self.encoders[0])} | times)
+
+    def valid_samples(self, bandwidth_hz: float, groups: Collection[str] = ()) -> Mask:
+        """Samples of the grid (n,) that no gap touches, positions smoothed below ``bandwidth_hz``."""
+        return self.gaps(groups).sound(self.grid, reach_of(bandwidth_hz))
+
+    def on_grid(self, group: str, time: Floats, values: Floats, among: Collection[str] = ()) -> Floats:
+        """Values (m, k) at instants (m,) [s] of a group's clock on the grid, (n, k); smoothed where that is coarser.
+
+        ``among`` are groups whose clocks are aligned together with it.
+        """
+        at = time if group == self.reference else self.clocks({group, *among})[group].to_reference(time)
+        rate = (len(time) - 1) / float(time[-1] - time[0])
+        if rate > self.grid.rate:
+            values = low_pass(values, HIGHEST_CUTOFF * self.grid.rate, rate)
+        return np.column_stack([np.interp(self.grid.time, at, v) for v in values.T])
+
+    def channels(self, columns: "Sequence[Column]", among: Collection[str] = ()) -> Floats:
+        """Channels of one logger on the grid, (n, k) [SI]."""
+        time = self.run.instants(columns[0])
+        return self.on_grid(self.run.group_of(columns[0]), time, self.run.stacked(columns), among)
+
+    def _found(self, needed: frozenset[str]) -> Mapping[str, ClockMap]:
+        times = self.run.time(self.reference)
+        long = bool(times[-1] - times[0] >= LONG_S)
+        found = align_run(self.run, lambda: self.mechanism, self.reference, drift=long, among=needed)
+        return {group: found.map_of(group) for group in needed}
+
+
+def recorded_clocks(run: SIRun) -> dict[str, ClockMap]:
+    """The newest recorded maps of a run's clocks onto that of its encoders; empty where there is none."""
+    return stored.read(run.path, group_of_encoders(run)) if run.path.parent.is_dir() else {}

@@ -1,0 +1,337 @@
+"""A stored run with its rig, in SI: calibrations, units, masks and findings are looked up here and nowhere after.
+
+Channels are computed when they are asked for and kept with the run: what goes through a campaign holds stored runs, and
+binds one after the other.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache, cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from balance.arrays import Floats
+from balance.errors import UnitError
+from balance.quantities import SI_UNITS
+
+from .. import units
+from ..calibration import stored
+from ..calibration.amounts import is_electrical
+from ..calibration.law import Law, bind_sensor
+from ..checks.clipping import flat_tops, is_dead
+from ..errors import AnalysisError
+from ..findings import Finding, Severity
+from ..rig import Column, Rig, from_text
+from ..rig.fields import unit_factor
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from ..calibration.stored import CalibrationInForce
+    from ..recording import Conditions, Origin, Samples
+    from ..store import Run
+    from ..store.run import StoredGroup
+
+Mask = NDArray[np.bool_]
+
+AT_RANGE = 1.0 - 1e-4
+"""Share of its range from which a sensor counts as saturated."""
+MENDED = frozenset({"uncalibrated", "calibration_contradiction"})
+"""Findings that a later record mends; until then reading the channel is refused."""
+
+
+@dataclass(frozen=True, eq=False)
+class SIRun:
+    """One stored run and the rig that describes it; made by :meth:`of`. Everything in SI.
+
+    A channel is named by its :class:`Column` in the rig. Errors of a channel are raised when it is read.
+    """
+
+    recorded: "Run"
+    """As it is stored, in the loggers' units."""
+    rig: Rig
+    _preloaded: "Mapping[tuple[str, int], Samples]" = field(default_factory=dict, repr=False)
+    """Recorded values that are in memory, by group and index."""
+    _laws: dict[str, Law | None] = field(default_factory=dict, init=False, repr=False)
+    _values: dict[str, Floats] = field(default_factory=dict, init=False, repr=False)
+
+    @classmethod
+    def of(cls, run: "Run", rig: Rig | None = None) -> "SIRun":
+        """Bind a run to the rig that is stored with it, or to the one given. Raises AnalysisError without either."""
+        if rig is None and run.rig is None:
+            raise AnalysisError(
+                f"{run.name}: stored without a rig, so that nothing says which channel is of which sensor; "
+                "ingest with --rig"
+            )
+        return cls(run, rig or _stored_rig(run.rig or ""))
+
+    @property
+    def name(self) -> str:
+        """The run's name."""
+        return self.recorded.name
+
+    @property
+    def path(self) -> "Path":
+        """Its file."""
+        return self.recorded.path
+
+    @property
+    def origin(self) -> "Origin":
+        """Measured, simulated, or unstated."""
+        return self.recorded.origin
+
+    @property
+    def conditions(self) -> "Conditions":
+        """Payload, counter-masses and motion, by the run table."""
+        return self.recorded.conditions
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What ingest found odd."""
+        return self.recorded.findings
+
+    @property
+    def groups(self) -> "tuple[StoredGroup, ...]":
+        """Groups of channels, each with its clock."""
+        return self.recorded.groups
+
+    def group(self, name: str) -> "StoredGroup":
+        """The group of this name. Raises StoreError if there is none."""
+        return self.recorded.group(name)
+
+    def group_of(self, column: Column) -> str:
+        """The name of the group that holds a channel. Raises StoreError if none or several do."""
+        return self.recorded.find(column.channel)[0].name
+
+    def groups_of(self, columns: Iterable[Column]) -> list[str]:
+        """Names of the groups that hold channels, sorted; one name: they share a clock."""
+        return sorted({self.group_of(column) for column in columns})
+
+    def holds(self, column: Column, group: str | None = None) -> bool:
+        """Whether a channel was recorded, in any group or in this one."""
+        among = self.groups if group is None else (self.group(group),)
+        return any(one.index(column.channel) is not None for one in among)
+
+    def time(self, group: str) -> Floats:
+        """Instants of a group's samples on its own clock, (n,) [s]."""
+        return self.recorded.time(group)
+
+    def instants(self, column: Column) -> Floats:
+        """When what a channel's samples show happened, on its logger's clock, (n,) [s].
+
+        Where the rig states the logger's filter (``low_pass``), that is earlier than the sample by the filter's delay.
+        """
+        time = self.time(self.group_of(column))
+        return time - column.delay if column.delay else time
+
+    def rate(self, column: Column) -> float:
+        """Sampling rate [Hz]. Raises AnalysisError where a channel has no regular clock."""
+        group, _ = self.recorded.find(column.channel)
+        if group.rate_hz is None:
+            raise AnalysisError(
+                f"{self.name}: channel {column.channel!r} has no sampling rate: expected a regular clock"
+            )
+        return group.rate_hz
+
+    def values(self, column: Column) -> Floats:
+        """A channel (n,) [SI]. Raises AnalysisError for no or two units, no rate, or samples that are no number."""
+        self.rate(column)
+        values = self.readings(column)
+        odd = np.flatnonzero(~np.isfinite(values))
+        if odd.size:
+            raise AnalysisError(
+                f"{self.name}: channel {column.channel!r} holds no number at sample {odd[0]}; repair it first"
+            )
+        return values
+
+    def signal(self, column: Column) -> tuple[Floats, float]:
+        """A channel (n,) [SI] and its rate [Hz]; raises as :meth:`values`."""
+        return self.values(column), self.rate(column)
+
+    def stacked(self, columns: Iterable[Column]) -> Floats:
+        """Channels of one clock side by side, (n, k) [SI]."""
+        return np.column_stack([self.values(column) for column in columns])
+
+    def readings(self, column: Column) -> Floats:
+        """A channel (n,) [SI] as its sensor gives it, NaN where the log holds no number."""
+        if self._preloaded:
+            return self._computed(column)
+        if column.channel not in self._values:
+            self._values[column.channel] = found = self._computed(column)
+            found.flags.writeable = False
+        return self._values[column.channel]
+
+    def loads(self, column: Column) -> Floats:
+        """What the sensor carries along a component (n,) [SI]: its readings, with the rig's crosstalk taken out."""
+        if column.crosstalk is None or self.has_matrix(column):
+            return self.readings(column)
+        every = np.stack([self.readings(sibling) for sibling in column.siblings])
+        return np.asarray(np.linalg.solve(np.array(column.crosstalk), every)[column.index])
+
+    def has_matrix(self, column: Column) -> bool:
+        """Whether the calibration in force has a matrix, which takes the place of the rig's crosstalk."""
+        found = self.calibration(column)
+        return found is not None and found.calibration.matrix is not None
+
+    def at_range(self, column: Column) -> Mask:
+        """Which samples (n,) are at the end of the range that the rig states; none where it states none."""
+        return np.asarray(np.abs(self.values(column)) >= AT_RANGE * (column.range or np.inf))
+
+    def clipped(self, column: Column) -> Mask:
+        """Which samples (n,) are at the end of the range; else the extremes of a channel that is suspected to clip."""
+        full = self.at_range(column)
+        if full.any() or self.saturation(column) is None:
+            return full
+        values = self.values(column)
+        return np.asarray((values == values.max()) | (values == values.min()))
+
+    def saturation(self, column: Column) -> Finding | None:
+        """Samples at the end of the stated range, or flat tops below it; without a range, what ingest suspected."""
+        if column.range is None:
+            code, message = self._suspected(column)
+        elif count := int(np.count_nonzero(self.at_range(column))):
+            code, message = (
+                "clipping",
+                f"{column.channel}: {count} samples at the end of its range of {column.range:g} (SI)",
+            )
+        else:
+            flat = flat_tops(self.values(column), SI_UNITS[column.dimensions[0]])
+            code, message = "clipping_suspected", flat and f"{column.channel}: {flat}"
+        return self._finding(code, column.channel, f"{self.name}: {message}") if message else None
+
+    def is_dead(self, column: Column) -> bool:
+        """Whether a channel shows one value only."""
+        return is_dead(self.values(column))
+
+    def doubts(self, columns: Iterable[Column]) -> list[Finding]:
+        """What ingest found wrong with channels, but for what a later calibration mends."""
+        used = {column.channel for column in columns}
+        return [
+            self._finding(found.code, found.channel, f"{self.name}: {found.channel}: {found.message}")
+            for found in self.findings
+            if found.code not in MENDED and found.severity >= Severity.WARNING and self._label(found) in used
+        ]
+
+    def calibration(self, column: Column) -> "CalibrationInForce | None":
+        """What is in force for a channel's sensor: the newest record about this run, else the rig's; None: neither.
+
+        Raises StoreError where the newest record is about other bytes than those stored.
+        """
+        record = self._records.get(column.sensor)
+        if record is not None:
+            stored.refuse_other_bytes(record, self.path)
+            return stored.CalibrationInForce.by_record(record, self.name)
+        if column.calibration is not None:
+            return stored.CalibrationInForce(column.sensor, column.calibration, "rig", runs=(self.name,))
+        return None
+
+    @property
+    def calibrations(self) -> "list[CalibrationInForce]":
+        """All that are in force for sensors of which something is recorded, in the order of the rig."""
+        sensors = {column.sensor: column for column in self.rig.columns() if self.holds(column)}
+        return [found for column in sensors.values() if (found := self.calibration(column)) is not None]
+
+    def dimension(self, column: Column) -> str:
+        """What a channel measures, of all that it may: an encoder an angle or a length, by its unit."""
+        for found in column.dimensions[:-1]:
+            narrow = replace(column, dimensions=(found,))
+            try:
+                if self._law(replace(narrow, siblings=(narrow,))) is None:
+                    self._factor(narrow)
+            except AnalysisError:
+                continue
+            return found
+        return column.dimensions[-1]
+
+    def written_unit(self, column: Column) -> str | None:
+        """The unit that the log writes for a channel; None where it writes none."""
+        group, index = self.recorded.find(column.channel)
+        return group.channels[index].unit
+
+    def preloaded(self, columns: Iterable[Column]) -> "SIRun":
+        """The same run with these channels in memory as recorded, read in one opening of its file; SI is not kept."""
+        places = [self.recorded.find(column.channel) for column in columns]
+        values = self.recorded.channels_at(places)
+        return SIRun(self.recorded, self.rig, {(g.name, i): v for (g, i), v in zip(places, values, strict=True)})
+
+    @cached_property
+    def _records(self) -> "Mapping[str, stored.Stored]":
+        """The newest calibration of each sensor that a record about this run gives."""
+        return stored.newest_by_sensor(self.path)
+
+    @cached_property
+    def _labels(self) -> dict[str, str]:
+        """A channel's name without its unit, by its name."""
+        return {c.name: c.label for group in self.groups for c in group.channels}
+
+    def _suspected(self, column: Column) -> tuple[str, str | None]:
+        """Code and message of the clipping that ingest suspected of a channel; no message: of none."""
+        for found in self.findings:
+            if found.code.startswith("clipping") and self._label(found) == column.channel:
+                return found.code, found.message
+        return "", None
+
+    def _label(self, finding: Finding) -> str:
+        """The channel that a finding is about, by its name without the unit."""
+        return self._labels.get(finding.channel or "", finding.channel or "")
+
+    def _finding(self, code: str, channel: str | None, message: str) -> Finding:
+        return Finding(code, channel, self.name, message)
+
+    def _computed(self, column: Column) -> Floats:
+        if column.sensor not in self._laws:
+            self._laws[column.sensor] = self._law(column)
+        law = self._laws[column.sensor]
+        if law is None:
+            return self._raw(column) * self._factor(column)
+        return law.component(column.index, lambda i: self._raw(column.siblings[i]))
+
+    def _raw(self, column: Column) -> "Samples":
+        group, index = self.recorded.find(column.channel)
+        found = self._preloaded.get((group.name, index))
+        return self.recorded.channel_at(group.name, index) if found is None else found
+
+    def _law(self, column: Column) -> Law | None:
+        """From the channels of a sensor to SI; None where no calibration is in force."""
+        found = self.calibration(column)
+        if found is None:
+            return None
+        try:
+            return bind_sensor(found.calibration, column.siblings, [self.written_unit(c) for c in column.siblings])
+        except UnitError as error:
+            raise AnalysisError(f"{self.name}: sensor {column.sensor}: {error}") from error
+
+    def _factor(self, column: Column) -> float:
+        """SI per unit without a calibration; the log's unit and the rig's must agree where both are given."""
+        where, written = f"{self.name}: channel {column.channel!r}", self.written_unit(column)
+        if written and column.unit and column.stated and not units.same(written, column.unit):
+            raise AnalysisError(f"{where} is in {written!r} by its log and in {column.unit!r} by the rig: correct one")
+        unit = written or column.unit
+        if not unit:
+            raise AnalysisError(
+                f"{where} has no unit, neither in its log nor in the rig: say sensors.{column.sensor}.unit"
+            )
+        try:
+            return unit_factor(unit, *column.dimensions)
+        except UnitError as error:
+            hint = ""
+            if is_electrical(unit):
+                hint = f": calibrate it: testbench calibrate {self.path} {column.sensor} --sensitivity ... --reason ..."
+            raise AnalysisError(f"{where}: {error}{hint}") from error
+
+
+def calibrations_in_force(runs: Iterable[SIRun]) -> "list[CalibrationInForce]":
+    """All calibrations in force in runs, each once with its runs, by sensor."""
+    found: dict[tuple[str, str, str], CalibrationInForce] = {}
+    for one in (one for run in runs for one in run.calibrations):
+        key = (one.sensor, one.source, str(one.calibration))
+        before = found.get(key)
+        found[key] = one if before is None else replace(before, runs=(*before.runs, *one.runs))
+    return sorted(found.values(), key=lambda one: one.sensor)
+
+
+@cache
+def _stored_rig(text: str) -> Rig:
+    return from_text(text, "stored rig")
