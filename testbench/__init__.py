@@ -3,20 +3,19 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .runs.aligned_run import AlignedRun
     from .runs.physical_run import physical
+    from .runs.si_run import SIRun
     from .store import Campaign, Run, open_campaign, open_run
 
-__all__ = ["Campaign", "Run", "open_campaign", "open_run", "physical"]
+__all__ = ["AlignedRun", "Campaign", "Run", "SIRun", "open_campaign", "open_run", "physical"]
+_HOMES = {"AlignedRun": "runs.aligned_run", "SIRun": "runs.si_run", "physical": "runs.physical_run"}
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401
     """What is public here is imported when it is asked for, so that the command line starts at once."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    if name == "physical":
-        from .runs.physical_run import physical
+    from importlib import import_module
 
-        return physical
-    from . import store
-
-    return getattr(store, name)
+    return getattr(import_module(f".{_HOMES.get(name, 'store')}", __name__), name)

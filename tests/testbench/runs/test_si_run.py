@@ -1,4 +1,4 @@
-"""Raw values stay raw; what is computed on reading is what the sensor felt, by the rig or by a later record."""
+"""A run in SI: raw values stay raw; what is computed is what the sensor felt, by the rig or by a later record."""
 
 import hashlib
 import json
@@ -19,7 +19,8 @@ from testbench.runs.si_run import SIRun
 from testbench.store import open_campaign, open_run, records
 from testbench.wrench import shaking_wrench
 
-from . import volts
+from .. import memory
+from ..calibration import volts
 
 
 def column(run, sensor="acc", index=0):
@@ -182,3 +183,51 @@ def test_a_record_about_other_bytes_is_refused(tmp_path):
         SIRun.of(again).signal(column(again))
     calibrate([again], "acc", Calibration(sensitivity="100 mV/g", offset="2.5 V"), "of the new run")
     np.testing.assert_allclose(SIRun.of(open_run(again.path)).values(column(again)), volts.ACCELERATION, atol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    """The manipulator's run along x, in memory."""
+    return memory.scene("x").run(0)
+
+
+def test_a_channel_is_computed_once(recorded):
+    """The same array each time, and nobody can change it for the others."""
+    run = SIRun.of(recorded)
+    (first, *_) = run.rig.base_columns
+    assert run.values(first) is run.values(first)
+    with pytest.raises(ValueError, match="read-only"):
+        run.values(first)[0] = 0.0
+
+
+def test_channels_in_memory_are_the_same(tmp_path):
+    """Read in one opening of the file, or one by one: the same values to the bit."""
+    run = SIRun.of(volts.stored(tmp_path, volts.HEAD + volts.SENSITIVITY + volts.SIX + volts.MATRIX))
+    columns = list(run.rig.columns())
+    for one in columns:
+        np.testing.assert_array_equal(run.preloaded(columns).values(one), run.values(one))
+
+
+def test_the_rig_that_is_given_goes_before_the_one_stored(recorded):
+    """What is of which sensor is said by it; the run stays as it is."""
+    deep = rigs.load("parallelogram-6bar-deep")
+    run = SIRun.of(recorded, deep)
+    assert (run.rig, run.recorded) == (deep, recorded)
+
+
+@pytest.mark.parametrize(("factor", "clips"), [(1.0, False), (40.0, True)])
+def test_samples_at_the_end_of_the_range_are_masked(recorded, factor, clips):
+    """Those and no others, and a finding says how many."""
+    values = np.clip(factor * recorded.channel("Fx1"), -500.0, 500.0)
+    run = SIRun.of(memory.with_values(recorded, "Fx1", values))
+    (column,) = [c for c in run.rig.columns() if c.channel == "Fx1"]
+    np.testing.assert_array_equal(run.clipped(column), np.abs(values) >= (1.0 - 1e-4) * 500.0)
+    assert (run.saturation(column) is not None) is clips
+
+
+def test_a_dead_channel_is_told(recorded):
+    """One value throughout."""
+    run = SIRun.of(memory.with_values(recorded, "Fz3", np.full(recorded.group("forces").samples, 3.0)))
+    dead = [column.channel for column in run.rig.columns() if run.is_dead(column)]
+    assert "Fz3" in dead
+    assert "Fz4" not in dead

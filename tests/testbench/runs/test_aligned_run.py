@@ -1,0 +1,83 @@
+"""A run on one clock: encoders, forces and accelerations at the same instants, gaps left out and not invented."""
+
+import numpy as np
+import pytest
+
+from balance.loading.loading import load_mechanism
+from testbench.clocks.mapping import ClockMap, same_clock
+from testbench.errors import AnalysisError
+from testbench.runs.aligned_run import AlignedRun, recorded_clocks
+from testbench.runs.si_run import SIRun
+
+from .. import memory
+
+MECHANISM = load_mechanism("parallelogram-6bar")
+LATE = 0.0123
+"""By which the force logger was started [s]."""
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """The manipulator's move along x with the counter-masses that were built."""
+    return memory.scene("x")
+
+
+@pytest.fixture(scope="module")
+def run(scene):
+    """One recording of it, its force logger's clock known."""
+    known = ClockMap(0.0, LATE, 0.0, np.zeros((2, 2)), 10, (0.0, 1.0))
+    return AlignedRun(SIRun.of(scene.run(0)), MECHANISM, {"forces": known, "daq": same_clock((0.0, 0.0))})
+
+
+def test_the_mechanism_is_as_it_was_mounted(run, scene):
+    """Payload and counter-masses of the run's conditions are on; the one given comes without."""
+    added = sum(memory.BUILT.values())
+    without = MECHANISM.with_payload({"platform": scene.planned.payload})
+    assert run.mechanism.total_mass == pytest.approx(without.total_mass + added)
+    assert run.unloaded is MECHANISM
+
+
+def test_the_trajectory_is_that_of_the_bench(run, scene):
+    """Accelerations of the driven joints to two per cent of the largest, and computed once a bandwidth."""
+    path = run.trajectory(80.0)
+    assert run.trajectory(80.0) is path
+    start = scene.starts(0)["controller"]
+    time = start["start"] + run.grid.time / (1.0 + 1e-6 * start["drift_ppm"])
+    true = scene.bench.trajectory
+    inside = (time > true.time[0]) & (time < true.time[-1])
+    for joint in range(path.a.shape[1]):
+        expected = np.interp(time[inside], true.time, true.a[:, joint])
+        assert np.std(path.a[inside, joint] - expected) < 0.02 * np.abs(true.a).max()
+
+
+def test_values_of_another_logger_are_carried_over(run):
+    """A ramp of the other clock is the same ramp on the grid, late by the map."""
+    time = run.run.time("forces")
+    moved = run.on_grid("forces", time, time[:, None])[:, 0]
+    inside = (run.grid.time > time[0] + LATE + 0.1) & (run.grid.time < time[-1] + LATE - 0.1)
+    np.testing.assert_allclose(moved[inside], run.grid.time[inside] - LATE, atol=1e-6)
+
+
+def test_gaps_are_masked_by_clock(scene):
+    """A gap of the forces' clock lies where the map puts it; encoders alone have none."""
+    cut = memory.without(scene.run(0), "forces", 0.5, 0.6)
+    known = ClockMap(0.0, LATE, 0.0, np.zeros((2, 2)), 10, (0.0, 1.0))
+    run = AlignedRun(SIRun.of(cut), MECHANISM, {"forces": known})
+    assert run.valid_samples(80.0).all()
+    assert not run.gaps()
+    lost = run.grid.time[~run.valid_samples(80.0, {"forces"})]
+    assert lost[0] == pytest.approx(0.5 + LATE - 2.0 / 80.0, abs=2.0 * run.grid.step)
+    assert lost[-1] == pytest.approx(0.6 + LATE + 2.0 / 80.0, abs=2.0 * run.grid.step)
+
+
+def test_a_rig_without_encoders_is_named(scene):
+    """Nothing says how the mechanism moved."""
+    left = {n: s for n, s in scene.rig.sensors.items() if s.kind != "encoder"}
+    run = AlignedRun(SIRun.of(scene.run(0), scene.rig.model_copy(update={"sensors": left})), MECHANISM)
+    with pytest.raises(AnalysisError, match="no encoder"):
+        run.trajectory(80.0)
+
+
+def test_what_the_campaign_does_not_hold_is_no_clock(scene):
+    """A run in memory has no records."""
+    assert recorded_clocks(SIRun.of(scene.run(0))) == {}

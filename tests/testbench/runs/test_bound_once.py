@@ -1,0 +1,64 @@
+"""A run and its rig are bound once: no function is handed both."""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import testbench
+
+ROOT = Path(testbench.__file__).parent
+RUNS, RIGS = {"Run", "SIRun", "AlignedRun"}, {"Rig"}
+BINDS = {"runs/si_run.py: of"}
+"""The one constructor that takes both."""
+NOT_YET = "identify/", "trim/"
+
+
+def functions() -> Iterator[tuple[str, list[ast.arg]]]:
+    """Every function of the package with its parameters."""
+    for path in sorted(ROOT.rglob("*.py")):
+        where = path.relative_to(ROOT).as_posix()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+                given = node.args
+                yield (
+                    f"{where}: {getattr(node, 'name', 'lambda')}",
+                    [*given.posonlyargs, *given.args, *given.kwonlyargs],
+                )
+
+
+def named(argument: ast.arg) -> set[str]:
+    """The words in an annotation, in quotes or not; of none, the parameter's own as a class would have it."""
+    if argument.annotation is None:
+        return {argument.arg.rstrip("s").capitalize()}
+    return set(re.findall(r"\w+", ast.unparse(argument.annotation)))
+
+
+def both(arguments: list[ast.arg]) -> bool:
+    """Whether one parameter is of runs and another of rigs."""
+    of_runs = {a.arg for a in arguments if named(a) & RUNS}
+    of_rigs = {a.arg for a in arguments if named(a) & RIGS}
+    return bool(of_runs and of_rigs)
+
+
+def test_no_function_takes_a_run_and_its_rig() -> None:
+    """What a run's rig says is asked of the run: only the constructor of SIRun takes them apart."""
+    found = {name for name, arguments in functions() if both(arguments) and not name.startswith(NOT_YET)}
+    assert found == BINDS
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ('def f(run: "Run", rig: "Rig | None") -> None: ...', True),
+        ("def f(runs: Sequence[SIRun], rigs: list[rigs.Rig]) -> None: ...", True),
+        ("lambda run, rig: None", True),
+        ('def f(run: "SIRun", mechanism: Mechanism) -> None: ...', False),
+    ],
+)
+def test_a_function_that_takes_both_is_seen(text: str, expected: bool) -> None:
+    """Quoted, nested and missing annotations are read alike."""
+    (node,) = [n for n in ast.walk(ast.parse(text)) if isinstance(n, ast.FunctionDef | ast.Lambda)]
+    assert both(node.args.args) is expected
