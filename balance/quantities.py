@@ -3,9 +3,10 @@
 ``g0`` is 9.81 m/s2, the value of the source (see CONVENTIONS.md), not the standard 9.80665 m/s2.
 """
 
+import cmath
 import math
 import re
-from functools import cache
+from functools import cache, lru_cache
 from tokenize import TokenError
 from typing import TYPE_CHECKING
 
@@ -50,6 +51,14 @@ _SPELLINGS = {
     "Nm": "N*m", "Nmm": "N*mm", "kNm": "kN*m", "mNm": "mN*m", "Ncm": "N*cm", "kgm": "kg*m", "kgm2": "kg*m^2",
     "kgm^2": "kg*m^2", "Newtons": "N", "Newton": "N", "volts": "V", "Volts": "V", "sec": "s", "°C": "degC",
 }  # fmt: skip
+_SPELLINGS_OF = {
+    "length": {"mil": "thou", "mils": "thou"},
+    "first moment": {"gmm": "g mm", "kgmm": "kg mm", "gcm": "g cm", "ozin": "oz in"},
+    "acceleration": {"g": "g0", "G": "g0"},
+}
+"""A mil of a vibration instrument is a thousandth of an inch, elsewhere an angle; g is g0 and not a gram."""
+_HALF_WIDTH = re.compile(r"\s*(?:±|\+/?-)\s*")
+"""Between a value and the half width of its interval."""
 
 
 def parse(text: str, dimension: str) -> float:
@@ -81,9 +90,21 @@ def _with_comma(text: str) -> str:
     return f"{plain!r} has a comma: write numbers with a decimal point and without marks of thousands"
 
 
-def factor_to_si(unit: str, dimension: str) -> float:
-    """Factor that turns a value in ``unit`` into the SI unit of ``dimension``."""
-    parsed = parse_unit(unit)
+def example(dimension: str) -> str:
+    """A quantity of a dimension as people write it, for messages: ``1 kg``, ``1 deg``."""
+    return f"1 {_WRITTEN.get(dimension, SI_UNITS[dimension])}"
+
+
+@lru_cache(maxsize=1024)
+def factor_to_si(unit: str, *dimensions: str) -> float:
+    """Factor that turns a value in ``unit`` into the SI unit of the first of ``dimensions`` that it is a unit of."""
+    for dimension in dimensions[:-1]:
+        try:
+            return factor_to_si(unit, dimension)
+        except UnitError:
+            continue
+    dimension = dimensions[-1]
+    parsed = parse_unit(_SPELLINGS_OF.get(dimension, {}).get(unit.strip(), unit))
     if parsed is None:
         raise UnitError(f"{unit!r} is not a known unit: expected {dimension}, such as '{SI_UNITS[dimension]}'")
     registry = _registry()
@@ -91,9 +112,65 @@ def factor_to_si(unit: str, dimension: str) -> float:
     same = parsed.dimensionality == expected.dimensionality
     if same and dimension in _TURNING_OR_NOT:
         same = registry.get_base_units(parsed)[1] == registry.get_base_units(expected)[1]
+        if not same and dimension == "angular velocity":
+            raise UnitError(f"{unit!r} does not say whether it counts turns or radians: write rpm, turn/s or rad/s")
     if not same:
         raise UnitError(f"{unit!r} is not a unit of {dimension}: expected one such as '{SI_UNITS[dimension]}'")
     return float(registry.Quantity(1.0, parsed).to(expected).magnitude)
+
+
+def dimension_of(text: str, *dimensions: str) -> str:
+    """Which of ``dimensions`` a quantity or vector has; the first where it has none, so that reading it says so."""
+    match = _QUANTITY.fullmatch(_HALF_WIDTH.split(text.partition("@")[0])[0])
+    for dimension in dimensions:
+        try:
+            factor_to_si(match[2] if match else "", dimension)
+        except UnitError:
+            continue
+        return dimension
+    return dimensions[0]
+
+
+def parse_vector(text: str, *dimensions: str) -> complex:
+    """Read ``magnitude @ angle``, such as ``133.75 kg mm @ 348 deg``, of any of ``dimensions``, in SI.
+
+    The angle is required: a magnitude alone is no vector.
+    """
+    size, separator, angle = (part.strip() for part in text.partition("@"))
+    if not separator or not angle:
+        raise UnitError(f"{text!r} has no angle: write 'magnitude unit @ angle unit', such as '1 g @ 30 deg'")
+    magnitude = parse(size, dimension_of(size, *dimensions))
+    if magnitude < 0.0:
+        raise UnitError(f"{text!r} has a negative magnitude: turn the angle by 180 degrees instead")
+    return cmath.rect(magnitude, parse(angle, "angle"))
+
+
+def parse_uncertain(text: str, *dimensions: str) -> tuple[complex, tuple[float, float] | None]:
+    """Read ``170 um ± 2 um @ 112 deg ± 1 deg``: a vector in SI, and half its interval along and across, in SI.
+
+    ``± 2 %`` is of the magnitude. Without an interval of the angle that of the magnitude holds in every direction;
+    without any there is None.
+    """
+    size, separator, angle = text.partition("@")
+    magnitude, *within = _HALF_WIDTH.split(size)
+    turned, *about = _HALF_WIDTH.split(angle)
+    found = parse_vector(f"{magnitude.strip()} {separator} {turned.strip()}", *dimensions)
+    if len(within) > 1 or len(about) > 1 or (about and not within):
+        raise UnitError(f"{text!r}: expected ± once after the magnitude, and once after the angle if at all")
+    if not within:
+        return found, None
+    along = _half_width(within[0].strip(), dimension_of(magnitude, *dimensions), abs(found))
+    return found, (along, abs(found) * _half_width(about[0].strip(), "angle", 0.0) if about else along)
+
+
+def _half_width(text: str, dimension: str, whole: float) -> float:
+    """Half an interval, in SI; per cent are of the ``whole``, where there is one."""
+    match = _QUANTITY.fullmatch(text)
+    of_whole = match is not None and match[2] == "%" and whole > 0.0
+    half = float(match[1]) / 100.0 * whole if match is not None and of_whole else parse(text, dimension)
+    if not 0.0 < half < math.inf:
+        raise UnitError(f"± {text}: expected more than zero")
+    return half
 
 
 def parse_unit(text: str) -> "pint.Unit | None":

@@ -103,6 +103,7 @@ def linkage(
     dwell-short-two-point (the six of the source), two-levels. Verified by dynamics at constant and varying input speed.
     """
     from ..linkages.document import document
+    from ..linkages.linkage_files import load_linkage
     from ..linkages.method import balance
     from ..linkages.printed import compare
     from ..linkages.reading import load_linkage

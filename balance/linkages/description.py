@@ -1,6 +1,6 @@
 """A planar linkage as described: bodies of rigidly joined links, joints, places for counter-masses, gears."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ..errors import ModelError
@@ -42,12 +42,12 @@ class Place:
     """Length of the homogeneous bar that the counter-mass is made as."""
     gyration: Expression | None = None
     """Its radius of gyration about its own centre; a point mass where neither is given."""
-    printed_inertia: bool = False
+    stated_inertia: bool = False
     """Whether its inertia is given as a number, under the symbol ``I<name>*``, whatever the mass."""
 
     def inertia(self, mass: float, values: Mapping[str, float]) -> float:
         """Inertia about its own centre [kg m2]: m l^2 / 12 of a bar, m k^2, or as given."""
-        if self.printed_inertia:
+        if self.stated_inertia:
             return values[f"I{self.name}*"] if mass > 0 else 0.0
         if self.bar is not None:
             return mass * self.bar.at(values) ** 2 / 12.0
@@ -55,7 +55,7 @@ class Place:
 
     def inertia_text(self) -> str | None:
         """How its inertia follows from its mass, in symbols; None where it does not."""
-        if self.printed_inertia or (self.bar is None and self.gyration is None):
+        if self.stated_inertia or (self.bar is None and self.gyration is None):
             return None
         length = self.bar or self.gyration
         assert length is not None
@@ -161,6 +161,29 @@ class TwoPoint:
 
 
 @dataclass(frozen=True)
+class Contradiction:
+    """Where a source contradicts itself: about which number or stage, and why."""
+
+    about: str
+    why: str
+    omit: Mapping[str, Sequence[str]]
+    """Terms that it leaves out of the inertia of bodies."""
+
+
+@dataclass(frozen=True)
+class Published:
+    """What a source publishes for a linkage."""
+
+    values: Mapping[str, str]
+    """Masses and inertias as printed, with their units, by symbol."""
+    rms: Mapping[str, Sequence[float]]
+    """RMS values by stage: force along x and y, moment, drive torque [N, N m]."""
+    restored: Mapping[str, str]
+    """What had to be restored in the printed copy."""
+    contradictions: tuple[Contradiction, ...]
+
+
+@dataclass(frozen=True)
 class Linkage:
     """A planar linkage and what may be done to balance it."""
 
@@ -187,8 +210,8 @@ class Linkage:
     """[m/s2]."""
     start: Mapping[str, float] = field(default_factory=dict)
     """About how every body stands in one position, which chooses the assembly branch [rad]."""
-    printed: Mapping[str, object] = field(default_factory=dict)
-    """What a source prints for it, to be compared with."""
+    published: Published | None = None
+    """What a source publishes for it, to be compared with."""
 
     @property
     def values(self) -> dict[str, float]:

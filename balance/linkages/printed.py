@@ -2,17 +2,15 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 from ..errors import DataError
+from .description import Contradiction
 from .expressions import Symbol, symbol
 from .method import Balance, balance
 from .rounding import intervals
-from .tables import known_keys, needed, table
 
 COLUMNS = ("Fx_N", "Fy_N", "Mz_Nm", "torque_Nm")
 """Columns of the printed RMS values."""
-_DIMENSIONS = ("force", "force", "moment", "moment")
 STAGES = ("before", "force", "complete")
 """Without counter-masses, with them, with them and gears."""
 
@@ -61,16 +59,6 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Contradiction:
-    """Where a source contradicts itself: about which number or stage, and why."""
-
-    about: str
-    why: str
-    omit: Mapping[str, Sequence[str]]
-    """Terms that it leaves out of the inertia of bodies."""
-
-
-@dataclass(frozen=True)
 class Comparison:
     """All that a source prints for a linkage."""
 
@@ -84,18 +72,14 @@ class Comparison:
 
 def compare(result: Balance) -> Comparison | None:
     """Hold a balance against what its linkage's source prints; None where there is nothing printed."""
-    printed = result.linkage.printed
-    if not printed:
+    published = result.linkage.published
+    if published is None:
         return None
-    known_keys(printed, {"values", "rms", "restored", "contradiction"}, "printed")
-    contradictions = tuple(_contradiction(entry) for entry in printed.get("contradiction", []))  # type: ignore[attr-defined]
     bounds, ours = intervals(result), result.results()
-    values = table(printed.get("values", {}), "printed.values")
-    reasons = {entry.about: entry for entry in contradictions}
-    rows = tuple(_row(result, name, str(text), ours, bounds, reasons.get(name)) for name, text in values.items())
-    rms = {stage: _rms(stage, entry) for stage, entry in table(printed.get("rms", {}), "printed.rms").items()}
-    restored = {key: str(text) for key, text in table(printed.get("restored", {}), "printed.restored").items()}
-    return Comparison(rows, rms, restored, contradictions)
+    reasons = {entry.about: entry for entry in published.contradictions}
+    rows = tuple(_row(result, name, text, ours, bounds, reasons.get(name)) for name, text in published.values.items())
+    rms = {stage: dict(zip(COLUMNS, values, strict=True)) for stage, values in published.rms.items()}
+    return Comparison(rows, rms, published.restored, published.contradictions)
 
 
 def _row(
@@ -131,16 +115,3 @@ def _by_body(result: Balance, reason: Contradiction) -> dict[str, Sequence[str]]
                 )
         found[body] = terms
     return found
-
-
-def _contradiction(entry: Mapping[str, Any]) -> Contradiction:
-    known_keys(entry, {"about", "why", "omit"}, "printed.contradiction")
-    about, why = (str(needed(entry, key, "printed.contradiction")) for key in ("about", "why"))
-    return Contradiction(about, why, entry.get("omit", {}))
-
-
-def _rms(stage: str, entry: object) -> dict[str, float]:
-    if stage not in STAGES or not isinstance(entry, list) or len(entry) != len(COLUMNS):
-        raise DataError(f"printed.rms.{stage}: expected before, force or complete = [FX, FY, M, torque]")
-    numbers = [symbol(str(text), dimension).value for text, dimension in zip(entry, _DIMENSIONS, strict=True)]
-    return dict(zip(COLUMNS, numbers, strict=True))

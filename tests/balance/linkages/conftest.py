@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 
-from balance.linkages.reading import from_table
+from balance.linkages.linkage_files import linkage_from_table
 
 _DISC = {"mass": "6.127 kg", "diameter": "1 m"}
 
@@ -89,7 +89,7 @@ def slider_crank():
 @pytest.fixture
 def random_crank_rocker():
     """A linkage with random masses, centres, inertias, lengths and teeth, by seed."""
-    return lambda seed: from_table(crank_rocker(np.random.default_rng(seed)), f"random-{seed}")
+    return lambda seed: linkage_from_table(crank_rocker(np.random.default_rng(seed)), f"random-{seed}")
 
 
 @pytest.fixture

@@ -3,11 +3,12 @@
 import re
 
 import pytest
+from balance.linkages.reading import load_linkage
 
 from balance.linkages.equations import equations
 from balance.linkages.expressions import read
+from balance.linkages.linkage_files import load_linkage
 from balance.linkages.method import balance
-from balance.linkages.reading import load_linkage
 
 
 @pytest.fixture

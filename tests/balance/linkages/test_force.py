@@ -9,9 +9,9 @@ from balance.errors import SizingError
 from balance.linkages.description import Place
 from balance.linkages.expressions import ORIGIN, Point, Symbol, read
 from balance.linkages.force import solve
+from balance.linkages.linkage_files import linkage_from_table
 from balance.linkages.method import balance
 from balance.linkages.model import mjcf
-from balance.linkages.reading import from_table
 from balance.loading.loading import mechanism_from_text
 
 HERE = {"a": Symbol(1.0, 0.0)}
@@ -72,7 +72,7 @@ def test_momentum_vanishes_at_random_states(random_crank_rocker):
 
 def test_mass_of_what_stands_on_the_ground_is_all_there_is(crank_rocker_keys):
     """Point masses that reach the ground add up to the linkage with its counter-masses."""
-    result = balance(from_table(crank_rocker_keys, "x"), gears=False)
+    result = balance(linkage_from_table(crank_rocker_keys, "x"), gears=False)
     total = sum(result.values[part.mass] for body in result.linkage.bodies.values() for part in body.parts)
     total += sum(counter.mass for _, counter in result.counters())
     assert sum(result.force[body].mass for body in ("2", "4", "6")) == pytest.approx(total)

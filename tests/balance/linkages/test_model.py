@@ -6,9 +6,9 @@ import pytest
 
 from balance.closure import Closure
 from balance.errors import ClosureError, ModelError
+from balance.linkages.linkage_files import linkage_from_table, load_linkage
 from balance.linkages.method import balance
 from balance.linkages.model import mjcf
-from balance.linkages.reading import from_table, load_linkage
 from balance.loading.loading import mechanism_from_text
 
 
@@ -49,7 +49,7 @@ def test_a_linkage_that_does_not_close_is_refused(slider_crank_keys):
     keys = slider_crank_keys
     keys["joints"]["C"]["3"] = ["20 mm", "0 m"]
     with pytest.raises(ClosureError, match=r"cannot be closed near the angles under \[start\]"):
-        mjcf(balance(from_table(keys, "x")), "before")
+        mjcf(balance(linkage_from_table(keys, "x")), "before")
 
 
 @pytest.mark.parametrize(
@@ -64,7 +64,7 @@ def test_what_a_simulation_needs_is_named(change, message, slider_crank_keys):
     """Each in one message."""
     change(slider_crank_keys)
     with pytest.raises(ModelError, match=message):
-        mjcf(balance(from_table(slider_crank_keys, "x")), "before")
+        mjcf(balance(linkage_from_table(slider_crank_keys, "x")), "before")
 
 
 def shaper():
@@ -125,7 +125,7 @@ def pushed(text, torque):
 
 def test_a_pushed_linkage_leaves_a_free_base_where_it_is_in_mujoco():
     """The file as written, its gears as joint equality and, where several joints turn one, as tendon; both are soft."""
-    result = balance(from_table(shaper(), "x"))
+    result = balance(linkage_from_table(shaper(), "x"))
     text = mjcf(result, "complete", couplings=True)
     assert [tendon.get("name") for tendon in ElementTree.fromstring(text).findall("tendon/fixed")] == ["z3*"]
     moved, turned = pushed(text, 100.0)
@@ -146,5 +146,5 @@ def test_a_point_mass_that_turns_gets_no_inertia_worth_mentioning(slider_crank_k
     keys["links"]["4"] |= {"mass": "1e-6 kg", "centre": ["0 m", "0 m"]}
     del keys["gears"]["z3"]
     keys["gears"]["z3"] = {"body": "3", "counter": {"mass": "1e-9 kg"}}
-    run = verify(balance(from_table(keys, "x")), count=60).varying
+    run = verify(balance(linkage_from_table(keys, "x")), count=60).varying
     assert run.residual("complete")["moment"] < 1e-10

@@ -4,9 +4,9 @@ import pytest
 
 from balance import datasets
 from balance.errors import DataError
+from balance.linkages.linkage_files import linkage_from_table, load_linkage
 from balance.linkages.method import balance
 from balance.linkages.printed import compare
-from balance.linkages.reading import from_table, load_linkage
 
 SIX = ["dwell", "knife", "pantograph", "sewing-machine", "dwell-short", "dwell-short-two-point"]
 CUT = {("dwell", "m_z4"), ("sewing-machine", "I12*")}
@@ -71,17 +71,20 @@ def test_results_do_not_come_from_the_printed_tables(name):
     import tomllib
 
     keys = tomllib.loads(datasets.find(name, "linkages", ".toml").read_text(encoding="utf-8"))
-    results = balance(from_table(keys, name)).results()
+    results = balance(linkage_from_table(keys, name)).results()
     del keys["printed"]
-    assert balance(from_table(keys, name)).results() == results
+    assert balance(linkage_from_table(keys, name)).results() == results
 
 
 @pytest.mark.parametrize(
     ("printed", "message"),
     [
         ({"values": {"m9*": "1 kg"}}, "'m9\\*' is not a result"),
-        ({"valuse": {}}, "printed: unknown key 'valuse'"),
-        ({"rms": {"after": ["1 N", "1 N", "1 N m", "1 N m"]}}, "printed.rms.after: expected before, force or complete"),
+        ({"valuse": {}}, "printed.valuse: unknown key; did you mean 'values'"),
+        (
+            {"rms": {"after": ["1 N", "1 N", "1 N m", "1 N m"]}},
+            "printed.rms.after: .after.: expected .before., .force. or",
+        ),
         (
             {"values": {"I_z2": "1 kg m^2"}, "contradiction": [{"about": "I_z2", "why": "", "omit": {"2": ["I9"]}}]},
             "'I9' is no term of 2",
@@ -91,4 +94,4 @@ def test_results_do_not_come_from_the_printed_tables(name):
 def test_printed_values_that_mean_nothing_are_refused(printed, message, slider_crank_keys):
     """Each names what is wrong."""
     with pytest.raises(DataError, match=message):
-        compare(balance(from_table({**slider_crank_keys, "printed": printed}, "x")))
+        compare(balance(linkage_from_table({**slider_crank_keys, "printed": printed}, "x")))

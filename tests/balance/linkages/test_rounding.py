@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-
-from balance.linkages.method import balance
 from balance.linkages.reading import load_linkage
+
+from balance.linkages.linkage_files import load_linkage
+from balance.linkages.method import balance
 from balance.linkages.rounding import intervals
 
 

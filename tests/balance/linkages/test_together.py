@@ -3,8 +3,8 @@
 import pytest
 
 from balance.errors import ModelError
+from balance.linkages.linkage_files import linkage_from_table, load_linkage
 from balance.linkages.method import balance
-from balance.linkages.reading import from_table, load_linkage
 from balance.linkages.verification import verify
 
 
@@ -39,7 +39,7 @@ def parallelogram(second="0.1 m"):
 
 def test_a_parallelogram_turns_through_where_it_lies_flat():
     """A whole turn, through two positions that are singular without what is known of the coupler."""
-    check = verify(balance(from_table(parallelogram(), "x")), count=72)
+    check = verify(balance(linkage_from_table(parallelogram(), "x")), count=72)
     for run in (check.constant, check.varying):
         assert run.residual("complete")["force"] < 1e-12
         assert run.residual("complete")["moment"] < 1e-12
@@ -50,7 +50,7 @@ def test_a_parallelogram_turns_through_where_it_lies_flat():
 def test_bodies_that_do_not_turn_together_are_refused_by_name():
     """The claim is checked against the velocities that the joints allow."""
     with pytest.raises(ModelError, match="bodies 3 and ground of x do not turn together"):
-        verify(balance(from_table(parallelogram("0.11 m"), "x")))
+        verify(balance(linkage_from_table(parallelogram("0.11 m"), "x")))
 
 
 def test_the_parallelogram_of_the_pantograph_is_checked():

@@ -8,9 +8,9 @@ import pytest
 from balance.closure import Closure
 from balance.errors import ClosureError, ModelError
 from balance.linkages.coupling import Couplings
+from balance.linkages.linkage_files import linkage_from_table, load_linkage
 from balance.linkages.method import balance
 from balance.linkages.model import mjcf
-from balance.linkages.reading import from_table, load_linkage
 from balance.linkages.verification import samples, verify
 from balance.loading.loading import mechanism_from_text
 
@@ -66,14 +66,14 @@ def test_force_moment_and_torque_are_those_of_other_dynamics(referee, random_cra
 
 def test_slider_crank_needs_no_counter_mass_on_its_slider(slider_crank_keys):
     """A slider whose centre lies on its line of sliding is a point mass at its pin, for force and moment."""
-    check = verify(balance(from_table(slider_crank_keys, "slider-crank")))
+    check = verify(balance(linkage_from_table(slider_crank_keys, "slider-crank")))
     for run in (check.constant, check.varying):
         assert all(share < 1e-12 for share in run.residual("complete").values())
 
 
 def test_constant_speed_hides_a_wrong_gear_on_the_crank(crank_rocker_keys):
     """Without the crank's gear the moment vanishes at constant speed, and only varying speed shows it."""
-    result = balance(from_table(crank_rocker_keys, "crank-rocker"))
+    result = balance(linkage_from_table(crank_rocker_keys, "crank-rocker"))
     result.moment.gears.pop("z2")
     check = verify(result)
     assert check.constant.residual("complete")["moment"] < 1e-10
@@ -104,11 +104,11 @@ def test_a_joint_that_makes_no_full_turn_is_told_to_swing(crank_rocker_keys):
     """A rocker driven round is refused with what to write; within its swing it is balanced."""
     keys = crank_rocker_keys | {"drive": "B0", "swing": ["75 deg", "140 deg"]}
     with pytest.raises(ClosureError, match=r"\(B0 in rad\); a joint that makes no full turns needs swing"):
-        verify(balance(from_table({k: v for k, v in keys.items() if k != "swing"}, "x")), count=60)
+        verify(balance(linkage_from_table({k: v for k, v in keys.items() if k != "swing"}, "x")), count=60)
     with pytest.raises(ClosureError, match="give it a narrower swing"):
-        verify(balance(from_table(keys, "x")), count=60)
+        verify(balance(linkage_from_table(keys, "x")), count=60)
     keys["swing"] = ["100 deg", "115 deg"]
-    assert max(verify(balance(from_table(keys, "x")), count=60).varying.residual("complete").values()) < 1e-10
+    assert max(verify(balance(linkage_from_table(keys, "x")), count=60).varying.residual("complete").values()) < 1e-10
 
 
 def test_a_line_of_sliding_has_no_sense(crank_rocker_keys):
@@ -118,7 +118,7 @@ def test_a_line_of_sliding_has_no_sense(crank_rocker_keys):
     found = {}
     for way in ("170 deg", "-10 deg"):
         crank_rocker_keys["start"]["6"] = way
-        run = verify(balance(from_table(crank_rocker_keys, "own")), count=90).varying
+        run = verify(balance(linkage_from_table(crank_rocker_keys, "own")), count=90).varying
         assert all(r < 1e-10 for r in run.residual("complete").values())
         found[way] = run.series("before")
     for name, values in found["170 deg"].items():
@@ -129,7 +129,7 @@ def test_a_linkage_with_two_freedoms_is_not_told_to_swing(crank_rocker_keys):
     """A pin left out: one driven joint cannot lead both freedoms, which no swing would mend."""
     del crank_rocker_keys["joints"]["B"]
     with pytest.raises(ClosureError, match="degrees of freedom") as refused:
-        verify(balance(from_table(crank_rocker_keys, "own")))
+        verify(balance(linkage_from_table(crank_rocker_keys, "own")))
     assert "swing" not in str(refused.value)
 
 
@@ -143,9 +143,9 @@ def test_pantograph_gives_the_printed_rms_values():
     """Drive torque within 0.1 % of the interval that the printed digits stand for, other RMS values within 11 %."""
     linkage = load_linkage("pantograph")
     run = verify(balance(linkage)).constant
-    printed = linkage.printed["rms"]
+    printed = linkage.published.rms
     for stage, half in (("before", 0.0005), ("force", 0.0005)):
-        torque = float(printed[stage][3].split()[0])
+        torque = printed[stage][3]
         off = abs(run.rms(stage)["torque_Nm"] - torque)
         assert max(0.0, off - half) < 1e-3 * torque
     for stage, column, k in (
@@ -155,4 +155,4 @@ def test_pantograph_gives_the_printed_rms_values():
         ("force", "Mz_Nm", 2),
         ("complete", "torque_Nm", 3),
     ):
-        assert run.rms(stage)[column] == pytest.approx(float(printed[stage][k].split()[0]), rel=0.11)
+        assert run.rms(stage)[column] == pytest.approx(printed[stage][k], rel=0.11)

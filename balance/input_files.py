@@ -1,0 +1,462 @@
+"""Input files: TOML, and CSV with units in the header, read into models that check and document every key.
+
+A model is a ``Table``; a key that is a quantity is a text with its unit, ``Annotated[float, Quantity("mass")]``, and
+comes out in SI. All that is wrong with a file is said at once, a line each: the file, the key, what stands there, what
+was expected. ``json_schema`` is the documentation of a file, from the docstrings of its model.
+"""
+
+import csv
+import math
+import re
+import reprlib
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Annotated, Any, Generic, NamedTuple, TypeVar, get_args
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    StrictBool,
+    StrictInt,
+    ValidationError,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    model_validator,
+)
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
+
+from .errors import CounterpoiseError, DataError, UnitError
+from .quantities import SI_UNITS, dimension_of, example, factor_to_si, parse, parse_vector
+
+T = TypeVar("T")
+V = TypeVar("V")
+Model = TypeVar("Model", bound=BaseModel)
+
+LARGEST_FILE = 10_000_000
+"""Of a file that a person writes [bytes]: what is larger is something else, given by mistake."""
+DEEPEST = 32
+"""Tables and lists within one another."""
+_LONG_KEY = re.compile(rf"(?:[\w-]+[ \t]*\.[ \t]*){{{DEEPEST},}}")
+_BARE_KEY = re.compile(r"[\w-]+")
+_COLUMN = re.compile(r"\s*([^()]*?)\s*(?:\((.+)\)\s*)?")
+_EXPLAINED, _ABSENT = "explained", "absent"
+
+
+class FromText:
+    """Annotation of a field that is written as a text and read by a function of the text and the reader's context."""
+
+    def __init__(self, read: Callable[[str, Any], Any], such_as: str, dimensions: Sequence[str] = ()) -> None:
+        self._read, self.example = read, such_as
+        self.unit = " or ".join(SI_UNITS[dimension] for dimension in dimensions)
+
+    def __get_pydantic_core_schema__(self, _source: Any, _handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
+        return core_schema.with_info_plain_validator_function(self._validate)
+
+    def __get_pydantic_json_schema__(self, _schema: CoreSchema, _handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return {"type": "string", "examples": [self.example]} | ({"unit": self.unit} if self.unit else {})
+
+    def _validate(self, value: object, info: ValidationInfo) -> Any:  # noqa: ANN401
+        if isinstance(value, int | float) and not isinstance(value, bool) and self.unit:
+            raise ValueError(f"{value} has no unit: expected a text with a unit, such as {self.example!r}")
+        if not isinstance(value, str):
+            raise ValueError(f"expected a text{' with a unit' if self.unit else ''}, such as {self.example!r}")
+        try:
+            return self._read(value, info.context)
+        except CounterpoiseError as error:
+            raise ValueError(str(error)) from error
+
+
+class Measured(NamedTuple, Generic[V]):
+    """A quantity of one of several dimensions."""
+
+    value: V
+    """In SI."""
+    dimension: str
+
+
+class Quantity(FromText):
+    """A text with a unit such as ``80 mm``: a float in SI, or Measured where it may have one of several dimensions."""
+
+    def __init__(self, *dimensions: str, above: float = -math.inf, at_least: float = -math.inf) -> None:
+        self.dimensions, self._above, self._at_least = dimensions, above, at_least
+        super().__init__(self._parse, example(dimensions[0]), dimensions)
+
+    def _parse(self, text: str, _context: object) -> Any:  # noqa: ANN401
+        dimension = dimension_of(text, *self.dimensions)
+        value = parse(text, dimension)
+        if not value > self._above:
+            raise UnitError(f"{text!r}: expected more than {'zero' if not self._above else self._above}")
+        if not value >= self._at_least:
+            raise UnitError(f"{text!r}: expected {'zero' if not self._at_least else self._at_least} or more")
+        return value if len(self.dimensions) == 1 else Measured(value, dimension)
+
+
+class Vector(FromText):
+    """``magnitude @ angle``: a complex number in SI, or Measured where it may have one of several dimensions."""
+
+    def __init__(self, *dimensions: str) -> None:
+        self._dimensions = dimensions
+        super().__init__(self._parse, f"{example(dimensions[0])} @ 30 deg", dimensions)
+
+    def _parse(self, text: str, _context: object) -> complex | Measured[complex]:
+        value, dimension = parse_vector(text, *self._dimensions), dimension_of(text, *self._dimensions)
+        return value if len(self._dimensions) == 1 else Measured(value, dimension)
+
+
+def _distinct(tables: list[T]) -> list[T]:
+    names = [name for table in tables if (name := getattr(table, "name", None))]
+    if again := [name for name in names if names.count(name) > 1]:
+        raise ValueError(f"{again[0]!r} is there twice: give each a name of its own")
+    return tables
+
+
+Distinct = AfterValidator(_distinct)
+"""Annotation of a list of tables: no two of one name, which is likely a line copied twice."""
+OneOrMore = BeforeValidator(lambda value: value if isinstance(value, list | tuple) else [value])
+"""Annotation of a list of which a single item may be written without brackets."""
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0)]
+Count = StrictInt
+Flag = StrictBool
+Text = Annotated[str, Field(min_length=1)]
+
+
+class Table(BaseModel):
+    """A table of an input file: frozen, no key that is not known; the docstring of a field is its documentation."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, use_attribute_docstrings=True)
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _explained(cls, value: object, handler: ValidatorFunctionWrapHandler) -> Any:  # noqa: ANN401
+        """Word what is wrong here, where the table's keys are known."""
+        try:
+            return handler(value)
+        except ValidationError as error:
+            found = [_explain(cls, each) for each in error.errors(include_url=False)]
+            raise ValidationError.from_exception_data(cls.__name__, found) from error
+
+
+def load_model(
+    model: type[Model], path: Path, error: type[CounterpoiseError] = DataError, context: object = None
+) -> Model:
+    """Read a TOML file into a model. Raises ``error``, a line for each key that is wrong."""
+    return model_from_table(model, read_toml(path, error), path.name, error, context)
+
+
+def model_from_table(
+    model: type[Model],
+    table: Mapping[str, object],
+    source: str,
+    error: type[CounterpoiseError] = DataError,
+    context: object = None,
+) -> Model:
+    """Check a table against a model; ``source`` is what messages call the file, ``context`` what its texts refer to."""
+    try:
+        return model.model_validate(table, context=context)
+    except ValidationError as wrong:
+        lines = [_line(source, each, table) for each in wrong.errors(include_url=False)]
+        raise error("\n".join(dict.fromkeys(lines))) from wrong
+
+
+@contextmanager
+def in_file(source: str, key: str = "") -> Iterator[None]:
+    """Name the file, and the key where it is known, in what is raised about what was read from it."""
+    try:
+        yield
+    except CounterpoiseError as error:
+        raise type(error)(f"{source}: {key}: {error}" if key else f"{source}: {error}") from error
+
+
+def read_text(path: Path, error: type[CounterpoiseError] = DataError, key: str = "") -> str:
+    """The text of a file in UTF-8, with or without a byte order mark; ``key`` is what another file calls it.
+
+    Raises ``error`` where there is no such file, or it is too large, or in another encoding.
+    """
+    name = f"{key}: {path.name}" if key else path.name
+    try:
+        size = path.stat().st_size
+        if size > LARGEST_FILE:
+            raise error(f"{name}: is {size / 1e6:.0f} MB: expected at most {LARGEST_FILE / 1e6:.0f} MB")
+        return path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError as missing:
+        raise error(f"{key + ': ' if key else ''}no such file {path.name!r}") from missing
+    except OSError as trouble:
+        raise error(f"{name}: cannot be read: {trouble.strerror}") from trouble
+    except UnicodeDecodeError as wrong:
+        raise error(f"{name}: not UTF-8 at byte {wrong.start}: save it as UTF-8") from wrong
+
+
+def read_toml(path: Path, error: type[CounterpoiseError] = DataError) -> dict[str, Any]:
+    """The tables of a TOML file. Raises ``error`` if it is none."""
+    return toml_tables(read_text(path, error), path.name, error)
+
+
+def toml_tables(text: str, source: str, error: type[CounterpoiseError] = DataError) -> dict[str, Any]:
+    """The tables of a TOML text; ``source`` is what messages call it. Raises ``error`` if it is none."""
+    try:
+        if _LONG_KEY.search(text):
+            raise RecursionError  # tomllib takes quadratic time for such keys
+        tables = tomllib.loads(text.removeprefix("\ufeff"))
+        if _depth(tables) > DEEPEST:
+            raise RecursionError
+    except tomllib.TOMLDecodeError as wrong:
+        raise error(f"{source}: not a TOML file: {wrong}") from wrong
+    except RecursionError:
+        raise error(f"{source}: tables or lists stand in one another more than {DEEPEST} deep") from None
+    return tables
+
+
+def _depth(value: object) -> int:
+    inner: Iterable[object] = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return 1 + max((_depth(item) for item in inner), default=0)
+
+
+# CSV
+
+
+def read_csv(
+    path: Path, key: str = "", error: type[CounterpoiseError] = DataError
+) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """Cells of the header, and line and cells of each row that is not blank; ``key`` is what another file calls it."""
+    try:
+        lines = csv.reader(read_text(path, error, key).splitlines(keepends=True), strict=True)
+        header = next(lines, [])
+        rows = [(lines.line_num, row) for row in lines if any(cell.strip() for cell in row)]
+    except csv.Error as wrong:
+        raise error(f"{key + ': ' if key else ''}{path.name}: not a CSV file: {wrong}") from wrong
+    for line, row in rows:
+        if len(row) > len(header) and any(cell.strip() for cell in row[len(header) :]):
+            raise error(
+                f"{path.name}, line {line}: {len(row)} cells, the header has {len(header)} columns: is there a comma "
+                "in a number?"
+            )
+    return header, rows
+
+
+def csv_rows(model: type[Model], path: Path, key: str = "") -> list[Model]:
+    """Read a CSV into models, a row each: ``radius (mm)`` in the header is the key ``radius`` in millimetres.
+
+    Raises DataError, a line for each cell that is wrong.
+    """
+    header, rows = read_csv(path, key)
+    columns = [_column(cell) for cell in header]
+    names = [name for name, _ in columns]
+    for cell, (name, unit) in zip(header, columns, strict=True):
+        with in_file(path.name, f"column {cell!r}"):
+            _check_column(model, name, unit)
+            if names.count(name) > 1:
+                raise DataError("is there twice")
+    found: list[Model] = []
+    wrong: list[str] = []
+    for line, row in rows:
+        cells = {
+            name: f"{cell.strip()} {unit}" if unit else cell.strip()
+            for (name, unit), cell in zip(columns, row, strict=False)
+            if cell.strip()
+        }
+        label = f" ({cells['name']})" if "name" in cells else ""
+        try:
+            found.append(model_from_table(model, cells, f"{path.name}, line {line}{label}"))
+        except DataError as error:
+            wrong.append(str(error))
+    if wrong:
+        raise DataError("\n".join(wrong))
+    return found
+
+
+def csv_columns(
+    path: Path, dimensions: Mapping[str, tuple[str, ...]], key: str = ""
+) -> dict[str, Measured[list[float]]]:
+    """Columns of numbers in SI and their dimensions, by name; each must be there, of one of the ``dimensions`` named.
+
+    Raises DataError, naming line and column.
+    """
+    header, rows = read_csv(path, key)
+    columns = dict(_column(cell) for cell in header)
+    expected = ", ".join(f"{name} ({SI_UNITS[possible[0]]})" for name, possible in dimensions.items())
+    if not set(dimensions) <= set(columns) or len(columns) < len(header):
+        raise DataError(f"{path.name}: must hold the columns {expected}: found {', '.join(header) or 'none'}")
+    found = {}
+    for i, (name, unit) in enumerate(columns.items()):
+        if name not in dimensions:
+            continue
+        with in_file(path.name, f"column {header[i]!r}"):
+            factor = factor_to_si(unit, *dimensions[name])
+        cells = [_number(row[i] if i < len(row) else "", f"{path.name}, line {line}: {name}") for line, row in rows]
+        found[name] = Measured([factor * cell for cell in cells], dimension_of(f"1 {unit}", *dimensions[name]))
+    return found
+
+
+def _column(cell: str) -> tuple[str, str]:
+    """Name and unit of a column."""
+    match = _COLUMN.fullmatch(cell)
+    return (match[1], match[2] or "") if match else (cell.strip(), "")
+
+
+def _check_column(model: type[BaseModel], name: str, unit: str) -> None:
+    """Raise DataError for a column that is no key, or has no unit or another than its quantity."""
+    if name not in model.model_fields:
+        known = ", ".join(model.model_fields)
+        raise DataError(f"is not expected{suggestion(name, model.model_fields) or f': expected some of {known}'}")
+    for quantity in _text_forms(model, name):
+        if not unit:
+            raise DataError(f"has no unit: write for example '{name} ({quantity.example.split()[-1]})'")
+        if isinstance(quantity, Quantity):
+            factor_to_si(unit, *quantity.dimensions)
+
+
+def _text_forms(model: type[BaseModel], name: str) -> list[FromText]:
+    """How a field is written as a text with a unit."""
+    field = model.model_fields[name]
+    notes = [*field.metadata, *(note for part in get_args(field.annotation) for note in get_args(part)[1:])]
+    return [note for note in notes if isinstance(note, FromText) and note.unit]
+
+
+def _number(cell: str, where: str) -> float:
+    try:
+        value = float(cell)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise DataError(f"{where} is {cell!r}: expected a number")
+    return value
+
+
+# What is wrong, and what is expected
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """``; did you mean 'rate'?`` if a known word is near."""
+    near = get_close_matches(word, list(known), n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""
+
+
+def _explain(table: type[Table], error: Any) -> InitErrorDetails:  # noqa: ANN401
+    """An error within a table, worded by the innermost table; others pass it on."""
+    location, kind, context = error["loc"], error["type"], error.get("ctx", {})
+    if kind in {_EXPLAINED, _ABSENT}:
+        message = error["msg"]
+    elif kind == "missing" and location[-1] in table.model_fields:
+        kind, message = _ABSENT, f"missing: expected {_meaning(table, location[-1])}"
+    elif kind == "extra_forbidden":
+        known = list(table.model_fields)
+        message = f"unknown key{suggestion(str(location[-1]), known) or ': expected ' + ', '.join(known)}"
+    elif kind == "union_tag_not_found":
+        kinds = " or ".join(_kinds(table.model_fields[str(location[0])].annotation))
+        kind, location, message = _ABSENT, (*location, "kind"), f"missing: expected {kinds}"
+    elif kind == "union_tag_invalid":
+        known = _quoted(context["expected_tags"])
+        kind, location = _ABSENT, (*location, "kind")
+        message = f"{context['tag']!r}: expected {' or '.join(known)}{suggestion(str(context['tag']), known)}"
+    else:
+        message = _worded(kind, error["input"], context, error["msg"])
+    kept = _ABSENT if kind == _ABSENT else _EXPLAINED
+    return InitErrorDetails(type=PydanticCustomError(kept, message), loc=location, input=error["input"])
+
+
+def _kinds(annotation: object) -> list[str]:
+    """What ``kind`` may be in the tables of a union."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [str(kind) for kind in get_args(annotation.model_fields["kind"].annotation)]
+    return [kind for part in get_args(annotation) for kind in _kinds(part)]
+
+
+def _worded(kind: str, found: object, context: Mapping[str, Any], message: str) -> str:
+    """One of pydantic's errors: what stands there, and what was expected."""
+    bounds = {"greater_than": "gt", "greater_than_equal": "ge", "less_than": "lt", "less_than_equal": "le"}
+    if kind == "value_error":
+        expected = str(context["error"])
+    elif kind in bounds:
+        bound = context[bounds[kind]]
+        limit = {"gt": "more than {}", "ge": "{} or more", "lt": "less than {}", "le": "{} or less"}[bounds[kind]]
+        expected = "expected " + limit.format("zero" if bound == 0 else f"{bound:g}")
+    elif kind == "literal_error":
+        expected = f"expected {context['expected']}{suggestion(str(found), _quoted(context['expected']))}"
+    elif kind in {"too_short", "too_long"}:
+        bound = context.get("min_length" if kind == "too_short" else "max_length")
+        return (
+            f"has {context['actual_length']} values: expected at {'least' if kind == 'too_short' else 'most'} {bound}"
+        )
+    elif kind == "missing":
+        return "missing: expected one value more"
+    else:
+        expected = _EXPECTED.get(kind, message[0].lower() + message[1:])
+    named = isinstance(found, str | int | float) and not expected.startswith(repr(found))
+    listed = isinstance(found, list) and not any(isinstance(item, dict) for item in found)
+    return f"{_SHORT.repr(found)}: {expected}" if named or listed else expected
+
+
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = 80
+_EXPECTED = dict.fromkeys(("model_type", "dict_type", "model_attributes_type"), "expected a table")
+_EXPECTED |= dict.fromkeys(("list_type", "tuple_type"), "expected a list")
+_EXPECTED |= dict.fromkeys(("float_type", "float_parsing", "finite_number"), "expected a number")
+_EXPECTED |= dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "expected a whole number")
+_EXPECTED |= {
+    "string_type": "expected a text",
+    "string_too_short": "expected a text",
+    "bool_type": "expected true or false",
+}
+
+
+def _quoted(text: str) -> list[str]:
+    return re.findall(r"'([^']*)'", text)
+
+
+def _meaning(table: type[Table], key: str) -> str:
+    """What a field of a table is, from its docstring, with an example."""
+    described = (table.model_fields[key].description or key).split("\n")[0].rstrip(".")
+    such_as = "".join(f", such as {form.example!r}" for form in _text_forms(table, key)[:1])
+    return described[0].lower() + described[1:] + such_as
+
+
+def _line(source: str, error: Any, table: object) -> str:  # noqa: ANN401
+    """``FILE: masses[1] (B).angle: what is wrong``: the keys as they stand in the file, without those of pydantic."""
+    path, here = "", table
+    for i, part in enumerate(error["loc"]):
+        if isinstance(here, dict) and part in here:
+            here = here[part]
+            path += f".{_key(part)}"
+        elif isinstance(here, list | tuple) and isinstance(part, int) and part < len(here):
+            here = here[part]
+            path += f"[{part}]"
+            if isinstance(here, dict) and isinstance(here.get("name"), str):
+                path += f" ({here['name']})"
+        elif error["type"] == _ABSENT and i == len(error["loc"]) - 1:
+            path += f".{_key(part)}"
+    return f"{source}: {path.removeprefix('.')}: {error['msg']}" if path else f"{source}: {error['msg']}"
+
+
+def _key(part: object) -> str:
+    """A key as TOML writes it."""
+    return str(part) if _BARE_KEY.fullmatch(str(part)) else f'"{part}"'
+
+
+class _Schema(GenerateJsonSchema):
+    """Defaults as they are written in a file."""
+
+    def default_schema(self, schema: Any) -> JsonSchemaValue:  # noqa: ANN401
+        inner = self.generate_inner(schema["schema"])
+        default = schema.get("default")
+        if isinstance(default, float) and "unit" in inner:
+            return (
+                {"default": f"{default:g} {inner['unit']}", "allOf": [inner]}
+                if "$ref" in inner
+                else inner | {"default": f"{default:g} {inner['unit']}"}
+            )
+        return super().default_schema(schema)
+
+
+def json_schema(model: type[BaseModel]) -> dict[str, Any]:
+    """JSON schema of an input file: keys with their meaning, unit, example and default."""
+    return model.model_json_schema(schema_generator=_Schema)

@@ -1,0 +1,537 @@
+"""Linkage files (``datasets/linkages``): links, joints, places for counter-masses, gears, what a source publishes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
+
+from .. import datasets
+from ..errors import DataError, UnitError
+from ..input_files import Count, FromText, OneOrMore, Quantity, Table, Text, in_file, model_from_table, read_toml
+from ..quantities import parse
+from . import expressions
+from .description import GROUND, Body, Contradiction, End, Gear, Joint, Linkage, Part, Place, Published, TwoPoint, Wheel
+from .expressions import ORIGIN, Expression, Point, Symbol
+
+RESERVED = {GROUND: "the ground is not described, it is there", "base": "the name of the frame that all stands on"}
+"""Names that no link can have, and why."""
+
+
+class _Stated(Quantity):
+    """A quantity as written, with what its last digit leaves open."""
+
+    def _parse(self, text: str, context: object) -> Symbol:
+        super()._parse(text, context)
+        return expressions.symbol(text, self.dimensions[0])
+
+
+def _expression(text: str, lengths: Mapping[str, Symbol]) -> Expression:
+    return expressions.read(text, lengths)
+
+
+def _size(text: str, lengths: Mapping[str, Symbol]) -> Expression:
+    """A length above zero with the named lengths as stated."""
+    found = expressions.read(text, lengths)
+    if not (size := found.at({name: symbol.value for name, symbol in lengths.items()})) > 0.0:
+        raise UnitError(f"{text!r} is {size:.6g} m: expected more than zero")
+    return found
+
+
+def _size_or_zero(text: str, lengths: Mapping[str, Symbol]) -> Expression:
+    found = expressions.read(text, lengths)
+    return found if found.at({name: symbol.value for name, symbol in lengths.items()}) == 0.0 else _size(text, lengths)
+
+
+def _without_units(lengths: dict[str, Symbol]) -> dict[str, Symbol]:
+    """Refuse a length whose name is a unit: 2 m would be twice it, silently."""
+    for name in lengths:
+        try:
+            parse(f"1 {name}", "length")
+        except UnitError:
+            continue
+        raise ValueError(f"the name {name!r} is a unit of length: give it another")
+    return lengths
+
+
+Length = Annotated[Expression, FromText(_expression, "L2/2 + 10 mm", ("length",))]
+Size = Annotated[Expression, FromText(_size, "L2/2 + 10 mm", ("length",))]
+SizeOrZero = Annotated[Expression, FromText(_size_or_zero, "L2/2 + 10 mm", ("length",))]
+
+
+def _not_reserved(links: object) -> object:
+    for name in RESERVED.keys() & links.keys() if isinstance(links, dict) else ():
+        raise ValueError(f"{name!r} is no name for a link: {RESERVED[name]}")
+    return links
+
+
+Lengths = Annotated[dict[str, Annotated[Symbol, _Stated("length")]], AfterValidator(_without_units)]
+PlanePoint = tuple[Length, Length]
+Angle = Annotated[float, Quantity("angle")]
+Acceleration = Annotated[float, Quantity("acceleration")]
+Force = Annotated[float, Quantity("force")]
+Moment = Annotated[float, Quantity("moment")]
+PositiveMass = Annotated[float, Quantity("mass", above=0.0)]
+PositiveLength = Annotated[float, Quantity("length", above=0.0)]
+PositiveInertia = Annotated[float, Quantity("inertia", above=0.0)]
+StatedInertia = Annotated[Symbol, _Stated("inertia", at_least=0.0)]
+Name = Annotated[Text, BeforeValidator(lambda value: str(value) if type(value) is int else value)]
+"""Name of a link, joint or body; links are often numbered."""
+
+
+class PlaceTable(Table):
+    """Where a counter-mass may go: at a point, or at a radius on whatever side of the joint is needed."""
+
+    name: Name | None = None
+    """Name of the counter-mass; that of its link where it is left out."""
+    at: PlanePoint | None = None
+    """Point in the link's frame [m]."""
+    radius: Size | None = None
+    """Distance from the body's joint, in place of a point [m]."""
+    bar: Size | None = None
+    """Length of the homogeneous bar that it is made as [m]."""
+    radius_of_gyration: SizeOrZero | None = None
+    """About its own centre of mass [m]."""
+    inertia: StatedInertia | None = None
+    """About its own centre of mass, whatever its mass [kg m2]."""
+
+    @model_validator(mode="after")
+    def _one_of_each(self) -> "PlaceTable":
+        if (self.at is None) == (self.radius is None):
+            raise ValueError("expected either at = [x, y] or radius = '...'")
+        shapes = ("bar", "radius_of_gyration", "inertia")
+        if len(given := [key for key in shapes if getattr(self, key) is not None]) > 1:
+            raise ValueError(f"{' and '.join(given)} are both given: expected one of {', '.join(shapes)}")
+        return self
+
+
+class LinkTable(Table):
+    """A link; its frame has its x axis along the link."""
+
+    mass: Annotated[Symbol, _Stated("mass", above=0.0)]
+    """Mass of the link [kg]."""
+    inertia: StatedInertia | None = None
+    """About its own centre of mass; a link that only translates needs none [kg m2]."""
+    centre: PlanePoint
+    """Centre of mass in the link's frame, [x, y] [m]."""
+    counter_mass: Annotated[tuple[PlaceTable, ...], OneOrMore] = ()
+    """Places for counter-masses against its own and received masses."""
+    gear_counter_mass: Annotated[tuple[PlaceTable, ...], OneOrMore] = ()
+    """Places for counter-masses against the masses of gears."""
+    fixed_to: Name | None = None
+    """Link that it is rigidly joined to."""
+    at: PlanePoint | None = None
+    """Origin of its frame in that of the link that it is fixed to [m]."""
+    angle: Angle | None = None
+    """Angle of its frame in that of the link that it is fixed to [rad]."""
+
+    @model_validator(mode="after")
+    def _placed(self) -> "LinkTable":
+        if self.fixed_to is None and (idle := [key for key in ("at", "angle") if getattr(self, key) is not None]):
+            raise ValueError(f"{idle[0]} is for a link that is fixed_to another")
+        return self
+
+
+class SlideTable(Table):
+    """A line of sliding on a link or on the ground."""
+
+    point: PlanePoint
+    """A point of the line in the link's frame [m]."""
+    along: Angle
+    """Direction of sliding in the link's frame [rad]."""
+
+
+_NotGiven = BeforeValidator(lambda value: None if value == "not given" else value)
+
+
+class _JointTable(Table):
+    model_config = ConfigDict(extra="allow")
+
+    @property
+    def ends(self) -> dict[str, Any]:
+        """What is given of the joint on each of its links."""
+        return self.__pydantic_extra__ or {}
+
+    @model_validator(mode="after")
+    def _two_links(self) -> "_JointTable":
+        if len(self.ends) != 2:
+            raise ValueError(f"joins {', '.join(self.ends) or 'nothing'}: expected two links")
+        for link, end in self.ends.items():
+            if end is None and link != GROUND:
+                raise ValueError(f"{link}: only places on the ground may be 'not given'")
+        return self
+
+
+class RevoluteTable(_JointTable):
+    """A revolute joint: under the name of each of its two links the pin's place, or ``not given`` on the ground."""
+
+    kind: Literal["revolute"] = "revolute"
+    """``revolute`` or ``prismatic``."""
+    __pydantic_extra__: dict[str, Annotated[PlanePoint | None, _NotGiven]]
+
+
+class PrismaticTable(_JointTable):
+    """A prismatic joint: under the name of each of its two links a line of sliding."""
+
+    kind: Literal["prismatic"]
+    """``revolute`` or ``prismatic``."""
+    __pydantic_extra__: dict[str, Annotated[SlideTable | None, _NotGiven]]
+
+
+JointTable = Annotated[
+    Annotated[RevoluteTable, Tag("revolute")] | Annotated[PrismaticTable, Tag("prismatic")],
+    Discriminator(lambda value: value.get("kind", "revolute") if isinstance(value, dict) else "revolute"),
+]
+
+
+class DiscTable(Table):
+    """A gear as a disc whose mass grows with the square of its diameter."""
+
+    mass: PositiveMass
+    """Mass of a disc of this diameter [kg]."""
+    diameter: PositiveLength
+    """The diameter [m]."""
+
+
+class WheelTable(Table):
+    """A gear with mass and inertia."""
+
+    mass: PositiveMass
+    """Mass of the gear on the body [kg]."""
+    inertia: PositiveInertia
+    """Inertia of the gear on the body about its own axis [kg m2]."""
+
+
+class CounterGearTable(Table):
+    """The counter-gear."""
+
+    at: PlanePoint | None = None
+    """Its pivot in the frame of the link that it is on [m]."""
+    on: Name | None = None
+    """Link that its pivot is on, or ``ground``."""
+    mass: PositiveMass | None = None
+    """Its mass [kg]."""
+    radius_of_gyration: PositiveLength | None = None
+    """Its radius of gyration, in place of its mass [m]."""
+
+    @model_validator(mode="after")
+    def _whole(self) -> "CounterGearTable":
+        if (self.at is None) != (self.on is None):
+            given, other = ("at", "on") if self.on is None else ("on", "at")
+            raise ValueError(f"{given} is given and {other} is missing: expected at = [x, y] and on = 'LINK'")
+        if self.mass is not None and self.radius_of_gyration is not None:
+            raise ValueError("mass and radius_of_gyration are both given: the inertia is known, so give one")
+        return self
+
+
+class GearTable(Table):
+    """A gear pair: a gear on a body drives a counter-gear the other way."""
+
+    body: Name
+    """Link that the gear is fixed to."""
+    joint: Name | None = None
+    """Revolute joint that it sits at; the body's reduction joint where it is left out."""
+    teeth: tuple[Annotated[Count, Field(gt=0)], Annotated[Count, Field(gt=0)]] = (1, 1)
+    """Teeth of the body's gear and of the counter-gear, [Z, Z*]."""
+    disc: DiscTable | None = None
+    """The gear on the body as a disc."""
+    wheel: WheelTable | None = None
+    """The gear on the body with mass and inertia."""
+    counter: CounterGearTable = CounterGearTable()
+    """The counter-gear."""
+
+    @model_validator(mode="after")
+    def _one_gear(self) -> "GearTable":
+        if self.disc is not None and self.wheel is not None:
+            raise ValueError("expected either disc or wheel, not both")
+        return self
+
+    def real(self) -> Wheel | None:
+        """The real gear on the body; None where nothing is given."""
+        if self.disc is not None:
+            return Wheel(self.disc.mass, 0.0, self.disc.diameter)
+        return None if self.wheel is None else Wheel(self.wheel.mass, self.wheel.inertia)
+
+
+class TwoPointTable(Table):
+    """A body shaped so that two point masses at two of its joints replace it."""
+
+    joints: tuple[Name, Name]
+    """The two joints; the first is the body's reduction joint."""
+    reshaped: Name
+    """Link whose own inertia is made what the condition asks for."""
+
+
+class ContradictionTable(Table):
+    """Where a source contradicts itself."""
+
+    about: Text
+    """Which of its numbers, or which stage."""
+    why: str
+    """What is wrong with it."""
+    omit: dict[str, list[str]] = Field(default_factory=dict)
+    """Terms that it leaves out of the inertia of bodies, by link."""
+
+
+class PrintedTable(Table):
+    """What a source publishes for the linkage, to be compared with and never returned as a result."""
+
+    values: dict[str, Text] = Field(default_factory=dict)
+    """Masses and inertias by symbol, such as ``"m2*" = "1.451 kg"``, as printed [kg, kg m2]."""
+    rms: dict[Literal["before", "force", "complete"], tuple[Force, Force, Moment, Moment]] = Field(default_factory=dict)
+    """RMS values by stage, [FX, FY, M, torque] [N, N m]."""
+    restored: dict[str, str] = Field(default_factory=dict)
+    """What had to be restored in the printed copy, by symbol."""
+    contradiction: tuple[ContradictionTable, ...] = ()
+    """Where the source contradicts itself."""
+
+
+class LinkageTable(Table):
+    """A planar linkage and what may be done to balance it."""
+
+    title: Text | None = None
+    """Title of the linkage."""
+    source: str = ""
+    """Where it is from."""
+    drive: Name | None = None
+    """Driven joint."""
+    speed: Annotated[float, Quantity("angular velocity")] | None = None
+    """Mean speed of the driven joint [rad/s]."""
+    swing: tuple[Angle, Angle] | None = None
+    """Ends of the driven joint's motion where it makes no full turns [rad]."""
+    gravity: tuple[Acceleration, Acceleration] = (0.0, 0.0)
+    """Gravity along x and y [m/s2]."""
+    lengths: Lengths = Field(default_factory=dict)
+    """Named lengths, of which others may be made up [m]."""
+    links: Annotated[dict[str, LinkTable], Field(min_length=1), BeforeValidator(_not_reserved)]
+    """Links by name."""
+    joints: Annotated[dict[str, JointTable], Field(min_length=1)]
+    """Joints by name."""
+    gears: dict[str, GearTable] = Field(default_factory=dict)
+    """Gear pairs by name."""
+    reduction: dict[str, Name] = Field(default_factory=dict)
+    """Reduction joint of bodies, by one of their links."""
+    two_point: dict[str, TwoPointTable] = Field(default_factory=dict)
+    """Bodies that two point masses replace, by one of their links."""
+    turns_with: tuple[tuple[Name, Name], ...] = ()
+    """Pairs of links that always turn together without a prismatic joint, as in a parallelogram."""
+    start: dict[str, Angle] = Field(default_factory=dict)
+    """About how every body stands in one position, which chooses the assembly branch [rad]."""
+    printed: PrintedTable = PrintedTable()
+    """What a source publishes for it."""
+
+    @model_validator(mode="after")
+    def _moves(self) -> "LinkageTable":
+        if self.swing is not None and self.swing[0] == self.swing[1]:
+            raise ValueError("swing: both ends are the same angle, so nothing would move")
+        return self
+
+
+class _LengthsTable(Table):
+    """The lengths alone, which the rest of the file refers to."""
+
+    model_config = ConfigDict(extra="ignore")
+    lengths: Lengths = Field(default_factory=dict)
+
+
+def load_linkage(name: str | Path) -> Linkage:
+    """Load a shipped linkage by name, or a TOML file. Raises DataError or ModelError, naming the key."""
+    path = datasets.find(name, "linkages", ".toml")
+    return linkage_from_table(read_toml(path), path.stem, path.name)
+
+
+def linkage_from_table(content: Mapping[str, Any], name: str, source: str = "linkage") -> Linkage:
+    """Build a linkage from the keys of its file, which messages call ``source``.
+
+    Raises DataError or ModelError, naming the key that is wrong.
+    """
+    lengths = model_from_table(_LengthsTable, content, source).lengths
+    table = model_from_table(LinkageTable, content, source, context=lengths)
+    with in_file(source):
+        return _with_bodies_named(_Builder(table).linkage(name), table)
+
+
+@dataclass(frozen=True)
+class _Placement:
+    """The frame of a link in the frame of its body."""
+
+    root: str
+    """The link whose frame is the body's."""
+    origin: Point = ORIGIN
+    angle: float = 0.0
+    """[rad]."""
+
+    def of(self, point: Point) -> Point:
+        """A point of the link in the body's frame."""
+        return self.origin.plus(point.turned(self.angle))
+
+
+class _Builder:
+    """Puts a linkage together: knows where every link sits in its body, and every symbol."""
+
+    def __init__(self, table: LinkageTable) -> None:
+        self.table = table
+        self.symbols = dict(table.lengths)
+        self.where: dict[str, _Placement] = {}
+        for link in table.links:
+            self._place(link, ())
+        members: dict[str, list[str]] = {}
+        for link, placement in self.where.items():
+            members.setdefault(placement.root, []).append(link)
+        self.names = {link: "+".join(members[placement.root]) for link, placement in self.where.items()}
+
+    def linkage(self, name: str) -> Linkage:
+        """The linkage; what refers to bodies is still by the name of one of their links."""
+        table = self.table
+        bodies = self._bodies()
+        return Linkage(
+            name=name,
+            title=table.title or name,
+            symbols=self.symbols,
+            bodies=bodies,
+            joints={key: self._joint(key, joint) for key, joint in table.joints.items()},
+            gears={key: self._gear(key, gear) for key, gear in table.gears.items()},
+            drive=table.drive,
+            speed=table.speed,
+            swing=table.swing,
+            gravity=table.gravity,
+            published=_published(table.printed),
+        )
+
+    def _place(self, link: str, behind: tuple[str, ...]) -> _Placement:
+        """Placement of a link. Raises DataError where it is fixed to nothing, or in a circle."""
+        table = self.table.links[link]
+        if link in behind:
+            raise DataError(f"links.{link}: fixed in a circle: {' to '.join([*behind, link])}")
+        if table.fixed_to is None:
+            self.where[link] = _Placement(link)
+        elif table.fixed_to not in self.table.links:
+            raise DataError(f"links.{link}.fixed_to: {table.fixed_to!r}: expected one of {', '.join(self.table.links)}")
+        elif link not in self.where:
+            under = self._place(table.fixed_to, (*behind, link))
+            origin = under.of(Point(*table.at)) if table.at else under.origin
+            self.where[link] = _Placement(under.root, origin, under.angle + (table.angle or 0.0))
+        return self.where[link]
+
+    def _bodies(self) -> dict[str, Body]:
+        """Bodies by name; their masses and inertias become symbols."""
+        parts: dict[str, list[Part]] = {}
+        own: dict[str, list[Place]] = {}
+        for_gears: dict[str, list[Place]] = {}
+        for link, table in self.table.links.items():
+            body = self.names[link]
+            self.symbols[f"m{link}"] = table.mass
+            if table.inertia is not None:
+                self.symbols[f"I{link}"] = table.inertia
+            centre = self.where[link].of(Point(*table.centre))
+            parts.setdefault(body, []).append(Part(link, centre, table.inertia is not None))
+            own.setdefault(body, []).extend(self._places(link, table.counter_mass, ""))
+            for_gears.setdefault(body, []).extend(self._places(link, table.gear_counter_mass, "z"))
+        for body in parts:  # places against gears are those given, or else the places of the other counter-masses
+            for_gears[body] = for_gears[body] or [
+                replace(place, name=f"{place.name}z", stated_inertia=False) for place in own[body]
+            ]
+        _check_distinct({body: [*own[body], *for_gears[body]] for body in parts})
+        return {body: Body(body, tuple(parts[body]), tuple(own[body]), tuple(for_gears[body])) for body in parts}
+
+    def _places(self, link: str, tables: tuple[PlaceTable, ...], mark: str) -> list[Place]:
+        names = [link] if len(tables) == 1 else [f"{link}{chr(97 + i)}" for i in range(len(tables))]
+        found = []
+        for name, table in zip(names, tables, strict=True):
+            called = table.name or f"{name}{mark}"
+            at = self.where[link].of(Point(*table.at)) if table.at else None
+            if table.inertia is not None:
+                self.symbols[f"I{called}*"] = table.inertia
+            known = table.inertia is not None
+            found.append(Place(called, at, table.radius, table.bar, table.radius_of_gyration, known))
+        return found
+
+    def _joint(self, name: str, table: RevoluteTable | PrismaticTable) -> Joint:
+        first, second = (self._end(f"joints.{name}.{link}", link, value) for link, value in table.ends.items())
+        if first.body == second.body:
+            links = " and ".join(table.ends)
+            raise DataError(f"joints.{name}: {links} are rigidly joined: a joint between them cannot move")
+        return Joint(name, table.kind == "revolute", (first, second))
+
+    def _end(self, key: str, link: str, value: PlanePoint | SlideTable | None) -> End:
+        body, frame = self._body(key, link)
+        if value is None:
+            return End(body, None)
+        if isinstance(value, SlideTable):
+            return End(body, frame.of(Point(*value.point)), value.along + frame.angle)
+        return End(body, frame.of(Point(*value)))
+
+    def _body(self, key: str, link: str) -> tuple[str, _Placement]:
+        """Body of a link or of the ground, and the link's frame in it."""
+        if link == GROUND:
+            return GROUND, _Placement(GROUND)
+        if link not in self.names:
+            raise DataError(f"{key}: {link!r}: no such link: there are {GROUND}, {', '.join(self.names)}")
+        return self.names[link], self.where[link]
+
+    def _gear(self, name: str, table: GearTable) -> Gear:
+        counter, carrier, pivot = table.counter, None, None
+        if counter.on is not None and counter.at is not None:
+            carrier, frame = self._body(f"gears.{name}.counter.on", counter.on)
+            pivot = frame.of(Point(*counter.at))
+        return Gear(
+            name, table.body, table.joint, table.teeth, table.real(), pivot, carrier, counter.mass,
+            counter.radius_of_gyration,
+        )  # fmt: skip
+
+
+def _check_distinct(places: Mapping[str, list[Place]]) -> None:
+    """Raise DataError for two counter-masses of one name: only one of them would be among the results."""
+    seen: dict[str, str] = {}
+    for body, on_body in places.items():
+        for place in on_body:
+            if place.name in seen:
+                raise DataError(
+                    f"counter-masses on {seen[place.name]} and {body} are both named {place.name!r}: give one of them "
+                    "another name = '...'"
+                )
+            seen[place.name] = body
+
+
+def _published(table: PrintedTable) -> Published | None:
+    if table == PrintedTable():
+        return None
+    contradictions = tuple(Contradiction(each.about, each.why, each.omit) for each in table.contradiction)
+    return Published(table.values, table.rms, table.restored, contradictions)
+
+
+def _with_bodies_named(linkage: Linkage, table: LinkageTable) -> Linkage:
+    """Fill in what refers to bodies by the name of one of their links."""
+
+    def named(key: str, link: str) -> str:
+        with in_file(key):
+            return linkage.body(link).name
+
+    def joint(key: str, name: str) -> str:
+        with in_file(key):
+            return linkage.joint(name).name
+
+    two_point = {named("two_point", link): _two_point(linkage, link, each) for link, each in table.two_point.items()}
+    reduction = {named("reduction", link): joint("reduction", each) for link, each in table.reduction.items()}
+    if table.drive is not None:
+        joint("drive", table.drive)
+    return replace(
+        linkage,
+        start={named("start", link): angle for link, angle in table.start.items()},
+        reduction=reduction | {body: shaped.joints[0] for body, shaped in two_point.items()},
+        two_point=two_point,
+        turns_with=tuple(
+            (named("turns_with", a), GROUND if b == GROUND else named("turns_with", b)) for a, b in table.turns_with
+        ),
+        gears={key: replace(pair, body=named(f"gears.{key}.body", pair.body)) for key, pair in linkage.gears.items()},
+    )
+
+
+def _two_point(linkage: Linkage, link: str, table: TwoPointTable) -> TwoPoint:
+    with in_file(f"two_point.{link}"):
+        first, second = (linkage.joint(name).name for name in table.joints)
+        body = linkage.body(link)
+        if table.reshaped not in (part.link for part in body.parts):
+            raise DataError(f"reshaped is {table.reshaped!r}: expected a link of {body.name}")
+    return TwoPoint((first, second), table.reshaped)
