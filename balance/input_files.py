@@ -291,6 +291,8 @@ def csv_columns(
         if name not in dimensions:
             continue
         with in_file(path.name, f"column {header[i]!r}"):
+            if not unit:
+                raise DataError(f"has no unit: write for example '{name} ({example(dimensions[name][0])[2:]})'")
             factor = factor_to_si(unit, *dimensions[name])
         cells = [_number(row[i] if i < len(row) else "", f"{path.name}, line {line}: {name}") for line, row in rows]
         found[name] = Measured([factor * cell for cell in cells], dimension_of(f"1 {unit}", *dimensions[name]))
@@ -417,7 +419,8 @@ def _meaning(table: type[Table], key: str) -> str:
     """What a field of a table is, from its docstring, with an example."""
     described = (table.model_fields[key].description or key).split("\n")[0].rstrip(".")
     such_as = "".join(f", such as {form.example!r}" for form in _text_forms(table, key)[:1])
-    return described[0].lower() + described[1:] + such_as
+    choices = [repr(choice) for choice in get_args(table.model_fields[key].annotation) if isinstance(choice, str)]
+    return described[0].lower() + described[1:] + such_as + f": {' or '.join(choices)}" * bool(choices)
 
 
 def _line(source: str, error: Any, table: object) -> str:  # noqa: ANN401

@@ -22,7 +22,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from balance.drives import shooting
-from balance.drives.drivefile import DriveFile
+from balance.drives.drive_files import Drive, load_drive
 from balance.drives.steady import Steady, steady
 
 REQUIRED = 20
@@ -80,7 +80,7 @@ def timed(law: Callable[[float, float], float]) -> tuple[tuple[float, float, int
     return result, time.perf_counter() - begin
 
 
-def found(drive: DriveFile, mechanism: object) -> tuple[Steady, float, float]:
+def found(drive: Drive, mechanism: object) -> tuple[Steady, float, float]:
     """The steady state, the time to set up its equation of motion, and the time to find it with its extremes [s]."""
     begin = time.perf_counter()
     (machine,) = drive.machines(mechanism)
@@ -99,7 +99,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.drive", description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--rounds", type=int, default=5, help="times each runs; medians are shown")
     options = parser.parse_args(arguments)
-    drive = replace(DriveFile.load("inverted-slider-crank"), speeds=(828 * RPM,), reading="ungeared")
+    drive = replace(load_drive("inverted-slider-crank"), speeds=(828 * RPM,), reading="ungeared")
     mechanism = drive.load_mechanism()
     nominal, ours, setting_up, typed, modelled = 828 * RPM, [], [], [], []
     for _ in range(options.rounds):

@@ -12,7 +12,7 @@ import argparse
 import numpy as np
 from scipy.stats import binomtest
 
-from balance.drives.drivefile import DriveFile
+from balance.drives.drive_files import load_drive
 from balance.drives.steady import Steady, steady
 from testbench.encoder import Disc, Turn, edges_of, periodic_turn
 
@@ -31,7 +31,7 @@ CASES = {
 
 def truth() -> Steady:
     """The steady rotation that the logs are made of."""
-    drive = DriveFile.load("inverted-slider-crank")
+    drive = load_drive("inverted-slider-crank")
     return steady(drive.machines(drive.load_mechanism())[1])
 
 

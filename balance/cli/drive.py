@@ -8,7 +8,7 @@ from . import options
 from .console import EXIT_WITH_FINDINGS, emit_json, json_option
 
 if TYPE_CHECKING:
-    from ..drives.drivefile import DriveFile
+    from ..drives.drive_files import Drive
     from ..drives.machine import Machine
     from ..drives.steady import Steady
 
@@ -122,26 +122,26 @@ def drive(
         ctx.exit(EXIT_WITH_FINDINGS)
 
 
-def _asked(drive: str, speeds: tuple[str, ...], reading: str | None) -> tuple["DriveFile", tuple[float, ...]]:
+def _asked(drive: str, speeds: tuple[str, ...], reading: str | None) -> tuple["Drive", tuple[float, ...]]:
     """The study that is asked for, and the nominal speeds that its file states [rad/s]."""
     from dataclasses import replace
 
-    from ..drives import fields
-    from ..drives.drivefile import DriveFile
+    from ..drives.drive_files import load_drive
+    from ..quantities import parse
 
-    study = DriveFile.load(drive)
+    study = load_drive(drive)
     stated = study.speeds
     if reading:
         study = replace(study, reading=reading)
     if speeds:
-        asked = tuple(fields.speed(text, "--speed") for text in speeds)
+        asked = tuple(parse(text, "angular velocity") for text in speeds)
         if not min(asked) > 0.0:
             raise click.UsageError(f"--speed is {', '.join(speeds)}: expected more than zero")
         study = replace(study, speeds=asked)
     return study, stated
 
 
-def _machines(study: "DriveFile", payload: dict[str, float], counter: dict[str, float]) -> list[tuple["Machine", bool]]:
+def _machines(study: "Drive", payload: dict[str, float], counter: dict[str, float]) -> list[tuple["Machine", bool]]:
     """Machines without, then with the counter-masses."""
     mechanism = study.load_mechanism().with_payload(payload)
     plain = [(machine, False) for machine in study.machines(mechanism)]
@@ -152,7 +152,7 @@ def _machines(study: "DriveFile", payload: dict[str, float], counter: dict[str, 
 
 def _fill(
     result: dict[str, Any],
-    study: "DriveFile",
+    study: "Drive",
     machines: list[tuple["Machine", bool]],
     wanted: tuple[float, ...],
     side: str,

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from . import convergence, features
-from .drivefile import DriveFile, Printed
+from .drive_files import Drive, Printed
 from .flywheel import Flywheel, estimate
 from .machine import READINGS, Machine
 from .motors import DirectCurrent, Table
@@ -174,7 +174,7 @@ def solver_trials(solution: Steady, turns: int, balanced: bool) -> dict[str, Any
     }
 
 
-def head(drive: DriveFile, machines: Sequence[Machine]) -> dict[str, Any]:
+def head(drive: Drive, machines: Sequence[Machine]) -> dict[str, Any]:
     """What the study is of."""
     machine = machines[0]
     return {

@@ -153,11 +153,11 @@ def _against_the_model(result: dict[str, Any], turn: "Turn | None", course: Any,
 
 
 def _machine(options: dict[str, Any], mean: float) -> Any:  # noqa: ANN401
-    from balance.drives.drivefile import DriveFile
+    from balance.drives.drive_files import load_drive
 
     from ..encoder import model as models
 
-    drive = DriveFile.load(options["drive"])
+    drive = load_drive(options["drive"])
     nearest = min(drive.speeds, key=lambda nominal: abs(nominal / drive.ratio - mean))
     return models.machine_of(options["drive"], options["motor_speed"] or nearest, options["reading"])
 

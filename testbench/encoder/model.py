@@ -45,9 +45,9 @@ def machine_of(name: str, nominal: float, reading: str | None) -> "Machine":
 
     Raises AnalysisError where the file leaves open how the gearbox's torque is read and nothing is said of it.
     """
-    from balance.drives.drivefile import DriveFile
+    from balance.drives.drive_files import load_drive
 
-    drive = DriveFile.load(name)
+    drive = load_drive(name)
     if reading is None and drive.reading is None:
         raise AnalysisError(
             f"{drive.name} leaves open how the gearbox's torque is read: say --reading geared or ungeared"

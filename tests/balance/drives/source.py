@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from balance.drives.drivefile import DriveFile
+from balance.drives.drive_files import load_drive
 from balance.drives.machine import Machine
 from balance.loading.loading import load_mechanism
 from balance.mechanism import Mechanism
@@ -25,7 +25,7 @@ def mechanism() -> Mechanism:
 @cache
 def machine(nominal_rpm: float, reading: str = "ungeared") -> Machine:
     """The source's machine at a nominal speed."""
-    drive = DriveFile.load("inverted-slider-crank")
+    drive = load_drive("inverted-slider-crank")
     return next(
         m for m in replace(drive, reading=reading).machines(mechanism()) if abs(m.nominal - nominal_rpm * RPM) < 1e-6
     )

@@ -8,7 +8,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 
 from balance.cli.engine import engine
-from balance.drives.drivefile import DriveFile
+from balance.drives.drive_files import load_drive
 from balance.drives.steady import steady
 from balance.errors import DataError
 
@@ -41,7 +41,7 @@ def turned(folder, load, csv=""):
     (folder / "sc.xml").write_text(model, encoding="utf-8")
     (folder / "gas.csv").write_text(csv, encoding="utf-8")
     (folder / "gas.toml").write_text(HEAD + load, encoding="utf-8")
-    drive = DriveFile.load(folder / "gas.toml")
+    drive = load_drive(folder / "gas.toml")
     (machine,) = drive.machines(drive.load_mechanism())
     return steady(machine)
 
@@ -94,11 +94,11 @@ def test_a_file_is_the_lists(tmp_path):
 @pytest.mark.parametrize(
     ("csv", "said"),
     [
-        ("angle,force (N)\n0,1\n", "gas.csv: column 'angle': expected two columns, 'angle \\(deg\\),force"),
-        ("angle (deg),torque (N m)\n0,1\n", "column 'torque \\(N m\\)': expected two columns"),
+        ("angle,force (N)\n0,1\n", "gas.csv: column 'angle': has no unit: write for example 'angle \\(deg\\)'"),
+        ("angle (deg),torque (N m)\n0,1\n", "must hold the columns angle \\(rad\\), force \\(N\\)"),
         ("angle (deg),force (kg)\n0,1\n", "'kg' is not a unit of force"),
         ("angle (deg),force (N)\n0,1\n90,\n180,2\n", "gas.csv, line 3: force is '': expected a number"),
-        ("angle (deg),force (N)\n0,1\n90\n180,2\n", "gas.csv, line 3: 1 cells, the header has 2"),
+        ("angle (deg),force (N)\n0,1\n90\n180,2\n", "gas.csv, line 3: force is '': expected a number"),
         ("angle (deg),force (N)\n0,1\n200,5\n100,2\n", "angles increasing"),
         ("angle (deg),force (N)\n0,1\n200,5\n360,2\n", "angle goes from 0 to 360 deg: expected one turn"),
         ("angle (deg),force (N)\n0,1\n200,5\n540,2\n", "angle goes from 0 to 540 deg"),

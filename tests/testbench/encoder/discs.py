@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 
-from balance.drives.drivefile import DriveFile
+from balance.drives.drive_files import load_drive
 from balance.drives.machine import Machine
 from balance.drives.startup import start_up
 from balance.drives.steady import Steady, steady
@@ -17,7 +17,7 @@ CLOCK = 4e-6
 @cache
 def machine() -> Machine:
     """The inverted slider-crank at 276 rev/min, torque not geared."""
-    drive = DriveFile.load("inverted-slider-crank")
+    drive = load_drive("inverted-slider-crank")
     return drive.machines(drive.load_mechanism())[1]
 
 

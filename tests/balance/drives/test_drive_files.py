@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from balance import datasets
-from balance.drives.drivefile import DriveFile
+from balance.drives.drive_files import load_drive
 from balance.drives.motors import Constant, DirectCurrent, Induction, Table
 from balance.drives.steady import steady
 from balance.errors import DataError
@@ -30,14 +30,14 @@ def written(tmp_path, text, name="mine.toml"):
 
 def whole(path):
     """Read a drive file and put its machines together."""
-    drive = DriveFile.load(path)
+    drive = load_drive(path)
     return drive.machines(drive.load_mechanism())
 
 
 @pytest.mark.parametrize("name", datasets.names("drives", ".toml"))
 def test_shipped_drives_turn(name):
     """Every shipped drive has a steady rotation that is stable and converged."""
-    drive = DriveFile.load(name)
+    drive = load_drive(name)
     for machine in drive.machines(drive.load_mechanism()):
         found = steady(machine)
         assert found.is_converged()
@@ -46,7 +46,7 @@ def test_shipped_drives_turn(name):
 
 def test_the_source_s_drive():
     """The source's table, in SI; both readings of the gearbox, since the source leaves it open."""
-    drive = DriveFile.load("inverted-slider-crank")
+    drive = load_drive("inverted-slider-crank")
     assert drive.motor == Induction(12.75, 0.315, 2.565, 1.380)
     assert drive.speeds == pytest.approx((276 * RPM, 828 * RPM))
     assert drive.readings == ("geared", "ungeared")
@@ -84,7 +84,7 @@ torque = ["1 N m", "2 N m", "0 N m"]
         'slip_base = "200 rpm"\nbraking = "mirrored"': Induction(2.0, 0.2, 2.0, 1.0, 100 * RPM, 200 * RPM, True),
     }
     for text, motor in kinds.items():
-        drive = DriveFile.load(written(tmp_path, f"{head}[motor]\n{text}\n{gear}{loads}"))
+        drive = load_drive(written(tmp_path, f"{head}[motor]\n{text}\n{gear}{loads}"))
         assert drive.motor == motor
         (machine,) = drive.machines(drive.load_mechanism())
         assert machine.constant_inertia == pytest.approx(4 * 20e-4)
@@ -93,7 +93,7 @@ torque = ["1 N m", "2 N m", "0 N m"]
         assert machine.loads[2].torque(np.pi / 2, 1.0, 1.0) == pytest.approx(-2.0)
         assert machine.loads[2].torque(2 * np.pi, 1.0, 1.0) == pytest.approx(-1.0)
     table = 'kind = "table"\nspeed = ["0 rpm", "100 rpm"]\ntorque = ["3 N m", "1 N m"]'
-    drive = DriveFile.load(written(tmp_path, f"{head}[motor]\n{table}\n"))
+    drive = load_drive(written(tmp_path, f"{head}[motor]\n{table}\n"))
     assert isinstance(drive.motor, Table)
     assert drive.motor.torque(50 * RPM, 0.0) == pytest.approx(2.0)
 
@@ -102,28 +102,29 @@ def test_a_mechanism_beside_the_drive_s_file_is_found(tmp_path):
     """A relative path counts from the drive's file."""
     text = datasets.find("four-bar", "mechanisms", ".xml").read_text(encoding="utf-8")
     written(tmp_path, text, "own.xml")
-    drive = DriveFile.load(written(tmp_path, PLAIN.replace("four-bar", "own.xml")))
+    drive = load_drive(written(tmp_path, PLAIN.replace("four-bar", "own.xml")))
     assert drive.load_mechanism().name == "own"
 
 
 WRONG = {
-    "spede = 3": "unknown key 'spede'",
-    'speeds = ["900"]': "speed of turning",
-    'speeds = ["15 Hz"]': "speed of turning",
-    'speeds = ["-900 rpm"]': "positive",
+    "spede = 3": "spede: unknown key; did you mean 'speeds'",
+    'speeds = ["900"]': "'900' has no unit: write for example '900 rpm'",
+    'speeds = ["15 Hz"]': "whether it counts turns or radians: write rpm",
+    'speeds = ["-900 rpm"]': "'-900 rpm': expected more than zero",
     'mechanism = "no-such"': "no such file",
-    "[motor]": "kind is missing",
-    '[motor]\nkind = "steam"': "expected one of induction, dc",
+    "[motor]": "motor.kind: missing: expected induction or dc",
+    '[motor]\nkind = "steam"': "motor.kind: 'steam': expected induction or dc",
     '[motor]\nkind = "dc"\nstall_torque = "1 N"\nno_load_speed = "1 rpm"': "not a unit of moment",
-    '[motor]\nkind = "dc"\nstall_torque = "1 N m"\nno_load_speed = "1 rpm"\ncolour = 1': "unknown key 'colour'",
+    '[motor]\nkind = "dc"\nstall_torque = "1 N m"\nno_load_speed = "1 rpm"\ncolour = 1':
+        "motor.colour: unknown key: expected",
     '[motor]\nkind = "table"\nspeed = ["2 rpm", "1 rpm"]\ntorque = ["1 N m", "2 N m"]': "speeds increasing",
-    '[gearbox]\nratio = -2': "above zero",
-    '[gearbox]\nreading = "maybe"': "expected one of geared, ungeared",
-    '[[inertia]]\ninertia = "1 kg m2"': "side is missing",
-    '[[inertia]]\ninertia = "1 kg m2"\nside = "left"': "crank, motor",
+    '[gearbox]\nratio = -2': "gearbox.ratio: -2: expected more than zero",
+    '[gearbox]\nreading = "maybe"': "gearbox.reading: 'maybe': expected 'geared' or 'ungeared'",
+    '[[inertia]]\ninertia = "1 kg m2"': "side: missing: expected shaft that it turns with: 'crank' or 'motor'",
+    '[[inertia]]\ninertia = "1 kg m2"\nside = "left"': "side: 'left': expected 'crank' or 'motor'",
     '[[load]]\nkind = "dry"\nforce = "1 N"': "unknown key 'force'",
     '[[load]]\nkind = "dry"\ntorque = "-1 N m"': "opposes the motion",
-    '[[load]]\nkind = "viscous"\ntorque = "1 N m"': "at_speed is missing",
+    '[[load]]\nkind = "viscous"\ntorque = "1 N m"': "at_speed: missing: expected speed",
     '[[load]]\nkind = "dry"\njoint = "Z"\ntorque = "1 N m"': "no joint 'Z'",
     '[[load]]\nkind = "table"\nangle = ["0 deg", "9 deg"]\ntorque = ["1 N m", "1 N m"]': "as many, angles increasing",
     'speeds = ["900 rpm", "94.24777960769379 rad/s"]': "holds one speed twice",
@@ -131,7 +132,7 @@ WRONG = {
         "load: 'a' is there twice",
     '[[inertia]]\nname = "a"\ninertia = "1 kg m2"\nside = "crank"\n[[inertia]]\nname = "a"\ninertia = "1 kg m2"'
     '\nside = "crank"': "inertia: 'a' is there twice",
-    "direction = 2": "expected one of 1, -1",
+    "direction = 2": "direction: 2: expected 1 or -1",
     "x = [": "Invalid|Unclosed|Cannot",
 }  # fmt: skip
 

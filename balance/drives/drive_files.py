@@ -1,0 +1,374 @@
+"""Drive files (``datasets/drives``): which machine, motor, gearbox, inertias and loads, with units."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from .. import datasets
+from ..arrays import Floats
+from ..errors import CounterpoiseError, DataError
+from ..input_files import (
+    Distinct,
+    Measured,
+    Number,
+    Positive,
+    Quantity,
+    Table,
+    Text,
+    csv_columns,
+    load_model,
+)
+from . import motors
+from .loads import Load
+from .machine import READINGS, Inertia, Machine
+from .reduced import reduce
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PchipInterpolator
+
+    from ..mechanism import Mechanism
+
+Speed = Annotated[float, Quantity("angular velocity")]
+PositiveSpeed = Annotated[float, Quantity("angular velocity", above=0.0)]
+Angle = Annotated[float, Quantity("angle")]
+Moment = Annotated[float, Quantity("moment")]
+PositiveMoment = Annotated[float, Quantity("moment", above=0.0)]
+Force = Annotated[float, Quantity("force")]
+
+
+class InductionTable(Table):
+    """An induction motor, M = M_d s / (s + (s_d - s)^2 (a - b s^3))."""
+
+    kind: Literal["induction"]
+    """Kind of motor."""
+    peak_torque: PositiveMoment
+    """Peak torque M_d [N m]."""
+    peak_slip: Positive
+    """Slip s_d at the peak torque."""
+    a: Number
+    """Coefficient a of the curve."""
+    b: Number
+    """Coefficient b of the curve."""
+    synchronous_speed: Literal["nominal"] | Speed
+    """Speed without slip [rad/s], or ``nominal``: the whole curve is moved to the nominal speed."""
+    slip_base: Speed | None = None
+    """What a slip of one is [rad/s]; the synchronous speed where it is left out."""
+    braking: Literal["as printed", "mirrored"] = "as printed"
+    """Above the synchronous speed: the formula as printed, or M(-s) = -M(s)."""
+
+    def motor(self) -> motors.Motor:
+        """The motor."""
+        zero = None if self.synchronous_speed == "nominal" else self.synchronous_speed
+        mirrored = self.braking == "mirrored"
+        return motors.Induction(self.peak_torque, self.peak_slip, self.a, self.b, zero, self.slip_base, mirrored)
+
+
+class DirectCurrentTable(Table):
+    """A direct-current motor; the nominal speed sets its voltage."""
+
+    kind: Literal["dc"]
+    """Kind of motor."""
+    stall_torque: PositiveMoment
+    """At standstill and full voltage [N m]."""
+    no_load_speed: PositiveSpeed
+    """Speed without load at full voltage [rad/s]."""
+
+    def motor(self) -> motors.Motor:
+        """The motor."""
+        return motors.DirectCurrent(self.stall_torque, self.no_load_speed)
+
+
+class ConstantTable(Table):
+    """A motor of constant torque."""
+
+    kind: Literal["constant"]
+    """Kind of motor."""
+    torque: Moment
+    """Its torque [N m]."""
+
+    def motor(self) -> motors.Motor:
+        """The motor."""
+        return motors.Constant(self.torque)
+
+
+class MotorTable(Table):
+    """A motor measured point by point."""
+
+    kind: Literal["table"]
+    """Kind of motor."""
+    speed: list[Speed]
+    """Speeds of the points, increasing [rad/s]."""
+    torque: list[Moment]
+    """Torques at the points [N m]."""
+
+    @model_validator(mode="after")
+    def _points(self) -> "MotorTable":
+        if len(self.speed) != len(self.torque) or len(self.speed) < 2 or not (np.diff(self.speed) > 0.0).all():
+            raise ValueError(
+                f"speed has {len(self.speed)}, torque {len(self.torque)} values: expected as many, speeds increasing"
+            )
+        return self
+
+    def motor(self) -> motors.Motor:
+        """The motor."""
+        return motors.Table.of(np.array(self.speed), np.array(self.torque))
+
+
+class _LoadTable(Table):
+    name: Text | None = None
+    """Name of the load; its kind where it is left out."""
+    joint: Text | None = None
+    """Joint that it acts on; the crank where it is left out."""
+
+    def load(self, index: int, turns: bool, folder: Path) -> Load:
+        """The load at a coordinate. Raises DataError for a torque where the joint slides, a force where it turns."""
+        raise NotImplementedError
+
+    def _given(self, turns: bool) -> tuple[str, str]:
+        """Key and dimension of the load of a joint that turns or slides. Raises DataError where it is not given."""
+        key, other = ("torque", "force") if turns else ("force", "torque")
+        if getattr(self, other, None) is not None:
+            raise DataError(f"unknown key {other!r}: its joint {'turns' if turns else 'slides'}: expected {key}")
+        if getattr(self, key) is None and getattr(self, "file", None) is None:
+            raise DataError(f"{key} is missing")
+        return key, "moment" if turns else "force"
+
+
+class FrictionTable(_LoadTable):
+    """A load of constant size: against the joint's positive direction, or dry against its motion."""
+
+    kind: Literal["constant", "dry"]
+    """Kind of load."""
+    torque: Moment | None = None
+    """Of a joint that turns [N m]."""
+    force: Force | None = None
+    """Of a joint that slides [N]."""
+
+    @model_validator(mode="after")
+    def _opposes(self) -> "FrictionTable":
+        if self.kind == "dry" and min(self.torque or 0.0, self.force or 0.0) < 0.0:
+            raise ValueError("torque or force: expected zero or more, it opposes the motion")
+        return self
+
+    def load(self, index: int, turns: bool, folder: Path) -> Load:
+        """The load at a coordinate."""
+        return Load(self.name or self.kind, self.kind, index, getattr(self, self._given(turns)[0]))
+
+
+class DragTable(_LoadTable):
+    """A load in proportion to the joint's speed or to its square, against it."""
+
+    kind: Literal["viscous", "quadratic"]
+    """Kind of load."""
+    torque: Annotated[float, Quantity("moment", at_least=0.0)] | None = None
+    """Of a joint that turns, at the speed named [N m]."""
+    force: Annotated[float, Quantity("force", at_least=0.0)] | None = None
+    """Of a joint that slides, at the speed named [N]."""
+    at_speed: Annotated[Measured[float], Quantity("angular velocity", "velocity", above=0.0)]
+    """Speed at which it is as large as that [rad/s or m/s]."""
+
+    def load(self, index: int, turns: bool, folder: Path) -> Load:
+        """The load at a coordinate."""
+        value = getattr(self, self._given(turns)[0])
+        if (self.at_speed.dimension == "angular velocity") != turns:
+            raise DataError(f"at_speed: its joint {'turns' if turns else 'slides'}: expected a speed of that")
+        return Load(
+            self.name or self.kind, self.kind, index, value / self.at_speed.value ** (1 + (self.kind != "viscous"))
+        )
+
+
+class CurveTable(_LoadTable):
+    """A load over the crank's angle, one turn, against the joint's positive direction."""
+
+    kind: Literal["table"]
+    """Kind of load."""
+    angle: list[Angle] | None = None
+    """Angles of the crank, increasing, from 0 deg to less than 360 deg, or to 360 deg with the value of 0 deg [rad]."""
+    torque: list[Moment] | None = None
+    """At these angles, of a joint that turns [N m]."""
+    force: list[Force] | None = None
+    """At these angles, of a joint that slides [N]."""
+    file: Text | None = None
+    """In place of the lists a CSV beside the drive file, its header such as ``angle (deg),force (N)``."""
+
+    @model_validator(mode="after")
+    def _one_source(self) -> "CurveTable":
+        given = [key for key in ("angle", "torque", "force") if getattr(self, key) is not None]
+        if self.file is not None and given:
+            raise ValueError(f"gives both file and {given[0]}: one of them")
+        if self.file is None and self.angle is None:
+            raise ValueError("angle is missing: expected angle and torque or force, or file")
+        return self
+
+    def load(self, index: int, turns: bool, folder: Path) -> Load:
+        """The load at a coordinate."""
+        key, dimension = self._given(turns)
+        if self.file is None:
+            angles, values = self.angle, getattr(self, key)
+        else:
+            columns = csv_columns(folder / self.file, {"angle": ("angle",), key: (dimension,)}, "file")
+            angles, values = columns["angle"].value, columns[key].value
+        return Load(self.name or self.kind, self.kind, index, 0.0, _periodic(np.array(angles), np.array(values), key))
+
+
+class InertiaTable(Table):
+    """An inertia that turns with a shaft."""
+
+    name: Text | None = None
+    """Name of it."""
+    inertia: Annotated[float, Quantity("inertia", at_least=0.0)]
+    """About its own shaft [kg m2]."""
+    side: Literal["crank", "motor"]
+    """Shaft that it turns with."""
+
+
+class GearboxTable(Table):
+    """The gearbox between motor and crank."""
+
+    ratio: Positive = 1.0
+    """Turns of the motor per turn of the crank."""
+    reading: Literal["geared", "ungeared"] | None = None
+    """Whether the torque is multiplied by the ratio; both are computed where it is left out."""
+
+
+class Printed(Table):
+    """What a source publishes for one nominal speed, shown beside the solution and never in its place."""
+
+    speed: Speed
+    """Nominal speed of the motor [rad/s]."""
+    fluctuation: Positive | None = None
+    """Coefficient of speed fluctuation."""
+    fastest: Speed | None = None
+    """Fastest speed of the crank [rad/s]."""
+    slowest: Speed | None = None
+    """Slowest speed of the crank [rad/s]."""
+
+
+class DriveTable(Table):
+    """A machine of one degree of freedom and its motor."""
+
+    mechanism: Text
+    """A shipped mechanism by name, or a file beside this one."""
+    crank: Text | None = None
+    """Joint that turns; the one with the motor where it is left out."""
+    direction: Literal[1, -1] = 1
+    """Sense in which the crank turns."""
+    start_angle: Angle = 0.0
+    """Crank angle from which it starts up [rad]."""
+    speeds: Annotated[list[PositiveSpeed], Field(min_length=1)]
+    """Nominal speeds of the motor; ``direction`` turns the crank the other way [rad/s]."""
+    motor: Annotated[InductionTable | DirectCurrentTable | ConstantTable | MotorTable, Field(discriminator="kind")]
+    """The motor."""
+    gearbox: GearboxTable = GearboxTable()
+    """The gearbox."""
+    inertia: Annotated[list[InertiaTable], Distinct] = Field(default_factory=list)
+    """Inertias on the shafts."""
+    load: Annotated[list[Annotated[FrictionTable | DragTable | CurveTable, Field(discriminator="kind")]], Distinct] = (
+        Field(default_factory=list)
+    )
+    """Loads on the joints."""
+    printed: list[Printed] = Field(default_factory=list)
+    """What a source publishes."""
+
+    @model_validator(mode="after")
+    def _distinct_speeds(self) -> "DriveTable":
+        if any(abs(a - b) < 1e-9 * a for i, a in enumerate(self.speeds) for b in self.speeds[:i]):
+            raise ValueError("speeds: holds one speed twice")
+        return self
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A drive as its file describes it; ``machines`` puts it together."""
+
+    name: str
+    table: DriveTable
+    folder: Path
+    """Where the files that it names are looked for."""
+    speeds: tuple[float, ...]
+    """Nominal speeds of the motor [rad/s]."""
+    motor: motors.Motor
+    reading: str | None
+    """How the gearbox's torque is read; None where the file leaves it open."""
+
+    @property
+    def ratio(self) -> float:
+        """Turns of the motor per turn of the crank."""
+        return self.table.gearbox.ratio
+
+    @property
+    def start_angle(self) -> float:
+        """Crank angle of start-up [rad]."""
+        return self.table.start_angle
+
+    @property
+    def readings(self) -> tuple[str, ...]:
+        """The reading that the file asks for, or all of them; without a gearbox they are one."""
+        if self.reading is None and self.ratio != 1.0:
+            return tuple(READINGS)
+        return (self.reading or next(iter(READINGS)),)
+
+    def load_mechanism(self) -> "Mechanism":
+        """The mechanism of the drive."""
+        from ..mechanism import Mechanism
+
+        beside = self.folder / self.table.mechanism
+        return Mechanism.load(str(beside) if beside.is_file() else self.table.mechanism)
+
+    def machines(self, mechanism: "Mechanism") -> list[Machine]:
+        """The machine at each nominal speed, in each reading of the gearbox that the file leaves open."""
+        reduced = reduce(mechanism, self.table.crank, self.table.direction)
+        loads = tuple(self._load(table, mechanism, reduced.crank) for table in self.table.load)
+        inertias = tuple(Inertia(each.name or "inertia", each.inertia, each.side) for each in self.table.inertia)
+        return [
+            Machine(reduced, self.motor, self.ratio, reading, speed, inertias, loads)
+            for speed in self.speeds
+            for reading in self.readings
+        ]
+
+    def _load(self, table: FrictionTable | DragTable | CurveTable, mechanism: "Mechanism", crank: str) -> Load:
+        try:
+            joint = mechanism.coordinate_index(table.joint or crank)
+            return table.load(joint, mechanism.tree.joints[joint].revolute, self.folder)
+        except CounterpoiseError as error:
+            raise DataError(f"{self.name}: load {table.name or table.kind!r}: {error}") from error
+
+    def printed_at(self, speed: float) -> Printed | None:
+        """What the source publishes for a nominal speed [rad/s]."""
+        return next((p for p in self.table.printed if abs(p.speed - speed) < 1e-9 * speed), None)
+
+
+def load_drive(name: str | Path) -> Drive:
+    """Load a shipped drive by name, or a TOML file. Raises DataError, naming the key that is wrong."""
+    path = datasets.find(name, "drives", ".toml")
+    table = load_model(DriveTable, path)
+    return Drive(path.name, table, path.parent, tuple(table.speeds), table.motor.motor(), table.gearbox.reading)
+
+
+def _periodic(angles: Floats, values: Floats, key: str) -> "PchipInterpolator":
+    """Values over the crank's angle, periodic, a monotone cubic between the points."""
+    from scipy.interpolate import PchipInterpolator
+
+    turn = 2.0 * np.pi
+    if (
+        len(angles) == len(values) > 1
+        and abs(angles[-1] - turn) < 1e-9
+        and angles[0] == 0.0
+        and values[-1] == values[0]
+    ):
+        angles, values = angles[:-1], values[:-1]
+    if len(angles) != len(values) or len(angles) < 3 or not (np.diff(angles) > 0.0).all():
+        raise DataError(f"angle has {len(angles)}, {key} {len(values)} values: expected as many, angles increasing")
+    if not (angles[0] >= 0.0 and angles[-1] < turn - 1e-9):
+        span = f"{np.degrees(angles[0]):.6g} to {np.degrees(angles[-1]):.6g} deg"
+        raise DataError(
+            f"angle goes from {span}: expected one turn, from 0 deg to less than 360 deg, or to 360 deg with the value "
+            "of 0 deg"
+        )
+    ends = slice(-2, None), slice(0, 2)
+    return PchipInterpolator(
+        np.r_[angles[ends[0]] - turn, angles, angles[ends[1]] + turn], np.r_[values[ends[0]], values, values[ends[1]]]
+    )
