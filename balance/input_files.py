@@ -45,6 +45,8 @@ LARGEST_FILE = 10_000_000
 """Of a file that a person writes [bytes]: what is larger is something else, given by mistake."""
 DEEPEST = 32
 """Tables and lists within one another."""
+_SHOWN = 20
+"""Of what is wrong with a file."""
 _LONG_KEY = re.compile(rf"(?:[\w-]+[ \t]*\.[ \t]*){{{DEEPEST},}}")
 _BARE_KEY = re.compile(r"[\w-]+")
 _COLUMN = re.compile(r"\s*([^()]*?)\s*(?:\((.+)\)\s*)?")
@@ -140,10 +142,18 @@ class Table(BaseModel):
     def _explained(cls, value: object, handler: ValidatorFunctionWrapHandler) -> Any:  # noqa: ANN401
         """Word what is wrong here, where the table's keys are known."""
         try:
-            return handler(value)
+            table = handler(value)
+            table.check()
         except ValidationError as error:
             found = [_explain(cls, each) for each in error.errors(include_url=False)]
             raise ValidationError.from_exception_data(cls.__name__, found) from error
+        except CounterpoiseError as error:
+            wrong = InitErrorDetails(type=PydanticCustomError(_EXPLAINED, str(error)), loc=(), input=value)
+            raise ValidationError.from_exception_data(cls.__name__, [wrong]) from error
+        return table
+
+    def check(self) -> None:
+        """Raise DataError for keys that do not go together."""
 
 
 def load_model(
@@ -165,7 +175,7 @@ def model_from_table(
         return model.model_validate(table, context=context)
     except ValidationError as wrong:
         lines = [_line(source, each, table) for each in wrong.errors(include_url=False)]
-        raise error("\n".join(dict.fromkeys(lines))) from wrong
+        raise error(_joined(lines)) from wrong
 
 
 @contextmanager
@@ -174,7 +184,8 @@ def in_file(source: str, key: str = "") -> Iterator[None]:
     try:
         yield
     except CounterpoiseError as error:
-        raise type(error)(f"{source}: {key}: {error}" if key else f"{source}: {error}") from error
+        kind = DataError if isinstance(error, UnitError) else type(error)
+        raise kind(f"{source}: {key}: {error}" if key else f"{source}: {error}") from error
 
 
 def read_text(path: Path, error: type[CounterpoiseError] = DataError, key: str = "") -> str:
@@ -256,6 +267,10 @@ def csv_rows(model: type[Model], path: Path, key: str = "") -> list[Model]:
             _check_column(model, name, unit)
             if names.count(name) > 1:
                 raise DataError("is there twice")
+    for name, field in model.model_fields.items():
+        if field.is_required() and name not in names:
+            expected = ", ".join(model.model_fields)
+            raise DataError(f"{path.name}: no column {name!r}: expected of {expected} what it needs, with units")
     found: list[Model] = []
     wrong: list[str] = []
     for line, row in rows:
@@ -270,8 +285,11 @@ def csv_rows(model: type[Model], path: Path, key: str = "") -> list[Model]:
         except DataError as error:
             wrong.append(str(error))
     if wrong:
-        raise DataError("\n".join(wrong))
-    return found
+        raise DataError(_joined(wrong))
+    try:
+        return _distinct(found)
+    except ValueError as error:
+        raise DataError(f"{path.name}: {error}") from error
 
 
 def csv_columns(
@@ -421,6 +439,13 @@ def _meaning(table: type[Table], key: str) -> str:
     such_as = "".join(f", such as {form.example!r}" for form in _text_forms(table, key)[:1])
     choices = [repr(choice) for choice in get_args(table.model_fields[key].annotation) if isinstance(choice, str)]
     return described[0].lower() + described[1:] + such_as + f": {' or '.join(choices)}" * bool(choices)
+
+
+def _joined(lines: Sequence[str]) -> str:
+    """A line each, once, and no more than anyone reads."""
+    distinct = list(dict.fromkeys(lines))
+    more = f"\n... and {len(distinct) - _SHOWN} more" if len(distinct) > _SHOWN else ""
+    return "\n".join(distinct[:_SHOWN]) + more
 
 
 def _line(source: str, error: Any, table: object) -> str:  # noqa: ANN401

@@ -106,7 +106,6 @@ def linkage(
     from ..linkages.linkage_files import load_linkage
     from ..linkages.method import balance
     from ..linkages.printed import compare
-    from ..linkages.reading import load_linkage
     from ..linkages.verification import verify
 
     if speed == 0.0 or isnan(variation):

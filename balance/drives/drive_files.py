@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from .. import datasets
 from ..arrays import Floats
@@ -21,6 +21,7 @@ from ..input_files import (
     csv_columns,
     load_model,
 )
+from ..loading.loading import load_mechanism
 from . import motors
 from .loads import Load
 from .machine import READINGS, Inertia, Machine
@@ -104,13 +105,12 @@ class MotorTable(Table):
     torque: list[Moment]
     """Torques at the points [N m]."""
 
-    @model_validator(mode="after")
-    def _points(self) -> "MotorTable":
+    def check(self) -> None:
+        """Raise DataError for keys that do not go together."""
         if len(self.speed) != len(self.torque) or len(self.speed) < 2 or not (np.diff(self.speed) > 0.0).all():
-            raise ValueError(
+            raise DataError(
                 f"speed has {len(self.speed)}, torque {len(self.torque)} values: expected as many, speeds increasing"
             )
-        return self
 
     def motor(self) -> motors.Motor:
         """The motor."""
@@ -147,11 +147,10 @@ class FrictionTable(_LoadTable):
     force: Force | None = None
     """Of a joint that slides [N]."""
 
-    @model_validator(mode="after")
-    def _opposes(self) -> "FrictionTable":
+    def check(self) -> None:
+        """Raise DataError for keys that do not go together."""
         if self.kind == "dry" and min(self.torque or 0.0, self.force or 0.0) < 0.0:
-            raise ValueError("torque or force: expected zero or more, it opposes the motion")
-        return self
+            raise DataError("torque or force: expected zero or more, it opposes the motion")
 
     def load(self, index: int, turns: bool, folder: Path) -> Load:
         """The load at a coordinate."""
@@ -194,14 +193,13 @@ class CurveTable(_LoadTable):
     file: Text | None = None
     """In place of the lists a CSV beside the drive file, its header such as ``angle (deg),force (N)``."""
 
-    @model_validator(mode="after")
-    def _one_source(self) -> "CurveTable":
+    def check(self) -> None:
+        """Raise DataError for keys that do not go together."""
         given = [key for key in ("angle", "torque", "force") if getattr(self, key) is not None]
         if self.file is not None and given:
-            raise ValueError(f"gives both file and {given[0]}: one of them")
+            raise DataError(f"gives both file and {given[0]}: one of them")
         if self.file is None and self.angle is None:
-            raise ValueError("angle is missing: expected angle and torque or force, or file")
-        return self
+            raise DataError("angle is missing: expected angle and torque or force, or file")
 
     def load(self, index: int, turns: bool, folder: Path) -> Load:
         """The load at a coordinate."""
@@ -273,11 +271,10 @@ class DriveTable(Table):
     printed: list[Printed] = Field(default_factory=list)
     """What a source publishes."""
 
-    @model_validator(mode="after")
-    def _distinct_speeds(self) -> "DriveTable":
+    def check(self) -> None:
+        """Raise DataError for keys that do not go together."""
         if any(abs(a - b) < 1e-9 * a for i, a in enumerate(self.speeds) for b in self.speeds[:i]):
-            raise ValueError("speeds: holds one speed twice")
-        return self
+            raise DataError("speeds: holds one speed twice")
 
 
 @dataclass(frozen=True)
@@ -313,10 +310,8 @@ class Drive:
 
     def load_mechanism(self) -> "Mechanism":
         """The mechanism of the drive."""
-        from ..mechanism import Mechanism
-
         beside = self.folder / self.table.mechanism
-        return Mechanism.load(str(beside) if beside.is_file() else self.table.mechanism)
+        return load_mechanism(beside if beside.is_file() else self.table.mechanism)
 
     def machines(self, mechanism: "Mechanism") -> list[Machine]:
         """The machine at each nominal speed, in each reading of the gearbox that the file leaves open."""

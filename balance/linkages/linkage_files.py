@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Discriminator, Field, Tag
 
 from .. import datasets
 from ..errors import DataError, UnitError
@@ -96,14 +96,13 @@ class PlaceTable(Table):
     inertia: StatedInertia | None = None
     """About its own centre of mass, whatever its mass [kg m2]."""
 
-    @model_validator(mode="after")
-    def _one_of_each(self) -> "PlaceTable":
+    def check(self) -> None:
+        """Raise DataError for keys that do not go together."""
         if (self.at is None) == (self.radius is None):
-            raise ValueError("expected either at = [x, y] or radius = '...'")
+            raise DataError("expected either at = [x, y] or radius = '...'")
         shapes = ("bar", "radius_of_gyration", "inertia")
         if len(given := [key for key in shapes if getattr(self, key) is not None]) > 1:
-            raise ValueError(f"{' and '.join(given)} are both given: expected one of {', '.join(shapes)}")
-        return self
+            raise DataError(f"{' and '.join(given)} are both given: expected one of {', '.join(shapes)}")
 
 
 class LinkTable(Table):
@@ -126,11 +125,10 @@ class LinkTable(Table):
     angle: Angle | None = None
     """Angle of its frame in that of the link that it is fixed to [rad]."""
 
-    @model_validator(mode="after")
-    def _placed(self) -> "LinkTable":
+    def check(self) -> None:
+        """Raise DataError for keys that do not go together."""
         if self.fixed_to is None and (idle := [key for key in ("at", "angle") if getattr(self, key) is not None]):
-            raise ValueError(f"{idle[0]} is for a link that is fixed_to another")
-        return self
+            raise DataError(f"{idle[0]} is for a link that is fixed_to another")
 
 
 class SlideTable(Table):
@@ -153,14 +151,13 @@ class _JointTable(Table):
         """What is given of the joint on each of its links."""
         return self.__pydantic_extra__ or {}
 
-    @model_validator(mode="after")
-    def _two_links(self) -> "_JointTable":
+    def check(self) -> None:
+        """Raise DataError for keys that do not go together."""
         if len(self.ends) != 2:
-            raise ValueError(f"joins {', '.join(self.ends) or 'nothing'}: expected two links")
+            raise DataError(f"joins {', '.join(self.ends) or 'nothing'}: expected two links")
         for link, end in self.ends.items():
             if end is None and link != GROUND:
-                raise ValueError(f"{link}: only places on the ground may be 'not given'")
-        return self
+                raise DataError(f"{link}: only places on the ground may be 'not given'")
 
 
 class RevoluteTable(_JointTable):
@@ -215,14 +212,13 @@ class CounterGearTable(Table):
     radius_of_gyration: PositiveLength | None = None
     """Its radius of gyration, in place of its mass [m]."""
 
-    @model_validator(mode="after")
-    def _whole(self) -> "CounterGearTable":
+    def check(self) -> None:
+        """Raise DataError for keys that do not go together."""
         if (self.at is None) != (self.on is None):
             given, other = ("at", "on") if self.on is None else ("on", "at")
-            raise ValueError(f"{given} is given and {other} is missing: expected at = [x, y] and on = 'LINK'")
+            raise DataError(f"{given} is given and {other} is missing: expected at = [x, y] and on = 'LINK'")
         if self.mass is not None and self.radius_of_gyration is not None:
-            raise ValueError("mass and radius_of_gyration are both given: the inertia is known, so give one")
-        return self
+            raise DataError("mass and radius_of_gyration are both given: the inertia is known, so give one")
 
 
 class GearTable(Table):
@@ -241,11 +237,10 @@ class GearTable(Table):
     counter: CounterGearTable = CounterGearTable()
     """The counter-gear."""
 
-    @model_validator(mode="after")
-    def _one_gear(self) -> "GearTable":
+    def check(self) -> None:
+        """Raise DataError for keys that do not go together."""
         if self.disc is not None and self.wheel is not None:
-            raise ValueError("expected either disc or wheel, not both")
-        return self
+            raise DataError("expected either disc or wheel, not both")
 
     def real(self) -> Wheel | None:
         """The real gear on the body; None where nothing is given."""
@@ -321,11 +316,10 @@ class LinkageTable(Table):
     printed: PrintedTable = PrintedTable()
     """What a source publishes for it."""
 
-    @model_validator(mode="after")
-    def _moves(self) -> "LinkageTable":
+    def check(self) -> None:
+        """Raise DataError for keys that do not go together."""
         if self.swing is not None and self.swing[0] == self.swing[1]:
-            raise ValueError("swing: both ends are the same angle, so nothing would move")
-        return self
+            raise DataError("swing: both ends are the same angle, so nothing would move")
 
 
 class _LengthsTable(Table):

@@ -2,14 +2,25 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
 
 from .. import datasets
-from ..errors import DataError
-from ..sheet import Sheet
+from ..input_files import Positive, Table, load_model
 
 SHIPPED = "kiper2019"
 """The shipped materials: those of the source's plates."""
 _KG_PER_M3_IN_G_PER_MM3 = 1e6
+
+
+class MaterialsTable(Table):
+    """Densities of materials."""
+
+    source: str = ""
+    """Where they are from."""
+    density_g_per_mm3: dict[str, Annotated[Positive, Field(lt=0.1)]]
+    """Densities by material [g/mm3]: steel has 0.00783."""
 
 
 def load(name: str | Path = SHIPPED) -> Mapping[str, float]:
@@ -17,11 +28,5 @@ def load(name: str | Path = SHIPPED) -> Mapping[str, float]:
 
     Raises DataError, naming the material, for a density that is no number above zero.
     """
-    sheet = Sheet.load(datasets.find(name, "materials", ".toml"))
-    table = sheet.sheet("density_g_per_mm3")
-    found = {material: table.number(material) * _KG_PER_M3_IN_G_PER_MM3 for material in table.keys()}  # noqa: SIM118
-    sheet.text("source", "")
-    sheet.finish()
-    if wrong := [material for material, density in found.items() if not 0.0 < density < 1e5]:
-        raise DataError(f"{sheet.where}: density of {wrong[0]!r}: expected a number above zero, in g/mm3")
-    return found
+    table = load_model(MaterialsTable, datasets.find(name, "materials", ".toml"))
+    return {material: density * _KG_PER_M3_IN_G_PER_MM3 for material, density in table.density_g_per_mm3.items()}

@@ -111,11 +111,11 @@ def _check(options: dict[str, Any]) -> None:
 
 
 def _agrees(run: "Run", found: "Vectors", text: str, within: float) -> None:
-    from balance.sheet import quantity
+    from balance.quantities import parse
 
     from ..errors import AnalysisError
 
-    nominal = quantity(text, "angular velocity") / (2.0 * math.pi)
+    nominal = parse(text, "angular velocity") / (2.0 * math.pi)
     if not nominal > 0.0:
         raise click.UsageError(f"--speed is {text!r}: expected more than zero")
     if abs(found.turns.speed / nominal - 1.0) > within:

@@ -1,5 +1,6 @@
 """Text with unit to SI and nothing else; hostile text is refused, quickly."""
 
+import math
 import time
 
 import pytest
@@ -7,7 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from balance.errors import UnitError
-from balance.quantities import G0, SI_UNITS, factor_to_si, parse, parse_unit
+from balance.quantities import G0, SI_UNITS, factor_to_si, parse, parse_unit, parse_vector
 
 GOOD = [
     ("5kg", "mass", 5.0), ("250 g", "mass", 0.25), ("37.55mm", "length", 0.03755), ("+40 mm", "length", 0.04),
@@ -117,3 +118,21 @@ def test_a_comma_is_said_with_what_to_write(text: str, said: str) -> None:
     with pytest.raises(UnitError, match="has a comma") as refused:
         parse(text, "mass")
     assert said in str(refused.value)
+
+
+def test_vectors_need_an_angle():
+    """A magnitude and an angle make a vector in SI; a magnitude alone, or a negative one, does not."""
+    assert parse_vector("240 kg mm @ 90 deg", "first moment") == pytest.approx(0.24j)
+    assert parse_vector("7 mils @ 180 deg", "length", "velocity") == pytest.approx(-7 * 25.4e-6)
+    for text in ("240 kg mm", "240 kg mm @", "-1 g @ 3 deg", "1 g @ 30", "1 s @ 30 deg"):
+        with pytest.raises(UnitError):
+            parse_vector(text, "first moment", "mass")
+
+
+def test_rotation_is_never_taken_from_hertz():
+    """3000 rpm is 314.16 rad/s; 50 Hz would be read as 50 rad/s and is refused."""
+    assert parse("3000 rpm", "angular velocity") == pytest.approx(100 * math.pi)
+    assert parse("50 turn/s", "angular velocity") == pytest.approx(100 * math.pi)
+    for text in ("50 Hz", "3000 1/min", "1e400 rad/s"):
+        with pytest.raises(UnitError):
+            parse(text, "angular velocity")

@@ -71,11 +71,11 @@ def free(
     """
     from ...engines import orders as free_orders
     from ...engines.document import document
+    from ...engines.engine_files import DEFAULT_RATIO, load_engine
     from ...engines.left import over_a_turn
-    from ...engines.reading import DEFAULT_RATIO, load
     from ...engines.shafts import shafts
 
-    model = load(engine, DEFAULT_RATIO if ratio is None else ratio)
+    model = load_engine(engine, DEFAULT_RATIO if ratio is None else ratio)
     _refuse_unused(model, speed, ratio)
     omega = 1.0 if model.normalised else speed if speed is not None else model.speed
     if omega is None:

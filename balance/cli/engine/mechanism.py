@@ -15,10 +15,9 @@ Examples:
 @click.option("-o", "--output", type=click.Path(dir_okay=False), metavar="FILE", help="Write here [default: stdout].")
 def mechanism(engine: str, output: str | None) -> None:
     """Write ENGINE, a sheet with sizes, as a mechanism file (MJCF) for the other commands, Pinocchio and MuJoCo."""
-    from ...engines.mechanism import mjcf
-    from ...engines.reading import load
+    from ...engines.engine_files import load_engine, mjcf
 
-    text = mjcf(load(engine))
+    text = mjcf(load_engine(engine))
     if output is None:
         click.echo(text, nl=False)
     else:

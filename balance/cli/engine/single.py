@@ -56,12 +56,12 @@ def single(
     base, weight excluded. Fraction: of the reciprocating mass, on the crank beside all that rotates.
     """
     from ...engines import partial
-    from ...engines.reading import load
+    from ...engines.engine_files import load_engine
     from ...engines.single import document
 
     if radius is not None and mass is not None:
         raise click.UsageError("give either --radius or --mass: m_b r_b is fixed")
-    model = load(engine)
+    model = load_engine(engine)
     if model.normalised:
         raise click.UsageError(f"{model.name} is a layout without sizes: its sheet needs [slider_crank]")
     if any(isnan(fraction) for fraction in fractions):

@@ -27,10 +27,10 @@ def table(engines: tuple[str, ...], ratio: float, as_json: bool) -> None:
     rotating masses balanced, second order with its exact coefficient.
     """
     from ... import datasets
-    from ...engines.reading import layout
+    from ...engines.engine_files import has_sizes, load_layout
 
-    names = list(engines) or [name for name in datasets.names("engines", ".toml") if not _has_sizes(name)]
-    rows = [_row(layout(name, ratio)) for name in names]
+    names = list(engines) or [name for name in datasets.names("engines", ".toml") if not has_sizes(name)]
+    rows = [_row(load_layout(name, ratio)) for name in names]
     if as_json:
         emit_json({"ratio_r_over_l": ratio, "engines": rows})
         return
@@ -53,14 +53,6 @@ def table(engines: tuple[str, ...], ratio: float, as_json: bool) -> None:
         "counterweights on the crankshaft, which remove what turns with it; the rest needs balance shafts."
     )
     emit_table("Engines", header, cells, note)
-
-
-def _has_sizes(name: str) -> bool:
-    """Whether a shipped sheet is an engine with sizes: an example, not a layout."""
-    from ... import datasets
-    from ...sheet import Sheet
-
-    return "slider_crank" in Sheet.load(datasets.find(name, "engines", ".toml"))
 
 
 def _row(engine: "Engine") -> dict[str, Any]:

@@ -81,10 +81,10 @@ def _given(
     """The rotor with what the command line adds or replaces."""
     from dataclasses import replace
 
-    from ...rotors.reading import load
     from ...rotors.rotor import Plane
+    from ...rotors.rotor_files import load_rotor
 
-    model = load(name)
+    model = load_rotor(name)
     if planes:
         given = tuple(Plane(n, at) for n, at in options.once(planes, "--plane").items())
         model = replace(model, planes=given, published={})

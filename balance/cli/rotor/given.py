@@ -21,10 +21,10 @@ class Quantity(click.ParamType[float]):
         """Read the text; a wrong one fails as a wrong command line."""
         if not isinstance(value, str):
             return value
-        from ...sheet import dimension_of, quantity
+        from ...quantities import dimension_of, parse
 
         try:
-            found = quantity(value, dimension_of(value, *self.dimensions))
+            found = parse(value, dimension_of(value, *self.dimensions))
         except UnitError as error:
             self.fail(str(error), param, ctx)
         if self.positive and not found > 0.0:

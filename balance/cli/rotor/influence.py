@@ -58,9 +58,9 @@ def influence(ctx: click.Context, runs: str, method: str, figure: str | None, as
     recorded; the weights are given in all, and as what is to be added to those still on.
     """
     from ...rotors.document import of_solution
-    from ...rotors.runsheet import load
+    from ...rotors.trial_run_files import load_trial_runs
 
-    sheet = load(runs)
+    sheet = load_trial_runs(runs)
     solution = sheet.solve(method)
     found = of_solution(sheet, solution)
     if figure:

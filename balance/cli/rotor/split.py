@@ -72,13 +72,13 @@ def split(
     the lightest. A problem too large for that is solved to the lightest set within 1 %, as a finding.
     """
     from ...errors import UnitError
+    from ...quantities import dimension_of, parse_vector
     from ...rotors import holes as rooms
     from ...rotors import stocked
-    from ...sheet import dimension_of, vector
 
     try:
         dimension = dimension_of(correction, "mass", "first moment")
-        target = vector(correction, dimension) * (-1 if remove else 1)
+        target = parse_vector(correction, dimension) * (-1 if remove else 1)
     except UnitError as error:
         raise click.UsageError(str(error)) from error
     if dimension == "first moment" and radius is None:
@@ -160,7 +160,7 @@ def _free(holes: "tuple[Hole, ...]", taken: tuple[int, ...]) -> "tuple[Hole, ...
 
 def _stock(weights: tuple[str, ...], stock: str | None) -> "list[Plate]":
     from ...errors import UnitError
-    from ...sheet import quantity
+    from ...quantities import parse
     from ...stock import Plate, load
 
     if weights and stock:
@@ -168,7 +168,7 @@ def _stock(weights: tuple[str, ...], stock: str | None) -> "list[Plate]":
     if stock:
         return load(stock)
     try:
-        plates = [Plate(text, quantity(text, "mass"), 9999) for text in dict.fromkeys(weights)]
+        plates = [Plate(text, parse(text, "mass"), 9999) for text in dict.fromkeys(weights)]
     except UnitError as error:
         raise click.UsageError(f"--weight: {error}") from error
     for plate in plates:

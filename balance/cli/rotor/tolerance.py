@@ -78,11 +78,11 @@ def tolerance(
 def _grade(text: str) -> float:
     """``G6.3``, ``6.3`` or ``6.3 mm/s`` as e omega [m/s]."""
     from ...errors import UnitError
-    from ...sheet import quantity
+    from ...quantities import parse
 
     bare = text.strip().removeprefix("G").strip()
     try:
-        value = quantity(bare, "velocity") if bare.endswith("/s") else float(bare) / MM_PER_M
+        value = parse(bare, "velocity") if bare.endswith("/s") else float(bare) / MM_PER_M
     except (ValueError, UnitError) as error:
         raise click.UsageError(f"--grade {text!r}: expected a grade such as G6.3 or '6.3 mm/s'") from error
     if not 0.0 < value < 1e6:
@@ -100,9 +100,9 @@ def _from_sheet(
     name: str, mass: float | None, speed: float | None, to_bearings: tuple[float, float] | None
 ) -> tuple[float | None, float | None, tuple[float, float] | None]:
     """What the sheet says where the command line does not; a mechanism is refused."""
-    from ...rotors.reading import load
+    from ...rotors.rotor_files import load_rotor
 
-    model = load(name)
+    model = load_rotor(name)
     if to_bearings is None and model.centre is not None and len(model.bearings) == 2:
         first, second = sorted(model.bearings)
         to_bearings = (model.centre - first, second - model.centre)

@@ -129,10 +129,18 @@ def test_what_counterweights_and_shafts_leave_over_a_turn(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("1.9e-3 kg m^2", "-1.9e-3 kg m^2", "slider_crank: rod_inertia is -0.0019 kg m2: expected zero or more"),
-        ("131 mm", "31 mm", r"odd.toml, slider_crank: crank 0.041 m, rod 0.031 m"),
-        ("at = 0.2", 'at = 0.2\n[[counterweights]]\nname = "front"', "counterweights has 'front' twice"),
-        ("speed =", "firing_order = [1, 2, 2]\nspeed =", r"firing_order is \[1, 2, 2\]: expected the cylinders 1 to 3"),
+        ("1.9e-3 kg m^2", "-1.9e-3 kg m^2", "slider_crank.rod_inertia: '-1.9e-3 kg m\\^2': expected zero or more"),
+        ("131 mm", "31 mm", r"odd.toml: slider_crank: crank 0.041 m, rod 0.031 m"),
+        (
+            "at = 0.2",
+            'at = 0.2\n[[counterweights]]\nname = "front"\nunbalance = "1 kg mm @ 0 deg"\nat = 1',
+            "counterweights: 'front' is there twice",
+        ),
+        (
+            "speed =",
+            "firing_order = [1, 2, 2]\nspeed =",
+            r"odd.toml: firing_order: \[1, 2, 2\]: expected the cylinders 1 to 3",
+        ),
     ],
 )
 def test_a_wrong_sheet_is_named(tmp_path, old, new, message):

@@ -6,17 +6,17 @@ import pytest
 from balance import datasets
 from balance.closure import Closure
 from balance.dynamics.inverse_dynamics import simulate
-from balance.engines import orders, reading, shafts
+from balance.engines import orders, shafts
 from balance.engines.engine import Cylinder, Engine
+from balance.engines.engine_files import load_engine, load_layout, mjcf
 from balance.engines.firing import firing
-from balance.engines.mechanism import mjcf
 from balance.engines.slidercrank import SliderCrank
 from balance.errors import DataError
 from balance.loading.loading import mechanism_from_text
 from balance.motion import Samples
 from balance.rotors.rotor import Unbalance
 
-LAYOUTS = [name for name in datasets.names("engines", ".toml") if reading.load(name).normalised]
+LAYOUTS = [name for name in datasets.names("engines", ".toml") if load_engine(name).normalised]
 THETA = np.linspace(0.0, 2 * np.pi, 73)
 
 
@@ -112,7 +112,7 @@ def test_shafts_remove_every_order(seed):
 )
 def test_common_engines(name, F1, M1, F2, M2):
     """Textbook amplitudes, in m r omega^2 (times r / l at second order) and the spacing."""
-    first, second = orders.free(reading.layout(name), kind="second-order")
+    first, second = orders.free(load_layout(name), kind="second-order")
     assert first.force.largest == pytest.approx(F1, abs=1e-12)
     assert first.moment.largest == pytest.approx(M1, rel=1e-4, abs=1e-12)
     assert second.force.largest / 0.25 == pytest.approx(F2, abs=1e-12)
@@ -122,14 +122,14 @@ def test_common_engines(name, F1, M1, F2, M2):
 @pytest.mark.parametrize("name", ["v2-90", "v4-90", "v6-60", "v8-90-crossplane"])
 def test_counterweights_alone_balance_first_order(name):
     """Engines whose first order turns with the crankshaft only: nothing turns against it."""
-    first = orders.free(reading.layout(name), 1)[0]
+    first = orders.free(load_layout(name), 1)[0]
     assert abs(first.force.backward) < 1e-12
     assert abs(first.moment.backward) < 1e-12
 
 
 def test_in_line_four_of_the_source():
     """Only the first-order moment is left; its sums are -3 a and -a about cylinder 1, its amplitude sqrt(10)."""
-    engine = reading.load("in-line-4-two-stroke")
+    engine = load_engine("in-line-4-two-stroke")
     sums = {k: orders.sums(engine, k) for k in (1, 2)}
     assert sums[1] == {"force": (0.0, 0.0), "moment": (pytest.approx(-3.0), pytest.approx(-1.0))}
     assert sums[2] == {"force": (0.0, 0.0), "moment": (0.0, 0.0)}
@@ -143,20 +143,20 @@ def test_in_line_four_of_the_source():
 
 def test_place_of_the_resultant():
     """Equal cranks act in the middle; a resultant that wanders, or a couple, has no place."""
-    four = orders.free(reading.layout("in-line-4"), 2, about=-1.0)
+    four = orders.free(load_layout("in-line-4"), 2, about=-1.0)
     assert four[1].place == pytest.approx(1.5)
     assert four[0].place is None
-    twin = orders.free(reading.layout("in-line-2-270"), 1)[0]
+    twin = orders.free(load_layout("in-line-2-270"), 1)[0]
     assert twin.force.largest > 0.0
     assert twin.place is None
-    single = orders.free(reading.layout("in-line-1"), 1, about=0.4)[0]
+    single = orders.free(load_layout("in-line-1"), 1, about=0.4)[0]
     assert single.place == pytest.approx(0.0)
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_lanchester_shafts_of_an_in_line_four(name):
     """Second order of any layout: each shaft's unbalance is the turning part over 4, m r lambda / 2 in the four."""
-    second = orders.free(reading.layout(name), kind="second-order")[1]
+    second = orders.free(load_layout(name), kind="second-order")[1]
     found = [s for s in shafts.shafts([second], 0.0, 3.0) if len(s.unbalances) == 1]
     for shaft in found:
         part = second.force.forward if shaft.forward else second.force.backward
@@ -185,7 +185,7 @@ def test_lanchester_shafts_of_an_in_line_four(name):
 )
 def test_firing_intervals(name, intervals):
     """Firing intervals of the common engines [deg]."""
-    assert firing(reading.load(name)).intervals_deg == pytest.approx(intervals)
+    assert firing(load_engine(name)).intervals_deg == pytest.approx(intervals)
 
 
 def test_impossible_firing_orders_are_refused(tmp_path):
@@ -195,19 +195,22 @@ def test_impossible_firing_orders_are_refused(tmp_path):
         'throws = ["0 deg", "240 deg", "120 deg", "120 deg", "240 deg", "0 deg"]\nfiring_order = [1, 2, 3, 4, 5, 6]\n'
     )
     with pytest.raises(DataError, match="does not fit into one cycle"):
-        firing(reading.load(path))
+        firing(load_engine(path))
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("throws = []", "throws is empty"),
+        ("throws = []", "throws: has 0 values: expected at least 1"),
         ('throws = ["0"]', "no unit"),
-        ('throws = ["0 deg"]\nbanks = ["0 deg", "1 deg"]', "banks has 2 values"),
-        ('throws = ["0 deg"]\nfiring_order = [2]', "firing_order is"),
+        ('throws = ["0 deg"]\nbanks = ["0 deg", "1 deg"]', "banks: has 2 values: expected one for each of the 1"),
+        ('throws = ["0 deg"]\nfiring_order = [2]', r"firing_order: \[2\]: expected the cylinders"),
         ('throws = ["0 deg"]\nstrokes = 3', "expected 2 or 4"),
-        ('throws = ["0 deg"]\ncolour = "red"', "unknown key 'colour'"),
-        ('throws = ["0 deg"]\n[slider_crank]\ncrank_radius = "1 m"\nrod_length = "3 m"', "piston_mass is missing"),
+        ('throws = ["0 deg"]\ncolour = "red"', "colour: unknown key"),
+        (
+            'throws = ["0 deg"]\n[slider_crank]\ncrank_radius = "1 m"\nrod_length = "3 m"',
+            "piston_mass: missing",
+        ),
         (
             'throws = ["0 deg"]\n[slider_crank]\ncrank_radius = "1 m"\nrod_length = "3 m"\npiston_mass = "1 kg"\n'
             'rod_mass = "1 kg"',
@@ -220,4 +223,4 @@ def test_wrong_sheets_are_named(tmp_path, text, message):
     path = tmp_path / "engine.toml"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(DataError, match=message):
-        reading.load(path)
+        load_engine(path)

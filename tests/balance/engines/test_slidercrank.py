@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from balance.closure import Closure
 from balance.dynamics.inverse_dynamics import simulate
 from balance.engines.engine import Cylinder, Engine
-from balance.engines.mechanism import mjcf
+from balance.engines.engine_files import mjcf
 from balance.engines.rod import replacements
 from balance.engines.slidercrank import SliderCrank
 from balance.errors import DataError

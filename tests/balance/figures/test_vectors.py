@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
-from balance.engines import left, orders, reading, shafts
+from balance.engines import left, orders, shafts
+from balance.engines.engine_files import load_layout
 from balance.figures.orders import draw_orders
 from balance.figures.polygons import draw_polygons
 from balance.figures.vectors import draw_readings
-from balance.rotors import planes, polygons, runsheet
+from balance.rotors import planes, polygons
 from balance.rotors.rotor import Plane, Unbalance
+from balance.rotors.trial_run_files import load_trial_runs
 
 
 def test_names_of_a_polygon_stand_outside_it():
@@ -31,7 +33,7 @@ def test_names_of_a_polygon_stand_outside_it():
 @pytest.mark.parametrize("name", ["in-line-3", "v8-90-crossplane"])
 def test_legends_of_order_plots_lie_above_the_bars(name):
     """The highest bar ends below the legend."""
-    engine = reading.layout(name)
+    engine = load_layout(name)
     free = orders.free(engine, 8)
     turn = left.over_a_turn(engine, shafts.shafts(free[:2], 0.0, 3.0), 1.0, engine.middle)
     figure = draw_orders(free, engine.name, 1.0, ("m r omega^2", "m r omega^2 a"), turn)
@@ -45,7 +47,7 @@ def test_legends_of_order_plots_lie_above_the_bars(name):
 @pytest.mark.parametrize("name", ["feese-2004", "two-plane-maker", "goodman-1964"])
 def test_tips_of_vectors_lie_within_the_frame(name):
     """All readings and weights, with room for their names."""
-    sheet = runsheet.load(name)
+    sheet = load_trial_runs(name)
     solution = sheet.solve("least-squares")
     readings, weights = draw_readings(sheet, solution).axes
     assert readings.get_rmax() > 1.05 * np.abs(solution.coefficients.initial).max()

@@ -3,7 +3,6 @@
 import re
 
 import pytest
-from balance.linkages.reading import load_linkage
 
 from balance.linkages.equations import equations
 from balance.linkages.expressions import read

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from balance.linkages.reading import load_linkage
 
 from balance.linkages.linkage_files import load_linkage
 from balance.linkages.method import balance

@@ -12,8 +12,8 @@ from scipy.stats import binomtest
 from balance.cli.rotor import rotor
 from balance.errors import DataError, UnitError
 from balance.figures.vectors import draw_readings
-from balance.rotors import runsheet
-from balance.sheet import Sheet, uncertain
+from balance.quantities import parse_uncertain
+from balance.rotors.trial_run_files import load_trial_runs, trial_runs_from_table
 
 SHEET = """
 phase = "{phase}"
@@ -53,11 +53,11 @@ def sheet(tmp_path):
 @pytest.mark.parametrize("mark", ["±", "+-", "+/-"])
 def test_a_reading_with_its_intervals(mark):
     """Magnitude and angle; per cent; one interval for every direction."""
-    value, half = uncertain(f"170 um {mark} 2 um @ 90 deg {mark} 1 deg", "length")
+    value, half = parse_uncertain(f"170 um {mark} 2 um @ 90 deg {mark} 1 deg", "length")
     assert value == pytest.approx(170e-6j)
     assert half == pytest.approx((2e-6, 170e-6 * np.pi / 180))
-    assert uncertain(f"170um{mark}2% @ 90deg", "length")[1] == pytest.approx((3.4e-6, 3.4e-6))
-    assert uncertain("170 um @ 90 deg", "length")[1] is None
+    assert parse_uncertain(f"170um{mark}2% @ 90deg", "length")[1] == pytest.approx((3.4e-6, 3.4e-6))
+    assert parse_uncertain("170 um @ 90 deg", "length")[1] is None
 
 
 @pytest.mark.parametrize(
@@ -67,13 +67,13 @@ def test_a_reading_with_its_intervals(mark):
 def test_intervals_that_mean_nothing_are_refused(text):
     """None at all, without a unit, of the angle alone, of another quantity, twice, without an angle, negative."""
     with pytest.raises(UnitError):
-        uncertain(text, "length")
+        parse_uncertain(text, "length")
 
 
 def test_sensors_state_intervals_for_readings_that_have_none(sheet):
     """A sensor's own goes to every reading without one; the weight's interval follows from both."""
     more = '[[sensors]]\nname = "A"\nwithin = "0.2 um"'
-    runs = runsheet.load(sheet(a=" ± 0.5 um", more=more))
+    runs = load_trial_runs(sheet(a=" ± 0.5 um", more=more))
     sigma = np.array([0.5e-6, 0.2e-6]) / 1.959964
     found = np.sqrt([np.linalg.eigvalsh(run.errors[0])[-1] for run in runs.runs])
     np.testing.assert_allclose(found, sigma, rtol=1e-6)
@@ -82,12 +82,12 @@ def test_sensors_state_intervals_for_readings_that_have_none(sheet):
 def test_intervals_of_some_readings_only_are_refused(sheet):
     """By name: a reading without an interval would count as exact."""
     with pytest.raises(DataError, match="run 'trial' and of run 'as found' do not both have intervals"):
-        runsheet.load(sheet(a=" ± 0.5 um"))
+        load_trial_runs(sheet(a=" ± 0.5 um"))
 
 
 def test_one_plane_against_the_closed_form(sheet):
     """w = -v0 / alpha, alpha = (v1 - v0) / w_t: dw = w (dv0 / v0 - (dv1 - dv0) / (v1 - v0)), to first order."""
-    runs = runsheet.load(sheet(a=" ± 0.2 um", c=" ± 0.2 um"))
+    runs = load_trial_runs(sheet(a=" ± 0.2 um", c=" ± 0.2 um"))
     solution = runs.solve("least-squares")
     v0, v1 = (run.readings[0] for run in runs.runs)
     w, change = solution.weights[0], v1 - v0
@@ -100,7 +100,7 @@ def test_one_plane_against_the_closed_form(sheet):
 def test_lag_and_lead_have_the_same_intervals(sheet):
     """Counting phases and angles the other way mirrors errors too."""
     text = {"a": " ± 0.1 um", "b": " ± 5 deg", "c": " ± 0.3 um"}
-    lead, lag = (runsheet.load(sheet(phase=phase, **text)) for phase in ("lead", "lag"))
+    lead, lag = (load_trial_runs(sheet(phase=phase, **text)) for phase in ("lead", "lag"))
     assert lag.runs[0].errors[0, 0, 1] == pytest.approx(-lead.runs[0].errors[0, 0, 1])
     for one, other in zip(lead.runs, lag.runs, strict=True):
         np.testing.assert_allclose(np.diagonal(one.errors[0]), np.diagonal(other.errors[0]))
@@ -136,13 +136,13 @@ stayed_on = false
 readings.unstated = { A = "13 um @ 30 deg" }"""
     path = tmp_path / "runs.toml"
     path.write_text(SHEET.format(**(GIVEN | {"more": more, "stayed": "true"})), encoding="utf-8")
-    assert runsheet.load(path).effects()["other"] == pytest.approx(0.3)
+    assert load_trial_runs(path).effects()["other"] == pytest.approx(0.3)
 
 
 def test_regions_hold_the_true_weight(sheet):
     """Of 400 draws of the readings with their stated errors 95 % of the ellipses hold the truth (binomial, 0.1 %)."""
     rng = np.random.default_rng(3)
-    runs = runsheet.load(sheet(a=" ± 1 um", b=" ± 3 deg", c=" ± 0.5 um"))
+    runs = load_trial_runs(sheet(a=" ± 1 um", b=" ± 3 deg", c=" ± 0.5 um"))
     truth, held = runs.solve("least-squares").weights[0], 0
     for _ in range(400):
         drawn = [
@@ -163,7 +163,7 @@ def test_the_figure_and_the_document_have_the_regions(sheet, tmp_path):
     found = json.loads(CliRunner().invoke(rotor, ["influence", str(path), "--json"], catch_exceptions=False).output)
     (plane,) = found["planes"]
     long, short = plane["region"]["half_axes_g"]
-    runs = runsheet.load(path)
+    runs = load_trial_runs(path)
     solution = runs.solve("least-squares")
     figure = draw_readings(runs, solution, ("um", 1e6), ("g", 1e3), runs.sureness(solution))
     (patch,) = figure.axes[1].patches
@@ -183,7 +183,7 @@ def test_phases_that_are_off_alike(sheet):
     )
     found = []
     for written in (text, shared):
-        runs = runsheet.from_sheet(Sheet(tomllib.loads(written), "runs.toml"))
+        runs = trial_runs_from_table(tomllib.loads(written), "runs.toml")
         found.append(runs.sureness(runs.solve("least-squares")).weights[0])
     assert found[1].angle == pytest.approx(found[0].angle, rel=1e-3)
     assert found[1].magnitude == pytest.approx(found[0].magnitude, rel=1e-3)
@@ -192,9 +192,9 @@ def test_phases_that_are_off_alike(sheet):
             shared.replace("alike.unstated", "alike.'7 rpm'") if change == "unstated" else shared.replace(change, '"2"')
         )
         with pytest.raises(DataError, match=said):
-            runsheet.from_sheet(Sheet(tomllib.loads(wrong), "runs.toml"))
+            trial_runs_from_table(tomllib.loads(wrong), "runs.toml")
     bare = (
         sheet().read_text(encoding="utf-8").replace('name = "trial"', 'name = "trial"\nphases_alike.unstated = "2 deg"')
     )
     with pytest.raises(DataError, match="goes with intervals of the readings"):
-        runsheet.from_sheet(Sheet(tomllib.loads(bare), "runs.toml"))
+        trial_runs_from_table(tomllib.loads(bare), "runs.toml")

@@ -6,9 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from balance.errors import DataError, SizingError
-from balance.rotors import bearings, planes, polygons, reading
+from balance.rotors import bearings, planes, polygons
 from balance.rotors.polar import angle_deg
 from balance.rotors.rotor import Plane, Unbalance, couple, force
+from balance.rotors.rotor_files import load_rotor
 
 vectors = st.builds(complex, st.floats(-1, 1), st.floats(-1, 1))
 rotors = st.lists(st.builds(Unbalance, st.just("u"), vectors, st.floats(-2, 2)), min_size=1, max_size=6)
@@ -16,7 +17,7 @@ rotors = st.lists(st.builds(Unbalance, st.just("u"), vectors, st.floats(-2, 2)),
 
 def test_worked_example():
     """L = 133.752 kg mm at 348.041 deg, R = 177.412 kg mm at 261.105 deg."""
-    rotor = reading.load("three-masses")
+    rotor = load_rotor("three-masses")
     left, right = planes.correct(rotor.unbalances, rotor.planes).vectors
     assert abs(left) == pytest.approx(133.75176e-3, rel=1e-6)
     assert angle_deg(left) == pytest.approx(348.04083, abs=1e-5)
@@ -26,7 +27,7 @@ def test_worked_example():
 
 def test_worked_example_bearings_before_and_after():
     """Bearing loads of the example at 100 rad/s: 1226.1 N and 1609.4 N, then none."""
-    rotor = reading.load("three-masses")
+    rotor = load_rotor("three-masses")
     before = bearings.loads(rotor.unbalances, rotor.bearings, rotor.speed)
     assert [abs(f) for f in before] == pytest.approx([1226.1156, 1609.4057], rel=1e-6)
     after = bearings.loads(planes.correct(rotor.unbalances, rotor.planes).after, rotor.bearings, rotor.speed)
@@ -35,7 +36,7 @@ def test_worked_example_bearings_before_and_after():
 
 def test_one_plane_is_static_balancing():
     """One plane removes the force, 227.819 kg mm at 296.997 deg, and leaves two equal and opposite bearing loads."""
-    rotor = reading.load("three-masses")
+    rotor = load_rotor("three-masses")
     result = planes.correct(rotor.unbalances, [Plane("m", 0.4)])
     assert abs(result.vectors[0]) == pytest.approx(227.81862e-3, rel=1e-6)
     assert angle_deg(result.vectors[0]) == pytest.approx(296.997, abs=1e-3)
@@ -79,7 +80,7 @@ def test_a_load_shared_by_bearings_is_a_lever():
 
 def test_polygons_close_and_their_closing_sides_are_the_corrections():
     """The graphical solution: each polygon closes, and the closing side about L is U_R times the distance."""
-    rotor = reading.load("three-masses")
+    rotor = load_rotor("three-masses")
     result = planes.correct(rotor.unbalances, rotor.planes)
     about_left, about_right, sums = polygons.polygons(result)
     assert max(p.gap() for p in (about_left, about_right, sums)) < 1e-15

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from balance.errors import DataError
-from balance.rotors import runsheet
 from balance.rotors.polar import angle_deg
+from balance.rotors.trial_run_files import load_trial_runs
 
 SHEET = """
 phase = "{phase}"
@@ -28,7 +28,7 @@ GIVEN = {"phase": "lead", "angles": "with rotation", "stayed": "stayed_on = fals
 def _load(tmp_path, **changes):
     path = tmp_path / "runs.toml"
     path.write_text(SHEET.format(**(GIVEN | changes)), encoding="utf-8")
-    return runsheet.load(path)
+    return load_trial_runs(path)
 
 
 @pytest.mark.parametrize(
@@ -46,7 +46,7 @@ def _load(tmp_path, **changes):
 )
 def test_published_cases(name, unit, expected, rms_after):
     """Correction weights of published cases, and the readings that are left."""
-    solution = runsheet.load(name).solve("least-squares")
+    solution = load_trial_runs(name).solve("least-squares")
     for weight, (size, angle) in zip(solution.weights, expected, strict=True):
         assert abs(weight) / unit == pytest.approx(size, rel=1e-6)
         assert (angle_deg(complex(weight)) - angle + 180) % 360 - 180 == pytest.approx(0.0, abs=1e-5)
@@ -77,7 +77,7 @@ def test_phase_and_angle_senses(tmp_path):
 
 def test_whether_the_trial_stayed_on_must_be_said(tmp_path):
     """A run with a trial weight and without stayed_on is refused by name."""
-    with pytest.raises(DataError, match=r"runs\[1\] trial: stayed_on is missing"):
+    with pytest.raises(DataError, match=r"runs\[1\] \(trial\): stayed_on is missing"):
         _load(tmp_path, stayed="")
 
 
@@ -93,17 +93,21 @@ def test_a_trial_weight_with_too_little_effect_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('phase = "lead"', "", "phase is missing"),
+        ('phase = "lead"', "", "phase: missing"),
         ('phase = "lead"', 'phase = "left"', "expected 'lead' or 'lag'"),
         ("fan =", "pump =", "pump is no plane"),
         ('"10 um @ 30 deg"', '"10 um"', "has no angle"),
         ('A = "7 um', 'C = "7 um', "is not read in every run alike"),
         ('A = "7 um', 'A = "7 mm/s', "velocity here and a length"),
         ('weights = { fan = "5 g @ 20 deg" }', 'weights = { fan = "0 g @ 20 deg" }', "trial weight above zero"),
-        ('"3000 rpm" = { A = "10', '"fast" = { A = "10', "readings: 'fast' is no angular velocity"),
-        ('name = "trial"', 'name = "as found"', "runs has 'as found' twice"),
-        ('phase = "lead"', 'phase = "lead"\namplitude = "mean"', "amplitude is 'mean': expected 'peak' or"),
-        ('phase = "lead"', 'phase = "lead"\nleast_effect = -1', "least_effect is -1: expected more than zero"),
+        ('"3000 rpm" = { A = "10', '"fast" = { A = "10', "readings.fast: 'fast' is no angular velocity"),
+        ('name = "trial"', 'name = "as found"', "runs: 'as found' is there twice"),
+        (
+            'phase = "lead"',
+            'phase = "lead"\namplitude = "mean"',
+            "amplitude: 'mean': expected 'peak', 'peak_to_peak'",
+        ),
+        ('phase = "lead"', 'phase = "lead"\nleast_effect = -1', "least_effect: -1: expected more than zero"),
     ],
 )
 def test_wrong_sheets_are_named(tmp_path, old, new, message):
@@ -113,7 +117,7 @@ def test_wrong_sheets_are_named(tmp_path, old, new, message):
     path = tmp_path / "runs.toml"
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(DataError, match=message):
-        runsheet.load(path)
+        load_trial_runs(path)
 
 
 def test_one_speed_written_in_two_ways_is_refused(tmp_path):
@@ -126,7 +130,7 @@ def test_one_speed_written_in_two_ways_is_refused(tmp_path):
     path.write_text(twice, encoding="utf-8")
     assert twice.count("50 turn/s") == text.count("3000 rpm") > 0
     with pytest.raises(DataError, match="50 turn/s is the same speed as 3000 rpm"):
-        runsheet.load(path)
+        load_trial_runs(path)
 
 
 def test_speeds_and_sensors_are_rows(tmp_path):
@@ -160,11 +164,11 @@ B = ["0.2 mm/s @ 0 deg"]
 """
     path = tmp_path / "runs.toml"
     path.write_text(text, encoding="utf-8")
-    sheet = runsheet.load(path)
+    sheet = load_trial_runs(path)
     assert sheet.rows == (("A", "600 rpm"), ("B", "600 rpm"), ("A", "900 rpm"), ("B", "900 rpm"))
     np.testing.assert_allclose(sheet.factors, [1e5, 500, 2e5, 1000])
     limited = sheet.solve("min-max")
     assert abs(limited.weights[0]) <= 20e-6 * (1 + 1e-9)
     path.write_text(text.replace('scale = "2 mm/s"', "weight = 2.0"), encoding="utf-8")
     with pytest.raises(DataError, match="give every sensor a scale"):
-        runsheet.load(path)
+        load_trial_runs(path)

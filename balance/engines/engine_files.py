@@ -1,0 +1,278 @@
+"""Engine files (``datasets/engines``): cylinders, counterweights, firing order; and an engine as a mechanism file."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from .. import datasets
+from ..errors import DataError
+from ..input_files import Count, Distinct, Number, Quantity, Table, Text, Vector, load_model
+from ..rotors.rotor import Unbalance
+from .engine import Cylinder, Engine
+from .slidercrank import SliderCrank
+
+DEFAULT_RATIO = 0.25
+"""Crank radius over rod length where a file gives no sizes."""
+_LAYOUT_SPACING = 1.0
+"""Of the cylinders of an engine without sizes [m]."""
+_SMALL = 1e-9
+"""Inertia given to a body that has none, which the mechanism file does not allow [kg m2]."""
+Length = Annotated[float, Quantity("length")]
+PositiveLength = Annotated[float, Quantity("length", above=0.0)]
+MassOrZero = Annotated[float, Quantity("mass", at_least=0.0)]
+InertiaOrZero = Annotated[float, Quantity("inertia", at_least=0.0)]
+Angle = Annotated[float, Quantity("angle")]
+
+
+class SliderCrankTable(Table):
+    """Crank, connecting rod and piston of every cylinder."""
+
+    crank_radius: PositiveLength
+    """Crank radius [m]."""
+    rod_length: PositiveLength
+    """Connecting rod, pin to pin [m]."""
+    crank_mass: MassOrZero = 0.0
+    """Mass of the crank, counterweights not included [kg]."""
+    crank_centre: Length = 0.0
+    """Centre of mass of the crank along its throw; negative is opposite the pin [m]."""
+    crank_inertia: InertiaOrZero = 0.0
+    """Of the crank about its own centre of mass [kg m2]."""
+    rod_mass: MassOrZero = 0.0
+    """Mass of the rod [kg]."""
+    rod_centre: Length | None = None
+    """Centre of mass of the rod from the crank pin [m]."""
+    rod_inertia: InertiaOrZero = 0.0
+    """Of the rod about its own centre of mass [kg m2]."""
+    piston_mass: MassOrZero
+    """Piston, pin and all that only slides [kg]."""
+    offset: Length = 0.0
+    """Distance of the cylinder's axis from the crank's [m]."""
+
+    def check(self) -> None:
+        """Raise DataError for keys that do not go together."""
+        if self.rod_mass > 0.0 and self.rod_centre is None:
+            raise DataError("rod_centre is missing: how far the rod's centre of mass is from the crank pin")
+        self.slider_crank()
+
+    def slider_crank(self) -> SliderCrank:
+        """The slider-crank. Raises DataError for one that cannot turn right round."""
+        return SliderCrank(
+            self.crank_radius, self.rod_length, self.crank_mass, self.crank_centre, self.crank_inertia, self.rod_mass,
+            self.rod_centre or 0.0, self.rod_inertia, self.piston_mass, self.offset,
+        )  # fmt: skip
+
+
+class CounterweightTable(Table):
+    """A counterweight on the crankshaft."""
+
+    name: Text
+    """Name of it."""
+    unbalance: Annotated[complex, Vector("first moment")]
+    """Mass times radius at its angle from the crankshaft's mark [kg m]."""
+    at: Number
+    """Place along the crankshaft, in spacings as that of the cylinders."""
+
+
+class EngineTable(Table):
+    """Cylinders of any bank angle and throw along one crankshaft; without [slider_crank] a layout without sizes."""
+
+    name: Text | None = None
+    """Name of the engine."""
+    source: str = ""
+    """Where it is from."""
+    throws: Annotated[list[Angle], Field(min_length=1)]
+    """Angle of each cylinder's throw from the crankshaft's mark [rad]."""
+    banks: list[Angle] | None = None
+    """Angle of each cylinder's axis from upright [rad]; 0 where it is left out."""
+    at: list[Number] | None = None
+    """Place of each cylinder along the crankshaft, in spacings; 0, 1, 2 ... where it is left out."""
+    spacing: PositiveLength | None = None
+    """Of the cylinders [m]."""
+    speed: Annotated[float, Quantity("angular velocity", above=0.0)] | None = None
+    """Speed of the crankshaft [rad/s]."""
+    strokes: Literal[2, 4] = 4
+    """Strokes of a working cycle."""
+    firing_order: list[Count] | None = None
+    """Cylinders, counted from 1, in the order in which they fire."""
+    slider_crank: SliderCrankTable | None = None
+    """Sizes and masses of every cylinder."""
+    counterweights: Annotated[list[CounterweightTable], Distinct] = Field(default_factory=list)
+    """Counterweights on the crankshaft."""
+
+    def check(self) -> None:
+        """Raise DataError for keys that do not go together."""
+        count = len(self.throws)
+        for key in ("banks", "at"):
+            if (found := getattr(self, key)) is not None and len(found) != count:
+                raise DataError(f"{key}: has {len(found)} values: expected one for each of the {count} throws")
+        order = self.firing_order
+        if order is not None and sorted(order) != list(range(1, count + 1)):
+            raise DataError(f"firing_order: {order}: expected the cylinders 1 to {count}, once each")
+        if self.counterweights and self.slider_crank is None:
+            raise DataError("counterweights: need [slider_crank]: a layout has no sizes to weigh them against")
+        if self.slider_crank is not None and self.spacing is None and len(self.at or ()) > 1:
+            raise DataError("spacing is missing: expected the distance of the cylinders, such as '95 mm'")
+
+
+def load_engine(name: str | Path, ratio: float = DEFAULT_RATIO) -> Engine:
+    """Load a shipped engine by name, or a TOML file. Raises DataError, naming the key that is wrong.
+
+    A file without [slider_crank] is a layout: its engine has m r = 1 kg m, the spacing 1 m, and r / l = ``ratio``.
+    """
+    table, stem = _table(name)
+    if table.slider_crank is None:
+        return _layout(table, stem, ratio)
+    spacing = table.spacing or 0.0
+    weights = tuple(Unbalance(each.name, each.unbalance, spacing * each.at) for each in table.counterweights)
+    return _engine(table, stem, table.slider_crank.slider_crank(), spacing, weights)
+
+
+def load_layout(name: str | Path, ratio: float = DEFAULT_RATIO) -> Engine:
+    """Load an engine as a layout, its sizes left aside, for comparing engines."""
+    return _layout(*_table(name), ratio)
+
+
+def has_sizes(name: str | Path) -> bool:
+    """Whether an engine file is one with sizes, not a layout."""
+    return _table(name)[0].slider_crank is not None
+
+
+def _table(name: str | Path) -> tuple[EngineTable, str]:
+    path = datasets.find(name, "engines", ".toml")
+    return load_model(EngineTable, path), path.stem
+
+
+def _layout(table: EngineTable, stem: str, ratio: float) -> Engine:
+    if not 0.0 < ratio < 1.0:
+        raise DataError(f"ratio r / l is {ratio:g}: expected more than 0 and less than 1")
+    return _engine(table, stem, SliderCrank(1.0, 1.0 / ratio, piston_mass=1.0), _LAYOUT_SPACING, None)
+
+
+def _engine(
+    table: EngineTable, stem: str, crank: SliderCrank, spacing: float, weights: tuple[Unbalance, ...] | None
+) -> Engine:
+    """The engine; a layout, without sizes, where ``weights`` is None."""
+    places = table.at if table.at is not None else range(len(table.throws))
+    cylinders = zip(places, table.throws, table.banks or [0.0] * len(table.throws), strict=True)
+    return Engine(
+        table.name or stem,
+        tuple(Cylinder(place * spacing, throw, bank, crank) for place, throw, bank in cylinders),
+        weights or (),
+        table.strokes,
+        tuple(table.firing_order or ()),
+        None if weights is None else table.speed,
+        normalised=weights is None,
+        source=table.source,
+    )
+
+
+# As a mechanism file (MJCF), for Pinocchio, MuJoCo and the other commands of ``balance``
+
+
+def mjcf(engine: Engine, gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> str:
+    """The engine as MJCF text: crankshaft about z, rods on its pins, pistons in their cylinders, loops by <connect>.
+
+    The crankshaft must have mass, as the format asks of every body that moves. The file starts with the crankshaft's
+    mark along x.
+    """
+    rods = [(i, c) for i, c in enumerate(engine.cylinders, 1) if c.crank.rod_mass > 0.0]
+    if len(rods) < len(engine.cylinders) or any(c.crank.piston_mass <= 0.0 for c in engine.cylinders):
+        raise DataError(f"{engine.name}: a mechanism file needs rods and pistons with mass")
+    lines = [
+        f'<mujoco model="{_name(engine.name)}">',
+        '  <compiler angle="radian"/>',
+        f'  <option gravity="{_vector(*gravity)}"/>',
+        "  <worldbody>",
+        '    <body name="base">',
+        '      <body name="crankshaft">',
+        '        <joint name="crankshaft" type="hinge" axis="0 0 1"/>',
+        *_crank_inertia(engine),
+    ]
+    for i, cylinder in rods:
+        lines += _rod(i, cylinder)
+    lines.append("      </body>")
+    for i, cylinder in rods:
+        lines += _piston(i, cylinder)
+    lines += ["    </body>", "  </worldbody>", "  <equality>"]
+    lines += [f'    <connect name="pin_{i}" site1="rod_{i}_end" site2="piston_{i}_pin"/>' for i, _ in rods]
+    lines += ["  </equality>", "  <actuator>", '    <motor name="starter" joint="crankshaft"/>', "  </actuator>"]
+    return "\n".join([*lines, *_keyframe(engine), "</mujoco>", ""])
+
+
+def _name(text: str) -> str:
+    return "".join(letter if letter.isalnum() else "-" for letter in text)
+
+
+def _vector(*values: float) -> str:
+    return " ".join(repr(float(value)) for value in values)
+
+
+def _crank_inertia(engine: Engine) -> list[str]:
+    """Throws and counterweights as one rigid body; a counterweight is a point mass at one crank radius."""
+    points = []
+    for cylinder in engine.cylinders:
+        at = cylinder.crank.crank_centre * np.exp(1j * cylinder.throw)
+        points.append((cylinder.crank.crank_mass, at.real, at.imag, cylinder.at, cylinder.crank.crank_inertia))
+    radius = engine.cylinders[0].crank.radius
+    for weight in engine.counterweights:
+        mass = abs(weight.vector) / radius
+        at = weight.vector / mass if mass else 0j
+        points.append((mass, at.real, at.imag, weight.at, 0.0))
+    mass = sum(p[0] for p in points)
+    if mass <= 0.0:
+        raise DataError(f"{engine.name}: a mechanism file needs a crankshaft with mass: give crank_mass")
+    places = np.array([p[1:4] for p in points])
+    masses = np.array([p[0] for p in points])
+    centre = masses @ places / mass
+    inertia = np.eye(3) * sum(p[4] for p in points)
+    for m, place in zip(masses, places - centre, strict=True):
+        inertia += m * (place @ place * np.eye(3) - np.outer(place, place))
+    if np.linalg.eigvalsh(inertia)[0] < _SMALL:
+        inertia += _SMALL * np.eye(3)
+    full = [inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    return [f'        <inertial pos="{_vector(*centre)}" mass="{_vector(mass)}" fullinertia="{_vector(*full)}"/>']
+
+
+def _rod(i: int, cylinder: Cylinder) -> list[str]:
+    """On its pin, its frame's x axis from the crank pin to the piston pin."""
+    crank = cylinder.crank
+    pin = crank.radius * np.exp(1j * cylinder.throw)
+    moment = max(crank.rod_inertia, _SMALL)
+    return [
+        f'        <body name="rod_{i}" pos="{_vector(pin.real, pin.imag, cylinder.at)}">',
+        f'          <joint name="rod_{i}" type="hinge" axis="0 0 1"/>',
+        f'          <inertial pos="{_vector(crank.rod_centre, 0, 0)}" mass="{_vector(crank.rod_mass)}" '
+        f'diaginertia="{_vector(moment, moment, moment)}"/>',
+        f'          <site name="rod_{i}_end" pos="{_vector(crank.rod_length, 0, 0)}"/>',
+        "        </body>",
+    ]
+
+
+def _piston(i: int, cylinder: Cylinder) -> list[str]:
+    """A slide along the cylinder's axis, from the foot of the crankshaft's axis on it."""
+    crank = cylinder.crank
+    axis = np.exp(1j * cylinder.bank)
+    foot = 1j * axis * crank.offset
+    moment = crank.piston_mass * crank.radius**2
+    return [
+        f'      <body name="piston_{i}" pos="{_vector(foot.real, foot.imag, cylinder.at)}">',
+        f'        <joint name="piston_{i}" type="slide" axis="{_vector(axis.real, axis.imag, 0)}"/>',
+        f'        <inertial pos="0 0 0" mass="{_vector(crank.piston_mass)}" '
+        f'diaginertia="{_vector(moment, moment, moment)}"/>',
+        f'        <site name="piston_{i}_pin" pos="0 0 0"/>',
+        "      </body>",
+    ]
+
+
+def _keyframe(engine: Engine) -> list[str]:
+    """Crankshaft at zero, every rod towards its cylinder: the way an engine is put together."""
+    rods, pistons = [], []
+    for cylinder in engine.cylinders:
+        crank = cylinder.crank
+        own = cylinder.throw - cylinder.bank
+        lean = -np.arcsin((crank.radius * np.sin(own) - crank.offset) / crank.rod_length)
+        rods.append(cylinder.bank + lean)
+        pistons.append(crank.radius * np.cos(own) + crank.rod_length * np.cos(lean))
+    return ["  <keyframe>", f'    <key name="home" qpos="{_vector(0.0, *rods, *pistons)}"/>', "  </keyframe>"]

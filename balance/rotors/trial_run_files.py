@@ -1,0 +1,374 @@
+"""Files of trial runs, or of influence coefficients (``datasets/rotors``): what ``balance rotor influence`` takes.
+
+A file says how its phases and angles count, and of every trial weight whether it ``stayed_on`` after its run.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+from pydantic import AfterValidator, Field
+
+from .. import datasets, influence, intervals
+from ..arrays import Floats
+from ..errors import DataError, UnitError
+from ..input_files import (
+    Distinct,
+    Flag,
+    FromText,
+    Measured,
+    Positive,
+    Quantity,
+    Table,
+    Text,
+    Vector,
+    in_file,
+    model_from_table,
+    read_toml,
+)
+from ..quantities import dimension_of, parse, parse_uncertain
+from .moduli import Complexes
+from .runs import Run, Runs, TrialPlane
+
+WEIGHT = ("mass", "first moment")
+"""A weight is a mass at its plane's radius, or mass times radius."""
+READING = ("length", "velocity", "acceleration")
+"""What an instrument may read."""
+Half = tuple[float, float]
+"""Half widths of a reading's 95 % interval, along and across it."""
+Row = tuple[str, str]
+"""Sensor and speed of a reading."""
+_UNSTATED = "unstated"
+
+
+class Reading(NamedTuple):
+    """A reading of a sensor."""
+
+    value: complex
+    """Amplitude at its phase [m, m/s or m/s2]."""
+    half: Half | None
+    dimension: str
+
+
+def _reading(text: str, _context: object) -> Reading:
+    return Reading(*parse_uncertain(text, *READING), dimension_of(text, *READING))
+
+
+def _speed(text: str) -> str:
+    """A speed above zero, or ``unstated``."""
+    try:
+        if text != _UNSTATED and not parse(text, "angular velocity") > 0.0:
+            raise UnitError(f"{text!r}: expected more than zero")
+    except UnitError as error:
+        raise ValueError(str(error)) from error
+    return text
+
+
+def _distinct_speeds(readings: dict[str, Any]) -> dict[str, Any]:
+    """No two are one speed written in two ways: it has one reading of a sensor."""
+    known: dict[str, float] = {}
+    for text in readings:
+        if text == _UNSTATED:
+            continue
+        speed = parse(text, "angular velocity")
+        if same := [other for other, at in known.items() if np.isclose(speed, at, rtol=1e-9)]:
+            raise ValueError(f"{text} is the same speed as {same[0]}: give its readings once")
+        known[text] = speed
+    return readings
+
+
+Weight = Annotated[Measured[complex], Vector(*WEIGHT)]
+Limit = Annotated[Measured[float], Quantity(*WEIGHT, above=0.0)]
+Scale = Annotated[Measured[float], Quantity(*READING, above=0.0)]
+Readings = Annotated[
+    dict[
+        Annotated[str, AfterValidator(_speed)],
+        dict[str, Annotated[Reading, FromText(_reading, "170 um ± 2 um @ 112 deg ± 1 deg", READING)]],
+    ],
+    AfterValidator(_distinct_speeds),
+]
+
+
+class TrialPlaneTable(Table):
+    """A plane that carries weights."""
+
+    name: Text
+    """Name of it."""
+    limit: Limit | None = None
+    """Largest weight that may be mounted [kg or kg m]."""
+
+
+class SensorTable(Table):
+    """How a sensor counts, and how far its readings scatter."""
+
+    name: Text
+    """Name of it, as in the readings."""
+    scale: Scale | None = None
+    """Reading that counts as one, where sensors of several quantities are weighed against each other."""
+    weight: Positive | None = None
+    """Weight of the squares of its readings."""
+    within: Scale | None = None
+    """Half the 95 % interval of its readings, in every direction."""
+
+
+class RunTable(Table):
+    """A run of the machine."""
+
+    name: Text
+    """Name of it."""
+    weights: dict[str, Weight] | None = None
+    """Trial weights put on for this run, by plane [kg or kg m]; none in the first run."""
+    stayed_on: Flag | None = None
+    """Whether the trial weights stayed on after this run."""
+    readings: Readings
+    """Readings by speed and sensor [m, m/s or m/s2]."""
+    phases_alike: dict[str, Annotated[float, Quantity("angle", above=0.0)]] = Field(default_factory=dict)
+    """Half the 95 % interval of an error that all phases at a speed share, by speed [rad]."""
+
+    def check(self) -> None:
+        """Raise DataError for keys that do not go together."""
+        if self.weights is not None and self.stayed_on is None:
+            raise DataError(
+                "stayed_on is missing: say whether this run's trial weight stayed on after it (true or false)"
+            )
+        if self.weights is None and self.stayed_on is not None:
+            raise DataError("stayed_on: this run has no trial weights that could")
+
+
+class TrialRunsTable(Table):
+    """Trial runs, or influence coefficients and the readings as found."""
+
+    name: Text | None = None
+    """Name of it."""
+    source: str = ""
+    """Where it is from."""
+    note: str = ""
+    """Shown with the results."""
+    phase: Literal["lead", "lag"]
+    """What the phases of readings count."""
+    angles: Literal["with rotation", "against rotation"]
+    """How angles of weights count."""
+    amplitude: Literal["peak", "peak_to_peak", "rms"] | None = None
+    """What the amplitude of a reading is."""
+    planes: Annotated[list[TrialPlaneTable], Field(min_length=1), Distinct]
+    """Planes that carry weights."""
+    sensors: Annotated[list[SensorTable], Distinct] = Field(default_factory=list)
+    """Sensors, where there is something to say of them."""
+    runs: Annotated[list[RunTable], Distinct] = Field(default_factory=list)
+    """Runs in their order, the first as found."""
+    initial: Readings | None = None
+    """Without runs: readings as found, by speed and sensor."""
+    coefficients: dict[str, dict[str, list[Annotated[Measured[complex], Vector(*READING)]]]] | None = None
+    """Without runs: influence coefficients by speed and sensor, one for each plane."""
+    per: Text | None = None
+    """Unit of weight that the coefficients are for, such as ``g mm``."""
+    least_effect: Positive = influence.LEAST_EFFECT
+    """Least change of a reading by a trial weight, as a share of it."""
+    speed_weights: dict[str, Positive] = Field(default_factory=dict)
+    """Weight of the squares of the readings at a speed."""
+    published: dict[str, Weight] = Field(default_factory=dict)
+    """Weights by plane that the source publishes [kg or kg m]."""
+
+    def check(self) -> None:
+        """Raise DataError for keys that do not go together."""
+        given = [key for key in ("initial", "coefficients", "per") if getattr(self, key) is not None]
+        if self.runs and given:
+            raise DataError(f"gives both runs and {given[0]}: expected runs, or coefficients, initial and per")
+        if not self.runs and len(given) < 3:
+            raise DataError("runs are missing (or coefficients, initial and per)")
+
+
+def load_trial_runs(name: str | Path) -> Runs:
+    """Load shipped trial runs by name, or a TOML file. Raises DataError, naming run and key."""
+    path = datasets.find(name, "rotors", ".toml")
+    if path.suffix.lower() != ".toml":
+        raise DataError(f"{path.name}: expected a TOML file of trial runs")
+    return trial_runs_from_table(read_toml(path), path.name)
+
+
+def trial_runs_from_table(content: Mapping[str, Any], source: str) -> Runs:
+    """Build the runs from the keys of their file, which messages call ``source``."""
+    if "masses" in content:
+        raise DataError(f"{source} is a file of a rotor's masses: use 'balance rotor correct'")
+    table = model_from_table(TrialRunsTable, content, source)
+    with in_file(source):
+        return _Builder(table, source.removesuffix(".toml")).built()
+
+
+class _Builder:
+    """Puts the runs of one file together; its rows are in the order in which the first run names them."""
+
+    def __init__(self, table: TrialRunsTable, name: str) -> None:
+        self.table, self.name = table, name
+        self.lag, self.against = table.phase == "lag", table.angles == "against rotation"
+        self.planes = [plane.name for plane in table.planes]
+        self.sensors = {sensor.name: sensor for sensor in table.sensors}
+        first = table.runs[0].readings if table.runs else table.initial or {}
+        self.rows: list[Row] = [(sensor, speed) for speed, readings in first.items() for sensor in readings]
+        self.dimensions = {sensor: reading.dimension for of in first.values() for sensor, reading in of.items()}
+        self.weight = self._weight_dimension()
+
+    def built(self) -> Runs:
+        """The runs."""
+        table = self.table
+        runs = self._runs()
+        given, given_errors = (None, None) if runs else self._coefficients()
+        dimensions = set(self.dimensions.values())
+        return Runs(
+            table.name or self.name,
+            table.source,
+            table.phase,
+            table.angles,
+            table.amplitude or _UNSTATED,
+            tuple(TrialPlane(each.name, np.inf if each.limit is None else each.limit.value) for each in table.planes),
+            tuple(self.rows),
+            self._factors(),
+            dimensions.pop() if len(dimensions) == 1 else "mixed",
+            self.weight,
+            runs,
+            given,
+            table.least_effect,
+            {name: weight.value for name, weight in self._by_plane("published", table.published).items()},
+            table.note,
+            given_errors,
+        )
+
+    def _weight_dimension(self) -> str:
+        """The one dimension of all weights: they are masses, or mass times radius."""
+        table = self.table
+        stated = [(f"planes ({plane.name}).limit", plane.limit) for plane in table.planes if plane.limit is not None]
+        stated += [(f"runs ({r.name}).weights.{k}", v) for r in table.runs for k, v in (r.weights or {}).items()]
+        stated += [(f"published.{key}", value) for key, value in table.published.items()]
+        found = stated[0][1].dimension if stated else dimension_of(f"1 {table.per}", *WEIGHT)
+        for key, weight in stated:
+            if weight.dimension != found:
+                raise DataError(f"{key}: is a {weight.dimension}, others are a {found}: give all alike")
+        return found
+
+    def _by_plane(self, key: str, weights: Mapping[str, Measured[complex]]) -> Mapping[str, Measured[complex]]:
+        if unknown := [name for name in weights if name not in self.planes]:
+            raise DataError(f"{key}: {unknown[0]} is no plane of this file: there are {', '.join(self.planes)}")
+        return weights
+
+    def _runs(self) -> tuple[Run, ...]:
+        """Runs in their order; weights that stayed on are on in the next."""
+        on = np.zeros(len(self.planes), dtype=complex)
+        found: list[Run] = []
+        for i, table in enumerate(self.table.runs):
+            with in_file(f"runs[{i}] ({table.name})"):
+                run = self._run(table, on, first=not found)
+            found.append(run)
+            on = run.weights if run.stayed_on else on
+        if bare := [run.name for run in found if (run.errors is None) != (found[0].errors is None)]:
+            raise DataError(
+                f"readings of run {bare[0]!r} and of run {found[0].name!r} do not both have intervals: give all of "
+                "them one, or none"
+            )
+        return tuple(found)
+
+    def _run(self, table: RunTable, on: Complexes, first: bool) -> Run:
+        if first and table.weights is not None:
+            raise DataError("weights: are in the first run: expected the rotor as it is, without trial weights")
+        trial = np.zeros_like(on) if table.weights is None else self._trial(table.weights)
+        values, errors = self._readings(table.readings, "readings")
+        if table.phases_alike and errors is None:
+            raise DataError("phases_alike: goes with intervals of the readings, which are not given")
+        if unknown := set(table.phases_alike) - {speed for _, speed in self.rows}:
+            raise DataError(f"phases_alike: {min(unknown)!r} is no speed of this run's readings")
+        shared = {speed: intervals.deviation(half) for speed, half in table.phases_alike.items()}
+        return Run(table.name, on + trial, trial, table.stayed_on, values, errors, shared)
+
+    def _trial(self, weights: Mapping[str, Measured[complex]]) -> Complexes:
+        given = self._by_plane("weights", weights)
+        values = np.array([given[name].value if name in given else 0j for name in self.planes])
+        if not values.any():
+            raise DataError(f"weights: expected a trial weight above zero in one of {', '.join(self.planes)}")
+        return values.conj() if self.against else values
+
+    def _readings(self, speeds: Mapping[str, Mapping[str, Reading]], key: str) -> tuple[Complexes, Floats | None]:
+        """Readings (rows,) and their covariances (rows, 2, 2), where their intervals are stated."""
+        found = {(sensor, speed): reading for speed, of in speeds.items() for sensor, reading in of.items()}
+        if not found or set(found) != set(self.rows):
+            odd = sorted(f"{sensor} at {speed}" for sensor, speed in set(found) ^ set(self.rows))
+            raise DataError(f"{key}: {odd[0] if odd else 'nothing'} is not read in every run alike")
+        for (sensor, _), reading in found.items():
+            if reading.dimension != self.dimensions[sensor]:
+                raise DataError(
+                    f"{key}: {sensor} is a {reading.dimension} here and a {self.dimensions[sensor]} in another run"
+                )
+        values = np.array([found[row].value for row in self.rows])
+        values = values.conj() if self.lag else values
+        return values, self._covariances(values, [found[row].half for row in self.rows], key)
+
+    def _covariances(self, values: Complexes, halves: list[Half | None], key: str) -> Floats | None:
+        """Covariance of the parts of each reading, (n, 2, 2); None where no interval is stated."""
+        halves = [half or self._within(sensor) for half, (sensor, _) in zip(halves, self.rows, strict=True)]
+        bare = [f"{s} at {speed}" for (s, speed), half in zip(self.rows, halves, strict=True) if half is None]
+        if len(bare) == len(halves):
+            return None
+        if bare:
+            raise DataError(
+                f"{key}: {bare[0]} has no interval, others have: write for example '170 um ± 2 um @ 112 deg ± 1 deg', "
+                "or give its sensor a 'within', or leave all intervals out"
+            )
+        stated = [half for half in halves if half is not None]
+        return np.array([intervals.of_reading(complex(v), *half) for v, half in zip(values, stated, strict=True)])
+
+    def _within(self, sensor: str) -> Half | None:
+        """Half the interval of a sensor's readings where its table states it, the same in every direction."""
+        table = self.sensors.get(sensor)
+        return None if table is None or table.within is None else (table.within.value, table.within.value)
+
+    def _coefficients(self) -> tuple[influence.Coefficients, Floats | None]:
+        """Coefficients and readings that the file gives; covariances of both, (planes + 1, rows, 2, 2)."""
+        initial, errors = self._readings(self.table.initial or {}, "initial")
+        if self.lag != self.against:
+            raise DataError(
+                "coefficients: phases and weight angles that count in opposite senses have no one meaning: give "
+                "phase = 'lead' with angles = 'with rotation', or 'lag' with 'against rotation'"
+            )
+        per = parse(f"1 {self.table.per}", self.weight)
+        given = {(sensor, v): row for v, of in (self.table.coefficients or {}).items() for sensor, row in of.items()}
+        if odd := sorted(f"{sensor} at {speed}" for sensor, speed in set(given) ^ set(self.rows)):
+            raise DataError(f"coefficients: {odd[0]} is not in both coefficients and initial")
+        matrix = np.array([self._coefficient_row(sensor, v, given[sensor, v]) for sensor, v in self.rows]) / per
+        if errors is not None:
+            errors = np.concatenate([errors[None], np.zeros((len(self.planes), *errors.shape))])
+        return influence.Coefficients(initial, matrix.conj() if self.lag else matrix, 0.0), errors
+
+    def _coefficient_row(self, sensor: str, speed: str, row: list[Measured[complex]]) -> list[complex]:
+        if len(row) != len(self.planes):
+            raise DataError(
+                f"coefficients.{speed}.{sensor}: has {len(row)} values: expected one coefficient for each of "
+                f"{', '.join(self.planes)}"
+            )
+        if other := [value.dimension for value in row if value.dimension != self.dimensions[sensor]]:
+            raise DataError(f"coefficients.{speed}.{sensor}: is a {other[0]}: expected a {self.dimensions[sensor]}")
+        return [value.value for value in row]
+
+    def _factors(self) -> Floats:
+        """Factor of each row: root of its sensor's weight, over its scale, times the root of its speed's weight."""
+        if unknown := set(self.table.speed_weights) - {speed for _, speed in self.rows}:
+            raise DataError(f"speed_weights: {min(unknown)!r} is no speed of this file")
+        factors = {name: self._sensor_factor(name) for name in self.dimensions}
+        if unknown := set(self.sensors) - set(factors):
+            raise DataError(f"sensors: {min(unknown)!r}, which no run reads: there are {', '.join(factors)}")
+        dimensions = sorted(set(self.dimensions.values()))
+        scaled = {name for name, sensor in self.sensors.items() if sensor.scale is not None}
+        if len(dimensions) > 1 and scaled != set(factors):
+            raise DataError(
+                f"sensors read {' and '.join(dimensions)}: give every sensor a scale, the reading that counts as one, "
+                "or they cannot be weighed against each other"
+            )
+        weights = self.table.speed_weights
+        return np.array([factors[sensor] * weights.get(speed, 1.0) ** 0.5 for sensor, speed in self.rows])
+
+    def _sensor_factor(self, name: str) -> float:
+        table = self.sensors.get(name)
+        if table is None:
+            return 1.0
+        for key, size in (("scale", table.scale), ("within", table.within)):
+            if size is not None and size.dimension != self.dimensions[name]:
+                raise DataError(f"sensors ({name}).{key}: is a {size.dimension}: expected a {self.dimensions[name]}")
+        return (table.weight or 1.0) ** 0.5 / (1.0 if table.scale is None else table.scale.value)
