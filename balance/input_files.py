@@ -188,23 +188,22 @@ def in_file(source: str, key: str = "") -> Iterator[None]:
         raise kind(f"{source}: {key}: {error}" if key else f"{source}: {error}") from error
 
 
-def read_text(path: Path, error: type[CounterpoiseError] = DataError, key: str = "") -> str:
-    """The text of a file in UTF-8, with or without a byte order mark; ``key`` is what another file calls it.
+def read_text(path: Path, error: type[CounterpoiseError] = DataError) -> str:
+    """The text of a file in UTF-8, with or without a byte order mark.
 
     Raises ``error`` where there is no such file, or it is too large, or in another encoding.
     """
-    name = f"{key}: {path.name}" if key else path.name
     try:
         size = path.stat().st_size
         if size > LARGEST_FILE:
-            raise error(f"{name}: is {size / 1e6:.0f} MB: expected at most {LARGEST_FILE / 1e6:.0f} MB")
+            raise error(f"{path.name}: is {size / 1e6:.0f} MB: expected at most {LARGEST_FILE / 1e6:.0f} MB")
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError as missing:
-        raise error(f"{key + ': ' if key else ''}no such file {path.name!r}") from missing
+        raise error(f"no such file {path.name!r}") from missing
     except OSError as trouble:
-        raise error(f"{name}: cannot be read: {trouble.strerror}") from trouble
+        raise error(f"{path.name}: cannot be read: {trouble.strerror}") from trouble
     except UnicodeDecodeError as wrong:
-        raise error(f"{name}: not UTF-8 at byte {wrong.start}: save it as UTF-8") from wrong
+        raise error(f"{path.name}: not UTF-8 at byte {wrong.start}: save it as UTF-8") from wrong
 
 
 def read_toml(path: Path, error: type[CounterpoiseError] = DataError) -> dict[str, Any]:
@@ -235,31 +234,29 @@ def _depth(value: object) -> int:
 # CSV
 
 
-def read_csv(
-    path: Path, key: str = "", error: type[CounterpoiseError] = DataError
-) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """Cells of the header, and line and cells of each row that is not blank; ``key`` is what another file calls it."""
+def read_csv(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """Cells of the header, and line and cells of each row that is not blank."""
     try:
-        lines = csv.reader(read_text(path, error, key).splitlines(keepends=True), strict=True)
+        lines = csv.reader(read_text(path).splitlines(keepends=True), strict=True)
         header = next(lines, [])
         rows = [(lines.line_num, row) for row in lines if any(cell.strip() for cell in row)]
     except csv.Error as wrong:
-        raise error(f"{key + ': ' if key else ''}{path.name}: not a CSV file: {wrong}") from wrong
+        raise DataError(f"{path.name}: not a CSV file: {wrong}") from wrong
     for line, row in rows:
         if len(row) > len(header) and any(cell.strip() for cell in row[len(header) :]):
-            raise error(
+            raise DataError(
                 f"{path.name}, line {line}: {len(row)} cells, the header has {len(header)} columns: is there a comma "
                 "in a number?"
             )
     return header, rows
 
 
-def csv_rows(model: type[Model], path: Path, key: str = "") -> list[Model]:
+def csv_rows(model: type[Model], path: Path) -> list[Model]:
     """Read a CSV into models, a row each: ``radius (mm)`` in the header is the key ``radius`` in millimetres.
 
     Raises DataError, a line for each cell that is wrong.
     """
-    header, rows = read_csv(path, key)
+    header, rows = read_csv(path)
     columns = [_column(cell) for cell in header]
     names = [name for name, _ in columns]
     for cell, (name, unit) in zip(header, columns, strict=True):
@@ -292,14 +289,12 @@ def csv_rows(model: type[Model], path: Path, key: str = "") -> list[Model]:
         raise DataError(f"{path.name}: {error}") from error
 
 
-def csv_columns(
-    path: Path, dimensions: Mapping[str, tuple[str, ...]], key: str = ""
-) -> dict[str, Measured[list[float]]]:
+def csv_columns(path: Path, dimensions: Mapping[str, tuple[str, ...]]) -> dict[str, Measured[list[float]]]:
     """Columns of numbers in SI and their dimensions, by name; each must be there, of one of the ``dimensions`` named.
 
     Raises DataError, naming line and column.
     """
-    header, rows = read_csv(path, key)
+    header, rows = read_csv(path)
     columns = dict(_column(cell) for cell in header)
     expected = ", ".join(f"{name} ({SI_UNITS[possible[0]]})" for name, possible in dimensions.items())
     if not set(dimensions) <= set(columns) or len(columns) < len(header):

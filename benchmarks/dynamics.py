@@ -24,7 +24,7 @@ from balance.dynamics.inverse_dynamics import simulate
 from balance.loading.loading import load_mechanism, pinocchio_model
 from balance.mechanism import Mechanism
 from balance.motion import Samples
-from balance.motion.reading import load_motion
+from balance.motion.motion_files import load_motion
 
 REQUIRED = {"serial-1r": 8, "serial-2r": 8, "serial-3r": 8, "four-bar": 50, "parallelogram-6bar": 50,
             "parallelogram-6bar-full": 50}  # fmt: skip

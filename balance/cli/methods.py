@@ -115,7 +115,7 @@ def _outcomes(model: "Mechanism", motion: str, settings: Any) -> Any:  # noqa: A
     from ..closure import Closure
     from ..methods import side_by_side
     from ..motion import DEFAULT_RATE_HZ
-    from ..motion.reading import load_motion
+    from ..motion.motion_files import load_motion
 
     trajectory = Closure(model).follow(load_motion(motion).sample(DEFAULT_RATE_HZ))
     return side_by_side.compare(model, trajectory, settings)

@@ -49,7 +49,7 @@ def simulate(
     from ..closure import Closure
     from ..dynamics.inverse_dynamics import simulate as respond
     from ..motion import DEFAULT_RATE_HZ
-    from ..motion.reading import load_motion
+    from ..motion.motion_files import load_motion
     from ..quantities import parse
     from .responses import label, summary
 

@@ -114,7 +114,7 @@ def _responses(result: "Sizing", motion: str) -> "dict[str, Response]":
     from ..closure import Closure
     from ..dynamics.inverse_dynamics import simulate
     from ..motion import DEFAULT_RATE_HZ
-    from ..motion.reading import load_motion
+    from ..motion.motion_files import load_motion
 
     trajectory = Closure(result.before).follow(load_motion(motion).sample(DEFAULT_RATE_HZ))
     return {"before": simulate(result.before, trajectory), "after": simulate(result.after, trajectory)}

@@ -89,12 +89,14 @@ def _share(result: dict[str, Any], way: str) -> float:
 
 
 def _springs(model: "Mechanism", name: str | None, reach: float | None, height: float | None) -> "Springs":
-    from ..static import design, springfile
+    from ..static import design
 
     if name and (reach or height):
         raise click.UsageError("--reach and --height lay springs out; --springs says where they are")
     if name:
-        places, given = springfile.load(name, model)
+        from ..static.spring_files import load_springs
+
+        places, given = load_springs(name, model)
         return design.judged(model, places) if given else design.design(model, places)
     return design.design(model, (), reach or 0.0, height or 0.0)
 

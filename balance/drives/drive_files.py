@@ -19,6 +19,7 @@ from ..input_files import (
     Table,
     Text,
     csv_columns,
+    in_file,
     load_model,
 )
 from ..loading.loading import load_mechanism
@@ -207,7 +208,8 @@ class CurveTable(_LoadTable):
         if self.file is None:
             angles, values = self.angle, getattr(self, key)
         else:
-            columns = csv_columns(folder / self.file, {"angle": ("angle",), key: (dimension,)}, "file")
+            with in_file("file"):
+                columns = csv_columns(folder / self.file, {"angle": ("angle",), key: (dimension,)})
             angles, values = columns["angle"].value, columns[key].value
         return Load(self.name or self.kind, self.kind, index, 0.0, _periodic(np.array(angles), np.array(values), key))
 

@@ -492,7 +492,7 @@ def _published(table: PrintedTable) -> Published | None:
     if table == PrintedTable():
         return None
     contradictions = tuple(Contradiction(each.about, each.why, each.omit) for each in table.contradiction)
-    return Published(table.values, table.rms, table.restored, contradictions)
+    return Published(table.values, {str(k): v for k, v in table.rms.items()}, table.restored, contradictions)
 
 
 def _with_bodies_named(linkage: Linkage, table: LinkageTable) -> Linkage:

@@ -110,8 +110,8 @@ def load_rotor(name: str | Path) -> Rotor:
         raise DataError(f"{path.name} is a run table of trial runs: use 'balance rotor influence'")
     table = model_from_table(RotorTable, content, path.name)
     if isinstance(table.masses, str):
-        with in_file(path.name):
-            unbalances = load_unbalances(path.parent / table.masses, "masses")
+        with in_file(path.name, "masses"):
+            unbalances = load_unbalances(path.parent / table.masses)
     else:
         unbalances = tuple(mass.as_unbalance(i) for i, mass in enumerate(table.masses, 1))
     return Rotor(
@@ -139,12 +139,12 @@ def rotor_path(name: str | Path) -> Path:
     return datasets.find(name, "rotors", ".toml", ".csv")
 
 
-def load_unbalances(path: Path, key: str = "") -> tuple[Unbalance, ...]:
+def load_unbalances(path: Path) -> tuple[Unbalance, ...]:
     """Read unbalances from a CSV with the columns ``name, mass (kg), radius (mm), angle (deg), at (mm)``.
 
     Units stand in the header; ``unbalance (kg mm)`` may stand for mass and radius.
     """
-    tables = csv_rows(MassTable, path, key)
+    tables = csv_rows(MassTable, path)
     if not tables:
         raise DataError(f"{path.name}: holds no masses")
     return tuple(mass.as_unbalance(i) for i, mass in enumerate(tables, 1))

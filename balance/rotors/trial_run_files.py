@@ -237,7 +237,8 @@ class _Builder:
     def _weight_dimension(self) -> str:
         """The one dimension of all weights: they are masses, or mass times radius."""
         table = self.table
-        stated = [(f"planes ({plane.name}).limit", plane.limit) for plane in table.planes if plane.limit is not None]
+        stated: list[tuple[str, Measured[float] | Measured[complex]]] = []
+        stated += [(f"planes ({plane.name}).limit", plane.limit) for plane in table.planes if plane.limit is not None]
         stated += [(f"runs ({r.name}).weights.{k}", v) for r in table.runs for k, v in (r.weights or {}).items()]
         stated += [(f"published.{key}", value) for key, value in table.published.items()]
         found = stated[0][1].dimension if stated else dimension_of(f"1 {table.per}", *WEIGHT)
@@ -332,7 +333,8 @@ class _Builder:
         given = {(sensor, v): row for v, of in (self.table.coefficients or {}).items() for sensor, row in of.items()}
         if odd := sorted(f"{sensor} at {speed}" for sensor, speed in set(given) ^ set(self.rows)):
             raise DataError(f"coefficients: {odd[0]} is not in both coefficients and initial")
-        matrix = np.array([self._coefficient_row(sensor, v, given[sensor, v]) for sensor, v in self.rows]) / per
+        rows = [self._coefficient_row(sensor, v, given[sensor, v]) for sensor, v in self.rows]
+        matrix = np.array(rows, dtype=complex) / per
         if errors is not None:
             errors = np.concatenate([errors[None], np.zeros((len(self.planes), *errors.shape))])
         return influence.Coefficients(initial, matrix.conj() if self.lag else matrix, 0.0), errors

@@ -18,7 +18,7 @@ from balance.dynamics.moving_base import BaseMotion, ElasticBase, first_moment, 
 from balance.errors import DataError
 from balance.mechanism import Mechanism
 from balance.motion import Samples
-from balance.motion.reading import load_motion
+from balance.motion.motion_files import load_motion
 
 from ..errors import RigError
 from ..plan import PlannedRun

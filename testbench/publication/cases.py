@@ -11,7 +11,7 @@ from balance.dynamics.inverse_dynamics import Response, simulate
 from balance.loading.loading import load_mechanism
 from balance.mechanism import Mechanism
 from balance.motion import DEFAULT_RATE_HZ
-from balance.motion.reading import load_motion
+from balance.motion.motion_files import load_motion
 from balance.quantities import G0
 
 from ..bench.run import payload_body

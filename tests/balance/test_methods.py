@@ -15,7 +15,7 @@ from balance.loading.loading import load_mechanism, mechanism_from_text
 from balance.mechanism import Mechanism
 from balance.methods import active, counterinertia, mirror, printed, side_by_side
 from balance.motion import Samples
-from balance.motion.reading import load_motion
+from balance.motion.motion_files import load_motion
 
 from . import models, referees
 from .test_static import chain

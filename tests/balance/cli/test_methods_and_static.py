@@ -11,7 +11,7 @@ from balance.cli.methods import methods
 from balance.cli.static import static
 from balance.errors import DataError
 from balance.loading.loading import load_mechanism
-from balance.motion.reading import load_motion
+from balance.motion.motion_files import load_motion
 
 
 def run(command, *arguments: str) -> tuple[int, str]:

@@ -8,7 +8,7 @@ import pytest
 
 from balance.closure import Closure
 from balance.dynamics.inverse_dynamics import simulate
-from balance.motion.reading import load_motion
+from balance.motion.motion_files import load_motion
 
 from .. import models
 

@@ -8,7 +8,7 @@ import pytest
 from balance.closure import Closure, Trajectory
 from balance.errors import ClosureError
 from balance.motion import Samples
-from balance.motion.reading import load_motion
+from balance.motion.motion_files import load_motion
 
 from .. import models
 

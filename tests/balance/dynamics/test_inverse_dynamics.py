@@ -21,7 +21,7 @@ from balance.errors import ClosureError, ModelError
 from balance.loading.loading import pinocchio_model
 from balance.mechanism import Mechanism, Site
 from balance.motion import Samples
-from balance.motion.reading import load_motion
+from balance.motion.motion_files import load_motion
 from balance.quantities import G0
 
 from .. import models, referees

@@ -6,7 +6,7 @@ import pytest
 from balance.closure import Closure
 from balance.dynamics.inverse_dynamics import simulate
 from balance.loading.loading import load_mechanism, mechanism_from_text
-from balance.motion.reading import load_motion
+from balance.motion.motion_files import load_motion
 from testbench.bench.planes import with_planes
 from testbench.errors import RigError
 

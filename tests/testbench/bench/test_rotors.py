@@ -5,7 +5,7 @@ import pytest
 
 from balance.closure import Closure
 from balance.loading.loading import load_mechanism
-from balance.motion.reading import load_motion
+from balance.motion.motion_files import load_motion
 from testbench.bench import rotors
 from testbench.bench.run import simulate_run
 from testbench.errors import RigError
