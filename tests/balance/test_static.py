@@ -174,7 +174,7 @@ WRONG = {
     "[[spring]]\nfirst = 1": r"spring\[0\]\.first: 1: expected a table",
     '[[spring]]\nfirst = { body = "X" }\nsecond = { body = "base" }': "no moving body 'X'",
     '[[spring]]\nfirst = { body = "base", at = ["1", "0 m", "0 m"] }\nsecond = { body = "base" }': "no unit",
-    '[[spring]]\nfirst = { body = "base", at = ["1 m"] }\nsecond = { body = "base" }': "first.at: missing: expected one",
+    '[[spring]]\nfirst = { body = "base", at = ["1 m"] }\nsecond = { body = "base" }': "first.at: missing: expected",
     '[[spring]]\nfirst = { body = "base" }\nsecond = { body = "AC" }\nlength = "1 m"': "length: unknown key",
     '[[spring]]\nfirst = { body = "base" }\nsecond = { body = "AC" }\nstiffness = "-1 N/m"': "'-1 N/m': expected more",
     '[[spring]]\nfirst = { body = "base" }\nsecond = { body = "AC" }\nstiffness = "1 N/m"\n'
