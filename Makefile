@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
-.PHONY: demo test lint types bench lock clean
+.PHONY: demo test lint types bench study lock clean
 
 demo: $(READY)
 	$(BIN)/python -m demo
@@ -22,6 +22,9 @@ types: $(READY)
 bench: $(READY)
 	$(BIN)/python -m benchmarks $(BENCH)
 
+study: $(READY)
+	$(BIN)/python -m studies $(STUDY)
+
 $(READY): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit("counterpoise needs Python 3.11 or newer, this is %d.%d: make PYTHON=python3.12" % sys.version_info[:2] if sys.version_info < (3, 11) else 0)'
 	$(PYTHON) -m venv $(VENV)
@@ -35,4 +38,4 @@ lock:
 	  --fork-strategy fewest --group dev pyproject.toml -o requirements.lock
 
 clean:
-	rm -rf $(VENV) build dist demo-output .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) build dist demo-output study-output .pytest_cache .mypy_cache .ruff_cache

@@ -14,7 +14,6 @@ BENCHMARKS = {
     "spectra": ("power spectral density of a long channel against scipy.signal.welch", ["--samples", "2000000",
                 "--rounds", "3"]),
     "analysis": ("a campaign analysed against scipy on whole channels", ["--runs", "6", "--rounds", "2"]),
-    "effects": ("figures without a peer: what each effect of the deep rig does to a reduction", ["--brief"]),
     "mdf": ("MDF 4 into HDF5 against asammdf, by peak memory", ["--mb", "40", "--rounds", "1"]),
 }  # fmt: skip
 """Module of each benchmark, what it measures, and the options of a brief run."""

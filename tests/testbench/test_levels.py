@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
+from studies import simulated_runs as memory
 from testbench.levels import definitions, levels, of_runs
 from testbench.runs.si_run import SIRun
 from testbench.store import open_campaign
 from testbench.vibration import METRICS, Measure
-
-from . import memory
 
 
 @pytest.fixture(scope="module")

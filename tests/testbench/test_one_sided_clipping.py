@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from studies import simulated_runs as memory
 from testbench.findings import Finding
 from testbench.reductions import analyze
 from testbench.vibration import Measure
-
-from . import memory
 
 TOP = 0.6
 """At which share of its largest value the channel clips."""

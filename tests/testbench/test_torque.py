@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from balance.loading.loading import load_mechanism
+from studies import simulated_runs as memory
 from testbench.errors import AnalysisError
 from testbench.runs.aligned_run import AlignedRun
 from testbench.runs.si_run import SIRun
 from testbench.torque import against_model
-
-from . import memory
 
 MECHANISM = load_mechanism("parallelogram-6bar")
 

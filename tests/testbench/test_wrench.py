@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from balance import datasets
+from studies import simulated_runs as memory
 from testbench import rig as rigs
 from testbench.errors import AnalysisError, RigError
 from testbench.runs.si_run import SIRun
 from testbench.wrench import COMPONENTS, shaking_wrench, without_preload
-
-from . import memory
 
 TEXT = datasets.find("parallelogram-6bar", "rigs", ".toml").read_text("utf-8")
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from studies import simulated_runs as memory
 from testbench.amplitudes.amplitude import Amplitude
 from testbench.amplitudes.condition import unlike_in_length
 from testbench.checks.clipping import flat_tops, is_dead, stuck_value
@@ -12,8 +13,6 @@ from testbench.errors import AnalysisError
 from testbench.pairing import Key, Pair
 from testbench.reductions import analyze
 from testbench.vibration import Measure
-
-from .. import memory
 
 RATE = 5000.0
 

@@ -7,6 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+from studies import simulated_runs as memory
+from studies.simulated_runs import stored
 from testbench import plan as plans
 from testbench.bench import recorded
 from testbench.reductions import analyze
@@ -15,8 +17,6 @@ from testbench.signals import Band
 from testbench.store import open_campaign
 from testbench.vibration import METRICS, Measure
 
-from .. import memory
-from ..clocks.benches import stored
 from ..conftest import simulated
 from ..coverage import assert_holds
 

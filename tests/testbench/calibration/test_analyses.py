@@ -9,6 +9,7 @@ import pytest
 from balance import datasets
 from balance.loading.loading import load_mechanism
 from balance.quantities import G0
+from studies import simulated_runs as memory
 from testbench import rig as rigs
 from testbench.calibration.document import Calibration
 from testbench.cli.analyze import analyze
@@ -20,8 +21,6 @@ from testbench.runs.si_run import SIRun
 from testbench.store import open_campaign
 from testbench.vibration import base_accelerations
 from testbench.wrench import shaking_wrench
-
-from .. import memory
 
 
 @pytest.fixture

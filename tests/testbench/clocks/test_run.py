@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 
 from balance import datasets
+from studies import simulated_runs as memory
+from studies.clocks import CASES, REFERENCE, aligned, tally
+from studies.clocks import truth as true_instant
 from testbench import rig as rigs
 from testbench.clocks.correlation import by_correlation
 from testbench.clocks.mapping import ClockMap
@@ -12,10 +15,7 @@ from testbench.errors import AnalysisError
 from testbench.motion.joint_motion import loaded, mechanism_of
 from testbench.runs.si_run import SIRun
 
-from .. import memory
 from ..coverage import assert_holds
-from .benches import CASES, REFERENCE, aligned, tally
-from .benches import truth as true_instant
 
 
 @pytest.fixture(scope="module")
@@ -123,10 +123,10 @@ def test_maps_are_stored_and_restored():
 def test_intervals_hold_on_other_benches(case):
     """What the model lacks of a softer bench, or of one with modes and inexact sensors, is in the intervals.
 
-    ``benches.py`` is the study of which this is the brief version.
+    ``studies.clocks`` is the study of which this is the brief version.
     """
     found = tally(CASES[case], range(5)).values()
-    assert_holds(sum(t.held for t in found), sum(t.count for t in found))
+    assert_holds(sum(t.hits for t in found), sum(t.count for t in found))
 
 
 def test_a_gap_is_left_out():

@@ -5,9 +5,8 @@ import pytest
 
 from balance.dynamics.moving_base import displacement_at
 from balance.mechanism import Mechanism
+from studies import simulated_runs as memory
 from testbench.motion import base_motion
-
-from .. import memory
 
 
 def test_the_base_is_not_seen():

@@ -5,13 +5,12 @@ import pytest
 
 from balance import datasets
 from balance.loading.loading import load_mechanism
+from studies import simulated_runs as memory
 from testbench import rig as rigs
 from testbench.motion.legs import Leg, legs_of_acceleration
 from testbench.motion.motions import found, named
 from testbench.runs.aligned_run import AlignedRun
 from testbench.runs.si_run import SIRun
-
-from .. import memory
 
 MECHANISM = load_mechanism("parallelogram-6bar")
 

@@ -1,67 +1,42 @@
 """Damaged files of every format: a recording or a clear error, and never a crash, a hang, or memory without end.
 
-``COUNTERPOISE_FUZZ`` sets how many damaged copies of each example are read; ``fuzz.py`` beside is the long campaign.
+``COUNTERPOISE_FUZZ`` sets how many damaged copies of each example are read; the long
+campaign is ``studies.reader_faults``.
 """
 
 import os
-import time
 import tracemalloc
-import warnings
 
 import pytest
 
 from balance.errors import CounterpoiseError
-from testbench.checks import RecordingCheck
-from testbench.findings import MEANING, Severity
+from studies.reader_faults import failures, read_or_refused
+from testbench.findings import Severity
 from testbench.readers import open_recording
 
-from . import damage, examples, reading
+from . import examples, reading
 
 CASES = int(os.environ.get("COUNTERPOISE_FUZZ", "48"))
-LONGEST_S = 20.0
 MOST_BYTES = 400 << 20
 REAL = ["01_loadcell_wagon55.tdms", "02_hammer_short_decimal_comma.lvm", "06_canmod_imu_60FEB5A8.mf4",
         "07_ema_case1.mat", "13_cortex_walk1.forces"]  # fmt: skip
 
 
-def _read(path):
-    """Read it to its end as ``info`` does; what is found must be known."""
-    began = time.monotonic()
-    try:
-        recording = open_recording(path)
-        check, findings = RecordingCheck(recording), list(recording.findings)
-        for block in recording.blocks(findings.append):
-            check.update(block)
-        findings += check.findings()
-        assert {finding.code for finding in findings} <= set(MEANING)
-    except CounterpoiseError as error:
-        if not str(error).startswith((path.name, "reading ", str(path))):
-            raise
-    assert time.monotonic() - began < LONGEST_S
-
-
-def _all_of(path, count, seed):
-    whole = path.read_bytes()
-    for i, content in enumerate(damage.copies(whole, count, seed)):
-        path.write_bytes(content)
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            try:
-                _read(path)
-            except Exception as error:
-                raise AssertionError(f"copy {i} of {path.name}, seed {seed}: {error!r}") from error
+def assert_read_or_refused(path, count, seed):
+    """Each damaged copy of a file is read to its end or refused."""
+    assert failures(path, path.read_bytes(), count, seed) == []
 
 
 @pytest.mark.parametrize("name", examples.IN_PROCESS)
 def test_damaged_files_are_read_or_refused(tmp_path, name):
     """Cut, flipped, spliced, zeroed, repeated, with the largest numbers: only clear errors."""
-    _all_of(examples.make(tmp_path, name), CASES, seed=1)
+    assert_read_or_refused(examples.make(tmp_path, name), CASES, seed=1)
 
 
 @pytest.mark.parametrize("name", examples.ISOLATED)
 def test_damaged_files_are_read_or_refused_in_a_process_of_their_own(tmp_path, name):
     """The same through libraries that may crash."""
-    _all_of(examples.make(tmp_path, name), max(6, CASES // 10), seed=2)
+    assert_read_or_refused(examples.make(tmp_path, name), max(6, CASES // 10), seed=2)
 
 
 @pytest.mark.recordings
@@ -70,7 +45,7 @@ def test_damaged_public_recordings_are_read_or_refused(tmp_path, name):
     """What real loggers wrote, damaged."""
     path = tmp_path / name
     path.write_bytes(reading.real(name).read_bytes())
-    _all_of(path, max(6, CASES // 10), seed=3)
+    assert_read_or_refused(path, max(6, CASES // 10), seed=3)
 
 
 _GROWS = {"run.csv", "times.csv", "run.c3d"}
@@ -108,7 +83,7 @@ def test_memory_stays_bounded(tmp_path, name):
     try:
         for i in range(0, min(len(whole), 400), 16):
             path.write_bytes(whole[:i] + b"\xff\xff\xff\x7f" + whole[i + 4 :])
-            _read(path)
+            read_or_refused(path)
         assert tracemalloc.get_traced_memory()[1] < MOST_BYTES
     finally:
         tracemalloc.stop()

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from balance import datasets
+from studies import simulated_runs as memory
 from testbench import rig as rigs
 from testbench.bench.sensors import base_acceleration
 from testbench.report import report
 from testbench.runs.si_run import SIRun
 from testbench.store import open_campaign
-
-from .. import memory
 
 TEXT = datasets.find("parallelogram-6bar", "rigs", ".toml").read_text("utf-8")
 PARTS = ("motions", "command", "vibration", "modes", "response", "wrench", "torque")

@@ -5,11 +5,11 @@ import json
 import pytest
 from click.testing import CliRunner
 
+from studies import simulated_runs as memory
 from testbench.cli.report import report as command
 from testbench.report import report
 from testbench.runs.si_run import SIRun
 
-from .. import memory
 from ..cli.gapped import without_rows
 
 

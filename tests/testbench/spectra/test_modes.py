@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from studies import simulated_runs as memory
 from testbench.errors import AnalysisError
 from testbench.runs.si_run import SIRun
 from testbench.signals import Band
 from testbench.spectra.modes import modes, strongest
-
-from .. import memory
 
 RATE = 1000.0
 

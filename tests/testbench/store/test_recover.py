@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 
+from studies import store_faults as faults
 from testbench.cli.recover import recover as command
 from testbench.errors import StoreError
 from testbench.ingest import Ingest
@@ -17,8 +18,6 @@ from testbench.store import digest, groups, open_campaign, open_run, placing
 from testbench.store.archive import archive
 from testbench.store.journal import JournalWriter
 from testbench.store.writer import RunWriter
-
-from . import faults
 
 INTENT = {
     "origin": "simulated", "conditions": {"payload_kg": 5.0}, "rig": "a = 1\n",

@@ -9,6 +9,7 @@ import sys
 import numpy as np
 import pytest
 
+from studies import store_faults as faults
 from testbench.errors import StoreError
 from testbench.export import export
 from testbench.export.target import TARGETS
@@ -17,8 +18,6 @@ from testbench.ingest.runsheet import plan
 from testbench.recovery import recover
 from testbench.store import open_campaign
 from testbench.store.archive import archive
-
-from . import faults
 
 TWO = [sys.executable, "-c", "from testbench.cli import main; main()", "ingest"]
 LIMITED = """

@@ -8,10 +8,9 @@ from balance.closure import Closure
 from balance.dynamics.inverse_dynamics import simulate
 from balance.mechanism import Mechanism
 from balance.motion import Samples
+from studies.simulated_runs import MemoryRun
 from testbench.recording import Channel, UniformClock
 from testbench.store.run import StoredGroup
-
-from ..memory import MemoryRun
 
 RATE = 1000.0
 START = 0.213

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from balance.loading.loading import load_mechanism
+from studies import simulated_runs as memory
+from studies.trim import BENCHES, campaign
 from testbench import rig as rigs
 from testbench.rig.scatter import scatter
 from testbench.trim import calibration, trim_runs
 from testbench.trim.document import document
-
-from .. import memory
-from . import study
 
 MISSING = 0.0308090
 
@@ -24,7 +23,7 @@ def manipulator():
 @pytest.fixture(scope="module")
 def deep():
     """Runs of three motions on the bench whose sensors have faults."""
-    return [scene.run(k) for k, scene in enumerate(study.campaigns(memory, "wrench", study.bench("deep")))]
+    return [scene.run(k) for k, scene in enumerate(campaign("wrench", BENCHES["deep"]))]
 
 
 def test_the_deep_bench(manipulator, deep):

@@ -7,14 +7,13 @@ import pytest
 
 from balance import conditions
 from balance.loading.loading import load_mechanism
+from studies import simulated_runs as memory
 from testbench.errors import AnalysisError
 from testbench.motion.derivatives import Grid
 from testbench.motion.gaps import Gaps
 from testbench.trim.case import Case
 from testbench.trim.sound import Sound
 from testbench.trim.trials import without_gaps
-
-from .. import memory
 
 GRID = Grid(0.0, 1e-3, 2000)
 

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from balance.loading.loading import load_mechanism
+from studies import simulated_runs as memory
+from studies.trim import BENCHES
 from testbench import rig as rigs
 from testbench.errors import AnalysisError
 from testbench.trim import trim_runs
 from testbench.trim.document import document
 from testbench.trim.figure import draw
 
-from .. import memory
 from ..coverage import assert_holds
-from . import study
 
 MISSING = 0.0308090
 MOTIONS = ("x", "y", "triangle")
@@ -81,7 +81,7 @@ def test_vibration_through_the_stated_base(manipulator, runs):
 
 def test_intervals_of_vibration_hold(manipulator):
     """Through the stated base, over seeds of noise and clocks, on another bench: as often as 95 % promises."""
-    scenes = [memory.scene(motion, rig=study.bench("other")) for motion in MOTIONS]
+    scenes = [memory.scene(motion, rig=BENCHES["other"]) for motion in MOTIONS]
     runs = [[scene.run(1000 * seed + k) for k, scene in enumerate(scenes)] for seed in range(4)]
     found = [trim_runs(one, manipulator, source="vibration").missing for one in runs]
     for arm in range(2):

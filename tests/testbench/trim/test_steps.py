@@ -9,13 +9,12 @@ from balance import conditions, trim
 from balance.closure import Closure
 from balance.loading.loading import load_mechanism
 from balance.motion import Samples
+from studies import simulated_runs as memory
 from testbench.motion.derivatives import rates
 from testbench.motion.joint_motion import encoders, loaded
 from testbench.trim.parts import records, shared
 from testbench.trim.steps import per_reading, step_covariance, wrench_slopes
 from testbench.trim.vibration import basis_of, part_of, shaken
-
-from .. import memory
 
 STEP = 4.8e-5
 """Of the encoders [rad]."""

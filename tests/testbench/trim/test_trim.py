@@ -8,11 +8,11 @@ import pytest
 from balance import stock
 from balance.errors import CounterpoiseError
 from balance.loading.loading import load_mechanism
+from studies import simulated_runs as memory
 from testbench import rig as rigs
 from testbench.errors import AnalysisError
 from testbench.trim import trim_runs
 
-from .. import memory
 from ..coverage import assert_holds
 from . import linkages
 

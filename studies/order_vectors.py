@@ -1,24 +1,22 @@
-"""Coverage of the intervals of ``testbench vectors``: how often 95 % intervals hold the truth of simulated rotors.
-
-    python -m benchmarks.order_vectors [--seeds 200]
+"""Coverage of the intervals of ``testbench vectors``: simulated rotors whose truth is known.
 
 Accelerations of one sensor with orders 1 to 3, noise, and a tone that does not turn with the rotor, timed by a sine or
-by short pulses. A count that is not 95 % by a binomial test at 0.1 % is marked; where the sampling keeps step with the
-speed only one that is below: the interval is a bound. Beside it the half width, of the least that noise alone would
-allow over the whole record. A finding says that the sampling keeps step.
+by short pulses. Where the sampling keeps step with the speed (a finding says so) the interval is a bound.
 """
 
-import argparse
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest
 
 from testbench.orders.tacho import steady_turns
 from testbench.orders.vectors import OrderVector, order_vector
 
+from .table import Row, covered
+
 SPEED, TRUTH = 50.0, 4.0 * np.exp(0.7j)
 """Turns a second; vector of the first order [m/s2]."""
-CASES = {
+CASES: dict[str, dict[str, Any]] = {
     "noise alone": {},
     "tone of 2 noises": {"tone": 0.8},
     "tone of 10 noises": {"tone": 4.0},
@@ -52,27 +50,17 @@ def run(
     return order_vector("A", "acceleration", signal, found, time, 1, 8)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Print counts; 1 where one is not 95 %."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.order_vectors")
-    parser.add_argument("--seeds", type=int, default=200)
-    seeds, failed = parser.parse_args(arguments).seeds, False
-    print(f"{'':24s} amplitude   phase   of   half width over the least")
+def study(count: int, brief: bool) -> Iterator[Row]:
+    """Coverage of amplitude and phase in each case; half widths over the least that noise alone allows."""
     for name, given in CASES.items():
-        found = [run(seed, **given) for seed in range(seeds)]
-        hits = [
-            sum(abs(abs(v.value) - abs(TRUTH)) < v.amplitude_within for v in found),
-            sum(abs(np.angle(v.value / TRUTH)) < v.phase_within for v in found),
-        ]
-        side = "less" if "in step" in name else "two-sided"
-        odd = min(binomtest(hit, seeds, 0.95, side).pvalue for hit in hits) < 1e-3
-        failed |= odd
+        found = [run(seed, **given) for seed in range(count)]
         samples = given.get("turns", 60) / given.get("speed", SPEED) * 2500.0
         least = 1.96 * given.get("noise", 0.4) * (2.0 / samples) ** 0.5
         width = np.median([v.amplitude_within for v in found]) / least
-        print(f"{name:24s} {hits[0]:9d} {hits[1]:7d} {seeds:4d}   {width:.2f}{'   not 95 %' if odd else ''}")
-    return int(failed)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
+        hits = {
+            "amplitude": sum(abs(abs(v.value) - abs(TRUTH)) < v.amplitude_within for v in found),
+            "phase": sum(bool(abs(np.angle(v.value / TRUTH)) < v.phase_within) for v in found),
+        }
+        for quantity, number in hits.items():
+            note = f"half width over the least {width:.2f}" if quantity == "amplitude" else ""
+            yield covered(f"{name}, {quantity}", number, count, note, conservative="in step" in name)

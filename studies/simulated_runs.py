@@ -1,5 +1,6 @@
 """Runs of the simulated bench in memory: what ingest would have stored, without files, for many seeds."""
 
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from balance.loading.loading import load_mechanism
 from balance.quantities import G0
 from testbench import rig as rigs
 from testbench.bench.loggers import record
+from testbench.bench.recorded import SimulatedRun
 from testbench.bench.run import BenchRun, simulate_run
 from testbench.bench.sensors import signals
 from testbench.plan import PlannedRun
@@ -24,7 +26,7 @@ BUILT = {"counter_A0A": 17.1105, "counter_B0B": 17.1105}
 class MemoryRun(Run):
     """A run whose data are in memory, by path."""
 
-    def channels_at(self, places):
+    def channels_at(self, places: Sequence[tuple[StoredGroup, int]]) -> list[np.ndarray]:
         """Values by group and index."""
         return [self.provenance["data"][f"{group.path}/{group.keys[index]}"] for group, index in places]
 
@@ -43,13 +45,13 @@ class Scene:
         rng = np.random.default_rng([seed, 77])
         return {n: {"start": -rng.uniform(0.1, 0.3), "drift_ppm": rng.uniform(-50, 50)} for n in self.rig.loggers}
 
-    def run(self, seed: int) -> MemoryRun:
-        """One recording: clocks and noise of this seed."""
+    def run(self, seed: int, loggers: Collection[str] | None = None) -> MemoryRun:
+        """One recording, clocks and noise of this seed, by all loggers or those named."""
         data, groups = {}, []
         for number, (name, logger) in enumerate(self.rig.loggers.items()):
             drawn = logger.model_copy(update=self.starts(seed)[name])
             columns = list(self.rig.columns(name))
-            if not columns:
+            if not columns or (loggers is not None and name not in loggers):
                 continue
             log = record(drawn, columns, self.bench.time, self.seen, (seed, number))
             for column in columns:
@@ -63,15 +65,26 @@ class Scene:
         return MemoryRun(path, tuple(groups), "simulated", conditions, self.rig.text, (), {"data": data})
 
 
-def planned_run(motion: str, masses=BUILT, acceleration_g: float = 3.0, payload: float = 3.4116) -> PlannedRun:
+def edited_rig(edits: Mapping[str, str], name: str = MANIPULATOR) -> Rig:
+    """A shipped rig with other words in its text; each word must be there."""
+    text = rigs.load(name).text
+    for old, new in edits.items():
+        assert old in text, old
+        text = text.replace(old, new)
+    return rigs.from_text(text)
+
+
+def planned_run(
+    motion: str, masses: Mapping[str, float] = BUILT, acceleration_g: float = 3.0, payload: float = 3.4116
+) -> PlannedRun:
     """A run of the manipulator."""
     return PlannedRun("memory", payload, dict(masses), motion, acceleration_g * G0, 1)
 
 
-def stored(rig: Rig, planned: PlannedRun, logs, path: str) -> MemoryRun:
+def stored(made: SimulatedRun, rig: Rig, path: str = "memory.h5") -> MemoryRun:
     """What ingest would have stored of a run's logs."""
     data, groups = {}, []
-    for name, log in logs.items():
+    for name, log in made.logs.items():
         logger, columns = rig.loggers[name], {c.channel: c.unit for c in rig.columns(name)}
         data |= {f"{name}/{c}": np.round(log.columns[c], logger.decimals) for c in columns}
         data[f"{name}/Time"] = log.time
@@ -79,11 +92,16 @@ def stored(rig: Rig, planned: PlannedRun, logs, path: str) -> MemoryRun:
         channels = (Channel("Time", "s"), *(Channel(c, unit) for c, unit in columns.items()))
         keys = ("Time", *columns)
         groups.append(StoredGroup(name, channels, clock, len(log.time), logger.rate, "declared", name, keys))
-    return MemoryRun(Path(path), tuple(groups), "simulated", dict(planned.conditions), rig.text, (), {"data": data})
+    conditions = dict(made.planned.conditions)
+    return MemoryRun(Path(path), tuple(groups), "simulated", conditions, rig.text, (), {"data": data})
 
 
 def scene(
-    motion: str, acceleration_g: float = 3.0, masses=BUILT, payload: float = 3.4116, rig: Rig | None = None
+    motion: str,
+    acceleration_g: float = 3.0,
+    masses: Mapping[str, float] = BUILT,
+    payload: float = 3.4116,
+    rig: Rig | None = None,
 ) -> Scene:
     """The manipulator on its bench."""
     rig = rig or rigs.load(MANIPULATOR)

@@ -1,13 +1,10 @@
 """What each effect of the deep rig does to the base's acceleration and to its reduction, one at a time and together.
 
-    python -m benchmarks.effects [--brief]
-
 Simulated without noise of sensors; 5 kg at 3 g0 with the built counter-masses and without; half of peak to peak, all
 frequencies, at the base accelerometer of the rig.
 """
 
-import argparse
-import time
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -20,10 +17,14 @@ from testbench.bench.sensors import base_acceleration
 from testbench.plan import PlannedRun
 from testbench.rig import Rig
 
+from .table import Row
+
 PLAIN, DEEP = rigs.load("parallelogram-6bar"), rigs.load("parallelogram-6bar-deep")
 MECHANISM = load_mechanism(PLAIN.mechanism)
 BUILT = {"counter_A0A": 24.2626, "counter_B0B": 24.2626}
 EFFECTS = ("coupling", "planes", "rotors", "weight", "floor", "roughness", "modes")
+STILL = 1e-6
+"""Amplitude below which symmetry keeps an axis still: there is no reduction [m/s2]."""
 
 
 def with_effects(names: tuple[str, ...]) -> Rig:
@@ -40,26 +41,13 @@ def amplitudes(rig: Rig, masses: dict[str, float], motion: str) -> np.ndarray:
     return np.array([np.ptp(seen[axis]) / 2.0 for axis in "xyz"])
 
 
-def main() -> None:
-    """Print a table; ``--brief``: along x alone, plain and with all effects."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--brief", action="store_true", help="along x alone, plain and with all effects")
-    brief = parser.parse_args().brief
-    print(f"{'':10} {'':6} {'without [m/s2]':>24} {'with [m/s2]':>24} {'fell by [%]':>21}   time")
+def study(count: int, brief: bool) -> Iterator[Row]:
+    """Reductions by effect, motion and axis; briefly along x alone, plain and with all effects."""
     for names in ((), EFFECTS) if brief else ((), *((name,) for name in EFFECTS), EFFECTS):
-        rig = with_effects(names)
+        label = {(): "plain", EFFECTS: "all"}.get(names) or names[0]
         for motion in "x" if brief else "xy":
-            start = time.perf_counter()
-            without, built = amplitudes(rig, {}, motion), amplitudes(rig, BUILT, motion)
-            took = (time.perf_counter() - start) / 2.0
-            cells = [" ".join(f"{v:7.4f}" for v in values) for values in (without, built)]
-            # an axis that symmetry keeps still has no reduction
-            fell = " ".join(
-                f"{100 * (1 - b / a):6.1f}" if a > 1e-6 else "     -" for a, b in zip(without, built, strict=True)
-            )
-            label = {(): "plain", EFFECTS: "all"}.get(names, names[0] if names else "")
-            print(f"{label:10} {motion:6} {cells[0]:>24} {cells[1]:>24} {fell:>21}   {took:.2f} s")
-
-
-if __name__ == "__main__":
-    main()
+            without, built = (amplitudes(with_effects(names), masses, motion) for masses in ({}, BUILT))
+            for axis, bare, balanced in zip("xyz", without.tolist(), built.tolist(), strict=True):
+                if bare > STILL:
+                    note = f"{balanced:.4f} of {bare:.4f} m/s2"
+                    yield Row(f"{label}, motion {motion}, along {axis}", 100 * (1 - balanced / bare), "%", note=note)

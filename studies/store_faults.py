@@ -1,6 +1,5 @@
-"""Kills an ingest at random moments, flips bits and cuts files; by hand: python tests/testbench/store/faults.py."""
+"""Ingests and archives killed at random moments, bits of stored runs flipped, their files cut."""
 
-import argparse
 import contextlib
 import io
 import random
@@ -8,6 +7,8 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +17,14 @@ from testbench.cli.recover import recover
 from testbench.errors import StoreError
 from testbench.store import archive, digest, open_campaign, open_run
 
+from .table import Row, all_of
+
 ROWS = 400_000
 CHILD = """
 import sys
 import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from testbench.store import groups, journal
 groups.CHUNK, groups.GATHERED = 4096, 8192
@@ -53,7 +58,7 @@ print("end", archive.archive(run, Path(sys.argv[2])).status, flush=True)
 """An archive of one run."""
 
 
-def write_log(path, rows=ROWS):
+def write_log(path: Path, rows: int = ROWS) -> list[np.ndarray]:
     """A log of time and two channels; returns what it holds."""
     columns = [np.arange(rows) / 5000.0, *np.round(np.random.default_rng(5).normal(size=(2, rows)), 4)]
     lines = "".join(f"{t:.4f},{x:.4f},{y:.4f}\n" for t, x, y in zip(*columns, strict=True))
@@ -61,14 +66,14 @@ def write_log(path, rows=ROWS):
     return columns
 
 
-def start(log, campaign, code=CHILD):
+def start(log: Path, campaign: Path, code: str = CHILD) -> subprocess.Popen[str]:
     """An ingest, or an archive, in a process of its own, about to begin."""
     child = subprocess.Popen([sys.executable, "-c", code, str(log), str(campaign)], stdout=subprocess.PIPE, text=True)
     assert child.stdout.readline() == "ready\n"
     return child
 
 
-def duration(log, folder, code=CHILD):
+def duration(log: Path, folder: Path, code: str = CHILD) -> float:
     """How long it takes where nobody kills it [s]."""
     child = start(log, folder, code)
     begin = time.perf_counter()
@@ -76,7 +81,7 @@ def duration(log, folder, code=CHILD):
     return time.perf_counter() - begin
 
 
-def kill(log, campaign, chance, whole):
+def kill(log: Path, campaign: Path, chance: random.Random, whole: float) -> int:
     """Kill an ingest at a random moment, half of them amid its data; returns how many samples it had acknowledged."""
     child = start(log, campaign)
     lines = []
@@ -92,7 +97,7 @@ def kill(log, campaign, chance, whole):
     return sum(int(line) for line in lines if line.strip().isdigit())
 
 
-def recovered(campaign, acknowledged, columns):
+def recovered(campaign: Path, acknowledged: int, columns: Sequence[np.ndarray]) -> int:
     """Recover, and check that all that was acknowledged is there, to the bit, in a file that is whole.
 
     Returns the exit code of ``testbench recover``.
@@ -114,7 +119,7 @@ def recovered(campaign, acknowledged, columns):
     return code
 
 
-def kill_archive(run, folder, chance, whole):
+def kill_archive(run: Path, folder: Path, chance: random.Random, whole: float) -> int:
     """Kill an archive at a random moment; returns what ``testbench recover`` makes of it, and archives again.
 
     The run stays as it was, no half file has a final name, and the archive then holds every bit.
@@ -133,24 +138,24 @@ def kill_archive(run, folder, chance, whole):
     return code
 
 
-def flipped(run, random_numbers):
+def flipped(run: Path, chance: random.Random) -> bool:
     """Flip one bit of a run or its digest; whether verify names the run, and then flip it back."""
     sizes = {path: path.stat().st_size for path in (run, digest.beside(run))}
-    at = random_numbers.randrange(sum(sizes.values()) + 2000)
+    at = chance.randrange(sum(sizes.values()) + 2000)
     path = run if at < sizes[run] else digest.beside(run)
     whole = path.read_bytes()
     place = at if path == run else at % len(whole)
-    bit = 1 << random_numbers.randrange(8)
+    bit = 1 << chance.randrange(8)
     path.write_bytes(whole[:place] + bytes([whole[place] ^ bit]) + whole[place + 1 :])
     found = [state.status for state in open_campaign(run.parent).verify()]
     path.write_bytes(whole)
     return found == ["damaged"]
 
 
-def cut(run, random_numbers):
+def cut(run: Path, chance: random.Random) -> bool:
     """Cut a run at a random byte; whether verify says so, and no more samples than there are are read from it."""
     whole = run.read_bytes()
-    run.write_bytes(whole[: random_numbers.randrange(len(whole))])
+    run.write_bytes(whole[: chance.randrange(len(whole))])
     damaged = [state.status for state in open_campaign(run.parent).verify()] == ["damaged"]
     try:
         opened = open_run(run)
@@ -162,44 +167,46 @@ def cut(run, random_numbers):
     return damaged and not silent
 
 
-def main():
-    """The counts of a long run."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--kills", type=int, default=300)
-    parser.add_argument("--flips", type=int, default=1000)
-    parser.add_argument("--cuts", type=int, default=1000)
-    parser.add_argument("--archive-kills", type=int, default=100)
-    parser.add_argument("--seed", type=int, default=1)
-    given = parser.parse_args()
-    chance = random.Random(given.seed)
+def study(count: int, brief: bool) -> Iterator[Row]:
+    """``count`` ingests and a third as many archives killed; three times as many bits flipped, and files cut."""
+    chance = random.Random(1)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        columns = write_log(folder / "log.csv")
+        columns = write_log(folder / "log.csv", ROWS // 4 if brief else ROWS)
         whole = duration(folder / "log.csv", folder / "whole")
-        codes = []
-        for number in range(given.kills):
-            campaign = folder / f"c{number}"
-            acknowledged = kill(folder / "log.csv", campaign, chance, whole)
-            campaign.mkdir(exist_ok=True)
-            codes.append(recovered(campaign, acknowledged, columns))
-            if sys.stderr.isatty() or number % 50 == 49:
-                print(f"{number + 1} kills", file=sys.stderr)  # noqa: T201
-        print(f"kills: {given.kills}, all acknowledged samples there; exit codes "  # noqa: T201
-              + ", ".join(f"{code}: {codes.count(code)}" for code in sorted(set(codes))))  # fmt: skip
+        kills = (partial(_ingest_killed, folder, f"c{n}", columns, chance, whole) for n in range(count))
+        yield _tried("ingests killed: every acknowledged sample recovered to the bit", kills)
         (run,) = open_campaign(folder / "whole").run_paths
         whole = duration(run, folder / "a", ARCHIVING)
-        codes = [kill_archive(run, folder / f"a{n}", chance, whole) for n in range(given.archive_kills)]
-        print(f"archives killed: {len(codes)}, all made again; exit codes of recover "  # noqa: T201
-              + ", ".join(f"{code}: {codes.count(code)}" for code in sorted(set(codes))))  # fmt: skip
+        kills = (partial(kill_archive, run, folder / f"a{n}", chance, whole) for n in range(-(-count // 3)))
+        yield _tried("archives killed: the run intact, the archive made again to the bit", kills)
         write_log(folder / "small.csv", 5000)
         start(folder / "small.csv", folder / "small").wait()
         stored = folder / "small" / "small.h5"
         small = archive.archive(open_run(stored), folder / "archive").file
-        for kind, run in (("run", stored), ("archive", small)):
-            flips, cuts = ([test(run, chance) for _ in range(n)]
-                           for test, n in ((flipped, given.flips), (cut, given.cuts)))  # fmt: skip
-            print(f"{kind}: flips found: {sum(flips)} of {len(flips)}; cuts found: {sum(cuts)} of {len(cuts)}")  # noqa: T201
+        for kind, file in (("run", stored), ("archive", small)):
+            for what, trial in (("bits flipped", flipped), ("cuts", cut)):
+                found = sum(trial(file, chance) for _ in range(3 * count))
+                yield all_of(f"{kind}, {what}: found by verify", found, 3 * count)
 
 
-if __name__ == "__main__":
-    main()
+def _ingest_killed(
+    folder: Path, name: str, columns: Sequence[np.ndarray], chance: random.Random, whole: float
+) -> int:  # fmt: skip
+    acknowledged = kill(folder / "log.csv", folder / name, chance, whole)
+    (folder / name).mkdir(exist_ok=True)
+    return recovered(folder / name, acknowledged, columns)
+
+
+def _tried(quantity: str, kills: Iterable[Callable[[], int]]) -> Row:
+    """How many went as they must; a note with the exit codes of recover, and with what failed."""
+    codes: list[int] = []
+    failures: list[str] = []
+    for one in kills:
+        try:
+            codes.append(one())
+        except AssertionError as error:
+            failures.append(str(error))
+    counts = ", ".join(f"{code}: {codes.count(code)}" for code in sorted(set(codes)))
+    note = "; ".join([f"exit codes of recover {counts}", *failures[:3]])
+    return all_of(quantity, len(codes), len(codes) + len(failures), note)

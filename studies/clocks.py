@@ -1,15 +1,12 @@
-"""Clocks of simulated benches with known truth: does a 95 % interval hold an instant's true time 95 times in 100?
+"""Coverage of the intervals of ``testbench align``: simulated benches whose clocks are known.
 
-As a script the whole study: ``python tests/testbench/clocks/benches.py SEEDS [CASE...]``. Each seed is a campaign: its
-own sensors, clocks and noise, encoders mounted anywhere within a step, floor and drives where the rig has them, on the
-same motion of the same bench.
+Each seed is a campaign: its own sensors, clocks and noise, encoders mounted anywhere within a step, floor and drives
+where the rig has them, on the same motion of the same bench.
 """
 
-import sys
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
@@ -18,48 +15,27 @@ from balance.quantities import G0
 from testbench.bench.recorded import SimulatedRun, lead_s, record_run
 from testbench.bench.run import BenchRun, simulate_run
 from testbench.bench.transducers import Transducer, draw
-from testbench.clocks.mapping import ClockMap
 from testbench.clocks.run import RunClocks, align_run
 from testbench.motion.joint_motion import loaded
 from testbench.plan import PlannedRun
-from testbench.recording import Channel, TimeColumn, UniformClock
 from testbench.rig import Rig, load
-from testbench.rig import from_text as load_text
 from testbench.rig.sensors import Encoder
 from testbench.runs.si_run import SIRun
-from testbench.store.run import Run, StoredGroup
 
-try:
-    from ..coverage import Tally
-except ImportError:  # as a script
-    sys.path.insert(0, str(Path(__file__).parents[1]))
-    from coverage import Tally
+from .simulated_runs import edited_rig, stored
+from .table import Row, Tally, covered
 
 DEEP = load("parallelogram-6bar-deep")
 REFERENCE = "controller"
 
 
-def _soft() -> Rig:
-    """Other mounts, a coarser and slower accelerometer elsewhere, encoders of 15 bit."""
-    text = load("parallelogram-6bar").text
-    for old, new in {
-        'stiffness = ["250 kN/m", "400 kN/m", "250 kN/m"]': 'stiffness = ["90 kN/m", "150 kN/m", "120 kN/m"]',
-        'position = ["0.20 m", "-0.10 m", "0 m"]': 'position = ["-0.30 m", "0.25 m", "0.1 m"]',
-        'noise = "0.010 g"': 'noise = "0.020 g"',
-        'rate = "5 kHz"': 'rate = "2 kHz"',
-        'resolution = "4.8e-5 rad"': 'resolution = "1.9e-4 rad"',
-    }.items():
-        assert old in text, old
-        text = text.replace(old, new)
-    return load_text(text)
-
-
-class MemoryRun(Run):
-    """A run whose data are in memory, by path."""
-
-    def channels_at(self, places: Sequence[tuple[StoredGroup, int]]) -> list[np.ndarray]:
-        """Values by group and index."""
-        return [self.provenance["data"][f"{group.path}/{group.keys[index]}"] for group, index in places]
+SOFT = edited_rig({  # other mounts, a coarser and slower accelerometer elsewhere, encoders of 15 bit
+    'stiffness = ["250 kN/m", "400 kN/m", "250 kN/m"]': 'stiffness = ["90 kN/m", "150 kN/m", "120 kN/m"]',
+    'position = ["0.20 m", "-0.10 m", "0 m"]': 'position = ["-0.30 m", "0.25 m", "0.1 m"]',
+    'noise = "0.010 g"': 'noise = "0.020 g"',
+    'rate = "5 kHz"': 'rate = "2 kHz"',
+    'resolution = "4.8e-5 rad"': 'resolution = "1.9e-4 rad"',
+})  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -108,28 +84,12 @@ class Case:
 CASES = {
     "plain-x": Case(load("parallelogram-6bar"), 3.4116, 17.1105, "x", 3.0),
     "plain-y": Case(load("parallelogram-6bar"), 3.4116, 17.1105, "y", 3.0),
-    "soft-x": Case(_soft(), 5.0, 24.2626, "x", 2.0),
+    "soft-x": Case(SOFT, 5.0, 24.2626, "x", 2.0),
     "deep-x": Case(DEEP, 5.0, 24.2626, "x", 3.0),
     "deep-y": Case(DEEP, 5.0, 24.2626, "y", 3.0),
     "deep-x-without": Case(DEEP, 5.0, 0.0, "x", 3.0),
     "deep-y-without": Case(DEEP, 5.0, 0.0, "y", 3.0, drift=True),
 }
-
-
-def stored(made: SimulatedRun, rig: Rig) -> MemoryRun:
-    """What ingest would have stored of a run's logs."""
-    data: dict[str, np.ndarray] = {}
-    groups = []
-    for name, log in made.logs.items():
-        logger, columns = rig.loggers[name], {c.channel: c.unit for c in rig.columns(name)}
-        data |= {f"{name}/{c}": np.round(log.columns[c], logger.decimals) for c in columns}
-        data[f"{name}/Time"] = log.time
-        clock = UniformClock(logger.rate) if logger.clock == "uniform" else TimeColumn(0)
-        keys = ("Time", *columns)
-        channels = (Channel("Time", "s"), *(Channel(c, unit) for c, unit in columns.items()))
-        groups.append(StoredGroup(name, channels, clock, len(log.time), logger.rate, "declared", name, keys))
-    conditions = made.planned.conditions
-    return MemoryRun(Path("memory.h5"), tuple(groups), "simulated", conditions, rig.text, (), {"data": data})
 
 
 def aligned(case: Case, made: SimulatedRun) -> RunClocks:
@@ -147,20 +107,15 @@ def truth(made: SimulatedRun, group: str, own: float) -> float:
 
 @dataclass
 class ClockTally(Tally):
-    """And how far off the worst was."""
+    """And how far off the worst was, and how many clocks were refused."""
 
     refused: int = 0
     worst: float = 0.0
     """[s]"""
 
-    def add(self, clock: ClockMap, late: float) -> None:
-        """Count an interval at the middle of what both saw."""
-        self.hold(abs(late) <= clock.half_width(clock.at_own))
-        self.worst = max(self.worst, abs(late))
-
 
 def tally(case: Case, seeds: range) -> dict[str, ClockTally]:
-    """Of every logger over campaigns of several seeds."""
+    """Of every logger, an interval a seed at the middle of what it and the reference both saw."""
     found = {name: ClockTally() for name in case.rig.loggers if name != REFERENCE}
     for seed in seeds:
         made = case.recorded(seed)
@@ -170,17 +125,15 @@ def tally(case: Case, seeds: range) -> dict[str, ClockTally]:
                 sums.refused += 1
                 continue
             clock = clocks.map_of(group)
-            sums.add(clock, clock.at_reference - truth(made, group, clock.at_own))
+            late = abs(clock.at_reference - truth(made, group, clock.at_own))
+            sums.add(late <= clock.half_width(clock.at_own))
+            sums.worst = max(sums.worst, late)
     return found
 
 
-def main(words: list[str]) -> None:
-    """Print the coverage of every logger."""
-    for name in words[1:] or CASES:
-        for group, t in tally(CASES[name], range(int(words[0]))).items():
-            print(f"{name:15s} {group:7s} {t.held:4d} of {t.count}  p {t.pvalue:.4f}  refused {t.refused}  "  # noqa: T201
-                  f"worst {1e3 * t.worst:.3f} ms", flush=True)  # fmt: skip
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])
+def study(count: int, brief: bool) -> Iterator[Row]:
+    """Coverage of every logger's offset in every case; briefly in two cases."""
+    for name in ("plain-x", "deep-y") if brief else CASES:
+        for group, t in tally(CASES[name], range(count)).items():
+            note = f"worst {1e3 * t.worst:.3f} ms" + (f", {t.refused} refused" if t.refused else "")
+            yield covered(f"{name}, {group}", t.hits, t.count, note)

@@ -1,0 +1,1 @@
+"""Statistical and fault studies, run from a checkout by ``python -m studies``; no part of the installed packages."""
