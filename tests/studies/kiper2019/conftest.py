@@ -2,8 +2,8 @@
 
 import pytest
 
+from studies.kiper2019.model import cases
 from testbench import plan
-from testbench.publication.cases import cases
 from testbench.published import load
 
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from balance.quantities import G0
+from testbench.published import MOTION, PAYLOAD_KG, PEAK_G, ForceSlide
 
-from .cases import Cases
-from .slide import MOTION, PAYLOAD_KG, PEAK_G, ForceSlide
+from .model import Cases
 
 
 def reading(slide: ForceSlide, cases: Cases) -> "Reading | None":

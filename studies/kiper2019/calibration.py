@@ -1,19 +1,24 @@
-"""Every value of the parameters that the calibration leaves open, weighted by how well it fits: a grid, no chain.
+"""The parameters of the law, given published numbers: the best fit, and every value that they leave open.
 
-Beforehand every value between a parameter's bounds is equally likely. Given what is common to all axes and the
-scatter, the axes are independent: their couples are summed out one by one.
+Least squares from several starts gives the best fit. Marginalisation weighs every value by how well it fits, on a grid,
+no chain: beforehand every value between a parameter's bounds is equally likely; given what is common to all axes and
+the scatter, the axes are independent, and their couples are summed out one by one.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from balance.arrays import Floats
+from testbench.errors import AnalysisError
 
-from .cases import AXES, Cases
-from .model import COMMON, NAMES, PARAMETERS, SCATTER, felt, percent, reductions
+from .model import AXES, COMMON, NAMES, PARAMETERS, SCATTER, Cases, felt, percent, reductions
 
+STARTS = 12
+_SAME = 1e-3
+"""Share of the smallest sum of squares by which other starts may end above it and count as ended alike."""
 CELLS = (20, 14, 14)
 """Cells of the grid along the common parameters; zoomed once onto where the weight lies."""
 COUPLES = 30
@@ -23,6 +28,51 @@ LEVEL = 0.95
 _SEED = 20191120
 _NEGLIGIBLE = 1e-4
 """Share of the largest marginal weight below which a cell at the grid's end is cut off when zooming."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The best fit, and where the starts ended."""
+
+    names: tuple[str, ...]
+    """Of the free parameters; the others are zero."""
+    values: Floats
+    """(k,), in the parameters' units."""
+    errors: Floats
+    """Fitted - printed, (n,) [percentage points]."""
+    starts: int
+    alike: int
+    """Starts that ended at the same sum of squares."""
+    ranges: Floats
+    """Smallest and largest value of each parameter among those, (k, 2): wide where the numbers leave it open."""
+
+    def predict(self, cases: Cases) -> Floats:
+        """Reductions [%], (n,)."""
+        return reductions(dict(zip(self.names, self.values, strict=True)), cases)
+
+
+def fit(cases: Cases, names: Sequence[str] = NAMES, starts: int = STARTS) -> Fit:
+    """Fit the named parameters within their bounds. Raises AnalysisError if no start converges."""
+    from scipy.optimize import least_squares
+
+    free = [p for p in PARAMETERS if p.name in names]
+    low, high = (np.array([getattr(p, side) for p in free]) for side in ("low", "high"))
+
+    def residuals(share: Floats) -> Floats:
+        return reductions(dict(zip(order, low + share * (high - low), strict=True)), cases) - cases.printed
+
+    order = tuple(p.name for p in free)
+    rng = np.random.default_rng(_SEED)
+    ended = [
+        least_squares(residuals, start, bounds=(0.0, 1.0)) for start in rng.uniform(0.05, 0.95, (starts, len(free)))
+    ]
+    ended = [end for end in ended if end.success]
+    if not ended:
+        raise AnalysisError(f"none of {starts} starts of the calibration converged on {len(cases.printed)} numbers")
+    best = min(ended, key=lambda end: float(end.cost))
+    alike = np.array([end.x for end in ended if end.cost <= best.cost * (1.0 + _SAME)])
+    ranges = low[:, None] + np.stack([alike.min(axis=0), alike.max(axis=0)], axis=1) * (high - low)[:, None]
+    return Fit(order, low + best.x * (high - low), residuals(best.x), starts, len(alike), ranges)
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.publication import posterior
-from testbench.publication.calibration import fit
-from testbench.publication.model import PARAMETERS, SCATTER, reductions
-from testbench.publication.posterior import marginalise
+from studies.kiper2019 import calibration
+from studies.kiper2019.calibration import fit, marginalise
+from studies.kiper2019.model import PARAMETERS, SCATTER, reductions
 
 TRUTH = {"residual_mass": 1.2, "flexing": 0.012, "moment_weight": 1.1, "couple_share_x": 0.2, "couple_share_y": 0.3,
          "couple_share_z": 0.45}  # fmt: skip
@@ -54,7 +53,7 @@ def test_bounds_do_not_decide(training, printed, monkeypatch):
     """Doubling every bound moves no prediction by more than 3 points, and their mean by less than 1."""
     found = marginalise(training).predict(printed)[0]
     doubled = tuple(replace(p, high=2.0 * p.high) for p in PARAMETERS)
-    monkeypatch.setattr(posterior, "PARAMETERS", doubled)
+    monkeypatch.setattr(calibration, "PARAMETERS", doubled)
     wide = marginalise(training).predict(printed)[0]
     assert np.abs(wide - found).max() < 3.0
     assert abs(np.mean(wide - found)) < 1.0

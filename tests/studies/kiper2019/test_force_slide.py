@@ -2,9 +2,8 @@
 
 import pytest
 
-from testbench.publication.slide import ForceSlide
-from testbench.publication.slide_reading import reading
-from testbench.published import load
+from studies.kiper2019.force_slide import reading
+from testbench.published import ForceSlide, load
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,22 @@
+"""Published reductions of heavier payloads, predicted by a law of seven parameters from those of the lightest."""
+
+from collections.abc import Iterator
+
+from ..table import Row
+
+
+def study(count: int, brief: bool) -> Iterator[Row]:
+    """Mean absolute errors of the law and of the baselines; the law must be better than each, and not better than the
+    scatter of a published number, which would mean tuning.
+    """
+    from testbench import plan, published
+
+    from .validation import forecast
+
+    made = forecast(published.load("kiper2019"), plan.load("kiper2019"))
+    for score in made.scores:
+        low, high = (5.0, 9.0) if score is made.scores[0] else (None, None)
+        note = f"calibrated {score.calibrated_on:.2f}, each payload left out {score.left_out:.2f}"
+        yield Row(f"{score.name}, mean absolute error", score.held_out, "percentage points", low, high, note)
+    failing = ", ".join(f"{g.payload_kg:g} kg along {g.axis}" for g in made.groups if g.fails)
+    yield Row("numbers within their 95 % intervals", 100 * made.covered, "%", note=f"the law fails at {failing}")
