@@ -30,15 +30,15 @@ class Study:
 
 STUDIES = {
     "bench_effects": Study("what each effect of the deep bench does to a reduction", "campaigns", 1, 1),
-    "clocks": Study("intervals of `testbench align`", "seeds", 200, 2),
+    "clocks": Study("intervals of `testbench align`", "seeds", 200, 4),
     "encoder_speed": Study("intervals of `testbench speed`", "seeds", 200, 6),
     "identification": Study("intervals of `testbench identify`", "seeds", 50, 1),
     "kiper2019": Study("errors of `testbench predict kiper2019`", "tables", 1, 1),
     "order_vectors": Study("intervals of `testbench vectors`", "seeds", 200, 6),
     "reader_faults": Study("damaged files are read to their end or refused", "copies a file", 200, 4),
-    "reductions": Study("intervals of `testbench analyze`", "seeds", 200, 2),
+    "reductions": Study("intervals of `testbench analyze`", "seeds", 200, 3),
     "store_faults": Study("ingests killed, bits flipped, files cut", "kills", 300, 4),
-    "trim": Study("intervals of `testbench trim`", "seeds", 200, 2),
+    "trim": Study("intervals of `testbench trim`", "seeds", 200, 4),
 }
 """What each holds, what its count counts, and how many in a full and in a brief run."""
 

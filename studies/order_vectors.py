@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from testbench.orders.tacho import steady_turns
-from testbench.orders.vectors import OrderVector, order_vector
+from testbench.orders.vector import OrderVector
+from testbench.orders.vectors import order_vector
 
 from .table import Row, covered
 

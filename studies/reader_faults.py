@@ -74,7 +74,7 @@ def _damaged(path: Path, whole: bytes, count: int) -> Row:
 def _examples(folder: Path) -> Iterator[tuple[str, bytes]]:
     """The files that the tests of readers write, by other programs where there are some."""
     sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "testbench"))
-    from readers import examples
+    from readers import examples  # type: ignore[import-not-found]
 
     for name in examples.ALL:
         yield name, examples.make(folder, name).read_bytes()

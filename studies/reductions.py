@@ -23,7 +23,7 @@ from testbench.plan import PlannedRun
 from testbench.reductions import analyze
 from testbench.rig import Rig, load
 from testbench.signals import Band
-from testbench.vibration import METRICS, Measure
+from testbench.vibration import METRICS, Measure, Metric
 
 from .simulated_runs import Scene, edited_rig, scene
 from .table import Row, Tally, covered
@@ -113,9 +113,9 @@ class Condition:
 
     def truth(self, axis: str, measure: Measure) -> float:
         """The amplitude without noise [m/s2]."""
-        sensor = self.case.rig.sensors["base_acc"]
-        rate = self.case.rig.loggers[sensor.logger].rate
-        return measure.of(self.seen[sensor.channels[axis]], rate)
+        sensor = self.case.rig.base_accelerometers["base_acc"]
+        channel = next(c.channel for c in sensor.columns("base_acc") if c.component == axis)
+        return measure.of(self.seen[channel], self.case.rig.loggers[sensor.logger].rate)
 
 
 def conditions(case: Case) -> tuple[Condition, Condition]:
@@ -170,7 +170,7 @@ def ratio_of(judged: Sequence[list[Judged]]) -> Ratio:
     return Ratio(Side(balanced, scatter), Side(unbalanced, scatter))
 
 
-def campaigns(seeds: range, repeats: int, metric: str) -> dict[tuple[int, str], RatioTally]:
+def campaigns(seeds: range, repeats: int, metric: Metric) -> dict[tuple[int, str], RatioTally]:
     """By condition and axis, over whole campaigns; reductions without an interval are not counted."""
     measure = Measure(metric)
     scenes = {
@@ -199,5 +199,5 @@ def _amplitudes(one: Scene, measure: Measure) -> dict[str, float]:
     """Amplitude at the base accelerometer without noise, by axis [m/s2]."""
     logger, time = one.rig.loggers["daq"], one.bench.time
     true = instants(logger, float(time[-1]))[1]
-    seen = base_acceleration(one.rig.sensors["base_acc"], one.bench)
+    seen = base_acceleration(one.rig.base_accelerometers["base_acc"], one.bench)
     return {axis: measure.of(np.interp(true, time, seen[axis]), logger.rate) for axis in "xyz"}

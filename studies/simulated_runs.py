@@ -9,7 +9,7 @@ import numpy as np
 from balance.loading.loading import load_mechanism
 from balance.quantities import G0
 from testbench import rig as rigs
-from testbench.bench.loggers import record
+from testbench.bench.loggers import Log, record
 from testbench.bench.recorded import SimulatedRun
 from testbench.bench.run import BenchRun, simulate_run
 from testbench.bench.sensors import signals
@@ -47,22 +47,14 @@ class Scene:
 
     def run(self, seed: int, loggers: Collection[str] | None = None) -> MemoryRun:
         """One recording, clocks and noise of this seed, by all loggers or those named."""
-        data, groups = {}, []
+        recorded = {}
         for number, (name, logger) in enumerate(self.rig.loggers.items()):
-            drawn = logger.model_copy(update=self.starts(seed)[name])
             columns = list(self.rig.columns(name))
-            if not columns or (loggers is not None and name not in loggers):
-                continue
-            log = record(drawn, columns, self.bench.time, self.seen, (seed, number))
-            for column in columns:
-                data[f"{name}/{column.channel}"] = np.round(log.columns[column.channel], logger.decimals)
-            channels = tuple(Channel(column.channel, column.unit) for column in columns)
-            keys = tuple(column.channel for column in columns)
-            clock = UniformClock(logger.rate)
-            groups.append(StoredGroup(name, channels, clock, len(log.time), logger.rate, "declared", name, keys))
-        conditions = dict(self.planned.conditions)
-        path = Path(f"seed{seed}.h5")
-        return MemoryRun(path, tuple(groups), "simulated", conditions, self.rig.text, (), {"data": data})
+            if columns and (loggers is None or name in loggers):
+                drawn = logger.model_copy(update=self.starts(seed)[name])
+                log = record(drawn, columns, self.bench.time, self.seen, (seed, number))
+                recorded[name] = _written(log, self.rig, name)
+        return _memory_run(f"seed{seed}.h5", self.rig, self.planned, recorded)
 
 
 def edited_rig(edits: Mapping[str, str], name: str = MANIPULATOR) -> Rig:
@@ -82,18 +74,30 @@ def planned_run(
 
 
 def stored(made: SimulatedRun, rig: Rig, path: str = "memory.h5") -> MemoryRun:
-    """What ingest would have stored of a run's logs."""
-    data, groups = {}, []
-    for name, log in made.logs.items():
-        logger, columns = rig.loggers[name], {c.channel: c.unit for c in rig.columns(name)}
-        data |= {f"{name}/{c}": np.round(log.columns[c], logger.decimals) for c in columns}
-        data[f"{name}/Time"] = log.time
-        clock = UniformClock(logger.rate) if logger.clock == "uniform" else TimeColumn(0)
-        channels = (Channel("Time", "s"), *(Channel(c, unit) for c, unit in columns.items()))
-        keys = ("Time", *columns)
-        groups.append(StoredGroup(name, channels, clock, len(log.time), logger.rate, "declared", name, keys))
-    conditions = dict(made.planned.conditions)
-    return MemoryRun(Path(path), tuple(groups), "simulated", conditions, rig.text, (), {"data": data})
+    """What ingest would have stored of a run's logs, their time columns too."""
+    recorded = {name: {"Time": log.time} | _written(log, rig, name) for name, log in made.logs.items()}
+    return _memory_run(path, rig, made.planned, recorded)
+
+
+def _written(log: Log, rig: Rig, name: str) -> dict[str, np.ndarray]:
+    """Values of a logger's channels with the decimals that it writes."""
+    return {c.channel: np.round(log.columns[c.channel], rig.loggers[name].decimals) for c in rig.columns(name)}
+
+
+def _memory_run(
+    path: str, rig: Rig, planned: PlannedRun, recorded: Mapping[str, Mapping[str, np.ndarray]]
+) -> MemoryRun:  # fmt: skip
+    data: dict[str, np.ndarray] = {}
+    groups = []
+    for name, columns in recorded.items():
+        logger, units = rig.loggers[name], {"Time": "s"} | {c.channel: c.unit for c in rig.columns(name)}
+        data |= {f"{name}/{key}": values for key, values in columns.items()}
+        timed = "Time" in columns and logger.clock != "uniform"
+        clock = TimeColumn(0) if timed else UniformClock(logger.rate)
+        keys, samples = tuple(columns), len(next(iter(columns.values())))
+        channels = tuple(Channel(key, units[key]) for key in keys)
+        groups.append(StoredGroup(name, channels, clock, samples, logger.rate, "declared", name, keys))
+    return MemoryRun(Path(path), tuple(groups), "simulated", planned.conditions, rig.text, (), {"data": data})
 
 
 def scene(

@@ -69,6 +69,7 @@ def write_log(path: Path, rows: int = ROWS) -> list[np.ndarray]:
 def start(log: Path, campaign: Path, code: str = CHILD) -> subprocess.Popen[str]:
     """An ingest, or an archive, in a process of its own, about to begin."""
     child = subprocess.Popen([sys.executable, "-c", code, str(log), str(campaign)], stdout=subprocess.PIPE, text=True)
+    assert child.stdout is not None
     assert child.stdout.readline() == "ready\n"
     return child
 
@@ -87,7 +88,7 @@ def kill(log: Path, campaign: Path, chance: random.Random, whole: float) -> int:
     lines = []
     try:
         if chance.random() < 0.5:
-            lines = [child.stdout.readline() for _ in range(chance.randint(1, ROWS // 8192))]
+            lines = [next(child.stdout or iter(()), "") for _ in range(chance.randint(1, ROWS // 8192))]
             time.sleep(chance.uniform(0, 0.01))
         else:
             time.sleep(chance.uniform(0, whole))
@@ -172,7 +173,7 @@ def study(count: int, brief: bool) -> Iterator[Row]:
     chance = random.Random(1)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        columns = write_log(folder / "log.csv", ROWS // 4 if brief else ROWS)
+        columns = write_log(folder / "log.csv")
         whole = duration(folder / "log.csv", folder / "whole")
         kills = (partial(_ingest_killed, folder, f"c{n}", columns, chance, whole) for n in range(count))
         yield _tried("ingests killed: every acknowledged sample recovered to the bit", kills)

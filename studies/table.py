@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, fields
 from functools import cache
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from scipy.stats import binomtest
 
@@ -91,7 +91,7 @@ def covered(quantity: str, hits: int, count: int, note: str = "", conservative: 
 @cache
 def acceptance(count: int, conservative: bool = False) -> tuple[int, int]:
     """Smallest and largest number of ``count`` intervals that may contain the truth."""
-    side = "less" if conservative else "two-sided"
+    side: Literal["less", "two-sided"] = "less" if conservative else "two-sided"
     accepted = [hits for hits in range(count + 1) if binomtest(hits, count, LEVEL, side).pvalue > SIGNIFICANCE]
     return accepted[0], accepted[-1]
 
