@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 
+from studies import simulated_runs as memory
 from testbench import rig as rigs
 from testbench.calibration.document import Calibration
 from testbench.errors import AnalysisError, RigError, StoreError
@@ -19,7 +20,6 @@ from testbench.runs.si_run import SIRun
 from testbench.store import open_campaign, open_run, records
 from testbench.wrench import shaking_wrench
 
-from .. import memory
 from ..calibration import volts
 
 
