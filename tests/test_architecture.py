@@ -1,0 +1,254 @@
+"""The walls of the house: no circle of imports, none upwards; what the first second does without.
+
+Imports are read from the source, late ones and those for type checking alone included.
+"""
+
+import ast
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import balance
+import testbench
+
+ROOTS = {package.__name__: Path(package.__path__[0]) for package in (balance, testbench)}
+LAYERS: tuple[str, ...] = (
+    "balance.errors balance.arrays",
+    "balance.units balance.datasets",
+    "balance.input_files balance.table_files",
+    "balance.mechanism",
+    "balance.motion",
+    "balance.closure",
+    "balance.dynamics",
+    "balance.balancing",
+    "balance.estimation",
+    "balance.rotors balance.drives balance.linkages",
+    "balance.engines",
+    "balance.figures",
+    "balance",
+    "balance.cli",
+    "testbench.errors testbench.units testbench.compiled_kernels",
+    "testbench.recording testbench.public_recordings",
+    "testbench.calibration testbench.readers testbench.store",
+    "testbench.rig testbench.export",
+    "testbench.campaign_plan testbench.published_tables",
+    "testbench.runs.si_run",
+    "testbench.signal",
+    "testbench.quality testbench.rotating",
+    "testbench.kinematics testbench.ingest",
+    "testbench.vibration",
+    "testbench.synchronization",
+    "testbench.runs.aligned_run",
+    "testbench.loads",
+    "testbench.trim",
+    "testbench.identification",
+    "testbench.simulator",
+    "testbench.vibration.comparison",
+    "testbench.figures",
+    "testbench.report",
+    "testbench",
+    "testbench.cli",
+)
+"""Modules and folders from the ground up, one row a layer: none imports from a row above, nor its neighbours in a row.
+
+The longest name that fits places a module; a package's name alone is its front door.
+"""
+MEANWHILE = {
+    "balance.quantities": "balance.units", "balance.blocks": "balance.arrays", "balance.quiet": "balance.arrays",
+    "balance.sheet": "balance.input_files", "balance.csvtable": "balance.input_files",
+    "balance.drives.fields": "balance.input_files", "balance.tree": "balance.mechanism",
+    "balance.constraints": "balance.mechanism", "balance.components": "balance.mechanism",
+    "balance.kinematics": "balance.mechanism", "balance.loading": "balance.mechanism",
+    "balance.drive": "balance.motion",
+    "balance.conditions": "balance.balancing", "balance.combinations": "balance.balancing",
+    "balance.closed_forms": "balance.balancing", "balance.sizing": "balance.balancing",
+    "balance.stock": "balance.balancing", "balance.static": "balance.balancing", "balance.methods": "balance.balancing",
+    "balance.identification": "balance.estimation", "balance.observability": "balance.estimation",
+    "balance.consistency": "balance.estimation", "balance.consensus": "balance.estimation",
+    "balance.memories": "balance.estimation", "balance.trim": "balance.estimation",
+    "balance.trials": "balance.rotors", "balance.alike": "balance.rotors", "balance.intervals": "balance.rotors",
+    "balance.scatter": "balance.rotors", "balance.influence": "balance.rotors",
+    "testbench.native": "testbench.compiled_kernels", "testbench.findings": "testbench.recording",
+    "testbench.recordings": "testbench.public_recordings", "testbench.plan": "testbench.campaign_plan",
+    "testbench.published": "testbench.published_tables", "testbench.channels": "testbench.runs.si_run",
+    "testbench.held": "testbench.runs.si_run", "testbench.pairing": "testbench.runs.si_run",
+    "testbench.calibration.applied": "testbench.runs.si_run", "testbench.calibration.stored": "testbench.runs.si_run",
+    "testbench.calibration.holding": "testbench.runs.si_run", "testbench.calibration.view": "testbench.runs.si_run",
+    "testbench.calibration.correct": "testbench.runs.si_run", "testbench.signals": "testbench.signal",
+    "testbench.spectra": "testbench.signal", "testbench.checks": "testbench.quality",
+    "testbench.describe": "testbench.quality", "testbench.motion": "testbench.kinematics",
+    "testbench.amplitudes": "testbench.vibration", "testbench.levels": "testbench.vibration",
+    "testbench.reductions": "testbench.vibration", "testbench.clocks": "testbench.synchronization",
+    "testbench.wrench": "testbench.loads", "testbench.torque": "testbench.loads",
+    "testbench.command": "testbench.loads",
+    "testbench.encoder": "testbench.rotating", "testbench.orders": "testbench.rotating",
+    "testbench.recovery": "testbench.ingest", "testbench.identify": "testbench.identification",
+    "testbench.bench": "testbench.simulator", "testbench.prediction": "testbench.vibration.comparison",
+    "testbench.comparison": "testbench.vibration.comparison",
+    "testbench.identify.figure": "testbench.figures", "testbench.trim.figure": "testbench.figures",
+}  # fmt: skip
+"""Folders and files that are not yet where they will lie, and where that is."""
+FOREIGN = {"h5py", "polars", "pyarrow", "idelib", "mcap", "rosbags", "nptdms", "google", "pandas"}
+"""Libraries that read foreign bytes: a damaged file may end their process, which must not be the one that was asked."""
+STORE = "testbench.store"
+"""Opens the campaign's own HDF5 files with h5py, after their structure was checked."""
+KERNELS = {"numba"}
+HEAVY = {
+    "numpy",
+    "scipy",
+    "pinocchio",
+    "mujoco",
+    "h5py",
+    "numba",
+    "pydantic",
+    "pandas",
+    "polars",
+    "matplotlib",
+    "sympy",
+}
+
+
+@cache
+def sources() -> dict[str, ast.Module]:
+    """The syntax tree of every module of both packages, by name; a package's is that of its ``__init__``."""
+    found = {}
+    for name, root in ROOTS.items():
+        for path in root.rglob("*.py"):
+            if "publication" in path.parts:
+                continue  # leaves the library
+            parts = (name, *path.relative_to(root).with_suffix("").parts)
+            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = ast.parse(path.read_text("utf-8"))
+    return found
+
+
+@cache
+def packages() -> set[str]:
+    """The modules that hold others."""
+    return {name.rpartition(".")[0] for name in sources()}
+
+
+def named(module: str, node: ast.Import | ast.ImportFrom) -> Iterator[str]:
+    """What a statement of a module imports, written out: of ``from a import b`` both ``a`` and ``a.b``."""
+    if isinstance(node, ast.Import):
+        yield from (alias.name for alias in node.names)
+        return
+    above = module.split(".")[: module.count(".") + 1 + (module in packages()) - node.level] if node.level else []
+    base = ".".join([*above, *([node.module] if node.module else [])])
+    for alias in node.names:
+        yield f"{base}.{alias.name}" if f"{base}.{alias.name}" in sources() else base
+
+
+@cache
+def imports() -> dict[str, set[str]]:
+    """All that each module imports, anywhere in its text, foreign packages included."""
+    return {
+        module: {
+            name
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Import | ast.ImportFrom)
+            for name in named(module, node)
+            if name != module
+        }
+        for module, tree in sources().items()
+    }
+
+
+def own(module: str) -> set[str]:
+    """Which modules of both packages a module imports."""
+    return {name for name in imports()[module] if name in sources()}
+
+
+@cache
+def place(module: str) -> tuple[int, str] | None:
+    """Layer of a module and the entry of LAYERS that places it."""
+    moved = max((old for old in MEANWHILE if f"{module}.".startswith(f"{old}.")), key=len, default=None)
+    final = module if moved is None else MEANWHILE[moved] + module[len(moved) :]
+    entries = [(len(entry), i, entry) for i, row in enumerate(LAYERS) for entry in row.split()]
+    fitting = [e for e in entries if final == e[2] or (e[2] not in ROOTS and final.startswith(f"{e[2]}."))]
+    return max(fitting)[1:] if fitting else None
+
+
+def test_every_module_has_a_layer() -> None:
+    """A new folder says where it stands."""
+    assert [module for module in sources() if place(module) is None] == []
+
+
+def test_no_import_leads_upwards() -> None:
+    """From a layer to those below it alone."""
+    upwards = []
+    for module in sources():
+        (layer, entry) = place(module)
+        for other in own(module):
+            (its_layer, its_entry) = place(other)
+            if its_layer > layer or (its_layer == layer and its_entry != entry):
+                upwards.append(f"{module} -> {other}")
+    assert not upwards, "\n".join(upwards)
+
+
+def test_no_circle_of_imports() -> None:
+    """Files can be read one after the other: take away those that import no other one until none is left."""
+    left = {module: own(module) for module in sources()}
+    while free := [module for module, others in left.items() if not others & left.keys()]:
+        for module in free:
+            del left[module]
+    assert not left, "\n".join(f"{module} -> {', '.join(others & left.keys())}" for module, others in left.items())
+
+
+def test_foreign_bytes_are_read_in_another_process() -> None:
+    """Modules that import a library for foreign files are imported by one another alone: their process starts them."""
+    readers = [module for module in sources() if module.startswith("testbench.readers")]
+    walled = {module for module in readers if {name.partition(".")[0] for name in imports()[module]} & FOREIGN}
+    assert walled
+    through = {f"{module} -> {other}" for module in sources() if module not in walled for other in own(module) & walled}
+    assert through == set()
+
+
+def test_kernels_alone_import_their_compiler() -> None:
+    """A module that imports numba is loaded inside a function, or by its name, where compiled code serves."""
+    kernels = {m for m in sources() if {name.partition(".")[0] for name in imports()[m]} & KERNELS}
+    assert kernels
+    at_once = {
+        f"{module} -> {name}"
+        for module, tree in sources().items()
+        for node in tree.body
+        if isinstance(node, ast.Import | ast.ImportFrom)
+        for name in named(module, node)
+        if name in kernels and module not in kernels
+    }
+    assert at_once == set()
+
+
+def run(code: str, *arguments: str | Path) -> dict:
+    """The JSON document that a program prints, run in a process of its own."""
+    words = [sys.executable, "-c", code, *map(str, arguments)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+HELP = """
+import contextlib, importlib, io, json, sys
+cli = importlib.import_module(sys.argv[1])
+def help_of(*words):
+    sys.argv = [cli.__name__, *words, "--help"]
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
+        cli.main()
+help_of()
+for name in cli.COMMANDS:
+    help_of(name)
+    group = getattr(importlib.import_module(f"{cli.__name__}.{name}"), name)
+    for inner in group.list_commands(None) if hasattr(group, "list_commands") else ():
+        help_of(name, inner)
+print(json.dumps(sorted({name.partition(".")[0] for name in sys.modules})))
+"""
+
+
+@pytest.mark.parametrize("package", list(ROOTS))
+def test_help_imports_nothing_heavy(package: str) -> None:
+    """``--help`` of every command answers at once."""
+    assert HEAVY & set(run(HELP, f"{package}.cli")) == set()
