@@ -37,14 +37,14 @@ LAYERS: tuple[str, ...] = (
     "testbench.calibration testbench.readers testbench.store",
     "testbench.rig testbench.export",
     "testbench.campaign_plan testbench.published_tables",
-    "testbench.runs.si_run",
-    "testbench.signal",
-    "testbench.quality testbench.rotating",
-    "testbench.kinematics testbench.ingest",
+    "testbench.quality",
+    "testbench.runs",
+    "testbench.signal testbench.ingest",
+    "testbench.kinematics testbench.rotating",
     "testbench.vibration",
     "testbench.synchronization",
     "testbench.runs.aligned_run",
-    "testbench.loads",
+    "testbench.loads testbench.kinematics.motion_recognition",
     "testbench.trim",
     "testbench.identification",
     "testbench.simulator",
@@ -75,13 +75,14 @@ MEANWHILE = {
     "balance.scatter": "balance.rotors", "balance.influence": "balance.rotors",
     "testbench.native": "testbench.compiled_kernels", "testbench.findings": "testbench.recording",
     "testbench.recordings": "testbench.public_recordings", "testbench.plan": "testbench.campaign_plan",
-    "testbench.published": "testbench.published_tables", "testbench.channels": "testbench.runs.si_run",
-    "testbench.held": "testbench.runs.si_run", "testbench.pairing": "testbench.runs.si_run",
-    "testbench.calibration.applied": "testbench.runs.si_run", "testbench.calibration.stored": "testbench.runs.si_run",
-    "testbench.calibration.holding": "testbench.runs.si_run", "testbench.calibration.view": "testbench.runs.si_run",
-    "testbench.calibration.correct": "testbench.runs.si_run", "testbench.signals": "testbench.signal",
+    "testbench.published": "testbench.published_tables", "testbench.channels": "testbench.runs",
+    "testbench.held": "testbench.runs", "testbench.pairing": "testbench.runs",
+    "testbench.calibration.applied": "testbench.runs", "testbench.calibration.stored": "testbench.runs",
+    "testbench.calibration.holding": "testbench.runs", "testbench.calibration.view": "testbench.runs",
+    "testbench.calibration.correct": "testbench.runs", "testbench.signals": "testbench.signal",
     "testbench.spectra": "testbench.signal", "testbench.checks": "testbench.quality",
     "testbench.describe": "testbench.quality", "testbench.motion": "testbench.kinematics",
+    "testbench.motion.motions": "testbench.kinematics.motion_recognition",
     "testbench.amplitudes": "testbench.vibration", "testbench.levels": "testbench.vibration",
     "testbench.reductions": "testbench.vibration", "testbench.clocks": "testbench.synchronization",
     "testbench.wrench": "testbench.loads", "testbench.torque": "testbench.loads",
@@ -175,7 +176,7 @@ def place(module: str) -> tuple[int, str] | None:
 
 def test_every_module_has_a_layer() -> None:
     """A new folder says where it stands."""
-    assert [module for module in sources() if place(module) is None] == []
+    assert {module for module in sources() if place(module) is None} == set()
 
 
 def test_no_import_leads_upwards() -> None:
