@@ -19,7 +19,6 @@ from typing import Annotated, Any, Generic, NamedTuple, TypeVar, get_args
 from pydantic import (
     AfterValidator,
     BaseModel,
-    BeforeValidator,
     ConfigDict,
     Field,
     GetCoreSchemaHandler,
@@ -123,7 +122,26 @@ def _distinct(tables: list[T]) -> list[T]:
 
 Distinct = AfterValidator(_distinct)
 """Annotation of a list of tables: no two of one name, which is likely a line copied twice."""
-OneOrMore = BeforeValidator(lambda value: value if isinstance(value, list | tuple) else [value])
+
+
+class OneForAll:
+    """Annotation of a list of so many items, of which one may be written for all; of any number, one for itself."""
+
+    def __init__(self, count: int = 1) -> None:
+        self._count = count
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
+        return core_schema.no_info_before_validator_function(self._listed, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        listed = handler(schema)
+        return {"anyOf": [listed["prefixItems"][0] if "prefixItems" in listed else listed["items"], listed]}
+
+    def _listed(self, value: object) -> object:
+        return value if isinstance(value, list | tuple) else [value] * self._count
+
+
+OneOrMore = OneForAll()
 """Annotation of a list of which a single item may be written without brackets."""
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0)]
@@ -189,7 +207,7 @@ def in_file(source: str, key: str = "") -> Iterator[None]:
 
 
 def read_text(path: Path, error: type[CounterpoiseError] = DataError) -> str:
-    """The text of a file in UTF-8, with or without a byte order mark.
+    """The text of a file in UTF-8; a byte order mark stays in it.
 
     Raises ``error`` where there is no such file, or it is too large, or in another encoding.
     """
@@ -197,7 +215,7 @@ def read_text(path: Path, error: type[CounterpoiseError] = DataError) -> str:
         size = path.stat().st_size
         if size > LARGEST_FILE:
             raise error(f"{path.name}: is {size / 1e6:.0f} MB: expected at most {LARGEST_FILE / 1e6:.0f} MB")
-        return path.read_text(encoding="utf-8-sig")
+        return path.read_text(encoding="utf-8")
     except FileNotFoundError as missing:
         raise error(f"no such file {path.name!r}") from missing
     except OSError as trouble:
@@ -237,7 +255,7 @@ def _depth(value: object) -> int:
 def read_csv(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """Cells of the header, and line and cells of each row that is not blank."""
     try:
-        lines = csv.reader(read_text(path).splitlines(keepends=True), strict=True)
+        lines = csv.reader(read_text(path).removeprefix("\ufeff").splitlines(keepends=True), strict=True)
         header = next(lines, [])
         rows = [(lines.line_num, row) for row in lines if any(cell.strip() for cell in row)]
     except csv.Error as wrong:

@@ -1,23 +1,21 @@
 """A campaign's plan: which runs, with which payload, counter-masses, motion and acceleration (``datasets/plans``)."""
 
-import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BeforeValidator, Field, ValidationError
+from pydantic import Field
 
 from balance import datasets
 from balance.errors import DataError
+from balance.input_files import OneOrMore, Table, load_model, model_from_table, toml_tables
 from balance.quantities import G0
 
 from .errors import RigError
 from .recording import Conditions
-from .rig import fields
-from .rig.fields import Table
-from .rig.messages import KeyPath, explain
+from .rig import schema
 
 
 @dataclass(frozen=True)
@@ -46,20 +44,16 @@ class PlannedRun:
         )
 
 
-def _listed(value: object) -> object:
-    return value if isinstance(value, list) else [value]
-
-
-_ONE_OR_MORE = (BeforeValidator(_listed), Field(min_length=1))
+_ONE_OR_MORE = (OneOrMore, Field(min_length=1))
 
 
 class Condition(Table):
     """Runs in every combination of what is listed, each also without counter-masses unless the plan says no."""
 
-    payload: Annotated[list[fields.Mass], *_ONE_OR_MORE]
-    counter_masses: dict[str, fields.Mass] = Field(default_factory=dict)
+    payload: Annotated[list[schema.Mass], *_ONE_OR_MORE]
+    counter_masses: dict[str, schema.Mass] = Field(default_factory=dict)
     motion: Annotated[list[str], *_ONE_OR_MORE]
-    peak_acceleration: Annotated[list[fields.Acceleration], *_ONE_OR_MORE]
+    peak_acceleration: Annotated[list[schema.Acceleration], *_ONE_OR_MORE]
     also_without: bool = True
 
     def combinations(self) -> Iterator[tuple[float, dict[str, float], str, float]]:
@@ -97,22 +91,11 @@ def load(name: str | Path) -> Plan:
     """Load a plan: a file, or a shipped one by name. Raises RigError, naming the key that is wrong."""
     try:
         path = datasets.find(name, "plans", ".toml")
-        return from_text(path.read_text(encoding="utf-8"), path.name)
     except DataError as error:
         raise RigError(str(error)) from error
-    except UnicodeDecodeError as error:
-        raise RigError(f"{name}: not a plan: its text is not UTF-8") from error
+    return load_model(Plan, path, RigError)
 
 
 def from_text(text: str, source: str = "plan") -> Plan:
     """Read a plan from its text; ``source`` is what messages call it."""
-    try:
-        return Plan.model_validate(tomllib.loads(text.removeprefix("\ufeff")))
-    except tomllib.TOMLDecodeError as error:
-        raise RigError(f"{source}: not TOML: {error}") from error
-    except ValidationError as error:
-        raise RigError(explain(source, error, _table_of)) from error
-
-
-def _table_of(path: KeyPath) -> type[Table]:
-    return Condition if path[:1] == ("conditions",) else Plan
+    return model_from_table(Plan, toml_tables(text, source, RigError), source, RigError)

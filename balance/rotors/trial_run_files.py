@@ -334,10 +334,10 @@ class _Builder:
         if odd := sorted(f"{sensor} at {speed}" for sensor, speed in set(given) ^ set(self.rows)):
             raise DataError(f"coefficients: {odd[0]} is not in both coefficients and initial")
         rows = [self._coefficient_row(sensor, v, given[sensor, v]) for sensor, v in self.rows]
-        matrix = np.array(rows, dtype=complex) / per
+        matrix: Complexes = np.array(rows, dtype=complex)
         if errors is not None:
             errors = np.concatenate([errors[None], np.zeros((len(self.planes), *errors.shape))])
-        return influence.Coefficients(initial, matrix.conj() if self.lag else matrix, 0.0), errors
+        return influence.Coefficients(initial, (matrix.conj() if self.lag else matrix) / per, 0.0), errors
 
     def _coefficient_row(self, sensor: str, speed: str, row: list[Measured[complex]]) -> list[complex]:
         if len(row) != len(self.planes):

@@ -5,7 +5,9 @@ from collections.abc import Mapping
 from datetime import date as Date
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+
+from balance.input_files import Table
 
 Each = str | dict[str, str]
 """One text for all channels of a sensor, or one a component."""
@@ -29,11 +31,7 @@ Number = Annotated[float, AfterValidator(_finite)]
 Day = Annotated[str, BeforeValidator(_day)]
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Polynomial(_Table):
+class Polynomial(Table):
     """c0 + c1 x + c2 x^2 ...: x in ``raw``, the result in ``physical``."""
 
     coefficients: tuple[Number, ...] = Field(min_length=2)
@@ -41,7 +39,7 @@ class Polynomial(_Table):
     physical: str
 
 
-class Matrix(_Table):
+class Matrix(Table):
     """Loads = rows @ (raw - offset): a row a component, a column a channel, in the order of the sensor's channels."""
 
     rows: tuple[tuple[Number, ...], ...] = Field(min_length=1)
@@ -49,7 +47,7 @@ class Matrix(_Table):
     physical: Each
 
 
-class Calibration(_Table):
+class Calibration(Table):
     """What turns a sensor's channels as written into what it measures.
 
     physical = (raw - offset) / (sensitivity x amplifier), or a polynomial, or a matrix of all channels; or an offset

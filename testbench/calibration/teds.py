@@ -2,7 +2,9 @@
 
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
+
+from balance.input_files import Table
 
 from ..errors import RigError
 from .document import Day, Each
@@ -13,10 +15,8 @@ _FIELDS = (("manufacturer_id", 14), ("model_number", 15), ("version_letter", 5),
 _FIRST_MANUFACTURER = 17
 
 
-class Teds(BaseModel):
+class Teds(Table):
     """Transducer electronic data sheet. It is kept and shown; what is applied is the ``calibration`` beside it."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     manufacturer: str | None = None
     manufacturer_id: int | None = Field(default=None, ge=_FIRST_MANUFACTURER, lt=1 << 14)

@@ -153,11 +153,10 @@ def _unit(column: "Column", channel: Channel) -> list[Finding]:
 
 def _measures(unit: str, dimensions: tuple[str, ...]) -> bool:
     from balance.errors import UnitError
-
-    from ..rig.fields import unit_factor
+    from balance.quantities import factor_to_si
 
     try:
-        unit_factor(unit, *dimensions)
+        factor_to_si(unit, *dimensions)
     except UnitError:
         return False
     return True

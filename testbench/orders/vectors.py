@@ -89,12 +89,11 @@ def _chosen(run: "Run", group: "StoredGroup", tacho: int, sensors: Sequence[str]
 
 def _dimension(unit: str) -> str | None:
     from balance.errors import UnitError
-
-    from ..rig.fields import unit_factor
+    from balance.quantities import factor_to_si
 
     for dimension in UNITS:
         try:
-            unit_factor(unit, dimension)
+            factor_to_si(unit, dimension)
         except UnitError:
             continue
         return dimension
@@ -102,7 +101,7 @@ def _dimension(unit: str) -> str | None:
 
 
 def _reading(run: "Run", group: "StoredGroup", index: int) -> tuple[str, float]:
-    from ..rig.fields import unit_factor
+    from balance.quantities import factor_to_si
 
     channel = group.channels[index]
     dimension = _dimension(channel.unit) if channel.unit else None
@@ -111,7 +110,7 @@ def _reading(run: "Run", group: "StoredGroup", index: int) -> tuple[str, float]:
             f"{run.name}: channel {channel.name!r} is in {channel.unit or 'no unit'}: expected one of length, velocity "
             "or acceleration"
         )
-    return dimension, unit_factor(channel.unit, dimension)
+    return dimension, factor_to_si(channel.unit, dimension)
 
 
 def _finite(run: "Run", group: "StoredGroup", index: int) -> Floats:

@@ -9,9 +9,10 @@ from typing import Literal
 
 from pydantic import Field
 
-from . import fields
-from .effects import FloorLevel, Mode, Rotor, Roughness, SensorErrors, Share, Turn
-from .fields import Table
+from balance.input_files import Table
+
+from . import schema
+from .effects import FloorLevel, Mode, Rotor, Roughness, SensorErrors, Share
 
 DEFAULT_RATE_HZ = 2000.0
 """Of a logger whose rate the rig does not state [Hz]: ten times the vibration that the motions excite."""
@@ -28,25 +29,25 @@ class Logger(Table):
 
     clock: Literal["uniform", "recorded"] = "recorded"
     """``uniform``: the rate stands in the head of the log; ``recorded``: the log has a column of time."""
-    rate: fields.Frequency = DEFAULT_RATE_HZ
+    rate: schema.Frequency = DEFAULT_RATE_HZ
     """Samples per second of its own clock [Hz]."""
-    start: fields.Time = DEFAULT_START_S
+    start: schema.Time = DEFAULT_START_S
     """When it is started, from the start of the motion [s]."""
     drift_ppm: float = Field(default=0.0, ge=-1e5, le=1e5)
     """How much too fast its clock runs, in millionths."""
-    start_scatter: fields.Time = Field(default=0.0, ge=0.0)
+    start_scatter: schema.Time = Field(default=0.0, ge=0.0)
     """Standard deviation of the start from run to run [s]."""
     drift_scatter_ppm: float = Field(default=0.0, ge=0.0, le=1e4)
     """Standard deviation of the drift from run to run, in millionths."""
-    jitter: fields.Time = Field(default=0.0, ge=0.0)
+    jitter: schema.Time = Field(default=0.0, ge=0.0)
     """Standard deviation of the instant of a sample [s]; a recorded time column shows it, a uniform clock does not."""
     lost: Share = 0.0
     """Share of samples lost one by one: a gap in a recorded time, on a uniform clock a shift of all that follows."""
     dropouts_per_minute: float = Field(default=0.0, ge=0.0, le=6e4)
     """How often a whole block is lost."""
-    dropout: fields.Time = Field(default=0.02, gt=0.0)
+    dropout: schema.Time = Field(default=0.02, gt=0.0)
     """Length of such a block [s]."""
-    low_pass: fields.Frequency | None = None
+    low_pass: schema.Frequency | None = None
     """Corner of the anti-alias filter, Butterworth of fourth order [Hz]; None: no filter."""
     delimiter: Literal[",", ";", "\t"] = ","
     decimal: Literal[".", ","] = "."
@@ -62,9 +63,9 @@ class Logger(Table):
 class Mount(Table):
     """A spring and a damper along each axis of the base, at a point of it."""
 
-    position: fields.Point
-    stiffness: fields.Stiffnesses
-    damping: fields.Dampings
+    position: schema.Point
+    stiffness: schema.Stiffnesses
+    damping: schema.Dampings
 
 
 def _feet() -> tuple[Mount, ...]:
@@ -85,23 +86,23 @@ def _feet() -> tuple[Mount, ...]:
 class Bench(Table):
     """The base as a rigid body on mounts, without the mechanism; the defaults are a steel frame on four feet."""
 
-    mass: fields.Mass = 150.0
+    mass: schema.Mass = 150.0
     """[kg]"""
-    centre: fields.Point = (0.03, -0.2, -0.12)
+    centre: schema.Point = (0.03, -0.2, -0.12)
     """Centre of mass in the base frame [m]: below and behind the mechanism, its cabinet to one side."""
-    inertia: fields.Inertias = (13.0, 11.0, 18.0)
+    inertia: schema.Inertias = (13.0, 11.0, 18.0)
     """About the centre of mass, principal axes along the base frame's [kg m2]: a box of 0.8 x 0.9 x 0.5 m."""
     mounts: tuple[Mount, ...] = Field(default_factory=_feet, min_length=1)
-    settling: fields.Time = 0.5
+    settling: schema.Time = 0.5
     """How long the loggers go on after the motion [s]."""
     coupling: Literal["locked", "moving"] = "locked"
     """Mechanism's inertia on the moving base: ``locked`` as the motion starts, or ``moving`` with the configuration,
     Coriolis forces and the base's share of the drive torques included."""
     weight: bool = False
     """Whether the weight's moment wanders with the platform, and sensors and loads turn in gravity with the base."""
-    tilt: tuple[Turn, Turn, Turn] = (0.0, 0.0, 0.0)
+    tilt: tuple[schema.Turn, schema.Turn, schema.Turn] = (0.0, 0.0, 0.0)
     """Of the base at rest, a rotation vector in its own axes [rad]: it turns gravity; sensors were zeroed level."""
-    planes: dict[str, fields.Length] = Field(default_factory=dict)
+    planes: dict[str, schema.Length] = Field(default_factory=dict)
     """How far out along its own z axis a body or the counter-mass of a site lies, beyond what the file says [m]."""
     rotors: dict[str, Rotor] = Field(default_factory=dict)
     """Of the motors, by joint."""
@@ -112,9 +113,3 @@ class Bench(Table):
     """Elastic modes of the frame."""
     errors: dict[str, SensorErrors] = Field(default_factory=dict)
     """Of the sensors, by name."""
-
-
-TABLES: dict[str, type[Table]] = {
-    "mounts": Mount, "rotors": Rotor, "roughness": Roughness, "modes": Mode, "errors": SensorErrors,
-}  # fmt: skip
-"""Tables within ``[bench]``, by key."""

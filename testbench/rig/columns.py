@@ -6,9 +6,9 @@ import numpy as np
 
 from balance.arrays import Floats
 from balance.errors import UnitError
+from balance.quantities import factor_to_si
 
 from ..calibration.document import Calibration
-from .fields import unit_factor
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Column:
     @property
     def factor(self) -> float:
         """SI units in one unit of the log, where the log is in physical units. Raises UnitError elsewhere."""
-        return unit_factor(self.unit, *self.dimensions)
+        return factor_to_si(self.unit, *self.dimensions)
 
     @property
     def index(self) -> int:

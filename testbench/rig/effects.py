@@ -4,24 +4,23 @@ Levels and scatter stand in the rig, as on data sheets. What was drawn from them
 simulated campaign and nowhere else.
 """
 
-from functools import partial
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
-from . import fields
-from .fields import Table
+from balance.input_files import Table
+
+from . import schema
 
 Share = Annotated[float, Field(ge=0.0, lt=1.0)]
 Direction = tuple[float, float, float]
-Turn = Annotated[float, BeforeValidator(partial(fields.read, dimension="angle"))]
 FloorLevel = Literal["workshop", "office", "residential", "operating theatre", "VC-A", "VC-B", "VC-C", "VC-D", "VC-E"]
 
 
 class Rotor(Table):
     """The rotor of a motor on the base, and the gear between it and its joint."""
 
-    inertia: fields.Inertia
+    inertia: schema.Inertia
     """About its own axis, brake and first gear stage included [kg m2]."""
     ratio: float = Field(default=1.0, allow_inf_nan=False)
     """Turns of the rotor per turn of the joint; negative where the gear reverses."""
@@ -38,11 +37,11 @@ class Rotor(Table):
 class Roughness(Table):
     """Residual broadband wrench of drives, gears and joints on the base: flat within a band, each axis for itself."""
 
-    force: fields.Forces | None = None
+    force: schema.Forces | None = None
     """Root mean square [N]."""
-    moment: fields.Moments | None = None
+    moment: schema.Moments | None = None
     """Root mean square, about the origin of the base frame [N m]."""
-    band: tuple[fields.Frequency, fields.Frequency] = (20.0, 500.0)
+    band: tuple[schema.Frequency, schema.Frequency] = (20.0, 500.0)
     """[Hz]"""
 
     @model_validator(mode="after")
@@ -57,10 +56,10 @@ class Roughness(Table):
 class Mode(Table):
     """An elastic mode of the frame on top of its motion as a rigid body, excited by what the mechanism exerts on it."""
 
-    frequency: fields.Frequency
+    frequency: schema.Frequency
     damping: float = Field(gt=0.0, lt=1.0)
     """Share of critical damping."""
-    mass: fields.Mass
+    mass: schema.Mass
     """Modal mass, for the shape as it is written here [kg]."""
     translation: Direction = (0.0, 0.0, 0.0)
     """Shape where the mechanism stands, at the origin of the base frame."""
@@ -81,5 +80,5 @@ class SensorErrors(Table):
     """Preload or zero offset, as a share of the range."""
     drift_per_minute: float = Field(default=0.0, ge=0.0, allow_inf_nan=False)
     """Of the zero, as a share of the range, from the reset when the loggers start: a charge amplifier's."""
-    high_pass: fields.Frequency | None = None
+    high_pass: schema.Frequency | None = None
     """Corner of an AC-coupled sensor, first order [Hz]; None: it sees what stands still."""

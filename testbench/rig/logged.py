@@ -8,12 +8,12 @@ from typing import Self
 from pydantic import PrivateAttr, model_validator
 
 from balance.errors import UnitError
+from balance.input_files import Table
 
 from ..calibration import law
 from ..calibration.document import Calibration
 from ..calibration.teds import Teds
 from .columns import Column, together
-from .fields import Table
 
 
 class LoggedSensor(Table, ABC):

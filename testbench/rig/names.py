@@ -6,9 +6,9 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from balance import datasets
+from balance.input_files import suggestion
 
 from ..errors import RigError
-from .messages import suggestion
 
 NONE = "none"
 """What a rig says that measures no mechanism, such as a force plate alone."""

@@ -1,22 +1,20 @@
 """The rig file: which logger records which channel of which sensor, where it sits, in which unit it writes."""
 
-import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Self, TypeVar
 
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from balance import datasets
 from balance.errors import DataError
+from balance.input_files import Table, model_from_table, read_text, suggestion, toml_tables
 
 from ..errors import RigError
 from . import sensors as kinds
-from .bench import TABLES, Bench, Logger
+from .bench import Bench, Logger
 from .columns import Column
-from .fields import Table
 from .logged import LoggedSensor
-from .messages import explain, suggestion
 from .names import Names, of_mechanism
 
 S = TypeVar("S", bound=Table)
@@ -82,24 +80,17 @@ def load(path_or_text: str | Path) -> Rig:
         return from_text(path_or_text)
     try:
         path = datasets.find(path_or_text, "rigs", ".toml")
-        return _for_its_mechanism(from_text(path.read_text(encoding="utf-8"), path.name), path)
     except DataError as error:
         raise RigError(str(error)) from error
-    except UnicodeDecodeError as error:
-        raise RigError(f"{path_or_text}: not a rig file: its text is not UTF-8") from error
+    return _for_its_mechanism(from_text(read_text(path, RigError), path.name), path)
 
 
 def from_text(text: str, source: str = "rig") -> Rig:
     """Read a rig from its text; ``source`` is what messages call it."""
-    try:
-        table = tomllib.loads(text.removeprefix("\ufeff"))  # a byte order mark, as Windows' editors write it
-        if own := {"text", "names"} & table.keys():
-            raise RigError(f"{source}: {min(own)}: unknown key")
-        rig = Rig.model_validate(table | {"text": text})
-    except tomllib.TOMLDecodeError as error:
-        raise RigError(f"{source}: not TOML: {error}") from error
-    except ValidationError as error:
-        raise RigError(explain(source, error, _table_of)) from error
+    table = toml_tables(text, source, RigError)
+    if own := {"text", "names"} & table.keys():
+        raise RigError(f"{source}: {min(own)}: unknown key")
+    rig = model_from_table(Rig, table | {"text": text}, source, RigError)
     _check_names(source, rig)
     return rig
 
@@ -137,16 +128,3 @@ def _check_names(source: str, rig: Rig) -> None:
                     f"sensors.{seen[column.channel]}: expected one sensor a channel"
                 )
             seen[column.channel] = name
-
-
-def _table_of(path: tuple[str | int, ...]) -> type[BaseModel]:
-    """The table that the keys ``path`` lead to; the kind of a sensor is among them."""
-    if path and path[0] == "sensors":
-        if inner := [kinds.INNER[str(part)] for part in path if part in kinds.INNER]:
-            return inner[-1]
-        return next((kinds.KINDS[str(part)] for part in path if part in kinds.KINDS), Rig)
-    if path[:1] == ("bench",) and len(path) > 1:
-        return TABLES.get(str(path[1]), Bench)
-    if path[:1] == ("loggers",):
-        return Logger
-    return Bench if path[:1] == ("bench",) else Rig

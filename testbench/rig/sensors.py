@@ -4,13 +4,12 @@ from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
-from ..calibration.document import Calibration, Matrix, Polynomial
-from ..calibration.teds import Teds
-from . import fields
+from balance.input_files import Table
+
+from . import schema
 from .columns import Column
-from .fields import Table
 from .logged import LoggedSensor
 
 Axis = Literal["x", "y", "z"]
@@ -27,14 +26,14 @@ class Accelerometer(LoggedSensor):
 
     kind: Literal["accelerometer"]
     channels: dict[Axis, str] = Field(min_length=1)
-    unit: fields.AccelerationUnit | None = None
-    range: fields.Accelerations | None = None
-    noise: fields.Accelerations | None = None
-    resolution: fields.Accelerations | None = None
-    position: fields.Point
+    unit: schema.AccelerationUnit | None = None
+    range: schema.Accelerations | None = None
+    noise: schema.Accelerations | None = None
+    resolution: schema.Accelerations | None = None
+    position: schema.Point
     """In the frame of the body [m]."""
     attached_to: str = "base"
-    high_pass: fields.Frequency | None = None
+    high_pass: schema.Frequency | None = None
     """Lower corner of an AC-coupled sensor, first order, as its data sheet has it [Hz]; None: it sees what is slow."""
 
     def _channels(self, name: str) -> Iterator[Column]:
@@ -47,8 +46,8 @@ class Accelerometer(LoggedSensor):
 
 
 class _ForceAndMoment(Table):
-    F: fields.Forces | None = None
-    M: fields.Moments | None = None
+    F: schema.Forces | None = None
+    M: schema.Moments | None = None
 
     def of(self, component: str) -> float | None:
         """The value of ``Fx`` ... ``Mz`` [N, N m]."""
@@ -88,8 +87,8 @@ class _Support(LoggedSensor):
 
 
 class _WrenchUnits(Table):
-    F: fields.ForceUnit = "N"
-    M: fields.MomentUnit = "N m"
+    F: schema.ForceUnit = "N"
+    M: schema.MomentUnit = "N m"
 
 
 def _both(unit: Any) -> Any:  # noqa: ANN401
@@ -106,10 +105,10 @@ class Wrench(_Support):
     range: _ForceAndMoment = _ForceAndMoment()
     noise: _ForceAndMoment = _ForceAndMoment()
     resolution: _ForceAndMoment = _ForceAndMoment()
-    position: fields.Point
+    position: schema.Point
     between: tuple[str, str] = ("mechanism", "base")
-    stiffness: fields.Stiffness = STIFFNESS
-    turning_stiffness: fields.TurningStiffness = TURNING_STIFFNESS
+    stiffness: schema.Stiffness = STIFFNESS
+    turning_stiffness: schema.TurningStiffness = TURNING_STIFFNESS
 
     @model_validator(mode="after")
     def _whole(self) -> "Wrench":
@@ -140,13 +139,13 @@ class ForceSensor(_Support):
     channel: str | None = None
     axis: Axis | None = None
     channels: dict[Axis, str] | None = None
-    unit: fields.ForceUnit = "N"
-    range: fields.Forces | None = None
-    noise: fields.Forces | None = None
-    resolution: fields.Forces | None = None
-    position: fields.Point
+    unit: schema.ForceUnit = "N"
+    range: schema.Forces | None = None
+    noise: schema.Forces | None = None
+    resolution: schema.Forces | None = None
+    position: schema.Point
     between: tuple[str, str] = ("mechanism", "base")
-    stiffness: fields.Stiffness = STIFFNESS
+    stiffness: schema.Stiffness = STIFFNESS
 
     @model_validator(mode="after")
     def _one_or_several(self) -> "ForceSensor":
@@ -180,9 +179,9 @@ class Encoder(LoggedSensor):
     kind: Literal["encoder"]
     channel: str
     joint: str
-    unit: fields.JointUnit = "rad"
-    noise: fields.Angle | None = None
-    resolution: fields.Angle | None = None
+    unit: schema.JointUnit = "rad"
+    noise: schema.Angle | None = None
+    resolution: schema.Angle | None = None
 
     def _channels(self, name: str) -> Iterator[Column]:
         """Its one channel."""
@@ -197,10 +196,10 @@ class Torque(LoggedSensor):
     kind: Literal["torque"]
     channel: str
     joint: str
-    unit: fields.DriveUnit = "N m"
-    range: fields.Moment | None = None
-    noise: fields.Moment | None = None
-    resolution: fields.Moment | None = None
+    unit: schema.DriveUnit = "N m"
+    range: schema.Moment | None = None
+    noise: schema.Moment | None = None
+    resolution: schema.Moment | None = None
 
     def _channels(self, name: str) -> Iterator[Column]:
         """Its one channel."""
@@ -214,7 +213,7 @@ class Target(LoggedSensor):
 
     kind: Literal["target"]
     channels: dict[Axis, str] = Field(min_length=1)
-    unit: fields.AccelerationUnit = "m/s^2"
+    unit: schema.AccelerationUnit = "m/s^2"
 
     def _channels(self, name: str) -> Iterator[Column]:
         """One channel an axis."""
@@ -225,15 +224,6 @@ class Target(LoggedSensor):
 
 Support = Wrench | ForceSensor
 Sensor = Annotated[Accelerometer | Wrench | ForceSensor | Encoder | Torque | Target, Field(discriminator="kind")]
-KINDS: dict[str, type[Table]] = {
-    "accelerometer": Accelerometer, "wrench": Wrench, "force": ForceSensor, "encoder": Encoder, "torque": Torque,
-    "target": Target,
-}  # fmt: skip
-
-INNER: dict[str, type[BaseModel]] = {
-    "calibration": Calibration, "polynomial": Polynomial, "matrix": Matrix, "teds": Teds,
-}  # fmt: skip
-"""The tables inside a sensor, by key."""
 
 
 def _at(values: tuple[float, float, float] | None, i: int) -> float | None:

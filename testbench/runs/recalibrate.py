@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from balance.errors import UnitError
+from balance.input_files import suggestion
 
 from ..calibration import stored
 from ..calibration.document import Calibration
 from ..calibration.law import bind_sensor
 from ..errors import RigError, StoreError
-from ..rig.messages import suggestion
 from ..store import digest
 from .si_run import SIRun
 

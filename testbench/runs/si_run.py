@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from balance.arrays import Floats
 from balance.errors import UnitError
-from balance.quantities import SI_UNITS
+from balance.quantities import SI_UNITS, factor_to_si
 
 from .. import units
 from ..calibration import stored
@@ -24,7 +24,6 @@ from ..checks.clipping import flat_tops, is_dead
 from ..errors import AnalysisError
 from ..findings import Finding, Severity
 from ..rig import Column, Rig, from_text
-from ..rig.fields import unit_factor
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -314,7 +313,7 @@ class SIRun:
                 f"{where} has no unit, neither in its log nor in the rig: say sensors.{column.sensor}.unit"
             )
         try:
-            return unit_factor(unit, *column.dimensions)
+            return factor_to_si(unit, *column.dimensions)
         except UnitError as error:
             hint = ""
             if is_electrical(unit):

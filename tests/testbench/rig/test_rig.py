@@ -78,9 +78,9 @@ def test_text():
     ("old", "new", "key", "said"),
     [
         ('"50 g"', '"50 q"', "sensors.base_acc.range", "'50 q'"),
-        ('"50 g"', '"-50 g"', "sensors.base_acc.range", "positive"),
+        ('"50 g"', '"-50 g"', "sensors.base_acc.range", "more than zero"),
         ('"50 g"', "50", "sensors.base_acc.range", "no unit"),
-        ('"2 kN"', '"2 kW"', "sensors.k6d40.range.F", "'2 kW'"),
+        ('"2 kN"', '"2 kW"', "sensors.k6d40.range.F[2]", "'2 kW'"),
         ('range = "1112 N"', 'rang = "1112 N"', "sensors.futek.rang", "did you mean 'range'"),
         ('kind = "force"', 'kind = "forces"', "sensors.futek.kind", "did you mean 'force'"),
         ('kind = "force"', "", "sensors.futek.kind", "missing"),
@@ -90,7 +90,12 @@ def test_text():
         ('channel = "Fz3"', 'channel = "Fx1"', "sensors.futek", "sensors.k6d40"),
         ('clock = "uniform"', 'clok = "uniform"', "loggers.daq.clok", "did you mean 'clock'"),
         ('clock = "uniform"', 'rate = "5 kg"', "loggers.daq.rate", "'5 kg'"),
-        ('["0.20 m", "-10 cm", "0 m"]', '["0.20 m", "-10 cm"]', "sensors.base_acc.position", "three values"),
+        (
+            '["0.20 m", "-10 cm", "0 m"]',
+            '["0.20 m", "-10 cm"]',
+            "sensors.base_acc.position",
+            "missing: expected one value more",
+        ),
         ('mechanism = "parallelogram-6bar"', "", "mechanism", "missing"),
     ],
 )

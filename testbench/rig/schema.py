@@ -1,0 +1,56 @@
+"""Forms of the keys of rigs and plans: quantities in SI, one for each axis, and units in which a log is written."""
+
+from typing import Annotated
+
+from pydantic import AfterValidator
+
+from balance.errors import UnitError
+from balance.input_files import OneForAll, Quantity
+from balance.quantities import factor_to_si
+
+from ..calibration.amounts import is_electrical
+
+
+def _unit_of(*dimensions: str) -> AfterValidator:
+    """A unit of what is measured, or one that a sensor writes before it is calibrated, such as V."""
+
+    def known(unit: str) -> str:
+        try:
+            factor_to_si(unit, *dimensions)
+        except UnitError as error:
+            if not is_electrical(unit):
+                raise ValueError(f"{error}, or an electrical one, such as 'V' or 'mV/V'") from error
+        return unit
+
+    return AfterValidator(known)
+
+
+EACH_AXIS = OneForAll(3)
+"""One quantity for all three axes, or a list of three."""
+
+Time = Annotated[float, Quantity("time")]
+Length = Annotated[float, Quantity("length")]
+Point = tuple[Length, Length, Length]
+Turn = Annotated[float, Quantity("angle")]
+Mass = Annotated[float, Quantity("mass", above=0.0)]
+Frequency = Annotated[float, Quantity("frequency", above=0.0)]
+Inertia = Annotated[float, Quantity("inertia", above=0.0)]
+Stiffness = Annotated[float, Quantity("stiffness", above=0.0)]
+TurningStiffness = Annotated[float, Quantity("moment", above=0.0)]
+Damping = Annotated[float, Quantity("damping", above=0.0)]
+Acceleration = Annotated[float, Quantity("acceleration", above=0.0)]
+Force = Annotated[float, Quantity("force", above=0.0)]
+Moment = Annotated[float, Quantity("moment", above=0.0)]
+Angle = Annotated[float, Quantity("angle", above=0.0)]
+Accelerations = Annotated[tuple[Acceleration, Acceleration, Acceleration], EACH_AXIS]
+Forces = Annotated[tuple[Force, Force, Force], EACH_AXIS]
+Moments = Annotated[tuple[Moment, Moment, Moment], EACH_AXIS]
+Inertias = Annotated[tuple[Inertia, Inertia, Inertia], EACH_AXIS]
+Stiffnesses = Annotated[tuple[Stiffness, Stiffness, Stiffness], EACH_AXIS]
+Dampings = Annotated[tuple[Damping, Damping, Damping], EACH_AXIS]
+
+AccelerationUnit = Annotated[str, _unit_of("acceleration")]
+ForceUnit = Annotated[str, _unit_of("force")]
+MomentUnit = Annotated[str, _unit_of("moment")]
+JointUnit = Annotated[str, _unit_of("angle", "length")]
+DriveUnit = Annotated[str, _unit_of("moment", "force")]
