@@ -76,7 +76,12 @@ def _row_group(stream: IO[bytes], columns: Mapping[str, Column], begin: int) -> 
     total, count = 0, 0
     for name, column in columns.items():
         values = column[begin : begin + _GROUP_ROWS]
-        page = {1: _DATA_PAGE, 2: values.nbytes, 3: values.nbytes, 5: {1: len(values), 2: _PLAIN, 3: _RLE, 4: _RLE}}
+        page: dict[int, Value] = {
+            1: _DATA_PAGE,
+            2: values.nbytes,
+            3: values.nbytes,
+            5: {1: len(values), 2: _PLAIN, 3: _RLE, 4: _RLE},
+        }
         offset, header = stream.tell(), _struct(page)
         stream.write(header)
         stream.write(values.data)

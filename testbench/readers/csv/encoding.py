@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass
 
-from ..magic import known_as
+from ..registry import known_as
 
 _NUL_RUN = re.compile(rb"\0{16,}")
 _MARKS = (

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ...errors import RecordingError
 from ...findings import Finding, Refusal
-from ..magic import known_as
+from ..registry import known_as
 from . import encoding as encodings
 from .encoding import Encoding
 from .lines import LONGEST_LINE, too_long

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from ...recording import Recording
-from ..isolated import open_isolated
 from ..registry import Reader, ReadOptions
+from ..subprocess_reader import open_in_subprocess
 
 _MARK = b"\x89HDF\r\n\x1a\n"
 _PLACES = (0, 512, 1024, 2048)
@@ -13,7 +13,7 @@ _PLACES = (0, 512, 1024, 2048)
 
 def open_hdf5(path: Path, options: ReadOptions) -> Recording:
     """Walk through the file; the numbers are read when asked for."""
-    return open_isolated(path, "testbench.readers.hdf5.library", "open_library")
+    return open_in_subprocess(path, "testbench.readers.hdf5.library")
 
 
 def identify(head: bytes) -> bool:

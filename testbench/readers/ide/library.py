@@ -11,7 +11,6 @@ import numpy as np
 
 from ...findings import Finding, Refusal
 from ...recording import Block, Channel, Group, Recording, TimeColumn
-from ..extras import library
 from ..nonfinite import watched
 from ..stream import ByteSource, block_samples
 from . import elements
@@ -45,7 +44,8 @@ def open_library(path: Path) -> Recording:
 @contextmanager
 def _dataset(path: Path, end: int, findings: list[Finding]) -> Iterator[Any]:
     """The file's whole elements as idelib reads them; what it passes over in silence is a finding."""
-    importer = library("idelib.importer", "ide", "enDAQ IDE")
+    from idelib import importer
+
     passed_over: list[str] = []
     handler = logging.Handler(logging.ERROR)
     handler.emit = lambda record: passed_over.append(record.getMessage())  # type: ignore[method-assign]

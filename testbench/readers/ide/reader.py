@@ -3,15 +3,14 @@
 from pathlib import Path
 
 from ...recording import Recording
-from ..extras import needs
-from ..isolated import open_isolated
-from ..registry import Reader, ReadOptions
+from ..registry import Reader, ReadOptions, needs
+from ..subprocess_reader import open_in_subprocess
 from .elements import MAGIC
 
 
 def open_ide(path: Path, options: ReadOptions) -> Recording:
     """Open the recording; its data are read when asked for."""
-    return open_isolated(path, "testbench.readers.ide.library", "open_library")
+    return open_in_subprocess(path, "testbench.readers.ide.library", extra="ide")
 
 
 READER = Reader(

@@ -3,13 +3,13 @@
 from pathlib import Path
 
 from ...recording import Recording
-from ..isolated import open_isolated
-from ..registry import Reader, ReadOptions
+from ..registry import Reader, ReadOptions, needs
+from ..subprocess_reader import open_in_subprocess
 
 
 def open_parquet(path: Path, options: ReadOptions) -> Recording:
     """Read schema and metadata; the rows are read when asked for."""
-    return open_isolated(path, "testbench.readers.parquet.library", "open_library")
+    return open_in_subprocess(path, "testbench.readers.parquet.library", extra="parquet")
 
 
 READER = Reader(
@@ -17,4 +17,5 @@ READER = Reader(
     extensions=(".parquet", ".pq"),
     identify=lambda head: head.startswith(b"PAR1"),
     open=open_parquet,
+    needs=needs("parquet"),
 )

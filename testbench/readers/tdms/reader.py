@@ -13,7 +13,7 @@ from ...units import seconds_per
 from ..csv.names import is_time
 from ..declared import by_step
 from ..nonfinite import watched
-from ..registry import Reader, ReadOptions
+from ..registry import Reader, ReadOptions, needs
 from ..stream import ByteSource, as_float64, block_samples, damaged, refusing
 from . import types
 from .contents import Channel, Contents, changed, names, read, title
@@ -238,4 +238,5 @@ READER = Reader(
     extensions=(".tdms",),
     identify=lambda head: head.startswith((b"TDSm", b"TDSh")),
     open=open_tdms,
+    needs=f"{needs('tdms')} for scales of thermocouples, bridges and tables",
 )

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import RecordingError
 from ...recording import Samples
-from ..extras import library
+from ..registry import needs
 from ..stream import as_float64
 from .metadata import Property
 
@@ -72,7 +73,11 @@ class Scaling:
 
     def _by_library(self, raw: Raw) -> Samples:
         """Scales of thermocouples, bridges, tables and the like."""
-        scaling = library("nptdms.scaling", "tdms", "the scales of this TDMS file").get_scaling(self._said, {}, {})
+        try:
+            from nptdms.scaling import get_scaling
+        except ModuleNotFoundError as error:
+            raise RecordingError(f"the scales of this TDMS file need npTDMS: pip install '{needs('tdms')}'") from error
+        scaling = get_scaling(self._said, {}, {})
         if scaling is None:
             kinds = {self._said.get(f"NI_Scale[{i}]_Scale_Type") for i in range(self.count)}
             raise ValueError(f"scales {kinds} are not known")

@@ -157,11 +157,19 @@ def bag(path):
 
 
 IN_PROCESS = {
-    "run.csv": csv, "run.forces": forces, "run.lvm": lvm, "run.uff": uff, "run.mat": mat5, "packed.mat": mat5_packed,
-    "old.mat": mat4, "run.tdms": tdms, "run.mf4": mdf, "run.mdf": mdf3, "packed.mf4": mdf_packed,
-    "run.c3d": c3d, "run.wav": wav, "times.csv": times,
+    "run.csv": csv, "run.forces": forces, "run.lvm": lvm, "run.uff": uff, "run.tdms": tdms, "run.mf4": mdf,
+    "run.mdf": mdf3, "packed.mf4": mdf_packed, "run.c3d": c3d, "run.wav": wav, "times.csv": times,
 }  # fmt: skip
-ISOLATED = {"run.parquet": parquet, "run.h5": hdf5, "new.mat": mat73, "run.mcap": mcap, "run.bag": bag}
+ISOLATED = {
+    "run.parquet": parquet,
+    "run.h5": hdf5,
+    "new.mat": mat73,
+    "run.mat": mat5,
+    "packed.mat": mat5_packed,
+    "old.mat": mat4,
+    "run.mcap": mcap,
+    "run.bag": bag,
+}
 ALL = IN_PROCESS | ISOLATED
 
 

@@ -89,11 +89,11 @@ def read(path, options=None) -> Read:
 def in_process(monkeypatch):
     """Libraries read in this process, which is faster; that they can in one of their own is tested elsewhere."""
 
-    def open_here(path, module, function):
+    def open_here(path, module, function="open_library", extra=""):
         return getattr(import_module(module), function)(path)
 
-    for package in ("hdf5", "parquet", "mcap", "rosbag", "ide"):
-        monkeypatch.setattr(f"testbench.readers.{package}.reader.open_isolated", open_here)
+    for module in ("hdf5.reader", "parquet.reader", "ide.reader", "matlab", "ros_files"):
+        monkeypatch.setattr(f"testbench.readers.{module}.open_in_subprocess", open_here)
 
 
 def real(name) -> Path:

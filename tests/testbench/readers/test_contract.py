@@ -1,14 +1,18 @@
 """The contract of readers, on every one of them; and how others add theirs."""
 
+import ast
 import importlib.metadata
+import re
+import sys
+import tomllib
 from dataclasses import replace
-from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from testbench.errors import RecordingError
-from testbench.readers import Reader, contract, extras, find_reader, open_recording, readers, registry
+from testbench.readers import Reader, contract, find_reader, open_recording, readers, registry
 from testbench.recording import Block, Channel, Group, Recording
 
 from . import examples, reading
@@ -85,27 +89,47 @@ def test_the_entry_point_group_is_the_documented_one():
     assert importlib.metadata.entry_points(group=registry.ENTRY_POINTS) is not None
 
 
-@pytest.mark.parametrize(
-    ("name", "extra", "missing"),
-    [("run.mcap", "mcap", "mcap.stream_reader"), ("run.bag", "rosbag", "rosbags.rosbag1")],
-)
-def test_a_missing_library_is_said_in_one_line(tmp_path, monkeypatch, name, extra, missing):
+@pytest.mark.parametrize(("name", "extra"), [("run.mcap", "mcap"), ("run.bag", "rosbag"), ("run.parquet", "parquet")])
+def test_a_missing_library_is_said_in_one_line(tmp_path, monkeypatch, name, extra):
     """What to install, as pip takes it."""
     path = examples.make(tmp_path, name)
-    module = import_module(f"testbench.readers.{extra}.library")
-
-    def import_nothing(name):
-        raise ModuleNotFoundError(name=name.partition(".")[0])
-
-    monkeypatch.setattr(extras, "import_module", import_nothing)
+    monkeypatch.setattr(registry, "find_spec", lambda name: None)
     with pytest.raises(RecordingError, match=rf"pip install 'counterpoise\[{extra}\]'"):
-        list(module.open_library(path).blocks(lambda finding: None))
+        open_recording(path)
 
 
-def test_what_is_installed_is_known():
-    """Of each extra, without importing anything of it."""
-    assert all(extras.installed(extra) for extra in ("tdms", "ide", "mcap", "rosbag"))
-    assert extras.needs("ide") == "counterpoise[ide]"
+def _imported(folder):
+    """The top names of all modules that the files of a folder import, but those of the language and our own."""
+    names = set()
+    for path in folder.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                names |= {alias.name.partition(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and not node.level:
+                names.add(node.module.partition(".")[0])
+    return names - sys.stdlib_module_names - {"testbench", "balance"}
+
+
+def test_extras_name_what_is_imported_and_nothing_more():
+    """Each module that a reader imports is required by the distribution, or by the extra that its format names."""
+    root = Path(registry.__file__).parents[2]
+    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    optional = {
+        extra: {re.match(r"[\w-]+", text)[0].casefold() for text in texts}
+        for extra, texts in project["optional-dependencies"].items()
+    }
+    always = {re.match(r"[\w-]+", text)[0].casefold() for text in project["dependencies"]}
+    distributions = {"google": "protobuf", "llvmlite": "numba", "ebmlite": "idelib"}  # under another name
+    needed = {distributions.get(name, name) for name in _imported(root / "testbench" / "readers")} - always
+    assert needed == {"numba", *(name for extra in registry.EXTRAS for name in optional[extra])}
+    for extra, modules in registry.EXTRAS.items():
+        tops = (module.partition(".")[0] for module in modules)
+        assert optional[extra] == {distributions.get(top, top) for top in tops}
+    named = {reader.needs.partition(" ")[0] for reader in readers() if reader.needs}
+    assert named == {f"counterpoise[{extra}]" for extra in registry.EXTRAS}
+    assert optional["loggers"] == {"counterpoise"}
+    (loggers,) = project["optional-dependencies"]["loggers"]
+    assert loggers == f"counterpoise[{','.join(sorted(registry.EXTRAS))}]"
 
 
 def test_opening_reads_no_data(tmp_path):

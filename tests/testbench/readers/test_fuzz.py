@@ -15,6 +15,7 @@ from testbench.findings import Severity
 from testbench.readers import open_recording
 
 from . import examples, reading
+from .reading import in_process  # noqa: F401
 
 CASES = int(os.environ.get("COUNTERPOISE_FUZZ", "48"))
 MOST_BYTES = 400 << 20
@@ -52,7 +53,8 @@ _GROWS = {"run.csv", "times.csv", "run.c3d"}
 """Formats that a cut may leave whole: rows without a declared count; bytes behind the last frame that only fill up."""
 
 
-@pytest.mark.parametrize("name", sorted(set(examples.IN_PROCESS) - _GROWS))
+@pytest.mark.parametrize("name", sorted({*examples.IN_PROCESS, "run.mat", "packed.mat", "old.mat"} - _GROWS))
+@pytest.mark.usefixtures("in_process")
 def test_no_cut_is_accepted_in_silence(tmp_path, name):
     """Wherever the file ends, but between two of its parts, it is refused or found cut."""
     path = examples.make(tmp_path, name)

@@ -10,6 +10,9 @@ from testbench.findings import Refusal
 from testbench.recording import TimeColumn
 
 from . import reading
+from .reading import in_process  # noqa: F401
+
+pytestmark = pytest.mark.usefixtures("in_process")
 
 TIME = np.arange(100) / 50
 

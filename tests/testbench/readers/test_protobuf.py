@@ -8,11 +8,13 @@ import pytest
 from mcap.writer import Writer
 
 from testbench.errors import RecordingError
-from testbench.readers.ros import protobuf, wire
-from testbench.readers.ros.decode import TooLong, Unreadable
-from testbench.readers.ros.definitions import Unclear
+from testbench.readers.protobuf_messages import ProtobufDecoder
+from testbench.readers.ros_messages import TooLong, Unreadable
 
 from . import reading
+from .reading import in_process  # noqa: F401
+
+pytestmark = pytest.mark.usefixtures("in_process")
 
 ZERO = 1_795_248_000_123_456_789
 DOUBLE, FLOAT, INT64, INT32, BOOL, STRING, MESSAGE, SINT32 = 1, 2, 3, 5, 8, 9, 11, 17
@@ -50,7 +52,8 @@ def described(name, *fields, inside=b""):
     for title, index, label, kind, of, *optional in fields:
         one = inner(1, title) + number(3, index) + number(4, label) + number(5, kind)
         one += inner(6, of) if of else b""
-        raw += inner(2, one + (number(17, 1) if optional else b""))
+        raw += inner(2, one + (number(9, 0) + number(17, 1) if optional else b""))
+        raw += inner(8, inner(1, f"_{title}")) if optional else b""
     return raw + inside
 
 
@@ -64,7 +67,9 @@ IMU = described(
     ("raw", 6, 3, SINT32, ""), ("gain", 7, 1, DOUBLE, "", True), ("parts", 8, 3, MESSAGE, ".lab.Imu.Vec"),
     inside=inner(3, VECTOR),
 )  # fmt: skip
-SCHEMA = TIMESTAMP + inner(1, inner(1, "imu.proto") + inner(2, "lab") + inner(12, "proto3") + inner(4, IMU))
+SCHEMA = TIMESTAMP + inner(
+    1, inner(1, "imu.proto") + inner(2, "lab") + inner(3, "t.proto") + inner(12, "proto3") + inner(4, IMU)
+)
 
 
 def imu(i):
@@ -89,12 +94,15 @@ def recorded(path, schema=SCHEMA, name="lab.Imu", messages=None):
 
 
 def test_the_documented_examples():
-    """150 is 96 01; packed 3, 270, 86942; -1 as sint32 is 1; a nested message with 150."""
-    assert wire.fields(bytes.fromhex("089601")) == {1: [(0, 150)]}
-    assert protobuf._numbers((2, bytes.fromhex("038e029ea705")), INT32) == [3, 270, 86942]
-    assert protobuf._numbers((0, 1), SINT32) == [-1]
-    assert protobuf._numbers((0, (1 << 64) - 2), INT32) == [-2]
-    assert wire.fields(bytes.fromhex("1a03089601")) == {3: [(2, bytes.fromhex("089601"))]}
+    """150 is 96 01; packed 3, 270, 86942; -1 as sint32 is 1; -2 as int32 has 64 bits; a nested message with 150."""
+    fields = ("a", 1, 1, INT32, ""), ("b", 4, 3, INT32, ""), ("c", 5, 1, SINT32, ""), ("d", 3, 1, MESSAGE, ".T")
+    file = inner(1, inner(1, "x.proto") + inner(12, "proto3") + inner(4, described("T", *fields)))
+    decoder = ProtobufDecoder(file, "T")
+    raw = bytes.fromhex("089601") + bytes.fromhex("2206038e029ea705") + number(5, 1) + bytes.fromhex("1a03089601")
+    found = decoder.decode(raw)
+    values = dict(zip(found.names, found.numbers, strict=True))
+    assert [values[name] for name in ("a", "b[0]", "b[1]", "b[2]", "c", "d.a")] == [150, 3, 270, 86942, -1, 150]
+    assert decoder.decode(number(1, -2)).numbers[0] == -2
 
 
 def test_numbers_stamps_and_defaults(tmp_path):
@@ -137,19 +145,18 @@ def test_topics_without_their_descriptors_are_left_out_by_name(tmp_path, schema,
 
 
 def test_hostile_descriptors_and_messages_end():
-    """Messages that hold themselves, definitions nested without end, lists without end."""
+    """Messages that hold themselves, lists without end, a field of another kind."""
     itself = described("Me", ("x", 1, 1, DOUBLE, ""), ("me", 2, 1, MESSAGE, ".Me"))
-    decoder = protobuf.parse(inner(1, inner(12, "proto3") + inner(4, itself)), "Me")
+    decoder = ProtobufDecoder(inner(1, inner(12, "proto3") + inner(4, itself)), "Me")
     raw = double(1, 1.0)
-    for _ in range(200):
+    for _ in range(50):
         raw = inner(2, raw)
     assert len(decoder.decode(raw).numbers) <= 30
-    nested = described("In")
-    for _ in range(50):
-        nested = described("In", inside=inner(3, nested))
-    with pytest.raises(Unclear, match="20 deep"):
-        protobuf.parse(inner(1, inner(4, nested)), "In")
-    many = protobuf.parse(inner(1, inner(4, described("L", ("v", 1, 3, INT32, "")))), "L")
+    for _ in range(200):
+        raw = inner(2, raw)
+    with pytest.raises(Unreadable):
+        decoder.decode(raw)
+    many = ProtobufDecoder(inner(1, inner(4, described("L", ("v", 1, 3, INT32, "")))), "L")
     with pytest.raises(TooLong):
         many.decode(inner(1, b"\x01" * 5000))
     with pytest.raises(Unreadable):

@@ -6,8 +6,7 @@ from mcap.writer import CompressionType
 from rosbags.rosbag1 import Writer as BagWriter
 
 from testbench.errors import RecordingError
-from testbench.readers.ros.decode import Decoder, TooLong, Unreadable
-from testbench.readers.ros.definitions import Unclear, parse
+from testbench.readers.ros_messages import RosDecoder, TooLong, Unclear, Unreadable, message_fields
 from testbench.recording import TimeColumn
 
 from . import reading, robots
@@ -56,7 +55,7 @@ def test_json_is_read_and_shapes_are_kept_apart(tmp_path):
 
 def test_integers_that_float64_rounds_are_said():
     """2**53 + 1 of one message; neither floating-point numbers as large nor times, which are counted from a zero."""
-    from testbench.readers.ros.rows import Topic, from_json
+    from testbench.readers.ros_topics import Topic, from_json
 
     topic = Topic("/json", from_json, robots.ZERO)
     for i in range(3):
@@ -68,11 +67,10 @@ def test_integers_that_float64_rounds_are_said():
 
 def test_blocks_follow_one_another(tmp_path, monkeypatch):
     """Few rows a block give the same."""
-    from testbench.readers.ros import rows
-    from testbench.readers.rosbag import library
+    from testbench.readers import ros_topics, rosbag_worker
 
-    monkeypatch.setattr(rows, "_ROWS", 7)
-    recording = library.open_library(robots.bag(tmp_path / "run.bag"))
+    monkeypatch.setattr(ros_topics, "_ROWS", 7)
+    recording = rosbag_worker.open_library(robots.bag(tmp_path / "run.bag"))
     blocks = [b for b in recording.blocks(lambda f: None) if b.group.name == "/imu"]
     assert [b.start for b in blocks] == [0, 7, 14, 21, 28, 35]
 
@@ -128,7 +126,7 @@ MSG: pkg/Inner
 bool on
 builtin_interfaces/Duration d
 """
-    fields = parse(text, "pkg/msg/Outer", is_ros2=True)
+    fields = message_fields(text, "pkg/msg/Outer", is_ros2=True)
     assert [(f.name, f.count, f.is_array) for f in fields] == [
         ("header", 1, False), ("v", 3, True), ("inners", -1, True), ("gain", 1, False), ("s", 1, False),
         ("few", -1, True),
@@ -140,13 +138,13 @@ builtin_interfaces/Duration d
 def test_descriptions_that_are_none_are_said(text):
     """What is no field is never guessed; a message within itself neither."""
     with pytest.raises(Unclear):
-        parse(text + "\n" + "=" * 80 + "\nMSG: pkg/A\nA a\n", "pkg/M", is_ros2=False)
+        message_fields(text + "\n" + "=" * 80 + "\nMSG: pkg/A\nA a\n", "pkg/M", is_ros2=False)
 
 
 @pytest.mark.parametrize(("is_cdr", "padding"), [(False, 0), (True, 7)])
 def test_bytes_that_no_field_describes_are_said(is_cdr, padding):
     """A message longer than its description is of another one: its numbers would stand in the wrong places."""
-    decoder = Decoder(parse("float64 x", "p/M", is_ros2=is_cdr), is_cdr=is_cdr)
+    decoder = RosDecoder(message_fields("float64 x", "p/M", is_ros2=is_cdr), is_cdr=is_cdr)
     raw = (b"\x00\x01\x00\x00" if is_cdr else b"") + np.array([1.5], "<f8").tobytes()
     assert decoder.decode(raw + bytes(padding)).numbers == [1.5]
     with pytest.raises(Unreadable, match=f"is {padding + 1} longer"):
@@ -155,7 +153,7 @@ def test_bytes_that_no_field_describes_are_said(is_cdr, padding):
 
 def test_messages_are_never_longer_than_their_bytes():
     """Lengths of gigabytes in a few bytes, and pictures."""
-    decoder = Decoder(parse("float64[] x\nstring s", "p/M", False), is_cdr=False)
+    decoder = RosDecoder(message_fields("float64[] x\nstring s", "p/M", False), is_cdr=False)
     assert decoder.decode(b"\x00\x00\x00\x00\x01\x00\x00\x00a").numbers == []
     for raw in (b"", b"\x02\x00\x00\x00" + bytes(8), b"\x00\x00\x00\x00\xff\xff\xff\xffa"):
         with pytest.raises(Unreadable):

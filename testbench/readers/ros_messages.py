@@ -1,15 +1,34 @@
-"""The numbers of a message from its bytes, in the order of its fields; ROS 1 and ROS 2 (CDR)."""
+"""Numbers of messages of ROS 1 and ROS 2 (CDR), by the descriptions that a file carries.
 
+rosbags reads the descriptions. Its own decoders are Python code that it writes from them and runs; what a file says is
+never run here, so the bytes are decoded below.
+"""
+
+import re
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
-from .definitions import DURATION, PRIMITIVES, TEXTS, TIME, Field
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import TypesysError, get_types_from_msg
 
 MOST_NUMBERS = 4096
 """A message of more numbers is a picture or a cloud of points, and no sample."""
 _PADDING = 7
 """Bytes with which CDR may fill up a message."""
+_PRIMITIVES = {
+    "bool": "?", "byte": "b", "char": "B", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i",
+    "uint32": "I", "int64": "q", "uint64": "Q", "float32": "f", "float64": "d",
+}  # fmt: skip
+_TEXT, _TIME, _DURATION = "string", "time", "duration"
+_TIMES = {"builtin_interfaces/msg/Time": _TIME, "builtin_interfaces/msg/Duration": _DURATION}
+_STAMP = ("stamp", (Nodetype.NAME, "builtin_interfaces/msg/Time"))
+_FRAME = ("frame_id", (Nodetype.BASE, (_TEXT, 0)))
+_SEQUENCE = ("seq", (Nodetype.BASE, ("uint32", 0)))
+_SEPARATOR = re.compile(r"(?m)^={20,}[ \t]*\n(?=MSG:)")
+_CONSTANT = re.compile(r"(?m)^[ \t]*[A-Za-z][\w/<=]*[ \t]+\w+[ \t]*=.*$")
+DEEPEST, _LONGEST, _MOST_FIELDS = 20, 1 << 20, 10_000
 Number = float | int | bool
 
 
@@ -21,6 +40,56 @@ class TooLong(Exception):
     """A message of more numbers than a sample has."""
 
 
+class Unclear(Exception):
+    """A description that cannot be understood; the text says why."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field: its type (a primitive, a text, a time, or fields of its own), and how many of it.
+
+    ``count`` is 1 for one value, the length of an array, or -1 for an array that brings its length.
+    """
+
+    name: str
+    kind: "str | tuple[Field, ...]"
+    count: int = 1
+    is_array: bool = False
+
+
+def message_fields(text: str, name: str, is_ros2: bool) -> tuple[Field, ...]:
+    """The fields of the message ``name`` that ``text`` describes, with what it contains below lines of ``=``."""
+    if len(text) > _LONGEST:
+        raise Unclear(f"a description of {len(text)} letters")
+    text = _SEPARATOR.sub("=" * 80 + "\n", _CONSTANT.sub("", text.replace("\r\n", "\n")))
+    try:
+        found = get_types_from_msg(text, name)
+    except (TypesysError, RecursionError) as error:
+        raise Unclear(f"{name}: rosbags cannot read its description ({str(error)[:200]})") from error
+    types = {"std_msgs/msg/Header": [*([] if is_ros2 else [_SEQUENCE]), _STAMP, _FRAME]}
+    types |= {title: fields for title, (_, fields) in found.items()}
+    return _fields(next(iter(found)), types, 0, [0])
+
+
+def _fields(name: str, types: dict[str, Any], depth: int, seen: list[int]) -> tuple[Field, ...]:
+    if name not in types:
+        raise Unclear(f"the type {name!r} is described nowhere")
+    if depth > DEEPEST:
+        raise Unclear(f"messages nested more than {DEEPEST} deep")
+    found = []
+    for label, (node, of) in types[name]:
+        seen[0] += 1
+        if seen[0] > _MOST_FIELDS:
+            raise Unclear(f"more than {_MOST_FIELDS} fields")
+        is_array, count = node in (Nodetype.ARRAY, Nodetype.SEQUENCE), 1
+        if is_array:
+            count = of[1] if node == Nodetype.ARRAY else -1
+            node, of = of[0]
+        kind = of[0] if node == Nodetype.BASE else _TIMES.get(of) or _fields(of, types, depth + 1, seen)
+        found.append(Field(label, kind, count, is_array))
+    return tuple(found)
+
+
 @dataclass
 class Message:
     """The numbers of one message, in order, and their names; times are integers of nanoseconds since 1970."""
@@ -30,7 +99,7 @@ class Message:
     times: list[int] = field(default_factory=list)
 
 
-class Decoder:
+class RosDecoder:
     """Decodes messages of one description."""
 
     def __init__(self, fields: Sequence[Field], is_cdr: bool) -> None:
@@ -87,7 +156,7 @@ class _State:
         for each in fields:
             path = prefix + each.name
             count = int(self.take("I")[0]) if each.count < 0 else each.count
-            if each.kind in TEXTS:
+            if each.kind == _TEXT:
                 if count > len(self.raw):
                     raise Unreadable(f"{count} texts in a message of {len(self.raw)} bytes")
                 texts = [self.text() for _ in range(count)]
@@ -105,21 +174,21 @@ class _State:
             for name in names:
                 self.fields(each.kind, f"{name}.")
             return
-        if each.kind in (TIME, DURATION):
+        if each.kind in (_TIME, _DURATION):
             for name in names:
                 self._time(each.kind, name)
             return
-        self.message.numbers += self.take(PRIMITIVES[each.kind], count)
+        self.message.numbers += self.take(_PRIMITIVES[each.kind], count)
         self.message.names += names
 
     def _time(self, kind: str, name: str) -> None:
         """Seconds and nanoseconds; a time of zero was not set."""
-        seconds = int(self.take("I" if kind == TIME and not self.is_cdr else "i")[0])
-        nanoseconds = int(self.take("I" if kind == TIME or self.is_cdr else "i")[0])
+        seconds = int(self.take("I" if kind == _TIME and not self.is_cdr else "i")[0])
+        nanoseconds = int(self.take("I" if kind == _TIME or self.is_cdr else "i")[0])
         value = seconds * 1_000_000_000 + nanoseconds
-        if kind == TIME:
+        if kind == _TIME:
             self.message.times.append(len(self.message.numbers))
-        self.message.numbers.append(None if kind == TIME and not value else value)
+        self.message.numbers.append(None if kind == _TIME and not value else value)
         self.message.names.append(name)
 
 

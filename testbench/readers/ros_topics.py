@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...findings import Finding
-from ...recording import Block, Channel, Group, Samples, TimeColumn
-from .decode import MOST_NUMBERS, Message, Number, TooLong, Unreadable
+from ..findings import Finding
+from ..recording import Block, Channel, Group, Samples, TimeColumn
+from .ros_messages import MOST_NUMBERS, Message, Number, TooLong, Unreadable
 
 Decode = Callable[[bytes], Message]
 LOGGED = "log time"

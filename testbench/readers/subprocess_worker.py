@@ -10,9 +10,9 @@ from typing import IO
 
 from balance.errors import CounterpoiseError
 
-from ...findings import Finding, Refusal
-from ...recording import Recording
-from . import frames
+from ..findings import Finding, Refusal
+from ..recording import Recording
+from . import subprocess_protocol as protocol
 
 MOST_MEMORY = 3 << 30
 """Memory that the process may take [bytes]; a library that asks for more fails, and not the machine."""
@@ -30,18 +30,18 @@ def main(arguments: list[str]) -> None:
         if sys.stdin.buffer.read(1):
             _send_data(out, recording)
     except Refusal as refusal:
-        frames.write(out, {"refusal": refusal.finding.as_dict()})
+        protocol.write_frame(out, {"refusal": refusal.finding.as_dict()})
     except CounterpoiseError as error:
-        frames.write(out, {"error": str(error)})
+        protocol.write_frame(out, {"error": str(error)})
     except MemoryError:
         message = f"reading it takes more than {MOST_MEMORY >> 30} GiB of memory"
-        frames.write(out, {"refusal": Finding("too_large", None, None, message).as_dict()})
+        protocol.write_frame(out, {"refusal": Finding("too_large", None, None, message).as_dict()})
     except RecursionError:
         message = "its structure is nested without end"
-        frames.write(out, {"refusal": Finding("damaged_file", None, None, message).as_dict()})
+        protocol.write_frame(out, {"refusal": Finding("damaged_file", None, None, message).as_dict()})
     except Exception as error:  # whatever a library makes of a damaged file
         message = f"cannot be read: {type(error).__name__}: {error}"
-        frames.write(out, {"refusal": Finding("damaged_file", None, None, message[:2000]).as_dict()})
+        protocol.write_frame(out, {"refusal": Finding("damaged_file", None, None, message[:2000]).as_dict()})
     out.flush()
 
 
@@ -66,7 +66,7 @@ def _send_header(out: IO[bytes], recording: Recording) -> None:
     document = {
         "format": recording.format,
         "reader": recording.reader,
-        "groups": [frames.group_as_dict(group) for group in recording.groups],
+        "groups": [protocol.group_as_dict(group) for group in recording.groups],
         "origin": recording.origin,
         "settings": dict(recording.settings),
         "metadata": dict(recording.metadata),
@@ -75,21 +75,21 @@ def _send_header(out: IO[bytes], recording: Recording) -> None:
         "stated_rate_hz": recording.stated_rate_hz,
         "findings": [finding.as_dict() for finding in recording.findings],
     }
-    frames.write(out, {"recording": document})
+    protocol.write_frame(out, {"recording": document})
 
 
 def _send_data(out: IO[bytes], recording: Recording) -> None:
     known = {group.name for group in recording.groups}
 
     def report(finding: Finding) -> None:
-        frames.write(out, {"finding": finding.as_dict()})
+        protocol.write_frame(out, {"finding": finding.as_dict()})
 
     for block in recording.blocks(report):
         if block.group.name not in known:
             known.add(block.group.name)
-            frames.write(out, {"group": frames.group_as_dict(block.group)})
-        frames.write(out, {"block": frames.block_as_dict(block)}, block.columns)
-    frames.write(out, {"end": True})
+            protocol.write_frame(out, {"group": protocol.group_as_dict(block.group)})
+        protocol.write_frame(out, {"block": protocol.block_as_dict(block)}, block.columns)
+    protocol.write_frame(out, {"end": True})
 
 
 if __name__ == "__main__":

@@ -7,8 +7,8 @@ from typing import IO, Any
 
 import numpy as np
 
-from ...findings import Finding
-from ...recording import Block, Channel, Clock, Group, Samples, SensorRange, TimeColumn, UniformClock
+from ..findings import Finding
+from ..recording import Block, Channel, Clock, Group, Samples, SensorRange, TimeColumn, UniformClock
 
 _HEAD = struct.Struct("<IQ")
 _LONGEST_DOCUMENT, _LONGEST_COLUMNS = 256 << 20, 2 << 30
@@ -18,7 +18,7 @@ class Broken(Exception):
     """The pipe ended, or brought something that is no frame."""
 
 
-def write(stream: IO[bytes], document: Mapping[str, Any], columns: tuple[Samples, ...] = ()) -> None:
+def write_frame(stream: IO[bytes], document: Mapping[str, Any], columns: tuple[Samples, ...] = ()) -> None:
     """Send a document and columns of one length."""
     text = json.dumps(document).encode()
     data = [np.ascontiguousarray(column, dtype=np.float64) for column in columns]
@@ -28,7 +28,7 @@ def write(stream: IO[bytes], document: Mapping[str, Any], columns: tuple[Samples
     stream.flush()
 
 
-def read(stream: IO[bytes]) -> tuple[dict[str, Any], Samples]:
+def read_frame(stream: IO[bytes]) -> tuple[dict[str, Any], Samples]:
     """The next document, and its columns one behind the other."""
     text_length, data_length = _HEAD.unpack(_exactly(stream, _HEAD.size))
     if text_length > _LONGEST_DOCUMENT or data_length > _LONGEST_COLUMNS or data_length % 8:
@@ -64,14 +64,10 @@ def group_as_dict(group: Group) -> dict[str, Any]:
 
 def group_from_dict(document: Mapping[str, Any]) -> Group:
     """A group from the pipe."""
-    said, clock = document["clock"], None
-    if said is not None:
-        clock = _clock(said)
+    clock: Clock | None = None
+    if (stated := document["clock"]) is not None:
+        clock = TimeColumn(**stated) if "index" in stated else UniformClock(**stated)
     return Group(document["name"], tuple(Channel(*channel) for channel in document["channels"]), clock)
-
-
-def _clock(said: Mapping[str, Any]) -> Clock:
-    return TimeColumn(**said) if "index" in said else UniformClock(**said)
 
 
 def block_as_dict(block: Block) -> dict[str, Any]:
@@ -79,11 +75,11 @@ def block_as_dict(block: Block) -> dict[str, Any]:
     return {"group": block.group.name, "start": block.start, "columns": len(block.columns), "read": block.bytes_read}
 
 
-def finding_from_dict(said: Mapping[str, Any]) -> Finding:
+def finding_from_dict(stated: Mapping[str, Any]) -> Finding:
     """A finding from the pipe."""
-    return Finding(said["code"], said["channel"], said["where"], said["message"])
+    return Finding(stated["code"], stated["channel"], stated["where"], stated["message"])
 
 
-def range_from_list(said: tuple[float, str, int | None]) -> SensorRange:
+def range_from_list(stated: tuple[float, str, int | None]) -> SensorRange:
     """A sensor range from the pipe."""
-    return SensorRange(*said)
+    return SensorRange(*stated)

@@ -4,19 +4,19 @@ import struct
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ...findings import Finding, Refusal
-from ...recording import Block, Recording, Report
-from ..extras import library
-from ..nonfinite import watched
-from ..ros import protobuf
-from ..ros.decode import Decoder, Message, Unreadable
-from ..ros.definitions import Unclear, parse
-from ..ros.rows import Decode, Topic, from_json
-from ..stream import damaged, refusing
+from mcap.exceptions import McapError
+from mcap.stream_reader import CRCValidationError, StreamReader
+
+from ..findings import Finding, Refusal
+from ..recording import Block, Recording, Report
+from .nonfinite import watched
+from .protobuf_messages import ProtobufDecoder
+from .ros_messages import Message, RosDecoder, Unclear, Unreadable, message_fields
+from .ros_topics import Topic, from_json
+from .stream import damaged, refusing
 
 _MAGIC = b"\x89MCAP0\r\n"
 _LARGEST_RECORD = 256 << 20
@@ -49,7 +49,7 @@ def open_library(path: Path) -> Recording:
     return Recording(
         path=path,
         format="MCAP",
-        reader="testbench.readers.mcap",
+        reader="testbench.readers.ros_files",
         groups=tuple(groups),
         read=lambda report: watched(_blocks(path, report), report),
         metadata=file.metadata | {"zero": f"{file.zero} ns since 1970"},
@@ -75,15 +75,13 @@ def _blocks(path: Path, report: Report) -> Iterator[Block]:
 
 def _messages(path: Path, file: _File) -> Iterator[tuple[Topic, Any]]:
     """Every message with its topic; a file that ends too early ends them with a finding."""
-    reader = library("mcap.stream_reader", "mcap", "MCAP")
-    errors = library("mcap.exceptions", "mcap", "MCAP")
     with path.open("rb") as stream:
-        records = reader.StreamReader(stream, validate_crcs=True, record_size_limit=_LARGEST_RECORD).records
+        records = StreamReader(stream, validate_crcs=True, record_size_limit=_LARGEST_RECORD).records
         try:
             for record in records:
                 yield from _record(record, file, path)
-        except (errors.McapError, ValueError, struct.error) as error:
-            if _is_closed(path) or isinstance(error, reader.CRCValidationError):
+        except (McapError, ValueError, struct.error) as error:
+            if _is_closed(path) or isinstance(error, CRCValidationError):
                 raise damaged(path, f"{type(error).__name__}: {error}") from error
             total = sum(file.counts.values())
             message = f"the file ends too early ({type(error).__name__}); {total} whole messages are before that"
@@ -130,17 +128,16 @@ def _topic(channel: Any, file: _File) -> Topic:  # noqa: ANN401
         return Topic(name, from_json, 0)
     if schema is not None and encodings == ("protobuf", "protobuf"):
         try:
-            return Topic(name, protobuf.parse(schema.data, schema.name).decode, 0)
+            return Topic(name, ProtobufDecoder(schema.data, schema.name).decode, 0)
         except Unclear as error:
             return Topic(name, _nothing, 0, reason=f"messages are encoded as 'protobuf', and {error}")
     if schema is None or encodings not in _ENCODINGS:
         return Topic(name, _nothing, 0, reason=f"messages are encoded as {encodings[1]!r} with {encodings[0]!r}")
     try:
-        fields = parse(schema.data.decode("utf-8", "replace"), schema.name, encodings[1] == "cdr")
+        fields = message_fields(schema.data.decode("utf-8", "replace"), schema.name, encodings[1] == "cdr")
     except Unclear as error:
         return Topic(name, _nothing, 0, reason=str(error))
-    decode: Decode = partial(Decoder.decode, Decoder(fields, encodings[1] == "cdr"))
-    return Topic(name, decode, 0)
+    return Topic(name, RosDecoder(fields, encodings[1] == "cdr").decode, 0)
 
 
 def _nothing(raw: bytes) -> Message:

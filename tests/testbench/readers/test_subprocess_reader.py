@@ -9,7 +9,8 @@ import pytest
 
 from testbench.errors import RecordingError
 from testbench.findings import Refusal
-from testbench.readers.isolated import open_isolated, process
+from testbench.readers import subprocess_reader
+from testbench.readers.subprocess_reader import open_in_subprocess
 
 from . import misbehaving
 
@@ -20,7 +21,7 @@ def opened(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(Path(__file__).parent))
     path = tmp_path / "run.bin"
     path.write_bytes(b"x")
-    return lambda function: open_isolated(path, "misbehaving", function)
+    return lambda function: open_in_subprocess(path, "misbehaving", function)
 
 
 def test_a_recording_comes_through_as_it_is(opened):
@@ -64,7 +65,7 @@ def test_memory_is_limited(opened, monkeypatch):
 
 def test_patience_ends(opened, monkeypatch):
     """A library that does not come back is stopped."""
-    monkeypatch.setattr(process, "PATIENCE_S", 1.0)
+    monkeypatch.setattr(subprocess_reader, "PATIENCE_S", 1.0)
     began = time.monotonic()
     with pytest.raises(Refusal, match="no end within 1 s"):
         opened("hangs")
@@ -95,8 +96,8 @@ def test_leaving_early_ends_the_process(opened):
 def test_header_and_data_come_from_one_process(opened, monkeypatch):
     """Opening is not done twice; where another file was opened in between, or data are asked for again, it is."""
     started = []
-    begin = process.Process.__init__
-    monkeypatch.setattr(process.Process, "__init__", lambda self, *a: started.append(self) or begin(self, *a))
+    begin = subprocess_reader.Process.__init__
+    monkeypatch.setattr(subprocess_reader.Process, "__init__", lambda self, *a: started.append(self) or begin(self, *a))
     recording = opened("well")
     assert len(list(recording.blocks(lambda finding: None))) == 2
     assert len(started) == 1
@@ -110,8 +111,8 @@ def test_header_and_data_come_from_one_process(opened, monkeypatch):
 def test_a_recording_that_is_dropped_leaves_no_process(opened, monkeypatch):
     """Nor does one that is opened and never read, once another is opened."""
     started = []
-    begin = process.Process.__init__
-    monkeypatch.setattr(process.Process, "__init__", lambda self, *a: started.append(self) or begin(self, *a))
+    begin = subprocess_reader.Process.__init__
+    monkeypatch.setattr(subprocess_reader.Process, "__init__", lambda self, *a: started.append(self) or begin(self, *a))
     first = opened("well")
     second = opened("well")
     assert started[0]._process.poll() is not None

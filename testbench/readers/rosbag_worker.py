@@ -2,18 +2,17 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ...findings import Finding, Refusal
-from ...recording import Block, Recording, Report
-from ..extras import library
-from ..nonfinite import watched
-from ..ros.decode import Decoder, Message, Unreadable
-from ..ros.definitions import Unclear, parse
-from ..ros.rows import Topic
-from ..stream import cut, damaged, refusing
+from rosbags import rosbag1
+
+from ..findings import Finding, Refusal
+from ..recording import Block, Recording, Report
+from .nonfinite import watched
+from .ros_messages import Message, RosDecoder, Unclear, Unreadable, message_fields
+from .ros_topics import Topic
+from .stream import cut, damaged, refusing
 
 
 def open_library(path: Path) -> Recording:
@@ -34,7 +33,7 @@ def open_library(path: Path) -> Recording:
     return Recording(
         path=path,
         format="ROS 1 bag",
-        reader="testbench.readers.rosbag",
+        reader="testbench.readers.ros_files",
         groups=tuple(groups),
         read=lambda report: watched(_blocks(path, declared, report), report),
         metadata=types | {"zero": f"{zero} ns since 1970"},
@@ -45,7 +44,6 @@ def open_library(path: Path) -> Recording:
 @contextmanager
 def _bag(path: Path) -> Iterator[Any]:
     """The bag; one without an index was never closed."""
-    rosbag1 = library("rosbags.rosbag1", "rosbag", "bags of ROS 1")
     try:
         with rosbag1.Reader(path) as bag:
             yield bag
@@ -67,8 +65,8 @@ def _topics(bag: Any) -> list[tuple[Topic, list[Any]]]:  # noqa: ANN401
         definition = connections[0].msgdef
         text = str(getattr(definition, "data", definition))
         try:
-            fields = parse(text, kind, is_ros2=False)
-            topic = Topic(title, partial(Decoder.decode, Decoder(fields, is_cdr=False)), int(bag.start_time))
+            fields = message_fields(text, kind, is_ros2=False)
+            topic = Topic(title, RosDecoder(fields, is_cdr=False).decode, int(bag.start_time))
         except Unclear as error:
             topic = Topic(title, lambda raw: Message(), int(bag.start_time), reason=str(error))
         topics.append((topic, connections))

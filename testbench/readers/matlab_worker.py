@@ -1,0 +1,279 @@
+"""MATLAB files of version 4 and 5 (also 6 and 7): scipy reads the variables, one after the other.
+
+What scipy does not say is found here: where a cut file ends and which variable is the last whole one; that a
+compressed variable is damaged, or unpacks to far more than it should; variables of one name. Objects, functions and
+sparse matrices are left out by name and never given to scipy. Files of version 4 scipy gets part by part: of complex
+numbers whose imaginary part is no finite number it would make NaN of the real part.
+"""
+
+import struct
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from io import BytesIO
+from math import prod
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.io import loadmat
+from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque, MatReadError
+from scipy.sparse import issparse
+
+from ..findings import Finding, Refusal
+from ..recording import Block, Channel, Recording, Samples
+from .nonfinite import watched
+from .series import Series, gather
+from .stream import ByteSource, as_float64, cut, damaged, refusing
+
+_MATRIX, _COMPRESSED = 14, 15
+_CELL, _STRUCT = 1, 2
+_LEFT_OUT = {3: "an object", 5: "a sparse matrix", 16: "a function", 17: "an opaque object", 18: "an object"}
+_HEADER_4, _HEADER_5 = struct.calcsize("5i"), 128
+_SIZES_4 = {0: 8, 1: 4, 2: 4, 3: 2, 4: 2, 5: 1}
+"""Bytes of a number of version 4, by the third digit of its type."""
+_SPARSE_4 = 2
+_MOST_VARIABLES, _MOST_CHANNELS, _LONGEST_NAME, _LONGEST_TEXT = 100_000, 4096, 256, 1 << 16
+_MOST_RATIO, _ALWAYS_ALLOWED, _MOST_BYTES = 200, 64 << 20, 2 << 30
+"""A variable may unpack to so many times its bytes, or to so many; all of a file to so many."""
+_EXACT = 2**53
+_ERRORS = (ValueError, TypeError, KeyError, IndexError, OSError, OverflowError, AttributeError, NotImplementedError,
+           struct.error, zlib.error, MatReadError)  # fmt: skip
+Numbers = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class _Variable:
+    """A variable: its name, why it is not read if so, and each part as a file that scipy reads."""
+
+    name: str
+    left_out: str | None
+    files: tuple[bytes, ...]
+
+
+@dataclass
+class _Found:
+    """What the variables of a file hold."""
+
+    series: list[Series] = field(default_factory=list)
+    scalars: dict[str, float] = field(default_factory=dict)
+    metadata: dict[str, str] = field(default_factory=dict)
+    left_out: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
+
+
+def open_library(path: Path) -> Recording:
+    """Read all variables; arrays of one length are a group, single numbers and texts are metadata."""
+    found, total = _Found(), 0
+    with ByteSource(path) as source:
+        is_5 = source.read(0, min(source.size, _HEADER_5), "the header")[124:128] in (b"\x00\x01IM", b"\x01\x00MI")
+        is_5 |= source.read(0, min(source.size, 10), "the header") == b"MATLAB 5.0"
+        for variable in (_variables_5 if is_5 else _variables_4)(source, found):
+            total += sum(map(len, variable.files))
+            if total > _MOST_BYTES:
+                message = f"its variables take more than {_MOST_BYTES >> 30} GiB; save them as version 7.3"
+                raise Refusal(path.name, Finding("too_large", variable.name, None, message))
+            if variable.left_out is not None:
+                found.left_out.append(f"{variable.name} ({variable.left_out})")
+            elif variable.name:
+                _take(variable.name, _loaded(path, variable), found)
+    result = gather(path.stem, found.series, found.scalars)
+    if not result.groups:
+        finding = next(iter(found.findings), Finding("no_data", None, None, "no array of numbers in it"))
+        raise Refusal(path.name, finding)
+    if left := found.left_out:
+        message = f"no series of samples: {', '.join(left[:10])}{' and more' if len(left) > 10 else ''}"
+        found.findings.append(Finding("left_out", None, None, message))
+
+    def blocks() -> Iterator[Block]:
+        for gathered in result.groups:
+            yield from gathered.blocks()
+
+    return Recording(
+        path=path,
+        format="MATLAB v5" if is_5 else "MATLAB v4",
+        reader="testbench.readers.matlab",
+        groups=tuple(gathered.group for gathered in result.groups),
+        read=lambda report: watched(blocks(), report),
+        metadata=found.metadata,
+        stated_rate_hz=result.stated_rate_hz,
+        findings=tuple(found.findings),
+    )
+
+
+def _loaded(path: Path, variable: _Variable) -> object:
+    """The value that scipy gives; of complex numbers of version 4, made of both parts."""
+    values: list[Any] = []
+    with refusing(path, f"variable {variable.name!r}", *_ERRORS), np.errstate(all="ignore"):
+        for file in variable.files:
+            content = loadmat(BytesIO(file), struct_as_record=True, squeeze_me=False, chars_as_strings=True)
+            values.append(next(value for name, value in content.items() if not name.startswith("__")))
+    if len(values) == 1:
+        return values[0]
+    whole = np.empty(values[0].shape, np.complex128, order="F")
+    whole.real, whole.imag = values
+    return whole
+
+
+def _take(name: str, value: object, found: _Found) -> None:
+    """Sort a value: a series of samples, a number, a text, fields, cells, or something else."""
+    if isinstance(value, MatlabFunction | MatlabOpaque | MatlabObject) or issparse(value):
+        kinds = {MatlabFunction: "a function", MatlabOpaque: "an opaque object", MatlabObject: "an object"}
+        found.left_out.append(f"{name} ({kinds.get(type(value), 'a sparse matrix')})")
+    elif not isinstance(value, np.ndarray):
+        found.left_out.append(f"{name} ({type(value).__name__})")
+    elif value.dtype.names:
+        for i, element in enumerate(value.ravel(order="F"), 1):
+            for key in value.dtype.names:
+                _take(f"{name}{f'({i})' if value.size > 1 else ''}.{key}", element[key], found)
+    elif value.dtype == object:
+        for i, element in enumerate(value.ravel(order="F"), 1):
+            _take(f"{name}{{{i}}}", element, found)
+    elif value.dtype.kind == "U":
+        text = "\n".join(row.rstrip("\0") for row in value.ravel(order="F"))
+        found.metadata[name] = text if len(text) <= _LONGEST_TEXT else ""
+    elif value.size == 1:
+        number = complex(value.item()) if value.dtype.kind == "c" else float(value.item())
+        found.metadata[name] = repr(number)
+        found.scalars |= {name: number} if isinstance(number, float) else {}
+    elif value.size:
+        _take_numbers(name, value, found)
+
+
+def _take_numbers(name: str, value: Numbers, found: _Found) -> None:
+    """A vector is one channel, a matrix one for each of its short side; complex numbers are two."""
+    sides = [size for size in value.shape if size != 1]
+    length, width = max(sides), value.size // max(sides)
+    if len(sides) > 2 or width > _MOST_CHANNELS:
+        found.left_out.append(f"{name} (an array of {' x '.join(map(str, value.shape))})")
+        return
+    along = len(sides) == 2 and sides[0] < sides[1]
+    table = value.reshape(sides if width > 1 else (length, 1), order="F")
+    table = table if along else table.T
+    pattern = "({i},:)" if along else "(:,{i})"
+    names = [name + (pattern.format(i=i + 1) if width > 1 else "") for i in range(width)]
+    is_complex = value.dtype.kind == "c"
+    parts = (table.real, table.imag) if is_complex else (table,)
+    if is_complex:
+        names = [f"{each} ({side})" for side in ("real", "imag") for each in names]
+    is_wide = value.dtype.kind in "iu" and value.dtype.itemsize == 8
+    if is_wide and max(abs(int(value.max())), abs(int(value.min()))) >= _EXACT:
+        message = "holds integers beyond 2**53, which float64 rounds"
+        found.findings.append(Finding("not_exact", name, None, message))
+
+    def block(begin: int, end: int) -> Sequence[Samples]:
+        return [as_float64(row[begin:end]) for part in parts for row in part]
+
+    root = name.split(".")[0].split("{")[0].split("(")[0]
+    channels = tuple(Channel(each) for each in names)
+    found.series.append(Series(root if root != name else "", channels, length, block, may_be_time=not is_complex))
+
+
+def _variables_5(source: ByteSource, found: _Found) -> Iterator[_Variable]:
+    """The variables of a file of version 5; a cut file ends them with a finding."""
+    head = source.read(0, _HEADER_5, "the header")
+    if head[126:128] not in (b"IM", b"MI"):
+        raise damaged(source.path, f"byte order {head[126:128]!r} at byte 126; expected IM or MI")
+    order = "<" if head[126:128] == b"IM" else ">"
+    found.metadata["header"] = head[:116].decode("latin-1").strip(" \0")
+    offset, last = _HEADER_5, ""
+    for _ in range(_MOST_VARIABLES):
+        if offset == source.size:
+            return
+        is_cut, begin, kind, count = offset + 8 > source.size, offset + 8, 0, 0
+        if not is_cut:
+            kind, count = struct.unpack(f"{order}II", source.read(offset, 8, "a tag"))
+            if kind not in (_MATRIX, _COMPRESSED):
+                raise damaged(source.path, f"byte {offset}: an element of type {kind}; expected a variable")
+        if is_cut or begin + count > source.size:
+            name = ""
+            with suppress(Refusal):
+                name = _header_5(source.path, source.read(offset, min(512, source.size - offset), "a header"), order)[0]
+            found.findings.append(_cut("variable", name, source.size, offset, last))
+            return
+        content = source.read(offset, 8 + count, "a variable")
+        if kind == _COMPRESSED:
+            content = _unpacked(source.path, content[8:], offset)
+        offset = min(begin + count + (-count % 8 if kind == _MATRIX else 0), source.size)
+        if len(content) > 8 and content[4:8] != bytes(4):
+            name, left_out = _header_5(source.path, content, order)
+            last = name or last
+            yield _Variable(name, left_out, () if left_out else (head + content,))
+    raise damaged(source.path, f"more than {_MOST_VARIABLES} variables")
+
+
+def _header_5(path: Path, content: bytes, order: str) -> tuple[str, str | None]:
+    """Name of the variable whose tag ``content`` begins with, and why it is not read if so."""
+    with refusing(path, "the header of a variable", struct.error):
+        kind, _, flags_kind, flags_size, flags = struct.unpack_from(f"{order}5I", content)
+        sides_kind, sides_size = struct.unpack_from(f"{order}II", content, 24)
+        sides = struct.unpack_from(f"{order}{min(sides_size, 256) // 4}i", content, 32)
+        at = 32 + sides_size + -sides_size % 8
+        name_kind, size = struct.unpack_from(f"{order}II", content, at)
+        at, size = (at + 4, name_kind >> 16) if name_kind >> 16 else (at + 8, size)
+    if (kind, flags_kind, flags_size) != (_MATRIX, 6, 8) or sides_kind not in (5, 6) or size > _LONGEST_NAME:
+        raise damaged(path, f"a variable begins with elements of type {kind}, {flags_kind}, {sides_kind}")
+    name, what = content[at : at + size].decode("latin-1"), flags & 0xFF
+    if any(side < 0 for side in sides) or (what in (_CELL, _STRUCT) and 8 * prod(sides) > len(content)):
+        raise damaged(path, f"{name}: dimensions {sides} in {len(content)} bytes")
+    known = what in (_CELL, _STRUCT, 4) or 6 <= what <= 15
+    return name, None if known else _LEFT_OUT.get(what, f"an array of class {what}")
+
+
+def _unpacked(path: Path, packed: bytes, offset: int) -> bytes:
+    """The bytes of a compressed variable."""
+    unpack, most = zlib.decompressobj(), max(_ALWAYS_ALLOWED, _MOST_RATIO * len(packed))
+    try:
+        content = unpack.decompress(packed, most + 1)
+    except zlib.error as error:
+        raise damaged(path, f"the compressed variable at byte {offset + 8} cannot be unpacked ({error})") from error
+    if len(content) > most:
+        message = f"{len(packed)} bytes at byte {offset + 8} unpack to more than {_MOST_RATIO} times as many"
+        raise Refusal(path.name, Finding("too_large", None, f"byte {offset + 8}", message))
+    if not unpack.eof:
+        raise cut(path, f"the compressed variable at byte {offset + 8} ends too early")
+    return content
+
+
+def _variables_4(source: ByteSource, found: _Found) -> Iterator[_Variable]:
+    """The matrices of a file of version 4, which lie one behind the other; a cut file ends them with a finding."""
+    order = "<" if source.read(0, 4, "the first type")[2:] == b"\0\0" else ">"
+    offset, last = 0, ""
+    for _ in range(_MOST_VARIABLES):
+        if offset == source.size:
+            return
+        if offset + _HEADER_4 > source.size:
+            found.findings.append(_cut("matrix", "", source.size, offset, last))
+            return
+        head = source.read(offset, _HEADER_4, "a header")
+        kind, rows, columns, is_complex, length = struct.unpack(f"{order}5i", head)
+        number, what = kind // 10 % 10, kind % 10
+        known = kind // 1000 == (order == ">") and kind // 100 % 10 == 0 and number in _SIZES_4 and what <= _SPARSE_4
+        if not known or rows < 0 or columns < 0 or is_complex not in (0, 1) or not 0 < length <= _LONGEST_NAME:
+            message = f"byte {offset}: a matrix of type {kind}, {rows} x {columns}, with a name of {length} letters"
+            raise damaged(source.path, message)
+        begin, size = offset + _HEADER_4 + length, rows * columns * _SIZES_4[number]
+        end = begin + (1 + is_complex) * size
+        name = source.read(offset + _HEADER_4, min(length, source.size - offset - _HEADER_4), "a name")
+        last_whole, last = last, name.split(b"\0")[0].decode("latin-1")
+        if end > source.size:
+            found.findings.append(_cut("matrix", last if begin <= source.size else "", source.size, offset, last_whole))
+            return
+        offset = end
+        if what == _SPARSE_4:
+            yield _Variable(last, "a sparse matrix", ())
+        elif size:
+            front = struct.pack(f"{order}5i", kind, rows, columns, 0, length) + name
+            parts = (source.read(at, size, f"matrix {last!r}") for at in range(begin, end, size))
+            yield _Variable(last, None, tuple(front + part for part in parts))
+    raise damaged(source.path, f"more than {_MOST_VARIABLES} matrices")
+
+
+def _cut(what: str, name: str, size: int, offset: int, last: str) -> Finding:
+    """That the file ends inside a variable, which one if its name is there, and which is the last whole one."""
+    whole = f"the last whole {what} is {last!r}" if last else f"no {what} is whole"
+    inside = f"{what} {name!r}" if name else f"a {what}"
+    message = f"the file ends at byte {size} inside {inside}, which begins at byte {offset}; {whole}"
+    return Finding("cut_file", name or None, f"byte {offset}", message)
