@@ -1,11 +1,15 @@
-"""Reader of WAV: integers as recorded, never scaled to one; channels have numbers and no unit."""
+"""Reader of WAV: integers as recorded, never scaled to one; channels have numbers and no unit.
+
+Samples are decoded by scipy, block by block: each block is given to it as a file of its own. scipy stops at the first
+chunk of samples and takes the lengths in the headers as they are; where the samples lie, and what contradicts their
+headers, is found here.
+"""
 
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
-
-import numpy as np
 
 from ..findings import Finding, Refusal
 from ..recording import Block, Channel, Group, Recording, Samples, UniformClock
@@ -13,25 +17,33 @@ from .nonfinite import watched
 from .registry import Reader, ReadOptions
 from .stream import ByteSource, as_float64, block_samples, damaged
 
-_INTEGER, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
-_UNKNOWN = 0xFFFFFFFF
+_FLOAT, _EXTENSIBLE, _UNKNOWN = 3, 0xFFFE, 0xFFFFFFFF
 _MOST_CHUNKS, _LONGEST_TEXT = 10_000, 2000
 
 
 @dataclass(frozen=True)
 class _Form:
-    """Numbers of a frame: channels, kind, bytes and significant bits of each; frames a second."""
+    """Format of the samples: byte order, code, channels, frames a second, bytes of a frame, bits of a number."""
 
+    order: str
+    code: int
     channels: int
-    is_float: bool
-    size: int
-    bits: int
     rate_hz: int
+    frame: int
+    bits: int
 
-    @property
-    def frame(self) -> int:
-        """Bytes of a frame."""
-        return self.channels * self.size
+    def columns(self, samples: bytes) -> tuple[Samples, ...]:
+        """One column a channel. Integers of one byte are unsigned with zero at 128, all others are signed."""
+        from scipy.io import wavfile
+
+        form = struct.pack(f"{self.order}HHIIHH", self.code, self.channels, 0, 0, self.frame, self.bits)
+        chunks = b"WAVEfmt " + struct.pack(f"{self.order}I", len(form)) + form
+        chunks += b"data" + struct.pack(f"{self.order}I", len(samples)) + samples
+        name = b"RIFF" if self.order == "<" else b"RIFX"
+        _, values = wavfile.read(BytesIO(name + struct.pack(f"{self.order}I", len(chunks)) + chunks))
+        if values.dtype.kind == "i":  # scipy fills up 24 bits to 32 at their lower end
+            values = values >> 8 * (values.dtype.itemsize - self.frame // self.channels)
+        return tuple(as_float64(values.reshape(-1, self.channels)).T.copy())
 
 
 @dataclass(frozen=True)
@@ -49,7 +61,7 @@ def open_wav(path: Path, options: ReadOptions) -> Recording:
     """Read the chunks; the samples are read when asked for."""
     with ByteSource(path) as source:
         sound = _sound(source)
-        findings = _said(source, sound) or list(_behind(source, sound))
+        findings = _length_findings(source, sound) or list(_behind(source, sound))
     form = sound.form
     if not sound.frames:
         raise Refusal(path.name, next(iter(findings), Finding("no_data", None, None, "no sample in it")))
@@ -61,22 +73,23 @@ def open_wav(path: Path, options: ReadOptions) -> Recording:
         reader=__name__,
         groups=(group,),
         read=lambda report: watched(_blocks(path, sound, group), report),
-        settings={"numbers": f"{'float' if form.is_float else 'integer'}, {form.bits} bits"},
+        settings={"numbers": f"{'float' if form.code == _FLOAT else 'integer'}, {form.bits} bits"},
         metadata=sound.texts,
         findings=tuple(findings),
     )
 
 
 def _sound(source: ByteSource) -> _Sound:
+    order = ">" if source.read(0, 4, "the name of the format") == b"RIFX" else "<"
     form, at, texts, long_size = None, 12, dict[str, str](), None
     for _ in range(_MOST_CHUNKS):
         if at + 8 > source.size:
             break
-        name, size = struct.unpack("<4sI", source.read(at, 8, "a chunk"))
+        name, size = struct.unpack(f"{order}4sI", source.read(at, 8, "a chunk"))
         if name == b"ds64":
             (long_size,) = struct.unpack("<8xQ", source.read(at + 8, 16, "the long sizes"))
         elif name == b"fmt ":
-            form = _form(source, source.read(at + 8, min(size, 40), "the format"))
+            form = _form(source, source.read(at + 8, min(size, 40), "the format"), order)
         elif name == b"data":
             if form is None:
                 raise damaged(source.path, "its samples come before their format")
@@ -86,39 +99,41 @@ def _sound(source: ByteSource) -> _Sound:
                 there = min(size, there)
             return _Sound(form, at + 8, there // form.frame, size, texts)
         elif name == b"LIST":
-            texts |= _texts(source.read(at + 8, min(size, source.size - at - 8, 1 << 16), "texts"))
+            texts |= _texts(source.read(at + 8, min(size, source.size - at - 8, 1 << 16), "texts"), order)
         at += 8 + size + size % 2
     raise damaged(source.path, f"no chunk of samples up to byte {min(at, source.size)}")
 
 
-def _form(source: ByteSource, raw: bytes) -> _Form:
+def _form(source: ByteSource, raw: bytes, order: str) -> _Form:
+    """The format, if scipy decodes it."""
     if len(raw) < 16:
         raise damaged(source.path, f"a format of {len(raw)} bytes")
-    code, channels, rate, _, frame, bits = struct.unpack_from("<HHIIHH", raw)
+    code, channels, rate, _, frame, bits = struct.unpack_from(f"{order}HHIIHH", raw)
     if code == _EXTENSIBLE and len(raw) >= 26:
-        (code,) = struct.unpack_from("<H", raw, 24)
-    size = frame // channels if channels else 0
-    is_known = (code == _INTEGER and size in (1, 2, 3, 4, 8)) or (code == _FLOAT and size in (4, 8))
-    if not is_known or size * channels != frame or not 0 < bits <= 8 * size:
-        message = (
-            f"format {code} of {channels} channels, {bits} bits, {frame} bytes a frame; expected integers or floats"
-        )
-        raise damaged(source.path, message)
-    return _Form(channels, code == _FLOAT, size, bits, rate)
+        (code,) = struct.unpack_from(f"{order}H", raw, 24)
+    form = _Form(order, code, channels, rate, frame, bits)
+    try:
+        if not channels or frame % channels or not 0 < bits <= 8 * frame // channels:
+            raise ValueError("its frames are no whole numbers of samples")
+        form.columns(bytes(frame))
+    except (ValueError, TypeError) as error:
+        message = f"format {code} of {channels} channels, {bits} bits, {frame} bytes a frame is not read ({error})"
+        raise damaged(source.path, message) from error
+    return form
 
 
-def _texts(raw: bytes) -> dict[str, str]:
+def _texts(raw: bytes, order: str) -> dict[str, str]:
     """The texts of a LIST of INFO."""
     found, at = {}, 4
     while raw[:4] == b"INFO" and at + 8 <= len(raw):
-        name, size = struct.unpack_from("<4sI", raw, at)
+        name, size = struct.unpack_from(f"{order}4sI", raw, at)
         text = raw[at + 8 : at + 8 + min(size, _LONGEST_TEXT)].split(b"\0")[0]
         found[name.decode("latin-1")] = text.decode("utf-8", "replace")
         at += 8 + size + size % 2
     return found
 
 
-def _said(source: ByteSource, sound: _Sound) -> list[Finding]:
+def _length_findings(source: ByteSource, sound: _Sound) -> list[Finding]:
     there = source.size - sound.begin
     if sound.declared == _UNKNOWN or (sound.declared == 0 and there >= sound.form.frame):
         message = f"the length of its samples was never written; {there // sound.form.frame} frames are there"
@@ -140,7 +155,7 @@ def _behind(source: ByteSource, sound: _Sound) -> Iterator[Finding]:
     for _ in range(_MOST_CHUNKS):
         if at + 8 > source.size:
             return
-        name, size = struct.unpack("<4sI", source.read(at, 8, "a chunk"))
+        name, size = struct.unpack(f"{sound.form.order}4sI", source.read(at, 8, "a chunk"))
         if name == b"data" or not _is_name(source, at):
             more = "a second chunk of samples" if name == b"data" else "more samples than declared, it seems"
             message = f"{source.size - at} bytes behind the {sound.frames} frames declared: {more}; they are not read"
@@ -161,25 +176,12 @@ def _blocks(path: Path, sound: _Sound, group: Group) -> Iterator[Block]:
             count = min(step, sound.frames - start)
             begin = sound.begin + start * sound.form.frame
             raw = source.read(begin, count * sound.form.frame, "samples")
-            yield Block(group, _columns(raw, sound.form), start, None, begin + len(raw))
-
-
-def _columns(raw: bytes, form: _Form) -> tuple[Samples, ...]:
-    """One column a channel. Integers of one byte are unsigned with zero at 128, all others are signed."""
-    if form.size == 3:
-        rows = np.frombuffer(raw, dtype=np.uint8).reshape(-1, 3)
-        wide = np.zeros((len(rows), 4), dtype=np.uint8)
-        wide[:, 1:] = rows
-        numbers = as_float64((wide.view("<i4") >> 8).ravel())
-    else:
-        kind = "u1" if form.size == 1 else f"<{'f' if form.is_float else 'i'}{form.size}"
-        numbers = as_float64(np.frombuffer(raw, dtype=kind))
-    return tuple(numbers.reshape(-1, form.channels).T.copy())
+            yield Block(group, sound.form.columns(raw), start, None, begin + len(raw))
 
 
 READER = Reader(
     name="WAV",
     extensions=(".wav",),
-    identify=lambda head: head[:4] in (b"RIFF", b"RF64", b"BW64") and head[8:12] == b"WAVE",
+    identify=lambda head: head[:4] in (b"RIFF", b"RIFX", b"RF64", b"BW64") and head[8:12] == b"WAVE",
     open=open_wav,
 )

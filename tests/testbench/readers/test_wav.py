@@ -113,3 +113,18 @@ def test_other_formats_are_refused(tmp_path, form):
     """Compressed sound, no channel, floats of two bytes, half a format."""
     with pytest.raises(RecordingError):
         reading.read(_riff(tmp_path, form, bytes(20)))
+
+
+def test_the_other_byte_order_is_read(tmp_path):
+    """RIFX: as RIFF, each number with its highest byte first; texts and what lies behind too."""
+    form = struct.pack(">HHIIHH", 1, 2, 100, 600, 6, 24)
+    texts = b"INFOICMT" + struct.pack(">I", 6) + b"hello\0"
+    body = b"WAVEfmt " + struct.pack(">I", 16) + form + b"LIST" + struct.pack(">I", len(texts)) + texts
+    body += b"data" + struct.pack(">I", 12) + bytes.fromhex("ffffff 000001 000100 800000")
+    path = tmp_path / "run.wav"
+    path.write_bytes(b"RIFX" + struct.pack(">I", len(body)) + body + b"data" + struct.pack(">I", 20) + bytes(20))
+    found = reading.read(path)
+    assert found.column("channel 1").tolist() == [-1, 256]
+    assert found.column("channel 2").tolist() == [1, -(1 << 23)]
+    assert found.recording.metadata["ICMT"] == "hello"
+    assert "a second chunk" in found.message("count_contradiction")
