@@ -14,8 +14,8 @@ from ..findings import Finding, Refusal
 from ..recording import Block, Recording, Report
 from .nonfinite import watched
 from .protobuf_messages import ProtobufDecoder
-from .ros_messages import Message, RosDecoder, Unclear, Unreadable, message_fields
-from .ros_topics import Topic, from_json
+from .ros_messages import RosDecoder, message_fields
+from .ros_topics import Message, Topic, Unclear, Unreadable, from_json
 from .stream import damaged, refusing
 
 _MAGIC = b"\x89MCAP0\r\n"

@@ -7,7 +7,8 @@ from google.protobuf import descriptor_pb2, descriptor_pool, duration_pb2, messa
 from google.protobuf.message import DecodeError
 from google.protobuf.unknown_fields import UnknownFieldSet
 
-from .ros_messages import DEEPEST, MOST_NUMBERS, Message, Number, TooLong, Unclear, Unreadable
+from .ros_messages import DEEPEST
+from .ros_topics import MOST_NUMBERS, Message, Number, TooLong, Unclear, Unreadable
 
 _POINTS = {"google.protobuf.Timestamp": True, "google.protobuf.Duration": False}
 """Types that are times, and whether they are points in time."""

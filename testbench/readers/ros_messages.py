@@ -7,14 +7,14 @@ never run here, so the bytes are decoded below.
 import re
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import TypesysError, get_types_from_msg
 
-MOST_NUMBERS = 4096
-"""A message of more numbers is a picture or a cloud of points, and no sample."""
+from .ros_topics import MOST_NUMBERS, Message, Number, TooLong, Unclear, Unreadable
+
 _PADDING = 7
 """Bytes with which CDR may fill up a message."""
 _PRIMITIVES = {
@@ -29,19 +29,6 @@ _SEQUENCE = ("seq", (Nodetype.BASE, ("uint32", 0)))
 _SEPARATOR = re.compile(r"(?m)^={20,}[ \t]*\n(?=MSG:)")
 _CONSTANT = re.compile(r"(?m)^[ \t]*[A-Za-z][\w/<=]*[ \t]+\w+[ \t]*=.*$")
 DEEPEST, _LONGEST, _MOST_FIELDS = 20, 1 << 20, 10_000
-Number = float | int | bool
-
-
-class Unreadable(Exception):
-    """Bytes that are no message of their description."""
-
-
-class TooLong(Exception):
-    """A message of more numbers than a sample has."""
-
-
-class Unclear(Exception):
-    """A description that cannot be understood; the text says why."""
 
 
 @dataclass(frozen=True)
@@ -88,15 +75,6 @@ def _fields(name: str, types: dict[str, Any], depth: int, seen: list[int]) -> tu
         kind = of[0] if node == Nodetype.BASE else _TIMES.get(of) or _fields(of, types, depth + 1, seen)
         found.append(Field(label, kind, count, is_array))
     return tuple(found)
-
-
-@dataclass
-class Message:
-    """The numbers of one message, in order, and their names; times are integers of nanoseconds since 1970."""
-
-    numbers: list[Number | None] = field(default_factory=list)
-    names: list[str] = field(default_factory=list)
-    times: list[int] = field(default_factory=list)
 
 
 class RosDecoder:

@@ -8,14 +8,39 @@ import numpy as np
 
 from ..findings import Finding
 from ..recording import Block, Channel, Group, Samples, TimeColumn
-from .ros_messages import MOST_NUMBERS, Message, Number, TooLong, Unreadable
 
-Decode = Callable[[bytes], Message]
+MOST_NUMBERS = 4096
+"""A message of more numbers is a picture or a cloud of points, and no sample."""
+Number = float | int | bool
 LOGGED = "log time"
 _NANOSECOND = "ns"
 _ROWS = 1 << 13
 _MOST_SHAPES = 50
 _EXACT = 2.0**53
+
+
+class Unreadable(Exception):
+    """Bytes that are no message of their description."""
+
+
+class TooLong(Exception):
+    """A message of more numbers than a sample has."""
+
+
+class Unclear(Exception):
+    """A description that cannot be understood; the text says why."""
+
+
+@dataclass
+class Message:
+    """The numbers of one message, in order, and their names; times are integers of nanoseconds since 1970."""
+
+    numbers: list[Number | None] = field(default_factory=list)
+    names: list[str] = field(default_factory=list)
+    times: list[int] = field(default_factory=list)
+
+
+Decode = Callable[[bytes], Message]
 
 
 @dataclass

@@ -10,8 +10,8 @@ from rosbags import rosbag1
 from ..findings import Finding, Refusal
 from ..recording import Block, Recording, Report
 from .nonfinite import watched
-from .ros_messages import Message, RosDecoder, Unclear, Unreadable, message_fields
-from .ros_topics import Topic
+from .ros_messages import RosDecoder, message_fields
+from .ros_topics import Message, Topic, Unclear, Unreadable
 from .stream import cut, damaged, refusing
 
 

@@ -1,6 +1,7 @@
 """Physical values from raw ones, by the scales that the file carries."""
 
 from collections.abc import Mapping
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -74,10 +75,10 @@ class Scaling:
     def _by_library(self, raw: Raw) -> Samples:
         """Scales of thermocouples, bridges, tables and the like."""
         try:
-            from nptdms.scaling import get_scaling
+            library = import_module("nptdms.scaling")  # numbers alone go to it, no bytes of the file
         except ModuleNotFoundError as error:
             raise RecordingError(f"the scales of this TDMS file need npTDMS: pip install '{needs('tdms')}'") from error
-        scaling = get_scaling(self._said, {}, {})
+        scaling = library.get_scaling(self._said, {}, {})
         if scaling is None:
             kinds = {self._said.get(f"NI_Scale[{i}]_Scale_Type") for i in range(self.count)}
             raise ValueError(f"scales {kinds} are not known")

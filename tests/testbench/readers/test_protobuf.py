@@ -9,7 +9,7 @@ from mcap.writer import Writer
 
 from testbench.errors import RecordingError
 from testbench.readers.protobuf_messages import ProtobufDecoder
-from testbench.readers.ros_messages import TooLong, Unreadable
+from testbench.readers.ros_topics import TooLong, Unreadable
 
 from . import reading
 from .reading import in_process  # noqa: F401

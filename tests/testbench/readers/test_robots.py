@@ -6,7 +6,8 @@ from mcap.writer import CompressionType
 from rosbags.rosbag1 import Writer as BagWriter
 
 from testbench.errors import RecordingError
-from testbench.readers.ros_messages import RosDecoder, TooLong, Unclear, Unreadable, message_fields
+from testbench.readers.ros_messages import RosDecoder, message_fields
+from testbench.readers.ros_topics import TooLong, Unclear, Unreadable
 from testbench.recording import TimeColumn
 
 from . import reading, robots
