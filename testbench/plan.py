@@ -51,10 +51,15 @@ class Condition(Table):
     """Runs in every combination of what is listed, each also without counter-masses unless the plan says no."""
 
     payload: Annotated[list[schema.Mass], *_ONE_OR_MORE]
+    """Everything that the platform carries, itself included; one or several [kg]."""
     counter_masses: dict[str, schema.Mass] = Field(default_factory=dict)
+    """Counter-masses by site [kg]."""
     motion: Annotated[list[str], *_ONE_OR_MORE]
+    """Names of motions, or files; one or several."""
     peak_acceleration: Annotated[list[schema.Acceleration], *_ONE_OR_MORE]
+    """Peak acceleration of the motion; one or several [m/s2]."""
     also_without: bool = True
+    """Whether every run is made without counter-masses too."""
 
     def combinations(self) -> Iterator[tuple[float, dict[str, float], str, float]]:
         """Payload [kg], counter-masses [kg], motion, peak acceleration [m/s2]; with counter-masses before without."""
@@ -68,12 +73,15 @@ class Plan(Table):
     """A campaign of runs of one mechanism."""
 
     mechanism: str
+    """A shipped mechanism by name, or a file."""
     payload_body: str | None = None
     """The body whose mass is the payload, for a reader: it must be the one that the mechanism's file names."""
     repeats: int = Field(default=1, ge=1, le=1000)
+    """How often every run is made."""
     seed: int = Field(default=0, ge=0)
     """Of the noise in simulated logs."""
     conditions: list[Condition] = Field(min_length=1)
+    """Conditions of the runs."""
 
     def runs(self) -> list[PlannedRun]:
         """All runs in order, named ``r001``, ``r002``, ...; what several conditions ask for is run once a repeat."""

@@ -140,7 +140,10 @@ class SlideTable(Table):
     """Direction of sliding in the link's frame [rad]."""
 
 
-_NotGiven = BeforeValidator(lambda value: None if value == "not given" else value)
+def _given(place: type) -> BeforeValidator:
+    """A place on the ground may be ``not given``."""
+    known: Any = place | Literal["not given"]
+    return BeforeValidator(lambda value: None if value == "not given" else value, json_schema_input_type=known)
 
 
 class _JointTable(Table):
@@ -165,7 +168,7 @@ class RevoluteTable(_JointTable):
 
     kind: Literal["revolute"] = "revolute"
     """``revolute`` or ``prismatic``."""
-    __pydantic_extra__: dict[str, Annotated[PlanePoint | None, _NotGiven]]
+    __pydantic_extra__: dict[str, Annotated[PlanePoint | None, _given(PlanePoint)]]
 
 
 class PrismaticTable(_JointTable):
@@ -173,7 +176,7 @@ class PrismaticTable(_JointTable):
 
     kind: Literal["prismatic"]
     """``revolute`` or ``prismatic``."""
-    __pydantic_extra__: dict[str, Annotated[SlideTable | None, _NotGiven]]
+    __pydantic_extra__: dict[str, Annotated[SlideTable | None, _given(SlideTable)]]
 
 
 JointTable = Annotated[
@@ -235,7 +238,7 @@ class GearTable(Table):
     wheel: WheelTable | None = None
     """The gear on the body with mass and inertia."""
     counter: CounterGearTable = CounterGearTable()
-    """The counter-gear."""
+    """The gear that turns the other way."""
 
     def check(self) -> None:
         """Raise DataError for keys that do not go together."""

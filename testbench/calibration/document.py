@@ -35,16 +35,22 @@ class Polynomial(Table):
     """c0 + c1 x + c2 x^2 ...: x in ``raw``, the result in ``physical``."""
 
     coefficients: tuple[Number, ...] = Field(min_length=2)
+    """c0, c1, c2 ..., in these units."""
     raw: str
+    """Unit of what is written, such as ``V``."""
     physical: str
+    """Unit of the result, such as ``N``."""
 
 
 class Matrix(Table):
     """Loads = rows @ (raw - offset): a row a component, a column a channel, in the order of the sensor's channels."""
 
     rows: tuple[tuple[Number, ...], ...] = Field(min_length=1)
+    """A row a component, a column a channel, in these units."""
     raw: str
+    """Unit of what is written, such as ``mV/V``."""
     physical: Each
+    """Unit of the result, for all components or for each."""
 
 
 class Calibration(Table):
@@ -61,7 +67,9 @@ class Calibration(Table):
     offset: Each | None = None
     """What the channel shows at zero, in the unit of the log's kind (``2.5 V``) or of the quantity (``-0.6 N``)."""
     polynomial: Polynomial | dict[str, Polynomial] | None = None
+    """In place of a sensitivity, for all channels or for each."""
     matrix: Matrix | None = None
+    """In place of a sensitivity, for all channels together."""
     unit: str | None = None
     """In which the logger writes, where neither the log nor the sensor's ``unit`` says so."""
     date: Day | None = None

@@ -19,16 +19,27 @@ class Teds(Table):
     """Transducer electronic data sheet. It is kept and shown; what is applied is the ``calibration`` beside it."""
 
     manufacturer: str | None = None
+    """Maker."""
     manufacturer_id: int | None = Field(default=None, ge=_FIRST_MANUFACTURER, lt=1 << 14)
+    """Number of the maker."""
     model: str | None = None
+    """Model."""
     model_number: int | None = Field(default=None, ge=0, lt=1 << 15)
+    """Number of the model."""
     version_letter: str | None = Field(default=None, pattern="^[A-Z]$")
+    """Letter of the version."""
     version: int | None = Field(default=None, ge=0, lt=1 << 6)
+    """Number of the version."""
     serial: str | None = None
+    """Serial number."""
     sensitivity: Each | None = None
+    """As on the data sheet, such as ``10.2 mV/g``."""
     calibration_date: Day | None = None
+    """Day of the calibration."""
     calibration_initials: str | None = Field(default=None, max_length=3)
+    """Initials of who calibrated."""
     calibration_period_days: int | None = Field(default=None, ge=0, le=4095)
+    """Days until the next calibration."""
 
     @model_validator(mode="before")
     @classmethod

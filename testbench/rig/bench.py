@@ -50,7 +50,9 @@ class Logger(Table):
     low_pass: schema.Frequency | None = None
     """Corner of the anti-alias filter, Butterworth of fourth order [Hz]; None: no filter."""
     delimiter: Literal[",", ";", "\t"] = ","
+    """Between the cells of its text."""
     decimal: Literal[".", ","] = "."
+    """Decimal mark of its text."""
     decimals: int = Field(default=6, ge=0, le=15)
     """Digits written after the decimal mark."""
 
@@ -64,8 +66,11 @@ class Mount(Table):
     """A spring and a damper along each axis of the base, at a point of it."""
 
     position: schema.Point
+    """Point of the base in its own frame [m]."""
     stiffness: schema.Stiffnesses
+    """Along each axis of the base [N/m]."""
     damping: schema.Dampings
+    """Along each axis of the base [N s/m]."""
 
 
 def _feet() -> tuple[Mount, ...]:
@@ -93,6 +98,7 @@ class Bench(Table):
     inertia: schema.Inertias = (13.0, 11.0, 18.0)
     """About the centre of mass, principal axes along the base frame's [kg m2]: a box of 0.8 x 0.9 x 0.5 m."""
     mounts: tuple[Mount, ...] = Field(default_factory=_feet, min_length=1)
+    """What the base stands on."""
     settling: schema.Time = 0.5
     """How long the loggers go on after the motion [s]."""
     coupling: Literal["locked", "moving"] = "locked"
@@ -109,6 +115,7 @@ class Bench(Table):
     floor: FloorLevel | None = None
     """Vibration of the floor: as much as a curve of the generic vibration criteria allows in each band, 4 to 80 Hz."""
     roughness: Roughness | None = None
+    """Residual broadband wrench of the drives on the base."""
     modes: tuple[Mode, ...] = ()
     """Elastic modes of the frame."""
     errors: dict[str, SensorErrors] = Field(default_factory=dict)

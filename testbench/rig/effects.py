@@ -57,6 +57,7 @@ class Mode(Table):
     """An elastic mode of the frame on top of its motion as a rigid body, excited by what the mechanism exerts on it."""
 
     frequency: schema.Frequency
+    """Natural frequency [Hz]."""
     damping: float = Field(gt=0.0, lt=1.0)
     """Share of critical damping."""
     mass: schema.Mass

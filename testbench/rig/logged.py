@@ -20,10 +20,13 @@ class LoggedSensor(Table, ABC):
     """A sensor whose channels a logger writes."""
 
     logger: str
+    """Logger that records it."""
     model: str = ""
+    """Maker and model."""
     calibration: Calibration | None = None
     """Where the logger does not write physical units, or writes them with an offset."""
     teds: Teds | None = None
+    """What the sensor says of itself (IEEE 1451.4)."""
     _delay: float = PrivateAttr(0.0)
     """Of its logger's filter [s], as the rig says when it is read."""
 

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Self, TypeVar
 
 from pydantic import Field, model_validator
+from pydantic.json_schema import SkipJsonSchema
 
 from balance import datasets
 from balance.errors import DataError
@@ -24,13 +25,18 @@ class Rig(Table):
     """A test bench. Lengths in the base frame; everything in SI; ``text`` is the file as written."""
 
     name: str = ""
+    """Name of the bench."""
     mechanism: str
     """A shipped mechanism by name, or a file beside the rig; ``none``: the bench stands without one."""
     loggers: dict[str, Logger] = Field(min_length=1)
+    """Loggers by name."""
     sensors: dict[str, kinds.Sensor] = Field(min_length=1)
+    """Sensors by name."""
     bench: Bench = Bench()
-    text: str = Field(default="", exclude=True)
-    names: Names | None = Field(default=None, exclude=True)
+    """The bench on its mounts, for a simulation."""
+    text: SkipJsonSchema[str] = Field(default="", exclude=True)
+    """The file as written."""
+    names: SkipJsonSchema[Names | None] = Field(default=None, exclude=True)
     """Of the mechanism's parts, where its file was looked for."""
 
     @model_validator(mode="after")

@@ -1,7 +1,7 @@
 """The kinds of sensors, and the channels that each writes."""
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
@@ -25,14 +25,21 @@ class Accelerometer(LoggedSensor):
     """Acceleration of a point of a body, weight not included; axes of that body."""
 
     kind: Literal["accelerometer"]
+    """Kind of sensor."""
     channels: dict[Axis, str] = Field(min_length=1)
+    """Channel of each measured axis."""
     unit: schema.AccelerationUnit | None = None
+    """Unit in which the log is written."""
     range: schema.Accelerations | None = None
+    """Measuring range of each axis [m/s2]."""
     noise: schema.Accelerations | None = None
+    """Standard deviation of its noise, each axis [m/s2]."""
     resolution: schema.Accelerations | None = None
+    """Least step of its readings, each axis [m/s2]."""
     position: schema.Point
     """In the frame of the body [m]."""
     attached_to: str = "base"
+    """Body that it is mounted on, or ``base``."""
     high_pass: schema.Frequency | None = None
     """Lower corner of an AC-coupled sensor, first order, as its data sheet has it [Hz]; None: it sees what is slow."""
 
@@ -46,8 +53,12 @@ class Accelerometer(LoggedSensor):
 
 
 class _ForceAndMoment(Table):
+    """A level of the forces and one of the moments."""
+
     F: schema.Forces | None = None
+    """Of the forces along x, y, z [N]."""
     M: schema.Moments | None = None
+    """Of the moments about x, y, z [N m]."""
 
     def of(self, component: str) -> float | None:
         """The value of ``Fx`` ... ``Mz`` [N, N m]."""
@@ -87,11 +98,15 @@ class _Support(LoggedSensor):
 
 
 class _WrenchUnits(Table):
+    """Units of the forces and of the moments."""
+
     F: schema.ForceUnit = "N"
+    """Unit of the forces."""
     M: schema.MomentUnit = "N m"
+    """Unit of the moments."""
 
 
-def _both(unit: Any) -> Any:  # noqa: ANN401
+def _both(unit: object) -> object:
     """One unit for forces and moments, as a logger writes volts."""
     return {"F": unit, "M": unit} if isinstance(unit, str) else unit
 
@@ -100,15 +115,25 @@ class Wrench(_Support):
     """Force and moment about the sensor's position, that the mechanism exerts on the base through this support."""
 
     kind: Literal["wrench"]
+    """Kind of sensor."""
     channels: dict[WrenchAxis, str] = Field(min_length=1)
-    unit: Annotated[_WrenchUnits, BeforeValidator(_both)] = _WrenchUnits()
+    """Channel of each measured component."""
+    unit: Annotated[_WrenchUnits, BeforeValidator(_both, json_schema_input_type=_WrenchUnits | str)] = _WrenchUnits()
+    """Units in which the log is written."""
     range: _ForceAndMoment = _ForceAndMoment()
+    """Measuring ranges [N, N m]."""
     noise: _ForceAndMoment = _ForceAndMoment()
+    """Standard deviations of the noise [N, N m]."""
     resolution: _ForceAndMoment = _ForceAndMoment()
+    """Least steps of the readings [N, N m]."""
     position: schema.Point
+    """Of its origin in the base frame [m]."""
     between: tuple[str, str] = ("mechanism", "base")
+    """What it is between: the wrench is that of the first on the second."""
     stiffness: schema.Stiffness = STIFFNESS
+    """Of the support along each measured axis [N/m]."""
     turning_stiffness: schema.TurningStiffness = TURNING_STIFFNESS
+    """Of the support about each measured axis [N m/rad]."""
 
     @model_validator(mode="after")
     def _whole(self) -> "Wrench":
@@ -136,16 +161,27 @@ class ForceSensor(_Support):
     """Force along one or three axes, that the mechanism exerts on the base through this support."""
 
     kind: Literal["force"]
+    """Kind of sensor."""
     channel: str | None = None
+    """Its one channel."""
     axis: Axis | None = None
+    """Its one axis."""
     channels: dict[Axis, str] | None = None
+    """Channel of each measured axis, in place of channel and axis."""
     unit: schema.ForceUnit = "N"
+    """Unit in which the log is written."""
     range: schema.Forces | None = None
+    """Measuring range of each axis [N]."""
     noise: schema.Forces | None = None
+    """Standard deviation of its noise, each axis [N]."""
     resolution: schema.Forces | None = None
+    """Least step of its readings, each axis [N]."""
     position: schema.Point
+    """Of its point in the base frame [m]."""
     between: tuple[str, str] = ("mechanism", "base")
+    """What it is between: the force is that of the first on the second."""
     stiffness: schema.Stiffness = STIFFNESS
+    """Of the support along each measured axis [N/m]."""
 
     @model_validator(mode="after")
     def _one_or_several(self) -> "ForceSensor":
@@ -177,11 +213,17 @@ class Encoder(LoggedSensor):
     """Position of a joint."""
 
     kind: Literal["encoder"]
+    """Kind of sensor."""
     channel: str
+    """Its channel."""
     joint: str
+    """Joint that it measures."""
     unit: schema.JointUnit = "rad"
+    """Unit in which the log is written."""
     noise: schema.Angle | None = None
+    """Standard deviation of its noise [rad]."""
     resolution: schema.Angle | None = None
+    """Least step of its readings [rad]."""
 
     def _channels(self, name: str) -> Iterator[Column]:
         """Its one channel."""
@@ -194,12 +236,19 @@ class Torque(LoggedSensor):
     """Torque of a drive on its joint, as the drive reports it."""
 
     kind: Literal["torque"]
+    """Kind of sensor."""
     channel: str
+    """Its channel."""
     joint: str
+    """Joint that the drive acts on."""
     unit: schema.DriveUnit = "N m"
+    """Unit in which the log is written."""
     range: schema.Moment | None = None
+    """Measuring range [N m]."""
     noise: schema.Moment | None = None
+    """Standard deviation of its noise [N m]."""
     resolution: schema.Moment | None = None
+    """Least step of its readings [N m]."""
 
     def _channels(self, name: str) -> Iterator[Column]:
         """Its one channel."""
@@ -212,8 +261,11 @@ class Target(LoggedSensor):
     """Commanded acceleration of what is driven, base axes, as the controller writes it."""
 
     kind: Literal["target"]
+    """Kind of sensor."""
     channels: dict[Axis, str] = Field(min_length=1)
+    """Channel of each axis."""
     unit: schema.AccelerationUnit = "m/s^2"
+    """Unit in which the log is written."""
 
     def _channels(self, name: str) -> Iterator[Column]:
         """One channel an axis."""

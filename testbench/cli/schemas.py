@@ -1,0 +1,17 @@
+"""JSON schemas of the input files of ``testbench``, by name: what a key means, its unit, an example, its default."""
+
+from typing import Any
+
+
+def schema(name: str) -> dict[str, Any]:
+    """The schema of a kind of input file. Raises RigError, listing the kinds, for a name that is none."""
+    from balance.input_files import json_schema
+
+    from ..errors import RigError
+    from ..plan import Plan
+    from ..rig import Rig
+
+    models = {"plan": Plan, "rig": Rig}
+    if name not in models:
+        raise RigError(f"{name!r} is no kind of input file: there are {', '.join(models)}")
+    return json_schema(models[name])
