@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from balance.errors import CounterpoiseError
-from testbench.checks import RecordingCheck
+from testbench.checks.groups import RecordingCheck
 from testbench.findings import MEANING
 from testbench.readers import open_recording
 

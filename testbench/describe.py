@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .checks import GroupCheck, RecordingCheck, times
+from .checks import times
+from .checks.groups import GroupCheck, RecordingCheck
 from .findings import Finding
 from .readers import ReadOptions, open_recording
 from .recording import Recording, UniformClock, placed

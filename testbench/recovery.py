@@ -7,14 +7,14 @@ from itertools import count, takewhile
 from pathlib import Path
 from typing import Any
 
-from .checks import RecordingCheck
+from .checks.groups import RecordingCheck
 from .findings import Finding
 from .recording import Block, Recording, Report, placed
 from .store import open_run
 from .store import recover as leftover
 from .store.campaign import existing
-from .store.journal import Journal
-from .store.recover import MARK, Leftover, Recovery
+from .store.journal import Journal, Leftover
+from .store.recover import MARK, Recovery
 from .store.writer import RunWriter
 
 _FROM = "recovered_from"
@@ -23,7 +23,7 @@ _FROM = "recovered_from"
 
 def recover(campaign: Path) -> list[Recovery]:
     """Finish or save everything that stopped ingests left in ``campaign``."""
-    outcomes = [left.recover(save) for left in leftover.leftovers(existing(campaign))]
+    outcomes = [leftover.finish(left, save) for left in leftover.leftovers(existing(campaign))]
     found = [outcome for outcome in outcomes if outcome is not None]
     for path in leftover.orphans(campaign):
         if leftover.is_digest(path):

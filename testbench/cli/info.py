@@ -12,7 +12,7 @@ from . import reading
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from ..checks import GroupCheck
+    from ..checks.groups import GroupCheck
     from ..describe import Description
 
 

@@ -7,7 +7,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..checks import RecordingCheck, against_rig
+from ..checks import against_rig
+from ..checks.groups import RecordingCheck
 from ..errors import RecordingError, StoreError
 from ..findings import Finding, Refusal, refused
 from ..readers import ReadOptions

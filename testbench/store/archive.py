@@ -16,14 +16,12 @@ from typing import TYPE_CHECKING
 from ..errors import StoreError
 from ..recording import Group, Samples
 from . import digest, forms, safe
-from .run import Run, StoredGroup, open_run
+from .run import ARCHIVED_FROM, Run, StoredGroup, identities, open_run
 from .writer import RunWriter
 
 if TYPE_CHECKING:
     import h5py
 
-ARCHIVED_FROM = "archived_from"
-"""Key of the provenance of an archived run."""
 INTENT = "archive_of"
 """Key of what an unfinished archive says of itself."""
 AT_ONCE = 1 << 20
@@ -84,13 +82,6 @@ def _measured(run: Run, original: str, status: str) -> Archived:
     values = sum(8 * group.samples for group, _ in channels)
     whole = sum(group.whole[i] is not None for group, i in channels)
     return Archived(run.path, status, original, values, size, run.path.stat().st_size, len(channels), whole)
-
-
-def identities(run: Path) -> frozenset[str]:
-    """SHA-256 of a stored run, and of the run that it is the archive of: what is said of one holds for the other."""
-    own = digest.recorded(run)
-    known = open_run(run).provenance.get(ARCHIVED_FROM)
-    return frozenset({own, str(known["sha256"])} if isinstance(known, dict) and "sha256" in known else {own})
 
 
 def _intact(run: Run) -> str:

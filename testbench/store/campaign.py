@@ -7,8 +7,8 @@ from pathlib import Path
 
 from ..errors import StoreError
 from . import digest, lock
+from .journal import Leftover, leftovers
 from .placing import unfinished
-from .recover import Leftover, leftovers
 from .run import Run, open_run
 
 SUFFIX = ".h5"

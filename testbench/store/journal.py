@@ -15,7 +15,7 @@ from typing import IO, Any
 from ..errors import StoreError
 from ..recording import Channel, Clock, Group, TimeColumn, UniformClock
 from . import lock
-from .placing import JOURNAL, unfinished
+from .placing import JOURNAL, PART, unfinished
 
 
 @dataclass(frozen=True)
@@ -136,3 +136,30 @@ def beside(folder: Path) -> Iterator[Path]:
     for path in sorted(folder.iterdir()):
         if (named := unfinished(path)) is not None and named.ending.startswith(JOURNAL) and path.is_file():
             yield path
+
+
+@dataclass(frozen=True)
+class Leftover:
+    """The files that one stopped ingest left: its journal, and the unfinished run."""
+
+    journal: Path
+    part: Path
+    run: str
+    """The name of the run that it was to become."""
+    tag: str
+    """What its unfinished files have in common."""
+
+    @property
+    def target(self) -> Path:
+        """Where the run was to be."""
+        return self.part.with_name(f"{self.run}.h5")
+
+
+def leftovers(campaign: Path) -> list[Leftover]:
+    """What stopped ingests left in a campaign, those that are running included."""
+    found = []
+    for path in beside(campaign):
+        if (named := unfinished(path)) is not None:
+            part = path.with_name(f".{named.name}.{named.tag}{PART}")
+            found.append(Leftover(path, part, named.name, named.tag))
+    return found

@@ -17,8 +17,8 @@ from uuid import uuid4
 
 from ..errors import StoreError
 from . import digest
-from .archive import identities
 from .placing import sync
+from .run import identities
 
 FOLDER = "records"
 LAYOUT = 3

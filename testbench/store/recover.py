@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ..errors import StoreError
 from . import archive, digest, fletcher, journal, lock
-from .journal import Journal, Kept
-from .placing import PART, place, unfinished
+from .journal import Journal, Kept, Leftover, leftovers
+from .placing import place, unfinished
 from .run import Run, open_run
 
 MARK = ".recovered"
@@ -33,99 +33,72 @@ class Recovery:
         return asdict(self)
 
 
-Save = Callable[["Leftover", Journal], Recovery]
+Save = Callable[[Leftover, Journal], Recovery]
 """How acknowledged samples become a run."""
 
 
-@dataclass(frozen=True)
-class Leftover:
-    """The files that one stopped ingest left: its journal, and the unfinished run."""
+def finish(left: Leftover, save: Save) -> Recovery | None:
+    """Finish or save what is here, then remove it; what cannot be read stays. None: it was stopped before it began.
 
-    journal: Path
-    part: Path
-    run: str
-    """The name of the run that it was to become."""
-    tag: str
-    """What its unfinished files have in common."""
-
-    @property
-    def target(self) -> Path:
-        """Where the run was to be."""
-        return self.part.with_name(f"{self.run}.h5")
-
-    def recover(self, save: Save) -> Recovery | None:
-        """Finish or save what is here, then remove it; what cannot be read stays. None: it was stopped before it began.
-
-        A journal says what is meant before anything else is made: without that there is no run, unless the machine
-        itself lost what was noted.
-        """
-        try:
-            with self.journal.open("rb") as stream:
-                if not lock.hold(stream) or (lock.fcntl is None and lock.is_held(self.journal)):
-                    return Recovery(self.run, "running", "an ingest is writing it at this moment; left alone")
-                found = self._recovered(save)
-        except FileNotFoundError:
-            return Recovery(self.run, "superseded", "another process has taken care of it")
-        except (StoreError, OSError) as error:
-            return Recovery(self.run, "failed", f"{error}; {self.part.name} and its journal stay where they are")
-        self.part.unlink(missing_ok=True)
-        self.journal.unlink(missing_ok=True)
-        return found
-
-    def _recovered(self, save: Save) -> Recovery | None:
-        known = journal.read(self.journal)
-        if not known.intent:
-            if self.part.exists():
-                raise StoreError(f"{self.journal.name}: is empty, as after a loss of power; ingest the log again")
-            return None
-        if self._complete(known.sealed):
-            return Recovery(self.run, "completed", "was written whole; nothing is lost", self.target.name)
-        if archive.INTENT in known.intent:
-            message = (
-                f"the archive of {known.intent[archive.INTENT]} was not finished; that run is whole: archive it again"
-            )
-            return Recovery(self.run, "superseded", message)
-        if not any(kept.samples for kept in known.groups):
-            return Recovery(self.run, "empty", "no sample had been acknowledged; ingest the log again")
-        if (stored := self._superseded(known)) is not None:
-            return Recovery(
-                self.run, "superseded", f"the campaign holds all of it as {stored}; nothing is lost", stored
-            )
-        return save(self, known)
-
-    def _complete(self, sealed: str | None) -> bool:
-        """Whether the run was written to its end and is in its place, where it is put if it is not."""
-        if sealed is None:
-            return False
-        if not self.part.exists():
-            return self.target.exists()  # the part goes only after the run is there
-        if digest.sha256_of(self.part) != sealed:
-            return False
-        beside = digest.beside(self.target)
-        if self.target.exists():
-            return beside.exists() and digest.recorded(self.target) == sealed
-        if beside.exists() and digest.recorded(self.target) == sealed:
-            beside.unlink()
-        place(self.part, self.target, digest.line_for(self.target.name, sealed))
-        return True
-
-    def _superseded(self, known: Journal) -> str | None:
-        """The stored run that holds every acknowledged sample, if there is one."""
-        if not self.target.exists():
-            return None
-        run = open_run(self.target)
-        whole = all(_holds(run, kept, self.part) for kept in known.groups if kept.samples)
-        return self.target.name if whole else None
-
-
-def leftovers(campaign: Path) -> list[Leftover]:
-    """What stopped ingests left in a campaign, those that are running included."""
-    found = []
-    for path in journal.beside(campaign):
-        if (named := unfinished(path)) is not None:
-            part = path.with_name(f".{named.name}.{named.tag}{PART}")
-            found.append(Leftover(path, part, named.name, named.tag))
+    A journal says what is meant before anything else is made: without that there is no run, unless the machine
+    itself lost what was noted.
+    """
+    try:
+        with left.journal.open("rb") as stream:
+            if not lock.hold(stream) or (lock.fcntl is None and lock.is_held(left.journal)):
+                return Recovery(left.run, "running", "an ingest is writing it at this moment; left alone")
+            found = _recovered(left, save)
+    except FileNotFoundError:
+        return Recovery(left.run, "superseded", "another process has taken care of it")
+    except (StoreError, OSError) as error:
+        return Recovery(left.run, "failed", f"{error}; {left.part.name} and its journal stay where they are")
+    left.part.unlink(missing_ok=True)
+    left.journal.unlink(missing_ok=True)
     return found
+
+
+def _recovered(left: Leftover, save: Save) -> Recovery | None:
+    known = journal.read(left.journal)
+    if not known.intent:
+        if left.part.exists():
+            raise StoreError(f"{left.journal.name}: is empty, as after a loss of power; ingest the log again")
+        return None
+    if _complete(left, known.sealed):
+        return Recovery(left.run, "completed", "was written whole; nothing is lost", left.target.name)
+    if archive.INTENT in known.intent:
+        message = f"the archive of {known.intent[archive.INTENT]} was not finished; that run is whole: archive it again"
+        return Recovery(left.run, "superseded", message)
+    if not any(kept.samples for kept in known.groups):
+        return Recovery(left.run, "empty", "no sample had been acknowledged; ingest the log again")
+    if (stored := _superseded(left, known)) is not None:
+        return Recovery(left.run, "superseded", f"the campaign holds all of it as {stored}; nothing is lost", stored)
+    return save(left, known)
+
+
+def _complete(left: Leftover, sealed: str | None) -> bool:
+    """Whether the run was written to its end and is in its place, where it is put if it is not."""
+    if sealed is None:
+        return False
+    if not left.part.exists():
+        return left.target.exists()  # the part goes only after the run is there
+    if digest.sha256_of(left.part) != sealed:
+        return False
+    beside = digest.beside(left.target)
+    if left.target.exists():
+        return beside.exists() and digest.recorded(left.target) == sealed
+    if beside.exists() and digest.recorded(left.target) == sealed:
+        beside.unlink()
+    place(left.part, left.target, digest.line_for(left.target.name, sealed))
+    return True
+
+
+def _superseded(left: Leftover, known: Journal) -> str | None:
+    """The stored run that holds every acknowledged sample, if there is one."""
+    if not left.target.exists():
+        return None
+    run = open_run(left.target)
+    whole = all(_holds(run, kept, left.part) for kept in known.groups if kept.samples)
+    return left.target.name if whole else None
 
 
 def orphans(campaign: Path) -> list[Path]:

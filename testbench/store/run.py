@@ -11,13 +11,16 @@ import numpy as np
 from ..errors import StoreError
 from ..findings import Finding
 from ..recording import Conditions, Group, Origin, Samples, TimeColumn, UniformClock
-from . import description, layout, safe
+from . import description, digest, layout, safe
 from .forms import Decimals
 
 if TYPE_CHECKING:
     import h5py
     import pandas
     import xarray
+
+ARCHIVED_FROM = "archived_from"
+"""Key of the provenance of an archived run."""
 
 
 @dataclass(frozen=True)
@@ -212,6 +215,13 @@ def open_run(path: str | Path) -> Run:
             findings=_findings(file),
             provenance=dict(known["provenance"]),
         )
+
+
+def identities(run: Path) -> frozenset[str]:
+    """SHA-256 of a stored run, and of the run that it is the archive of: what is said of one holds for the other."""
+    own = digest.recorded(run)
+    known = open_run(run).provenance.get(ARCHIVED_FROM)
+    return frozenset({own, str(known["sha256"])} if isinstance(known, dict) and "sha256" in known else {own})
 
 
 def _group(file: "h5py.File", known: Mapping[str, Any]) -> StoredGroup:

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from testbench.checks import RecordingCheck, clock, times
+from testbench.checks import clock, times
+from testbench.checks.groups import RecordingCheck
 from testbench.recording import Block, Channel, Group, Recording, TimeColumn, UniformClock
 
 TIME, ACC = Channel("Time (s)", "s", "Time"), Channel("AccX (g)", "g", "AccX")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from testbench.checks import RecordingCheck
+from testbench.checks.groups import RecordingCheck
 from testbench.recording import Block, Channel, Group, Recording, UniformClock
 
 

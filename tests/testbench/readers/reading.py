@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.checks import RecordingCheck
+from testbench.checks.groups import RecordingCheck
 from testbench.readers import open_recording
 from testbench.recording import Group, Recording, TimeColumn
 from testbench.recordings import FOLDER_VARIABLE
