@@ -13,7 +13,7 @@ from .recording import Block, Recording, Report, placed
 from .store import open_run
 from .store import recover as leftover
 from .store.campaign import existing
-from .store.journal import Journal, Leftover
+from .store.journal import Journal, Leftover, leftovers
 from .store.recover import MARK, Recovery
 from .store.writer import RunWriter
 
@@ -23,7 +23,7 @@ _FROM = "recovered_from"
 
 def recover(campaign: Path) -> list[Recovery]:
     """Finish or save everything that stopped ingests left in ``campaign``."""
-    outcomes = [leftover.finish(left, save) for left in leftover.leftovers(existing(campaign))]
+    outcomes = [leftover.finish(left, save) for left in leftovers(existing(campaign))]
     found = [outcome for outcome in outcomes if outcome is not None]
     for path in leftover.orphans(campaign):
         if leftover.is_digest(path):
