@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.floating[Any]]
 """Array of real numbers, double precision; its shape and unit stand in the docstring."""
+Complexes = NDArray[np.complexfloating]
+"""Array of complex numbers."""
 Indices = NDArray[np.intp]
 """Array of positions."""
 

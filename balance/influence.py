@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
-from .arrays import Floats
+from .arrays import Complexes, Floats
 from .errors import SizingError
-from .rotors.moduli import Complexes, least, within
+from .rotors.moduli import least, within
 
 METHODS = ("least-squares", "robust", "min-max")
 """Least sum of squares; least sum of moduli, which a single wrong reading moves little; least largest modulus."""

@@ -9,8 +9,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ..influence import Solution
+    from ..rotors.correction_uncertainty import CorrectionUncertainty
     from ..rotors.runs import Runs
-    from ..scatter import Sureness
 
 BEFORE, AFTER = "#3b6ea5", "#e07a3f"
 _ASIDE = 0.3
@@ -22,7 +22,7 @@ def draw_readings(
     solution: "Solution",
     reading: tuple[str, float] = ("SI", 1.0),
     weight: tuple[str, float] = ("SI", 1.0),
-    sure: "Sureness | None" = None,
+    sure: "CorrectionUncertainty | None" = None,
 ) -> "Figure":
     """Readings before and predicted after, and the correction weights, angles as the sheet counts them.
 

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import Complexes
+from ..estimation.estimate import Region
 from ..influence import Solution
-from ..intervals import Interval, Region
-from ..scatter import Scatter, Sureness
-from .moduli import Complexes
+from .correction_uncertainty import CoefficientCovariance, CorrectionUncertainty, PolarInterval
 from .polar import document as vector
 from .runs import Runs
 
@@ -30,7 +30,7 @@ _EXACT = 1e-12
 def of_solution(sheet: Runs, solution: Solution) -> dict[str, Any]:
     """Weights with their intervals, readings before and after, coefficients, findings."""
     _, reading, r = READING[sheet.reading]
-    sure = sheet.sureness(solution)
+    sure = sheet.uncertainty(solution)
     before, after = solution.coefficients.initial, left(solution)
     return {
         "name": sheet.name,
@@ -69,10 +69,10 @@ def _trials(sheet: Runs) -> dict[str, Any]:
     }
 
 
-def _planes(sheet: Runs, solution: Solution, sure: Sureness | None) -> list[dict[str, Any]]:
+def _planes(sheet: Runs, solution: Solution, sure: CorrectionUncertainty | None) -> list[dict[str, Any]]:
     _, unit, w = WEIGHT[sheet.weight]
     total, on = sheet.in_sheet_sense(solution.weights), sheet.in_sheet_sense(sheet.on_now)
-    none: list[Interval | None] = [None] * len(total)
+    none: list[PolarInterval | None] = [None] * len(total)
     sums = none if sure is None else [*sure.weights]
     adding = none if sure is None else [*sure.about(solution.weights - sheet.on_now)]
     found = []
@@ -91,7 +91,7 @@ def _planes(sheet: Runs, solution: Solution, sure: Sureness | None) -> list[dict
     return found
 
 
-def _readings(sheet: Runs, solution: Solution, sure: Sureness | None) -> list[dict[str, Any]]:
+def _readings(sheet: Runs, solution: Solution, sure: CorrectionUncertainty | None) -> list[dict[str, Any]]:
     (_, unit, r), (_, weight, w) = READING[sheet.reading], WEIGHT[sheet.weight]
     coefficients = solution.coefficients
     before, after = sheet.as_sheet_phase(coefficients.initial), sheet.as_sheet_phase(left(solution))
@@ -112,7 +112,7 @@ def _readings(sheet: Runs, solution: Solution, sure: Sureness | None) -> list[di
     ]
 
 
-def _within(interval: Interval | None, unit: str, factor: float) -> dict[str, float | None]:
+def _within(interval: PolarInterval | None, unit: str, factor: float) -> dict[str, float | None]:
     return {
         f"magnitude_{unit}_within": None if interval is None else factor * interval.magnitude,
         "angle_deg_within": None if interval is None else math.degrees(interval.angle),
@@ -128,18 +128,18 @@ def _region(sheet: Runs, region: Region, unit: str, factor: float) -> dict[str, 
     }
 
 
-def _intervals(sure: Sureness) -> dict[str, Any]:
+def _intervals(sure: CorrectionUncertainty) -> dict[str, Any]:
     scatter = sure.scatter
     return {
         "level": "95 %",
         "from": scatter.source,
-        "degrees_of_freedom_a_row": _finite(scatter.spare),
+        "degrees_of_freedom_a_row": _finite(scatter.degrees_of_freedom),
         "stated_errors_widened_by": scatter.widened,
         "draws": sure.draws,
     }
 
 
-def _findings(sheet: Runs, solution: Solution, sure: Sureness | None) -> list[str]:
+def _findings(sheet: Runs, solution: Solution, sure: CorrectionUncertainty | None) -> list[str]:
     found = []
     condition = solution.coefficients.condition
     if condition > ILL_CONDITIONED:
@@ -154,7 +154,7 @@ def _findings(sheet: Runs, solution: Solution, sure: Sureness | None) -> list[st
     return found
 
 
-def _doubts(sheet: Runs, scatter: Scatter, sure: Sureness) -> list[str]:
+def _doubts(sheet: Runs, scatter: CoefficientCovariance, sure: CorrectionUncertainty) -> list[str]:
     found = []
     if scatter.widened > 1.0:
         found.append(

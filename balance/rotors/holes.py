@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linprog
 
-from ..arrays import Floats
+from ..arrays import Complexes, Floats
 from ..errors import SizingError
-from .moduli import Complexes
 
 
 @dataclass(frozen=True)

@@ -7,14 +7,11 @@ lower bound; the direction of each residual found is added until the bound meets
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from ..arrays import Floats
+from ..arrays import Complexes, Floats
 from ..errors import SizingError
 
-Complexes = NDArray[np.complexfloating]
-"""Array of vectors as complex numbers; shape and unit stand in the docstring."""
 GAP = 1e-8
 """Distance of reached and bound, of the largest initial vector, at which an optimum counts as proven."""
 _ROUNDS = 100

@@ -9,10 +9,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .. import influence
-from ..arrays import Floats
+from ..arrays import Complexes, Floats
 from ..errors import DataError
-from ..scatter import Scatter, Sureness, of_coefficients, of_runs, propagate
-from .moduli import Complexes
+from .correction_uncertainty import (
+    CoefficientCovariance,
+    CorrectionUncertainty,
+    covariance_of_runs,
+    covariance_of_stated,
+    propagate,
+)
 
 
 @dataclass(frozen=True)
@@ -100,12 +105,12 @@ class Runs:
         """Weights (runs, planes) and readings (runs, rows) of all runs."""
         return np.array([run.weights for run in self.runs]), np.array([run.readings for run in self.runs])
 
-    def scatter(self) -> Scatter | None:
+    def scatter(self) -> CoefficientCovariance | None:
         """Covariance of the coefficients by stated intervals of readings, else by repeated runs; None by neither."""
         if self.given is not None:
-            return None if self.given_errors is None else of_coefficients(self.given_errors)
+            return None if self.given_errors is None else covariance_of_stated(self.given_errors)
         stated = [run.errors for run in self.runs if run.errors is not None]
-        return of_runs(*self._stacked(), np.array(stated) if stated else None, self._shared())
+        return covariance_of_runs(*self._stacked(), np.array(stated) if stated else None, self._shared())
 
     def _shared(self) -> Floats | None:
         """Deviation of each shared error of phase, where it acts, (errors, runs, rows) [rad]; None without any."""
@@ -117,7 +122,7 @@ class Runs:
                 found.append(acts)
         return np.array(found) if found else None
 
-    def sureness(self, solution: influence.Solution) -> Sureness | None:
+    def uncertainty(self, solution: influence.Solution) -> CorrectionUncertainty | None:
         """Intervals of a solution of this sheet; None where nothing tells how far readings scatter."""
         found = self.scatter()
         return None if found is None else propagate(solution, found, lambda c: self._solved(c, solution.method))

@@ -10,9 +10,10 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from .. import datasets, influence, intervals
-from ..arrays import Floats
+from .. import datasets, influence
+from ..arrays import Complexes, Floats
 from ..errors import DataError, UnitError
+from ..estimation.estimate import standard_deviation_within
 from ..input_files import (
     Distinct,
     Flag,
@@ -28,7 +29,7 @@ from ..input_files import (
     read_toml,
 )
 from ..quantities import dimension_of, parse, parse_uncertain
-from .moduli import Complexes
+from .correction_uncertainty import reading_covariance
 from .runs import Run, Runs, TrialPlane
 
 WEIGHT = ("mass", "first moment")
@@ -277,7 +278,7 @@ class _Builder:
             raise DataError("phases_alike: goes with intervals of the readings, which are not given")
         if unknown := set(table.phases_alike) - {speed for _, speed in self.rows}:
             raise DataError(f"phases_alike: {min(unknown)!r} is no speed of this run's readings")
-        shared = {speed: intervals.deviation(half) for speed, half in table.phases_alike.items()}
+        shared = {speed: standard_deviation_within(half) for speed, half in table.phases_alike.items()}
         return Run(table.name, on + trial, trial, table.stayed_on, values, errors, shared)
 
     def _trial(self, weights: Mapping[str, Measured[complex]]) -> Complexes:
@@ -314,7 +315,7 @@ class _Builder:
                 "or give its sensor a 'within', or leave all intervals out"
             )
         stated = [half for half in halves if half is not None]
-        return np.array([intervals.of_reading(complex(v), *half) for v, half in zip(values, stated, strict=True)])
+        return np.array([reading_covariance(complex(v), *half) for v, half in zip(values, stated, strict=True)])
 
     def _within(self, sensor: str) -> Half | None:
         """Half the interval of a sensor's readings where its table states it, the same in every direction."""

@@ -6,6 +6,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from balance.arrays import Floats
+from balance.estimation.estimate import normal_quantile
 
 from .amplitude import Amplitude
 from .statistic import Statistic
@@ -126,6 +127,4 @@ def _score(draws: Floats, reading: float) -> float:
 @lru_cache(maxsize=4)
 def _scores(count: int) -> Floats:
     """Normal deviates of so many draws in order, (count,)."""
-    from scipy.stats import norm
-
-    return np.asarray(norm.ppf((np.arange(count) + 0.5) / count))
+    return normal_quantile((np.arange(count) + 0.5) / count)

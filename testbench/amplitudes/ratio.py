@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from balance.arrays import Floats
+from balance.estimation.estimate import normal_quantile, student_tail
 
 from .side import Side, freedom_of
 from .unified import accepted
@@ -98,8 +99,8 @@ def _end(excess: Callable[[float], float], inside: float, outside: float) -> flo
 
 def _normal(deviations: Floats, freedom: float) -> Floats:
     """Deviates of Student's t as those of a normal distribution."""
-    from scipy.stats import norm, t
-
     if np.isinf(freedom):
         return deviations
-    return np.asarray(np.sign(deviations) * -norm.ppf(np.maximum(t.sf(np.abs(deviations), freedom), 1e-300)))
+    return np.asarray(
+        np.sign(deviations) * -normal_quantile(np.maximum(student_tail(np.abs(deviations), freedom), 1e-300))
+    )

@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from balance.arrays import Floats
+from balance.estimation.estimate import f_tail
 
 from .judged import Judged
 
@@ -154,8 +155,6 @@ def _unlike(groups: Sequence[Group]) -> Group | None:
 
     What they let expect is the most of what noise alone, a share alone and both would make of their scatter.
     """
-    from scipy.stats import f
-
     freedom, variance, square = _arrays(groups)
     chances = []
     for index, group in enumerate(groups):
@@ -164,7 +163,7 @@ def _unlike(groups: Sequence[Group]) -> Group | None:
         noise = float(np.average(variance[rest], weights=freedom[rest]))
         share = float(np.average((variance / np.maximum(square, 1.0))[rest], weights=freedom[rest]))
         excess = group.variance / max(expected, noise, share * group.clearness**2)
-        chances.append(float(f.sf(excess, group.freedom, freedom[rest].sum())))
+        chances.append(f_tail(excess, group.freedom, float(freedom[rest].sum())))
     odd = int(np.argmin(chances))
     return groups[odd] if chances[odd] < OUTLYING / len(groups) else None
 

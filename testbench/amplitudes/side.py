@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from balance.arrays import Floats
+from balance.estimation.estimate import student_quantile
 
 from .judged import Judged
 from .repeatability import Group, Repeatability
@@ -74,11 +75,9 @@ class Side:
     @cached_property
     def tried(self) -> Floats:
         """Amplitudes around what was read, rising, (_FINE,) [unit]; evenly far above the noise in their logarithms."""
-        from scipy.stats import t
-
         tables = np.array([run.tried[[0, -1]] for run in self.runs])
         scale = float(np.mean([run.scale for run in self.runs]))
-        reach = max(_REACH, 1.5 * float(t.ppf(0.9975, self.freedom))) * self._error
+        reach = max(_REACH, 1.5 * student_quantile(0.9975, self.freedom)) * self._error
         around = min(0.25 * reach * scale / float(np.hypot(self.amplitude, scale)), _STEEP) * np.array([-1.0, 1.0])
         low, high = np.maximum(np.arcsinh(self.amplitude / scale) + around, 0.0)
         low, high = min(low, np.arcsinh(tables[:, 0].min() / scale)), max(high, np.arcsinh(tables[:, 1].max() / scale))

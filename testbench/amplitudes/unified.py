@@ -10,6 +10,7 @@ from functools import cache
 import numpy as np
 
 from balance.arrays import Floats
+from balance.estimation.estimate import normal_probability
 
 CONFIDENCE = 0.95
 """Of all intervals."""
@@ -32,10 +33,9 @@ def _highest() -> Floats:
     there is negative; Phi(upper) - Phi(lower) = 0.95.
     """
     from scipy.optimize import brentq
-    from scipy.stats import norm
 
     def excess(high: float, mean: float) -> float:
         low = -high if mean >= high else -(mean**2 + high**2) / (2.0 * mean)
-        return float(norm.cdf(high) - norm.cdf(low)) - CONFIDENCE
+        return normal_probability(high) - normal_probability(low) - CONFIDENCE
 
     return np.array([brentq(excess, 1.0, 3.0, args=(max(float(mean), 1e-6),)) for mean in _TABLE])

@@ -63,7 +63,7 @@ def _values(result: Identification, method: str) -> list[str]:
 
 def _notes(result: Identification) -> list[str]:
     """What stands below the tables: how much is unexplained, how it was chosen, what is determined."""
-    chosen, seen = result.chosen, result.identified.observability
+    chosen, seen = result.chosen, result.identified.identifiability
     shares = zip(result.rows, result.rms_ratio_in_band, result.rms_ratio, strict=True)
     side = "after" if chosen.delay >= 0 else "before"
     delay = f", torques logged {abs(chosen.delay) * 1e3:.3g} ms {side} the motion" if result.joints else ""
@@ -76,8 +76,8 @@ def _notes(result: Identification) -> list[str]:
         f"Cut-off {chosen.cutoff:.3g} Hz{delay}: chosen by the {_kind(result)} error on held-out stretches.",
         f"{seen.rank} combinations of {len(seen.names)} parameters are observable; excitation {result.excitation}, "
         f"condition {seen.condition:.3g}. Not determined by themselves: {_few(seen.undetermined)}.",
-        f"Intervals: delete-block jackknife over {result.identified.blocks} stretches, widened to contain the other "
-        "choices.",
+        f"Intervals: delete-block jackknife over {result.identified.fit.blocks} stretches, widened to contain the "
+        "other choices.",
         *_scale(result),
         _bodies(result),
         *_one_sided(result),
@@ -93,7 +93,7 @@ def _scale(result: Identification) -> list[str]:
     scale = Explanation(result).scale_of_all()
     if scale is None:
         return [f"The scale of the torques is not checked: {SCALE_UNKNOWN}."]
-    low, high = scale.interval
+    low, high = scale.interval()
     return [f"Scale of the torques by masses known to differ: {scale.value:.3f}, 95 %: {low:.3f} .. {high:.3f}."]
 
 

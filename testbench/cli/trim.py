@@ -149,8 +149,8 @@ def _print_sources(result: "Trim") -> None:
     if (found := result.consensus) is not None:
         says = "agree" if found.agrees else "contradict each other"
         click.echo(
-            f"The sources {says}: chi-square {found.chi_square:.2f} with {found.freedom} degrees of freedom, "
-            f"probability {found.probability:.2g}."
+            f"The sources {says}: chi-square {found.chi_square:.2f} with {found.degrees_of_freedom} degrees of "
+            f"freedom, probability {found.probability:.2g}."
         )
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from balance.arrays import Floats
-from balance.identification import student_t
+from balance.estimation.estimate import coverage_factor
 
 PPM = 1e-6
 ASSUMED_DRIFT = 1e-4
@@ -37,7 +37,7 @@ class ClockMap:
     def half_width(self, own: float) -> float:
         """Half of the 95 % interval of an instant's time on the reference's clock [s]."""
         share = np.array([1.0, own - self.at_own])
-        return student_t(self.freedom) * float(np.sqrt(share @ self.covariance @ share))
+        return coverage_factor(self.freedom) * float(np.sqrt(share @ self.covariance @ share))
 
     @property
     def deviation(self) -> float:
@@ -58,7 +58,7 @@ class ClockMap:
     @property
     def drift_interval(self) -> tuple[float, float]:
         """Of 95 %."""
-        half = student_t(self.freedom) * float(np.sqrt(self.covariance[1, 1]))
+        half = coverage_factor(self.freedom) * float(np.sqrt(self.covariance[1, 1]))
         return self.drift - half, self.drift + half
 
     @property

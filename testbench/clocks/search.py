@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from balance.arrays import Floats, Indices
+from balance.estimation.estimate import beta_quantile
 
 from ..errors import AnalysisError
 from .shared import Flags, Prepared
@@ -173,11 +174,9 @@ def _independent(columns: list[Floats], seen: Floats) -> float:
 
 def _chance(independent: float, columns: int, lags: int) -> float:
     """Share of the energy that so many columns explain by chance at the best of so many lags: a beta variable."""
-    from scipy.special import betaincinv
-
     if not independent > columns:
         return 1.0
-    return 1.0 - float(betaincinv(0.5 * (independent - columns), 0.5 * columns, UNLIKELY / lags))
+    return 1.0 - beta_quantile(UNLIKELY / lags, 0.5 * (independent - columns), 0.5 * columns)
 
 
 def _refuse_chance(content: Prepared, left: float, chance: float) -> None:

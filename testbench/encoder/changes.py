@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from balance.arrays import Floats
+from balance.estimation.estimate import chi_square_tail
 
 from . import fit
 from .edges import Edges
@@ -46,9 +47,7 @@ def of_turns(edges: Edges, residual: Floats, harmonics: int, jitter: float) -> C
 
 
 def _beyond(squares: float, jitter: float, freedom: int) -> bool:
-    from scipy.stats import chi2
-
-    return bool(chi2.sf(squares / max(jitter**2, 1e-40), freedom) < _DOUBT)
+    return chi_square_tail(squares / max(jitter**2, 1e-40), freedom) < _DOUBT
 
 
 def _wander(offsets: Floats, variance: float, jitter: float) -> float:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from balance.arrays import Floats, Indices
+from balance.estimation.estimate import coverage_factor
 
 from .edges import Edges
 
@@ -35,7 +36,7 @@ def course(edges: Edges, half_width: int = HALF_WIDTH) -> Course:
     per_edge = 2.0 * np.pi / edges.disc.per_turn
     noise = float(np.median(np.abs(left))) / 0.6745 / float(np.linalg.norm(rest)) if len(left) else 0.0
     speed = per_edge / per_pulse
-    error = 1.96 * noise * float(np.linalg.norm(slope)) * speed**2 / per_edge
+    error = coverage_factor() * noise * float(np.linalg.norm(slope)) * speed**2 / per_edge
     return Course(edges.time[middle], edges.angle[middle], speed, error)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from balance.arrays import Floats
 from balance.errors import DataError
+from balance.estimation.estimate import coverage_factor
 
 from ..errors import AnalysisError
 from .edges import Edges
@@ -78,15 +79,13 @@ def of_record(edges: Edges, harmonics: int | None = None, steady_within: float =
 
 def _by_slot(late: Floats, slot: "np.ndarray[Any, np.dtype[np.signedinteger[Any]]]", pulses: int) -> Pitch:
     """Mean of angles [rad] by slot, a slot that comes late lying ahead; its interval from their scatter."""
-    from scipy.stats import t
-
     have = np.bincount(slot, minlength=pulses)
     if (have == 0).any():
         raise AnalysisError(f"slot {int(np.argmin(have))} of the disc does not appear in the log")
     mean = np.bincount(slot, late, pulses) / have
     spread = late - mean[slot]
     spare = max(len(late) - pulses, 1)
-    error = t.ppf(0.975, spare) * np.sqrt((spread**2).sum() / spare / have)
+    error = coverage_factor(spare) * np.sqrt((spread**2).sum() / spare / have)
     return Pitch(mean - mean.mean(), error)
 
 

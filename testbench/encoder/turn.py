@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from balance.arrays import Floats
+from balance.estimation.estimate import coverage_factor
 
 from ..errors import AnalysisError
 from . import fit
@@ -112,7 +113,7 @@ class Turn:
         """Mean speed over time, 2 pi / P [rad/s]."""
         period = self.coefficients[0]
         variance = self.covariance[0, 0] + self._changes.wander / self.turns + self._rounding
-        half = 1.96 * float(np.sqrt(variance))
+        half = coverage_factor() * float(np.sqrt(variance))
         return _about(2.0 * np.pi / period, half * 2.0 * np.pi / period**2)
 
     def fluctuation(self, nominal: float | None = None) -> Estimate:
@@ -172,14 +173,12 @@ class Turn:
         Pitch errors repeat and do not show from turn to turn; where turns change by more than jitter, as with changes
         of load, the wider of the two.
         """
-        from scipy.stats import t
-
         spare = max(len(np.unique(np.round(self.edges.angle % (2 * np.pi), 9))) - len(self.coefficients) - 1, 1)
-        left_over = t.ppf(0.975, spare) * np.sqrt(np.einsum("ki,ij,kj->k", rows, self.covariance, rows))
+        left_over = coverage_factor(spare) * np.sqrt(np.einsum("ki,ij,kj->k", rows, self.covariance, rows))
         if not self._changes.is_told:
             return left_over
         each = self._changes.shape @ rows[:, 1:].T
-        between = t.ppf(0.975, self.turns - 1) * each.std(axis=0, ddof=1) / np.sqrt(self.turns)
+        between = coverage_factor(self.turns - 1) * each.std(axis=0, ddof=1) / np.sqrt(self.turns)
         return np.maximum(left_over, between)
 
 

@@ -2,9 +2,10 @@
 
 from collections.abc import Sequence
 
-from balance.identification import Identified, solve_base
+from balance.estimation.base_parameters import BaseParameters, base_parameters
+from balance.estimation.identifiability import Identifiability, identifiability
+from balance.estimation.regression import RegressionRecord
 from balance.mechanism import Mechanism
-from balance.observability import Observability, observe
 
 from .. import rig as rigs
 from ..recording import Origin
@@ -35,17 +36,17 @@ def identify(
     What is observable is found first, then the cut-off and the delay by held-out torque error, then the parameters by
     ``method``; at half and at double that cut-off, without delay, and by the other methods, once more. The method is
     ``iv`` unless named, and ``ls`` where there are forces alone; without ``others`` no interval is
-    widened by the other methods, which take long through loops. Raises NotObservable where nothing is observable.
+    widened by the other methods, which take long through loops. Raises NotIdentifiable where nothing is observable.
     """
     torques = bool(records[0].torque.shape[1])
     method = method or ("iv" if torques else "ls")
-    observability = observed(records, mechanism)
-    choice = choose(records, mechanism, observability, method)
+    identifiable = observed(records, mechanism)
+    choice = choose(records, mechanism, identifiable, method)
     delay, cutoff = choice.chosen.delay, choice.chosen.cutoff
     at = choice.held_out.at(delay)
     variants = {
         f"{label} ({factor * cutoff:.3g} Hz)": Methods(
-            gather(records, mechanism, factor * cutoff), mechanism, observability, delay
+            gather(records, mechanism, factor * cutoff), mechanism, identifiable, delay
         ).identified(method)
         for label, factor in (("half cut-off", 0.5), ("double cut-off", 2.0))
     }
@@ -59,30 +60,29 @@ def identify(
         choice,
         at.identified(method),
         variants,
-        _one_sided(records, mechanism, observability, choice),
+        _one_sided(records, mechanism, identifiable, choice),
     )
 
 
-def observed(records: Sequence[JointRecord], mechanism: Mechanism) -> Observability:
-    """What the records determine, before anything is solved. Raises NotObservable where that is nothing."""
+def observed(records: Sequence[JointRecord], mechanism: Mechanism) -> Identifiability:
+    """What the records determine, before anything is solved. Raises NotIdentifiable where that is nothing."""
     possible = possible_cutoffs(records)
     middle = gather(records, mechanism, possible[len(possible) // 2])
-    return observe(middle.columns * middle.moving[:, :, None], middle.names)
+    return identifiability(middle.columns * middle.moving[:, :, None], middle.names)
 
 
 def _one_sided(
-    records: Sequence[JointRecord], mechanism: Mechanism, observability: Observability, choice: Choice
-) -> dict[str, Identified]:
+    records: Sequence[JointRecord], mechanism: Mechanism, identifiable: Identifiability, choice: Choice
+) -> dict[str, BaseParameters]:
     """As often done: torque and rates smoothed, positions not. Of torques alone: forces do not feel positions so."""
     found = {}
     for factor in (1.0, 2.0**0.5, 2.0):
         cutoff = factor * choice.chosen.cutoff
         evidence = one_sided_evidence(records, mechanism, cutoff)
         blocks = evidence.stretches(STRETCH_PERIODS["ls"] / cutoff)
-        columns = evidence.columns[:, :, list(observability.pivots)]
-        found[f"{cutoff:.3g} Hz"] = solve_base(
-            columns, evidence.low_passed_torque(0.0), observability, blocks, evidence.moving
-        )
+        columns = evidence.columns[:, :, list(identifiable.pivots)]
+        record = RegressionRecord.of(columns, evidence.low_passed_torque(0.0), blocks, used=evidence.moving)
+        found[f"{cutoff:.3g} Hz"] = base_parameters(record, identifiable)
     return found
 
 

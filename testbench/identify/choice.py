@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from balance.arrays import Floats, Indices
+from balance.estimation.identifiability import Identifiability
 from balance.mechanism import Mechanism
-from balance.observability import Observability
 
 from ..errors import AnalysisError
 from ..motion.derivatives import HIGHEST_CUTOFF
@@ -64,12 +64,12 @@ class Choice:
 
 
 def choose(
-    records: Sequence[JointRecord], mechanism: Mechanism, observability: Observability, method: Method = "ls"
+    records: Sequence[JointRecord], mechanism: Mechanism, identifiable: Identifiability, method: Method = "ls"
 ) -> Choice:
     """Apply the rule, by least squares whatever the method. Raises AnalysisError for records that are too short."""
     cutoffs = possible_cutoffs(records)
     common = _common(records, min(cutoffs))
-    found = [_best(gather(records, mechanism, cutoff), mechanism, observability, common) for cutoff in cutoffs]
+    found = [_best(gather(records, mechanism, cutoff), mechanism, identifiable, common) for cutoff in cutoffs]
     chosen, held_out = min(found, key=lambda pair: pair[0].error)
     parameters = held_out.parameters(chosen.delay, method)
     return Choice(
@@ -121,9 +121,9 @@ def delays(records: Sequence[JointRecord]) -> list[float]:
 
 
 def _best(
-    evidence: Evidence, mechanism: Mechanism, observability: Observability, common: Floats
+    evidence: Evidence, mechanism: Mechanism, identifiable: Identifiability, common: Floats
 ) -> "tuple[Candidate, HeldOut]":
-    held_out = HeldOut(evidence, mechanism, observability)
+    held_out = HeldOut(evidence, mechanism, identifiable)
     found = [
         Candidate(evidence.cutoff, delay, held_out.error(delay, common))
         for delay in delays([part.record for part in evidence.parts])
@@ -134,10 +134,10 @@ def _best(
 class HeldOut:
     """Predictions for stretches from the rest of the record."""
 
-    def __init__(self, evidence: Evidence, mechanism: Mechanism, observability: Observability) -> None:
+    def __init__(self, evidence: Evidence, mechanism: Mechanism, identifiable: Identifiability) -> None:
         self.evidence = evidence
-        self.mechanism, self.observability = mechanism, observability
-        pivots = list(observability.pivots)
+        self.mechanism, self.identifiable = mechanism, identifiable
+        pivots = list(identifiable.pivots)
         self.columns = evidence.columns[:, :, pivots]
         self.smooth_columns = evidence.low_passed_columns(pivots)
         self.fold = np.arange(len(self.columns)) * STRETCHES // len(self.columns) % FOLDS
@@ -151,7 +151,7 @@ class HeldOut:
     def at(self, delay: float) -> Methods:
         """The methods at a delay [s]."""
         if delay not in self._methods:
-            made = Methods(self.evidence, self.mechanism, self.observability, delay, self.smooth_columns)
+            made = Methods(self.evidence, self.mechanism, self.identifiable, delay, self.smooth_columns)
             self._methods[delay] = made
         return self._methods[delay]
 

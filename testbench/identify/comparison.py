@@ -11,8 +11,8 @@ import numpy as np
 
 from balance.arrays import Floats
 from balance.errors import ModelError
+from balance.estimation.identifiability import Identifiability
 from balance.mechanism import Mechanism
-from balance.observability import Observability
 
 from .choice import Choice, unexplained
 from .methods import NAMES, Method, allowed
@@ -47,24 +47,24 @@ class Compared:
         }
 
 
-def compare(choice: Choice, mechanism: Mechanism, observability: Observability) -> list[Compared]:
+def compare(choice: Choice, mechanism: Mechanism, identifiable: Identifiability) -> list[Compared]:
     """All methods that the records allow, at the choice's cut-off and delay."""
     evidence, delay = choice.evidence, choice.chosen.delay
     held_out = choice.held_out
     methods = allowed(evidence)
     found = [held_out.parameters(delay, method) for method in methods]
-    angles = _strayed(choice, mechanism, observability, found)
+    angles = _strayed(choice, mechanism, identifiable, found)
     rows = evidence.torque(delay)
     shares = [unexplained(rows, held_out.predict(one, held_out.columns), evidence.moving) for one in found]
     return [Compared(*each) for each in zip(methods, shares, angles, strict=True)]
 
 
 def _strayed(
-    choice: Choice, mechanism: Mechanism, observability: Observability, found: Sequence[Floats]
+    choice: Choice, mechanism: Mechanism, identifiable: Identifiability, found: Sequence[Floats]
 ) -> Sequence[Strayed | None]:
     if not choice.evidence.parts[0].record.torque.shape[1]:
         return [None] * len(found)
     try:
-        return strayed(choice.evidence, mechanism, observability.pivots, found, choice.chosen.delay)
+        return strayed(choice.evidence, mechanism, identifiable.pivots, found, choice.chosen.delay)
     except ModelError:
         return [None] * len(found)

@@ -46,7 +46,7 @@ def document(result: Identification, validation: Validation | None = None) -> di
         "torque_delay_s": result.chosen.delay,
         "interval": {
             "confidence": 0.95,
-            "statistical": f"delete-block jackknife over {result.identified.blocks} stretches",
+            "statistical": f"delete-block jackknife over {result.identified.fit.blocks} stretches",
             "method": f"widened to contain: {', '.join(result.variants)}",
         },
         "evidence": Explanation(result).document(),
@@ -69,7 +69,7 @@ def _compared(result: Identification) -> list[Mapping[str, object]]:
 
 def _identifiability(result: Identification) -> dict[str, Any]:
     """What was found before anything was solved."""
-    seen = result.identified.observability
+    seen = result.identified.identifiability
     return {
         "rank": seen.rank,
         "condition": seen.condition,
@@ -90,14 +90,14 @@ def _consistent(result: Identification) -> dict[str, Any]:
         found = result.consistent
     except DataError as error:
         return {"free_estimate_feasible": None, "reason": str(error)}
-    undetermined = set(result.identified.observability.undetermined)
+    undetermined = set(result.identified.identifiability.undetermined)
     return {
         "free_estimate_feasible": found.free_is_feasible,
         "distance_in_standard_errors": found.distance,
         "what": "one of those that the record leaves, nearest to the mechanism's file where it does not tell",
         "parameters": [
             {"name": name, "value": float(value), "determined": name not in undetermined}
-            for name, value in zip(result.identified.observability.names, found.parameters, strict=True)
+            for name, value in zip(result.identified.identifiability.names, found.parameters, strict=True)
         ],
     }
 
@@ -127,7 +127,7 @@ def _value(value: Value) -> dict[str, Any]:
         "unit": value.unit,
         "value": value.value,
         "interval": list(value.interval),
-        "statistical_interval": list(value.estimate.interval),
+        "statistical_interval": list(value.estimate.interval()),
         "variants": dict(value.variants),
         "torque_alone_smoothed": dict(value.one_sided),
         "in_file": value.in_file,

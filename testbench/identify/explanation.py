@@ -18,8 +18,10 @@ from functools import cached_property
 import numpy as np
 
 from balance.arrays import Floats
-from balance.identification import Estimate, Identified, solve_base
-from balance.observability import Observability, observe
+from balance.estimation.base_parameters import BaseParameters
+from balance.estimation.estimate import Estimate
+from balance.estimation.identifiability import Identifiability, identifiability
+from balance.estimation.regression import RegressionFit, RegressionRecord, fit
 
 from .choice import HeldOut, unexplained
 from .evidence import Evidence, gather
@@ -125,8 +127,7 @@ class Explanation:
             return None
         base = self._columns[:, :, list(self._seen.pivots)]
         columns = np.concatenate([base, known[:, :, None]], axis=2)
-        found = self._solved(columns, self._rows + known, _free(columns.shape[2]))
-        return found.estimate(np.eye(columns.shape[2])[-1])
+        return self._fitted(columns, self._rows + known).estimate(np.eye(columns.shape[2])[-1])
 
     def document(self) -> dict[str, object]:
         """For the JSON document; first moments in kg m."""
@@ -156,13 +157,13 @@ class Explanation:
         return self.evidence.low_passed_torque(self.result.chosen.delay)
 
     @property
-    def _seen(self) -> Observability:
-        return self.result.identified.observability
+    def _seen(self) -> Identifiability:
+        return self.result.identified.identifiability
 
-    def _solved(self, columns: Floats, rows: Floats, seen: Observability, used: Floats | None = None) -> Identified:
+    def _fitted(self, columns: Floats, rows: Floats, used: Floats | None = None) -> RegressionFit:
         blocks = self.evidence.stretches(1.0 / self.evidence.cutoff)
         everything = self.evidence.moving if used is None else used
-        return solve_base(columns, rows, seen, blocks, everything)
+        return fit([RegressionRecord.of(columns, rows, blocks, used=everything)])
 
     def _alone(self, row: int, name: str) -> Fit:
         return self._fit(name + " alone", self._columns[:, [row]], self.evidence.names, [row])
@@ -177,21 +178,21 @@ class Explanation:
     ) -> Fit:
         chosen = list(range(len(self.result.rows)) if rows is None else rows)
         moving, measured = self.evidence.moving[:, chosen], (self._rows - known)[:, chosen]
-        seen = observe(columns * moving[:, :, None], names)
+        seen = identifiability(columns * moving[:, :, None], names)
         base = columns[:, :, list(seen.pivots)]
-        found = self._solved(base, measured, seen, moving)
-        ratio = unexplained(self._rows[:, chosen], self._rows[:, chosen] - measured + base @ found.base, moving)
+        found = BaseParameters(seen, self._fitted(base, measured, moving))
+        ratio = unexplained(self._rows[:, chosen], self._rows[:, chosen] - measured + base @ found.values, moving)
         return Fit(
             name,
             {text: self._estimate(found, row, names) for text, row in self.result.moment_rows()},
             {self.result.rows[k]: float(r) for k, r in zip(chosen, ratio, strict=True)},
         )
 
-    def _estimate(self, found: Identified, row: Mapping[str, float], names: Sequence[str]) -> Estimate | None:
+    def _estimate(self, found: BaseParameters, row: Mapping[str, float], names: Sequence[str]) -> Estimate | None:
         if not set(row) <= set(names):
             return None
-        vector = found.observability.vector(row)
-        return found.estimate(vector) if found.observability.is_observable(vector) else None
+        vector = found.identifiability.vector(row)
+        return found.estimate(vector) if found.identifiability.is_identifiable(vector) else None
 
     def _by_direction(self) -> tuple[Floats, list[str]]:
         """A column for the square of the direction of each joint: dry friction that differs by direction, beside it."""
@@ -205,28 +206,20 @@ class Explanation:
     def _scale(self, joint: int) -> Estimate:
         """Gauss-Newton on tau_k = s W_k pi: columns s W_k, and W_k pi for the change of s."""
         base = self._columns[:, :, list(self._seen.pivots)]
-        scale, pi = 1.0, self._solved(base, self._rows, self._seen).base
-        free = _free(base.shape[2] + 1)
+        scale, pi = 1.0, self._fitted(base, self._rows).values
         for _ in range(_ROUNDS):
             columns = base.copy()
             columns[:, joint] *= scale
             made = np.zeros((*base.shape[:2], 1))
             made[:, joint, 0] = base[:, joint] @ pi
-            found = self._solved(np.concatenate([columns, made], axis=2), self._rows, free)
-            pi, change = found.base[:-1], float(found.base[-1])
-            scale += change
-            if abs(change) < _SETTLED:
+            found = self._fitted(np.concatenate([columns, made], axis=2), self._rows)
+            pi, step = found.values[:-1], float(found.values[-1])
+            scale += step
+            if abs(step) < _SETTLED:
                 break
-        error = found.estimate(np.eye(len(found.base))[-1])
-        return Estimate(scale, error.standard_error, error.half_width)
+        change = found.estimate(np.eye(len(found.values))[-1])
+        return replace(change, values=np.array([scale]))
 
 
 def _estimate_document(found: Estimate) -> dict[str, object]:
-    return {"value": found.value, "interval": list(found.interval)}
-
-
-def _free(count: int) -> Observability:
-    """Columns that are parameters of their own."""
-    unit = np.eye(count)
-    names = tuple(str(k) for k in range(count))
-    return Observability(names, unit, tuple(range(count)), (1.0, 0.0), 1.0, unit[-1], np.ones(count))
+    return {"value": found.value, "interval": list(found.interval())}

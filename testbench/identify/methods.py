@@ -6,16 +6,17 @@ least squares of the deviation of that simulated motion from the recorded one.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
 from balance.arrays import Floats, Indices
-from balance.identification import BlockSums, Identified, solve_base
+from balance.estimation.base_parameters import BaseParameters, base_parameters
+from balance.estimation.identifiability import Identifiability
+from balance.estimation.regression import RegressionRecord, least_squares
 from balance.mechanism import Mechanism
-from balance.observability import Observability
 
 from ..errors import AnalysisError
 from ..motion.derivatives import Rates
@@ -55,15 +56,17 @@ class Equations:
     """(n, rows), zero or one."""
     instruments: Floats | None = None
 
-    def solve(self, observability: Observability, blocks: Indices) -> Identified:
+    def solve(self, identifiable: Identifiability, blocks: Indices) -> BaseParameters:
         """With intervals from leaving out ``blocks``."""
-        return solve_base(self.columns, self.rows, observability, blocks, self.used, self.instruments)
+        return base_parameters(self._record(blocks), identifiable)
 
     def values(self, training: Floats) -> Floats:
         """Base parameters from the part of the equations that ``training`` (n, 1) leaves, (r,)."""
-        whole = np.zeros(len(self.rows), dtype=np.intp)
-        sums = BlockSums.of(self.columns, self.rows, whole, self.used * training, self.instruments)
-        return sums.solve(np.ones(1))[1]
+        record = self._record(np.zeros(len(self.rows), dtype=np.intp))
+        return least_squares(replace(record, used=self.used * training))
+
+    def _record(self, blocks: Indices) -> RegressionRecord:
+        return RegressionRecord.of(self.columns, self.rows, blocks, used=self.used, instruments=self.instruments)
 
 
 @dataclass(frozen=True)
@@ -72,16 +75,16 @@ class Methods:
 
     evidence: Evidence
     mechanism: Mechanism
-    observability: Observability
+    identifiable: Identifiability
     delay: float
     smooth: Floats | None = None
     """Low-passed base columns where they are at hand, (n, rows, r)."""
 
-    def identified(self, method: Method) -> Identified:
+    def identified(self, method: Method) -> BaseParameters:
         """Base parameters with intervals. Raises AnalysisError for a method that needs torques where there are none."""
         self._refuse(method)
         blocks = self.evidence.stretches(STRETCH_PERIODS[method] / self.evidence.cutoff)
-        return self._equations(method, None).solve(self.observability, blocks)
+        return self._equations(method, None).solve(self.identifiable, blocks)
 
     def held_out(self, method: Method, training: Sequence[Floats]) -> Floats:
         """Base parameters from each choice of samples that is marked with one, (n, 1) each, (choices, r)."""
@@ -107,7 +110,7 @@ class Methods:
     def plain(self) -> Equations:
         """Of least squares."""
         evidence = self.evidence
-        columns = evidence.low_passed_columns(self.observability.pivots) if self.smooth is None else self.smooth
+        columns = evidence.low_passed_columns(self.identifiable.pivots) if self.smooth is None else self.smooth
         return Equations(columns, evidence.low_passed_torque(self.delay), evidence.moving)
 
     def _instrumented(self, base: Floats) -> Equations:
@@ -135,11 +138,11 @@ class Methods:
 
     def _deviations(self, models: Sequence[Deviation]) -> Equations:
         """Deviations that single parameters make, and that the torques make, beside each other."""
-        r = self.observability.rank
+        r = self.identifiable.rank
         parts = []
         for part, model in zip(self.evidence.parts, models, strict=True):
             joints = part.record.torque.shape[1]
-            columns = part.whole[:, :joints, list(self.observability.pivots)]
+            columns = part.whole[:, :joints, list(self.identifiable.pivots)]
             right = (
                 np.concatenate([columns, part.measured(self.delay)[:, :joints, None]], axis=2) * part.sound[:, :, None]
             )
@@ -150,7 +153,7 @@ class Methods:
     def _made(self, part: Part, model: Deviation, base: Floats) -> Floats:
         """Low-passed base columns along the simulated motion, without the record's ends."""
         joints = part.record.torque.shape[1]
-        pivots = list(self.observability.pivots)
+        pivots = list(self.identifiable.pivots)
         left = (part.measured(self.delay)[:, :joints] - part.whole[:, :joints, pivots] @ base) * part.sound
         away = model.simulate(left[:, :, None], max(PULL * part.cutoff, model.least_pull_hz))
         motion = Rates(*(m + e[:, :, 0] for m, e in zip(_arrays(part.motion), _arrays(away), strict=True)))
@@ -160,8 +163,8 @@ class Methods:
 
     def _full(self, base: Floats) -> Floats:
         """Parameters over all (p,) that make the same rows as the base parameters."""
-        full = np.zeros(len(self.observability.names))
-        full[list(self.observability.pivots)] = base
+        full = np.zeros(len(self.identifiable.names))
+        full[list(self.identifiable.pivots)] = base
         return full
 
 

@@ -9,11 +9,12 @@ import numpy as np
 from balance import conditions
 from balance.arrays import Floats
 from balance.combinations import text_of
-from balance.consistency import Consistent, consistent
 from balance.dynamics.joint_friction import TERMS
-from balance.identification import Identified, counter_mass_rows
+from balance.estimation.base_parameters import BaseParameters
+from balance.estimation.first_moment_imbalance import masses_per_value
+from balance.estimation.identifiability import NotIdentifiable
+from balance.estimation.physical_consistency import Consistent, consistent
 from balance.mechanism import Mechanism
-from balance.observability import NotObservable
 
 from ..recording import Origin
 from .choice import Candidate, Choice, unexplained
@@ -40,11 +41,11 @@ class Identification:
     runs: tuple[str, ...]
     origin: Origin
     choice: Choice
-    identified: Identified
+    identified: BaseParameters
     """At the chosen cut-off and delay."""
-    variants: Mapping[str, Identified]
+    variants: Mapping[str, BaseParameters]
     """By other choices that count for the intervals."""
-    one_sided: Mapping[str, Identified]
+    one_sided: Mapping[str, BaseParameters]
     """With torque and rates smoothed but positions as recorded: often done, biased, shown for comparison only."""
 
     @property
@@ -70,7 +71,7 @@ class Identification:
     @cached_property
     def comparison(self) -> list[Compared]:
         """All methods side by side on held-out stretches."""
-        return compare(self.choice, self.mechanism, self.identified.observability)
+        return compare(self.choice, self.mechanism, self.identified.identifiability)
 
     @cached_property
     def consistent(self) -> Consistent:
@@ -91,10 +92,10 @@ class Identification:
         return unexplained(torque, self.choice.predicted_smooth, evidence.moving)
 
     def value(self, combination: Mapping[str, float] | Floats, name: str = "", unit: str = "") -> Value:
-        """Any observable combination. Raises NotObservable, naming it, if the record does not determine it."""
-        observability = self.identified.observability
-        vector = observability.vector(combination) if isinstance(combination, Mapping) else combination
-        coefficients = {observability.names[k]: float(vector[k]) for k in np.flatnonzero(vector)}
+        """Any observable combination. Raises NotIdentifiable, naming it, if the record does not determine it."""
+        identifiable = self.identified.identifiability
+        vector = identifiable.vector(combination) if isinstance(combination, Mapping) else combination
+        coefficients = {identifiable.names[k]: float(vector[k]) for k in np.flatnonzero(vector)}
         return Value(
             name or text_of(coefficients),
             unit or unit_of(self.mechanism, next(iter(coefficients), "")),
@@ -106,21 +107,21 @@ class Identification:
 
     def base_values(self) -> list[Value]:
         """The base parameters: all that the record determines, without friction and other terms of joints."""
-        rows = self.identified.observability.combinations
+        rows = self.identified.identifiability.combinations
         return [self.value(row) for row in rows if np.any(row[: len(self.mechanism.pi)])]
 
     def joint_values(self) -> list[Value]:
         """Friction, offset and drive inertia of each joint that the record determines by itself."""
-        rows = self.identified.observability.combinations
+        rows = self.identified.identifiability.combinations
         return [self.value(row) for row in rows if not np.any(row[: len(self.mechanism.pi)])]
 
     def parameters(self) -> list[tuple[str, Value | None]]:
         """Every single parameter by name; None where the record does not determine it."""
-        observability = self.identified.observability
-        eye = np.eye(len(observability.names))
+        identifiable = self.identified.identifiability
+        eye = np.eye(len(identifiable.names))
         return [
-            (name, self.value(row) if observability.is_observable(row) else None)
-            for name, row in zip(observability.names, eye, strict=True)
+            (name, self.value(row) if identifiable.is_identifiable(row) else None)
+            for name, row in zip(identifiable.names, eye, strict=True)
         ]
 
     def first_moments(self) -> list[Value]:
@@ -129,7 +130,7 @@ class Identification:
 
     def moment_rows(self) -> list[tuple[str, dict[str, float]]]:
         """The balance conditions by name, with the coefficients of their parameters."""
-        names = self.identified.observability.names
+        names = self.identified.identifiability.names
         return [(text, {names[k]: float(row[k]) for k in np.flatnonzero(row)}) for text, row in self._conditions]
 
     def undetermined_moments(self) -> list[str]:
@@ -139,11 +140,13 @@ class Identification:
     def counter_masses(self, sites: Sequence[str] = ()) -> list[CounterMassValue]:
         """Counter-masses at ``sites`` (default: those named counter...) that would balance the mechanism.
 
-        Raises NotObservable if the record does not determine what they depend on.
+        Raises NotIdentifiable if the record does not determine what they depend on.
         """
         names = list(sites) or self.mechanism.counter_sites
-        rows = counter_mass_rows(self._found, self.mechanism, names)
-        return [self._counter_mass(site, self._padded(row)) for site, row in rows.items()]
+        found = self._found
+        moments = np.array([self._moment(row) for _, row in self._conditions])
+        rows = masses_per_value(found, self.mechanism, names, moments) @ found.matrix
+        return [self._counter_mass(site, self._padded(row)) for site, row in zip(names, rows, strict=True)]
 
     @property
     def left_out(self) -> tuple[str, ...]:
@@ -157,7 +160,7 @@ class Identification:
             for row, ratio in zip(self.rows, self.rms_ratio_in_band, strict=True)
             if ratio > DOUBTFUL_RATIO
         ]
-        seen = self.identified.observability
+        seen = self.identified.identifiability
         if seen.condition > POOR_CONDITION:
             found.append(
                 f"the motion tells the parameters poorly apart: condition {seen.condition:.3g}, expected below "
@@ -176,7 +179,7 @@ class Identification:
     @property
     def excitation(self) -> str:
         """``good``, ``fair`` or ``poor``: how well the motion tells the base parameters apart, before solving."""
-        condition = self.identified.observability.condition
+        condition = self.identified.identifiability.condition
         return "poor" if condition > POOR_CONDITION else "fair" if condition > FAIR_CONDITION else "good"
 
     @property
@@ -210,14 +213,18 @@ class Identification:
     def _padded(self, row: Floats) -> Floats:
         return np.concatenate([row, np.zeros(len(self.in_file) - len(row))])
 
+    def _moment(self, row: Floats) -> float:
+        """A combination of parameters as identified, else as the file has it."""
+        return self.identified.estimate(row).value if self._observable(row) else float(row @ self.in_file)
+
     def _observable(self, row: Floats) -> bool:
-        return self.identified.observability.is_observable(row)
+        return self.identified.identifiability.is_identifiable(row)
 
     def _counter_mass(self, site: str, row: Floats) -> CounterMassValue:
         position = self.mechanism.site(site).position
         distance = float(np.linalg.norm(position))
         try:
             mass = self.value(row, f"mass[{site}]", "kg")
-        except NotObservable as error:
-            raise NotObservable(f"no counter-mass for {site}: {error}") from error
+        except NotIdentifiable as error:
+            raise NotIdentifiable(f"no counter-mass for {site}: {error}") from error
         return CounterMassValue(site, position, mass, self.value(distance * row, f"first_moment[{site}]", "kg m"))

@@ -40,7 +40,7 @@ class Validation:
     def rms_ratio_in_band(self) -> Floats:
         """The same below the cut-off, (rows,)."""
         found = self.result.identified
-        predicted = self.evidence.low_passed_columns(found.observability.pivots) @ found.base
+        predicted = self.evidence.low_passed_columns(found.identifiability.pivots) @ found.values
         return unexplained(self.evidence.low_passed_torque(self._delay), predicted, self.evidence.moving)
 
     @cached_property
@@ -49,9 +49,9 @@ class Validation:
         if not self.result.joints:
             return None
         found = self.result.identified
-        same = np.tile(found.base, (FOLDS, 1))
+        same = np.tile(found.values, (FOLDS, 1))
         try:
-            return strayed(self.evidence, self.result.mechanism, found.observability.pivots, [same], self._delay)[0]
+            return strayed(self.evidence, self.result.mechanism, found.identifiability.pivots, [same], self._delay)[0]
         except ModelError:
             return None
 

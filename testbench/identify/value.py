@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from balance.arrays import Floats
 from balance.dynamics.joint_friction import TERMS
-from balance.identification import Estimate
+from balance.estimation.estimate import Estimate
 from balance.mechanism import Mechanism
 
 from ..wrench import COMPONENTS
@@ -39,8 +39,7 @@ class Value:
     @property
     def interval(self) -> tuple[float, float]:
         """The range of all variants, widened on both sides by half of the statistical 95 % interval."""
-        all_values = [self.value, *self.variants.values()]
-        return min(all_values) - self.estimate.half_width, max(all_values) + self.estimate.half_width
+        return self.estimate.containing([*self.variants.values()]).interval()
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ taken as an even motion with normal scatter, seen in steps; what every scatter a
 import numpy as np
 
 from balance.arrays import Floats
+from balance.estimation.estimate import coverage_factor, log_normal_probability
 
 DITHERED = 0.6
 """Scatter of instants, in steps, above which each is off on its own: two neighbouring samples explain at most 0.5."""
@@ -15,7 +16,7 @@ _DEGREE = 3
 _MOST_PULSES = 400
 _SHARPNESS = (0.2, 100.0)
 """One over the scatter of single pulses, in steps: a hundredth is always allowed for."""
-_LIKELY = 3.841
+_LIKELY = coverage_factor() ** 2
 """Twice the logarithm of likelihood, below its largest, that an interval of 95 % reaches down to (chi2, one)."""
 _PLACES = np.linspace(-1.0, 1.0, 81)
 _ROUNDS, _HALVINGS, _ENOUGH = 40, 6, 1e-3
@@ -38,7 +39,7 @@ def open_offset(before: Floats, after: Floats, found: Floats) -> tuple[float, fl
         return 0.0, 0.0
     off = motion - motion.mean() + found.mean()
     low, high = _likely(_shapes(number), (before - off) / step, (after - off) / step)
-    own = 1.96 * scatter / np.sqrt(len(found))
+    own = coverage_factor() * scatter / np.sqrt(len(found))
     left = float(np.sqrt(max(0.0, (0.5 * (high - low)) ** 2 - own**2)))
     return 0.5 * (low + high) * step, left * step
 
@@ -106,10 +107,8 @@ def _newton(x: Floats, ends: list[Floats]) -> Floats:
 
 def _log_between(low: Floats, high: Floats) -> tuple[Floats, tuple[Floats, Floats]]:
     """log(Phi(high) - Phi(low)) of the normal distribution, and its derivatives by low and high."""
-    from scipy.special import log_ndtr
-
     flip = low + high > 0.0  # the lower tail is the one that floating point resolves
-    a, b = log_ndtr(np.where(flip, -high, low)), log_ndtr(np.where(flip, -low, high))
+    a, b = log_normal_probability(np.where(flip, -high, low)), log_normal_probability(np.where(flip, -low, high))
     log = b + np.log1p(-np.exp(np.minimum(a - b, -1e-12)))
     slopes = [np.exp(-0.5 * end**2 - 0.5 * np.log(2.0 * np.pi) - log) for end in (low, high)]
     return log, (-slopes[0], slopes[1])

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from balance.arrays import Floats
+from balance.estimation.estimate import LEVEL, coverage_factor
 
 from ..encoder.gaps import Gap, lost, spurious
 from ..errors import AnalysisError
@@ -17,7 +18,7 @@ STEADY_WITHIN = 0.01
 _REARM = 0.2
 """The signal must fall so far below the level, of its whole swing, before the next pulse counts."""
 _BLOCKS = 8
-_UNIFORM = 1.96 / (0.95 * np.sqrt(3.0))
+_UNIFORM = coverage_factor() / (LEVEL * np.sqrt(3.0))
 """Twice the deviation of a uniform error, of the half width that holds 95 % of it."""
 _IN_STEP = 0.1
 """How early or late steep pulses may be alike, in samples, from which it is said that the sampling keeps step."""
@@ -134,7 +135,7 @@ def _timed(time: Floats, signal: Floats, found: Floats, level_error: float) -> T
     after = np.searchsorted(time, found, side="right").clip(1, len(time) - 1)
     rise = float(np.median(np.abs(signal[after] - signal[after - 1])))
     if rise <= _STEEP * float(np.ptp(signal)):
-        return Turns(found, step, 1.96 * level_error / rise * step)
+        return Turns(found, step, coverage_factor() * level_error / rise * step)
     later, within = open_offset(time[after - 1], time[after], found)
     return Turns(found + later, step, within, steep=True)
 

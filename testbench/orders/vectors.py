@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from balance.arrays import Floats
+from balance.estimation.estimate import coverage_factor
 
 from ..errors import AnalysisError
 from .orderfit import fit
@@ -139,12 +140,10 @@ def order_vector(
     sensor: str, dimension: str, values: Floats, turns: Turns, time: Floats, order: int, orders: int
 ) -> OrderVector:
     """Vector of ``values`` (n,) [SI] sampled at ``time`` (n,) [s]; orders up to ``orders`` are fitted together."""
-    from scipy.stats import t as student
-
     inside = (time >= turns.pulses[0]) & (time < turns.pulses[-1])
     stepped = 2.0 * np.pi * order * turns.speed * turns.resolution if turns.steep else 0.0
     found = fit(values[inside], turns.angle(time[inside]), turns.count, order, orders, stepped)
-    value, reach = found.value, float(student.ppf(0.975, found.spare))
+    value, reach = found.value, coverage_factor(found.spare)
     u = np.array([value.real, value.imag]) / abs(value) if value else np.array([1.0, 0.0])
     along, across = (reach * float(np.sqrt(x @ found.covariance @ x)) for x in (u, np.array([-u[1], u[0]])))
     if turns.keeps_step:  # a phase that jumps once takes up to 1 - cos(stepped / 2) off the mean of the turned vectors

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from balance.arrays import Floats
+from balance.estimation.estimate import coverage_factor
 
 from ..errors import AnalysisError
 from ..runs.aligned_run import recorded_clocks
@@ -78,7 +79,7 @@ def _explains(force: Floats, other: Floats, answer: Floats, rate: float, segment
 
 
 def _row(column: "Column", told: Transfer, i: int) -> Part:
-    gain, share = float(np.abs(told.response[i])), 1.96 * float(told.relative_deviation[i])
+    gain, share = float(np.abs(told.response[i])), coverage_factor() * float(told.relative_deviation[i])
     return {
         "sensor": column.sensor, "axis": column.component, "frequency_hz": float(told.frequency[i]),
         "gain_1_kg": gain, "gain_interval_1_kg": [gain * max(1.0 - share, 0.0), gain * (1.0 + share)],

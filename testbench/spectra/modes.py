@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from balance.arrays import Floats
-from balance.identification import student_t
+from balance.estimation.estimate import coverage_factor
 
 from ..errors import AnalysisError
 
@@ -154,7 +154,7 @@ class _Fit:
         linear = np.linalg.lstsq(basis, self.values, rcond=1e-10)[0][1:].reshape(len(pairs), 2, -1)
         sizes = size * np.hypot(linear[:, 0], linear[:, 1])
         noise = np.maximum(variance * _correlated(left), self._shaken(pairs, sizes))
-        half = student_t(min(freedom, 1000)) * np.sqrt(noise)[:, None] * unit
+        half = coverage_factor(min(freedom, 1000)) * np.sqrt(noise)[:, None] * unit
         shares = sizes.max(axis=1) / sizes.max()
         return [self._mode(*row) for row in zip(pairs, half, sizes, shares, strict=True)]
 

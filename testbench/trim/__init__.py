@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from balance import conditions, trim
-from balance.consensus import Consensus, consensus
+from balance import conditions
 from balance.errors import CounterpoiseError
+from balance.estimation.covariance_weighting import CombinedImbalance, combine
+from balance.estimation.first_moment_imbalance import Imbalance, masses_per_value
+from balance.estimation.identifiability import NotIdentifiable
 from balance.mechanism import Mechanism
-from balance.observability import NotObservable
 from balance.stock import Plate
 
 from ..errors import AnalysisError
@@ -48,8 +49,8 @@ def trim_runs(
     """What is missing where, from runs of ``mechanism``, which comes without what the runs mounted.
 
     By what the rig has, unless named: force sensors and motor torques of runs of one mounting, together where both
-    tell; else the base's vibration; trial masses where mountings differ. Raises AnalysisError or NotObservable, saying
-    why, where the runs cannot tell.
+    tell; else the base's vibration; trial masses where mountings differ. Raises AnalysisError or NotIdentifiable where
+    the runs cannot tell.
     """
     names = list(dict.fromkeys(sites)) or mechanism.counter_sites
     if not names:
@@ -133,19 +134,19 @@ def _refuse_silent(told: Told, case: Case) -> None:
     hint = "; ".join([_HINTS[told.source], *(finding.message for finding in told.findings)])
     try:
         missing = _missing(told.imbalance, case)
-    except NotObservable as error:
+    except NotIdentifiable as error:
         raise AnalysisError(f"{case.names}: {error}; {hint}") from error
     refuse_blur(missing, _lacking(case), [run.name for run in case.runs], hint)
 
 
-def _missing(measured: trim.Imbalance, case: Case) -> list[Missing]:
+def _missing(measured: Imbalance, case: Case) -> list[Missing]:
     lacking = measured.missing(case.mounted, case.sites)
-    return [Missing(m.site, m.position, m.first_moment.value, m.first_moment.interval) for m in lacking]
+    return [Missing(m.site, m.position, m.first_moment.value, m.first_moment.interval()) for m in lacking]
 
 
 def _result(case: Case, told: tuple[list[Told], list[str]], plates: Sequence[Plate]) -> Trim:
     found, silent = told
-    both = consensus([one.imbalance for one in found]) if len(found) > 1 else None
+    both = combine([one.imbalance for one in found]) if len(found) > 1 else None
     measured = both.imbalance if both else found[0].imbalance
     return Trim(
         case.conditions,
@@ -171,12 +172,13 @@ def _about(found: list[Told]) -> list[str]:
     return [f"By {NAMES[one.source]}: {line[0].lower()}{line[1:]}" for one in found for line in one.about]
 
 
-def _contradiction(both: Consensus | None) -> tuple[str, ...]:
+def _contradiction(both: CombinedImbalance | None) -> tuple[str, ...]:
     if both is None or both.agrees:
         return ()
     return (
-        f"the sources contradict each other: chi-square {both.chi_square:.3g} with {both.freedom} degrees of freedom, "
-        f"probability {both.probability:.1g}; see what each says, and trust none before the reason is found",
+        f"the sources contradict each other: chi-square {both.chi_square:.3g} with {both.degrees_of_freedom} degrees "
+        f"of freedom, probability {both.probability:.1g}; see what each says, and trust none before the reason is "
+        "found",
     )
 
 
@@ -185,7 +187,8 @@ def _lacking(case: Case) -> list[float]:
     payload = case.runs[0].conditions.get("payload_kg")
     bare = case.mechanism
     bare = bare if payload is None else bare.with_payload({bare.payload_bodies[0]: payload})
-    masses = trim.shares_of(case.conditions, bare, case.sites) @ case.conditions.values(bare)
+    values = case.conditions.values(bare)
+    masses = masses_per_value(case.conditions, bare, case.sites, values) @ values
     return [float(m * np.linalg.norm(bare.site(site).position)) for m, site in zip(masses, case.sites, strict=True)]
 
 

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from balance import trim
 from balance.arrays import Floats
+from balance.estimation.first_moment_imbalance import ImbalanceFit
+from balance.estimation.regression import RegressionRecord
 
 from ..rig.scatter import scatter
 from ..runs.si_run import SIRun
@@ -42,25 +43,25 @@ def stated(rigs: "Iterable[Rig]") -> dict[Entry, float]:
 
 
 def with_errors(
-    records: Sequence[trim.Record], effects: Sequence[Effects], deviations: Mapping[Entry, float]
-) -> tuple[list[trim.Record], list[Entry]]:
+    records: Sequence[RegressionRecord], effects: Sequence[Effects], deviations: Mapping[Entry, float]
+) -> tuple[list[RegressionRecord], list[Entry]]:
     """Records with a shared column for each entry that changes one, per standard deviation of it, and those entries."""
     entries = sorted({entry for one in effects for entry in one})
     if not entries:
         return list(records), []
     joined = []
     for record, one in zip(records, effects, strict=True):
-        still = np.zeros_like(record.force)
+        still = np.zeros_like(record.readings)
         columns = np.stack([deviations[entry] * one.get(entry, still) for entry in entries], axis=2)
         joined.append(replace(record, columns=np.concatenate([record.columns, columns], axis=2)))
     return joined, entries
 
 
-def covariance(found: trim.Fit, records: Sequence[trim.Record], count: int) -> Floats:
+def covariance(found: ImbalanceFit, records: Sequence[RegressionRecord], count: int) -> Floats:
     """Of the conditions' values, (rank, rank) [kg2 m2], by the last ``count`` columns of the records."""
     moved = sum(
         np.einsum("njk,nje->ke", gain, record.columns[:, :, -count:])
-        for gain, record in zip(found.gains, records, strict=True)
+        for gain, record in zip(found.gains(), records, strict=True)
     )
     return np.asarray(moved @ np.transpose(moved))
 

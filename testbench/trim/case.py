@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from balance import trim
 from balance.conditions import Conditions
+from balance.estimation.first_moment_imbalance import Imbalance
 from balance.mechanism import Mechanism
 
 from ..findings import Finding
@@ -57,7 +57,7 @@ class Told:
     """What one source tells."""
 
     source: Source
-    imbalance: trim.Imbalance
+    imbalance: Imbalance
     about: tuple[str, ...]
     """How it was found, for people."""
     doubts: tuple[str, ...] = ()

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
-from balance.consensus import Consensus
+from balance.estimation.covariance_weighting import CombinedImbalance
 
 if TYPE_CHECKING:
     from .result import Trim
@@ -38,7 +38,7 @@ def document(result: "Trim") -> dict[str, Any]:
             {
                 "condition": text,
                 "value_kgm": None if e is None else e.value,
-                "interval": None if e is None else list(e.interval),
+                "interval": None if e is None else list(e.interval()),
             }
             for text, e in result.values
         ],
@@ -47,10 +47,10 @@ def document(result: "Trim") -> dict[str, Any]:
     }
 
 
-def _agreement(found: Consensus) -> dict[str, Any]:
+def _agreement(found: CombinedImbalance) -> dict[str, Any]:
     return {
         "chi_square": found.chi_square,
-        "freedom": found.freedom,
+        "freedom": found.degrees_of_freedom,
         "probability": found.probability,
         "agrees": found.agrees,
     }

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from balance import trim
 from balance.arrays import Floats, Indices
 from balance.conditions import Conditions
 from balance.dynamics.regressor import wrench_regressor
+from balance.estimation.first_moment_imbalance import condition_columns
+from balance.estimation.regression import RegressionRecord
 from balance.mechanism import Mechanism
 
 from ..clocks.mapping import ClockMap
@@ -54,7 +55,7 @@ LONG_S = 5.0
 class RunEvidence:
     """The equations of one run."""
 
-    record: trim.Record
+    record: RegressionRecord
     base_known: bool
     """Whether the base's motion was taken out."""
     findings: tuple[Finding, ...]
@@ -83,7 +84,7 @@ def run_evidence(
     wrench = shaking_wrench(si)
     refuse_saturation(run, rig, wrench)
     grid, path = encoder_trajectory(si, model, POSITION_BANDWIDTH * cutoff)
-    columns = trim.columns_of(conditions, wrench_regressor(model, path.q, path.v, path.a)[:, :3])
+    columns = condition_columns(conditions, wrench_regressor(model, path.q, path.v, path.a)[:, :3])
     rows = _rows(run, wrench, columns)
     base = base_motion.recorded(si)
     needed = {wrench.group} | ({base.group} if base else set())
@@ -110,7 +111,8 @@ def run_evidence(
         effects = {entry: np.einsum("nij,nj->ni", turned, change) for entry, change in effects.items()}
         for entry, change in of_readings(felt, base.columns, deviations).items():
             effects[entry] = np.einsum("nij,nj->ni", share[:, :, k:], change)
-    record = _record(motion_of(run), sound, columns, force, nuisance, cutoff, path)
+    names = [f"F{'xyz'[i]}" for i in rows]
+    record = _record(motion_of(run), names, sound, columns, force, nuisance, cutoff, path)
     used = span_of(path, grid, MARGIN_PERIODS / cutoff)
     smooth = {entry: sound.low_pass(change, cutoff)[used] for entry, change in effects.items()}
     findings = (*wrench.findings, *sound.findings)
@@ -181,13 +183,14 @@ def motion_of(run: "Run") -> str:
 
 def _record(
     motion: str,
+    names: list[str],
     sound: Sound,
     columns: Floats,
     force: Floats,
     nuisance: list[Floats],
     cutoff: float,
     path: "Trajectory",
-) -> trim.Record:
+) -> RegressionRecord:
     """All low-passed alike, cut to the motion with a margin, with an offset and a drift for every row.
 
     What gaps touch is zero.
@@ -204,7 +207,8 @@ def _record(
     own: list[Floats] = [np.eye(rows)[None] * kept, np.eye(rows)[None] * slope[:, None, None] * kept]
     own += [delay[:, :, None] for delay in delays]
     blocks = stretches_of(made, 1.0 / (cutoff * grid.step))
-    return trim.Record(made, pushed, np.concatenate(own, axis=2), blocks, motion)
+    every = np.broadcast_to(sound.kept[used, None], pushed.shape)
+    return RegressionRecord.of(made, pushed, blocks, np.concatenate(own, axis=2), every, motion=motion, rows=names)
 
 
 def span_of(path: "Trajectory", grid: Grid, margin: float) -> slice:

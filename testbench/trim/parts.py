@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from balance import trim
 from balance.arrays import Floats
+from balance.estimation.regression import RegressionRecord
 
 from ..findings import Finding
 from .beside import reduction
@@ -25,6 +25,10 @@ class Part:
     """The readings, (n, channels) [N m, m/s2]."""
     nuisance: Floats
     """Offsets, delays: of this run alone, (n, channels, k)."""
+    used: Floats
+    """One where a reading counts, else zero, (n, channels)."""
+    rows: tuple[str, ...]
+    """Names of the channels."""
     shortest: float
     """Of a stretch of the jackknife [samples]."""
     motion: str
@@ -37,16 +41,18 @@ def shared(parts: Sequence[Part]) -> Floats:
     return reduction([part.beside for part in parts])
 
 
-def records(parts: Sequence[Part], combinations: Floats | None = None) -> list[trim.Record]:
+def records(parts: Sequence[Part], combinations: Floats | None = None) -> list[RegressionRecord]:
     """The parts as records, their shared columns reduced to those combinations: all that they together excite."""
     turned = shared(parts) if combinations is None else combinations
     return [
-        trim.Record(
+        RegressionRecord.of(
             np.concatenate([part.own, part.beside @ turned], axis=2),
             part.seen,
-            part.nuisance,
             stretches_of(part.own, part.shortest),
-            part.motion,
+            part.nuisance,
+            part.used,
+            motion=part.motion,
+            rows=part.rows,
         )
         for part in parts
     ]

@@ -5,16 +5,16 @@ from functools import cached_property
 
 import numpy as np
 
-from balance import sizing, trim
+from balance import sizing
 from balance.arrays import Floats
 from balance.combinations import text_of
 from balance.conditions import Conditions
-from balance.consensus import Consensus
-from balance.identification import Estimate
+from balance.estimation.covariance_weighting import CombinedImbalance
+from balance.estimation.estimate import Estimate
+from balance.estimation.first_moment_imbalance import Imbalance, with_condition_values
+from balance.estimation.identifiability import NotIdentifiable
 from balance.mechanism import Mechanism
-from balance.observability import NotObservable
 from balance.stock import Plate
-from balance.trim import Imbalance
 
 from ..findings import Finding
 from ..motion.gaps import CODE as GAP
@@ -47,7 +47,7 @@ class Trim:
     about: tuple[str, ...]
     """How it was found, for people."""
     doubts_before: tuple[str, ...]
-    consensus: Consensus | None = None
+    consensus: CombinedImbalance | None = None
     """Whether several sources agree."""
     plates: tuple[Plate, ...] = ()
     findings: tuple[Finding, ...] = ()
@@ -94,7 +94,7 @@ class Trim:
     def predicted_residual_interval(self) -> tuple[float, float]:
         """From the least to the most that the conditions' intervals of 95 % leave of it [kg m]."""
         left = np.abs(self.conditions.values(self.addition.after))
-        half = np.array([0.0 if e is None else e.half_width for _, e in self.values])
+        half = np.array([0.0 if e is None else e.half_width() for _, e in self.values])
         return float(np.maximum(left - half, 0.0).max(initial=0.0)), float((left + half).max(initial=0.0))
 
     def left(self) -> list[Missing]:
@@ -110,14 +110,14 @@ class Trim:
     def _measured(self) -> Mechanism:
         by_file = self.conditions.values(self.mechanism)
         values = [file if e is None else e.value for (_, e), file in zip(self.values, by_file, strict=True)]
-        return trim.adjusted(self.conditions, self.mechanism, np.array(values))
+        return with_condition_values(self.conditions, self.mechanism, np.array(values))
 
     def _estimate(self, combination: Floats) -> Estimate | None:
-        if self.imbalance.holds(combination):
+        if self.imbalance.is_fixed(combination):
             return None
         try:
             return self.imbalance.estimate(combination)
-        except NotObservable:
+        except NotIdentifiable:
             return None
 
     @property

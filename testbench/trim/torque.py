@@ -76,7 +76,8 @@ def torque_part(
     offset = np.eye(joints)[None] * (moving * sound.kept[:, None, None])[used]
     nuisance = np.concatenate([offset, delay], axis=2)
     shortest, findings = 1.0 / (cutoff * grid.step), sound.findings
-    return Part(own, beside, seen[:, :, 0], nuisance, shortest, motion_of(run), findings)
+    every = offset.max(axis=2)
+    return Part(own, beside, seen[:, :, 0], nuisance, every, model.driven, shortest, motion_of(run), findings)
 
 
 def _driven_rates(run: "Run", rig: "Rig", model: Mechanism, path: "Trajectory") -> Floats:

@@ -1,9 +1,9 @@
 """What runs with trial masses say of the balance conditions, from the vibration of a base of which nothing is known.
 
 Runs differ by masses that the sheet of conditions gives, and by their motions, which the encoders give; the base's
-response to a push is measured with what is missing (see ``balance.trials``). What is missing is said of the first run's
-mounting. A heavier mounting makes a heavier base: what the difference of the masses takes of the base's accelerations
-is counted among the pushes.
+response to a push is measured with what is missing (see ``trial_mass_response``). What is missing is that of the first
+run's mounting. A heavier mounting makes a heavier base: what the difference of the masses takes of the base's
+accelerations is counted among the pushes.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import null_space
 
-from balance import trials
 from balance.arrays import Floats
 from balance.conditions import Conditions
 from balance.dynamics.moving_base import locked_inertia
 from balance.dynamics.regressor import wrench_regressor
+from balance.estimation import trial_mass_response
+from balance.estimation.first_moment_imbalance import Imbalance, Subspace
 from balance.mechanism import Mechanism
-from balance.trim import Free, Imbalance, site_columns
+from balance.sizing.system import site_columns
 
 from ..clocks.mapping import ClockMap
 from ..errors import AnalysisError
@@ -116,23 +117,23 @@ def trials_imbalance(case: Case, first: Mechanism, cutoff: float) -> Imbalance:
     rows = np.flatnonzero(size > PUSHES * size.max())
     own, rest = np.linalg.pinv(conditions.matrix), null_space(conditions.matrix)
     beside = rest @ reduction([one.wrench[:, rows] @ rest for one in seen], BESIDE)
-    at = trials.frequencies(max(float(one.time[-1]) for one in seen), cutoff)
+    at = trial_mass_response.transform_frequencies(max(float(one.time[-1]) for one in seen), cutoff)
     held = first.pi - own @ conditions.values(first)
     each = [_trial(one, rows, np.hstack([own, beside]), held, at) for one in seen]
-    free = Free.at_sites(conditions, first, sites)
-    return trials.measure(each, at, conditions, conditions.values(first), free)
+    free = Subspace.at_sites(conditions, first, sites)
+    return trial_mass_response.trial_mass_imbalance(each, at, conditions, conditions.values(first), free)
 
 
-def _trial(seen: _Seen, rows: "Indices", basis: Floats, held: Floats, at: Floats) -> trials.Trial:
+def _trial(seen: _Seen, rows: "Indices", basis: Floats, held: Floats, at: Floats) -> trial_mass_response.Trial:
     wrench = seen.wrench[:, rows]
     known = seen.known[:, rows] + wrench @ held
-    columns = trials.transform(wrench @ basis, seen.time, at)
+    columns = trial_mass_response.transform(wrench @ basis, seen.time, at)
     slow = np.stack([np.ones_like(seen.time), seen.time - seen.time.mean()], axis=1)
-    return trials.Trial(
+    return trial_mass_response.Trial(
         columns,
-        trials.transform(known, seen.time, at),
-        trials.transform(seen.reading, seen.time, at),
-        trials.transform(slow, seen.time, at),
+        trial_mass_response.transform(known, seen.time, at),
+        trial_mass_response.transform(seen.reading, seen.time, at),
+        trial_mass_response.transform(slow, seen.time, at),
     )
 
 

@@ -138,6 +138,8 @@ def part_of(run: Shaken, conditions: Conditions) -> Part:
         smooth[:, :, rank:-2],
         smooth[:, :, -2],
         nuisance,
+        np.broadcast_to(kept[:, :, 0], (len(smooth), run.seen.shape[1])),
+        tuple(column.channel for column in run.sensors.columns),
         1.0 / (run.cutoff * run.grid.step),
         run.motion,
         run.sound.findings,

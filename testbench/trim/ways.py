@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from balance import trim
 from balance.arrays import Floats
-from balance.observability import NotObservable
+from balance.estimation.first_moment_imbalance import Imbalance, ImbalanceFit, Subspace, imbalance_fit
+from balance.estimation.identifiability import NotIdentifiable
+from balance.estimation.regression import RegressionRecord
 
 from ..errors import AnalysisError
 from ..findings import Finding
@@ -50,14 +51,14 @@ STEPS = "what the encoders' resolution leaves open"
 class _Asked:
     """The records of a source, what the rigs state of its sensors' errors fitted beside."""
 
-    records: list[trim.Record]
+    records: list[RegressionRecord]
     entries: list[calibration.Entry]
     """Of the sensitivities, the last columns of the records."""
     prior: Floats
 
     @classmethod
     def of(
-        cls, case: Case, records: list[trim.Record], effects: Sequence[calibration.Effects], period: float
+        cls, case: Case, records: list[RegressionRecord], effects: Sequence[calibration.Effects], period: float
     ) -> "_Asked":
         """``period`` is that of the cut-off [samples]: noise below it lasts half of that."""
         joined, entries = calibration.with_errors(records, effects, calibration.stated(case.rigs))
@@ -66,21 +67,21 @@ class _Asked:
 
     @classmethod
     def channel_by_channel(
-        cls, case: Case, records: list[trim.Record], columns: "Sequence[Sequence[Column]]", period: float
+        cls, case: Case, records: list[RegressionRecord], columns: "Sequence[Sequence[Column]]", period: float
     ) -> "_Asked":
         """Of records whose rows are channels: these are exposed to what explains them without errors."""
         deviations = calibration.stated(case.rigs)
         if not deviations:
             return cls.of(case, records, [{}] * len(records), period)
-        explained = trim.fit(records, case.conditions).explained
+        explained = imbalance_fit(records, case.conditions).regression.explained()
         effects = [calibration.of_readings(e, c, deviations) for e, c in zip(explained, columns, strict=True)]
         return cls.of(case, records, effects, period)
 
-    def fit(self, case: Case, free: trim.Free | None = None) -> trim.Fit:
+    def fit(self, case: Case, free: Subspace | None = None) -> ImbalanceFit:
         """Values of the conditions."""
-        return trim.fit(self.records, case.conditions, free, self.prior)
+        return imbalance_fit(self.records, case.conditions, free, self.prior)
 
-    def widened(self, found: trim.Fit) -> tuple[trim.Imbalance, list[str]]:
+    def widened(self, found: ImbalanceFit) -> tuple[Imbalance, list[str]]:
         """With what the errors leave open, and what that is called."""
         if not self.entries:
             return found.imbalance, []
@@ -161,8 +162,8 @@ def by_trials(case: Case) -> Told:
         f"The base's response below {cutoff:g} Hz is measured by the trial masses, linear and the same in all runs; "
         f"what is missing is said of the mounting of {case.runs[0].name}.",
         HELD,
-        f"Intervals: from what the fit leaves, {measured.freedom} degrees of freedom, and from what two lengths of the "
-        "base's memory differ by.",
+        f"Intervals: from what the fit leaves, {measured.degrees_of_freedom:.3g} degrees of freedom, and from what two "
+        "lengths of the base's memory differ by.",
     )
     return Told("trials", measured, about, (), findings)
 
@@ -190,35 +191,35 @@ def _each(
 
 
 def _with_encoder_steps(
-    measured: trim.Imbalance, found: trim.Fit, case: Case, runs: "Sequence[Shaken]", combinations: Floats
-) -> trim.Imbalance:
+    measured: Imbalance, found: ImbalanceFit, case: Case, runs: "Sequence[Shaken]", combinations: Floats
+) -> Imbalance:
     """Wider by what the encoders' steps do to the columns."""
     rank, basis = case.conditions.rank, basis_of(case.conditions)
     pi = basis[:, :rank] @ measured.values + basis[:, rank:] @ (combinations @ found.shared[: combinations.shape[1]])
     steps = [
         step_covariance(run, rig.columns_of(Encoder), gain, pi)
-        for run, rig, gain in zip(runs, case.rigs, found.gains, strict=True)
+        for run, rig, gain in zip(runs, case.rigs, found.gains(), strict=True)
     ]
     return replace(measured, covariance=measured.covariance + np.sum(steps, axis=0))
 
 
-def _free_or_held(asked: _Asked, case: Case) -> tuple[trim.Fit, tuple[str, ...]]:
+def _free_or_held(asked: _Asked, case: Case) -> tuple[ImbalanceFit, tuple[str, ...]]:
     """All conditions where the records tell them, else those that masses at the sites can change."""
     whole = asked.fit(case)
     measured = whole.imbalance
     most = TELLS * float(np.abs(case.conditions.values(case.mechanism)).max(initial=0.0))
     try:
-        widths = [measured.estimate(row).half_width for row in np.eye(case.conditions.rank)]
-    except NotObservable:
+        widths = [measured.estimate(row).half_width() for row in np.eye(case.conditions.rank)]
+    except NotIdentifiable:
         widths = [np.inf]
     if max(widths) <= most:
         return whole, ()
-    free = trim.Free.at_sites(case.conditions, case.mounted, case.sites)
-    if len(free.directions) == case.conditions.rank:
+    free = Subspace.at_sites(case.conditions, case.mounted, case.sites)
+    if free.is_whole:
         return whole, ()
     return asked.fit(case, free), (HELD,)
 
 
-def _jackknife(measured: trim.Imbalance, within: Sequence[str] = ()) -> str:
-    said = f"Intervals: delete-block jackknife, {measured.freedom} degrees of freedom"
+def _jackknife(measured: Imbalance, within: Sequence[str] = ()) -> str:
+    said = f"Intervals: delete-block jackknife, {measured.degrees_of_freedom:.3g} degrees of freedom"
     return f"{said}; in them {' and '.join(within)}." if within else f"{said}."

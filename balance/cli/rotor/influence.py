@@ -79,7 +79,7 @@ def _draw(sheet: "Runs", solution: "Solution", path: str) -> None:
     from ...rotors.document import READING, WEIGHT
 
     (reading, _, r), (weight, _, w) = READING[sheet.reading], WEIGHT[sheet.weight]
-    save(draw_readings(sheet, solution, (reading, r), (weight, w), sheet.sureness(solution)), path)
+    save(draw_readings(sheet, solution, (reading, r), (weight, w), sheet.uncertainty(solution)), path)
 
 
 def _print(sheet: "Runs", found: dict[str, Any]) -> None:

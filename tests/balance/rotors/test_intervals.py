@@ -92,7 +92,7 @@ def test_one_plane_against_the_closed_form(sheet):
     v0, v1 = (run.readings[0] for run in runs.runs)
     w, change = solution.weights[0], v1 - v0
     relative = np.hypot(abs(1 / v0 + 1 / change), abs(1 / change)) * 0.2e-6
-    (found,) = runs.sureness(solution).weights
+    (found,) = runs.uncertainty(solution).weights
     assert found.magnitude == pytest.approx(abs(w) * relative, rel=1e-6)
     assert np.sin(found.angle) == pytest.approx(relative, rel=1e-6)
 
@@ -151,7 +151,7 @@ def test_regions_hold_the_true_weight(sheet):
         ]
         again = replace(runs, runs=tuple(drawn))
         solution = again.solve("least-squares")
-        (region,) = again.sureness(solution).regions
+        (region,) = again.uncertainty(solution).regions
         off = (truth - solution.weights[0]) * np.exp(-1j * region.angle)
         held += (off.real / region.half_axes[0]) ** 2 + (off.imag / region.half_axes[1]) ** 2 < 1.0
     assert binomtest(held, 400, 0.95).pvalue > 1e-3
@@ -165,7 +165,7 @@ def test_the_figure_and_the_document_have_the_regions(sheet, tmp_path):
     long, short = plane["region"]["half_axes_g"]
     runs = load_trial_runs(path)
     solution = runs.solve("least-squares")
-    figure = draw_readings(runs, solution, ("um", 1e6), ("g", 1e3), runs.sureness(solution))
+    figure = draw_readings(runs, solution, ("um", 1e6), ("g", 1e3), runs.uncertainty(solution))
     (patch,) = figure.axes[1].patches
     angle, length = patch.get_xy().T
     off = np.abs(length * np.exp(1j * angle) - complex(plane["total"]["x_g"], plane["total"]["y_g"]))
@@ -184,7 +184,7 @@ def test_phases_that_are_off_alike(sheet):
     found = []
     for written in (text, shared):
         runs = trial_runs_from_table(tomllib.loads(written), "runs.toml")
-        found.append(runs.sureness(runs.solve("least-squares")).weights[0])
+        found.append(runs.uncertainty(runs.solve("least-squares")).weights[0])
     assert found[1].angle == pytest.approx(found[0].angle, rel=1e-3)
     assert found[1].magnitude == pytest.approx(found[0].magnitude, rel=1e-3)
     for change, said in {'"2 deg"': "phases_alike", "unstated": "is no speed of this run's readings"}.items():

@@ -59,7 +59,7 @@ def test_base_parameters_from_motor_torques(by_torque):
 
 def test_weak_excitation_is_said(by_torque):
     """Strokes of a few centimetres hardly tell a weight from an offset of the torque: that is said before solving."""
-    seen = by_torque.identified.observability
+    seen = by_torque.identified.identifiability
     assert by_torque.excitation == "poor"
     assert "offset[A0]" in seen.weakest
     assert by_torque.verdict == "doubtful"
@@ -69,8 +69,8 @@ def test_weak_excitation_is_said(by_torque):
 def test_known_masses_tell_the_scale(by_torque):
     """Two payloads that are known tell the scale of the torques: one, to a per cent."""
     scale = Explanation(by_torque).scale_of_all()
-    assert scale.interval[0] < 1.0 < scale.interval[1]
-    assert scale.half_width < 0.01
+    assert scale.interval()[0] < 1.0 < scale.interval()[1]
+    assert scale.half_width() < 0.01
 
 
 def test_a_wrong_scale_is_found(taken):

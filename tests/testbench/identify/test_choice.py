@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from balance.estimation.identifiability import identifiability
 from balance.loading.loading import load_mechanism
-from balance.observability import observe
 from testbench.identify.choice import CUTOFFS_HZ, HeldOut, choose, delays, possible_cutoffs, unexplained
 from testbench.identify.evidence import gather
 
@@ -17,7 +17,7 @@ def test_chosen_is_the_least_of_all():
     """The chosen candidate has the least error of the best ones of each cut-off."""
     record = arms.record(ARM, seed=5)
     evidence = gather([record], ARM, 5.0)
-    choice = choose([record], ARM, observe(evidence.columns, evidence.names))
+    choice = choose([record], ARM, identifiability(evidence.columns, evidence.names))
     assert choice.chosen.error == min(one.error for one in choice.best_of_each)
     assert [one.cutoff for one in choice.best_of_each] == possible_cutoffs([record])
 
@@ -27,7 +27,7 @@ def test_a_stretch_is_predicted_from_the_others():
     record = arms.record(ARM, seed=6)
     torque = record.torque.copy()
     evidence = gather([record], ARM, 5.0)
-    seen = observe(evidence.columns, evidence.names)
+    seen = identifiability(evidence.columns, evidence.names)
     before = HeldOut(evidence, ARM, seen)
     stretch = slice(425, 445)  # the middle of the fourth of ten stretches
     torque[stretch] += 50.0

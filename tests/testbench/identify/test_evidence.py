@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from balance.identification import solve
+from balance.estimation.base_parameters import base_parameters
+from balance.estimation.identifiability import identifiability
+from balance.estimation.regression import RegressionRecord
 from balance.loading.loading import load_mechanism
-from balance.observability import observe
 from testbench.identify.evidence import REST_SPEED, gather, one_sided
 
 from . import arms
@@ -22,9 +23,10 @@ def biases(cutoff: float, smoothed: str) -> np.ndarray:
         record = arms.record(ARM, seed=seed, noise=0.1)
         evidence = (gather if smoothed == "both" else one_sided)([record], ARM, cutoff)
         columns = evidence.low_passed_columns(range(len(evidence.names))) if smoothed == "both" else evidence.columns
-        seen = observe(evidence.columns, evidence.names)
+        seen = identifiability(evidence.columns, evidence.names)
         blocks = evidence.stretches(0.3)
-        result = solve(columns, evidence.low_passed_torque(0.0), seen, blocks, evidence.moving)
+        record = RegressionRecord.of(columns, evidence.low_passed_torque(0.0), blocks, used=evidence.moving)
+        result = base_parameters(record, seen)
         found.append([result.estimate(moment).value for moment in MOMENTS])
     return np.mean(found, axis=0) / TRUTH - 1.0
 

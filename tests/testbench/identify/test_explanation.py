@@ -30,7 +30,7 @@ def test_scale_between_joints():
     """A torque of the second joint that reads 15 % too much is found to, against the first joint's."""
     scale = explained((1.0, 1.15)).scale_between()["J2 / J1"]
     assert scale.value == pytest.approx(1.15, abs=0.02)
-    assert scale.interval[0] < 1.15 < scale.interval[1]
+    assert scale.interval()[0] < 1.15 < scale.interval()[1]
 
 
 def test_a_common_scale_is_not_told(explanation):

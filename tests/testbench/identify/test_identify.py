@@ -5,8 +5,8 @@ import pytest
 
 from balance import sizing
 from balance.conditions import find
+from balance.estimation.identifiability import NotIdentifiable
 from balance.loading.loading import load_mechanism
-from balance.observability import NotObservable
 from testbench.errors import AnalysisError
 from testbench.identify import identify
 
@@ -94,7 +94,7 @@ def test_masses_are_not_filled_in(result):
     """A single mass is not determined by torque: no value for it, and a refusal that names it."""
     assert dict(result.parameters())["m[link_2]"] is None
     assert dict(result.parameters())["mcx[link_2]"].value == result.value(MOMENTS[1]).value
-    with pytest.raises(NotObservable, match=r"m\[link_2\]"):
+    with pytest.raises(NotIdentifiable, match=r"m\[link_2\]"):
         result.value({"m[link_2]": 1.0})
 
 
@@ -113,8 +113,8 @@ def test_two_records_together():
     """Two records tell more than one: the statistical interval shrinks, no stretch runs over from one to the other."""
     one = identify([arms.record(ARM, seed=1, noise=0.2)], ARM)
     both = identify([arms.record(ARM, seed=s, noise=0.2) for s in (1, 2)], ARM)
-    assert both.identified.blocks > 1.5 * one.identified.blocks
-    assert both.value(MOMENTS[0]).estimate.half_width < one.value(MOMENTS[0]).estimate.half_width
+    assert both.identified.fit.blocks > 1.5 * one.identified.fit.blocks
+    assert both.value(MOMENTS[0]).estimate.half_width() < one.value(MOMENTS[0]).estimate.half_width()
     assert both.runs == ("arm 1", "arm 2")
 
 
@@ -122,7 +122,7 @@ def test_a_mechanism_with_a_loop():
     """A four-bar driven by one motor: what its torque determines is found, through the closed loop."""
     mechanism = load_mechanism("four-bar")
     found = identify([arms.record(mechanism, seed=2, noise=0.01, swing=(0.9, 2.5))], mechanism)
-    for row, value in zip(found.identified.observability.combinations, found.identified.base, strict=True):
+    for row, value in zip(found.identified.identifiability.combinations, found.identified.values, strict=True):
         low, high = found.value(row).interval
         assert low <= row @ arms.truth(mechanism) <= high, value
     assert (found.rms_ratio_in_band < 0.1).all()

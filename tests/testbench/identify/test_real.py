@@ -100,7 +100,7 @@ def test_methods_on_held_out_stretches(result):
 def test_intervals_hold_filters_and_methods(result):
     """Least squares from half to double the cut-off, and the other methods, lie inside the intervals."""
     evidence, cutoff = result.choice.evidence, result.chosen.cutoff
-    seen, records = result.identified.observability, [part.record for part in evidence.parts]
+    seen, records = result.identified.identifiability, [part.record for part in evidence.parts]
     for factor in (0.5, 2**-0.5, 1.0, 2**0.5, 2.0):
         at = Methods(gather(records, result.mechanism, factor * cutoff), result.mechanism, seen, result.chosen.delay)
         for method in ("ls", "iv", "oe"):
@@ -114,7 +114,7 @@ def test_bodies_exist(result):
     """The identified links can exist; masses, which the record does not tell, are a member of the set, and not more."""
     assert result.consistent.free_is_feasible
     assert result.consistent.least_eigenvalue() > 0.0
-    assert "m[link_1]" in result.identified.observability.undetermined
+    assert "m[link_1]" in result.identified.identifiability.undetermined
 
 
 def test_what_a_difference_to_the_published_comes_from(result):

@@ -5,13 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from balance import conditions, trim
+from balance import conditions
 from balance.closure import Closure
+from balance.estimation.first_moment_imbalance import imbalance_fit
 from balance.loading.loading import load_mechanism
 from balance.motion import Samples
 from studies import simulated_runs as memory
 from testbench.motion.derivatives import rates
-from testbench.motion.joint_motion import encoders, loaded
+from testbench.motion.joint_motion import loaded
+from testbench.rig.sensors import Encoder
 from testbench.trim.parts import records, shared
 from testbench.trim.steps import per_reading, step_covariance, wrench_slopes
 from testbench.trim.vibration import basis_of, part_of, shaken
@@ -30,10 +32,10 @@ def case():
     moved = [shaken(run, rig, mechanism, 40.0, None) for run, rig in zip(runs, rigs, strict=True)]
     parts = [part_of(run, found) for run in moved]
     turned = shared(parts)
-    fit = trim.fit(records(parts, turned), found)
+    fit = imbalance_fit(records(parts, turned), found)
     basis = basis_of(found)
     pi = basis[:, : found.rank] @ fit.imbalance.values + basis[:, found.rank :] @ (turned @ fit.shared)
-    return moved, encoders(rigs[0]), found, turned, fit, pi
+    return moved, rigs[0].columns_of(Encoder), found, turned, fit, pi
 
 
 def elsewhere(run, joints, more):
@@ -54,12 +56,12 @@ def test_values_move_by_the_derivatives(case):
     more = [STEP * rng.uniform(-0.5, 0.5, (run.grid.count, 2)) for run in moved]
     expected = -sum(
         np.einsum("nj,njk->k", d, per_reading(run, joints, gain, pi))
-        for d, run, gain in zip(more, moved, fit.gains, strict=True)
+        for d, run, gain in zip(more, moved, fit.gains(), strict=True)
     )
     changed = []
     for sign in (1.0, -1.0):
         parts = [part_of(elsewhere(run, joints, sign * d), found) for run, d in zip(moved, more, strict=True)]
-        changed.append(trim.measure(records(parts, turned), found).values)
+        changed.append(imbalance_fit(records(parts, turned), found).imbalance.values)
     assert 0.5 * (changed[0] - changed[1]) == pytest.approx(expected, abs=0.1 * np.abs(expected).max())
 
 
@@ -67,7 +69,7 @@ def test_a_finer_encoder_leaves_less_open(case):
     """The covariance goes with the square of the step; none without steps."""
     moved, columns, _, _, fit, pi = case
     coarse, fine, none = (
-        step_covariance(moved[0], [replace(c, resolution=step) for c in columns], fit.gains[0], pi)
+        step_covariance(moved[0], [replace(c, resolution=step) for c in columns], fit.gains()[0], pi)
         for step in (STEP, 0.1 * STEP, 0.0)
     )
     assert coarse == pytest.approx(100.0 * fine)

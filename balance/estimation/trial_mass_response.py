@@ -4,7 +4,7 @@ The base answers the wrench of run r linearly, Y_r = H U_r at each frequency, wi
 What runs differ by is known: their motions, and the trial masses on them. U_r = A_r c + B_r z + K_r, with A and B the
 wrench per unit of the balance conditions' values c and of what else is unknown z, K what is known, trial masses
 included: with them c has a scale. H is solved for with c and z, by least squares (variable projection, Golub, Pereyra,
-SIAM J. Numer. Anal. 10, 1973), as the transform of a response that dies away within MEMORIES_S.
+SIAM J. Numer. Anal. 10, 1973), as the transform of a response that dies away within MEMORY_S.
 
 All transforms are at s = sigma + i omega: a base that rings on when a record ends would leak into that of i omega,
 exp(-sigma t) has it die away.
@@ -15,17 +15,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .arrays import Floats, Indices
-from .conditions import Conditions
-from .errors import DataError
-from .memories import mean_covariance
-from .observability import NotObservable
-from .rotors.moduli import Complexes
-from .trim import Free, Imbalance
+from ..arrays import Complexes, Floats, Indices
+from ..conditions import Conditions
+from ..errors import DataError
+from .first_moment_imbalance import Imbalance, Subspace
+from .identifiability import NotIdentifiable
 
 SIGMA = 3.0
 """Decay of the transforms [1/s]: a base of 8 Hz damped to 6 % rings down alike."""
-MEMORIES_S = (0.5, 0.8)
+MEMORY_S = (0.5, 0.8)
 """How long the base remembers a push, decay included [s]: found with both, for neither is right. The shorter leaves out
 what rings on, the longer explains noise."""
 BEFORE_S = 0.04
@@ -59,7 +57,7 @@ class Trial:
     """What a channel may show beside: offset, drift, (K, k)."""
 
 
-def frequencies(seconds: float, highest: float) -> Floats:
+def transform_frequencies(seconds: float, highest: float) -> Floats:
     """Frequencies of transforms of records of at most so many seconds, (K,) [Hz]."""
     return np.arange(1, int(highest * seconds) + 1) / seconds
 
@@ -70,26 +68,28 @@ def transform(values: Floats, time: Floats, at: Floats) -> Complexes:
     return np.asarray((kernel @ values.reshape(len(time), -1)).reshape(len(at), *values.shape[1:]))
 
 
-def measure(trials: Sequence[Trial], at: Floats, conditions: Conditions, start: Floats, free: Free) -> Imbalance:
+def trial_mass_imbalance(
+    trials: Sequence[Trial], at: Floats, conditions: Conditions, start: Floats, subspace: Subspace
+) -> Imbalance:
     """Values of the conditions (rank,) from runs with trial masses, beginning at ``start`` (rank,) [kg m].
 
-    Raises NotObservable where the runs do not tell them, DataError where no solution is found.
+    Raises NotIdentifiable where the runs do not tell them, DataError where no solution is found.
     """
-    short_s, long_s = MEMORIES_S
-    long = _found(_Problem(trials, at, long_s, start, free))
-    short = _found(_Problem(trials, at, short_s, start, free), long)
-    size = len(free.directions)
+    short_s, long_s = MEMORY_S
+    long = _found(_Problem(trials, at, long_s, start, subspace))
+    short = _found(_Problem(trials, at, short_s, start, subspace), long)
+    size = len(subspace.directions)
     moved = [one.sides.moved_by(long.sides.left)[:, :size] for one in (short, long)]
     covariance = mean_covariance(short.unknown[:size], long.unknown[:size], *moved)
     mean = 0.5 * (short.unknown + long.unknown)[:size]
     return Imbalance(
         conditions,
-        start + mean @ free.directions,
-        free.directions.T @ covariance @ free.directions,
-        long.sides.freedom,
-        free,
-        short.told,
+        start + mean @ subspace.directions,
+        subspace.directions.T @ covariance @ subspace.directions,
+        subspace,
+        short.determined,
         long.sides.unexplained,
+        long.sides.degrees_of_freedom,
     )
 
 
@@ -99,7 +99,7 @@ class _Found:
 
     unknown: Floats
     sides: "_Sides"
-    told: Floats
+    determined: Floats
 
 
 def _found(problem: "_Problem", near: _Found | None = None) -> _Found:
@@ -108,7 +108,7 @@ def _found(problem: "_Problem", near: _Found | None = None) -> _Found:
     unknown, noise = (near.unknown, near.sides.noise) if near else (np.zeros(size + problem.shared), None)
     for _ in range(_STEPS):
         sides = problem.sides(unknown, noise)
-        step, told = sides.step()
+        step, determined = sides.step()
         unknown = unknown + step
         if np.abs(step[:size]).max() < _SETTLED:
             break
@@ -117,8 +117,8 @@ def _found(problem: "_Problem", near: _Found | None = None) -> _Found:
             f"the runs with trial masses tell too little: after {_STEPS} steps the values still change by "
             f"{np.abs(step[:size]).max():.2g} kg m; {MORE}"
         )
-    problem.refuse_blind(told)
-    return _Found(unknown, sides, told)
+    problem.refuse_blind(determined)
+    return _Found(unknown, sides, determined)
 
 
 MORE = "add runs of another motion (x, y, triangle) with the same trial masses, or heavier trial masses"
@@ -139,17 +139,17 @@ class _Sides:
     """What each channel's rows were divided by, (channels,)."""
 
     def step(self) -> tuple[Floats, Floats]:
-        """Gauss-Newton step (p,), and the orthonormal combinations that are told, (told, p), unknowns as they are."""
+        """Gauss-Newton step (p,), and the orthonormal combinations (k, p) that are determined."""
         length = np.linalg.norm(self.slope, axis=0)
         length[length == 0.0] = 1.0
         u, sizes, rows = np.linalg.svd(self.slope / length, full_matrices=False)
         kept = sizes > _BLIND * sizes[0]
         step = (rows[kept].T @ ((u[:, kept].T @ self.left) / sizes[kept])) / length
-        told = np.linalg.qr((rows[kept] * length).T)[0].T
-        return step, told
+        determined = np.linalg.qr((rows[kept] * length).T)[0].T
+        return step, determined
 
     @property
-    def freedom(self) -> int:
+    def degrees_of_freedom(self) -> int:
         """Bands less unknowns."""
         return len(np.unique(self.bands)) - self.slope.shape[1]
 
@@ -171,9 +171,11 @@ class _Sides:
 class _Problem:
     """The equations of all runs."""
 
-    def __init__(self, trials: Sequence[Trial], at: Floats, memory: float, start: Floats, free: Free) -> None:
-        self.free, self.start, rank = len(free.directions), start, len(start)
-        own = [np.concatenate([t.columns[:, :, :rank] @ free.directions.T, t.columns[:, :, rank:]], 2) for t in trials]
+    def __init__(self, trials: Sequence[Trial], at: Floats, memory: float, start: Floats, subspace: Subspace) -> None:
+        self.free, self.start, rank = len(subspace.directions), start, len(start)
+        own = [
+            np.concatenate([t.columns[:, :, :rank] @ subspace.directions.T, t.columns[:, :, rank:]], 2) for t in trials
+        ]
         self.columns = np.concatenate(own)
         self.known = np.concatenate([t.known + t.columns[:, :, :rank] @ start for t in trials])
         self.readings = np.concatenate([t.reading for t in trials])
@@ -227,12 +229,29 @@ class _Problem:
         slope = _real(np.einsum("kj,kjp->kp", gains, self.columns))
         return slope - u @ (u.T @ slope), reading - u @ (u.T @ reading), spare
 
-    def refuse_blind(self, told: Floats) -> None:
-        """Raise NotObservable where a condition's value lies in what the runs do not tell."""
-        eye = np.eye(told.shape[1])[: self.free]
-        outside = np.abs(eye - (eye @ told.T) @ told).max(axis=1, initial=0.0)
+    def refuse_blind(self, determined: Floats) -> None:
+        """Raise NotIdentifiable where a condition's value lies in what the runs do not tell."""
+        eye = np.eye(determined.shape[1])[: self.free]
+        outside = np.abs(eye - (eye @ determined.T) @ determined).max(axis=1, initial=0.0)
         if (outside > _WHOLE).any():
-            raise NotObservable(f"the runs with trial masses do not tell what is missing; {MORE}")
+            raise NotIdentifiable(f"the runs with trial masses do not tell what is missing; {MORE}")
+
+
+def mean_covariance(short: Floats, long: Floats, by_short: Floats, by_long: Floats) -> Floats:
+    """Of the mean of what two memories say of the same values (k,), (k, k), from what bands of noise move each by.
+
+    ``by_short`` and ``by_long`` are (bands, k), of the same noise, independent from band to band: the noise of the mean
+    is the sum of squares of its own, so that what both share counts once. Beyond that they differ because the shorter
+    leaves out what rings on, where the longer is right, or because the longer explains noise, where the shorter is:
+    two values as likely, half their distance a from the mean, of variance a^2. (Were the truth as likely anywhere
+    between, it would be the a^2 / 3 of JCGM 100:2008, 4.3.7: it is not, see docs/trim.md.) Of a^2, noise alone explains
+    k / chi^2, at most all, with chi^2 = a' N^-1 a, N the noise of a.
+    """
+    mean, apart = 0.5 * (by_short + by_long), 0.5 * (by_long - by_short)
+    half = 0.5 * (long - short)
+    chi_square = float(half @ np.linalg.pinv(apart.T @ apart) @ half)
+    beyond = max(0.0, 1.0 - len(half) / chi_square) if chi_square > 0.0 else 0.0
+    return np.asarray(mean.T @ mean + beyond * np.outer(half, half))
 
 
 def _real(values: Complexes) -> Floats:

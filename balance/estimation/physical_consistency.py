@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .arrays import Floats
-from .errors import DataError
-from .identification import Identified
-from .mechanism import PARAMETERS, Mechanism
+from ..arrays import Floats
+from ..errors import DataError
+from ..mechanism import PARAMETERS, Mechanism
+from .base_parameters import BaseParameters
 
 LEAST_SHARE = 1e-3
 """Pseudo-inertias are kept above this share of those of the file: definite, not merely semidefinite."""
@@ -55,19 +55,19 @@ def pseudo_inertia(row: Floats) -> Floats:
     return np.block([[moments, np.array([[x], [y], [z]])], [np.array([[x, y, z, m]])]])
 
 
-def consistent(identified: Identified, mechanism: Mechanism, file: Floats) -> Consistent:
+def consistent(identified: BaseParameters, mechanism: Mechanism, file: Floats) -> Consistent:
     """The nearest feasible base parameters, then the member of their set that is nearest to ``file`` (p,).
 
     Raises DataError where the solver proves no optimum.
     """
-    combinations = identified.observability.combinations
-    problem = _Problem(mechanism, identified.observability.names, file)
+    combinations = identified.identifiability.combinations
+    problem = _Problem(mechanism, identified.identifiability.names, file)
     errors = np.sqrt(np.diag(identified.covariance))
-    floor = 1e-9 * max(float(np.abs(identified.base).max()), 1e-12)
+    floor = 1e-9 * max(float(np.abs(identified.values).max()), 1e-12)
     whiten = _inverse_root(identified.covariance, np.maximum(errors, floor))
-    nearest = problem.solve(whiten @ combinations, whiten @ identified.base, 1e-8)
-    distance = float(np.linalg.norm(whiten @ (combinations @ nearest - identified.base)))
-    base = identified.base if distance <= FEASIBLE_SIGMA else combinations @ nearest
+    nearest = problem.solve(whiten @ combinations, whiten @ identified.values, 1e-8)
+    distance = float(np.linalg.norm(whiten @ (combinations @ nearest - identified.values)))
+    base = identified.values if distance <= FEASIBLE_SIGMA else combinations @ nearest
     member = problem.solve(whiten @ combinations / _TIGHT, whiten @ base / _TIGHT, 1.0)
     return Consistent(member, combinations @ member, distance)
 

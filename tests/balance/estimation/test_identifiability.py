@@ -8,9 +8,9 @@ from balance.combinations import text_of
 from balance.dynamics.joint_friction import joint_terms
 from balance.dynamics.regressor import torque_regressor, wrench_regressor
 from balance.errors import DataError
-from balance.observability import NotObservable, observe
+from balance.estimation.identifiability import NotIdentifiable, identifiability
 
-from . import models
+from .. import models
 
 RNG = np.random.default_rng(5)
 STATES = RNG.normal(size=(3, 40, 2))
@@ -20,7 +20,7 @@ STATES = RNG.normal(size=(3, 40, 2))
 def arm():
     """Observability of a serial 2R arm from its torques at random states."""
     mechanism = models.load("serial-2r")
-    return observe(torque_regressor(mechanism, *STATES), mechanism.parameter_names)
+    return identifiability(torque_regressor(mechanism, *STATES), mechanism.parameter_names)
 
 
 def test_base_parameters_of_a_serial_arm(arm):
@@ -50,7 +50,7 @@ def test_armature_of_the_first_joint_hides_in_its_inertia():
     mechanism = models.load("serial-2r")
     terms, names = joint_terms(("J1", "J2"), *STATES[1:])
     regressor = np.concatenate([torque_regressor(mechanism, *STATES), terms], axis=2)
-    found = observe(regressor, [*mechanism.parameter_names, *names])
+    found = identifiability(regressor, [*mechanism.parameter_names, *names])
     texts = [found.text(row) for row in range(found.rank)]
     assert "Izz[link_1] + 0.09 m[link_2] + armature[J1]" in texts
     assert "armature[J2]" in texts
@@ -60,7 +60,7 @@ def test_armature_of_the_first_joint_hides_in_its_inertia():
 def test_balance_conditions_are_observable_from_torque(arm):
     """Whatever balances a serial arm in the field of gravity can be identified from its torques."""
     for row in conditions.find(models.load("serial-2r")).matrix:
-        assert arm.is_observable(row)
+        assert arm.is_identifiable(row)
 
 
 @pytest.mark.parametrize("name", ["serial-3r", "parallelogram-6bar"])
@@ -68,17 +68,17 @@ def test_wrench_determines_what_balances(name):
     """The force on the base determines the left-hand side of every balance condition, loops or not."""
     mechanism = models.load(name)
     q, v, a = RNG.normal(size=(3, 60, mechanism.tree.size))
-    found = observe(wrench_regressor(mechanism, q, v, a)[:, :3], mechanism.parameter_names)
-    assert all(found.is_observable(row) for row in conditions.find(mechanism).matrix)
+    found = identifiability(wrench_regressor(mechanism, q, v, a)[:, :3], mechanism.parameter_names)
+    assert all(found.is_identifiable(row) for row in conditions.find(mechanism).matrix)
 
 
 def test_refusal_names_the_combination_and_what_there_is_instead(arm):
     """A mass that torque does not determine is refused by name, with the combinations that it is part of."""
-    with pytest.raises(NotObservable, match=r"^m\[link_2\] is not observable.*mcx\[link_1\] \+ 0.3 m\[link_2\], Izz"):
+    with pytest.raises(NotIdentifiable, match=r"^m\[link_2\] is not observable.*mcx\[link_1\] \+ 0.3 m\[link_2\], Izz"):
         arm.share(arm.vector({"m[link_2]": 1.0}))
-    with pytest.raises(NotObservable, match=r"mcx\[link_1\] \+ 0.2 m\[link_2\] is not"):
+    with pytest.raises(NotIdentifiable, match=r"mcx\[link_1\] \+ 0.2 m\[link_2\] is not"):
         arm.share(arm.vector({"mcx[link_1]": 1.0, "m[link_2]": 0.2}))
-    assert not arm.is_observable(arm.vector({"mcz[link_1]": 1.0}))
+    assert not arm.is_identifiable(arm.vector({"mcz[link_1]": 1.0}))
 
 
 def test_unknown_parameter_is_refused(arm):
@@ -91,11 +91,11 @@ def test_a_joint_that_never_moves_leaves_its_sum_alone():
     """With the elbow held straight, the arm is one body: one first moment along it, not two."""
     mechanism = models.load("serial-2r")
     held = STATES * [1.0, 0.0]
-    found = observe(torque_regressor(mechanism, *held)[:, :1], mechanism.parameter_names)
+    found = identifiability(torque_regressor(mechanism, *held)[:, :1], mechanism.parameter_names)
     assert found.rank == 3
     whole = found.vector({"mcx[link_1]": 1.0, "mcx[link_2]": 1.0, "m[link_2]": 0.3})
-    assert found.is_observable(whole)
-    assert not found.is_observable(found.vector({"mcx[link_2]": 1.0}))
+    assert found.is_identifiable(whole)
+    assert not found.is_identifiable(found.vector({"mcx[link_2]": 1.0}))
 
 
 def test_units_do_not_matter():
@@ -103,8 +103,8 @@ def test_units_do_not_matter():
     mechanism = models.load("serial-2r")
     regressor = torque_regressor(mechanism, *STATES)
     scale = 10.0 ** RNG.uniform(-4, 4, regressor.shape[2])
-    plain = observe(regressor, mechanism.parameter_names)
-    scaled = observe(regressor * scale, mechanism.parameter_names)
+    plain = identifiability(regressor, mechanism.parameter_names)
+    scaled = identifiability(regressor * scale, mechanism.parameter_names)
     assert scaled.pivots == plain.pivots
     pivots = list(plain.pivots)
     np.testing.assert_allclose(scaled.combinations / scale * scale[pivots][:, None], plain.combinations, atol=1e-6)
@@ -112,8 +112,8 @@ def test_units_do_not_matter():
 
 def test_nothing_moves():
     """A record in which nothing depends on any parameter is refused."""
-    with pytest.raises(NotObservable, match="no parameter"):
-        observe(np.zeros((10, 2, 3)), ["a", "b", "c"])
+    with pytest.raises(NotIdentifiable, match="no parameter"):
+        identifiability(np.zeros((10, 2, 3)), ["a", "b", "c"])
 
 
 def test_text():

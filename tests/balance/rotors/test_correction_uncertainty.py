@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from balance import influence, intervals, scatter
+from balance import influence
+from balance.rotors import correction_uncertainty
 
 PLANES, ROWS = 2, 5
 
@@ -32,12 +33,16 @@ class Trial:
         readings = readings * np.exp(1j * shared * rng.normal(size=(len(on), 1)))
         alike = shared * np.eye(len(on))[:, :, None] * np.ones(rows) if shared and told else None
         half = 1.959964 * np.array(noise) * (said or 1.0)
-        stated = np.array([[intervals.of_reading(v, *half) for v in run] for run in readings]) if said else None
+        stated = (
+            np.array([[correction_uncertainty.reading_covariance(v, *half) for v in run] for run in readings])
+            if said
+            else None
+        )
         self.solve = partial(influence.solve, method=method, limits=limits)
         self.best = self.solve(influence.Coefficients(self.initial, self.matrix, 0.0))
         self.found = self.solve(influence.identify(on, readings))
-        self.scatter = scatter.of_runs(on, readings, stated, alike)
-        self.sure = self.scatter and scatter.propagate(self.found, self.scatter, self.solve)
+        self.scatter = correction_uncertainty.covariance_of_runs(on, readings, stated, alike)
+        self.sure = self.scatter and correction_uncertainty.propagate(self.found, self.scatter, self.solve)
 
     def hits(self):
         """Whether magnitude and angle of each weight, and each reading with the weights on, lie in their intervals."""
@@ -80,7 +85,7 @@ def test_a_phase_that_scatters_more_than_the_amplitude():
 def test_repeated_runs_give_honest_intervals(repeats):
     """Scatter unknown, each run made twice or four times: 95 % by Student's distribution."""
     trials = [Trial(seed, said=None, repeats=repeats) for seed in range(200)]
-    assert trials[0].scatter.spare == 2 * 3 * repeats
+    assert trials[0].scatter.degrees_of_freedom == 2 * 3 * repeats
     magnitude, angle, after = coverage(trials)
     assert honest(*magnitude)
     assert honest(*angle)
@@ -111,7 +116,7 @@ def test_differentiated_weights_are_those_of_a_monte_carlo(rows):
 @pytest.mark.parametrize("method", ["least-squares", "robust", "min-max"])
 def test_limits_and_other_methods_are_drawn(method, monkeypatch):
     """Where the weights cannot be differentiated: a plane at its limit keeps its magnitude, intervals hold the best."""
-    monkeypatch.setattr(scatter, "DRAWS", 30)
+    monkeypatch.setattr(correction_uncertainty, "DRAWS", 30)
     limits = [0.5 * abs(Trial(5).best.weights[0]), np.inf]
     trial = Trial(5, method=method, limits=limits)
     assert trial.sure.draws == 30
@@ -134,10 +139,12 @@ def test_given_coefficients_and_a_vector_of_no_length():
     truth = Trial(0)
     errors = np.zeros((PLANES + 1, ROWS, 2, 2))
     errors[0] = 1e-4 * np.eye(2)
-    sure = scatter.propagate(truth.best, scatter.of_coefficients(errors), truth.solve)
+    sure = correction_uncertainty.propagate(
+        truth.best, correction_uncertainty.covariance_of_stated(errors), truth.solve
+    )
     normal = np.linalg.inv(truth.matrix.conj().T @ truth.matrix)
     np.testing.assert_allclose(np.trace(sure.covariance, axis1=1, axis2=2), 2e-4 * np.diag(normal).real, rtol=1e-9)
-    assert intervals.interval(0j, np.eye(2)).angle == np.pi
+    assert correction_uncertainty.polar_interval(0j, np.eye(2)).angle == np.pi
 
 
 @pytest.mark.parametrize("rows", [2, 5])
@@ -156,7 +163,7 @@ def test_shared_errors_where_weights_are_drawn():
     """As where they are differentiated, to what 100 draws allow (four times 7 %), errors being small."""
     for seed in range(3):
         one = Trial(seed, noise=(5e-4, 5e-4), shared=0.002)
-        drawn = scatter._drawn(one.found, one.scatter, one.solve)
+        drawn = correction_uncertainty._drawn(one.found, one.scatter, one.solve)
         np.testing.assert_allclose(
             np.sqrt(np.trace(drawn, axis1=1, axis2=2)),
             np.sqrt(np.trace(one.sure.covariance, axis1=1, axis2=2)),

@@ -10,25 +10,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .arrays import Floats
-from .trim import Free, Imbalance
+from ..arrays import Floats
+from .estimate import effective_degrees_of_freedom, f_tail
+from .first_moment_imbalance import Imbalance, Subspace
 
 CONTRADICT = 1e-3
 """Probability of such a disagreement by chance, below which sources contradict each other."""
-_NOTHING = 1e-12
-"""Variance, relative to the largest of a source, below which a direction was not found but held."""
+_FIXED = 1e-12
+"""Variance, relative to the largest of a source, below which a direction was not estimated but fixed."""
 
 
 @dataclass(frozen=True)
-class Consensus:
+class CombinedImbalance:
     """The weighted values, and the agreement."""
 
     imbalance: Imbalance
     chi_square: float
-    freedom: int
-    """Of chi-square: what is told more than once."""
+    degrees_of_freedom: int
+    """Of chi-square: what more than one source determines."""
     probability: float
-    """Of a disagreement at least as large by chance; 1 where nothing is told twice."""
+    """Of a disagreement at least as large by chance; 1 where nothing is determined twice."""
 
     @property
     def agrees(self) -> bool:
@@ -36,41 +37,33 @@ class Consensus:
         return self.probability >= CONTRADICT
 
 
-def consensus(sources: Sequence[Imbalance]) -> Consensus:
-    """What the sources say together; each as excited as it must be for what is asked of it."""
+def combine(sources: Sequence[Imbalance]) -> CombinedImbalance:
+    """The sources together; each as excited as it must be for what is asked of it."""
     weights = [_inverse(one.covariance) for one in sources]
     whole = np.sum(weights, axis=0)
     covariance = _inverse(whole)
     rank = int(np.linalg.matrix_rank(whole, hermitian=True))
-    held = sources[0].free.start if len(sources[0].free.directions) < len(whole) else sources[0].values
-    told = covariance @ np.sum([w @ (one.values - held) for w, one in zip(weights, sources, strict=True)], axis=0)
-    values = held + told
+    fixed = sources[0].values if sources[0].subspace.is_whole else sources[0].subspace.start
+    away = np.sum([w @ (one.values - fixed) for w, one in zip(weights, sources, strict=True)], axis=0)
+    values = fixed + covariance @ away
     chi = sum(float((one.values - values) @ w @ (one.values - values)) for w, one in zip(weights, sources, strict=True))
     freedom = sum(int(np.linalg.matrix_rank(w, hermitian=True)) for w in weights) - rank
-    shares = [float(np.trace(w @ covariance)) / rank for w in weights]
-    effective = 1.0 / sum(share**2 / one.freedom for share, one in zip(shares, sources, strict=True))
+    shares = np.array([np.trace(w @ covariance) / rank for w in weights])
+    each = np.array([one.degrees_of_freedom for one in sources])
     sizes, directions = np.linalg.eigh(covariance)
-    free = Free(directions[:, sizes > _NOTHING * sizes[-1]].T, held)
+    subspace = Subspace(directions[:, sizes > _FIXED * sizes[-1]].T, fixed)
     combined = Imbalance(
         sources[0].conditions,
         values,
         covariance,
-        int(effective),
-        free,
-        np.eye(len(free.directions)),
+        subspace,
+        np.eye(len(subspace.directions)),
         max(one.unexplained for one in sources),
+        effective_degrees_of_freedom(shares, each),
     )
-    spare = min(one.freedom for one in sources)
-    return Consensus(combined, chi, freedom, _probability(chi, freedom, spare))
+    probability = f_tail(chi / freedom, freedom, float(each.min())) if freedom > 0 else 1.0
+    return CombinedImbalance(combined, chi, freedom, probability)
 
 
 def _inverse(covariance: Floats) -> Floats:
-    return np.asarray(np.linalg.pinv(0.5 * (covariance + covariance.T), rcond=_NOTHING, hermitian=True))
-
-
-def _probability(chi_square: float, freedom: int, spare: int) -> float:
-    if freedom < 1:
-        return 1.0
-    from scipy.special import fdtrc
-
-    return float(fdtrc(freedom, spare, chi_square / freedom))
+    return np.asarray(np.linalg.pinv(0.5 * (covariance + covariance.T), rcond=_FIXED, hermitian=True))

@@ -10,27 +10,30 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .arrays import Floats
-from .combinations import echelon, text_of
-from .errors import DataError
+from ..arrays import Floats
+from ..combinations import echelon, text_of
+from ..errors import DataError
 
-RANK_LIMIT = 1e-9
-"""Singular value, relative to the largest, of columns scaled to unit length, below which a direction is not excited.
+RANK_LIMIT = 1e-6
+"""Singular value, relative to the largest, of columns of unit length, below which a direction is not excited.
 
-Identities of the mechanics hold for measured states too, to rounding: what lies above is excitation, however weak.
+Normal equations square it: 1e-12 is what double precision (2e-16) resolves after offsets and the like have been taken
+out. Identities of the mechanics hold for measured states to rounding, far below.
 """
+_ROUNDING = 1e-9
+"""Length of a column, relative to the longest in whatever unit, that is rounding."""
 _LARGE = 0.3
 """Share in the weakest direction, of the largest one, from which a base parameter is named."""
 _OUTSIDE = 1e-7
 """Part of a combination outside the row space, relative to it, that is rounding."""
 
 
-class NotObservable(DataError):
+class NotIdentifiable(DataError):
     """A combination of parameters that the record does not determine."""
 
 
 @dataclass(frozen=True)
-class Observability:
+class Identifiability:
     """What a regressor determines of its parameters."""
 
     names: tuple[str, ...]
@@ -63,7 +66,7 @@ class Observability:
     def undetermined(self) -> tuple[str, ...]:
         """Parameters that the record does not determine by themselves."""
         rows = np.eye(len(self.names))
-        return tuple(name for name, row in zip(self.names, rows, strict=True) if not self.is_observable(row))
+        return tuple(name for name, row in zip(self.names, rows, strict=True) if not self.is_identifiable(row))
 
     def coefficients(self, row: int) -> dict[str, float]:
         """Coefficients of one base parameter by name, zeros left out."""
@@ -72,6 +75,10 @@ class Observability:
     def text(self, row: int) -> str:
         """One base parameter, such as ``mcx[link_1] + 0.3 m[link_2]``."""
         return text_of(self.coefficients(row))
+
+    def base_columns(self, regressor: Floats) -> Floats:
+        """The columns of a regressor (n, rows, p) that the base parameters multiply, (n, rows, r)."""
+        return regressor[:, :, list(self.pivots)]
 
     def vector(self, coefficients: Mapping[str, float]) -> Floats:
         """A combination given by names, over all parameters, (p,). Raises DataError for an unknown name."""
@@ -85,38 +92,38 @@ class Observability:
     def share(self, vector: Floats) -> Floats:
         """Coefficients (r,) over the base parameters that make up a combination of all parameters (p,).
 
-        Raises NotObservable, naming the combination and what is observable instead.
+        Raises NotIdentifiable, naming the combination and what is observable instead.
         """
         share = vector[list(self.pivots)]
         outside = np.abs(vector - share @ self.combinations).max()
         if not outside <= _OUTSIDE * np.abs(vector).max(initial=0.0):
             wanted = {self.names[k]: float(vector[k]) for k in np.flatnonzero(vector)}
             base = ", ".join(self.text(row) for row in range(self.rank) if self.coefficients(row).keys() & wanted)
-            raise NotObservable(
+            raise NotIdentifiable(
                 f"{text_of(wanted)} is not observable from this record: of these parameters it determines "
                 f"{base or 'none'}"
             )
         return share
 
-    def is_observable(self, vector: Floats) -> bool:
+    def is_identifiable(self, vector: Floats) -> bool:
         """Whether a combination of all parameters (p,) is determined."""
         try:
             self.share(vector)
-        except NotObservable:
+        except NotIdentifiable:
             return False
         return True
 
 
-def observe(regressor: Floats, names: Sequence[str]) -> Observability:
+def identifiability(regressor: Floats, names: Sequence[str]) -> Identifiability:
     """Find what a regressor (n, rows, p) determines of the parameters ``names`` (p).
 
-    Raises NotObservable if nothing moves it at all.
+    Raises NotIdentifiable if nothing moves it at all.
     """
     stacked = regressor.reshape(-1, regressor.shape[-1])
     length = np.linalg.norm(stacked, axis=0)
-    present = np.flatnonzero(length > RANK_LIMIT * length.max(initial=0.0))
+    present = np.flatnonzero(length > _ROUNDING * length.max(initial=0.0))
     if not len(present):
-        raise NotObservable("this record determines no parameter: every column of its regressor is zero")
+        raise NotIdentifiable("this record determines no parameter: every column of its regressor is zero")
     values, rows = np.linalg.svd(np.linalg.qr(stacked[:, present] / length[present], mode="r"))[1:]
     relative = values / values[0]
     rank = int(np.count_nonzero(relative > RANK_LIMIT))
@@ -129,7 +136,7 @@ def observe(regressor: Floats, names: Sequence[str]) -> Observability:
     own = length[list(pivots)]
     sizes, directions = np.linalg.svd(np.linalg.qr(stacked[:, list(pivots)] / own, mode="r"))[1:]
     errors = np.sqrt(np.sum((directions / sizes[:, None]) ** 2, axis=0)) / own
-    return Observability(
+    return Identifiability(
         tuple(names),
         combinations,
         pivots,

@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from balance import conditions, sizing, trim
+from balance import conditions, sizing
 from balance.closure import Closure
 from balance.dynamics.regressor import wrench_regressor
 from balance.errors import DataError
+from balance.estimation.first_moment_imbalance import condition_columns, imbalance_fit, with_condition_values
+from balance.estimation.identifiability import NotIdentifiable
+from balance.estimation.regression import RegressionRecord
 from balance.loading.loading import load_mechanism
 from balance.motion import Samples
-from balance.observability import NotObservable
 
 MECHANISMS = ("parallelogram-6bar", "four-bar", "serial-2r", "serial-3r")
 
@@ -20,7 +22,7 @@ def equations(mechanism, count=400, seed=0):
     path = moved(Closure(mechanism), count, np.random.default_rng(seed))
     regressor = wrench_regressor(mechanism, path.q, path.v, path.a)[:, :3]
     found = conditions.find(mechanism)
-    return found, trim.columns_of(found, regressor), regressor @ mechanism.pi
+    return found, condition_columns(found, regressor), regressor @ mechanism.pi
 
 
 def moved(closure, count, rng):
@@ -37,14 +39,19 @@ def moved(closure, count, rng):
 def record(columns, force, nuisance=None, stretches=20):
     """One record in equal stretches."""
     none = np.zeros((*force.shape, 1)) if nuisance is None else nuisance
-    return trim.Record(columns, force, none, np.arange(len(force)) * stretches // len(force))
+    return RegressionRecord.of(columns, force, np.arange(len(force)) * stretches // len(force), none)
+
+
+def measure(records, found):
+    """Values of the conditions from records."""
+    return imbalance_fit(records, found).imbalance
 
 
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_values_are_those_of_the_model(name):
     """From exact forces come exactly the values of the conditions, whatever the masses."""
     found, columns, force = equations(load_mechanism(name))
-    measured = trim.measure([record(columns, force)], found)
+    measured = measure([record(columns, force)], found)
     assert measured.values == pytest.approx(found.values(), abs=1e-9)
     assert measured.unexplained < 1e-6
 
@@ -54,7 +61,7 @@ def test_missing_masses_are_those_of_exact_sizing(name):
     """What each site lacks, from exact forces, is what sizing from the model mounts there."""
     mechanism = load_mechanism(name)
     found, columns, force = equations(mechanism)
-    lacking = trim.measure([record(columns, force)], found).missing(mechanism, mechanism.counter_sites)
+    lacking = measure([record(columns, force)], found).missing(mechanism, mechanism.counter_sites)
     sized = sizing.exact(found, mechanism)
     for one, other in zip(lacking, sized.counter_masses, strict=True):
         if other.mass > 0.0:
@@ -67,7 +74,7 @@ def test_the_built_set_of_the_manipulator():
     masses = {"counter_A0A": 17.1105, "counter_B0B": 17.1105}
     mechanism = load_mechanism("parallelogram-6bar").with_payload({"platform": 3.4116}).with_counter_mass(masses)
     found, columns, force = equations(mechanism)
-    for one in trim.measure([record(columns, force)], found).missing(mechanism, mechanism.counter_sites):
+    for one in measure([record(columns, force)], found).missing(mechanism, mechanism.counter_sites):
         assert one.first_moment.value == pytest.approx(0.030809, abs=1e-6)
         assert one.mass.value == pytest.approx(0.8205, abs=1e-4)
 
@@ -78,7 +85,7 @@ def test_nuisances_do_not_matter():
     rng = np.random.default_rng(1)
     other = rng.normal(size=force.shape)
     nuisance = np.stack([np.ones_like(force), other], axis=2)
-    measured = trim.measure([record(columns, force + 70.0 + 5.0 * other, nuisance)], found)
+    measured = measure([record(columns, force + 70.0 + 5.0 * other, nuisance)], found)
     assert measured.values == pytest.approx(found.values(), abs=1e-9)
 
 
@@ -90,24 +97,24 @@ def test_records_are_joined():
     halves = [columns.copy(), columns.copy()]
     halves[0][:, :, 2:] = halves[1][:, :, :2] = 0.0
     records = [record(half, half @ values) for half in halves]
-    assert trim.measure(records, found).values == pytest.approx(values, abs=1e-9)
-    with pytest.raises(NotObservable, match="does not excite"):
-        trim.measure(records[:1], found).missing(mechanism, mechanism.counter_sites)
+    assert measure(records, found).values == pytest.approx(values, abs=1e-9)
+    with pytest.raises(NotIdentifiable, match="does not excite"):
+        measure(records[:1], found).missing(mechanism, mechanism.counter_sites)
     assert force.shape == columns.shape[:2]
 
 
 def test_no_motion_is_refused():
     """Columns of zeros determine nothing."""
     found, columns, force = equations(load_mechanism("four-bar"))
-    with pytest.raises(NotObservable, match="nothing moves"):
-        trim.measure([record(0.0 * columns, force)], found)
+    with pytest.raises(NotIdentifiable, match="nothing moves"):
+        measure([record(0.0 * columns, force)], found)
 
 
 def test_too_few_stretches_are_refused():
     """An interval needs stretches to leave out."""
     found, columns, force = equations(load_mechanism("four-bar"))
-    with pytest.raises(DataError, match="stretches"):
-        trim.measure([record(columns, force, stretches=4)], found)
+    with pytest.raises(DataError, match="blocks"):
+        measure([record(columns, force, stretches=4)], found)
 
 
 def test_adjusted_has_the_values_that_it_is_given():
@@ -115,7 +122,7 @@ def test_adjusted_has_the_values_that_it_is_given():
     mechanism = load_mechanism("parallelogram-6bar")
     found = conditions.find(mechanism)
     values = np.array([0.4, 0.01, 0.39, -0.02])
-    changed = trim.adjusted(found, mechanism, values)
+    changed = with_condition_values(found, mechanism, values)
     assert found.values(changed) == pytest.approx(values, abs=1e-12)
     assert sizing.exact(found, changed).residual() == pytest.approx(0.02, abs=1e-9)
 
@@ -127,8 +134,8 @@ def test_intervals_hold():
     for seed in range(60):
         white = np.random.default_rng(seed).normal(size=(len(force) + 20, 3))
         noise = 0.5 * np.array([np.convolve(w, np.ones(20) / np.sqrt(20.0), "valid")[: len(force)] for w in white.T]).T
-        estimate = trim.measure([record(columns, force + noise)], found).estimate(np.eye(4)[0])
-        hits.append(estimate.interval[0] <= found.values()[0] <= estimate.interval[1])
+        estimate = measure([record(columns, force + noise)], found).estimate(np.eye(4)[0])
+        hits.append(estimate.interval()[0] <= found.values()[0] <= estimate.interval()[1])
     assert binomtest(sum(hits), len(hits), 0.95).pvalue > 1e-3
 
 
@@ -142,17 +149,17 @@ def test_gains_say_how_readings_move_the_values():
     rng = np.random.default_rng(1)
     columns = np.concatenate([columns, rng.normal(size=(*force.shape, 2))], axis=2)[:, :1]
     force, nuisance = force[:, :1] + 0.1 * rng.normal(size=(len(force), 1)), rng.normal(size=(len(force), 1, 2))
-    before = trim.fit([record(columns, force, nuisance)], found)
+    before = imbalance_fit([record(columns, force, nuisance)], found)
     more = rng.normal(size=force.shape)
-    after = trim.fit([record(columns, force + more, nuisance)], found)
-    expected = np.einsum("nj,njk->k", more, before.gains[0])
+    after = imbalance_fit([record(columns, force + more, nuisance)], found)
+    expected = np.einsum("nj,njk->k", more, before.gains()[0])
     sizes = np.linalg.norm(columns[:, 0], axis=0)
     sizes[: found.rank] = sizes[: found.rank].max()  # as the fit scales them: all conditions alike
     condition = np.linalg.cond(columns[:, 0] / sizes) ** 2
     rounding = 10.0 * np.finfo(float).eps * condition * np.linalg.norm(expected)
     assert rounding < 1e-5 * np.linalg.norm(expected)
     assert after.imbalance.values - before.imbalance.values == pytest.approx(expected, rel=0.0, abs=rounding)
-    assert before.explained[0] == pytest.approx(force, abs=0.5)
+    assert before.regression.explained()[0] == pytest.approx(force, abs=0.5)
 
 
 def test_a_prior_holds_what_else_is_unknown():
@@ -160,8 +167,8 @@ def test_a_prior_holds_what_else_is_unknown():
     found, columns, force = equations(load_mechanism("four-bar"))
     also = np.random.default_rng(2).normal(size=(*force.shape, 1))
     both = [record(np.concatenate([columns, also], axis=2), force + 0.5 * also[:, :, 0])]
-    free = trim.fit(both, found, prior=np.zeros(1))
-    held = trim.fit(both, found, prior=np.array([1e12]))
+    free = imbalance_fit(both, found, prior=np.zeros(1))
+    held = imbalance_fit(both, found, prior=np.array([1e12]))
     assert free.shared == pytest.approx([0.5], abs=1e-6)
     assert held.shared == pytest.approx([0.0], abs=1e-6)
 
@@ -171,11 +178,12 @@ def test_few_stretches_that_tell_leave_few_degrees_of_freedom():
     found, columns, force = equations(load_mechanism("four-bar"))
     rng = np.random.default_rng(3)
     noise = 0.1 * rng.normal(size=force.shape)
-    everywhere = trim.measure([record(columns, force + noise)], found)
+    everywhere = measure([record(columns, force + noise)], found)
     rests = np.where(np.arange(len(force)) < len(force) // 10, 1.0, 0.03)[:, None]
-    seldom = trim.measure([record(columns * rests[:, :, None], force * rests + noise)], found)
+    seldom = measure([record(columns * rests[:, :, None], force * rests + noise)], found)
     share = np.eye(found.rank)[0]
-    assert seldom.freedom == everywhere.freedom
-    assert seldom.freedom_of(share) < 4 <= 8 < everywhere.freedom_of(share)
-    wide, narrow = (m.estimate(share).half_width / m.estimate(share).standard_error for m in (seldom, everywhere))
+    assert seldom.degrees_of_freedom_of(share) < 4 <= 8 < everywhere.degrees_of_freedom_of(share)
+    wide, narrow = (
+        m.estimate(share).half_width() / m.estimate(share).standard_uncertainty for m in (seldom, everywhere)
+    )
     assert wide > 1.3 * narrow

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from balance import conditions, trim
-from balance.consensus import consensus
+from balance import conditions
+from balance.estimation.covariance_weighting import combine
+from balance.estimation.first_moment_imbalance import Imbalance, Subspace
 from balance.loading.loading import load_mechanism
 
 
@@ -17,14 +18,14 @@ def found():
 def source(found, values, errors, free=None, freedom=1000):
     """A source with these values and standard errors."""
     rank = found.rank
-    free = free or trim.Free.all(found)
-    return trim.Imbalance(found, np.array(values), np.diag(np.square(errors)), freedom, free, np.eye(rank), 0.0)
+    free = free or Subspace.all_values(found)
+    return Imbalance(found, np.array(values), np.diag(np.square(errors)), free, np.eye(rank), 0.0, freedom)
 
 
 def test_weights(found):
     """The mean weighted by 1 / variance, and its variance."""
     rank = found.rank
-    both = consensus([source(found, [1.0] * rank, [0.3] * rank), source(found, [2.0] * rank, [0.6] * rank)]).imbalance
+    both = combine([source(found, [1.0] * rank, [0.3] * rank), source(found, [2.0] * rank, [0.6] * rank)]).imbalance
     assert both.values == pytest.approx(1.2)
     assert np.diag(both.covariance) == pytest.approx(1.0 / (1.0 / 0.09 + 1.0 / 0.36))
 
@@ -36,8 +37,8 @@ def test_agreement_is_chi_square(found):
     seen = []
     for scatter in (1.0, 4.0):
         draws = rng.normal(0.0, scatter * 0.1, (400, 2, rank))
-        told = [consensus([source(found, one, [0.1] * rank) for one in draw]) for draw in draws]
-        assert {one.freedom for one in told} == {rank}
+        told = [combine([source(found, one, [0.1] * rank) for one in draw]) for draw in draws]
+        assert {one.degrees_of_freedom for one in told} == {rank}
         seen.append(np.mean([one.probability < 0.05 for one in told]))
     assert 0.02 < seen[0] < 0.09
     assert seen[1] > 0.7
@@ -47,11 +48,9 @@ def test_what_a_source_holds_it_does_not_tell(found):
     """A source that held one condition adds nothing there, whatever it held."""
     rank = found.rank
     unit = np.eye(rank)
-    free = trim.Free(unit[1:], np.zeros(rank))
+    free = Subspace(unit[1:], np.zeros(rank))
     errors = np.full(rank, 0.1)
     errors[0] = 0.0
-    both = consensus(
-        [source(found, [1.0] * rank, [0.1] * rank), source(found, [0.0] + [1.0] * (rank - 1), errors, free)]
-    )
+    both = combine([source(found, [1.0] * rank, [0.1] * rank), source(found, [0.0] + [1.0] * (rank - 1), errors, free)])
     assert both.imbalance.values == pytest.approx(1.0)
-    assert both.imbalance.estimate(unit[0]).standard_error == pytest.approx(0.1)
+    assert both.imbalance.estimate(unit[0]).standard_uncertainty == pytest.approx(0.1)

@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
-from balance.consistency import LEAST_SHARE, Consistent, consistent, pseudo_inertia
 from balance.dynamics.joint_friction import joint_terms
 from balance.dynamics.regressor import torque_regressor
-from balance.identification import Identified, solve
+from balance.estimation.base_parameters import BaseParameters, base_parameters
+from balance.estimation.identifiability import identifiability
+from balance.estimation.physical_consistency import LEAST_SHARE, Consistent, consistent, pseudo_inertia
+from balance.estimation.regression import RegressionRecord
 from balance.loading.loading import load_mechanism
-from balance.observability import observe
 
-from . import models
+from .. import models
 
 ARM = models.load("two-joint-arm-a0")
 TERMS = [0.1, 0.01, 0.02, 0.004]
@@ -18,15 +19,15 @@ FILE = np.concatenate([ARM.pi, np.tile(TERMS, 2)])
 COUNT = 400
 
 
-def identified(truth: np.ndarray, noise: float = 0.01) -> Identified:
+def identified(truth: np.ndarray, noise: float = 0.01) -> BaseParameters:
     """From torques of a random motion with known parameters."""
     rng = np.random.default_rng(0)
     q, v, a = rng.normal(size=(3, COUNT, 2)) * [[[1.0]], [[3.0]], [[20.0]]]
     terms, names = joint_terms(ARM.driven, v, a)
     regressor = np.concatenate([torque_regressor(ARM, q, v, a), terms], axis=2)
-    seen = observe(regressor, [*ARM.parameter_names, *names])
+    seen = identifiability(regressor, [*ARM.parameter_names, *names])
     torque = regressor @ truth + noise * rng.normal(size=(COUNT, 2))
-    return solve(regressor, torque, seen, np.arange(COUNT) * 20 // COUNT)
+    return base_parameters(RegressionRecord.of(regressor, torque, np.arange(COUNT) * 20 // COUNT), seen)
 
 
 def test_pseudo_inertia_is_the_sum_over_points():
@@ -48,7 +49,7 @@ def test_a_feasible_estimate_is_kept():
     made = consistent(found, ARM, FILE)
     assert made.free_is_feasible
     assert made.distance < 1e-3
-    np.testing.assert_allclose(made.base, found.base, atol=1e-4 * np.abs(found.base).max())
+    np.testing.assert_allclose(made.base, found.values, atol=1e-4 * np.abs(found.values).max())
     assert made.least_eigenvalue() > 0.0
 
 
@@ -58,7 +59,7 @@ def test_what_is_not_determined_is_as_in_the_file():
     np.testing.assert_allclose(made.parameters[: len(ARM.pi)], ARM.pi, atol=1e-4)
 
 
-def infeasible() -> tuple[Identified, Consistent]:
+def infeasible() -> tuple[BaseParameters, Consistent]:
     """An arm whose second link has a negative inertia about its joint."""
     truth = FILE.copy()
     truth[ARM.parameter_names.index("Izz[link_2]")] = -0.005
@@ -84,7 +85,7 @@ def test_no_random_feasible_set_is_nearer():
     rng = np.random.default_rng(2)
 
     def distance(parameters: np.ndarray) -> float:
-        left = found.observability.combinations @ parameters - found.base
+        left = found.identifiability.combinations @ parameters - found.values
         return float(left @ inverse @ left)
 
     best = distance(made.parameters)

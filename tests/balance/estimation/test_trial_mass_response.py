@@ -5,15 +5,16 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import t as student
 
-from balance import conditions, trials
+from balance import conditions
+from balance.estimation import trial_mass_response as trials
+from balance.estimation.first_moment_imbalance import Subspace
 from balance.loading.loading import load_mechanism
-from balance.trim import Free
 
-from ..testbench.coverage import assert_holds
+from ...testbench.coverage import assert_holds
 
 RATE = 250.0
 TIME = np.arange(0.0, 1.4, 1.0 / RATE)
-AT = trials.frequencies(float(TIME[-1]), 20.0)
+AT = trials.transform_frequencies(float(TIME[-1]), 20.0)
 TRUTH = np.array([0.03, -0.02])
 """Of two conditions [kg m]."""
 NOISE = 3e-3
@@ -56,8 +57,10 @@ def campaign(seed, noise=NOISE):
 
 def measured(seed, noise=NOISE):
     """What one campaign says."""
-    free = Free(np.eye(2), np.zeros(2))
-    return trials.measure(campaign(seed, noise), AT, conditions.find(load_mechanism("four-bar")), np.zeros(2), free)
+    free = Subspace(np.eye(2), np.zeros(2))
+    return trials.trial_mass_imbalance(
+        campaign(seed, noise), AT, conditions.find(load_mechanism("four-bar")), np.zeros(2), free
+    )
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +79,7 @@ def test_without_noise():
 def test_intervals_hold(found):
     """Noise on a base that rings on: intervals hold the truth as 95 % promises, and tell it to a third."""
     for i, truth in enumerate(TRUTH):
-        half = [student.ppf(0.975, one.freedom) * np.sqrt(one.covariance[i, i]) for one in found]
+        half = [student.ppf(0.975, one.degrees_of_freedom) * np.sqrt(one.covariance[i, i]) for one in found]
         assert_holds(sum(abs(one.values[i] - truth) < h for one, h in zip(found, half, strict=True)), len(found))
         assert max(half) < abs(truth) / 3.0
 
@@ -86,3 +89,32 @@ def test_widths_are_those_of_the_errors(found):
     errors = np.sqrt(np.mean([np.mean((one.values - TRUTH) ** 2) for one in found]))
     stated = np.sqrt(np.mean([np.mean(np.diag(one.covariance)) for one in found]))
     assert 0.6 * errors < stated < 2.0 * errors
+
+
+def test_noise_that_both_share_counts_once():
+    """Two memories that say the same, moved alike by noise: the mean is no surer, nor less sure, than either."""
+    by = np.random.default_rng(0).normal(size=(50, 2))
+    same = np.array([0.3, -0.1])
+    assert trials.mean_covariance(same, same, by, by) == pytest.approx(by.T @ by)
+
+
+@pytest.mark.parametrize("apart", [0.0, 20.0])
+def test_the_variance_is_that_of_the_mean(apart):
+    """Noise, and a truth at either end of what the memories differ by: the variance stated is that of the errors."""
+    rng = np.random.default_rng(3)
+    ends = apart * np.array([[0.6, 0.8], [-0.6, -0.8]])
+    shorts, longs = rng.normal(size=(2, 400, 40, 2))
+    longs = 0.6 * shorts + 0.8 * longs
+    which = ends[rng.integers(0, 2, 400)]
+    short, long = shorts.sum(axis=1) + which, longs.sum(axis=1) - which
+    stated = [trials.mean_covariance(*both) for both in zip(short, long, shorts, longs, strict=True)]
+    error = 0.5 * (short + long) + ends[rng.integers(0, 2, 400)]
+    assert np.trace(np.mean(stated, axis=0)) == pytest.approx(np.mean(np.sum(error**2, axis=1)), rel=0.2)
+
+
+def test_what_noise_explains_is_no_bound():
+    """A difference of the size that its own noise gives it widens nothing."""
+    by_short, by_long = np.random.default_rng(1).normal(size=(2, 50, 2))
+    half = np.linalg.cholesky(0.25 * (by_long - by_short).T @ (by_long - by_short)) @ np.array([1.0, 0.9])
+    mean = 0.5 * (by_short + by_long)
+    assert trials.mean_covariance(-half, half, by_short, by_long) == pytest.approx(mean.T @ mean)

@@ -1,0 +1,200 @@
+"""What first moment is missing where, from measured shaking forces: least squares on the balance conditions.
+
+The shaking force is linear in pi and vanishes where the conditions C pi = c are zero: F = W_F pi = W_F[pivots] c. So c
+is what is measured, one number a condition, and counter-masses m that would balance are those of C pi + B m = 0 with
+the measured c in place of C pi.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..arrays import Floats
+from ..conditions import Conditions
+from ..mechanism import Mechanism
+from ..sizing.system import distribute_masses, site_columns
+from .estimate import Estimate
+from .identifiability import NotIdentifiable
+from .regression import LEAST_BLOCKS, RegressionFit, RegressionRecord, fit
+
+_FIXED = 1e-9
+"""Part of a combination in what was estimated, relative to it, that is rounding."""
+_OUTSIDE = 1e-6
+
+
+@dataclass(frozen=True)
+class Subspace:
+    """Values that conditions can have: c = start + directions.T @ (something)."""
+
+    directions: Floats
+    """Orthonormal, (k, rank)."""
+    start: Floats
+    """(rank,) [kg m]"""
+
+    @classmethod
+    def all_values(cls, conditions: Conditions) -> "Subspace":
+        """Any values."""
+        return cls(np.eye(conditions.rank), np.zeros(conditions.rank))
+
+    @classmethod
+    def at_sites(cls, conditions: Conditions, mechanism: Mechanism, sites: Sequence[str]) -> "Subspace":
+        """What masses at ``sites`` can change; the rest as the mechanism's file has it."""
+        columns = site_columns(conditions, mechanism, sites)
+        basis, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+        return cls(basis[:, sizes > 1e-12 * sizes[0]].T, conditions.values(mechanism))
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether conditions can have any values."""
+        return len(self.directions) == len(self.start)
+
+    def reduced(self, record: RegressionRecord) -> RegressionRecord:
+        """A record of all conditions' values in the coordinates of this space."""
+        rank = len(self.start)
+        own, others = record.columns[:, :, :rank], record.columns[:, :, rank:]
+        columns = np.concatenate([own @ self.directions.T, others], axis=2)
+        return replace(record, columns=columns, readings=record.readings - own @ self.start)
+
+
+@dataclass(frozen=True)
+class MissingMass:
+    """What a site lacks for balance; negative where it has too much."""
+
+    site: str
+    position: Floats
+    """In its body's frame, (3,) [m]."""
+    mass: Estimate
+    """[kg]"""
+    first_moment: Estimate
+    """About the body's joint, mass times distance [kg m]."""
+
+
+@dataclass(frozen=True)
+class Imbalance:
+    """Values of the balance conditions as measured."""
+
+    conditions: Conditions
+    values: Floats
+    """(rank,) [kg m]"""
+    covariance: Floats
+    """(rank, rank) [kg2 m2]"""
+    subspace: Subspace
+    """What of the values was estimated; the rest was fixed."""
+    excited: Floats
+    """Orthonormal combinations of the subspace's coordinates, and others after them, that were determined."""
+    unexplained: float
+    """Share of the rms of what was measured that is not explained."""
+    constant_degrees_of_freedom: float = np.inf
+    """Of every combination, where no regression is behind the values."""
+    regression: RegressionFit | None = None
+    """Behind the values; its first unknowns are the subspace's coordinates."""
+
+    def estimate(self, combination: Floats) -> Estimate:
+        """A combination (rank,) of the conditions' values. Raises NotIdentifiable if it is not determined."""
+        own = self._coordinates(combination, self.excited.shape[1])
+        outside = own - self.excited.T @ (self.excited @ own)
+        if np.abs(outside).max() > _OUTSIDE * np.abs(combination).max(initial=0.0):
+            raise NotIdentifiable("what balances is not determined by this record: the motion does not excite it")
+        deviation = float(np.sqrt(max(float(combination @ self.covariance @ combination), 0.0)))
+        return Estimate.single(
+            float(combination @ self.values), deviation, self.degrees_of_freedom_of(combination), unit="kg m"
+        )
+
+    @property
+    def degrees_of_freedom(self) -> float:
+        """The fewest of any condition's value that was estimated."""
+        rows = [row for row in np.eye(len(self.values)) if not self.is_fixed(row)]
+        return min((self.degrees_of_freedom_of(row) for row in rows), default=np.inf)
+
+    def degrees_of_freedom_of(self, combination: Floats) -> float:
+        """Of the deviation of a combination (rank,).
+
+        Those of the jackknife, times the square of the variance over the part that the jackknife estimates (Welch,
+        Satterthwaite): what stated errors of sensors add is known.
+        """
+        if self.regression is None:
+            return self.constant_degrees_of_freedom
+        own = self._coordinates(combination, len(self.regression.values))
+        estimated = float(own @ self.regression.covariance @ own)
+        added = float(combination @ self.covariance @ combination) / max(estimated, 1e-300)
+        return min(self.regression.degrees_of_freedom(own) * max(added, 1.0) ** 2, 1e6)
+
+    def is_fixed(self, combination: Floats) -> bool:
+        """Whether a combination (rank,) of the conditions' values was not estimated but fixed."""
+        own = np.abs(self.subspace.directions @ combination).max(initial=0.0)
+        return bool(own <= _FIXED * np.abs(combination).max(initial=0.0))
+
+    def missing(self, mechanism: Mechanism, sites: Sequence[str]) -> list[MissingMass]:
+        """What each site lacks (see ``distribute_masses``). Raises NotIdentifiable as ``estimate`` does."""
+        rows = masses_per_value(self.conditions, mechanism, sites, self.values)
+        return [self._missing(mechanism, site, row) for site, row in zip(sites, rows, strict=True)]
+
+    def _coordinates(self, combination: Floats, count: int) -> Floats:
+        own = self.subspace.directions @ combination
+        return np.pad(own, (0, count - len(own)))
+
+    def _missing(self, mechanism: Mechanism, site: str, row: Floats) -> MissingMass:
+        position = mechanism.site(site).position
+        distance = float(np.linalg.norm(position))
+        return MissingMass(site, position, self.estimate(row), self.estimate(distance * row))
+
+
+@dataclass(frozen=True)
+class ImbalanceFit:
+    """What records tell of the conditions, and of what else is unknown."""
+
+    imbalance: Imbalance
+    shared: Floats
+    """What else is unknown and the same in all records, (shared,)."""
+    regression: RegressionFit
+
+    def gains(self) -> list[Floats]:
+        """By record: how much each condition's value rises by what a reading is more, (n, rows, rank)."""
+        directions = self.imbalance.subspace.directions
+        return self.regression.gains(np.pad(directions.T, ((0, 0), (0, len(self.shared)))))
+
+
+def imbalance_fit(
+    records: Sequence[RegressionRecord],
+    conditions: Conditions,
+    subspace: Subspace | None = None,
+    prior: Floats | None = None,
+) -> ImbalanceFit:
+    """Values of the conditions from records whose first columns are theirs, others those of shared unknowns.
+
+    ``prior`` (shared,) as in ``regression.fit``. Raises DataError with too few blocks, NotIdentifiable with no motion.
+    """
+    space = subspace or Subspace.all_values(conditions)
+    size = len(space.directions)
+    reduced = [space.reduced(record) for record in records]
+    known = None if prior is None else np.r_[np.zeros(size), prior]
+    found = fit(reduced, known, one_scale=size, least_blocks=size + LEAST_BLOCKS)
+    own = found.covariance[:size, :size]
+    values = space.start + found.values[:size] @ space.directions
+    covariance = space.directions.T @ own @ space.directions
+    measured = Imbalance(conditions, values, covariance, space, found.excited, found.unexplained, regression=found)
+    return ImbalanceFit(measured, found.values[size:], found)
+
+
+def masses_per_value(conditions: Conditions, mechanism: Mechanism, sites: Sequence[str], values: Floats) -> Floats:
+    """The mass that each site lacks per unit of each condition's value, about ``values`` (rank,), (sites, rank) [1/m].
+
+    Masses are m = rows @ values, linear in what is estimated, so that its intervals carry over.
+    """
+    columns = site_columns(conditions, mechanism, sites)
+    return -distribute_masses(columns, -values, removable=True).per_target
+
+
+def with_condition_values(conditions: Conditions, mechanism: Mechanism, values: Floats) -> Mechanism:
+    """The mechanism with the least change of its parameters that gives the conditions these values (rank,) [kg m]."""
+    change = np.linalg.pinv(conditions.matrix) @ (values - conditions.values(mechanism))
+    parameters = mechanism.parameters + change.reshape(mechanism.parameters.shape)
+    parameters.setflags(write=False)
+    return replace(mechanism, parameters=parameters)
+
+
+def condition_columns(conditions: Conditions, regressor: Floats) -> Floats:
+    """The columns that the values of the conditions multiply, of a force regressor (n, 3, 10 nb), (n, 3, rank)."""
+    pivots = [int(np.flatnonzero(row)[0]) for row in conditions.matrix]
+    return np.asarray(regressor[:, :, pivots])

@@ -1,0 +1,351 @@
+"""Weighted least squares of records with nuisances, instruments and priors; intervals by the delete-block jackknife.
+
+A record says readings = columns @ unknowns + nuisance @ (what is unknown of this record alone) + noise. Every row (a
+joint's torque, a component of force, a channel) has one weight over all records, 1 / the mean square of its residual,
+found by repetition: its noise is its sensor's. Nuisances are eliminated record by record.
+
+Residuals are correlated in time, so intervals do not come from their number: blocks of the records, longer than the
+correlation, are left out in turn, nuisances solved for anew (delete-block jackknife), which also counts what the model
+lacks. Repeats of one motion repeat what is systematic: the same block is left out of all of them. The variance of a
+combination of unknowns has (sum p)^2 / sum p^2 - 1 degrees of freedom, p what each block contributes to it, were the
+noise white (Satterthwaite): few where few blocks determine it, blocks - 1 where all do alike, whatever the unknowns.
+
+Where the columns themselves carry noise, least squares is biased towards zero: Z' W b = Z' y with instruments Z,
+columns made without that noise, is not (instrumental variables; Janot, Vandanjon, Gautier, IEEE Trans. Control Syst.
+Technol. 22, 2014).
+"""
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..arrays import Floats, Indices
+from ..errors import DataError
+from .estimate import Estimate
+from .identifiability import RANK_LIMIT, NotIdentifiable
+
+LEAST_BLOCKS = 3
+"""From which a jackknife says something."""
+_EXACT = 1e-4
+"""Residual of a row, as a part of its readings' rms, below which it earns no more weight."""
+_REWEIGHTINGS = 20
+_SETTLED = 1e-6
+"""Relative change of the weights at which they count as found."""
+_OUTSIDE = 1e-6
+"""Part of a combination outside what is excited, relative to it, that is rounding."""
+
+
+@dataclass(frozen=True)
+class RegressionRecord:
+    """readings = columns @ unknowns + nuisance @ (unknowns of this record alone) + noise, by sample and row."""
+
+    columns: Floats
+    """(n, rows, p)"""
+    readings: Floats
+    """(n, rows) [N, N m, m/s2]"""
+    blocks: Indices
+    """Number of the block that each sample is in, (n,)."""
+    nuisance: Floats
+    """(n, rows, k)"""
+    used: Floats
+    """One where a reading counts, zero where not, (n, rows)."""
+    instruments: Floats | None = None
+    """In place of the columns, where these carry noise, (n, rows, p)."""
+    motion: str = ""
+    """Records of one motion leave out the same block together; empty: like no other."""
+    rows: tuple[str, ...] = ()
+    """Names of the rows: those of one name have one noise."""
+
+    @classmethod
+    def of(
+        cls,
+        columns: Floats,
+        readings: Floats,
+        blocks: Indices,
+        nuisance: Floats | None = None,
+        used: Floats | None = None,
+        instruments: Floats | None = None,
+        motion: str = "",
+        rows: Sequence[str] = (),
+    ) -> "RegressionRecord":
+        """With what is left out filled in: no nuisance, all readings used, rows by number.
+
+        Raises DataError where shapes differ or a value that counts is not finite.
+        """
+        none = np.zeros((*readings.shape, 0)) if nuisance is None else nuisance
+        every = np.broadcast_to(1.0 if used is None else used, readings.shape)
+        names = tuple(rows) or tuple(str(k) for k in range(readings.shape[1]))
+        shapes = {columns.shape[:2], readings.shape, none.shape[:2], (len(blocks), len(names))}
+        if instruments is not None:
+            shapes |= {instruments.shape[:2], (*readings.shape, columns.shape[2])[:2]}
+        if len(shapes) > 1:
+            raise DataError(f"parts of a regression record differ in samples and rows: {sorted(shapes)}")
+        return cls(columns, readings, blocks, none, every, instruments, motion, names)
+
+
+class _RecordSums:
+    """Normal equations of a record by block and row, from which any choice of blocks is solved without the samples."""
+
+    def __init__(self, record: RegressionRecord) -> None:
+        self.record, self.size = record, record.columns.shape[2]
+        self.labels = np.unique(record.blocks[record.used.any(axis=1)])
+        own = record.nuisance / np.maximum(np.sqrt(np.mean(record.nuisance**2, axis=(0, 1))), 1e-300)
+        used = record.used[:, :, None]
+        self.design = np.concatenate([record.columns, own], axis=2)
+        design = self.design * used
+        parts = [np.flatnonzero(record.blocks == label) for label in self.labels]
+        readings = record.readings * record.used
+        self.matrix, self.vector = _sums(design, design, readings, parts)
+        self.square = np.sum(readings**2, axis=0)
+        self.samples = record.used.sum(axis=0)
+        self.weights = np.ones(len(self.square))
+        self.left, self.left_vector, self.left_square = self.matrix, self.vector, self.matrix
+        self.left_design = self.design
+        if record.instruments is not None:
+            self.left_design = np.concatenate([record.instruments, own], axis=2)
+            left = self.left_design * used
+            self.left, self.left_vector = _sums(left, design, readings, parts)
+            self.left_square = _sums(left, left, readings, parts)[0]
+
+    def reduced(self, skip: int | None = None) -> tuple[Floats, Floats]:
+        """Equations of the unknowns alone, the nuisances solved for, one block left out."""
+        kept = np.ones(len(self.labels))
+        if skip is not None:
+            kept[skip] = 0.0
+        matrix = np.einsum("b,j,bjik->ik", kept, self.weights, self.left)
+        vector = np.einsum("b,j,bji->i", kept, self.weights, self.left_vector)
+        k = self.size
+        share = _least_norm(matrix[k:, k:], np.column_stack([matrix[k:, :k], vector[k:]]))
+        return matrix[:k, :k] - matrix[:k, k:] @ share[:, :k], vector[:k] - matrix[:k, k:] @ share[:, k]
+
+    def lengths(self) -> Floats:
+        """Weighted squared lengths of the unknowns' columns, (p,)."""
+        k = self.size
+        return np.einsum("j,bjii->i", self.weights, self.matrix[:, :, :k, :k])
+
+    def contributions(self) -> Floats:
+        """What each block adds to the covariance of the reduced equations' vector, were noise white, (blocks, p, p)."""
+        left, k = self._nuisance_shares(), self.size
+        square = np.einsum("j,bjik->bik", self.weights, self.left_square)
+        before = np.hstack([np.eye(k), -left])
+        return np.asarray(before @ square @ before.T)
+
+    def _nuisance_shares(self) -> Floats:
+        """What the columns, or their instruments, contain of the nuisances, (p, k)."""
+        k = self.size
+        matrix = np.einsum("j,bjik->ik", self.weights, self.left)
+        return _least_norm(matrix[k:, k:].T, matrix[:k, k:].T).T
+
+    def with_nuisances(self, values: Floats) -> Floats:
+        """Values of the unknowns, then of the nuisances that go with them, (p + k,)."""
+        k = self.size
+        matrix = np.einsum("j,bjik->ik", self.weights, self.left)
+        vector = np.einsum("j,bji->i", self.weights, self.left_vector)
+        own = _least_norm(matrix[k:, k:], (vector[k:] - matrix[k:, :k] @ values)[:, None])[:, 0]
+        return np.concatenate([values, own])
+
+    def residual_squares(self, values: Floats) -> Floats:
+        """Sum of squares of each row's residual, (rows,)."""
+        whole = self.with_nuisances(values)
+        by_row, right = self.matrix.sum(axis=0), self.vector.sum(axis=0)
+        left = self.square - 2.0 * right @ whole + np.einsum("i,jik,k->j", whole, by_row, whole)
+        return np.maximum(left, 0.0)
+
+    def gains(self, solution: Floats) -> Floats:
+        """By how much solution (c, p) @ the reduced equations' vector rises per reading, (n, rows, c)."""
+        left, k = self._nuisance_shares(), self.size
+        own = self.left_design[:, :, :k] - self.left_design[:, :, k:] @ left.T
+        return np.asarray((own @ solution.T) * (self.record.used * self.weights)[:, :, None])
+
+
+@dataclass(frozen=True)
+class RegressionFit:
+    """Unknowns by weighted least squares of records."""
+
+    values: Floats
+    """(p,); least, in columns of one length, where the records do not excite them."""
+    covariance: Floats
+    """(p, p), of the delete-block jackknife."""
+    excited: Floats
+    """Orthonormal combinations of the scaled unknowns that the records determine, (excited, p)."""
+    residual_rms: Mapping[str, float]
+    """Of each row, by name [N, N m, m/s2]."""
+    unexplained: float
+    """Rms of the residual as a part of that of the readings less nuisances."""
+    _equations: "_Equations" = field(repr=False)
+    _inverse: Floats = field(repr=False)
+    """Of the equations, (p, p)."""
+    _contributions: Floats = field(repr=False)
+    """Of blocks to the covariance of the equations' vector, (blocks, p, p)."""
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks that were left out in turn."""
+        return len(self._contributions)
+
+    def determines(self, combination: Floats) -> bool:
+        """Whether the records determine a combination (p,) of the unknowns."""
+        own = combination / self._equations.scale
+        outside = own - self.excited.T @ (self.excited @ own)
+        return not np.abs(outside).max(initial=0.0) > _OUTSIDE * np.abs(own).max(initial=0.0)
+
+    def estimate(self, combination: Floats) -> Estimate:
+        """A combination (p,) of the unknowns. Raises NotIdentifiable where the records do not determine it."""
+        if not self.determines(combination):
+            raise NotIdentifiable("this record does not determine it: the motion does not excite it")
+        variance = max(float(combination @ self.covariance @ combination), 0.0)
+        value = float(combination @ self.values)
+        return Estimate.single(value, float(np.sqrt(variance)), self.degrees_of_freedom(combination))
+
+    def degrees_of_freedom(self, combination: Floats) -> float:
+        """Of the variance of a combination (p,)."""
+        gain = combination @ self._inverse
+        part = np.einsum("i,bij,j->b", gain, self._contributions, gain)
+        squares = float(np.sum(part**2))
+        return max(float(part.sum()) ** 2 / squares - 1.0, 1.0) if squares > 0.0 else 1.0
+
+    def gains(self, combinations: Floats) -> list[Floats]:
+        """By record: how much combinations (c, p) rise by what a reading is more, weights as they are, (n, rows, c)."""
+        solution = combinations @ self._inverse
+        return [one.gains(solution) for one in self._equations.sums]
+
+    def explained(self) -> list[Floats]:
+        """By record: what unknowns and nuisances explain of the readings, (n, rows)."""
+        return [np.asarray(one.design @ one.with_nuisances(self.values)) for one in self._equations.sums]
+
+
+def fit(
+    records: Sequence[RegressionRecord],
+    prior: Floats | None = None,
+    one_scale: int = 0,
+    least_blocks: int = LEAST_BLOCKS,
+) -> RegressionFit:
+    """Weighted least squares of records.
+
+    ``prior`` (p,) is how surely each unknown is zero, 1 / variance times the samples that noise of the records lasts;
+    zero where nothing is known. The first ``one_scale`` unknowns are of one kind: one excited far less than the others
+    counts as not excited. Raises DataError with fewer than ``least_blocks`` blocks, NotIdentifiable with no motion.
+    """
+    equations = _Equations(records, prior, one_scale)
+    equations.weigh()
+    without = equations.without_each_block()
+    count = len(without)
+    if count < least_blocks:
+        raise DataError(
+            f"an interval needs {least_blocks} blocks of the record to leave out in turn: there are {count}; give "
+            "longer or more runs"
+        )
+    found = equations.solve()
+    spread = np.array([equations.solve(skip).values for skip in without]) - found.values
+    covariance = (count - 1) / count * spread.T @ spread
+    left = equations.residual_squares(found.values)
+    whole = sum(one.residual_squares(np.zeros(one.size)).sum() for one in equations.sums)
+    unexplained = float(np.sqrt(sum(left.values()) / max(whole, 1e-300)))
+    rms = {row: float(np.sqrt(left[row] / max(equations.samples[row], 1.0))) for row in left}
+    contributions = equations.contributions(without)
+    return RegressionFit(
+        found.values, covariance, found.excited, rms, unexplained, equations, found.inverse, contributions
+    )
+
+
+def least_squares(record: RegressionRecord) -> Floats:
+    """The same unknowns (p,) without intervals."""
+    equations = _Equations([record], None, 0)
+    equations.weigh()
+    return equations.solve().values
+
+
+@dataclass(frozen=True)
+class _Solution:
+    """Equations solved."""
+
+    values: Floats
+    inverse: Floats
+    excited: Floats
+
+
+class _Equations:
+    """All records together, with the weights of their rows."""
+
+    def __init__(self, records: Sequence[RegressionRecord], prior: Floats | None, one_scale: int) -> None:
+        self.sums = [_RecordSums(record) for record in records]
+        self.prior = np.zeros(self.sums[0].size) if prior is None else prior
+        self.one_scale = one_scale
+        self.samples = self._by_row([one.samples for one in self.sums])
+        self.square = self._by_row([one.square for one in self.sums])
+        if not np.sum([one.lengths() for one in self.sums], axis=0)[: one_scale or None].any():
+            raise NotIdentifiable("nothing moves in this record: it determines no first moment")
+        self._share_weights({row: self._weight(row, square) for row, square in self.square.items()})
+
+    def weigh(self) -> None:
+        """Weights of the rows by what they leave, 1 / mean square, over all records of a row."""
+        for _ in range(_REWEIGHTINGS):
+            left, before = self.residual_squares(self.solve().values), self.weights
+            self._share_weights({row: self._weight(row, square) for row, square in left.items()})
+            if all(abs(self.weights[row] - old) <= _SETTLED * old for row, old in before.items()):
+                break
+
+    def _weight(self, row: str, square: float) -> float:
+        """Of a row whose residual has this sum of squares."""
+        least = _EXACT**2 * max(self.square[row], _EXACT**2 * sum(self.square.values()), 1e-100)
+        return self.samples[row] / max(square, least)
+
+    def _share_weights(self, weights: Mapping[str, float]) -> None:
+        """Give each row its weight; the columns' lengths (p,) follow, one for the first, which are of one kind."""
+        self.weights = weights
+        for one in self.sums:
+            one.weights = np.array([weights[row] for row in one.record.rows])
+        scale = np.sqrt(np.sum([one.lengths() for one in self.sums], axis=0) + self.prior)
+        scale[: self.one_scale] = scale[: self.one_scale].max(initial=0.0)
+        self.scale: Floats = np.where(scale > 0.0, scale, 1.0)
+
+    def residual_squares(self, values: Floats) -> dict[str, float]:
+        """By row, over all records."""
+        return self._by_row([one.residual_squares(values) for one in self.sums])
+
+    def _by_row(self, each: Sequence[Floats]) -> dict[str, float]:
+        found: dict[str, float] = defaultdict(float)
+        for one, values in zip(self.sums, each, strict=True):
+            for row, value in zip(one.record.rows, values, strict=True):
+                found[row] += float(value)
+        return dict(found)
+
+    def without_each_block(self) -> list[dict[int, int]]:
+        """What is left out in turn: blocks by record, of repeats of one motion together."""
+        found: dict[tuple[str | int, int], dict[int, int]] = defaultdict(dict)
+        for r, one in enumerate(self.sums):
+            for place, label in enumerate(one.labels):
+                found[one.record.motion or r, int(label)][r] = place
+        return list(found.values())
+
+    def solve(self, skip: Mapping[int, int] | None = None) -> _Solution:
+        """All records together, a block of some left out."""
+        left_out = skip or {}
+        both = [one.reduced(left_out.get(r)) for r, one in enumerate(self.sums)]
+        matrix = np.sum([m for m, _ in both], axis=0) + np.diag(self.prior)
+        vector, scale = np.sum([v for _, v in both], axis=0), self.scale
+        u, sizes, rows = np.linalg.svd(matrix / np.outer(scale, scale))
+        kept = sizes > RANK_LIMIT**2 * sizes[0]
+        inverse = (rows[kept].T / sizes[kept]) @ u[:, kept].T / np.outer(scale, scale)
+        return _Solution(inverse @ vector, inverse, rows[kept])
+
+    def contributions(self, without: Sequence[Mapping[int, int]]) -> Floats:
+        """Of what is left out in turn to the covariance of the equations' vector, (blocks, p, p)."""
+        added = [one.contributions() for one in self.sums]
+        return np.array([sum(added[r][place] for r, place in skip.items()) for skip in without])
+
+
+def _sums(left: Floats, right: Floats, readings: Floats, parts: Sequence[Indices]) -> tuple[Floats, Floats]:
+    """Sums of l' r (blocks, rows, m, m) and l' y (blocks, rows, m)."""
+    rows = range(readings.shape[1])
+    matrix = np.array([[left[p, j].T @ right[p, j] for j in rows] for p in parts])
+    return matrix, np.array([[left[p, j].T @ readings[p, j] for j in rows] for p in parts])
+
+
+def _least_norm(matrix: Floats, right: Floats) -> Floats:
+    """Least squares of nuisances, which may repeat each other, (k, c)."""
+    if not len(matrix):
+        return np.zeros((0, right.shape[1]))
+    return np.asarray(np.linalg.lstsq(matrix, right, rcond=RANK_LIMIT**2)[0])
