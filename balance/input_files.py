@@ -13,6 +13,7 @@ import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
+from io import StringIO
 from pathlib import Path
 from typing import Annotated, Any, Generic, NamedTuple, TypeVar, get_args
 
@@ -44,12 +45,16 @@ LARGEST_FILE = 10_000_000
 """Of a file that a person writes [bytes]: what is larger is something else, given by mistake."""
 DEEPEST = 32
 """Tables and lists within one another."""
+_LONGEST_TEXT = 200
+"""Of a quantity [characters]."""
 _SHOWN = 20
 """Of what is wrong with a file."""
 _LONG_KEY = re.compile(rf"(?:[\w-]+[ \t]*\.[ \t]*){{{DEEPEST},}}")
 _BARE_KEY = re.compile(r"[\w-]+")
 _COLUMN = re.compile(r"\s*([^()]*?)\s*(?:\((.+)\)\s*)?")
 _EXPLAINED, _ABSENT = "explained", "absent"
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = _LONGEST_TEXT
 
 
 class FromText:
@@ -68,7 +73,7 @@ class FromText:
     def _validate(self, value: object, info: ValidationInfo) -> Any:  # noqa: ANN401
         if isinstance(value, int | float) and not isinstance(value, bool) and self.unit:
             raise ValueError(f"{value} has no unit: expected a text with a unit, such as {self.example!r}")
-        if not isinstance(value, str):
+        if not isinstance(value, str) or len(value) > _LONGEST_TEXT:
             raise ValueError(f"expected a text{' with a unit' if self.unit else ''}, such as {self.example!r}")
         try:
             return self._read(value, info.context)
@@ -237,10 +242,10 @@ def toml_tables(text: str, source: str, error: type[CounterpoiseError] = DataErr
         tables = tomllib.loads(text.removeprefix("\ufeff"))
         if _depth(tables) > DEEPEST:
             raise RecursionError
-    except tomllib.TOMLDecodeError as wrong:
-        raise error(f"{source}: not a TOML file: {wrong}") from wrong
     except RecursionError:
         raise error(f"{source}: tables or lists stand in one another more than {DEEPEST} deep") from None
+    except ValueError as wrong:  # also of an integer of more digits than Python reads
+        raise error(f"{source}: not a TOML file: {_SHORT.repr(str(wrong))[1:-1]}") from wrong
     return tables
 
 
@@ -255,7 +260,7 @@ def _depth(value: object) -> int:
 def read_csv(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """Cells of the header, and line and cells of each row that is not blank."""
     try:
-        lines = csv.reader(read_text(path).removeprefix("\ufeff").splitlines(keepends=True), strict=True)
+        lines = csv.reader(StringIO(read_text(path).removeprefix("\ufeff"), newline=""), strict=True)
         header = next(lines, [])
         rows = [(lines.line_num, row) for row in lines if any(cell.strip() for cell in row)]
     except csv.Error as wrong:
@@ -284,8 +289,7 @@ def csv_rows(model: type[Model], path: Path) -> list[Model]:
                 raise DataError("is there twice")
     for name, field in model.model_fields.items():
         if field.is_required() and name not in names:
-            expected = ", ".join(model.model_fields)
-            raise DataError(f"{path.name}: no column {name!r}: expected of {expected} what it needs, with units")
+            raise DataError(f"{path.name}: no column {name!r}: expected {_meaning(model, name)}")
     found: list[Model] = []
     wrong: list[str] = []
     for line, row in rows:
@@ -429,8 +433,6 @@ def _worded(kind: str, found: object, context: Mapping[str, Any], message: str) 
     return f"{_SHORT.repr(found)}: {expected}" if named or listed else expected
 
 
-_SHORT = reprlib.Repr()
-_SHORT.maxstring = _SHORT.maxother = 80
 _EXPECTED = dict.fromkeys(("model_type", "dict_type", "model_attributes_type"), "expected a table")
 _EXPECTED |= dict.fromkeys(("list_type", "tuple_type"), "expected a list")
 _EXPECTED |= dict.fromkeys(("float_type", "float_parsing", "finite_number"), "expected a number")
@@ -446,7 +448,7 @@ def _quoted(text: str) -> list[str]:
     return re.findall(r"'([^']*)'", text)
 
 
-def _meaning(table: type[Table], key: str) -> str:
+def _meaning(table: type[BaseModel], key: str) -> str:
     """What a field of a table is, from its docstring, with an example."""
     described = (table.model_fields[key].description or key).split("\n")[0].rstrip(".")
     such_as = "".join(f", such as {form.example!r}" for form in _text_forms(table, key)[:1])
@@ -475,12 +477,15 @@ def _line(source: str, error: Any, table: object) -> str:  # noqa: ANN401
                 path += f" ({here['name']})"
         elif error["type"] == _ABSENT and i == len(error["loc"]) - 1:
             path += f".{_key(part)}"
-    return f"{source}: {path.removeprefix('.')}: {error['msg']}" if path else f"{source}: {error['msg']}"
+    explained = error["type"] in {_EXPLAINED, _ABSENT}
+    message = error["msg"] if explained else _worded(error["type"], error["input"], error.get("ctx", {}), error["msg"])
+    return f"{source}: {path.removeprefix('.')}: {message}" if path else f"{source}: {message}"
 
 
 def _key(part: object) -> str:
     """A key as TOML writes it."""
-    return str(part) if _BARE_KEY.fullmatch(str(part)) else f'"{part}"'
+    text = str(part) if len(str(part)) < _LONGEST_TEXT else f"{str(part)[:_LONGEST_TEXT]}..."
+    return text if _BARE_KEY.fullmatch(text) else f'"{text}"'
 
 
 class _Schema(GenerateJsonSchema):
@@ -490,11 +495,7 @@ class _Schema(GenerateJsonSchema):
         inner = self.generate_inner(schema["schema"])
         default = schema.get("default")
         if isinstance(default, float) and "unit" in inner:
-            return (
-                {"default": f"{default:g} {inner['unit']}", "allOf": [inner]}
-                if "$ref" in inner
-                else inner | {"default": f"{default:g} {inner['unit']}"}
-            )
+            return inner | {"default": f"{default:g} {inner['unit']}"}
         return super().default_schema(schema)
 
 
