@@ -79,7 +79,7 @@ def named(name: str) -> PublicRecording:
 def at_hand(name: str) -> Path | None:
     """A recording's file if it can be had without the network, else None."""
     recording = named(name)
-    path = (_own_folder() or cache_folder()) / recording.file
+    path = folder() / recording.file
     return checked(path, recording) if path.is_file() else None
 
 
@@ -99,23 +99,20 @@ def checked(path: Path, recording: PublicRecording) -> Path:
     return path
 
 
-def fetch(recording: PublicRecording) -> Path:
-    """Fetch a recording into the cache. Raises RecordingError, saying how else to provide it."""
-    folder = _own_folder()
-    if folder is not None:
-        raise RecordingError(
-            f"{recording.file}: not in {folder} ({FOLDER_VARIABLE}); put it there, or unset the variable to fetch it "
-            f"from {recording.credit}"
-        )
-    try:
-        content = _downloaded(recording)
-    except (urllib.error.URLError, http.client.HTTPException, TimeoutError, ConnectionError) as error:
-        raise RecordingError(
-            f"{recording.file}: cannot be fetched from {recording.url}: {error}; or name a folder that holds it in "
-            f"{FOLDER_VARIABLE}"
-        ) from error
-    _check(content, recording, recording.url)
-    return _kept(content, cache_folder() / recording.file)
+def fetch(recording: PublicRecording, into: Path | None = None) -> Path:
+    """Get a recording into a folder, or the cache: from its source, or the folder of ``COUNTERPOISE_RECORDINGS``.
+
+    Raises RecordingError, saying how else to provide it; nothing is written unless the content is the recording's.
+    """
+    own = _own_folder()
+    content = _downloaded(recording) if own is None else _copied(recording, own)
+    _check(content, recording, recording.url if own is None else str(own / recording.file))
+    return _kept(content, (into or cache_folder()) / recording.file)
+
+
+def folder() -> Path:
+    """Where recordings are looked for: the folder of ``COUNTERPOISE_RECORDINGS``, else the cache."""
+    return _own_folder() or cache_folder()
 
 
 def cache_folder() -> Path:
@@ -152,9 +149,25 @@ def _own_folder() -> Path | None:
     return Path(folder)
 
 
+def _copied(recording: PublicRecording, folder: Path) -> bytes:
+    if not (folder / recording.file).is_file():
+        raise RecordingError(
+            f"{recording.file}: not in {folder} ({FOLDER_VARIABLE}); put it there, or unset the variable to fetch it "
+            f"from {recording.credit}"
+        )
+    with (folder / recording.file).open("rb") as stream:
+        return _at_most(stream, recording.bytes)
+
+
 def _downloaded(recording: PublicRecording) -> bytes:
-    with urllib.request.build_opener(_OnlyHttps()).open(recording.url, timeout=TIMEOUT_S) as answer:
-        content = _at_most(answer, recording.bytes)
+    try:
+        with urllib.request.build_opener(_OnlyHttps()).open(recording.url, timeout=TIMEOUT_S) as answer:
+            content = _at_most(answer, recording.bytes)
+    except (urllib.error.URLError, http.client.HTTPException, TimeoutError, ConnectionError) as error:
+        raise RecordingError(
+            f"{recording.file}: cannot be fetched from {recording.url}: {error}; or name a folder that holds it in "
+            f"{FOLDER_VARIABLE}"
+        ) from error
     return content if recording.member is None else _unzipped(content, recording)
 
 

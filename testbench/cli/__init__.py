@@ -6,6 +6,7 @@ COMMANDS = {
     "simulate": "Make the logs that a test bench would write, marked as simulated.",
     "info": "What a log file holds, and what is odd in it.",
     "formats": "Which formats can be read.",
+    "recordings": "Public recordings of other people: what there is, and fetch it by its SHA-256.",
     "ingest": "Read logs into HDF5, one file a run, losing nothing.",
     "watch": "Ingest what arrives in a folder, each log once.",
     "list": "The runs of a campaign.",

@@ -3,6 +3,7 @@
 import hashlib
 import http.server
 import io
+import json
 import os
 import threading
 import zipfile
@@ -10,8 +11,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 from testbench import recordings
+from testbench.cli.recordings import recordings as commands
 from testbench.errors import RecordingError
 
 CONTENT = b"time,pos1\n0.0,0.1\n"
@@ -143,3 +146,63 @@ def test_recordings_at_hand_are_those_of_the_registry():
     """Every recording in the folder that the environment names has the registered content."""
     for name in recordings.registry():
         assert recordings.find(name) == Path(os.environ[recordings.FOLDER_VARIABLE]) / name
+
+
+@pytest.fixture
+def fetch():
+    """The command: exit code and what it prints."""
+
+    def run(*words):
+        result = CliRunner().invoke(commands, ["fetch", *map(str, words)], standalone_mode=False)
+        assert result.exception is None, result.exception
+        return result.return_value, result.stdout
+
+    return run
+
+
+def test_the_command_fetches_and_says_how_to_use(repository, fetch, tmp_path):
+    """One line a file with its licence, whole in the folder, and the variable to set; the second time it is present."""
+    code, text = fetch("--to", tmp_path / "logs")
+    assert code == 0
+    assert text.startswith(f"run.csv: fetched: {len(CONTENT)} bytes, SHA-256")
+    assert "MIT" in text.splitlines()[0]
+    assert f"COUNTERPOISE_RECORDINGS={tmp_path / 'logs'}" in text
+    assert (tmp_path / "logs" / "run.csv").read_bytes() == CONTENT
+    repository.clear()
+    assert fetch("run", "--to", tmp_path / "logs")[1].startswith("run.csv: present")
+
+
+def test_the_command_refuses_what_differs(repository, fetch, tmp_path):
+    """Another content is not written, and what lies there is not overwritten; exit code 1."""
+    repository["/someone/arm/abc/logs/run%20%231.csv"] = CONTENT + b"more\n"
+    code, text = fetch("--to", tmp_path / "logs")
+    assert code == 1
+    assert text.startswith("run.csv: refused: http://127.0.0.1")
+    assert not (tmp_path / "logs").exists()
+    (tmp_path / "run.csv").write_bytes(b"mine\n")
+    assert fetch("--to", tmp_path)[0] == 1
+    assert (tmp_path / "run.csv").read_bytes() == b"mine\n"
+
+
+def test_the_command_copies_from_a_folder(repository, fetch, monkeypatch, tmp_path):
+    """Files are copied from the folder of the variable, verified; without --to they are checked where they lie."""
+    repository.clear()
+    (tmp_path / "mine").mkdir()
+    monkeypatch.setenv(recordings.FOLDER_VARIABLE, str(tmp_path / "mine"))
+    code, text = fetch("--to", tmp_path / "logs", "--json")
+    assert code == 1
+    assert json.loads(text)["recordings"][0]["status"] == "refused"
+    (tmp_path / "mine" / "run.csv").write_bytes(CONTENT)
+    assert fetch("--to", tmp_path / "logs")[0] == 0
+    assert (tmp_path / "logs" / "run.csv").read_bytes() == CONTENT
+    assert fetch()[1].startswith("run.csv: present")
+    (tmp_path / "mine" / "run.csv").write_bytes(CONTENT[:-1])
+    assert fetch("--to", tmp_path / "others")[0] == 1
+
+
+def test_the_command_lists_source_and_licence():
+    """Every recording of the registry, with what identifies it."""
+    result = CliRunner().invoke(commands, ["list", "--json"], standalone_mode=False)
+    listed = json.loads(result.stdout)["recordings"]
+    assert [one["file"] for one in listed] == list(recordings.registry())
+    assert all(one["licence"] and len(one["sha256"]) == 64 and one["url"].startswith("https://") for one in listed)

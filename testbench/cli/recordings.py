@@ -1,0 +1,83 @@
+"""``testbench recordings``."""
+
+import shlex
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from balance.cli.console import EXIT_REFUSED, emit_json, emit_table, json_option
+
+from .. import recordings as public
+from ..errors import RecordingError
+
+
+@click.group()
+def recordings() -> None:
+    """Public recordings of other people, to read, check and show; each of one commit, known by its SHA-256."""
+
+
+@recordings.command("list")
+@json_option
+def list_recordings(as_json: bool) -> None:
+    """What there is: file, content, size, licence and source."""
+    known = list(public.registry().values())
+    if as_json:
+        emit_json({"recordings": [_described(recording) for recording in known]})
+        return
+    rows = [[r.file, r.what, f"{r.bytes / 1e3:.0f} kB", r.credit] for r in known]
+    emit_table("Public recordings", ["file", "what", "size", "source and licence"], rows)
+
+
+@recordings.command(
+    epilog="""\b
+Examples:
+  testbench recordings fetch
+  testbench recordings fetch 09 10 --to recordings
+\b
+Where COUNTERPOISE_RECORDINGS names a folder, that takes the place of the network.
+Exit codes: 0 all are there, 1 some were refused (the others are fetched)."""
+)
+@click.argument("names", metavar="[NAME]...", nargs=-1)
+@click.option("--to", type=click.Path(path_type=Path, file_okay=False), help="Into this folder; else the user's cache.")
+@json_option
+def fetch(names: tuple[str, ...], to: Path | None, as_json: bool) -> int:
+    """Fetch recordings, all or those named (the beginning of a name will do), and verify each by its SHA-256."""
+    chosen = [public.named(name) for name in names] or list(public.registry().values())
+    folder = (to or public.folder()).absolute()
+    outcomes = []
+    for recording in chosen:
+        status, message = _fetched(recording, folder)
+        outcomes.append({**_described(recording), "status": status, "message": message})
+        if not as_json:
+            click.echo(f"{recording.file}: {status}: {message}")
+    setting = f"{'set' if sys.platform == 'win32' else 'export'} {public.FOLDER_VARIABLE}={shlex.quote(str(folder))}"
+    if as_json:
+        emit_json({"folder": str(folder), "recordings": outcomes, "to_use_them": setting})
+    else:
+        click.echo(f"To use them in tests and the demo: {setting}")
+    return EXIT_REFUSED if any(outcome["status"] == "refused" for outcome in outcomes) else 0
+
+
+def _fetched(recording: public.PublicRecording, folder: Path) -> tuple[str, str]:
+    """``present``, ``fetched`` or ``refused``, and more about it."""
+    path = folder / recording.file
+    try:
+        status = "present" if path.is_file() else "fetched"
+        public.checked(path, recording) if path.is_file() else public.fetch(recording, folder)
+    except RecordingError as error:
+        return "refused", str(error)
+    return status, f"{recording.bytes} bytes, SHA-256 {recording.sha256[:12]}... verified, {recording.credit}"
+
+
+def _described(recording: public.PublicRecording) -> dict[str, Any]:
+    return {
+        "file": recording.file,
+        "what": recording.what,
+        "bytes": recording.bytes,
+        "sha256": recording.sha256,
+        "licence": recording.licence,
+        "url": recording.url,
+        "member": recording.member,
+    }
