@@ -117,8 +117,8 @@ def _page(figures: Iterable[dict[str, Any]]) -> list[str]:
     lines = [
         "# Results of the studies",
         "",
-        "Written by `python -m studies` (`make study`); the same figures are in `results.json`. Of 95 % intervals as",
-        "many are required to contain the truth as a binomial test at 0.1 % accepts; of trials, all to go as they must.",
+        "Written by `python -m studies` (`make study`); the same figures are in `results.json`. Of 95 % intervals",
+        "as many must contain the truth as a binomial test at 0.1 % accepts; trials must all go as they should.",
     ]
     for origin, rows in groupby(figures, lambda figure: Origin(*(figure[field.name] for field in fields(Origin)))):
         at = f"`{origin.command}` at {origin.commit}, {origin.date}{', brief' if origin.brief else ''}"

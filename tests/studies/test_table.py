@@ -15,7 +15,7 @@ def origin(study, commit="abc"):
 
 
 def test_counts_that_a_binomial_test_accepts():
-    """The tails of B(200, 0.95): P(<= 178) = 0.05 %, P(<= 179) = 0.12 %, P(>= 199) = 0.04 %; a bound may always hold."""
+    """The tails of B(200, 0.95): P(<= 178) = 0.05 %, P(<= 179) = 0.12 %, P(>= 199) = 0.04 %; a bound may be wide."""
     assert acceptance(200) == (179, 198)
     assert acceptance(200, conservative=True)[1] == 200
     assert covered("", 178, 200).verdict == covered("", 199, 200).verdict == "fails"
