@@ -108,7 +108,8 @@ def _loaded(path: Path, variable: _Variable) -> object:
     values: list[Any] = []
     with refusing(path, f"variable {variable.name!r}", *_ERRORS), np.errstate(all="ignore"):
         for file in variable.files:
-            content = loadmat(BytesIO(file), struct_as_record=True, squeeze_me=False, chars_as_strings=True)
+            stream: Any = BytesIO(file)  # which scipy takes, and its stubs do not
+            content = loadmat(stream, struct_as_record=True, squeeze_me=False, chars_as_strings=True)
             values.append(next(value for name, value in content.items() if not name.startswith("__")))
     if len(values) == 1:
         return values[0]
@@ -120,8 +121,10 @@ def _loaded(path: Path, variable: _Variable) -> object:
 def _take(name: str, value: object, found: _Found) -> None:
     """Sort a value: a series of samples, a number, a text, fields, cells, or something else."""
     if isinstance(value, MatlabFunction | MatlabOpaque | MatlabObject) or issparse(value):
-        kinds = {MatlabFunction: "a function", MatlabOpaque: "an opaque object", MatlabObject: "an object"}
-        found.left_out.append(f"{name} ({kinds.get(type(value), 'a sparse matrix')})")
+        what = (
+            "a sparse matrix" if issparse(value) else "a function" if isinstance(value, MatlabFunction) else "an object"
+        )
+        found.left_out.append(f"{name} ({what})")
     elif not isinstance(value, np.ndarray):
         found.left_out.append(f"{name} ({type(value).__name__})")
     elif value.dtype.names:

@@ -53,7 +53,7 @@ def message_fields(text: str, name: str, is_ros2: bool) -> tuple[Field, ...]:
         found = get_types_from_msg(text, name)
     except (TypesysError, RecursionError) as error:
         raise Unclear(f"{name}: rosbags cannot read its description ({str(error)[:200]})") from error
-    types = {"std_msgs/msg/Header": [*([] if is_ros2 else [_SEQUENCE]), _STAMP, _FRAME]}
+    types: dict[str, Any] = {"std_msgs/msg/Header": [*([] if is_ros2 else [_SEQUENCE]), _STAMP, _FRAME]}
     types |= {title: fields for title, (_, fields) in found.items()}
     return _fields(next(iter(found)), types, 0, [0])
 

@@ -1,3 +1,1 @@
-"""NI TDMS. ``segments`` walks through the file, ``metadata`` reads what each segment declares, ``spans`` where the
-samples of each channel lie, ``scaling`` makes physical values of raw ones.
-"""
+"""NI TDMS: ``segments`` of the file, the ``metadata`` that they declare, and its ``reader``."""

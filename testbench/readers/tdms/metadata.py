@@ -1,10 +1,66 @@
-"""What a segment declares: its objects, their properties, and how their raw data lie."""
+"""What a TDMS file declares: its objects, their properties, and where the samples of each channel lie.
 
+Properties that change in the midst of samples, segments that are cut or hold more than whole chunks are findings.
+"""
+
+import re
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
 
-from . import types
+import numpy as np
+
+from ...findings import Finding
+from ...recording import Samples
+from ..stream import ByteSource, damaged
+from .segments import Segment, Spans, segments
+
+STRING, BOOLEAN, TIME, DAQMX = 0x20, 0x21, 0x44, 0xFFFFFFFF
+_NUMBERS = {
+    1: "i1", 2: "i2", 3: "i4", 4: "i8", 5: "u1", 6: "u2", 7: "u4", 8: "u8", 9: "f4", 10: "f8",
+    0x19: "f4", 0x1A: "f8", BOOLEAN: "u1", 0x08000C: "c8", 0x10000D: "c16",
+}  # fmt: skip
+_DAQMX_NUMBERS = {0: "u1", 1: "i1", 2: "u2", 3: "i2", 4: "u4", 5: "i4"}
+EPOCH_1904 = -2082844800
+"""1904-01-01, from which TDMS counts, in seconds since 1970."""
+_PER_MICROSECOND = 2**64 / 1_000_000
+_LATEST = 1 << 42
+Timetimestamps = np.ndarray[Any, Any]
+
+
+@cache
+def stored_type(kind: int, order: str) -> np.dtype[Any] | None:
+    """The form of a number or timestamp in the file; None for anything else."""
+    if kind == TIME:
+        parts = [("fraction", f"{order}u8"), ("second", f"{order}i8")]
+        return np.dtype(parts if order == "<" else parts[::-1])
+    return np.dtype(order + _NUMBERS[kind]) if kind in _NUMBERS else None
+
+
+def daqmx_type(kind: int, order: str) -> np.dtype[Any] | None:
+    """The form of a number that a DAQmx device wrote."""
+    return np.dtype(order + _DAQMX_NUMBERS[kind]) if kind in _DAQMX_NUMBERS else None
+
+
+def timestamp_seconds(timestamps: Timetimestamps, to_microseconds: bool = True) -> Samples:
+    """Seconds since 1970: to the whole microsecond, as NI's software shows them, or the nearest float64."""
+    whole = timestamps["second"].astype(np.int64) + EPOCH_1904
+    fraction = timestamps["fraction"].astype(np.float64)  # of 2**-64 s
+    if to_microseconds and (np.abs(whole) < _LATEST).all():
+        return np.asarray((whole * 1_000_000 + (fraction / _PER_MICROSECOND).astype(np.int64)) / 1e6)
+    return np.asarray(whole.astype(np.float64) + fraction * 2.0**-64)
+
+
+def timestamp_remainder(timestamps: Timetimestamps, given: Samples) -> Samples:
+    """How much later the timetimestamps are than the seconds ``given``, which are near them, exactly [s].
+
+    Both are multiples of 2**-64 s; their difference is so small that float64 holds it to the last bit.
+    """
+    fraction = ((given - np.floor(given)) * 2.0**64).astype(np.uint64)
+    return np.asarray((timestamps["fraction"].astype(np.uint64) - fraction).astype(np.int64) * 2.0**-64)
+
 
 Property = str | int | float | bool
 _NONE, _SAME = 0xFFFFFFFF, 0
@@ -74,7 +130,7 @@ class Cursor:
         return raw.decode("utf-8", "replace")
 
 
-def parse(raw: bytes, order: str, known: Mapping[str, Index | None]) -> Declared:
+def parse_metadata(raw: bytes, order: str, known: Mapping[str, Index | None]) -> Declared:
     """The objects that the bytes ``raw`` declare; ``known`` holds the raw data that each had before."""
     cursor, declared = Cursor(raw, order), Declared()
     for _ in range(cursor.integer()):
@@ -103,7 +159,7 @@ def _index(cursor: Cursor) -> Index:
     kind, dimension, values = (int(x) for x in cursor.take("IIQ"))
     if dimension != 1:
         raise Unreadable(f"an array of {dimension} dimensions; expected 1")
-    size = int(cursor.take("Q")[0]) if kind == types.STRING else 0
+    size = int(cursor.take("Q")[0]) if kind == STRING else 0
     return Index(kind, values, size)
 
 
@@ -123,13 +179,241 @@ def _daqmx(cursor: Cursor) -> Index:
 
 def _property(cursor: Cursor, name: str) -> Property:
     kind = cursor.integer()
-    if kind == types.STRING:
+    if kind == STRING:
         return cursor.text()
-    if kind == types.BOOLEAN:
+    if kind == BOOLEAN:
         return bool(cursor.take("B")[0])
-    if kind == types.TIME:
+    if kind == TIME:
         first, second = cursor.take("Qq") if cursor.order == "<" else cursor.take("qQ")[::-1]
-        return float(second + types.EPOCH_1904) + float(first) * 2.0**-64
+        return float(second + EPOCH_1904) + float(first) * 2.0**-64
     if kind in _SIMPLE:
         return cursor.take(_SIMPLE[kind])[0]
     raise Unreadable(f"property {name!r} is of type {kind:#x}, which is not known")
+
+
+_NAME = re.compile(r"/'((?:[^']|'')*)'")
+
+
+@dataclass
+class Channel:
+    """A channel: its spans by scale (None: raw numbers without DAQmx scalers), and its type.
+
+    Timestamps are given to the microsecond, or to the last digit of float64 where they are too close for that;
+    ``has_remainder`` says that they are finer still.
+    """
+
+    path: str
+    kind: int
+    spans: dict[int | None, Spans] = field(default_factory=dict)
+    texts: int = 0
+    to_microseconds: bool = True
+    has_remainder: bool = False
+
+    @property
+    def length(self) -> int:
+        """Number of samples, of each raw number if there are several."""
+        return min((spans.length for spans in self.spans.values()), default=0)
+
+
+_OF_SAMPLES = re.compile(r"wf_increment|wf_start_offset|wf_start_time|unit_string|NI_UnitDescription|NI_Scale\[.*")
+"""Properties that say what the samples of a channel are."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """That a property of a channel was another one for its first ``samples``."""
+
+    path: str
+    name: str
+    before: Property
+    after: Property
+    samples: int
+
+
+@dataclass
+class Contents:
+    """All that a file declares, in the order in which it does."""
+
+    properties: dict[str, dict[str, Property]] = field(default_factory=dict)
+    channels: dict[str, Channel] = field(default_factory=dict)
+    findings: list[Finding] = field(default_factory=list)
+    changes: list[Change] = field(default_factory=list)
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether the file ends before its own structure says."""
+        return any(finding.code == "cut_file" for finding in self.findings)
+
+    @property
+    def contradicted(self) -> list[Change]:
+        """Changes in the midst of samples; one behind the last sample is a correction of all of them."""
+        return [change for change in self.changes if change.samples < self.channels[change.path].length]
+
+    def declare(self, path: str, properties: dict[str, Property]) -> None:
+        """Take new properties of an object, and note which change what its samples so far are."""
+        known, channel = self.properties.setdefault(path, {}), self.channels.get(path)
+        if channel is not None and channel.length:
+            for name in filter(_OF_SAMPLES.fullmatch, properties):
+                if name in known and known[name] != properties[name]:
+                    self.changes.append(Change(path, name, known[name], properties[name], channel.length))
+        known.update(properties)
+
+
+def path_names(path: str) -> list[str]:
+    """``/'Group'/'Channel'`` as its names; quotes inside are doubled."""
+    return [name.replace("''", "'") for name in _NAME.findall(path)]
+
+
+def channel_title(path: str) -> str:
+    """The last name of a path; all of a path that is none."""
+    return (path_names(path) or [path])[-1] or path
+
+
+def change_findings(contents: Contents) -> list[Finding]:
+    """Properties that change in the midst of the samples; by the format the last one holds for all."""
+    found = []
+    for change in contents.contradicted:
+        last = "there is no rate" if change.name == "wf_increment" else "the last one of the file is taken for all"
+        message = (
+            f"{change.name} is {change.before!r} up to sample {change.samples} and {change.after!r} from there: {last}"
+        )
+        found.append(Finding("header_contradiction", channel_title(change.path), f"sample {change.samples}", message))
+    return found
+
+
+def read_contents(source: ByteSource) -> Contents:
+    """Walk through all segments."""
+    contents, known = Contents(), dict[str, Index | None]()
+    objects: dict[str, Index | None] = {}
+    raw: dict[str, Index] = {}
+    last: tuple[bytes, str, bool] | None = None
+    for segment in segments(source):
+        before = {} if segment.is_whole else {path: channel.length for path, channel in contents.channels.items()}
+        now = (segment.metadata(source), segment.order, segment.is_new_list) if segment.has_metadata else last
+        if now is not None and now != last:  # the same once more, as many writers repeat it, says nothing new
+            last = now
+            try:
+                declared = parse_metadata(now[0], segment.order, known)
+            except Unreadable as error:
+                if segment.is_whole:
+                    raise damaged(source.path, f"the metadata of segment {segment.number}: {error}") from error
+                contents.findings.append(_cut(segment, contents, {}, before))
+                break
+            objects = _objects(objects, declared, segment)
+            known |= declared.indexes
+            for path, properties in declared.properties.items():
+                contents.declare(path, properties)
+            raw = {path: index for path, index in objects.items() if index is not None}
+            for path, index in raw.items():
+                contents.channels.setdefault(path, Channel(path, index.kind))
+        if segment.has_raw_data:
+            _locate(source, segment, raw, contents)
+        if not segment.is_whole:
+            contents.findings.append(_cut(segment, contents, raw if segment.has_raw_data else {}, before))
+    return contents
+
+
+def _objects(objects: dict[str, Index | None], declared: Declared, segment: Segment) -> dict[str, Index | None]:
+    """The objects whose raw data a segment holds, in their order."""
+    return dict(declared.indexes) if segment.is_new_list else {**objects, **declared.indexes}
+
+
+def _locate(source: ByteSource, segment: Segment, raw: dict[str, Index], contents: Contents) -> None:
+    """Note where the samples of all whole chunks of a segment lie, and what is left behind them."""
+    unit = _locate_chunks(source, segment, raw, contents)
+    left = (segment.end - segment.raw) % unit if unit else segment.end - segment.raw
+    if segment.is_whole and left:
+        where, whole = f"byte {segment.begin}", "rows" if segment.is_interleaved else "chunks"
+        message = (
+            f"segment {segment.number} holds {left} bytes behind its whole {whole} of {unit} bytes; they are not read"
+        )
+        contents.findings.append(Finding("count_contradiction", None, where, message))
+
+
+def _locate_chunks(source: ByteSource, segment: Segment, raw: dict[str, Index], contents: Contents) -> int:
+    """Note where the samples lie; the bytes of what repeats: a row of all channels, or a chunk."""
+    if any(index.scalers for index in raw.values()):
+        return _locate_daqmx(source, segment, raw, contents)
+    sizes = {path: _bytes(source, index, segment) for path, index in raw.items()}
+    there = segment.end - segment.raw
+    if segment.is_interleaved:
+        width = sum(size // max(index.values, 1) for size, index in zip(sizes.values(), raw.values(), strict=True))
+        if width:
+            at = segment.raw
+            for path, index in raw.items():
+                kind = stored_type(index.kind, segment.order)
+                if kind is None:
+                    raise damaged(source.path, f"segment {segment.number}: {path} is interleaved, but is no number")
+                _spans(contents.channels[path], None, kind).add(at, there // width, width, 1, 0)
+                at += kind.itemsize
+        return width
+    chunk = sum(sizes.values())
+    chunks, at = there // chunk if chunk else 0, segment.raw
+    for path, index in raw.items():
+        kind = stored_type(index.kind, segment.order)
+        if kind is None:
+            contents.channels[path].texts += chunks * index.values
+        else:
+            _spans(contents.channels[path], None, kind).add(at, index.values, kind.itemsize, chunks, chunk)
+        at += sizes[path]
+    return chunk
+
+
+def _bytes(source: ByteSource, index: Index, segment: Segment) -> int:
+    """Bytes of an object in one chunk."""
+    if index.kind == STRING:
+        return index.bytes
+    kind = stored_type(index.kind, segment.order)
+    if kind is None:
+        message = f"values of type {index.kind:#x}, which are not read"
+        raise damaged(source.path, f"segment {segment.number}: {message}")
+    return index.values * kind.itemsize
+
+
+def _locate_daqmx(source: ByteSource, segment: Segment, raw: dict[str, Index], contents: Contents) -> int:
+    """Rows of DAQmx buffers: in each chunk one buffer follows the other, in each buffer the channels alternate.
+
+    Gives the bytes of a chunk.
+    """
+    first = next(iter(raw.values()))
+    if any(index.widths != first.widths or not index.scalers for index in raw.values()):
+        raise damaged(source.path, f"segment {segment.number}: DAQmx channels of different buffers")
+    rows = [
+        max((i.values for i in raw.values() for s in i.scalers if s.buffer == buffer), default=0)
+        for buffer in range(len(first.widths))
+    ]
+    sizes = [count * width for count, width in zip(rows, first.widths, strict=True)]
+    begins, chunk = np.concatenate(([0], np.cumsum(sizes, dtype=object)))[:-1], sum(sizes)
+    chunks = (segment.end - segment.raw) // chunk if chunk else 0
+    for path, index in raw.items():
+        for scaler in index.scalers:
+            kind = daqmx_type(scaler.kind, segment.order)
+            if kind is None or scaler.offset + kind.itemsize > first.widths[scaler.buffer]:
+                raise damaged(source.path, f"segment {segment.number}: {path} has DAQmx numbers of type {scaler.kind}")
+            at = segment.raw + int(begins[scaler.buffer]) + scaler.offset
+            spans = _spans(contents.channels[path], scaler.scale, kind)
+            spans.add(at, index.values, first.widths[scaler.buffer], chunks, chunk)
+    return int(chunk)
+
+
+def _spans(channel: Channel, scale: int | None, kind: "np.dtype[np.void]") -> Spans:
+    return channel.spans.setdefault(scale, Spans(kind))
+
+
+def _cut(segment: Segment, contents: Contents, raw: dict[str, Index], before: dict[str, int]) -> Finding:
+    """That the file ends inside a segment: what is declared, what is there, of which channels."""
+    if segment.declared_end is None:
+        inside = f"segment {segment.number} at byte {segment.begin}, which its writer never finished"
+    else:
+        ends = f"whose header says that it ends {segment.declared_end - segment.end} bytes later"
+        inside = f"segment {segment.number} at byte {segment.begin}, {ends}"
+    missing = [
+        f"{channel_title(path)} {contents.channels[path].length} of {before.get(path, 0) + index.values} declared"
+        for path, index in raw.items()
+    ]
+    whole = [
+        f"{channel_title(path)} {channel.length}" for path, channel in contents.channels.items() if path not in raw
+    ]
+    samples = f"; samples that are there: {', '.join([*missing, *whole])}" if missing or whole else ""
+    message = f"the file ends at byte {segment.end} inside {inside}{samples}"
+    return Finding("cut_file", None, f"byte {segment.begin}", message)

@@ -1,8 +1,13 @@
-"""The segments of a TDMS file, one after the other, and whether the last of them is whole."""
+"""The segments of a TDMS file, and the spans of bytes in which the raw numbers of a channel lie, read in windows."""
 
 import struct
+from array import array
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..stream import ByteSource, damaged
 
@@ -10,6 +15,10 @@ LEAD_IN = 28
 _METADATA, _NEW_LIST, _RAW, _INTERLEAVED, _BIG_ENDIAN = 1 << 1, 1 << 2, 1 << 3, 1 << 5, 1 << 6
 _UNFINISHED = 0xFFFFFFFFFFFFFFFF
 _LONGEST_METADATA = 256 << 20
+_WINDOW = 16 << 20
+"""Bytes of the file that are read at once."""
+_SPARSE = 64
+"""Spans that fill less than one part in so many of the file are read one by one."""
 
 
 @dataclass(frozen=True)
@@ -83,3 +92,101 @@ def segments(source: ByteSource) -> Iterator[Segment]:
             raise damaged(source.path, f"segment {number} at byte {begin}: its raw data begin behind its end")
         yield Segment(number, begin, begin + LEAD_IN + raw, end, declared, flags)
         begin, number = end, number + 1
+
+
+@dataclass
+class Spans:
+    """Numbers of one kind: for each span its first byte, how many numbers, and the bytes from one to the next."""
+
+    kind: np.dtype[Any]
+    offsets: "array[int]" = field(default_factory=lambda: array("q"))
+    counts: "array[int]" = field(default_factory=lambda: array("q"))
+    strides: "array[int]" = field(default_factory=lambda: array("q"))
+    length: int = 0
+
+    def add(self, offset: int, count: int, stride: int, chunks: int, chunk_bytes: int) -> None:
+        """``chunks`` spans, each ``chunk_bytes`` behind the other; those that touch become one."""
+        if chunks > 1 and count * stride == chunk_bytes:
+            count, chunks = count * chunks, 1
+        if not count or not chunks:
+            return
+        self.offsets.extend(range(offset, offset + chunks * chunk_bytes, chunk_bytes) if chunks > 1 else (offset,))
+        self.counts.extend([count] * chunks)
+        self.strides.extend([stride] * chunks)
+        self.length += count * chunks
+
+    def trim(self, length: int) -> None:
+        """Keep the first ``length`` numbers."""
+        while self.length > length:
+            excess = min(self.length - length, self.counts[-1])
+            self.counts[-1] -= excess
+            self.length -= excess
+            if not self.counts[-1]:
+                for column in (self.offsets, self.counts, self.strides):
+                    column.pop()
+
+
+class Reading:
+    """The numbers of spans, read from first to last."""
+
+    def __init__(self, source: ByteSource, spans: Spans, what: str) -> None:
+        self._source, self._kind, self._what = source, spans.kind, what
+        self._offsets = np.frombuffer(spans.offsets, dtype=np.int64)
+        self._counts = np.frombuffer(spans.counts, dtype=np.int64)
+        self._strides = np.frombuffer(spans.strides, dtype=np.int64)
+        self._span, self._within = 0, 0
+
+    def next(self, count: int) -> NDArray[Any]:
+        """The next ``count`` numbers, which must be there."""
+        pieces = list(self._pieces(count))
+        return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
+
+    def _pieces(self, count: int) -> Iterator[NDArray[Any]]:
+        while count:
+            here = int(self._counts[self._span]) - self._within
+            if self._within or here > count:
+                taken = min(here, count)
+                yield from self._part(self._span, self._within, taken)
+                self._within = self._within + taken if taken < here else 0
+                self._span += taken == here
+            else:
+                taken, stop = self._alike(count)
+                yield self._together(self._span, stop)
+                self._span = stop
+            count -= taken
+
+    def _alike(self, count: int) -> tuple[int, int]:
+        """How many numbers, and up to which span, lie in whole spans of one size and distance within a window."""
+        i, size, stride = self._span, int(self._counts[self._span]), int(self._strides[self._span])
+        most = min(count // size, len(self._counts) - i, 1 << 20)
+        offsets = self._offsets[i : i + most]
+        alike = (self._counts[i : i + most] == size) & (self._strides[i : i + most] == stride)
+        steps = np.diff(offsets)
+        if len(steps):
+            alike[1:] &= (steps == steps[0]) & (offsets[1:] - offsets[0] + size * stride <= _WINDOW)
+            if steps[0] < size * stride or steps[0] > _SPARSE * size * stride:
+                alike[1:] = False
+        number = int(np.argmin(alike)) if not alike.all() else len(alike)
+        number = max(number, 1)
+        return number * size, i + number
+
+    def _together(self, first: int, stop: int) -> NDArray[Any]:
+        """Whole spans of one size and distance."""
+        size, stride = int(self._counts[first]), int(self._strides[first])
+        if stop - first == 1:
+            return np.concatenate(list(self._part(first, 0, size)))
+        begin, step = int(self._offsets[first]), int(self._offsets[first + 1] - self._offsets[first])
+        extent = int(self._offsets[stop - 1]) - begin + (size - 1) * stride + self._kind.itemsize
+        raw = self._source.read(begin, extent, self._what)
+        table = np.ndarray((stop - first, size), self._kind, raw, strides=(step, stride))
+        return table.reshape(-1)
+
+    def _part(self, span: int, skip: int, count: int) -> Iterator[NDArray[Any]]:
+        """``count`` numbers of one span, behind its first ``skip``."""
+        stride = int(self._strides[span])
+        begin, most = int(self._offsets[span]) + skip * stride, max(1, _WINDOW // stride)
+        for done in range(0, count, most):
+            number = min(most, count - done)
+            extent = (number - 1) * stride + self._kind.itemsize
+            raw = self._source.read(begin + done * stride, extent, self._what)
+            yield np.ndarray((number,), self._kind, raw, strides=(stride,))

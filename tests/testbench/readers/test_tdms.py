@@ -10,7 +10,7 @@ from nptdms import ChannelObject, GroupObject, RootObject, TdmsFile, TdmsWriter
 from testbench.errors import RecordingError
 from testbench.recording import TimeColumn, UniformClock
 
-from . import reading
+from . import examples, reading
 
 RANDOM = np.random.default_rng(9)
 METADATA, NEW_LIST, RAW, INTERLEAVED, BIG_ENDIAN, DAQMX = (1 << i for i in (1, 2, 3, 5, 6, 7))
@@ -59,7 +59,7 @@ def test_blocks_and_windows_of_any_size_give_the_same(tmp_path, monkeypatch):
     path = _write(tmp_path, *([_channel("a", a[i : i + 7]), _channel("b", b[i : i + 7])] for i in range(0, 700, 7)))
     for block, window in ((13, 64), (100, 1 << 20), (1, 8)):
         monkeypatch.setattr("testbench.readers.tdms.reader.block_samples", lambda channels, block=block: block)
-        monkeypatch.setattr("testbench.readers.tdms.spans._WINDOW", window)
+        monkeypatch.setattr("testbench.readers.tdms.segments._WINDOW", window)
         found = reading.read(path)
         np.testing.assert_array_equal(found.column("a"), a)
         np.testing.assert_array_equal(found.column("b"), b)
@@ -318,3 +318,16 @@ def test_metadata_repeated_and_changed_and_repeated(tmp_path):
         assert found.column(name).tobytes() == written.tobytes()
     units = {channel.name: channel.unit for group in found.recording.groups for channel in group.channels}
     assert units == {"a": "mV", "b": "A"}
+
+
+def test_nptdms_gives_the_same_numbers(tmp_path):
+    """The public recording and one of several kinds: each sample of each channel of numbers, bit for bit."""
+    for path in (examples.make(tmp_path, "run.tdms"), reading.real("01_loadcell_wagon55.tdms")):
+        found, peer = reading.read(path), TdmsFile.read(path)
+        compared = 0
+        for channel in (channel for group in peer.groups() for channel in group.channels()):
+            values = channel[:]
+            if values.dtype.kind == "f":
+                np.testing.assert_array_equal(found.column(channel.name, None), values)
+                compared += 1
+        assert compared >= 2
