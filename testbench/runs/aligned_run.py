@@ -14,7 +14,7 @@ from balance.arrays import Floats
 from balance.mechanism import Mechanism
 
 from ..clocks import stored
-from ..clocks.mapping import ClockMap
+from ..clocks.mapping import ClockMap, same_clock
 from ..clocks.run import align_run
 from ..motion import base_motion
 from ..motion.derivatives import HIGHEST_CUTOFF, Grid, grid_of, low_pass
@@ -43,10 +43,10 @@ class AlignedRun:
     run: SIRun
     unloaded: Mechanism
     """Without payload and counter-masses."""
-    known_clocks: Mapping[str, ClockMap] | None = None
-    """Maps of groups onto the encoders' clock that are known, such as :func:`recorded_clocks`."""
+    known_clocks: Mapping[str, ClockMap] = field(default_factory=dict)
+    """Maps of groups onto the encoders' clock that are known, such as :func:`recorded_clocks`; others are found."""
     _trajectories: "dict[float, Trajectory]" = field(default_factory=dict, init=False, repr=False)
-    _clocks: dict[frozenset[str], Mapping[str, ClockMap]] = field(default_factory=dict, init=False, repr=False)
+    _found: dict[str, ClockMap] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def mechanism(self) -> Mechanism:
@@ -86,52 +86,44 @@ class AlignedRun:
         """What accelerometers on the base recorded, on their own clock; None where there is none."""
         return base_motion.recorded(self.run)
 
-    def clocks(self, groups: Collection[str]) -> Mapping[str, ClockMap]:
-        """Maps of groups onto the encoders' clock: those that are known, else found in the records.
+    def clock(self, group: str) -> ClockMap:
+        """The map of a group's clock onto the encoders': the one that is known, else found in the records.
 
-        Raises AnalysisError where they cannot be aligned.
+        Raises AnalysisError where the two cannot be aligned.
         """
-        needed = frozenset(groups) - {self.reference}
-        if self.known_clocks is not None and needed <= self.known_clocks.keys():
-            return self.known_clocks
-        if needed and needed not in self._clocks:
-            self._clocks[needed] = self._found(needed)
-        return self._clocks.get(needed, {})
+        if group == self.reference:
+            return same_clock((0.0, 0.0))
+        if group not in self.known_clocks and group not in self._found:
+            times = self.run.time(self.reference)
+            long = bool(times[-1] - times[0] >= LONG_S)
+            found = align_run(self.run, lambda: self.mechanism, self.reference, drift=long, among={group})
+            self._found.update({group: found.map_of(group)} | {name: one.clock for name, one in found.aligned.items()})
+        return self.known_clocks.get(group) or self._found[group]
 
     def gaps(self, groups: Collection[str] = ()) -> Gaps:
         """Where the encoders and other groups hold no samples, on the encoders' clock."""
         others = sorted(set(groups) - {self.reference})
         if not others:
             return encoder_gaps(self.run)
-        maps = self.clocks(groups)
-        times = {group: maps[group].to_reference(self.run.time(group)) for group in others}
+        times = {group: self.clock(group).to_reference(self.run.time(group)) for group in others}
         return Gaps.of({self.reference: self.run.instants(self.encoders[0])} | times)
 
     def valid_samples(self, bandwidth_hz: float, groups: Collection[str] = ()) -> Mask:
         """Samples of the grid (n,) that no gap touches, positions smoothed below ``bandwidth_hz``."""
         return self.gaps(groups).sound(self.grid, reach_of(bandwidth_hz))
 
-    def on_grid(self, group: str, time: Floats, values: Floats, among: Collection[str] = ()) -> Floats:
-        """Values (m, k) at instants (m,) [s] of a group's clock on the grid, (n, k); smoothed where that is coarser.
-
-        ``among`` are groups whose clocks are aligned together with it.
-        """
-        at = time if group == self.reference else self.clocks({group, *among})[group].to_reference(time)
+    def on_grid(self, group: str, time: Floats, values: Floats) -> Floats:
+        """Values (m, k) at instants (m,) [s] of a group's clock on the grid, (n, k); smoothed where that is coarser."""
+        at = time if group == self.reference else self.clock(group).to_reference(time)
         rate = (len(time) - 1) / float(time[-1] - time[0])
         if rate > self.grid.rate:
             values = low_pass(values, HIGHEST_CUTOFF * self.grid.rate, rate)
         return np.column_stack([np.interp(self.grid.time, at, v) for v in values.T])
 
-    def channels(self, columns: "Sequence[Column]", among: Collection[str] = ()) -> Floats:
+    def channels(self, columns: "Sequence[Column]") -> Floats:
         """Channels of one logger on the grid, (n, k) [SI]."""
         time = self.run.instants(columns[0])
-        return self.on_grid(self.run.group_of(columns[0]), time, self.run.stacked(columns), among)
-
-    def _found(self, needed: frozenset[str]) -> Mapping[str, ClockMap]:
-        times = self.run.time(self.reference)
-        long = bool(times[-1] - times[0] >= LONG_S)
-        found = align_run(self.run, lambda: self.mechanism, self.reference, drift=long, among=needed)
-        return {group: found.map_of(group) for group in needed}
+        return self.on_grid(self.run.group_of(columns[0]), time, self.run.stacked(columns))
 
 
 def recorded_clocks(run: SIRun) -> dict[str, ClockMap]:
