@@ -10,7 +10,7 @@ from balance.mechanism import Mechanism
 from testbench.identify import identify
 from testbench.identify.assembly import By, assemble
 
-from .simulated_runs import MANIPULATOR, Scene, scene
+from .simulated_runs import MANIPULATOR, Scene, aligned, scene
 from .table import Row, Tally, covered
 
 PAYLOADS_KG = (3.4116, 5.0)
@@ -31,6 +31,6 @@ def study(count: int, brief: bool) -> Iterator[Row]:
 def _hits(scenes: list[Scene], mechanism: Mechanism, by: By, seed: int) -> list[bool]:
     """Whether each base parameter's value in the file lies in its interval."""
     runs = [one.run(1000 * seed + k) for k, one in enumerate(scenes)]
-    assembled = assemble(runs, mechanism, by)
+    assembled = assemble(aligned(runs, mechanism), by)
     found = identify(assembled.records, assembled.mechanism, "ls", others=False)
     return [value.interval[0] <= value.in_file <= value.interval[1] for value in found.base_values()]

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from balance.loading.loading import load_mechanism
+from balance.mechanism import Mechanism
 from balance.quantities import G0
 from testbench import rig as rigs
 from testbench.bench.loggers import Log, record
@@ -16,6 +17,8 @@ from testbench.bench.sensors import signals
 from testbench.plan import PlannedRun
 from testbench.recording import Channel, TimeColumn, UniformClock
 from testbench.rig import Rig
+from testbench.runs.aligned_run import AlignedRun
+from testbench.runs.si_run import SIRun
 from testbench.store.run import Run, StoredGroup
 
 MANIPULATOR = "parallelogram-6bar"
@@ -112,6 +115,11 @@ def scene(
     planned = planned_run(motion, masses, acceleration_g, payload)
     bench = simulate_run(rig, load_mechanism(MANIPULATOR), planned)
     return Scene(rig, planned, bench, signals(rig, bench))
+
+
+def aligned(runs: Sequence[Run], mechanism: Mechanism, rig: Rig | None = None) -> list[AlignedRun]:
+    """The runs with their mechanism; their rigs are those stored with them unless given."""
+    return [AlignedRun(SIRun.of(run, rig), mechanism) for run in runs]
 
 
 def with_values(run: MemoryRun, channel: str, values: np.ndarray) -> MemoryRun:

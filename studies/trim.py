@@ -16,7 +16,7 @@ from testbench.bench.transducers import draw
 from testbench.rig import Rig
 from testbench.trim import trim_runs
 
-from .simulated_runs import BUILT, MANIPULATOR, MemoryRun, Scene, edited_rig, planned_run, scene, stored
+from .simulated_runs import BUILT, MANIPULATOR, MemoryRun, Scene, aligned, edited_rig, planned_run, scene, stored
 from .table import Row, covered
 
 Source = Literal["wrench", "torque", "vibration", "trials"]
@@ -66,7 +66,7 @@ def _trimmed(source: Source, bench: str, seeds: range) -> tuple[Floats, int, int
     for seed in seeds:
         runs = [one.run(1000 * seed + k) for k, one in enumerate(scenes)]
         try:
-            trim = trim_runs(runs, mechanism, source=source)
+            trim = trim_runs(aligned(runs, mechanism), source=source)
         except CounterpoiseError:
             refused += 1
             continue

@@ -69,18 +69,20 @@ def identify(mechanism: str, runs: tuple[Path, ...], figure: Path | None, as_jso
     from ..identify import identify as identified
     from ..identify.assembly import assemble
     from ..identify.validation import validate
+    from ..runs.aligned_run import AlignedRun
     from ..runs.si_run import SIRun
 
     model = load_mechanism(mechanism)
     described = rigs.load(options["rig"]) if options["rig"] else None
     opened = stored_runs.opened(runs)
-    bound = [SIRun.of(run, described) for run in opened]
-    taken = assemble(opened, model, options["by"], described, options["accept"])
+    bound = [AlignedRun(SIRun.of(run, described), model) for run in opened]
+    taken = assemble(bound, options["by"], options["accept"])
     result = identified(taken.records, taken.mechanism, options["method"])
     others = stored_runs.opened(options["separate"])
     validation = None
     if others:
-        records = assemble([opened[0], *others], model, taken.by, described, options["accept"]).records[1:]
+        separate = [AlignedRun(SIRun.of(run, described), model) for run in others]
+        records = assemble([bound[0], *separate], taken.by, options["accept"]).records[1:]
         validation = validate(result, records)
     if figure is not None:
         _draw(result, figure)
@@ -88,12 +90,12 @@ def identify(mechanism: str, runs: tuple[Path, ...], figure: Path | None, as_jso
         from ..identify.document import document
 
         found = {**document(result, validation), "by": taken.by, "left_out": list(taken.notes)}
-        emit_json({**found, "calibrations": calibrations.document(bound)})
+        emit_json({**found, "calibrations": calibrations.document(run.run for run in bound)})
     else:
         from .identified import print_result
 
         print_result(result, validation, taken.notes)
-        calibrations.say(bound)
+        calibrations.say(run.run for run in bound)
     odd = result.left_out or result.doubts()
     if validation is not None:
         odd = odd or validation.evidence.left_out or validation.doubts()

@@ -11,7 +11,7 @@ from . import calibrations, stored_runs
 
 if TYPE_CHECKING:
     from ..clocks.mapping import ClockMap
-    from ..store import Run
+    from ..runs.si_run import SIRun
     from ..trim import Missing, Source, Trim
 
 
@@ -75,6 +75,7 @@ def trim(
     from balance.loading.loading import load_mechanism
 
     from .. import rig as rigs
+    from ..runs.aligned_run import AlignedRun
     from ..runs.si_run import SIRun
     from ..trim import trim_runs
     from ..trim.document import document
@@ -85,9 +86,9 @@ def trim(
     described = rigs.load(rig) if rig else None
     bound = [SIRun.of(run, described) for run in opened]
     plates = stocks.load(stock) if stock else []
-    result = trim_runs(
-        opened, load_mechanism(mechanism), site, plates, sources or None, described, cutoff, _stored(opened)
-    )
+    model = load_mechanism(mechanism)
+    runs_of_it = [AlignedRun(run, model, _recorded(run)) for run in bound]
+    result = trim_runs(runs_of_it, site, plates, sources or None, cutoff)
     if figure:
         from balance.figures.drawing import save
 
@@ -102,19 +103,15 @@ def trim(
     return EXIT_WITH_FINDINGS if result.findings or result.doubts() else 0
 
 
-def _stored(runs: "list[Run]") -> "dict[Path, dict[str, ClockMap]]":
+def _recorded(run: "SIRun") -> "dict[str, ClockMap]":
     """Alignments that the campaign holds; what it does not hold is found anew."""
     from ..errors import AnalysisError
     from ..runs.aligned_run import recorded_clocks
-    from ..runs.si_run import SIRun
 
-    found = {}
-    for run in runs:
-        try:
-            found[run.path] = recorded_clocks(SIRun.of(run))
-        except AnalysisError:
-            continue
-    return {path: maps for path, maps in found.items() if maps}
+    try:
+        return recorded_clocks(run)
+    except AnalysisError:
+        return {}
 
 
 def _level(result: "Trim") -> str:

@@ -7,9 +7,8 @@ from balance.estimation.identifiability import Identifiability, identifiability
 from balance.estimation.regression import RegressionRecord
 from balance.mechanism import Mechanism
 
-from .. import rig as rigs
 from ..recording import Origin
-from ..store import Run
+from ..runs.aligned_run import AlignedRun
 from .assembly import assemble
 from .choice import Choice, choose, possible_cutoffs
 from .evidence import gather
@@ -22,9 +21,9 @@ from .value import CounterMassValue, Value
 __all__ = ["CounterMassValue", "Identification", "JointRecord", "Value", "identify", "identify_run", "joint_record"]
 
 
-def identify_run(run: Run, mechanism: Mechanism, rig: "rigs.Rig | None" = None) -> Identification:
-    """Identify a mechanism from one stored run; the rig is the one stored with it unless given."""
-    assembled = assemble([run], mechanism, rig=rig)
+def identify_run(run: AlignedRun) -> Identification:
+    """Identify a mechanism from one run."""
+    assembled = assemble([run])
     return identify(assembled.records, assembled.mechanism)
 
 

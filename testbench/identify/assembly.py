@@ -4,25 +4,20 @@ What is identified is the mechanism as mounted in the first run. What other runs
 counter-masses of their conditions, is known and taken off.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from balance.mechanism import Mechanism
 
 from ..errors import AnalysisError
-from ..motion.joint_motion import loaded
 from ..rig.sensors import Torque
+from ..runs.aligned_run import AlignedRun
 from .loads import loads_of
-from .record import JointRecord, joint_record, rig_for
-
-if TYPE_CHECKING:
-    from ..clocks.mapping import ClockMap
-    from ..rig import Rig
-    from ..store import Run
+from .record import JointRecord, joint_record
 
 By = Literal["torque", "wrench", "both"]
 DIFFERS = "mechanism_differs"
@@ -41,44 +36,36 @@ class Assembled:
     """What was left out, and why."""
 
 
-def assemble(
-    runs: "Sequence[Run]",
-    mechanism: Mechanism,
-    by: By | None = None,
-    rig: "Rig | None" = None,
-    accept: Sequence[str] = (),
-    clocks: "Mapping[Path, Mapping[str, ClockMap]] | None" = None,
-) -> Assembled:
-    """Records of ``runs`` of a mechanism, which comes without what they mounted.
+def assemble(runs: Sequence[AlignedRun], by: By | None = None, accept: Sequence[str] = ()) -> Assembled:
+    """Records of runs of a mechanism, as it was mounted in the first of them.
 
     ``by`` torque where the drives' torques are measured, else by wrench, unless named. Raises AnalysisError where a rig
     is of another mechanism, unless that is accepted, and where sensors lack.
     """
     for run in runs:
         if DIFFERS not in accept:
-            refuse_other_mechanism(run, rig_for(run, rig), mechanism)
-    chosen = by or ("torque" if rig_for(runs[0], rig).of_kind(Torque) else "wrench")
-    first = loaded(runs[0], mechanism)
+            refuse_other_mechanism(run)
+    chosen = by or ("torque" if runs[0].rig.of_kind(Torque) else "wrench")
+    first = runs[0].mechanism
     records, notes = [], []
     for run in runs:
-        model = loaded(run, mechanism)
-        record = joint_record(run, model, rig, torque=chosen != "wrench")
+        record = joint_record(run, torque=chosen != "wrench")
         if chosen != "torque":
-            loads, missing = loads_of(run, rig_for(run, rig), model, (clocks or {}).get(run.path))
+            loads, missing = loads_of(run)
             record = replace(record, loads=loads, gaps=loads.gaps)
             notes += [note for note in missing if note not in notes]
-        beyond = model.pi - first.pi
+        beyond = run.mechanism.pi - first.pi
         records.append(replace(record, mounted=beyond) if np.any(beyond) else record)
     _refuse_unlike(records)
     return Assembled(first, tuple(records), chosen, tuple(notes))
 
 
-def refuse_other_mechanism(run: "Run", rig: "Rig", mechanism: Mechanism) -> None:
+def refuse_other_mechanism(run: AlignedRun) -> None:
     """Raise AnalysisError where a run's rig says that it was another mechanism."""
-    if Path(rig.mechanism).stem != mechanism.name:
+    if Path(run.rig.mechanism).stem != run.unloaded.name:
         raise AnalysisError(
-            f"{run.name}: mechanism: its rig is of {rig.mechanism!r}, expected {mechanism.name!r}: give the mechanism "
-            f"that was on the bench, or --accept {DIFFERS} if it is the same machine by another name"
+            f"{run.name}: mechanism: its rig is of {run.rig.mechanism!r}, expected {run.unloaded.name!r}: give the "
+            f"mechanism that was on the bench, or --accept {DIFFERS} if it is the same machine by another name"
         )
 
 

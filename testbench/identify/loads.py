@@ -4,7 +4,6 @@ Where accelerometers tell how the base moves, what does not see its rotation is 
 ``base_motion``), and moments are left out; without, the base is taken for still.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -12,21 +11,16 @@ import numpy as np
 
 from balance.arrays import Floats
 from balance.dynamics.regressor import wrench_regressor
-from balance.mechanism import Mechanism
 
 from ..errors import AnalysisError
 from ..motion import base_motion
 from ..motion.gaps import Gaps
-from ..motion.joint_motion import encoder_trajectory
-from ..runs.si_run import SIRun
-from ..trim.evidence import carried, clock_maps, refuse_saturation
-from ..trim.sound import gaps_of
+from ..runs.aligned_run import AlignedRun
+from ..trim.evidence import refuse_saturation
 from ..wrench import COMPONENTS, shaking_wrench
 
 if TYPE_CHECKING:
-    from ..clocks.mapping import ClockMap
-    from ..rig import Rig
-    from ..store import Run
+    pass
 
 CUTOFF_HZ = 40.0
 """Of the motion by which the direction that does not see the base's rotation is told [Hz]."""
@@ -57,19 +51,15 @@ class Loads:
         return rows if self.share is None else np.einsum("nij,njk->nik", self.share, rows)
 
 
-def loads_of(
-    run: "Run", rig: "Rig", mechanism: Mechanism, clocks: "Mapping[str, ClockMap] | None" = None
-) -> tuple[Loads, tuple[str, ...]]:
-    """The loads of a run of ``mechanism`` as mounted, and why components are left out.
+def loads_of(run: AlignedRun) -> tuple[Loads, tuple[str, ...]]:
+    """The loads of a run, and why components are left out.
 
     Raises AnalysisError if no component is determined, a sensor is at the end of its range, clocks cannot be aligned.
     """
-    si = SIRun.of(run, rig)
-    wrench = shaking_wrench(si)
-    refuse_saturation(run, rig, wrench)
-    base = base_motion.recorded(si)
+    wrench, base, mechanism = shaking_wrench(run.run), run.base, run.mechanism
+    refuse_saturation(run.run, wrench)
     wanted: tuple[str, ...] = COMPONENTS[:3] if base is not None else COMPONENTS
-    grid, path = encoder_trajectory(si, mechanism, CUTOFF_HZ)
+    path = run.trajectory(CUTOFF_HZ)
     size = np.abs(wrench_regressor(mechanism, path.q, path.v, path.a)).max(axis=(0, 2))
     wanted = tuple(name for name in wanted if size[COMPONENTS.index(name)] > NOTHING * size.max())
     names = tuple(name for name in wanted if wrench.values[name] is not None)
@@ -79,16 +69,15 @@ def loads_of(
             f"{run.name}: its force sensors determine nothing in which this mechanism shakes: {lacking}"
         )
     groups = {wrench.group} | ({base.group} if base else set())
-    maps = clock_maps(run, rig, mechanism, groups, clocks)
-    gaps = gaps_of(run, rig, groups, maps)
+    gaps = run.gaps(groups)
     seen = np.column_stack([v for name in names if (v := wrench.values[name]) is not None])
-    values = carried(wrench.time, seen, wrench.group, maps, grid)
+    values = run.on_grid(wrench.group, wrench.time, seen)
     reasons = tuple(f"{name} left out: {wrench.reasons[name]}" for name in wanted if name not in names)
     if base is None:
         return Loads(names, values, None, gaps), (*reasons, BASE_STILL)
     axes = [COMPONENTS.index(name) for name in names]
     share = base_motion.projector(base_motion.force_rows(mechanism, path)[:, axes], base.rows)
-    felt = mechanism.total_mass * carried(base.time, base.values, base.group, maps, grid)
+    felt = mechanism.total_mass * run.on_grid(base.group, base.time, base.values)
     k = len(names)
     kept = np.einsum("nij,nj->ni", share[:, :, :k], values) + np.einsum("nij,nj->ni", share[:, :, k:], felt)
     return Loads(names, kept, share[:, :, :k], gaps), (*reasons, BASE_MOVES)

@@ -1,21 +1,23 @@
 """Positions and torques of the driven joints of a stored run, by what its rig says, in SI on one even grid."""
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from balance.arrays import Floats
 from balance.mechanism import Mechanism
 
-from .. import rig as rigs
 from ..errors import AnalysisError
 from ..motion.derivatives import Grid, Rates, bridged, grid_of, low_pass, on_grid
 from ..motion.gaps import Gaps
 from ..recording import Origin
 from ..rig.sensors import Encoder, Torque
-from ..runs.si_run import SIRun
-from ..store import Run
+from ..runs.aligned_run import AlignedRun
 from .loads import Loads
+
+if TYPE_CHECKING:
+    from ..rig import Column
 
 EDGE_S = 0.25
 EDGE_SHARE = 0.05
@@ -75,47 +77,33 @@ class JointRecord:
         return (*joints, *(() if self.loads is None else self.loads.names))
 
 
-def joint_record(run: Run, mechanism: Mechanism, rig: "rigs.Rig | None" = None, *, torque: bool = True) -> JointRecord:
-    """Positions and, unless told not to, torques of ``mechanism.driven`` from a run, by its stored rig unless given.
+def joint_record(run: AlignedRun, *, torque: bool = True) -> JointRecord:
+    """Positions and, unless told not to, torques of the driven joints from a run.
 
-    Raises AnalysisError if the run has no rig, a driven joint no encoder or torque, or they are on several clocks.
+    Raises AnalysisError if a driven joint has no encoder or torque, or they are on several clocks.
     """
-    rig = rig_for(run, rig)
-    channels = _channels(run, rig, Encoder, mechanism.driven)
-    if torque:
-        channels += _channels(run, rig, Torque, mechanism.driven)
-    groups = {run.find(column.channel)[0].name for column in channels}
+    driven = run.unloaded.driven
+    channels = _channels(run, Encoder, driven) + (_channels(run, Torque, driven) if torque else [])
+    groups = run.run.groups_of(channels)
     if len(groups) > 1:
         raise AnalysisError(
-            f"{run.name}: positions and torques are in several groups, {', '.join(sorted(groups))}: "
+            f"{run.name}: positions and torques are in several groups, {', '.join(groups)}: "
             "expected one clock for all of them"
         )
-    group = groups.pop()
-    time = run.time(group)
-    values = np.stack([SIRun.of(run, rig).readings(column) for column in channels], axis=1)
+    (group,) = groups
+    time = run.run.time(group)
+    values = np.stack([run.run.readings(column) for column in channels], axis=1)
     _refuse_lost(run.name, [column.channel for column in channels], values, time)
     grid, gaps = grid_of(time, run.name, bridged=True), Gaps.of({group: time})
     even = on_grid(*bridged(time, values, grid.step), grid) if gaps else on_grid(time, values, grid)
-    joints = len(mechanism.driven)
-    return JointRecord(run.name, run.origin, grid, even[:, :joints], even[:, joints:], gaps=gaps)
+    joints = len(driven)
+    return JointRecord(run.name, run.run.origin, grid, even[:, :joints], even[:, joints:], gaps=gaps)
 
 
-def rig_for(run: Run, rig: "rigs.Rig | None") -> "rigs.Rig":
-    """The rig that is given, or the one stored with a run. Raises AnalysisError if there is neither."""
-    if rig is None and run.rig is None:
-        raise AnalysisError(
-            f"{run.name}: stored without a rig, so nothing says which channel is which joint: "
-            "ingest the log with --rig RIG"
-        )
-    return rig or rigs.load(run.rig or "")
-
-
-def _channels(
-    run: Run, rig: "rigs.Rig", kind: type[Encoder] | type[Torque], joints: tuple[str, ...]
-) -> "list[rigs.Column]":
+def _channels(run: AlignedRun, kind: type[Encoder] | type[Torque], joints: tuple[str, ...]) -> "list[Column]":
     """The channel of the one sensor of a kind on each joint."""
     name = kind.__name__.lower()
-    columns = [column for sensor, s in rig.of_kind(kind).items() for column in s.columns(sensor)]
+    columns = run.rig.columns_of(kind)
     found = []
     for joint in joints:
         here = [column for column in columns if column.component == joint]

@@ -27,7 +27,8 @@ from .si_run import Mask, SIRun
 if TYPE_CHECKING:
     from balance.closure import Trajectory
 
-    from ..rig import Column
+    from ..recording import Conditions
+    from ..rig import Column, Rig
 
 LONG_S = 5.0
 """From which the drift between clocks matters and can be told [s]."""
@@ -47,6 +48,21 @@ class AlignedRun:
     """Maps of groups onto the encoders' clock that are known, such as :func:`recorded_clocks`; others are found."""
     _trajectories: "dict[float, Trajectory]" = field(default_factory=dict, init=False, repr=False)
     _found: dict[str, ClockMap] = field(default_factory=dict, init=False, repr=False)
+
+    @property
+    def name(self) -> str:
+        """The run's name."""
+        return self.run.name
+
+    @property
+    def rig(self) -> "Rig":
+        """The rig that it is bound to."""
+        return self.run.rig
+
+    @property
+    def conditions(self) -> "Conditions":
+        """Payload, counter-masses and motion, by the run table."""
+        return self.run.conditions
 
     @cached_property
     def mechanism(self) -> Mechanism:

@@ -1,8 +1,6 @@
 """What first moment is missing on which arm, and which mass to add, from the runs of a mechanism."""
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -11,23 +9,16 @@ from balance.errors import CounterpoiseError
 from balance.estimation.covariance_weighting import CombinedImbalance, combine
 from balance.estimation.first_moment_imbalance import Imbalance, masses_per_value
 from balance.estimation.identifiability import NotIdentifiable
-from balance.mechanism import Mechanism
 from balance.stock import Plate
 
 from ..errors import AnalysisError
-from ..motion.joint_motion import loaded
 from ..recording import Origin
-from ..runs.si_run import SIRun
+from ..runs.aligned_run import AlignedRun
 from .case import NAMES, Case, Source, Told
 from .evidence import CUTOFF_HZ
 from .missing import Missing, Share, refuse_blur
 from .result import Trim
 from .sources import LONGER, MORE_RUNS, present, told_by
-
-if TYPE_CHECKING:
-    from ..clocks.mapping import ClockMap
-    from ..rig import Rig
-    from ..store import Run
 
 __all__ = ["CUTOFF_HZ", "NAMES", "Missing", "Share", "Source", "Trim", "trim_runs"]
 
@@ -37,31 +28,27 @@ _HINTS: dict[Source, str] = {
 
 
 def trim_runs(
-    runs: "Sequence[Run]",
-    mechanism: Mechanism,
+    runs: Sequence[AlignedRun],
     sites: Sequence[str] = (),
     plates: Sequence[Plate] = (),
     source: Source | Sequence[Source] | None = None,
-    rig: "Rig | None" = None,
     cutoff: float | None = None,
-    clocks: "Mapping[Path, Mapping[str, ClockMap]] | None" = None,
 ) -> Trim:
-    """What is missing where, from runs of ``mechanism``, which comes without what the runs mounted.
+    """What is missing where, from runs of one mechanism.
 
     By what the rig has, unless named: force sensors and motor torques of runs of one mounting, together where both
     tell; else the base's vibration; trial masses where mountings differ. Raises AnalysisError or NotIdentifiable where
     the runs cannot tell.
     """
+    mechanism, mounted = runs[0].unloaded, runs[0].mechanism
     names = list(dict.fromkeys(sites)) or mechanism.counter_sites
     if not names:
         raise AnalysisError(
             f"{mechanism.name} has no site named counter...: name sites, there are "
             f"{', '.join(mechanism.sites) or 'none'}"
         )
-    mounted = loaded(runs[0], mechanism)
     mounted.with_counter_mass(dict.fromkeys(names, 0.0))
-    rigs = [SIRun.of(run, rig).rig for run in runs]
-    case = Case(runs, rigs, mechanism, conditions.find(mounted), names, cutoff, clocks or {})
+    case = Case(runs, conditions.find(mounted), names, cutoff)
     return _result(case, _told(case, _wanted(case, source)), plates)
 
 
@@ -78,7 +65,7 @@ def _wanted(case: Case, named: Source | Sequence[Source] | None) -> tuple[list[S
     if wanted:
         return wanted, True
     _refuse_other_payloads(case)
-    if differs and not case.rigs[0].base_accelerometers:
+    if differs and not case.runs[0].rig.base_accelerometers:
         raise AnalysisError(f"{differs}: expected runs of one mounting, or an accelerometer on the base")
     found = present(case, not differs)
     if not found:
@@ -192,9 +179,9 @@ def _lacking(case: Case) -> list[float]:
     return [float(m * np.linalg.norm(bare.site(site).position)) for m, site in zip(masses, case.sites, strict=True)]
 
 
-def _origin(runs: "Sequence[Run]") -> Origin:
+def _origin(runs: Sequence[AlignedRun]) -> Origin:
     """Measured only if every run is; simulated if any is."""
-    origins = {run.origin for run in runs}
+    origins = {run.run.origin for run in runs}
     if len(origins) == 1:
         return origins.pop()
     return "simulated" if "simulated" in origins else "unstated"

@@ -17,13 +17,10 @@ from balance.estimation.first_moment_imbalance import ImbalanceFit
 from balance.estimation.regression import RegressionRecord
 
 from ..rig.scatter import scatter
-from ..runs.si_run import SIRun
+from ..runs.aligned_run import AlignedRun
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from ..rig import Column, Rig
-    from ..store import Run
 
 Entry = tuple[str, int, int]
 """Of a sensor's sensitivity matrix: the sensor, which of its channels shows, and which is exposed."""
@@ -81,23 +78,16 @@ def of_readings(exposed_to: Floats, columns: "Sequence[Column]", deviations: Map
     return found
 
 
-def of_forces(
-    run: "Run",
-    rig: "Rig",
-    deviations: Mapping[Entry, float],
-    axes: Sequence[int],
-    carry: "Callable[[Floats, Floats], Floats]",
-) -> Effects:
-    """Effects on the supports' summed forces along ``axes``; ``carry`` takes (time, values) to the record's grid."""
+def of_forces(run: AlignedRun, deviations: Mapping[Entry, float], axes: Sequence[int]) -> Effects:
+    """Effects on the supports' summed forces along ``axes``, on the run's grid."""
     found: dict[Entry, Floats] = {}
-    for name, support in rig.supports.items():
+    for name, support in run.rig.supports.items():
         entries = [entry for entry in deviations if entry[0] == name]
         if not entries:
             continue
         columns = list(support.columns(name))
-        si = SIRun.of(run, rig)
-        shown = carry(si.instants(columns[0]), si.stacked(columns))
-        parted = support.crosstalk is not None and not si.has_matrix(columns[0])
+        shown = run.channels(columns)
+        parted = support.crosstalk is not None and not run.run.has_matrix(columns[0])
         loads = np.linalg.inv(np.array(support.crosstalk)) if parted else np.eye(len(columns))
         for entry in entries:
             change = np.zeros((len(shown), len(axes)))

@@ -1,21 +1,15 @@
 """What is asked of the runs, and what one source tells."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from balance.conditions import Conditions
 from balance.estimation.first_moment_imbalance import Imbalance
 from balance.mechanism import Mechanism
 
 from ..findings import Finding
-from ..motion.joint_motion import loaded
-
-if TYPE_CHECKING:
-    from ..clocks.mapping import ClockMap
-    from ..rig import Rig
-    from ..store import Run
+from ..runs.aligned_run import AlignedRun
 
 Source = Literal["wrench", "torque", "vibration", "trials"]
 NAMES: dict[Source, str] = {
@@ -30,21 +24,22 @@ NAMES: dict[Source, str] = {
 class Case:
     """What is asked."""
 
-    runs: "Sequence[Run]"
-    rigs: "Sequence[Rig]"
-    mechanism: Mechanism
-    """Without payload and counter-masses."""
+    runs: Sequence[AlignedRun]
     conditions: Conditions
     """Of the mechanism as mounted in the first run."""
     sites: Sequence[str]
     cutoff: float | None
     """Highest frequency [Hz]; None: as is best for the source."""
-    clocks: "Mapping[Path, Mapping[str, ClockMap]]"
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """Without payload and counter-masses."""
+        return self.runs[0].unloaded
 
     @property
     def mounted(self) -> Mechanism:
         """As mounted in the first run."""
-        return loaded(self.runs[0], self.mechanism)
+        return self.runs[0].mechanism
 
     @property
     def names(self) -> str:

@@ -5,7 +5,6 @@ base turns (see ``base_motion``). Offsets and slow drifts of each row, and small
 forces, one of the accelerations), are solved for with the conditions.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -16,26 +15,18 @@ from balance.conditions import Conditions
 from balance.dynamics.regressor import wrench_regressor
 from balance.estimation.first_moment_imbalance import condition_columns
 from balance.estimation.regression import RegressionRecord
-from balance.mechanism import Mechanism
 
-from ..clocks.mapping import ClockMap
-from ..clocks.run import align_run
 from ..errors import AnalysisError
 from ..findings import Finding
 from ..motion import base_motion
-from ..motion.derivatives import HIGHEST_CUTOFF, Grid, low_pass
-from ..motion.joint_motion import encoder_trajectory, group_of_encoders, loaded
-from ..motion.segments import moving
+from ..runs.aligned_run import AlignedRun
 from ..runs.si_run import SIRun
 from ..wrench import MeasuredWrench, shaking_wrench
 from .calibration import Effects, of_forces, of_readings, stated
 from .sound import Sound
 
 if TYPE_CHECKING:
-    from balance.closure import Trajectory
-
-    from ..rig import Rig
-    from ..store import Run
+    pass
 
 CUTOFF_HZ = 40.0
 """Of forces and columns alike: most of what the moves excite lies below, and encoders tell accelerations there."""
@@ -65,41 +56,28 @@ class RunEvidence:
     """Of the cut-off [samples]."""
 
 
-def run_evidence(
-    run: "Run",
-    rig: "Rig",
-    mechanism: Mechanism,
-    conditions: Conditions,
-    cutoff: float = CUTOFF_HZ,
-    clocks: Mapping[str, ClockMap] | None = None,
-) -> RunEvidence:
-    """The equations of a run of ``mechanism`` without payload and counter-masses, which the run's conditions put on.
+def run_evidence(run: AlignedRun, conditions: Conditions, cutoff: float = CUTOFF_HZ) -> RunEvidence:
+    """The equations of a run.
 
-    ``clocks`` are alignments that are known; without, they are found. Raises AnalysisError where the run cannot tell:
-    no force channels, sensors at the end of their range, no motion, clocks that cannot be aligned, gaps that leave
-    nothing.
+    Raises AnalysisError where the run cannot tell: no force channels, sensors at the end of their range, no motion,
+    clocks that cannot be aligned, gaps that leave nothing.
     """
-    model = loaded(run, mechanism)
-    si = SIRun.of(run, rig)
-    wrench = shaking_wrench(si)
-    refuse_saturation(run, rig, wrench)
-    grid, path = encoder_trajectory(si, model, POSITION_BANDWIDTH * cutoff)
+    wrench, bandwidth = shaking_wrench(run.run), POSITION_BANDWIDTH * cutoff
+    refuse_saturation(run.run, wrench)
+    model, path = run.mechanism, run.trajectory(bandwidth)
     columns = condition_columns(conditions, wrench_regressor(model, path.q, path.v, path.a)[:, :3])
     rows = _rows(run, wrench, columns)
-    base = base_motion.recorded(si)
-    needed = {wrench.group} | ({base.group} if base else set())
-    maps = clock_maps(run, rig, model, needed, clocks)
-    sound = Sound.of(run, rig, grid, needed, maps, POSITION_BANDWIDTH * cutoff)
+    sound = Sound.of(run, bandwidth, {wrench.group} | ({run.base.group} if run.base else set()))
     sound.refuse_nothing(path)
     seen = np.column_stack([v for i in rows if (v := wrench.values[f"F{'xyz'[i]}"]) is not None])
-    force = carried(wrench.time, seen, wrench.group, maps, grid)
+    force = run.on_grid(wrench.group, wrench.time, seen)
     columns = columns[:, rows]
     nuisance = [sound.rate_of(force)]
-    deviations = stated([rig])
-    effects = dict(of_forces(run, rig, deviations, rows, lambda t, v: carried(t, v, wrench.group, maps, grid)))
-    if base is not None:
+    deviations = stated([run.rig])
+    effects = dict(of_forces(run, deviations, rows))
+    if (base := run.base) is not None:
         share = base_motion.projector(base_motion.force_rows(model, path)[:, rows], base.rows)
-        felt = model.total_mass * carried(base.time, base.values, base.group, maps, grid)
+        felt = model.total_mass * run.on_grid(base.group, base.time, base.values)
         k = len(rows)
         turned = share[:, :, :k]
         nuisance = [
@@ -112,30 +90,29 @@ def run_evidence(
         for entry, change in of_readings(felt, base.columns, deviations).items():
             effects[entry] = np.einsum("nij,nj->ni", share[:, :, k:], change)
     names = [f"F{'xyz'[i]}" for i in rows]
-    record = _record(motion_of(run), names, sound, columns, force, nuisance, cutoff, path)
-    used = span_of(path, grid, MARGIN_PERIODS / cutoff)
+    used = run.motion_span(bandwidth, MARGIN_PERIODS / cutoff)
+    record = _record(motion_of(run), names, sound, columns, force, nuisance, cutoff, used)
     smooth = {entry: sound.low_pass(change, cutoff)[used] for entry, change in effects.items()}
     findings = (*wrench.findings, *sound.findings)
-    return RunEvidence(record, base is not None, findings, smooth, 1.0 / (cutoff * grid.step))
+    return RunEvidence(record, base is not None, findings, smooth, 1.0 / (cutoff * run.grid.step))
 
 
-def refuse_saturation(run: "Run", rig: "Rig", wrench: MeasuredWrench) -> None:
+def refuse_saturation(run: SIRun, wrench: MeasuredWrench) -> None:
     """Raise AnalysisError where a force sensor or an accelerometer on the base is at the end of its range."""
     for finding in wrench.findings:
         if finding.code != "constant_channel":
             raise AnalysisError(f"{finding.message}: a clipped force cannot tell what is missing; use gentler runs")
-    refuse_clipped_base(run, rig)
+    refuse_clipped_base(run)
 
 
-def refuse_clipped_base(run: "Run", rig: "Rig") -> None:
+def refuse_clipped_base(run: SIRun) -> None:
     """Raise AnalysisError where an accelerometer on the base is at the end of its range."""
-    si = SIRun.of(run, rig)
-    for column in rig.base_columns:
-        if column.range is not None and si.holds(column) and (full := si.at_range(column)).any():
+    for column in run.rig.base_columns:
+        if column.range is not None and run.holds(column) and (full := run.at_range(column)).any():
             raise AnalysisError(f"{run.name}: {column.channel}: {int(full.sum())} samples at the end of its range")
 
 
-def _rows(run: "Run", wrench: MeasuredWrench, columns: Floats) -> list[int]:
+def _rows(run: AlignedRun, wrench: MeasuredWrench, columns: Floats) -> list[int]:
     """The axes along which the mechanism can shake and the force is determined."""
     size = np.abs(columns).max(axis=(0, 2))
     if not size.max() > LEAST_MOTION:
@@ -150,32 +127,7 @@ def _rows(run: "Run", wrench: MeasuredWrench, columns: Floats) -> list[int]:
     return rows
 
 
-def clock_maps(
-    run: "Run", rig: "Rig", model: Mechanism, needed: set[str], known: Mapping[str, ClockMap] | None
-) -> Mapping[str, ClockMap]:
-    """Maps of the groups that are needed to the encoders' clock: those that are known, else found."""
-    si = SIRun.of(run, rig)
-    reference = group_of_encoders(si)
-    needed = needed - {reference}
-    if known is not None and needed <= known.keys():
-        return known
-    if not needed:
-        return {}
-    times = run.time(reference)
-    found = align_run(si, lambda: model, reference, drift=bool(times[-1] - times[0] >= LONG_S), among=needed)
-    return {group: found.map_of(group) for group in needed}
-
-
-def carried(time: Floats, values: Floats, group: str, maps: Mapping[str, ClockMap], grid: Grid) -> Floats:
-    """Values (m, k) of a group on the encoders' grid; smoothed first where the grid is coarser."""
-    at = maps[group].to_reference(time) if group in maps else time
-    rate = (len(time) - 1) / float(time[-1] - time[0])
-    if rate > grid.rate:
-        values = low_pass(values, HIGHEST_CUTOFF * grid.rate, rate)
-    return np.column_stack([np.interp(grid.time, at, v) for v in values.T])
-
-
-def motion_of(run: "Run") -> str:
+def motion_of(run: AlignedRun) -> str:
     """What repeats of one motion have in common; empty where the conditions do not say."""
     motion, peak = run.conditions.get("motion"), run.conditions.get("peak_acceleration_g")
     return "" if motion is None or peak is None else f"{motion} at {peak:.9g} g0"
@@ -189,15 +141,13 @@ def _record(
     force: Floats,
     nuisance: list[Floats],
     cutoff: float,
-    path: "Trajectory",
+    used: slice,
 ) -> RegressionRecord:
     """All low-passed alike, cut to the motion with a margin, with an offset and a drift for every row.
 
     What gaps touch is zero.
     """
     count, rows, _ = columns.shape
-    margin = MARGIN_PERIODS / cutoff
-    used, grid = span_of(path, sound.grid, margin), sound.grid
     smooth = sound.low_pass(np.concatenate([columns.reshape(count, -1), force, *nuisance], axis=1), cutoff)[used]
     split = np.cumsum([columns[0].size, rows, *(n.shape[1] for n in nuisance)])[:-1]
     made, pushed, *delays = np.split(smooth, split, axis=1)
@@ -206,15 +156,9 @@ def _record(
     kept = sound.kept[used, None, None]
     own: list[Floats] = [np.eye(rows)[None] * kept, np.eye(rows)[None] * slope[:, None, None] * kept]
     own += [delay[:, :, None] for delay in delays]
-    blocks = stretches_of(made, 1.0 / (cutoff * grid.step))
+    blocks = stretches_of(made, 1.0 / (cutoff * sound.grid.step))
     every = np.broadcast_to(sound.kept[used, None], pushed.shape)
     return RegressionRecord.of(made, pushed, blocks, np.concatenate(own, axis=2), every, motion=motion, rows=names)
-
-
-def span_of(path: "Trajectory", grid: Grid, margin: float) -> slice:
-    """Samples from the first to the last motion of any joint, with a margin [s]."""
-    spans = [moving(v, grid.rate, margin) for v in path.v.T if np.ptp(v) > 0.0]
-    return slice(min(s.start for s in spans), max(s.stop for s in spans))
 
 
 def stretches_of(columns: Floats, shortest: float) -> Indices:

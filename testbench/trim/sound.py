@@ -1,6 +1,6 @@
 """The part of a run that no gap touches, on the grid of its encoders: what an analysis may rest on."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -9,20 +9,14 @@ import numpy as np
 
 from balance.arrays import Floats
 
-from ..clocks.mapping import ClockMap
 from ..errors import AnalysisError
 from ..findings import Finding
 from ..motion.derivatives import Grid, low_pass
 from ..motion.gaps import Gaps, reach_of, stretches
-from ..motion.joint_motion import group_of_encoders
-from ..rig.sensors import Encoder
-from ..runs.si_run import SIRun
+from ..runs.aligned_run import AlignedRun
 
 if TYPE_CHECKING:
     from balance.closure import Trajectory
-
-    from ..rig import Rig
-    from ..store import Run
 
 
 MOVES = 1e-3
@@ -45,17 +39,9 @@ class Sound:
     """How far beyond its ends a gap disturbs [s]."""
 
     @classmethod
-    def of(
-        cls,
-        run: "Run",
-        rig: "Rig",
-        grid: Grid,
-        groups: Collection[str],
-        maps: Mapping[str, ClockMap],
-        bandwidth_hz: float,
-    ) -> "Sound":
-        """Of the encoders, positions smoothed below ``bandwidth_hz``, and of other ``groups`` by their clocks."""
-        return cls(run.name, grid, gaps_of(run, rig, groups, maps), reach_of(bandwidth_hz))
+    def of(cls, run: AlignedRun, bandwidth_hz: float, groups: Collection[str] = ()) -> "Sound":
+        """Of the encoders, positions smoothed below ``bandwidth_hz``, and of other ``groups``."""
+        return cls(run.name, run.grid, run.gaps(groups), reach_of(bandwidth_hz))
 
     @property
     def left_out(self) -> list[slice]:
@@ -88,13 +74,3 @@ class Sound:
     def findings(self) -> tuple[Finding, ...]:
         """What is left out, a finding for each record."""
         return self.gaps.findings(self.run, self.reach)
-
-
-def gaps_of(run: "Run", rig: "Rig", groups: Collection[str], maps: Mapping[str, ClockMap]) -> Gaps:
-    """Gaps of the encoders' record and of other groups, on the clock of the encoders."""
-    si = SIRun.of(run, rig)
-    reference = group_of_encoders(si)
-    records = {reference: si.instants(rig.columns_of(Encoder)[0])}
-    for group in sorted(set(groups) - {reference}):
-        records[group] = maps[group].to_reference(run.time(group))
-    return Gaps.of(records)

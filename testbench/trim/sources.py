@@ -15,10 +15,10 @@ LONGER = "give longer runs that move more, or runs of several motions (x, y, tri
 
 def present(case: Case, one_mounting: bool) -> list[Source]:
     """The sources that the rig has for these runs; the base's vibration counts where there is nothing better."""
-    rig = case.rigs[0]
+    rig = case.runs[0].rig
     if not one_mounting:
         return ["trials"]
-    driven = {column.component for name, s in rig.of_kind(Torque).items() for column in s.columns(name)}
+    driven = {column.component for column in rig.columns_of(Torque)}
     found: list[Source] = ["wrench"] if rig.supports else []
     if driven and driven >= set(case.mounted.driven):
         found.append("torque")

@@ -5,7 +5,7 @@ leave free: the columns of c are W C^+; z (inertias, and what of the first momen
 drives' own inertia are fitted beside, the same in all runs, offsets and delays of the torques run by run.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,21 +17,18 @@ from balance.dynamics.joint_friction import joint_terms
 from balance.dynamics.regressor import driven_torque_regressor
 from balance.mechanism import Mechanism
 
-from ..clocks.mapping import ClockMap
 from ..errors import AnalysisError
-from ..motion.derivatives import Grid
-from ..motion.joint_motion import encoder_trajectory, loaded
-from ..rig.sensors import Encoder, Torque
+from ..rig.sensors import Torque
+from ..runs.aligned_run import AlignedRun
 from ..runs.si_run import SIRun
-from .evidence import carried, clock_maps, motion_of, span_of
+from .evidence import motion_of
 from .parts import Part
 from .sound import Sound
 
 if TYPE_CHECKING:
     from balance.closure import Trajectory
 
-    from ..rig import Column, Rig
-    from ..store import Run
+    from ..rig import Column
 
 CUTOFF_HZ = 20.0
 """Of torques and columns alike: gravity speaks below, and above the encoders' steps are taken for inertia."""
@@ -43,24 +40,14 @@ MARGIN_PERIODS = 3.0
 """Periods of the cut-off kept before and after the motion."""
 
 
-def torque_part(
-    run: "Run",
-    rig: "Rig",
-    mechanism: Mechanism,
-    conditions: Conditions,
-    cutoff: float,
-    clocks: "Mapping[str, ClockMap] | None",
-) -> Part:
+def torque_part(run: AlignedRun, conditions: Conditions, cutoff: float) -> Part:
     """The equations of a run. Raises AnalysisError where a joint has no torque or encoder, or gaps leave nothing."""
-    model, si = loaded(run, mechanism), SIRun.of(run, rig)
-    channels = torque_channels(run, rig, model)
-    grid, path = encoder_trajectory(si, model, POSITION_BANDWIDTH * cutoff)
-    group = _group(run, channels)
-    maps = clock_maps(run, rig, model, {group}, clocks)
-    sound = Sound.of(run, rig, grid, {group}, maps, POSITION_BANDWIDTH * cutoff)
+    model, bandwidth = run.mechanism, POSITION_BANDWIDTH * cutoff
+    channels, path = torque_channels(run.run, model), run.trajectory(bandwidth)
+    sound = Sound.of(run, bandwidth, {_group(run.run, channels)})
     sound.refuse_nothing(path)
-    torque = _on_grid(si, channels, group, maps, grid)
-    own, beside = _columns(model, conditions, path, _driven_rates(run, rig, model, path))
+    torque = run.channels(channels)
+    own, beside = _columns(model, conditions, path, _driven_rates(run, path))
     places = [model.coordinate_index(joint) for joint in model.driven]
     speed = path.v[:, places]
     terms, _ = joint_terms(model.driven, speed, path.a[:, places])
@@ -69,20 +56,20 @@ def torque_part(
     beside = np.concatenate([beside, friction], axis=2)
     sizes = [own.shape[2], beside.shape[2], 1, 1]
     whole = np.concatenate([own, beside, torque[:, :, None], sound.rate_of(torque)[:, :, None]], axis=2)
-    used = span_of(path, grid, MARGIN_PERIODS / cutoff)
+    used = run.motion_span(bandwidth, MARGIN_PERIODS / cutoff)
     moving = (np.abs(speed) > REST_SPEED)[:, :, None]
     smooth = (sound.low_pass(whole, cutoff) * moving)[used]
     own, beside, seen, delay = np.split(smooth, np.cumsum(sizes)[:-1], axis=2)
     offset = np.eye(joints)[None] * (moving * sound.kept[:, None, None])[used]
     nuisance = np.concatenate([offset, delay], axis=2)
-    shortest, findings = 1.0 / (cutoff * grid.step), sound.findings
+    shortest, findings = 1.0 / (cutoff * run.grid.step), sound.findings
     every = offset.max(axis=2)
     return Part(own, beside, seen[:, :, 0], nuisance, every, model.driven, shortest, motion_of(run), findings)
 
 
-def _driven_rates(run: "Run", rig: "Rig", model: Mechanism, path: "Trajectory") -> Floats:
+def _driven_rates(run: AlignedRun, path: "Trajectory") -> Floats:
     """Rates of all coordinates per rate of the driven joints, (n, nv, dof). Raises AnalysisError without encoders."""
-    seen = [column.component for column in rig.columns_of(Encoder)]
+    model, seen = run.mechanism, [column.component for column in run.encoders]
     if sorted(seen) != sorted(model.driven):
         raise AnalysisError(
             f"{run.name}: encoders on {', '.join(seen)}, motors on {', '.join(model.driven)}: expected the same joints"
@@ -96,9 +83,9 @@ def _columns(model: Mechanism, conditions: Conditions, path: "Trajectory", rates
     return whole @ np.linalg.pinv(conditions.matrix), whole @ null_space(conditions.matrix)
 
 
-def torque_channels(run: "Run", rig: "Rig", model: Mechanism) -> "list[Column]":
+def torque_channels(run: SIRun, model: Mechanism) -> "list[Column]":
     """The torque channel of every driven joint. Raises AnalysisError for a joint that has none, or one at its limit."""
-    known = {column.component: column for name, s in rig.of_kind(Torque).items() for column in s.columns(name)}
+    known = {column.component: column for column in run.rig.columns_of(Torque)}
     if lacking := [joint for joint in model.driven if joint not in known]:
         raise AnalysisError(
             f"{run.name}: its rig has no motor torque of joint {lacking[0]}: the torques of all driven joints, "
@@ -106,7 +93,7 @@ def torque_channels(run: "Run", rig: "Rig", model: Mechanism) -> "list[Column]":
         )
     columns = [known[joint] for joint in model.driven]
     for column in columns:
-        if column.range is not None and (at := SIRun.of(run, rig).at_range(column)).any():
+        if column.range is not None and (at := run.at_range(column)).any():
             raise AnalysisError(
                 f"{run.name}: {column.channel}: {int(at.sum())} samples at the end of its range of "
                 f"{column.range:g} (SI): a clipped torque cannot tell what is missing; use gentler runs"
@@ -114,12 +101,8 @@ def torque_channels(run: "Run", rig: "Rig", model: Mechanism) -> "list[Column]":
     return columns
 
 
-def _on_grid(run: SIRun, columns: "Sequence[Column]", group: str, maps: "Mapping[str, ClockMap]", grid: Grid) -> Floats:
-    return carried(run.instants(columns[0]), run.stacked(columns), group, maps, grid)
-
-
-def _group(run: "Run", columns: "Sequence[Column]") -> str:
-    groups = {run.find(column.channel)[0].name for column in columns}
+def _group(run: SIRun, columns: "Sequence[Column]") -> str:
+    groups = run.groups_of(columns)
     if len(groups) > 1:
-        raise AnalysisError(f"{run.name}: its motor torques are on several loggers, {', '.join(sorted(groups))}")
-    return groups.pop()
+        raise AnalysisError(f"{run.name}: its motor torques are on several loggers, {', '.join(groups)}")
+    return groups[0]

@@ -6,7 +6,7 @@ run's mounting. A heavier mounting makes a heavier base: what the difference of 
 accelerations is counted among the pushes.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -22,22 +22,17 @@ from balance.estimation.first_moment_imbalance import Imbalance, Subspace
 from balance.mechanism import Mechanism
 from balance.sizing.system import site_columns
 
-from ..clocks.mapping import ClockMap
 from ..errors import AnalysisError
 from ..findings import Finding
-from ..motion import base_motion
 from ..motion.gaps import CODE, Gaps
-from ..motion.joint_motion import encoder_trajectory, group_of_encoders, loaded
-from ..runs.si_run import SIRun
+from ..runs.aligned_run import AlignedRun
 from .beside import reduction
 from .case import Case
-from .evidence import carried, clock_maps, refuse_clipped_base
+from .evidence import refuse_clipped_base
 
 if TYPE_CHECKING:
     from balance.arrays import Indices
 
-    from ..rig import Rig
-    from ..store import Run
 
 CUTOFF_HZ = 30.0
 """Highest frequency of readings and pushes: the modes of a base on its mounts lie below."""
@@ -52,24 +47,13 @@ LEAST_CHANGE = 0.02
 class _Seen:
     """One run before transforms: on the encoders' grid."""
 
-    def __init__(
-        self,
-        run: "Run",
-        rig: "Rig",
-        mechanism: Mechanism,
-        first: Mechanism,
-        cutoff: float,
-        clocks: "Mapping[str, ClockMap] | None",
-    ) -> None:
-        base = base_motion.recorded(SIRun.of(run, rig))
-        if base is None:
+    def __init__(self, run: AlignedRun, first: Mechanism, cutoff: float) -> None:
+        if (base := run.base) is None:
             raise AnalysisError(f"{run.name}: no accelerometer on the base was recorded: nothing shows how it vibrates")
-        refuse_clipped_base(run, rig)
-        model = loaded(run, mechanism)
-        grid, path = encoder_trajectory(SIRun.of(run, rig), model, 4.0 * cutoff, bridged=False)
-        maps = clock_maps(run, rig, model, {base.group}, clocks)
+        refuse_clipped_base(run.run)
+        model, grid, path = run.mechanism, run.grid, run.trajectory(4.0 * cutoff)
         self.time = grid.time - grid.time[0]
-        self.reading = carried(base.time, base.values, base.group, maps, grid)
+        self.reading = run.on_grid(base.group, base.time, base.values)
         self.wrench = wrench_regressor(model, path.q, path.v, path.a)
         heavier = locked_inertia(model, path.q[0]) - locked_inertia(first, path.q[0])
         moved = self.reading @ np.linalg.pinv(base.rows, rcond=1e-6).T
@@ -81,24 +65,22 @@ def without_gaps(case: Case) -> tuple[Case, tuple[Finding, ...]]:
 
     Raises AnalysisError if no run is whole.
     """
-    pairs = list(zip(case.runs, case.rigs, strict=True))
-    texts = [_gaps(run, rig).described for run, rig in pairs]
+    texts = [_gaps(run).described for run in case.runs]
     findings = tuple(
         Finding(CODE, None, run.name, f"{run.name}: {text}: the run is left out, for the base rings on through a gap")
-        for (run, _), some in zip(pairs, texts, strict=True)
+        for run, some in zip(case.runs, texts, strict=True)
         for text in some
     )
-    whole = [pair for pair, some in zip(pairs, texts, strict=True) if not some]
+    whole = [run for run, some in zip(case.runs, texts, strict=True) if not some]
     if not whole:
         raise AnalysisError("no run can tell:\n" + "\n".join(f"  {finding.message}" for finding in findings))
-    return replace(case, runs=[run for run, _ in whole], rigs=[rig for _, rig in whole]), findings
+    return replace(case, runs=whole), findings
 
 
-def _gaps(run: "Run", rig: "Rig") -> Gaps:
+def _gaps(run: AlignedRun) -> Gaps:
     """Of the encoders and of the accelerometers on the base, each on its own clock."""
-    base = base_motion.recorded(SIRun.of(run, rig))
-    groups = dict.fromkeys([group_of_encoders(SIRun.of(run, rig)), *([base.group] if base else [])])
-    return Gaps.of({group: run.time(group) for group in groups})
+    groups = dict.fromkeys([run.reference, *([run.base.group] if run.base else [])])
+    return Gaps.of({group: run.run.time(group) for group in groups})
 
 
 def trials_imbalance(case: Case, first: Mechanism, cutoff: float) -> Imbalance:
@@ -107,12 +89,9 @@ def trials_imbalance(case: Case, first: Mechanism, cutoff: float) -> Imbalance:
     Raises AnalysisError where trial masses do not differ at every site, NotObservable or DataError where the runs
     cannot tell.
     """
-    mechanism, conditions, sites = case.mechanism, case.conditions, case.sites
-    refuse_alike(case.runs, mechanism, conditions, sites)
-    seen = [
-        _Seen(run, rig, mechanism, first, cutoff, case.clocks.get(run.path))
-        for run, rig in zip(case.runs, case.rigs, strict=True)
-    ]
+    conditions, sites = case.conditions, case.sites
+    refuse_alike(case.runs, conditions, sites)
+    seen = [_Seen(run, first, cutoff) for run in case.runs]
     size = np.max([np.abs(one.wrench @ first.pi).max(axis=0) for one in seen], axis=0)
     rows = np.flatnonzero(size > PUSHES * size.max())
     own, rest = np.linalg.pinv(conditions.matrix), null_space(conditions.matrix)
@@ -137,7 +116,7 @@ def _trial(seen: _Seen, rows: "Indices", basis: Floats, held: Floats, at: Floats
     )
 
 
-def refuse_alike(runs: "Sequence[Run]", mechanism: Mechanism, conditions: Conditions, sites: Sequence[str]) -> None:
+def refuse_alike(runs: Sequence[AlignedRun], conditions: Conditions, sites: Sequence[str]) -> None:
     """Raise AnalysisError, naming the site, where trial masses do not tell the sites apart."""
     for run in runs:
         if "counter_masses" not in run.conditions:
@@ -145,11 +124,11 @@ def refuse_alike(runs: "Sequence[Run]", mechanism: Mechanism, conditions: Condit
                 f"{run.name}: its conditions do not say which masses were mounted: put counter_masses into the sheet "
                 "(nothing mounted is said too) and ingest with --runs"
             )
-    first = loaded(runs[0], mechanism)
-    values = np.array([conditions.values(loaded(run, mechanism)) - conditions.values(first) for run in runs])
+    first = runs[0].mechanism
+    values = np.array([conditions.values(run.mechanism) - conditions.values(first) for run in runs])
     columns = site_columns(conditions, first, sites)
     masses = np.linalg.lstsq(columns, values.T, rcond=None)[0]
-    lacking = np.linalg.lstsq(columns, -conditions.values(mechanism), rcond=None)[0]
+    lacking = np.linalg.lstsq(columns, -conditions.values(runs[0].unloaded), rcond=None)[0]
     least = LEAST_CHANGE * np.abs(lacking).max(initial=0.0)
     for i, site in enumerate(sites):
         others = np.delete(masses, i, axis=0)

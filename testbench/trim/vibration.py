@@ -6,7 +6,6 @@ pi = C^+ c + N z: what does not shake with a force, but turns the base, is fitte
 base was pushed in a gap is known to nobody: how it rings after one is fitted beside.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -20,21 +19,18 @@ from balance.dynamics.moving_base import ElasticBase, locked_inertia
 from balance.dynamics.regressor import wrench_regressor
 from balance.mechanism import Mechanism
 
-from ..clocks.mapping import ClockMap
 from ..errors import AnalysisError
 from ..motion import base_motion
 from ..motion.derivatives import Grid
-from ..motion.joint_motion import encoder_trajectory, loaded
 from ..rig.support_loads import elastic_base
-from ..runs.si_run import SIRun
+from ..runs.aligned_run import AlignedRun
 from .beside import reduction
-from .evidence import carried, clock_maps, motion_of, refuse_clipped_base, span_of
+from .evidence import motion_of, refuse_clipped_base
 from .parts import Part
 from .sound import Sound
 
 if TYPE_CHECKING:
     from ..rig import Rig
-    from ..store import Run
 
 NEEDED = ("mass", "mounts")
 """What a rig must state of its bench, beside centre and inertia, for its base to be taken for a model."""
@@ -146,25 +142,20 @@ def part_of(run: Shaken, conditions: Conditions) -> Part:
     )
 
 
-def shaken(
-    run: "Run", rig: "Rig", mechanism: Mechanism, cutoff: float, clocks: "Mapping[str, ClockMap] | None"
-) -> Shaken:
+def shaken(run: AlignedRun, cutoff: float) -> Shaken:
     """A run and its base. Raises AnalysisError where no base is stated, no sensor is on it, or gaps leave nothing."""
-    if not states_base(rig):
+    if not states_base(run.rig):
         raise AnalysisError(
             f"{run.name}: its rig does not state the base (bench: {', '.join(NEEDED)}): state it, or make runs with "
             "trial masses, by which the base's response is measured (--from trials)"
         )
-    sensors = base_motion.recorded(SIRun.of(run, rig))
-    if sensors is None:
+    if (sensors := run.base) is None:
         raise AnalysisError(f"{run.name}: no accelerometer on the base was recorded: nothing shows how it vibrates")
-    refuse_clipped_base(run, rig)
-    model = loaded(run, mechanism)
-    grid, path = encoder_trajectory(SIRun.of(run, rig), model, POSITION_BANDWIDTH * cutoff)
-    maps = clock_maps(run, rig, model, {sensors.group}, clocks)
-    sound = Sound.of(run, rig, grid, {sensors.group}, maps, POSITION_BANDWIDTH * cutoff)
+    refuse_clipped_base(run.run)
+    model, bandwidth = run.mechanism, POSITION_BANDWIDTH * cutoff
+    path, sound = run.trajectory(bandwidth), Sound.of(run, bandwidth, {sensors.group})
     sound.refuse_nothing(path)
-    seen = carried(sensors.time, sensors.values, sensors.group, maps, grid)
-    base = elastic_base(rig.bench, locked_inertia(model, path.q[0]))
-    used = span_of(path, grid, RINGING_S)
-    return Shaken(model, grid, path, base, sensors, seen, used, cutoff, motion_of(run), sound)
+    seen = run.on_grid(sensors.group, sensors.time, sensors.values)
+    base = elastic_base(run.rig.bench, locked_inertia(model, path.q[0]))
+    used = run.motion_span(bandwidth, RINGING_S)
+    return Shaken(model, run.grid, path, base, sensors, seen, used, cutoff, motion_of(run), sound)

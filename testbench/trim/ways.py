@@ -1,6 +1,6 @@
 """How each source is asked: its equations, its least squares, and what its interval holds beside noise."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
@@ -14,7 +14,7 @@ from balance.estimation.regression import RegressionRecord
 from ..errors import AnalysisError
 from ..findings import Finding
 from ..motion.gaps import CODE as GAP
-from ..rig.sensors import Encoder
+from ..runs.aligned_run import AlignedRun
 from . import calibration
 from .case import Case, Told
 from .evidence import CUTOFF_HZ, run_evidence
@@ -28,9 +28,7 @@ from .trials import trials_imbalance, without_gaps
 from .vibration import Shaken, basis_of, part_of, shaken
 
 if TYPE_CHECKING:
-    from ..clocks.mapping import ClockMap
-    from ..rig import Column, Rig
-    from ..store import Run
+    from ..rig import Column
 
 T = TypeVar("T")
 
@@ -61,7 +59,7 @@ class _Asked:
         cls, case: Case, records: list[RegressionRecord], effects: Sequence[calibration.Effects], period: float
     ) -> "_Asked":
         """``period`` is that of the cut-off [samples]: noise below it lasts half of that."""
-        joined, entries = calibration.with_errors(records, effects, calibration.stated(case.rigs))
+        joined, entries = calibration.with_errors(records, effects, calibration.stated(run.rig for run in case.runs))
         beside = joined[0].columns.shape[2] - case.conditions.rank - len(entries)
         return cls(joined, entries, np.r_[np.zeros(beside), np.full(len(entries), 0.5 * period)])
 
@@ -70,7 +68,7 @@ class _Asked:
         cls, case: Case, records: list[RegressionRecord], columns: "Sequence[Sequence[Column]]", period: float
     ) -> "_Asked":
         """Of records whose rows are channels: these are exposed to what explains them without errors."""
-        deviations = calibration.stated(case.rigs)
+        deviations = calibration.stated(run.rig for run in case.runs)
         if not deviations:
             return cls.of(case, records, [{}] * len(records), period)
         explained = imbalance_fit(records, case.conditions).regression.explained()
@@ -99,7 +97,7 @@ def by_wrench(case: Case) -> Told:
     every, case, findings = _each(
         case,
         AnalysisError,
-        lambda run, rig, clocks: run_evidence(run, rig, case.mechanism, case.conditions, cutoff, clocks),
+        lambda run: run_evidence(run, case.conditions, cutoff),
     )
     findings += [f for one in every for f in one.findings if f.code == GAP]
     asked = _Asked.of(case, [one.record for one in every], [one.effects for one in every], every[0].period)
@@ -116,10 +114,10 @@ def by_torque(case: Case) -> Told:
     parts, case, findings = _each(
         case,
         NothingLeft,
-        lambda run, rig, clocks: torque_part(run, rig, case.mechanism, case.conditions, cutoff, clocks),
+        lambda run: torque_part(run, case.conditions, cutoff),
     )
     findings += [f for part in parts for f in part.findings]
-    columns = [torque_channels(run, rig, case.mounted) for run, rig in zip(case.runs, case.rigs, strict=True)]
+    columns = [torque_channels(run.run, case.mounted) for run in case.runs]
     asked = _Asked.channel_by_channel(case, records(parts), columns, parts[0].shortest)
     found, held = _free_or_held(asked, case)
     measured, within = asked.widened(found)
@@ -133,9 +131,7 @@ def by_torque(case: Case) -> Told:
 def by_vibration(case: Case) -> Told:
     """By the vibration of the base that the rig states."""
     cutoff = case.cutoff or CUTOFF_HZ
-    runs, case, findings = _each(
-        case, NothingLeft, lambda run, rig, clocks: shaken(run, rig, case.mechanism, cutoff, clocks)
-    )
+    runs, case, findings = _each(case, NothingLeft, lambda run: shaken(run, cutoff))
     findings += [f for run in runs for f in run.sound.findings]
     parts = [part_of(run, case.conditions) for run in runs]
     combinations = shared(parts)
@@ -169,16 +165,16 @@ def by_trials(case: Case) -> Told:
 
 
 def _each(
-    case: Case, leaving: type[AnalysisError], made: "Callable[[Run, Rig, Mapping[str, ClockMap] | None], T]"
-) -> "tuple[list[T], Case, list[Finding]]":
+    case: Case, leaving: type[AnalysisError], made: Callable[[AlignedRun], T]
+) -> tuple[list[T], Case, list[Finding]]:
     """What is ``made`` of each run, the case of those runs, and a finding for each that is left out by an error."""
     every: list[T] = []
-    kept: list[int] = []
+    kept: list[AlignedRun] = []
     findings: list[Finding] = []
-    for i, (run, rig) in enumerate(zip(case.runs, case.rigs, strict=True)):
+    for run in case.runs:
         try:
-            every.append(made(run, rig, case.clocks.get(run.path)))
-            kept.append(i)
+            every.append(made(run))
+            kept.append(run)
         except leaving as error:
             if len(case.runs) == 1:
                 raise
@@ -186,8 +182,7 @@ def _each(
             findings.append(Finding(code, None, run.name, f"left out: {error}"))
     if not every:
         raise AnalysisError("no run can tell:\n" + "\n".join(f"  {f.message}" for f in findings))
-    told = replace(case, runs=[case.runs[i] for i in kept], rigs=[case.rigs[i] for i in kept])
-    return every, told, findings
+    return every, replace(case, runs=kept), findings
 
 
 def _with_encoder_steps(
@@ -197,8 +192,8 @@ def _with_encoder_steps(
     rank, basis = case.conditions.rank, basis_of(case.conditions)
     pi = basis[:, :rank] @ measured.values + basis[:, rank:] @ (combinations @ found.shared[: combinations.shape[1]])
     steps = [
-        step_covariance(run, rig.columns_of(Encoder), gain, pi)
-        for run, rig, gain in zip(runs, case.rigs, found.gains(), strict=True)
+        step_covariance(run, of.encoders, gain, pi)
+        for run, of, gain in zip(runs, case.runs, found.gains(), strict=True)
     ]
     return replace(measured, covariance=measured.covariance + np.sum(steps, axis=0))
 

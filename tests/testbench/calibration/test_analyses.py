@@ -16,6 +16,7 @@ from testbench.cli.analyze import analyze
 from testbench.identify.record import joint_record
 from testbench.motion import base_motion
 from testbench.motion.joint_motion import encoder_trajectory
+from testbench.runs.aligned_run import AlignedRun
 from testbench.runs.recalibrate import calibrate
 from testbench.runs.si_run import SIRun
 from testbench.store import open_campaign
@@ -61,7 +62,7 @@ def test_forces_torques_angles_and_base(campaign):
     """Supports, motors, encoders and the base's accelerometer: each follows the record about it, the others stay."""
     run, other = open_campaign(campaign).runs[-1], open_campaign(campaign).runs[0]
     mechanism = load_mechanism("parallelogram-6bar")
-    forces, torques = shaking_wrench(SIRun.of(run), preload=True), joint_record(run, mechanism)
+    forces, torques = shaking_wrench(SIRun.of(run), preload=True), joint_record(AlignedRun(SIRun.of(run), mechanism))
     path = encoder_trajectory(SIRun.of(run), mechanism, 40.0)[1]
     twice = {"futek_1": "0.5 N/N", "futek_2": "0.5 N/N", "motor_A0": "0.5 (N m)/(N m)", "base_acc": "0.5 g/g"}
     for sensor, text in twice.items():
@@ -71,7 +72,7 @@ def test_forces_torques_angles_and_base(campaign):
     found = shaking_wrench(SIRun.of(run), preload=True)
     np.testing.assert_allclose(found.values["Fz"] - forces.values["Fz"], single, atol=1e-9)
     np.testing.assert_array_equal(found.values["Fx"], forces.values["Fx"])
-    now = joint_record(run, mechanism)
+    now = joint_record(AlignedRun(SIRun.of(run), mechanism))
     np.testing.assert_allclose(now.torque, torques.torque * [2.0, 1.0], atol=1e-12)
     np.testing.assert_allclose(now.q - torques.q, np.broadcast_to([-np.pi / 180.0, 0.0], now.q.shape), atol=1e-12)
     raw = np.column_stack([run.channel(name) for name in ("AccX", "AccY", "AccZ")])

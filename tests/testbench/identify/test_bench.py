@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from balance.loading.loading import load_mechanism
+from studies import simulated_runs as memory
 from testbench.errors import AnalysisError
 from testbench.identify import identify
 from testbench.identify.assembly import assemble
@@ -28,13 +29,13 @@ def runs(shared):
 @pytest.fixture(scope="module")
 def taken(runs):
     """Encoders and torques of the first two runs."""
-    return assemble(runs[:2], MECHANISM, "torque")
+    return assemble(memory.aligned(runs[:2], MECHANISM), "torque")
 
 
 @pytest.fixture(scope="module")
 def separate(runs):
     """Those of the third, as mounted in the first."""
-    return assemble([runs[0], runs[2]], MECHANISM, "torque").records[1:]
+    return assemble(memory.aligned([runs[0], runs[2]], MECHANISM), "torque").records[1:]
 
 
 def inside(result) -> list[bool]:
@@ -83,7 +84,7 @@ def test_a_wrong_scale_is_found(taken):
 @pytest.fixture(scope="module")
 def by_force(runs):
     """Force sensors of the first run."""
-    return assemble(runs[:1], MECHANISM, "wrench")
+    return assemble(memory.aligned(runs[:1], MECHANISM), "wrench")
 
 
 def test_force_sensors(by_force):
@@ -104,7 +105,7 @@ def test_force_sensors(by_force):
 
 def test_both_together(runs, by_torque):
     """Forces and torques, each weighted by its noise: inertias from torques, first moments as close as from forces."""
-    taken = assemble(runs[:1], MECHANISM, "both")
+    taken = assemble(memory.aligned(runs[:1], MECHANISM), "both")
     result = identify(taken.records, taken.mechanism, "ls", others=False)
     assert result.rows == ("A0", "B0", "Fx", "Fy")
     values = {value.name: value for value in result.base_values()}

@@ -7,6 +7,7 @@ cut-off. The other bounds here were set after the results were known: they guard
 import pytest
 
 from balance.loading.loading import load_mechanism
+from studies import simulated_runs as memory
 from testbench import rig as rigs
 from testbench.identify import identify_run
 from testbench.identify.evidence import gather
@@ -32,7 +33,7 @@ def result(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("campaign")
     log = arms.real(RECORDINGS[request.param])
     Ingest(folder, rigs.load(request.param)).run(PlannedRun(log.stem, (log,)))
-    return identify_run(open_run(folder / f"{log.stem}.h5"), load_mechanism(request.param))
+    return identify_run(*memory.aligned([open_run(folder / f"{log.stem}.h5")], load_mechanism(request.param)))
 
 
 def test_first_moments(result):

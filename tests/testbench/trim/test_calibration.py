@@ -28,7 +28,7 @@ def deep():
 
 def test_the_deep_bench(manipulator, deep):
     """Force sensors that are off by a per cent, as the rig says they may be: the interval holds, and says of what."""
-    found = trim_runs(deep, manipulator, source="wrench")
+    found = trim_runs(memory.aligned(deep, manipulator), source="wrench")
     assert all(m.interval[0] < MISSING < m.interval[1] for m in found.missing)
     assert all(np.ptp(m.interval) < MISSING for m in found.missing)
     assert any("calibration and cross-talk that the rig states of base_acc, k6d40, kistler" in a for a in found.about)
@@ -38,7 +38,7 @@ def test_what_is_not_stated_is_not_in_the_interval(manipulator, deep):
     """By a rig that states no errors of its sensors the same runs give narrower intervals, which are not of 95 %."""
     rig = rigs.load("parallelogram-6bar-deep")
     silent = rig.model_copy(update={"bench": rig.bench.model_copy(update={"errors": {}})})
-    stated, unstated = (trim_runs(deep, manipulator, source="wrench", rig=one) for one in (rig, silent))
+    stated, unstated = (trim_runs(memory.aligned(deep, manipulator, one), source="wrench") for one in (rig, silent))
     for wide, narrow in zip(stated.missing, unstated.missing, strict=True):
         assert np.ptp(narrow.interval) < np.ptp(wide.interval)
     assert unstated.unexplained > stated.unexplained

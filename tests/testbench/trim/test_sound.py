@@ -54,10 +54,10 @@ def test_trials_leave_a_run_with_a_gap_out():
     runs = [memory.scene("x").run(k) for k in range(2)]
     cut = memory.without(runs[0], "controller", 0.4, 0.5)
     model = load_mechanism(memory.MANIPULATOR)
-    case = Case([cut, runs[1]], [memory.scene("x").rig] * 2, model, conditions.find(model), [], None, {})
+    case = Case(memory.aligned([cut, runs[1]], model), conditions.find(model), [], None)
     kept, findings = without_gaps(case)
-    assert kept.runs == [runs[1]]
+    assert [run.run.recorded for run in kept.runs] == [runs[1]]
     assert "1 gap in the record of controller, 0.101 s in all" in findings[0].message
     assert "the run is left out, for the base rings on through a gap" in findings[0].message
     with pytest.raises(AnalysisError, match="no run can tell:"):
-        without_gaps(replace(case, runs=[cut], rigs=case.rigs[:1]))
+        without_gaps(replace(case, runs=case.runs[:1]))

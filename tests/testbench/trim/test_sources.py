@@ -46,7 +46,7 @@ def holds(found, widest):
 
 def test_motor_torques(manipulator, runs):
     """Gravity turns what is missing: three motions tell it to a fiftieth of what the bare mechanism lacks."""
-    found = trim_runs(runs, manipulator, rig=with_kinds("encoder", "torque"))
+    found = trim_runs(memory.aligned(runs, manipulator, with_kinds("encoder", "torque")))
     assert found.source == "torque"
     assert holds(found, 0.05)
     assert any("taken from the mechanism's file" in line for line in found.about)
@@ -56,7 +56,8 @@ def test_torque_scales_with_what_is_missing(manipulator):
     """Two kilograms less on one arm are found by torque, and only there."""
     less = {**memory.BUILT, "counter_A0A": memory.BUILT["counter_A0A"] - 2.0}
     found = trim_runs(
-        [memory.scene(m, masses=less).run(k) for k, m in enumerate(MOTIONS)], manipulator, source="torque"
+        memory.aligned([memory.scene(m, masses=less).run(k) for k, m in enumerate(MOTIONS)], manipulator),
+        source="torque",
     )
     first, second = found.missing
     assert first.interval[0] < MISSING + 2.0 * 0.03755 < first.interval[1]
@@ -68,12 +69,12 @@ def test_a_joint_without_torque_is_refused(manipulator, runs):
     rig = rigs.load(memory.MANIPULATOR)
     rig = rig.model_copy(update={"sensors": {k: v for k, v in rig.sensors.items() if k != "motor_B0"}})
     with pytest.raises(AnalysisError, match="no motor torque of joint B0"):
-        trim_runs(runs, manipulator, source="torque", rig=rig)
+        trim_runs(memory.aligned(runs, manipulator, rig), source="torque")
 
 
 def test_vibration_through_the_stated_base(manipulator, runs):
     """With the base that the rig states, its vibration tells best; that the base is assumed is said."""
-    found = trim_runs(runs, manipulator, rig=with_kinds("encoder", "accelerometer"))
+    found = trim_runs(memory.aligned(runs, manipulator, with_kinds("encoder", "accelerometer")))
     assert found.source == "vibration"
     assert holds(found, 0.01)
     assert any("assumed" in line for line in found.about)
@@ -83,7 +84,7 @@ def test_intervals_of_vibration_hold(manipulator):
     """Through the stated base, over seeds of noise and clocks, on another bench: as often as 95 % promises."""
     scenes = [memory.scene(motion, rig=BENCHES["other"]) for motion in MOTIONS]
     runs = [[scene.run(1000 * seed + k) for k, scene in enumerate(scenes)] for seed in range(4)]
-    found = [trim_runs(one, manipulator, source="vibration").missing for one in runs]
+    found = [trim_runs(memory.aligned(one, manipulator), source="vibration").missing for one in runs]
     for arm in range(2):
         hits = [one[arm].interval[0] <= MISSING <= one[arm].interval[1] for one in found]
         assert_holds(sum(hits), len(hits))
@@ -95,12 +96,12 @@ def test_vibration_without_a_stated_base_is_refused(manipulator, runs):
     rig = rigs.load(memory.MANIPULATOR)
     silent = rigs.from_text(rig.text[: rig.text.index("[bench]")])
     with pytest.raises(AnalysisError, match=r"does not state the base.*trial masses"):
-        trim_runs(runs[:1], manipulator, source="vibration", rig=silent)
+        trim_runs(memory.aligned(runs[:1], manipulator, silent), source="vibration")
 
 
 def test_sources_together(manipulator, runs):
     """Forces and torques agree; together they are no less sure than the surer."""
-    both = trim_runs(runs, manipulator)
+    both = trim_runs(memory.aligned(runs, manipulator))
     assert both.source == "wrench+torque"
     assert both.consensus.agrees
     assert holds(both, 0.01)
@@ -118,7 +119,7 @@ def test_sources_that_contradict(manipulator, runs):
         for name in ("tau1", "tau2"):
             run = memory.with_values(run, name, other.channel(name))
         mixed.append(run)
-    found = trim_runs(mixed, manipulator)
+    found = trim_runs(memory.aligned(mixed, manipulator))
     assert found.verdict == "doubtful"
     assert "contradict" in found.doubts()[0]
 
@@ -135,7 +136,7 @@ def trials():
 def test_trial_masses(manipulator, trials):
     """Nothing is known of the base: trial masses of a kilogram tell what is missing on the first run's mounting."""
     silent = rigs.from_text(rigs.load(memory.MANIPULATOR).text.split("[bench]")[0])
-    found = trim_runs(trials, manipulator, rig=silent)
+    found = trim_runs(memory.aligned(trials, manipulator, silent))
     assert found.source == "trials"
     assert all(m.interval[0] < MISSING < m.interval[1] for m in found.missing)
     assert all(np.ptp(m.interval) < 0.5 * MISSING for m in found.missing)
@@ -145,26 +146,26 @@ def test_trial_masses(manipulator, trials):
 def test_an_arm_without_trial_mass_is_named(manipulator, trials):
     """Trial masses on the first arm alone do not determine the second."""
     with pytest.raises(AnalysisError, match="the mass at counter_B0B does not differ independently"):
-        trim_runs(trials[:6], manipulator)
+        trim_runs(memory.aligned(trials[:6], manipulator))
 
 
 def test_a_trial_mass_that_was_not_recorded_is_refused(manipulator, trials):
     """A run whose conditions do not say what was mounted cannot be a trial."""
     forgotten = replace(trials[3], conditions={k: v for k, v in trials[3].conditions.items() if k != "counter_masses"})
     with pytest.raises(AnalysisError, match="do not say which masses were mounted"):
-        trim_runs([*trials[:3], forgotten, *trials[6:]], manipulator, source="trials")
+        trim_runs(memory.aligned([*trials[:3], forgotten, *trials[6:]], manipulator), source="trials")
 
 
 def test_the_figure(manipulator, runs):
     """A panel an arm; the points are the sources', both together, and what the plates leave."""
-    figure = draw(trim_runs(runs, manipulator))
+    figure = draw(trim_runs(memory.aligned(runs, manipulator)))
     assert len(figure.axes) == 2
     assert [t.get_text() for t in figure.axes[0].get_xticklabels()] == ["wrench", "torque", "all", "with what is added"]
 
 
 def test_the_predicted_residual_has_an_interval(manipulator, runs):
     """What is added leaves nothing of what is told, up to what the intervals leave open."""
-    found = trim_runs(runs, manipulator)
+    found = trim_runs(memory.aligned(runs, manipulator))
     low, high = found.predicted_residual_interval
     assert low == 0.0
     assert found.predicted_residual < high < 0.2 * MISSING

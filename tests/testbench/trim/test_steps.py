@@ -12,8 +12,6 @@ from balance.loading.loading import load_mechanism
 from balance.motion import Samples
 from studies import simulated_runs as memory
 from testbench.motion.derivatives import rates
-from testbench.motion.joint_motion import loaded
-from testbench.rig.sensors import Encoder
 from testbench.trim.parts import records, shared
 from testbench.trim.steps import per_reading, step_covariance, wrench_slopes
 from testbench.trim.vibration import basis_of, part_of, shaken
@@ -26,16 +24,16 @@ STEP = 4.8e-5
 def case():
     """The runs of three motions, the conditions, the fit, the parameters that it found."""
     mechanism = load_mechanism(memory.MANIPULATOR)
-    runs = [memory.scene(motion).run(k) for k, motion in enumerate(("x", "y", "triangle"))]
-    found = conditions.find(loaded(runs[0], mechanism))
-    rigs = [memory.scene("x").rig] * 3
-    moved = [shaken(run, rig, mechanism, 40.0, None) for run, rig in zip(runs, rigs, strict=True)]
+    seen = [memory.scene(motion).run(k) for k, motion in enumerate(("x", "y", "triangle"))]
+    runs = memory.aligned(seen, mechanism)
+    found = conditions.find(runs[0].mechanism)
+    moved = [shaken(run, 40.0) for run in runs]
     parts = [part_of(run, found) for run in moved]
     turned = shared(parts)
     fit = imbalance_fit(records(parts, turned), found)
     basis = basis_of(found)
     pi = basis[:, : found.rank] @ fit.imbalance.values + basis[:, found.rank :] @ (turned @ fit.shared)
-    return moved, rigs[0].columns_of(Encoder), found, turned, fit, pi
+    return moved, runs[0].encoders, found, turned, fit, pi
 
 
 def elsewhere(run, joints, more):

@@ -34,7 +34,7 @@ def triangle():
 
 def test_the_built_set(manipulator, triangle):
     """17.11 kg for 3.41 kg: 0.0308 kg m are missing, within the interval, and 0.82 kg an arm at 37.55 mm balance it."""
-    found = trim_runs([triangle.run(seed) for seed in range(3)], manipulator)
+    found = trim_runs(memory.aligned([triangle.run(seed) for seed in range(3)], manipulator))
     assert found.source == "wrench+torque"
     assert found.origin == "simulated"
     assert found.verdict == "add"
@@ -64,7 +64,7 @@ def other_bench():
 def test_intervals_hold(manipulator, bench):
     """Intervals hold the truth as often as 95 % promises, over seeds of noise and clocks, on this bench and another."""
     scene = memory.scene("triangle", rig=bench)
-    found = [trim_runs([scene.run(seed)], manipulator, source="wrench").missing for seed in range(16)]
+    found = [trim_runs(memory.aligned([scene.run(seed)], manipulator), source="wrench").missing for seed in range(16)]
     for arm in range(2):
         hits = [one[arm].interval[0] <= MISSING <= one[arm].interval[1] for one in found]
         assert_holds(sum(hits), len(hits))
@@ -73,7 +73,7 @@ def test_intervals_hold(manipulator, bench):
 def test_too_much_is_said(manipulator):
     """Counter-masses that are a kilogram too heavy: a negative first moment is missing, nothing is added."""
     heavy = memory.scene("triangle", masses={"counter_A0A": 18.931, "counter_B0B": 18.931})
-    found = trim_runs([heavy.run(0)], manipulator)
+    found = trim_runs(memory.aligned([heavy.run(0)], manipulator))
     assert found.verdict == "remove"
     assert all(m.mass == pytest.approx(-1.0, abs=0.3) for m in found.missing)
     assert not found.addition.counter_masses
@@ -82,9 +82,9 @@ def test_too_much_is_said(manipulator):
 def test_stock(manipulator, triangle):
     """From plates of 0.4 kg two go on each arm; plates of 5 kg would do harm, and none is proposed."""
     runs = [triangle.run(0)]
-    small = trim_runs(runs, manipulator, plates=[stock.Plate("P", 0.4, 8)])
+    small = trim_runs(memory.aligned(runs, manipulator), plates=[stock.Plate("P", 0.4, 8)])
     assert [c.plates for c in small.addition.counter_masses] == [("P", "P"), ("P", "P")]
-    large = trim_runs(runs, manipulator, plates=[stock.Plate("M", 5.0, 4)])
+    large = trim_runs(memory.aligned(runs, manipulator), plates=[stock.Plate("M", 5.0, 4)])
     assert sum(c.mass for c in large.addition.counter_masses) == 0.0
     assert large.predicted_residual == pytest.approx(MISSING, rel=0.1)
 
@@ -93,10 +93,10 @@ def test_without_the_base_accelerometer(manipulator, triangle):
     """On a base that moves the clocks cannot be aligned without it; on one that does not, its absence is a doubt."""
     rig = without_base_accelerometer(rigs.load(memory.MANIPULATOR))
     with pytest.raises(AnalysisError, match="forces is not aligned"):
-        trim_runs([triangle.run(0)], manipulator, source="wrench", rig=rig)
+        trim_runs(memory.aligned([triangle.run(0)], manipulator, rig), source="wrench")
     arm = load_mechanism("serial-2r")
     rig = without_base_accelerometer(rigs.from_text(linkages.rig_text(arm)))
-    found = trim_runs([linkages.run(arm)], arm, source="wrench", rig=rig)
+    found = trim_runs(memory.aligned([linkages.run(arm)], arm, rig), source="wrench")
     assert found.verdict == "doubtful"
     assert "no accelerometer on the base" in found.doubts()[0]
 
@@ -122,13 +122,13 @@ def clipped(run):
 def test_runs_that_cannot_tell_are_refused(manipulator, triangle, change, says):
     """No motion, a clipped force: refused, saying what is wrong."""
     with pytest.raises(CounterpoiseError, match=says):
-        trim_runs([change(triangle.run(0))], manipulator, source="wrench")
+        trim_runs(memory.aligned([change(triangle.run(0))], manipulator), source="wrench")
 
 
 def test_a_motion_that_does_not_excite_is_refused(manipulator):
     """The y move alone, with one accelerometer on the base, does not tell the arms apart: what to add is said."""
     with pytest.raises(AnalysisError, match=r"cannot tell what is missing.*another direction"):
-        trim_runs([memory.scene("y").run(0)], manipulator)
+        trim_runs(memory.aligned([memory.scene("y").run(0)], manipulator))
 
 
 def test_no_force_channels(manipulator, triangle):
@@ -136,7 +136,7 @@ def test_no_force_channels(manipulator, triangle):
     rig = rigs.load(memory.MANIPULATOR)
     kept = {k: v for k, v in rig.sensors.items() if v.kind == "encoder"}
     with pytest.raises(AnalysisError, match="neither force sensors nor motor torques"):
-        trim_runs([triangle.run(0)], manipulator, rig=rig.model_copy(update={"sensors": kept}))
+        trim_runs(memory.aligned([triangle.run(0)], manipulator, rig.model_copy(update={"sensors": kept})))
 
 
 def test_runs_of_two_mountings_are_refused(manipulator, triangle):
@@ -144,14 +144,14 @@ def test_runs_of_two_mountings_are_refused(manipulator, triangle):
     other = triangle.run(1)
     other = replace(other, conditions={**other.conditions, "counter_masses": {}})
     with pytest.raises(AnalysisError, match="one mounting"):
-        trim_runs([triangle.run(0), other], manipulator, source="wrench")
+        trim_runs(memory.aligned([triangle.run(0), other], manipulator), source="wrench")
 
 
 @pytest.mark.parametrize("name", ["four-bar", "serial-2r"])
 def test_other_mechanisms_by_wrench(name):
     """A linkage and an arm on a force plate: what their counter-masses lack, within the interval."""
     mechanism = load_mechanism(name)
-    found = trim_runs([linkages.run(mechanism)], mechanism)
+    found = trim_runs(memory.aligned([linkages.run(mechanism)], mechanism))
     masses = np.linalg.lstsq(*_system(mechanism, found), rcond=None)[0]
     for one, mass in zip(found.missing, masses, strict=True):
         moment = mass * np.linalg.norm(one.position)
@@ -172,7 +172,7 @@ def test_a_serial_arm_by_torque():
     mechanism = load_mechanism("serial-2r")
     mounted = {"counter_link_1": 1.0, "counter_link_2": 0.3}
     run = linkages.run(mechanism, counter_masses=mounted, plate=False, seconds=10.0, rate=250.0)
-    found = trim_runs([run], mechanism)
+    found = trim_runs(memory.aligned([run], mechanism))
     assert found.source == "torque"
     masses = np.linalg.lstsq(*_system(mechanism.with_counter_mass(mounted), found), rcond=None)[0]
     for one, mass in zip(found.missing, masses, strict=True):
