@@ -1,6 +1,7 @@
 """``testbench predict``."""
 
 import json
+import sys
 
 import pytest
 from click.testing import CliRunner
@@ -103,3 +104,13 @@ def test_an_unknown_kind_of_figure(tmp_path):
     result = CliRunner().invoke(predict, ["kiper2019", "--figure", str(tmp_path / "a.foo")], standalone_mode=False)
     assert isinstance(result.exception, DataError)
     assert "svg" in str(result.exception)
+
+
+def test_without_a_checkout(monkeypatch):
+    """Where the study is not, one line says where it is and what to do."""
+    monkeypatch.setitem(sys.modules, "studies.kiper2019", None)
+    result = CliRunner().invoke(predict, ["kiper2019"], standalone_mode=False)
+    assert isinstance(result.exception, AnalysisError)
+    assert "studies/kiper2019" in str(result.exception)
+    assert "pip install --editable" in str(result.exception)
+    assert "\n" not in str(result.exception)
