@@ -8,10 +8,11 @@ def schema(name: str) -> dict[str, Any]:
     from balance.input_files import json_schema
 
     from ..errors import RigError
+    from ..ingest.sheetrows import RunRow
     from ..plan import Plan
     from ..rig import Rig
 
-    models = {"plan": Plan, "rig": Rig}
+    models = {"plan": Plan, "rig": Rig, "run-table": RunRow}
     if name not in models:
         raise RigError(f"{name!r} is no kind of input file: there are {', '.join(models)}")
     return json_schema(models[name])

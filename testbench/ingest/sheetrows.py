@@ -1,19 +1,67 @@
-"""The rows of the sheet of run conditions, ``runs.csv``: one a log file, checked by line and column."""
+"""The rows of the run table, ``runs.csv``: one a log file, checked by line and column."""
 
 import csv
 import io
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
-from typing import cast, get_args
+from typing import Annotated, cast
+
+from pydantic import BeforeValidator, Field
+
+from balance.input_files import Table, Text, model_from_table, read_text, suggestion
 
 from ..errors import RigError
 from ..recording import Conditions, Origin
 
-COLUMNS = ("file", "run", "origin", "payload_kg", "counter_masses", "motion", "peak_acceleration_g", "repeat")
-"""Columns of a sheet; ``file`` alone must be there. Files of one ``run`` are stored together."""
+NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+
+
+def _by_site(text: object) -> object:
+    """``SITE=KG;SITE=KG`` as masses by site; nothing: no counter-masses."""
+    masses: dict[str, str] = {}
+    for part in filter(None, (part.strip() for part in str(text).split(";"))):
+        site, equals, mass = (word.strip() for word in part.partition("="))
+        if not site or not equals:
+            raise ValueError(f"{part!r}: expected SITE=KG;SITE=KG")
+        if site in masses:
+            raise ValueError(f"name the site {site!r} twice")
+        masses[site] = mass
+    return masses
+
+
+BySite = Annotated[dict[str, NotNegative], BeforeValidator(_by_site, json_schema_input_type=str)]
+
+
+class RunRow(Table):
+    """A log file, and what its run was made with."""
+
+    file: Text
+    """Name of the log file, or its place beside the table."""
+    run: Text | None = None
+    """Name of the run; files of one run are stored together."""
+    origin: Origin = "unstated"
+    """Where the log is from."""
+    payload_kg: NotNegative | None = None
+    """Everything that the platform carries, itself included [kg]."""
+    counter_masses: BySite | None = None
+    """Counter-masses by site, ``SITE=KG;SITE=KG`` [kg]."""
+    motion: Text | None = None
+    """Name of the motion, or its file."""
+    peak_acceleration_g: NotNegative | None = None
+    """Peak acceleration of the motion, in g0."""
+    repeat: Annotated[int, Field(ge=0)] | None = None
+    """Which repeat of the same conditions it is."""
+
+    @property
+    def conditions(self) -> Conditions:
+        """What the run was made with; what the table leaves empty is absent."""
+        return cast(Conditions, self.model_dump(exclude={"file", "run", "origin"}, exclude_none=True))
+
+
+COLUMNS = tuple(RunRow.model_fields)
+"""Columns of a run table; ``file`` alone must be there."""
 _NUMBERS = ("payload_kg", "counter_masses", "peak_acceleration_g")
 
 
@@ -31,30 +79,24 @@ class SheetRow:
 
 
 def read(sheet: Path) -> list[SheetRow]:
-    """The rows of a sheet. Raises RigError, with line and column, for what it does not understand.
+    """The rows of a run table. Raises RigError, with line and column, for what it does not understand.
 
     Commas, tabs or semicolons separate the cells, as the first line shows; with semicolons, as spreadsheets of half of
     Europe write them, numbers may have decimal commas, all or none.
     """
-    try:
-        text = sheet.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise RigError(f"{sheet.name}: not UTF-8; save the sheet as UTF-8 (in a spreadsheet: CSV UTF-8)") from error
-    except FileNotFoundError as error:
-        raise RigError(f"{sheet}: no such file; expected a sheet of run conditions") from error
-    except IsADirectoryError as error:
-        raise RigError(f"{sheet}: is a folder; expected a sheet of run conditions, such as runs.csv") from error
+    text = read_text(sheet, RigError).removeprefix("\ufeff")
     first = text.partition("\n")[0]
     delimiter = ";" if ";" in first else "\t" if "\t" in first else ","
     table = csv.DictReader(io.StringIO(text), delimiter=delimiter)
     columns = [name.strip() for name in table.fieldnames or []]
     table.fieldnames = columns
     if "file" not in columns:
-        raise RigError(f"{sheet.name}: no column 'file'; expected a sheet of run conditions with {', '.join(COLUMNS)}")
+        raise RigError(f"{sheet.name}: no column 'file': expected a run table with {', '.join(COLUMNS)}")
     if unknown := [name for name in columns if name not in COLUMNS]:
-        raise RigError(f"{sheet.name}: unknown column {unknown[0]!r}; expected some of {', '.join(COLUMNS)}")
+        hint = suggestion(unknown[0], COLUMNS) or f": expected some of {', '.join(COLUMNS)}"
+        raise RigError(f"{sheet.name}: unknown column {unknown[0]!r}{hint}")
     try:
-        rows = [_row(sheet, table.line_num, cells, delimiter) for cells in table if any(cells.values())]
+        rows = [_row(sheet.name, table.line_num, cells, delimiter) for cells in table if any(cells.values())]
     except csv.Error as error:
         raise RigError(f"{sheet.name}, line {table.line_num}: {error}") from error
     if not rows:
@@ -82,60 +124,15 @@ def _check_rows(sheet: Path, rows: Sequence[SheetRow]) -> None:
         )
 
 
-def _row(sheet: Path, line: int, cells: Mapping[str | None, str | None], delimiter: str) -> SheetRow:
+def _row(name: str, line: int, cells: Mapping[str | None, str | None], delimiter: str) -> SheetRow:
+    place = f"{name}, line {line}"
     if None in cells or None in cells.values():
         hint = "" if delimiter != ";" else "; counter_masses with several sites need quotes in a sheet with semicolons"
-        raise RigError(f"{sheet.name}, line {line}: more or fewer cells than columns{hint}")
-    text = {str(name): (cell or "").strip() for name, cell in cells.items()}
-    place = f"{sheet.name}, line {line}"
-    if not text["file"]:
-        raise RigError(f"{place}: column 'file' is empty; expected the name of a log file")
-    origin = text.get("origin") or "unstated"
-    if origin not in get_args(Origin):
-        raise RigError(f"{place}: origin {origin!r}; expected {', '.join(get_args(Origin))}, or nothing")
-    numbers = " ".join(text.get(name, "") for name in _NUMBERS)
-    marks = frozenset(re.findall(r"(?<=\d)[.,](?=\d)", numbers))
+        raise RigError(f"{place}: more or fewer cells than columns{hint}")
+    text = {str(column): (cell or "").strip() for column, cell in cells.items()}
+    marks = frozenset(re.findall(r"(?<=\d)[.,](?=\d)", " ".join(text.get(column, "") for column in _NUMBERS)))
     if delimiter == ";" and marks == {","}:
-        text |= {name: text[name].replace(",", ".") for name in _NUMBERS if name in text}
-    run = text.get("run") or None
-    return SheetRow(line, text["file"], run, cast(Origin, origin), _conditions(place, text), marks)
-
-
-def _conditions(place: str, text: Mapping[str, str]) -> Conditions:
-    found = Conditions()
-    if payload := text.get("payload_kg"):
-        found["payload_kg"] = _number(place, "payload_kg", payload)
-    if "counter_masses" in text:
-        found["counter_masses"] = _masses(place, text["counter_masses"])
-    if motion := text.get("motion"):
-        found["motion"] = motion
-    if peak := text.get("peak_acceleration_g"):
-        found["peak_acceleration_g"] = _number(place, "peak_acceleration_g", peak)
-    if repeat := text.get("repeat"):
-        if not repeat.isdecimal():
-            raise RigError(f"{place}: repeat {repeat!r}; expected a whole number")
-        found["repeat"] = int(repeat)
-    return found
-
-
-def _masses(place: str, text: str) -> dict[str, float]:
-    """``SITE=KG;SITE=KG`` as masses [kg] by site; nothing: no counter-masses."""
-    masses: dict[str, float] = {}
-    for part in filter(None, (part.strip() for part in text.split(";"))):
-        site, equals, mass = (word.strip() for word in part.partition("="))
-        if not site or not equals:
-            raise RigError(f"{place}: counter_masses {part!r}; expected SITE=KG;SITE=KG")
-        if site in masses:
-            raise RigError(f"{place}: counter_masses name the site {site!r} twice")
-        masses[site] = _number(place, f"counter_masses {site}", mass)
-    return masses
-
-
-def _number(place: str, column: str, text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not (math.isfinite(value) and value >= 0):
-        raise RigError(f"{place}: {column} {text!r}; expected a number such as 1.451, not negative")
-    return value
+        text |= {column: text[column].replace(",", ".") for column in _NUMBERS if column in text}
+    given = {column: cell for column, cell in text.items() if cell or column == "counter_masses"}
+    row = model_from_table(RunRow, given, place, RigError)
+    return SheetRow(line, row.file, row.run, row.origin, row.conditions, marks)

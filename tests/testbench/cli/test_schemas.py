@@ -10,11 +10,11 @@ from testbench.cli.schemas import schema
 from testbench.errors import RigError
 
 
-@pytest.mark.parametrize("name", ["plan", "rig"])
+@pytest.mark.parametrize("name", ["plan", "rig", "run-table"])
 def test_every_key_says_what_it_means(name):
     """A table and each of its keys."""
     found = schema(name)
-    for title, table in {name: found, **found["$defs"]}.items():
+    for title, table in {name: found, **found.get("$defs", {})}.items():
         assert table.get("description"), title
         for key, described in table.get("properties", {}).items():
             assert described.get("description"), f"{title}.{key}"
@@ -33,5 +33,5 @@ def test_the_shipped_files_are_valid(name):
 
 def test_an_unknown_kind_lists_those_that_there_are():
     """By name."""
-    with pytest.raises(RigError, match="'campaign' is no kind of input file: there are plan, rig"):
+    with pytest.raises(RigError, match="'campaign' is no kind of input file: there are plan, rig, run-table"):
         schema("campaign")

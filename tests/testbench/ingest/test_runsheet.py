@@ -69,16 +69,16 @@ def test_files_of_one_name_are_told_apart_by_their_folder(tmp_path):
         ("nope.csv,,,,,,\na.csv,,,,,,\n", r"line 2: none of the given files has the name 'nope.csv'"),
         ("", r"names no file"),
         ("a.csv,,,,,,\na.csv,,,,,,\n", r"names a.csv a second time"),
-        ("a.csv,guessed,,,,,\n", r"line 2: origin 'guessed'; expected measured, simulated, unstated"),
-        ("a.csv,,five,,,,\n", r"line 2: payload_kg 'five'; expected a number"),
-        ("a.csv,,-1,,,,\n", r"payload_kg '-1'"),
-        ('a.csv,,"1,5",,,,\n', r"payload_kg '1,5'"),
-        ("a.csv,,nan,,,,\n", r"payload_kg 'nan'"),
-        ("a.csv,,,A0A:24,,,\n", r"counter_masses 'A0A:24'; expected SITE=KG;SITE=KG"),
+        ("a.csv,guessed,,,,,\n", r"line 2: origin: 'guessed': expected 'measured', 'simulated' or 'unstated'"),
+        ("a.csv,,five,,,,\n", r"line 2: payload_kg: 'five': expected a number"),
+        ("a.csv,,-1,,,,\n", r"payload_kg: '-1': expected zero or more"),
+        ('a.csv,,"1,5",,,,\n', r"payload_kg: '1,5': expected a number"),
+        ("a.csv,,nan,,,,\n", r"payload_kg: 'nan': expected a number"),
+        ("a.csv,,,A0A:24,,,\n", r"counter_masses: 'A0A:24': expected SITE=KG;SITE=KG"),
         ("a.csv,,,A=1;A=2,,,\n", r"name the site 'A' twice"),
-        ("a.csv,,,,,,1.5\n", r"repeat '1.5'; expected a whole number"),
+        ("a.csv,,,,,,1.5\n", r"repeat: '1.5': expected a whole number"),
         ("a.csv,,,\n", r"line 2: more or fewer cells than columns"),
-        (",,,,,,1\n", r"column 'file' is empty"),
+        (",,,,,,1\n", r"line 2: file: missing: expected name of the log file"),
     ],
 )
 def test_a_wrong_sheet_is_refused_by_line_and_column(sheet, rows, message):
@@ -97,7 +97,11 @@ def test_a_given_file_that_the_sheet_does_not_name(sheet):
 
 @pytest.mark.parametrize(
     ("head", "message"),
-    [("name,origin\n", "no column 'file'"), ("file,paylod\n", "unknown column 'paylod'"), ("", "no column 'file'")],
+    [
+        ("name,origin\n", "no column 'file'"),
+        ("file,paylod\n", "unknown column 'paylod'.* mean 'payload_kg'"),
+        ("", "no column 'file'"),
+    ],
 )
 def test_wrong_columns(sheet, head, message):
     """A column that is missing or unknown is named."""
@@ -144,7 +148,7 @@ def test_a_sheet_with_semicolons(sheet, row):
     [
         ("a.csv;1,451;;3\nb.csv;1.451;;3\n", r"decimal commas \(line 2\) and decimal points \(line 3\)"),
         ("a.csv;1,451;A=24,26;B=1;3\n", "need quotes in a sheet with semicolons"),
-        ("a.csv;1.451,5;;3\n", "payload_kg '1.451,5'; expected a number"),
+        ("a.csv;1.451,5;;3\n", "payload_kg: '1.451,5': expected a number"),
         ("a.csv;1;;3\n./a.csv;2;;3\n", "line 3: names ./a.csv a second time, after line 2"),
     ],
 )
