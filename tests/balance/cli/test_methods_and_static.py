@@ -149,5 +149,5 @@ def test_an_end_that_a_spring_file_lacks_is_named_as_missing(tmp_path):
     """Not as one that is None."""
     path = tmp_path / "springs.toml"
     path.write_text("[[spring]]\nsecond = { body = 'AB', at = ['0.1 m', '0 m', '0 m'] }\n", encoding="utf-8")
-    with pytest.raises(DataError, match=r"spring 1: first is missing: expected first = \{ body = 'base'"):
+    with pytest.raises(DataError, match=r"spring\[0\]\.first: missing: expected one end"):
         CliRunner().invoke(static, ["four-bar", "--springs", str(path)], catch_exceptions=False)
