@@ -166,7 +166,7 @@ class Table(BaseModel):
         """Word what is wrong here, where the table's keys are known."""
         try:
             table = handler(value)
-            table.check()
+            table._check()
         except ValidationError as error:
             found = [_explain(cls, each) for each in error.errors(include_url=False)]
             raise ValidationError.from_exception_data(cls.__name__, found) from error
@@ -175,7 +175,7 @@ class Table(BaseModel):
             raise ValidationError.from_exception_data(cls.__name__, [wrong]) from error
         return table
 
-    def check(self) -> None:
+    def _check(self) -> None:
         """Raise DataError for keys that do not go together."""
 
 

@@ -106,8 +106,7 @@ class MotorTable(Table):
     torque: list[Moment]
     """Torques at the points [N m]."""
 
-    def check(self) -> None:
-        """Raise DataError for keys that do not go together."""
+    def _check(self) -> None:
         if len(self.speed) != len(self.torque) or len(self.speed) < 2 or not (np.diff(self.speed) > 0.0).all():
             raise DataError(
                 f"speed has {len(self.speed)}, torque {len(self.torque)} values: expected as many, speeds increasing"
@@ -148,8 +147,7 @@ class FrictionTable(_LoadTable):
     force: Force | None = None
     """Of a joint that slides [N]."""
 
-    def check(self) -> None:
-        """Raise DataError for keys that do not go together."""
+    def _check(self) -> None:
         if self.kind == "dry" and min(self.torque or 0.0, self.force or 0.0) < 0.0:
             raise DataError("torque or force: expected zero or more, it opposes the motion")
 
@@ -194,8 +192,7 @@ class CurveTable(_LoadTable):
     file: Text | None = None
     """In place of the lists a CSV beside the drive file, its header such as ``angle (deg),force (N)``."""
 
-    def check(self) -> None:
-        """Raise DataError for keys that do not go together."""
+    def _check(self) -> None:
         given = [key for key in ("angle", "torque", "force") if getattr(self, key) is not None]
         if self.file is not None and given:
             raise DataError(f"gives both file and {given[0]}: one of them")
@@ -273,8 +270,7 @@ class DriveTable(Table):
     printed: list[Printed] = Field(default_factory=list)
     """What a source publishes."""
 
-    def check(self) -> None:
-        """Raise DataError for keys that do not go together."""
+    def _check(self) -> None:
         if any(abs(a - b) < 1e-9 * a for i, a in enumerate(self.speeds) for b in self.speeds[:i]):
             raise DataError("speeds: holds one speed twice")
 

@@ -50,8 +50,7 @@ class SliderCrankTable(Table):
     offset: Length = 0.0
     """Distance of the cylinder's axis from the crank's [m]."""
 
-    def check(self) -> None:
-        """Raise DataError for keys that do not go together."""
+    def _check(self) -> None:
         if self.rod_mass > 0.0 and self.rod_centre is None:
             raise DataError("rod_centre is missing: how far the rod's centre of mass is from the crank pin")
         self.slider_crank()
@@ -101,8 +100,7 @@ class EngineTable(Table):
     counterweights: Annotated[list[CounterweightTable], Distinct] = Field(default_factory=list)
     """Counterweights on the crankshaft."""
 
-    def check(self) -> None:
-        """Raise DataError for keys that do not go together."""
+    def _check(self) -> None:
         count = len(self.throws)
         for key in ("banks", "at"):
             if (found := getattr(self, key)) is not None and len(found) != count:

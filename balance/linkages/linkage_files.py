@@ -96,8 +96,7 @@ class PlaceTable(Table):
     inertia: StatedInertia | None = None
     """About its own centre of mass, whatever its mass [kg m2]."""
 
-    def check(self) -> None:
-        """Raise DataError for keys that do not go together."""
+    def _check(self) -> None:
         if (self.at is None) == (self.radius is None):
             raise DataError("expected either at = [x, y] or radius = '...'")
         shapes = ("bar", "radius_of_gyration", "inertia")
@@ -125,8 +124,7 @@ class LinkTable(Table):
     angle: Angle | None = None
     """Angle of its frame in that of the link that it is fixed to [rad]."""
 
-    def check(self) -> None:
-        """Raise DataError for keys that do not go together."""
+    def _check(self) -> None:
         if self.fixed_to is None and (idle := [key for key in ("at", "angle") if getattr(self, key) is not None]):
             raise DataError(f"{idle[0]} is for a link that is fixed_to another")
 
@@ -154,8 +152,7 @@ class _JointTable(Table):
         """What is given of the joint on each of its links."""
         return self.__pydantic_extra__ or {}
 
-    def check(self) -> None:
-        """Raise DataError for keys that do not go together."""
+    def _check(self) -> None:
         if len(self.ends) != 2:
             raise DataError(f"joins {', '.join(self.ends) or 'nothing'}: expected two links")
         for link, end in self.ends.items():
@@ -215,8 +212,7 @@ class CounterGearTable(Table):
     radius_of_gyration: PositiveLength | None = None
     """Its radius of gyration, in place of its mass [m]."""
 
-    def check(self) -> None:
-        """Raise DataError for keys that do not go together."""
+    def _check(self) -> None:
         if (self.at is None) != (self.on is None):
             given, other = ("at", "on") if self.on is None else ("on", "at")
             raise DataError(f"{given} is given and {other} is missing: expected at = [x, y] and on = 'LINK'")
@@ -240,8 +236,7 @@ class GearTable(Table):
     counter: CounterGearTable = CounterGearTable()
     """The gear that turns the other way."""
 
-    def check(self) -> None:
-        """Raise DataError for keys that do not go together."""
+    def _check(self) -> None:
         if self.disc is not None and self.wheel is not None:
             raise DataError("expected either disc or wheel, not both")
 
@@ -319,8 +314,7 @@ class LinkageTable(Table):
     printed: PrintedTable = PrintedTable()
     """What a source publishes for it."""
 
-    def check(self) -> None:
-        """Raise DataError for keys that do not go together."""
+    def _check(self) -> None:
         if self.swing is not None and self.swing[0] == self.swing[1]:
             raise DataError("swing: both ends are the same angle, so nothing would move")
 

@@ -109,8 +109,7 @@ class MotionTable(Table):
         """Driven joints, or axes along which the point moves."""
         return tuple(self.joints or self.axes or ("x", "y"))
 
-    def check(self) -> None:
-        """Raise DataError for keys that do not go together."""
+    def _check(self) -> None:
         _refuse_idle(self, ("point", "axes") if self.driven == "joints" else ("joints",), f"driven = {self.driven!r}")
         if self.driven == "joints" and self.joints is None:
             raise DataError("joints: missing: expected the names of the driven joints")

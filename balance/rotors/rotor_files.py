@@ -33,8 +33,7 @@ class MassTable(Table):
     at: Length
     """Place along the axis [m]."""
 
-    def check(self) -> None:
-        """Raise DataError for keys that do not go together."""
+    def _check(self) -> None:
         given = [key for key in ("mass", "radius", "unbalance") if getattr(self, key) is not None]
         if given not in (["mass", "radius"], ["unbalance"]):
             raise DataError(f"gives {' and '.join(given) or 'no mass'}: expected mass and radius, or unbalance")
@@ -57,8 +56,7 @@ class PlaneTable(Table):
     mass: PositiveMass | None = None
     """Correction mass, where that is chosen [kg]."""
 
-    def check(self) -> None:
-        """Raise DataError for keys that do not go together."""
+    def _check(self) -> None:
         if self.radius is not None and self.mass is not None:
             raise DataError("gives both radius and mass: m_b r_b is fixed, choose one of them")
 
@@ -89,8 +87,7 @@ class RotorTable(Table):
     published: dict[str, Annotated[complex, Vector("first moment")]] = Field(default_factory=dict)
     """Corrections by plane that the source publishes, to be shown beside ours [kg m]."""
 
-    def check(self) -> None:
-        """Raise DataError for keys that do not go together."""
+    def _check(self) -> None:
         if self.bearings and (len(self.bearings) != 2 or self.bearings[0] == self.bearings[1]):
             raise DataError(f"bearings: {self.bearings} m: expected two, in two places")
         if unknown := set(self.published) - {plane.name for plane in self.planes}:

@@ -127,8 +127,7 @@ class RunTable(Table):
     phases_alike: dict[str, Annotated[float, Quantity("angle", above=0.0)]] = Field(default_factory=dict)
     """Half the 95 % interval of an error that all phases at a speed share, by speed [rad]."""
 
-    def check(self) -> None:
-        """Raise DataError for keys that do not go together."""
+    def _check(self) -> None:
         if self.weights is not None and self.stayed_on is None:
             raise DataError(
                 "stayed_on is missing: say whether this run's trial weight stayed on after it (true or false)"
@@ -171,8 +170,7 @@ class TrialRunsTable(Table):
     published: dict[str, Weight] = Field(default_factory=dict)
     """Weights by plane that the source publishes [kg or kg m]."""
 
-    def check(self) -> None:
-        """Raise DataError for keys that do not go together."""
+    def _check(self) -> None:
         given = [key for key in ("initial", "coefficients", "per") if getattr(self, key) is not None]
         if self.runs and given:
             raise DataError(f"gives both runs and {given[0]}: expected runs, or coefficients, initial and per")
@@ -334,11 +332,11 @@ class _Builder:
         given = {(sensor, v): row for v, of in (self.table.coefficients or {}).items() for sensor, row in of.items()}
         if odd := sorted(f"{sensor} at {speed}" for sensor, speed in set(given) ^ set(self.rows)):
             raise DataError(f"coefficients: {odd[0]} is not in both coefficients and initial")
-        rows = [self._coefficient_row(sensor, v, given[sensor, v]) for sensor, v in self.rows]
+        rows = [[c / per for c in self._coefficient_row(sensor, v, given[sensor, v])] for sensor, v in self.rows]
         matrix: Complexes = np.array(rows, dtype=complex)
         if errors is not None:
             errors = np.concatenate([errors[None], np.zeros((len(self.planes), *errors.shape))])
-        return influence.Coefficients(initial, (matrix.conj() if self.lag else matrix) / per, 0.0), errors
+        return influence.Coefficients(initial, matrix.conj() if self.lag else matrix, 0.0), errors
 
     def _coefficient_row(self, sensor: str, speed: str, row: list[Measured[complex]]) -> list[complex]:
         if len(row) != len(self.planes):

@@ -47,8 +47,7 @@ class SpringsTable(Table):
     spring: Annotated[list[SpringTable], Field(min_length=1), Distinct]
     """Springs."""
 
-    def check(self) -> None:
-        """Raise DataError for keys that do not go together."""
+    def _check(self) -> None:
         given = [spring.stiffness is not None for spring in self.spring]
         if any(given) and not all(given):
             raise DataError(f"spring[{given.index(False)}] has no stiffness: give all or none")

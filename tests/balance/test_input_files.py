@@ -83,8 +83,7 @@ class Everything(Table):
     limits: dict[str, Annotated[float, Quantity("force")]] = Field(default_factory=dict)
     """Limits by name [N]."""
 
-    def check(self) -> None:
-        """Raise DataError for keys that do not go together."""
+    def _check(self) -> None:
         if self.on and not self.masses:
             raise DataError("on: means nothing without masses")
 
