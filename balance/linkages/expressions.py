@@ -64,7 +64,7 @@ class Expression:
         return " + ".join(parts).replace("+ -", "- ")
 
     def factor_text(self) -> str:
-        """In symbols, to be multiplied: a sum or a negative stands in brackets."""
+        """In symbols, to be multiplied: a sum or a negative is in brackets."""
         text = self.text()
         return f"({text})" if " " in text or text.startswith("-") else text
 
@@ -112,7 +112,7 @@ class Point:
 ORIGIN = Point()
 
 
-def read(text: str, lengths: Mapping[str, Symbol]) -> Expression:
+def read_length(text: str, lengths: Mapping[str, Symbol]) -> Expression:
     """Read ``L2/2 + 10 mm``: lengths by name or with a unit. Raises UnitError for anything else."""
     found, position = Expression(), 0
     while position < len(text) or not text:

@@ -28,19 +28,19 @@ class _Stated(Quantity):
 
 
 def _expression(text: str, lengths: Mapping[str, Symbol]) -> Expression:
-    return expressions.read(text, lengths)
+    return expressions.read_length(text, lengths)
 
 
 def _size(text: str, lengths: Mapping[str, Symbol]) -> Expression:
     """A length above zero with the named lengths as stated."""
-    found = expressions.read(text, lengths)
+    found = expressions.read_length(text, lengths)
     if not (size := found.at({name: symbol.value for name, symbol in lengths.items()})) > 0.0:
         raise UnitError(f"{text!r} is {size:.6g} m: expected more than zero")
     return found
 
 
 def _size_or_zero(text: str, lengths: Mapping[str, Symbol]) -> Expression:
-    found = expressions.read(text, lengths)
+    found = expressions.read_length(text, lengths)
     return found if found.at({name: symbol.value for name, symbol in lengths.items()}) == 0.0 else _size(text, lengths)
 
 

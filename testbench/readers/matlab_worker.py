@@ -83,8 +83,8 @@ def open_library(path: Path) -> Recording:
     if not result.groups:
         finding = next(iter(found.findings), Finding("no_data", None, None, "no array of numbers in it"))
         raise Refusal(path.name, finding)
-    if left := found.left_out:
-        message = f"no series of samples: {', '.join(left[:10])}{' and more' if len(left) > 10 else ''}"
+    if names := found.left_out:
+        message = f"no series of samples: {', '.join(names[:10])}{' and more' if len(names) > 10 else ''}"
         found.findings.append(Finding("left_out", None, None, message))
 
     def blocks() -> Iterator[Block]:

@@ -132,7 +132,7 @@ def _head(path: Path) -> bytes:
 
 
 def missing(path: Path) -> str:
-    """That there is no file at ``path``; a pattern that the shell left as it was matched none."""
+    """That there is no file at ``path``; a pattern that the shell passed on matched none."""
     if any(sign in str(path) for sign in "*?["):
         return f"{path}: no file matches; expected a log file"
     return f"{path}: no such file; expected a log file"

@@ -90,9 +90,9 @@ class RosDecoder:
             state.fields(self._fields, "")
         except struct.error as error:
             raise Unreadable(f"a message of {len(raw)} bytes ends too early") from error
-        left = len(raw) - state.at
-        if left > (_PADDING if self._is_cdr else 0):
-            raise Unreadable(f"a message of {len(raw)} bytes is {left} longer than its description says")
+        rest = len(raw) - state.at
+        if rest > (_PADDING if self._is_cdr else 0):
+            raise Unreadable(f"a message of {len(raw)} bytes is {rest} longer than its description says")
         return state.message
 
 
@@ -129,7 +129,7 @@ class _State:
         return raw.decode("utf-8", "replace").rstrip("\0")
 
     def fields(self, fields: Sequence[Field], prefix: str) -> None:
-        """All fields of a message; arrays beside a list of names are called by them."""
+        """All fields of a message; arrays that come with a list of names are called by them."""
         labels: list[str] = []
         for each in fields:
             path = prefix + each.name

@@ -71,7 +71,7 @@ def group_from_dict(document: Mapping[str, Any]) -> Group:
 
 
 def block_as_dict(block: Block) -> dict[str, Any]:
-    """What a block is beside its columns."""
+    """All of a block but its columns."""
     return {"group": block.group.name, "start": block.start, "columns": len(block.columns), "read": block.bytes_read}
 
 

@@ -165,7 +165,7 @@ def _behind(source: ByteSource, sound: _Sound) -> Iterator[Finding]:
 
 
 def _is_name(source: ByteSource, at: int) -> bool:
-    """Whether the name of a chunk stands there: four letters, digits, marks or blanks."""
+    """Whether a chunk has its name there: four letters, digits, marks or blanks."""
     return at + 8 <= source.size and all(32 <= letter < 127 for letter in source.read(at, 4, "a name"))
 
 

@@ -319,13 +319,13 @@ def _objects(objects: dict[str, Index | None], declared: Declared, segment: Segm
 
 
 def _locate(source: ByteSource, segment: Segment, raw: dict[str, Index], contents: Contents) -> None:
-    """Note where the samples of all whole chunks of a segment lie, and what is left behind them."""
+    """Note where the samples of all whole chunks of a segment lie, and the bytes behind them."""
     unit = _locate_chunks(source, segment, raw, contents)
-    left = (segment.end - segment.raw) % unit if unit else segment.end - segment.raw
-    if segment.is_whole and left:
+    rest = (segment.end - segment.raw) % unit if unit else segment.end - segment.raw
+    if segment.is_whole and rest:
         where, whole = f"byte {segment.begin}", "rows" if segment.is_interleaved else "chunks"
         message = (
-            f"segment {segment.number} holds {left} bytes behind its whole {whole} of {unit} bytes; they are not read"
+            f"segment {segment.number} holds {rest} bytes behind its whole {whole} of {unit} bytes; they are not read"
         )
         contents.findings.append(Finding("count_contradiction", None, where, message))
 

@@ -150,23 +150,23 @@ class Reading:
                 self._within = self._within + taken if taken < here else 0
                 self._span += taken == here
             else:
-                taken, stop = self._alike(count)
+                taken, stop = self._regular(count)
                 yield self._together(self._span, stop)
                 self._span = stop
             count -= taken
 
-    def _alike(self, count: int) -> tuple[int, int]:
+    def _regular(self, count: int) -> tuple[int, int]:
         """How many numbers, and up to which span, lie in whole spans of one size and distance within a window."""
         i, size, stride = self._span, int(self._counts[self._span]), int(self._strides[self._span])
         most = min(count // size, len(self._counts) - i, 1 << 20)
         offsets = self._offsets[i : i + most]
-        alike = (self._counts[i : i + most] == size) & (self._strides[i : i + most] == stride)
+        same = (self._counts[i : i + most] == size) & (self._strides[i : i + most] == stride)
         steps = np.diff(offsets)
         if len(steps):
-            alike[1:] &= (steps == steps[0]) & (offsets[1:] - offsets[0] + size * stride <= _WINDOW)
+            same[1:] &= (steps == steps[0]) & (offsets[1:] - offsets[0] + size * stride <= _WINDOW)
             if steps[0] < size * stride or steps[0] > _SPARSE * size * stride:
-                alike[1:] = False
-        number = int(np.argmin(alike)) if not alike.all() else len(alike)
+                same[1:] = False
+        number = int(np.argmin(same)) if not same.all() else len(same)
         number = max(number, 1)
         return number * size, i + number
 

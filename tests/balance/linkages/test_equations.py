@@ -5,7 +5,7 @@ import re
 import pytest
 
 from balance.linkages.equations import equations
-from balance.linkages.expressions import read
+from balance.linkages.expressions import read_length
 from balance.linkages.linkage_files import load_linkage
 from balance.linkages.method import balance
 
@@ -70,4 +70,4 @@ def _term(text, result):
 
 def _length(text, result):
     lengths = {name: symbol for name, symbol in result.linkage.symbols.items() if name[0] in "LR"}
-    return read(text.strip("()"), lengths).at(result.values)
+    return read_length(text.strip("()"), lengths).at(result.values)

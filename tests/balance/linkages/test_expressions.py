@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from balance.errors import UnitError
-from balance.linkages.expressions import Point, Symbol, read, symbol
+from balance.linkages.expressions import Point, Symbol, read_length, symbol
 
 LENGTHS = {"L2": Symbol(0.18, 5e-4), "L7": Symbol(0.09, 5e-6)}
 VALUES = {name: s.value for name, s in LENGTHS.items()}
@@ -25,7 +25,7 @@ VALUES = {name: s.value for name, s in LENGTHS.items()}
 )
 def test_sums_of_lengths(text, value, printed):
     """Value and symbols of what a description may say."""
-    expression = read(text, LENGTHS)
+    expression = read_length(text, LENGTHS)
     assert expression.at(VALUES) == pytest.approx(value)
     assert expression.text() == printed
 
@@ -34,14 +34,14 @@ def test_sums_of_lengths(text, value, printed):
 def test_anything_else_is_refused(text):
     """Nothing is evaluated that is not a length."""
     with pytest.raises(UnitError):
-        read(text, LENGTHS)
+        read_length(text, LENGTHS)
 
 
 @settings(deadline=None)
 @given(st.floats(-10, 10), st.floats(-1, 1), st.floats(-1, 1))
 def test_turning_keeps_lengths(angle, x, y):
     """A turned point is as far away."""
-    point = Point(read("L2", LENGTHS).times(x), read("L7", LENGTHS).times(y))
+    point = Point(read_length("L2", LENGTHS).times(x), read_length("L7", LENGTHS).times(y))
     turned = point.turned(angle).at(VALUES)
     assert turned @ turned == pytest.approx(point.at(VALUES) @ point.at(VALUES), abs=1e-12)
 

@@ -7,7 +7,7 @@ from balance.closure import Closure
 from balance.dynamics.inverse_dynamics import momentum
 from balance.errors import SizingError
 from balance.linkages.description import Place
-from balance.linkages.expressions import ORIGIN, Point, Symbol, read
+from balance.linkages.expressions import ORIGIN, Point, Symbol, read_length
 from balance.linkages.force import solve
 from balance.linkages.linkage_files import linkage_from_table
 from balance.linkages.method import balance
@@ -19,7 +19,7 @@ HERE = {"a": Symbol(1.0, 0.0)}
 
 def place(name, x, y):
     """A place at a point [m]."""
-    return Place(name, Point(read(f"{x} a", HERE), read(f"{y} a", HERE)))
+    return Place(name, Point(read_length(f"{x} a", HERE), read_length(f"{y} a", HERE)))
 
 
 def solved(first, places):
