@@ -13,7 +13,7 @@ from .csv.dialect import Dialect
 from .csv.parse import Form
 from .csv.sample import take
 from .csv.table import Table
-from .registry import Reader, ReadOptions
+from .registry import ReadOptions
 
 _MARK = "[Force Data]"
 _NAMES = "#Sample\t"
@@ -54,11 +54,3 @@ def _number(path: Path, said: dict[str, str], key: str) -> float:
         message = f"{key} is {said.get(key, 'missing')!r}; expected a positive number above the names"
         raise Refusal(path.name, Finding("no_data", None, None, message))
     return value
-
-
-READER = Reader(
-    name="Cortex forces",
-    extensions=(".forces",),
-    identify=lambda head: head.startswith(_MARK.encode()),
-    open=open_forces,
-)

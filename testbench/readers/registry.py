@@ -1,5 +1,7 @@
 """The one registry of readers: how a file finds its own, what each needs installed, what other files are called."""
 
+import re
+import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib import import_module
@@ -11,25 +13,9 @@ from ..errors import RecordingError
 from ..findings import Finding, Refusal
 from ..recording import Recording
 from .origin import with_stated
+from .subprocess_reader import open_in_subprocess
 
 ENTRY_POINTS = "counterpoise.readers"
-BUILT_IN = (
-    "testbench.readers.cortex",
-    "testbench.readers.c3d.reader",
-    "testbench.readers.ide.reader",
-    "testbench.readers.lvm.reader",
-    "testbench.readers.matlab:MATLAB_5",
-    "testbench.readers.matlab:MATLAB_4",
-    "testbench.readers.hdf5.reader",
-    "testbench.readers.mdf.reader",
-    "testbench.readers.parquet.reader",
-    "testbench.readers.ros_files:MCAP",
-    "testbench.readers.ros_files:ROS_BAG",
-    "testbench.readers.tdms.reader",
-    "testbench.readers.uff.reader",
-    "testbench.readers.wav",
-    "testbench.readers.csv.reader",  # any other text, so that it comes last
-)
 HEAD_BYTES = 4096
 EXTRAS = {
     "tdms": ("nptdms",),
@@ -87,11 +73,139 @@ def _packages(name: str) -> Iterator[str]:
             yield name[:i]
 
 
+Open = Callable[[Path, ReadOptions], Recording]
+
+
+def _by(module: str, function: str) -> Open:
+    """A reader's function, its module imported once a file is of its format."""
+    return lambda path, options: getattr(import_module(module), function)(path, options)
+
+
+def _apart(module: str, extra: str = "") -> Open:
+    """The ``open_library`` of a module in a process of its own; what ``extra`` installs must be there."""
+
+    def opened(path: Path, options: ReadOptions) -> Recording:
+        if extra:
+            require(extra, path)
+        return open_in_subprocess(path, module)
+
+    return opened
+
+
+def _begins(*marks: bytes) -> Callable[[bytes], bool]:
+    return lambda head: head.startswith(marks)
+
+
+def _is_c3d(head: bytes) -> bool:
+    """50 (hexadecimal) in the second byte, and the processor's number at the parameters, in blocks of 512 bytes."""
+    if len(head) < 512 or head[1] != 0x50 or not head[0]:
+        return False
+    at = (head[0] - 1) * 512
+    return at + 4 > len(head) or head[at + 3] in (84, 85, 86)
+
+
+def _is_matlab_4(head: bytes) -> bool:
+    """A header of version 4: small sides, and a name that MATLAB takes."""
+    size = struct.calcsize("5i")
+    for order in "<>":
+        if len(head) < size:
+            return False
+        kind, rows, columns, is_complex, length = struct.unpack_from(f"{order}5i", head)
+        name = head[size : size + max(0, min(length, 256))]
+        known = kind // 1000 == (order == ">") and 0 <= kind % 1000 <= 52 and kind % 10 <= 2
+        if known and min(rows, columns) >= 0 and is_complex in (0, 1) and length > 1:
+            plain = name[:-1].decode("latin-1")
+            return name[-1:] == b"\0" and plain.isidentifier() and plain.isascii()
+    return False
+
+
+def _is_hdf5(head: bytes) -> bool:
+    """HDF5 may begin behind other content."""
+    return any(head.startswith(b"\x89HDF\r\n\x1a\n", at) for at in (0, 512, 1024, 2048))
+
+
+def _is_text(head: bytes) -> bool:
+    return import_module("testbench.readers.csv.encoding").detect(head) is not None
+
+
+_UFF = re.compile(rb"\s{0,6}-1[ \t]*\r?\n[ \t]*\d{1,5}[bB]?(?:[ \t][^\n]*)?\r?\n")
+BUILT_IN = (
+    Reader("Cortex forces", (".forces",), _begins(b"[Force Data]"), _by("testbench.readers.cortex", "open_forces")),
+    Reader("C3D", (".c3d",), _is_c3d, _by("testbench.readers.c3d.reader", "open_c3d")),
+    Reader(
+        "enDAQ IDE",
+        (".ide",),
+        lambda head: head.startswith(b"\x1aE\xdf\xa3") and b"mide" in head[:64].lower(),
+        _apart("testbench.readers.ide.library", "ide"),
+        needs("ide"),
+    ),
+    Reader(
+        "LabVIEW LVM",
+        (".lvm",),
+        lambda head: head.removeprefix(b"\xef\xbb\xbf").startswith(b"LabVIEW Measurement"),
+        _by("testbench.readers.lvm.reader", "open_lvm"),
+    ),
+    Reader(
+        "MATLAB v5",
+        (".mat",),
+        lambda head: head.startswith(b"MATLAB 5.0") or (len(head) >= 128 and head[124:128] == b"\x00\x01IM"),
+        _apart("testbench.readers.matlab_worker"),
+    ),
+    Reader("MATLAB v4", (".mat",), _is_matlab_4, _apart("testbench.readers.matlab_worker")),
+    Reader(
+        "HDF5, NeXus, netCDF 4, MATLAB v7.3",
+        (".h5", ".hdf5", ".nxs", ".nc", ".mat"),
+        _is_hdf5,
+        _apart("testbench.readers.hdf5.library"),
+    ),
+    Reader(
+        "ASAM MDF", (".mf4", ".mdf"), _begins(b"MDF     ", b"UnFinMF "), _by("testbench.readers.mdf.reader", "open_mdf")
+    ),
+    Reader(
+        "Parquet",
+        (".parquet", ".pq"),
+        _begins(b"PAR1"),
+        _apart("testbench.readers.parquet.library", "parquet"),
+        needs("parquet"),
+    ),
+    Reader(
+        "MCAP", (".mcap",), _begins(b"\x89MCAP0\r\n"), _apart("testbench.readers.mcap_worker", "mcap"), needs("mcap")
+    ),
+    Reader(
+        "ROS 1 bag",
+        (".bag",),
+        _begins(b"#ROSBAG V2"),
+        _apart("testbench.readers.rosbag_worker", "rosbag"),
+        needs("rosbag"),
+    ),
+    Reader(
+        "NI TDMS",
+        (".tdms",),
+        _begins(b"TDSm", b"TDSh"),
+        _by("testbench.readers.tdms.reader", "open_tdms"),
+        f"{needs('tdms')} for scales of thermocouples, bridges and tables",
+    ),
+    Reader(
+        "UFF",
+        (".uff", ".unv"),
+        lambda head: _UFF.match(head) is not None,
+        _by("testbench.readers.uff.reader", "open_uff"),
+    ),
+    Reader(
+        "WAV",
+        (".wav",),
+        lambda head: head[:4] in (b"RIFF", b"RIFX", b"RF64", b"BW64") and head[8:12] == b"WAVE",
+        _by("testbench.readers.wav", "open_wav"),
+    ),
+    Reader("CSV", (".csv", ".txt", ".tsv", ".dat", ".asc"), _is_text, _by("testbench.readers.csv.reader", "open_text")),
+)
+"""The formats that are read, in the order in which they are asked; any other text is CSV, so that it comes last."""
+
+
 def readers() -> list[Reader]:
     """All readers, those of other packages first."""
     others = [entry.load() for entry in sorted(entry_points(group=ENTRY_POINTS), key=lambda e: e.name)]
-    built_in = (entry.partition(":") for entry in BUILT_IN)
-    return [*others, *(getattr(import_module(module), name or "READER") for module, _, name in built_in)]
+    return [*others, *BUILT_IN]
 
 
 def find_reader(path: Path) -> Reader:

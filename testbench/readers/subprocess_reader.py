@@ -19,7 +19,6 @@ from ..errors import RecordingError
 from ..findings import Finding, Refusal
 from ..recording import Block, Recording, Report
 from . import subprocess_protocol as protocol
-from .registry import require
 from .stream import damaged
 
 PATIENCE_S = 60.0
@@ -144,13 +143,8 @@ class _Waiting:
 _WAITING = _Waiting()
 
 
-def open_in_subprocess(path: Path, module: str, function: str = "open_library", extra: str = "") -> Recording:
-    """The recording that ``module.function(path)`` gives, opened and read in a process of its own.
-
-    Raises RecordingError where a library of ``extra`` is missing.
-    """
-    if extra:
-        require(extra, path)
+def open_in_subprocess(path: Path, module: str, function: str = "open_library") -> Recording:
+    """The recording that ``module.function(path)`` gives, opened and read in a process of its own."""
     process = Process(path, module, function)
     header = process.header()
     _WAITING.keep(process)

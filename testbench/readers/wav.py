@@ -14,7 +14,7 @@ from pathlib import Path
 from ..findings import Finding, Refusal
 from ..recording import Block, Channel, Group, Recording, Samples, UniformClock
 from .nonfinite import watched
-from .registry import Reader, ReadOptions
+from .registry import ReadOptions
 from .stream import ByteSource, as_float64, block_samples, damaged
 
 _FLOAT, _EXTENSIBLE, _UNKNOWN = 3, 0xFFFE, 0xFFFFFFFF
@@ -177,11 +177,3 @@ def _blocks(path: Path, sound: _Sound, group: Group) -> Iterator[Block]:
             begin = sound.begin + start * sound.form.frame
             raw = source.read(begin, count * sound.form.frame, "samples")
             yield Block(group, sound.form.columns(raw), start, None, begin + len(raw))
-
-
-READER = Reader(
-    name="WAV",
-    extensions=(".wav",),
-    identify=lambda head: head[:4] in (b"RIFF", b"RIFX", b"RF64", b"BW64") and head[8:12] == b"WAVE",
-    open=open_wav,
-)

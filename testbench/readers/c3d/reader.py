@@ -10,11 +10,11 @@ from ...findings import Finding, Refusal
 from ...recording import Block, Channel, Clock, Group, Recording, Report, Samples
 from ..declared import by_rate
 from ..nonfinite import watched
-from ..registry import Reader, ReadOptions
+from ..registry import ReadOptions
 from ..stream import ByteSource
 from . import frames, header
 from .header import Head
-from .parameters import BLOCK, Parameters
+from .parameters import Parameters
 
 _LONGEST_TEXT = 2000
 
@@ -137,14 +137,3 @@ def _metadata(head: Head) -> dict[str, str]:
             if text.strip("; "):
                 metadata[name] = text[:_LONGEST_TEXT]
     return metadata
-
-
-def identify(head: bytes) -> bool:
-    """Whether ``head`` begins as C3D: 50 (hexadecimal) in the second byte, and again at the parameters."""
-    if len(head) < BLOCK or head[1] != 0x50 or not head[0]:
-        return False
-    at = (head[0] - 1) * BLOCK
-    return at + 4 > len(head) or head[at + 3] in (84, 85, 86)
-
-
-READER = Reader(name="C3D", extensions=(".c3d",), identify=identify, open=open_c3d)

@@ -6,9 +6,8 @@ from pathlib import Path
 from ...findings import Finding, Refusal
 from ...recording import Channel, Group, Recording
 from .. import origin
-from ..registry import Reader, ReadOptions
+from ..registry import ReadOptions
 from . import dialect as dialects
-from . import encoding as encodings
 from . import header as headers
 from . import marks, names, preamble, several, spelling
 from . import stated as above
@@ -179,11 +178,3 @@ def _texts_left_out(fields: Sequence[tuple[str, int]], rows: Sequence[Sequence[s
         listed = ", ".join(shown(text) for text in texts[:3]) + (", ..." if len(texts) > 3 else "")
         found.append(Finding("text_channel", name, None, f"holds text ({listed}), not numbers; it is not kept"))
     return found
-
-
-READER = Reader(
-    name="CSV",
-    extensions=(".csv", ".txt", ".tsv", ".dat", ".asc"),
-    identify=lambda head: encodings.detect(head) is not None,
-    open=open_text,
-)

@@ -14,7 +14,7 @@ from ..csv.lines import in_blocks
 from ..csv.parse import Form
 from ..csv.sample import take
 from ..csv.tail import last_row
-from ..registry import Reader, ReadOptions
+from ..registry import ReadOptions
 from ..stream import damaged
 from .header import Segment, segment, settings
 from .rows import SegmentRows
@@ -144,11 +144,3 @@ def _report_count(rows: SegmentRows, report: Report) -> None:
     else:
         message = f"declared {declared} samples, found {found}; their abscissae are recorded, so they are one group"
         report(Finding("appended_blocks", None, where, message))
-
-
-READER = Reader(
-    name="LabVIEW LVM",
-    extensions=(".lvm",),
-    identify=lambda head: head.removeprefix(b"\xef\xbb\xbf").startswith(_MAGIC),
-    open=open_lvm,
-)

@@ -12,7 +12,7 @@ from ...findings import Finding, Refusal
 from ...recording import Block, Channel, Group, Recording, Report, Samples, TimeColumn
 from ...units import seconds_per
 from ..nonfinite import watched
-from ..registry import Reader, ReadOptions
+from ..registry import ReadOptions
 from ..stream import ByteSource, block_samples, damaged
 from . import v3, v4
 from .joined import Columns, joined
@@ -190,11 +190,3 @@ def _said(file: File, groups: Mapping[int, Group], sets: Sequence[Columns]) -> l
         listed = ", ".join(empty[:10]) + (" and more" if len(empty) > 10 else "")
         findings.append(Finding("empty_group", None, None, f"no sample in {len(empty)} groups: {listed}"))
     return findings
-
-
-READER = Reader(
-    name="ASAM MDF",
-    extensions=(".mf4", ".mdf"),
-    identify=lambda head: head.startswith(_MARKS),
-    open=open_mdf,
-)

@@ -21,7 +21,7 @@ from ...units import seconds_per
 from ..csv.names import is_time
 from ..declared import by_step
 from ..nonfinite import watched
-from ..registry import Reader, ReadOptions, needs
+from ..registry import ReadOptions, needs
 from ..stream import ByteSource, as_float64, block_samples, damaged, refusing
 from .metadata import (
     TIME,
@@ -320,12 +320,3 @@ class Scaling:
             raise ValueError(f"scales {kinds} are not known")
         scaled = scaling.scale(next(iter(raw.values()))) if None in raw else scaling.scale_daqmx(raw)
         return np.asarray(scaled, dtype=np.float64)
-
-
-READER = Reader(
-    name="NI TDMS",
-    extensions=(".tdms",),
-    identify=lambda head: head.startswith((b"TDSm", b"TDSh")),
-    open=open_tdms,
-    needs=f"{needs('tdms')} for scales of thermocouples, bridges and tables",
-)

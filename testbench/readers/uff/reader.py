@@ -1,6 +1,5 @@
 """Reader of universal files: functions of one abscissa are channels of one group."""
 
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,14 +12,13 @@ from ...units import seconds_per
 from .. import doubt
 from ..declared import by_step
 from ..nonfinite import watched
-from ..registry import Reader, ReadOptions
+from ..registry import ReadOptions
 from ..stream import ByteSource, block_samples
 from . import function, nodal, values
 from .function import TIME, Function
 from .index import Dataset, datasets
 from .nodal import Nodal
 
-_MAGIC = re.compile(rb"\s{0,6}-1[ \t]*\r?\n[ \t]*\d{1,5}[bB]?(?:[ \t][^\n]*)?\r?\n")
 _SAID = {151: "header", 164: "units"}
 
 
@@ -182,11 +180,3 @@ def _metadata(
     for shape in shapes[:200]:
         metadata |= {f"{shape.group.name}: {key}": text for key, text in shape.metadata.items()}
     return metadata
-
-
-READER = Reader(
-    name="UFF",
-    extensions=(".uff", ".unv"),
-    identify=lambda head: _MAGIC.match(head) is not None,
-    open=open_uff,
-)

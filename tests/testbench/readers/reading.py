@@ -92,8 +92,7 @@ def in_process(monkeypatch):
     def open_here(path, module, function="open_library", extra=""):
         return getattr(import_module(module), function)(path)
 
-    for module in ("hdf5.reader", "parquet.reader", "ide.reader", "matlab", "ros_files"):
-        monkeypatch.setattr(f"testbench.readers.{module}.open_in_subprocess", open_here)
+    monkeypatch.setattr("testbench.readers.registry.open_in_subprocess", open_here)
 
 
 def real(name) -> Path:
