@@ -8,7 +8,7 @@ def schema(name: str) -> dict[str, Any]:
     from ..drives.drive_files import DriveTable
     from ..engines.engine_files import EngineTable
     from ..errors import DataError
-    from ..input_files import json_schema
+    from ..input_files import Table, json_schema
     from ..linkages.linkage_files import LinkageTable
     from ..motion.motion_files import MotionTable
     from ..rotors.rotor_files import RotorTable
@@ -16,7 +16,7 @@ def schema(name: str) -> dict[str, Any]:
     from ..static.spring_files import SpringsTable
     from ..stock.materials import MaterialsTable
 
-    models = {
+    models: dict[str, type[Table]] = {
         "drive": DriveTable, "engine": EngineTable, "linkage": LinkageTable, "materials": MaterialsTable,
         "motion": MotionTable, "rotor": RotorTable, "springs": SpringsTable, "trial-runs": TrialRunsTable,
     }  # fmt: skip

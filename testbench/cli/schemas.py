@@ -5,14 +5,14 @@ from typing import Any
 
 def schema(name: str) -> dict[str, Any]:
     """The schema of a kind of input file. Raises RigError, listing the kinds, for a name that is none."""
-    from balance.input_files import json_schema
+    from balance.input_files import Table, json_schema
 
     from ..errors import RigError
     from ..ingest.sheetrows import RunRow
     from ..plan import Plan
     from ..rig import Rig
 
-    models = {"plan": Plan, "rig": Rig, "run-table": RunRow}
+    models: dict[str, type[Table]] = {"plan": Plan, "rig": Rig, "run-table": RunRow}
     if name not in models:
         raise RigError(f"{name!r} is no kind of input file: there are {', '.join(models)}")
     return json_schema(models[name])
