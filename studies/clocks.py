@@ -95,7 +95,8 @@ CASES = {
 def aligned(case: Case, made: SimulatedRun) -> RunClocks:
     """The clocks as ``testbench align`` finds them."""
     run = stored(made, case.rig)
-    return align_run(SIRun.of(run, case.rig), lambda: loaded(run, load_mechanism(case.rig.mechanism)), drift=case.drift)
+    si = SIRun.of(run, case.rig)
+    return align_run(si, lambda: loaded(si, load_mechanism(case.rig.mechanism)), drift=case.drift)
 
 
 def truth(made: SimulatedRun, group: str, own: float) -> float:

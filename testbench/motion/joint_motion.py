@@ -15,7 +15,6 @@ from .gaps import Gaps
 
 if TYPE_CHECKING:
     from ..runs.si_run import SIRun
-    from ..store import Run
 
 
 def group_of_encoders(run: "SIRun") -> str:
@@ -58,7 +57,7 @@ def encoder_trajectory(
     return grid, Closure(mechanism).follow(samples)
 
 
-def loaded(run: "Run | SIRun", mechanism: Mechanism) -> Mechanism:
+def loaded(run: "SIRun", mechanism: Mechanism) -> Mechanism:
     """The mechanism with the payload and counter-masses that the run table gives for a run."""
     conditions = run.conditions
     if "payload_kg" in conditions:
