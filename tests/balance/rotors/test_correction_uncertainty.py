@@ -66,8 +66,8 @@ def honest(hits, tries, together=PLANES):
 
 @pytest.mark.parametrize("rows", [2, 5])
 def test_stated_errors_give_honest_intervals(rows):
-    """200 machines, the readings' scatter stated: 95 % of magnitudes, angles and remaining readings hold the truth."""
-    magnitude, angle, after = coverage([Trial(seed, rows=rows) for seed in range(200)])
+    """60 machines, the readings' scatter stated: 95 % of magnitudes, angles and remaining readings hold the truth."""
+    magnitude, angle, after = coverage([Trial(seed, rows=rows) for seed in range(60)])
     assert honest(*magnitude)
     assert honest(*angle)
     assert honest(*after, rows)
@@ -75,7 +75,7 @@ def test_stated_errors_give_honest_intervals(rows):
 
 def test_a_phase_that_scatters_more_than_the_amplitude():
     """Four times more: weights in 95 %; remaining readings in no fewer, their distance being that of a circle."""
-    magnitude, angle, after = coverage([Trial(seed, (0.01, 0.04)) for seed in range(200)])
+    magnitude, angle, after = coverage([Trial(seed, (0.01, 0.04)) for seed in range(60)])
     assert honest(*magnitude)
     assert honest(*angle)
     assert after[0] / after[1] > 0.94
@@ -84,7 +84,7 @@ def test_a_phase_that_scatters_more_than_the_amplitude():
 @pytest.mark.parametrize("repeats", [1, 3])
 def test_repeated_runs_give_honest_intervals(repeats):
     """Scatter unknown, each run made twice or four times: 95 % by Student's distribution."""
-    trials = [Trial(seed, said=None, repeats=repeats) for seed in range(200)]
+    trials = [Trial(seed, said=None, repeats=repeats) for seed in range(60)]
     assert trials[0].scatter.degrees_of_freedom == 2 * 3 * repeats
     magnitude, angle, after = coverage(trials)
     assert honest(*magnitude)
@@ -152,10 +152,10 @@ def test_errors_that_a_run_shares_give_honest_intervals(rows):
     """Phases of a run off alike by 2 degrees: held where that is stated, with runs to spare too; else far from it."""
     given = {"noise": (0.005, 0.005), "rows": rows, "shared": 0.035}
     for repeats in (0, 1):
-        *weights, after = coverage(Trial(seed, repeats=repeats, **given) for seed in range(150))
+        *weights, after = coverage(Trial(seed, repeats=repeats, **given) for seed in range(50))
         assert all(honest(hits, tries) for hits, tries in weights)
         assert after[0] > 0.94 * after[1]  # a disc about errors that lie along a line is wider than they need
-    (_, (angles, tries), _) = coverage(Trial(seed, told=False, **given) for seed in range(150))
+    (_, (angles, tries), _) = coverage(Trial(seed, told=False, **given) for seed in range(50))
     assert angles < 0.6 * tries
 
 

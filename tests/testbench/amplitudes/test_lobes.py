@@ -56,7 +56,7 @@ def test_rule(known, count, gap):
     """
     rng = np.random.default_rng([count, int(10 * gap)])
     heights = 20.0 - np.r_[0.0, np.full(count - 1, gap)]
-    estimated = heights + known * rng.normal(size=(4000, count))
+    estimated = heights + known * rng.normal(size=(1000, count))
     read = (estimated + np.sqrt(1.0 - known**2) * rng.normal(size=estimated.shape)).max(axis=1)
     course = np.zeros(2 * count + 1)
     scores = np.empty(len(read))

@@ -73,7 +73,7 @@ def taps(seed, instants, noise=0.02):
 
 def test_taps():
     """Three taps align two loggers far better than a sample, whatever else moved; intervals hold over seeds."""
-    clocks = [by_taps(taps(seed, np.array([1.3, 4.0, 9.7]))).clock for seed in range(20)]
+    clocks = [by_taps(taps(seed, np.array([1.3, 4.0, 9.7]))).clock for seed in range(6)]
     assert max(abs(c.offset - OFFSET) for c in clocks) < 1e-4
     assert_holds(sum(c.offset_interval[0] <= OFFSET <= c.offset_interval[1] for c in clocks), len(clocks))
 

@@ -24,10 +24,10 @@ def made() -> tuple:
 
 
 def nonlinear(part, truth: np.ndarray, pushed: np.ndarray) -> np.ndarray:
-    """q'' = M^-1 (tau - h) + pull, by the midpoint rule, with tau = W pi + pushed; the deviation, (samples, joints)."""
+    """q'' = M^-1 (tau - h) + pull, by the midpoint rule, with tau = W pi + pushed; the deviation, (n, joints)."""
     w = 2 * np.pi * PULL
     motion, step = part.motion, part.record.grid.step
-    torque = part.whole @ truth + pushed
+    torque = part.whole[: len(pushed)] @ truth + pushed
 
     def inverse(q, v, a):
         return np.concatenate([torque_regressor(ARM, q, v, a), joint_terms(ARM.driven, v, a)[0]], axis=2) @ truth
@@ -39,7 +39,7 @@ def nonlinear(part, truth: np.ndarray, pushed: np.ndarray) -> np.ndarray:
 
     q, v = motion.q[:1].copy(), motion.v[:1].copy()
     away = [q[0] - motion.q[0]]
-    for i in range(len(motion.q) - 1):
+    for i in range(len(pushed) - 1):
         half_q, half_v = q + step / 2 * v, v + step / 2 * rate(q, v, i)
         q, v = q + step * half_v, v + step * rate(half_q, half_v, i + 0.5)
         away.append(q[0] - motion.q[i + 1])
@@ -47,13 +47,13 @@ def nonlinear(part, truth: np.ndarray, pushed: np.ndarray) -> np.ndarray:
 
 
 def test_small_deviations_are_those_of_the_nonlinear_simulation():
-    """A small torque that the model lacks makes the same deviation, to 3 %, as simulating with it."""
+    """A small torque that the model lacks makes the same deviation, to 3 %, as simulating the first second with it."""
     part, truth = made()
     time = part.record.grid.time
     pushed = 0.02 * np.column_stack([np.sin(5 * time), np.cos(7 * time)])
     linear = Deviation.of(part, ARM, truth).simulate(pushed[:, :, None], PULL).q[:, :, 0]
-    expected = nonlinear(part, truth, pushed)
-    assert np.abs(linear - expected).max() < 0.03 * np.abs(expected).max()
+    expected = nonlinear(part, truth, pushed[:500])
+    assert np.abs(linear[:500] - expected).max() < 0.03 * np.abs(expected).max()
 
 
 def test_noise_of_the_motion_is_taken_back():

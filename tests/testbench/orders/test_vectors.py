@@ -25,7 +25,7 @@ def vectors_of(rotor: Rotor, order: int = 1) -> list[OrderVector]:
     return [order_vector("A", "acceleration", x, turns, time, order, 8) for x in signals]
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_pulses_that_move_on_by_a_sample_are_no_tone(seed: int) -> None:
     """Sampling nearly in step: the jump of the phase is not fitted beside the order, where it took 5 % off it."""
     rng, rate, speed, truth = np.random.default_rng(seed), 2500.0, 50.003, 4.0 * np.exp(0.7j)
@@ -82,8 +82,8 @@ SHORT = {"seconds": 1.2, "rate": 2500.0, "noise": 0.4, "tone": 0.0, "smooth": Tr
 
 @pytest.mark.parametrize("tone", [0.0, 0.8, 4.0])
 def test_intervals_hold_95_percent_with_a_foreign_tone(tone: float) -> None:
-    """40 runs of two sensors, binomial at 0.1 %; no wider for a tone ten times the noise: a window costs 1.22."""
-    amplitude, phase, tries, width = coverage(40, tone=tone)
+    """8 runs of two sensors, binomial at 0.1 %; no wider for a tone ten times the noise: a window costs 1.22."""
+    amplitude, phase, tries, width = coverage(8, tone=tone)
     assert binomtest(amplitude, tries, 0.95).pvalue > 1e-3
     assert binomtest(phase, tries, 0.95).pvalue > 1e-3
     assert 1.1 < width < 1.5
@@ -91,7 +91,7 @@ def test_intervals_hold_95_percent_with_a_foreign_tone(tone: float) -> None:
 
 def test_a_tone_in_little_noise() -> None:
     """A tone of 0.8 and 160 times less noise: its leakage does not make the interval dishonest."""
-    amplitude, phase, tries, _ = coverage(40, tone=0.8, noise=0.005)
+    amplitude, phase, tries, _ = coverage(8, tone=0.8, noise=0.005)
     assert binomtest(amplitude, tries, 0.95).pvalue > 1e-3
     assert binomtest(phase, tries, 0.95).pvalue > 1e-3
 
@@ -100,7 +100,7 @@ def test_foreign_tones_are_found_and_named() -> None:
     """At 61.3 Hz, 17 lines from 50 turns a second; none where there is none."""
     (tone,) = vectors_of(Rotor(seed=1, tone=0.8, seconds=1.5))[0].tones
     assert tone == pytest.approx(61.3, abs=0.05)
-    assert sum(len(vectors_of(Rotor(seed=seed, tone=0.0, seconds=1.0))[0].tones) for seed in range(20)) <= 1
+    assert sum(len(vectors_of(Rotor(seed=seed, tone=0.0, seconds=1.0))[0].tones) for seed in range(8)) <= 1
 
 
 @pytest.mark.parametrize(("speed", "in_step"), [(50.0, True), (49.37, False)])
@@ -109,8 +109,8 @@ def test_steep_pulses_are_off_alike_or_each_on_its_own(speed: float, in_step: bo
     turns = turns_of(Rotor(speed=speed))
     assert turns.keeps_step == in_step
     assert 0.45e-4 < turns.timing <= 0.5e-4 if in_step else turns.timing < 1e-5
-    amplitude, phase, tries, _ = coverage(20, smooth=False, speed=speed)
-    assert min(amplitude, phase) / tries > 0.88
+    amplitude, phase, tries, _ = coverage(6, smooth=False, speed=speed)
+    assert min(amplitude, phase) >= tries - 2
 
 
 @pytest.mark.parametrize("flips", [0, 3])
@@ -135,8 +135,8 @@ def test_a_rotor_without_unbalance_has_no_phase() -> None:
     """Noise alone: amplitude within its interval, the phase said to mean nothing, coherence low."""
     from ..rotating import UNBALANCE
 
-    told = [vector for seed in range(10) for vector in vectors_of(Rotor(seed=seed, weights=-UNBALANCE))]
-    assert sum(vector.is_told for vector in told) <= 3
+    told = [vector for seed in range(5) for vector in vectors_of(Rotor(seed=seed, weights=-UNBALANCE))]
+    assert sum(vector.is_told for vector in told) <= 2
     quiet = [vector for vector in told if not vector.is_told]
     assert all(vector.phase_within == np.pi for vector in quiet)
     assert np.median([vector.coherence for vector in told]) < 0.4

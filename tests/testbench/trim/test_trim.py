@@ -64,7 +64,7 @@ def other_bench():
 def test_intervals_hold(manipulator, bench):
     """Intervals hold the truth as often as 95 % promises, over seeds of noise and clocks, on this bench and another."""
     scene = memory.scene("triangle", rig=bench)
-    found = [trim_runs(memory.aligned([scene.run(seed)], manipulator), source="wrench").missing for seed in range(16)]
+    found = [trim_runs(memory.aligned([scene.run(seed)], manipulator), source="wrench").missing for seed in range(5)]
     for arm in range(2):
         hits = [one[arm].interval[0] <= MISSING <= one[arm].interval[1] for one in found]
         assert_holds(sum(hits), len(hits))

@@ -56,7 +56,7 @@ def as_floats(rows):
     return np.array([[float(cell) for cell in row] for row in rows]).T
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(
     rows=st.integers(1, 5).flatmap(lambda n: st.lists(st.lists(WRITTEN, min_size=n, max_size=n), min_size=1)),
     end=st.sampled_from(["\n", "\r\n"]),
@@ -74,7 +74,7 @@ def test_numbers_have_the_bits_of_float_or_are_left(rows, end, comma):
         assert np.array(found).tobytes() == expected.tobytes()
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(
     places=st.lists(st.integers(0, 8), min_size=1, max_size=6),
     seed=st.integers(0, 2**32),
@@ -90,7 +90,7 @@ def test_what_loggers_write_is_never_left(places, seed, scale, end):
     assert np.array(found).tobytes() == as_floats(rows).tobytes()
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(odd=ODD, row=st.integers(0, 39), field=st.integers(0, 2), end=st.sampled_from(["\n", "\r\n"]))
 def test_a_block_with_one_odd_cell_is_left(odd, row, field, end):
     """Whatever is no plain number is for the usual way to judge; blanks round a number are not."""
@@ -104,7 +104,7 @@ def test_a_block_with_one_odd_cell_is_left(odd, row, field, end):
 @pytest.mark.parametrize(
     "line", ["1;2\n", "1;2;3;4\n", "\n", "1;2;3;\n", ";;\n", "# 1;2;3\n", "1;2;3\r\r\n", "1;2;3\r4\n"]
 )
-@pytest.mark.parametrize("place", [0, 1, 20, 39])
+@pytest.mark.parametrize("place", [0, 20, 39])
 def test_a_block_with_one_odd_line_is_left(line, place):
     """Too few fields, too many, none, a comment, a return alone."""
     rows = ["0.5;1.25;-3.125\n"] * 40
@@ -172,7 +172,7 @@ def odd_log(rng):
     return text.replace("\n", rng.choice(["\n", "\r\n"])).replace(";", separator).encode()
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(12))
 def test_odd_logs_are_read_the_same_either_way(seed, tmp_path, monkeypatch):
     """The same bits, the same findings, the same places: whatever is odd in a log."""
     path = tmp_path / "log.csv"
