@@ -3,14 +3,20 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
+DISPATCHED := from numpy._core import _multiarray_umath as m; print(*(f for f in m.__cpu_dispatch__ if m.__cpu_features__[f]))
 
-.PHONY: demo test lint types bench study lock clean
+.PHONY: demo test anywhere lint types bench study lock clean
 
 demo: $(READY)
 	$(BIN)/python -m demo
 
 test: $(READY)
-	$(BIN)/pytest
+	$(BIN)/pytest $(TEST)
+
+# The same as other processors compute: three kernels of the linear algebra, numpy without what it chooses at run time.
+anywhere: $(READY)
+	for kernel in Haswell Nehalem SkylakeX; do OPENBLAS_CORETYPE=$$kernel $(BIN)/pytest --random-order $(TEST) || exit 1; done
+	NPY_DISABLE_CPU_FEATURES="$$($(BIN)/python -c '$(DISPATCHED)')" $(BIN)/pytest --random-order $(TEST)
 
 lint: $(READY)
 	$(BIN)/ruff format --check .

@@ -9,6 +9,7 @@ import ctypes
 import hashlib
 import os
 import sys
+import threading
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from typing import Any
 PLACE, INTEGER, BYTE = ctypes.c_void_p, ctypes.c_int64, ctypes.c_uint8
 """Types of a loop's arguments: the address of an array, and numbers."""
 _engines: list[Any] = []  # what holds the machine code that is in use
+_one_compiles = threading.Lock()
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,8 @@ class Kernel:
             if (kept := self.kept(path)) is not None:
                 return kept
             compiling()
-            return self.compiled(path)
+            with _one_compiles:  # of several logs that are read at once, all but one find it kept
+                return self.kept(path) or self.compiled(path)
         except (ImportError, PackageNotFoundError, OSError, RuntimeError, ValueError):
             return None
 

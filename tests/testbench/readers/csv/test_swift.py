@@ -4,6 +4,7 @@ import random
 import subprocess
 import sys
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -236,6 +237,19 @@ def test_while_it_is_compiled_the_usual_way_is_taken(tmp_path, monkeypatch):
     go_on.set()
     ((_, columns),) = samples.items()
     assert np.frombuffer(columns[1]).tolist() == [1.0, 3.0]
+
+
+def test_logs_that_are_read_at_once_start_one_compiler(monkeypatch):
+    """The others wait for it, and find what it kept."""
+    made = []
+    monkeypatch.setattr(native.Kernel, "kept", lambda self, path: made[0] if made else None)
+    monkeypatch.setattr(native.Kernel, "compiled", lambda self, path: time.sleep(0.05) or made.append(len) or len)
+    threads = [threading.Thread(target=ROWS.loop) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert made == [len]
 
 
 def test_reading_imports_no_compiler():
