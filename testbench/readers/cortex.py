@@ -8,11 +8,11 @@ from pathlib import Path
 
 from ..findings import Finding, Refusal
 from ..recording import Block, Channel, Group, Recording, Report, UniformClock
-from .csv import preamble
 from .csv.dialect import Dialect
-from .csv.parse import Form
-from .csv.sample import take
+from .csv.preamble import key_value_pairs
+from .csv.row_parser import RowParser
 from .csv.table import Table
+from .csv.text_blocks import read_first_lines
 from .registry import ReadOptions
 
 _MARK = "[Force Data]"
@@ -21,16 +21,16 @@ _NAMES = "#Sample\t"
 
 def open_forces(path: Path, options: ReadOptions) -> Recording:
     """Read the head of a ``.forces`` file; its rows are read when asked for."""
-    sample = take(path, options.encoding)
+    sample = read_first_lines(path, options.encoding)
     named = next((i for i, line in enumerate(sample.lines) if line.startswith(_NAMES)), None)
     if named is None:
         message = f"expected a line of names that begins with {_NAMES.strip()!r}"
         raise Refusal(path.name, Finding("no_data", None, None, message))
-    said = preamble.pairs(sample.lines[:named])
+    said = key_value_pairs(sample.lines[:named])
     names = sample.lines[named].rstrip("\t").split("\t")
     rate, declared = _number(path, said, "SampleRate"), int(_number(path, said, "NumberOfSamples"))
     group = Group(path.stem, tuple(Channel(name) for name in names), UniformClock(rate))
-    form = Form(Dialect("\t", "."), len(names))
+    form = RowParser(Dialect("\t", "."), len(names))
     table = Table(path, sample.encoding, form, group, tuple(range(len(names))), named + 2, sample.lines[named])
 
     def read(report: Report) -> Iterator[Block]:

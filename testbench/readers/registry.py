@@ -125,7 +125,7 @@ def _is_hdf5(head: bytes) -> bool:
 
 
 def _is_text(head: bytes) -> bool:
-    return import_module("testbench.readers.csv.encoding").detect(head) is not None
+    return import_module("testbench.readers.csv.text_blocks").detect_encoding(head) is not None
 
 
 _UFF = re.compile(rb"\s{0,6}-1[ \t]*\r?\n[ \t]*\d{1,5}[bB]?(?:[ \t][^\n]*)?\r?\n")

@@ -10,7 +10,7 @@ import numpy as np
 from ..recording import Block, Channel, Clock, Group, Samples, TimeColumn, UniformClock
 from ..units import seconds_per
 from . import doubt
-from .csv import names
+from .csv.header import is_time_name, named_channels
 from .declared import by_rate
 from .stream import block_samples
 
@@ -106,7 +106,7 @@ def _time(members: Sequence[Series]) -> TimeColumn | None:
     for member in members:
         channel = member.channels[0]
         if len(member.channels) == 1 and member.may_be_time and _is_time(member):
-            named = names.channels([channel.name.rpartition(".")[2]], [""])[0]
+            named = named_channels([channel.name.rpartition(".")[2]], [""])[0]
             unit = channel.unit or named.unit
             factor = seconds_per(unit.split(" since ")[0]) if unit else 1.0
             clock = TimeColumn(index, factor, assumed=unit is None)
@@ -116,7 +116,7 @@ def _time(members: Sequence[Series]) -> TimeColumn | None:
                 return clock
             found.append((clock, channel.name.rpartition(".")[2]))
         index += len(member.channels)
-    plain = [clock for clock, name in found if names.is_time(name)]
+    plain = [clock for clock, name in found if is_time_name(name)]
     likely = plain or [clock for clock, _ in found]
     return likely[0] if len(likely) == 1 else None
 

@@ -6,7 +6,15 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from . import marks, moments
+from .cell_syntax import (
+    decimal_mark,
+    is_ambiguous,
+    is_missing,
+    is_number_like,
+    may_be_thousands,
+    plain_number,
+    read_timestamp,
+)
 
 COMMENT_SIGNS = ("#", "%", "//")
 _DELIMITERS = ("\t", ";", "|", ",", " ")
@@ -39,10 +47,10 @@ class Dialect:
 
     def split(self, line: str) -> list[str]:
         """The cells of a line, blanks round them and quotes removed."""
-        return split(line, self.delimiter)
+        return split_line(line, self.delimiter)
 
 
-def split(line: str, delimiter: str) -> list[str]:
+def split_line(line: str, delimiter: str) -> list[str]:
     """The cells of a line at ``delimiter``, blanks round them and quotes removed."""
     if delimiter == "":
         return [line.strip().strip('"')]
@@ -65,30 +73,30 @@ def is_data(cells: Sequence[str]) -> bool:
 
     A row of nothing but times of day is one too, as of events.
     """
-    times = [moment for cell in cells if (moment := moments.read(cell)) is not None]
-    numbers = sum(marks.is_numberish(cell) and moments.read(cell) is None for cell in cells)
+    times = [moment for cell in cells if (moment := read_timestamp(cell)) is not None]
+    numbers = sum(is_number_like(cell) and read_timestamp(cell) is None for cell in cells)
     if not numbers:
         return 0 < len(times) == len(cells) and any(moment.notation.clock for moment in times)
-    return numbers + len(times) + sum(map(marks.is_missing, cells)) >= 0.5 * len(cells)
+    return numbers + len(times) + sum(map(is_missing, cells)) >= 0.5 * len(cells)
 
 
-def detect(lines: Sequence[str], delimiter: str | None = None, decimal: str | None = None) -> Dialect:
+def detect_dialect(lines: Sequence[str], delimiter: str | None = None, decimal: str | None = None) -> Dialect:
     """The dialect of a file that begins with ``lines``; what the caller gives is not detected."""
     lines = [line for line in lines if line.strip() and not is_comment(line)]
     if delimiter is None:
         delimiter = _delimiter(lines, decimal)
-    rows = [cells for line in lines if is_data(cells := split(line, delimiter))]
-    quoted = any('"' in line and is_data(split(line, delimiter)) for line in lines)
+    rows = [cells for line in lines if is_data(cells := split_line(line, delimiter))]
+    quoted = any('"' in line and is_data(split_line(line, delimiter)) for line in lines)
     if decimal is not None:
         return Dialect(delimiter, decimal, quoted)
     mark, doubt = (".", "") if delimiter == "," and not quoted else _decimal(rows)
-    seen = any(marks.mark_of(cell) == mark for cells in rows for cell in cells)
+    seen = any(decimal_mark(cell) == mark for cells in rows for cell in cells)
     return Dialect(delimiter, mark, quoted, doubt, seen)
 
 
 def _delimiter(lines: Sequence[str], decimal: str | None) -> str:
     for delimiter in _DELIMITERS:
-        rows = [split(line, delimiter) for line in lines]
+        rows = [split_line(line, delimiter) for line in lines]
         data = [cells for cells in rows if len(cells) > 1 and is_data(cells)]
         if len(data) <= 0.5 * (len(rows) - _first_data(rows)):
             continue
@@ -101,7 +109,7 @@ def _delimiter(lines: Sequence[str], decimal: str | None) -> str:
 
 
 def _all_numbers(rows: Sequence[Sequence[str]]) -> bool:
-    return all(marks.is_numberish(cell) or marks.is_missing(cell) for cells in rows for cell in cells)
+    return all(is_number_like(cell) or is_missing(cell) for cells in rows for cell in cells)
 
 
 def _first_data(rows: Sequence[Sequence[str]]) -> int:
@@ -115,7 +123,7 @@ def _comma_or_one_column(
     """Commas between numbers: between columns, or the decimal comma of one column? The header decides."""
     if any(line.count('"') % 2 for line in lines):
         raise UnclearDialect("a quote is opened and not closed in its line; mend it, or say --delimiter and --decimal")
-    if any('"' in line and is_data(split(line, ",")) for line in lines):
+    if any('"' in line and is_data(split_line(line, ",")) for line in lines):
         return ","
     fields = Counter(map(len, data)).most_common(1)[0][0]
     first = _first_data(rows)
@@ -134,14 +142,14 @@ def _comma_or_one_column(
 
 def _decimal(rows: Sequence[Sequence[str]]) -> tuple[str, str]:
     """The mark of the first number that leaves no doubt, and what doubt there is."""
-    numbers = [marks.usual(cell) for cells in rows for cell in cells if marks.is_numberish(cell)]
+    numbers = [plain_number(cell) for cells in rows for cell in cells if is_number_like(cell)]
     for cell in numbers:
-        if (mark := marks.mark_of(cell)) and not marks.may_be_thousands(cell):
+        if (mark := decimal_mark(cell)) and not may_be_thousands(cell):
             return mark, ""
     for cell in numbers:
-        if marks.is_ambiguous(cell) and {".", ","} <= set(cell):
+        if is_ambiguous(cell) and {".", ","} <= set(cell):
             return max(".,", key=cell.rfind), ""
     for cell in numbers:
-        if mark := marks.mark_of(cell):
+        if mark := decimal_mark(cell):
             return mark, f"{cell!r} and all other numbers have exactly three digits behind the mark"
     return ".", ""

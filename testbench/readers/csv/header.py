@@ -1,4 +1,4 @@
-"""Where the header of a text ends and the data begin, and which rows of it are names and units."""
+"""Where the header of a text ends and the data begin; its names and units as channels, and which of them is time."""
 
 import re
 from collections import Counter
@@ -6,14 +6,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from ... import units
-from ...recording import Channel
-from . import marks, moments, names
+from ...recording import Channel, TimeColumn
+from .cell_syntax import is_missing, is_number_like, read_timestamp
 from .dialect import Dialect, UnclearDialect, is_comment, is_data
 
 _LONGEST_UNIT = 20
 _NOTATION = re.compile(r"[ymdhsf]+(?:[-/.:, t]+[ymdhsfz]+)+", re.IGNORECASE)
 _NAME_AND_UNIT = re.compile(r"[^()[\]]*[^()[\]/·*^]\s*[(\[]([^()[\]]+)[)\]]")
 _BRACKETED = re.compile(r"\(.*\)|\[.*\]")
+_BRACKETS = re.compile(r"\(([^()]*)\)|\[([^][]*)\]")
+_SIGNS_OF_UNITS = re.compile(r"[^\W\d_°%µ‰][^\s]{0,9}(?:\s?[/·⋅*^]\s?[^\s]{1,10}|[²³⁻¹]+)+")
+_SCALED = re.compile(r"\s*[x×*·]\s*1(?:0+|0?[\^eE][+-]?\d+)\b")
+_TIME_SUFFIX = re.compile(r"(.*?)[_ ](s|sec|ms|us|µs|ns|min)", re.IGNORECASE)
+_ONE_OF_SEVERAL = re.compile(r"[ .-]*(?:\d+|(?<=[ .-])[abcxyz])$")
+_TIME_NAMES = frozenset({
+    "t", "time", "timestamp", "time stamp", "elapsed", "elapsed time", "relative time", "test time",
+    "unix", "epoch", "posix", "unix time", "unixtime", "epoch time", "posix time", "unix timestamp", "time unix",
+    "timestamp unix", "time epoch",
+    "zaman", "süre", "sure", "geçen süre", "zaman damgası", "zeit", "temps", "tiempo", "tempo",
+})  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -32,7 +43,7 @@ class Header:
     preamble: tuple[str, ...] = field(default=())
 
 
-def parse(lines: Sequence[str], dialect: Dialect, has_header: bool | None = None) -> Header:
+def read_header(lines: Sequence[str], dialect: Dialect, has_header: bool | None = None) -> Header:
     """The header of a file that begins with ``lines``.
 
     Raises UnclearDialect if names and columns do not fit together, LookupError if there is no row of data.
@@ -49,12 +60,12 @@ def parse(lines: Sequence[str], dialect: Dialect, has_header: bool | None = None
     elif has_header and not above:
         above, first = [first], first + 1
     if not above and (found := _names_in_comment(lines[:first], dialect, fields)):
-        return Header(names.channels(found, [""] * fields), fields, first + 1, True, (), _texts(lines[:first]))
+        return Header(named_channels(found, [""] * fields), fields, first + 1, True, (), _texts(lines[:first]))
     named = _name_rows(rows, above, fields)
     labels, row_of_units = _labels(rows, named, fields)
     kept = tuple(lines[i] for i in named)
     preamble = tuple(text for i, text in enumerate(lines[:first]) if text.strip() and i not in named)
-    return Header(names.channels(labels, row_of_units), fields, first + 1, bool(named), kept, preamble)
+    return Header(named_channels(labels, row_of_units), fields, first + 1, bool(named), kept, preamble)
 
 
 def _first_data(rows: Sequence[Sequence[str]]) -> int:
@@ -62,7 +73,7 @@ def _first_data(rows: Sequence[Sequence[str]]) -> int:
 
     Raises LookupError if there is none.
     """
-    data = [i for i, cells in enumerate(rows) if is_data(cells) and not any(map(names.is_time, cells))]
+    data = [i for i, cells in enumerate(rows) if is_data(cells) and not any(map(is_time_name, cells))]
     lengths = Counter(len(rows[i]) for i in data)
     if not lengths:
         raise LookupError
@@ -80,7 +91,7 @@ def _end_of_pairs(rows: Sequence[Sequence[str]], first: int) -> int | None:
     """
     fields = len(rows[first])
     for i in range(first, len(rows)):
-        texts = sum(not (marks.is_numberish(c) or marks.is_missing(c) or moments.read(c)) for c in rows[i])
+        texts = sum(not (is_number_like(c) or is_missing(c) or read_timestamp(c)) for c in rows[i])
         if rows[i] and len(rows[i]) == fields and not texts:
             return None
         if i > first and (not rows[i] or texts == fields):
@@ -90,7 +101,7 @@ def _end_of_pairs(rows: Sequence[Sequence[str]], first: int) -> int | None:
 
 def _is_all_missing(cells: Sequence[str]) -> bool:
     """A row of words for no value, as a logger writes before its sensors are ready; no row of units such as ``-``."""
-    return all(map(marks.is_missing, cells)) and not all(cell in ("", "-") for cell in cells)
+    return all(map(is_missing, cells)) and not all(cell in ("", "-") for cell in cells)
 
 
 def _name_rows(rows: Sequence[Sequence[str]], above: Sequence[int], fields: int) -> list[int]:
@@ -116,7 +127,7 @@ def _of_names(rows: Sequence[Sequence[str]], at: int) -> int:
     Some loggers write rates, dates and starts of the channels below their names.
     """
     cells = rows[at]
-    if 2 * sum(map(bool, cells)) > len(cells) and not any(map(moments.read, cells)):
+    if 2 * sum(map(bool, cells)) > len(cells) and not any(map(read_timestamp, cells)):
         return at
     found = _full_row_above(rows, at)
     return at if found is None else found
@@ -132,7 +143,7 @@ def _full_row_above(rows: Sequence[Sequence[str]], at: int) -> int | None:
 
 
 def _may_be_name(cell: str) -> bool:
-    return not marks.is_numberish(cell) and moments.read(cell) is None and "=" not in cell
+    return not is_number_like(cell) and read_timestamp(cell) is None and "=" not in cell
 
 
 def _are_units(cells: Sequence[str], over: Sequence[str]) -> bool:
@@ -154,7 +165,7 @@ def _are_units(cells: Sequence[str], over: Sequence[str]) -> bool:
         return False
     if all(_BRACKETED.fullmatch(cell.strip()) for cell in cells if cell.strip()):
         return True
-    of_time = any(names.is_time(name) and _is_of_time(text) for name, text in zip(over, texts, strict=True))
+    of_time = any(is_time_name(name) and _is_of_time(text) for name, text in zip(over, texts, strict=True))
     return of_time or (2 * known >= given and 2 * sum(map(units.is_unit, over)) < given)
 
 
@@ -189,8 +200,81 @@ def _names_in_comment(lines: Sequence[str], dialect: Dialect, fields: int) -> li
     if not lines or not is_comment(lines[-1]) or fields < 2 or re.search("[:=]", lines[-1]):
         return []
     found = dialect.split(lines[-1].lstrip().lstrip("#%/").strip())
-    return found if len(found) == fields and not any(map(marks.is_numberish, found)) else []
+    return found if len(found) == fields and not any(map(is_number_like, found)) else []
 
 
 def _texts(lines: Sequence[str]) -> tuple[str, ...]:
     return tuple(line for line in lines if line.strip())
+
+
+def named_channels(names: Sequence[str], second_row: Sequence[str]) -> tuple[Channel, ...]:
+    """The channels of these header cells, with the units of a second row where there is one."""
+    return tuple(_channel(name, below) for name, below in zip(names, second_row, strict=True))
+
+
+def _channel(name: str, below: str) -> Channel:
+    """A channel of this header cell; its unit from the second row, from brackets, or the suffix of a time.
+
+    Round brackets may hold anything (``Force (filtered)``): what is no known unit is one only if it is written as one.
+    """
+    if below:
+        enclosed = _BRACKETS.fullmatch(below.strip())
+        text = below.strip() if enclosed is None else (enclosed[1] or enclosed[2] or "").strip()
+        return Channel(name, text or None, name)
+    for match in reversed(list(_BRACKETS.finditer(name))):
+        text = (match[1] or match[2] or "").strip()
+        if _SCALED.match(name[match.end() :]):
+            break  # F (N) x10: the numbers are of another unit than the brackets'
+        if units.is_unit(text) or _is_written_as_unit(text, square=match[2] is not None):
+            label = (name[: match.start()].rstrip() + " " + name[match.end() :].lstrip()).strip()
+            return Channel(name, text, label or name)
+    suffixed = _TIME_SUFFIX.fullmatch(name)
+    if suffixed is not None and _plain(suffixed[1]) in _TIME_NAMES:
+        return Channel(name, suffixed[2], suffixed[1])
+    return Channel(name, None, name)
+
+
+def _is_written_as_unit(text: str, square: bool) -> bool:
+    """Whether an unknown text in brackets is meant as a unit: in square ones, or with the signs of units."""
+    return not text.isdecimal() and (bool(text) if square else _SIGNS_OF_UNITS.fullmatch(text) is not None)
+
+
+def unknown_brackets(channel: Channel) -> str:
+    """What stands in brackets at the end of the name of a channel without a unit; empty if nothing does."""
+    match = re.search(r"\(([^()]*)\)\s*$|\[([^][]*)\]\s*$", channel.name) if channel.unit is None else None
+    text = "" if match is None else (match[1] or match[2] or "").strip()
+    return text if any(map(str.isalpha, text)) else ""
+
+
+def is_time_name(name: str) -> bool:
+    """Whether a header cell names time."""
+    label = _BRACKETS.sub("", _channel(name, "").label)
+    return _plain(label) in _TIME_NAMES
+
+
+def time_name_base(label: str) -> str | None:
+    """The name of time in a label, without the number or letter that tells it from others: ``time`` of ``Time_2``."""
+    plain = _plain(_BRACKETS.sub("", label))
+    if plain in _TIME_NAMES:
+        return plain
+    base = _ONE_OF_SEVERAL.sub("", plain)
+    return base if len(base) > 1 and base in _TIME_NAMES else None
+
+
+def _plain(name: str) -> str:
+    """A name in small letters, with blanks between its words."""
+    return name.strip().replace("İ", "i").casefold().replace("_", " ")
+
+
+def time_column(channels: Sequence[Channel]) -> TimeColumn | None:
+    """The column of time, recognised by its name; seconds are assumed, and said so, where it has no unit.
+
+    Brackets that hold something else than a unit of time leave the unit unknown.
+    """
+    for i, channel in enumerate(channels):
+        if is_time_name(channel.label):
+            if channel.unit is not None:
+                return TimeColumn(i, units.seconds_per(channel.unit))
+            bare = _BRACKETS.search(channel.label) is None
+            return TimeColumn(i, 1.0, assumed=True) if bare else TimeColumn(i, None)
+    return None

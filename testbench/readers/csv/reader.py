@@ -1,180 +1,217 @@
 """Reader of text with delimiters: comma, semicolon, tab, bar or blanks; decimal point or comma."""
 
-from collections.abc import Sequence, Set
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 from ...findings import Finding, Refusal
-from ...recording import Channel, Group, Recording
+from ...recording import Channel, Clock, Group, Recording
 from .. import origin
 from ..registry import ReadOptions
-from . import dialect as dialects
-from . import header as headers
-from . import marks, names, preamble, several, spelling
-from . import stated as above
-from .dialect import Dialect, UnclearDialect
-from .header import Header
-from .parse import Form
-from .rows import shown
-from .sample import Sample, take
-from .spelling import Spelled
-from .table import Table
+from .cell_syntax import is_missing, is_number_like, shown
+from .dialect import Dialect, UnclearDialect, detect_dialect
+from .header import Header, read_header, time_name_base, unknown_brackets
+from .number_notations import NotationColumn, find_notations, rounded_numbers
+from .preamble import Read, comment_text, key_value_pairs, sensor_ranges, stated_sampling
+from .row_parser import RowParser
+from .table import Table, find_multiple_time_columns
+from .text_blocks import FirstLines, read_first_lines, read_last_lines
+from .time_columns import TimeColumns, find_time_columns
 
 _ROWS_AT_END = 100
+
+Rows = Sequence[Sequence[str]]
 
 
 def open_text(path: Path, options: ReadOptions) -> Recording:
     """Read the first lines of a text; its rows are read when asked for."""
-    sample = take(path, options.encoding)
-    dialect, header = _understood(path, sample, options)
-    spelled = spelling.find(path, sample, dialect, header, options.date_order)
-    texts = spelled.texts | _text_fields(spelled, header) - spelled.fields
-    kept = _kept(path, header, spelled, texts, options)
-    said = tuple(preamble.strip(text) for text in header.preamble)
-    stated = above.find(said, dialect.decimal)
-    channels = spelled.times.channels(header.channels)
-    clock = spelled.times.clock(channels, kept) or stated.clock
+    text = _understood(path, options)
+    texts = text.fields_of_text
+    kept = text.kept_fields(texts)
+    comments = tuple(comment_text(line) for line in text.header.preamble)
+    stated = stated_sampling(comments, text.dialect.decimal)
+    channels = text.times.channels(text.header.channels)
+    clock = text.times.clock(channels, kept) or stated.clock
     group = Group(path.stem, tuple(channels[i] for i in kept), clock)
-    clocks = _several_clocks(group, channels, kept, spelled)
-    read = spelled.continued(_table(path, sample, dialect, header, spelled, group, kept).blocks, kept)
-    left_out = _texts_left_out([(header.channels[i].name, i) for i in sorted(texts)], spelled.rows)
+    multiple = find_multiple_time_columns(group, text.rows, kept, text.clock_of(channels))
+    read = text.across_midnight(text.table(group, kept).blocks, kept)
     return Recording(
         path=path,
         format="CSV",
         reader="testbench.readers.csv",
-        groups=clocks.groups if clocks else (group,),
-        read=stated.held_against(clocks.apart(read) if clocks else read),
-        origin=origin.stated(said),
-        settings=_settings(sample, dialect, header, options.date_order),
-        metadata=preamble.pairs(said) | spelled.times.zeros(channels),
-        comments=said,
-        ranges=preamble.ranges(said),
+        groups=multiple.groups if multiple else (group,),
+        read=stated.checked(multiple.split(read) if multiple else read),
+        origin=origin.stated(comments),
+        settings=text.settings,
+        metadata=key_value_pairs(comments) | text.times.zeros(channels),
+        comments=comments,
+        ranges=sensor_ranges(comments),
         stated_rate_hz=stated.rate_hz,
         findings=(
-            *_said(sample, dialect, header, spelled.fields),
-            *spelled.findings,
+            *text.findings,
             *stated.findings,
-            *left_out,
-            *([clocks.finding] if clocks else []),
+            *(text.left_out(i) for i in sorted(texts)),
+            *([multiple.finding] if multiple else []),
         ),
     )
 
 
-def _kept(path: Path, header: Header, spelled: Spelled, texts: Set[int], options: ReadOptions) -> tuple[int, ...]:
-    """The fields that become channels. Raises Refusal if there are none, or the file holds notes."""
-    if options.header is None and _are_notes(spelled.rows, header, texts):
-        message = "a number behind other words on each line, as in notes; if they are data, say --no-header"
-        raise Refusal(path.name, Finding("no_data", None, f"line {header.first_data_line}", message))
-    kept = tuple(i for i in range(len(header.channels)) if i not in texts | spelled.times.taken_up)
-    if not kept:
-        raise Refusal(path.name, Finding("no_data", None, None, "no column of numbers; expected rows of numbers"))
-    return kept
+@dataclass(frozen=True)
+class _Text:
+    """A text as understood from its ``first`` lines and its last ones.
+
+    ``rows`` and ``ends`` are the cells of its first rows and of its last lines. ``times`` and ``notations`` are the
+    columns whose numbers are written in another way.
+    """
+
+    path: Path
+    options: ReadOptions
+    first: FirstLines
+    dialect: Dialect
+    header: Header
+    rows: Rows
+    ends: Rows
+    times: TimeColumns
+    notations: tuple[NotationColumn, ...]
+
+    @cached_property
+    def fields_of_text(self) -> frozenset[int]:
+        """Columns of text in all first rows that are not mostly numbers in the last ones, and times that stay unclear.
+
+        A logger may write a word until its sensor is ready.
+        """
+        data = [cells for cells in self.rows if len(cells) == self.header.fields]
+        ends = [cells for cells in self.ends if len(cells) == self.header.fields][-_ROWS_AT_END:]
+        texts = {
+            i
+            for i in range(len(self.header.channels))
+            if any(not is_missing(cells[i]) for cells in data)
+            and not any(is_number_like(cells[i]) for cells in data)
+            and 2 * sum(is_number_like(cells[i]) for cells in ends) <= len(ends)
+        }
+        return self.times.texts | texts - self._fields_of_numbers
+
+    @cached_property
+    def _fields_of_numbers(self) -> frozenset[int]:
+        """The columns that become numbers, or are taken up by such."""
+        return frozenset(column.field for column in (*self.times.columns, *self.notations)) | self.times.dates
+
+    def kept_fields(self, texts: frozenset[int]) -> tuple[int, ...]:
+        """The fields that become channels. Raises Refusal if there are none, or the file holds notes."""
+        if self.options.header is None and self._are_notes(texts):
+            message = "a number behind other words on each line, as in notes; if they are data, say --no-header"
+            raise Refusal(self.path.name, Finding("no_data", None, self._first_row, message))
+        kept = tuple(i for i in range(len(self.header.channels)) if i not in texts | self.times.dates)
+        if not kept:
+            message = "no column of numbers; expected rows of numbers"
+            raise Refusal(self.path.name, Finding("no_data", None, None, message))
+        return kept
+
+    def _are_notes(self, texts: frozenset[int]) -> bool:
+        """Whether rows are lines such as ``Payload 5``: no names above, each with another word before one number."""
+        words = [cells[0] for cells in self.rows if len(cells) == self.header.fields]
+        named = self.header.named and not self.header.channels[0].name.endswith((":", "="))
+        return not named and 0 in texts and self.header.fields == len(texts) + 1 and len(set(words)) == len(words)
+
+    def clock_of(self, channels: Sequence[Channel]) -> Callable[[Sequence[int]], Clock | None]:
+        """The clock among some fields, where ``time 2`` is a name of time too."""
+        named = [replace(c, label=time_name_base(c.label) or c.label) for c in channels]
+        return lambda fields: self.times.clock(named, fields)
+
+    def table(self, group: Group, kept: tuple[int, ...]) -> Table:
+        """The rows below the header."""
+        columns = (*self.times.columns, *self.notations)
+        encoding = self.first.encoding
+        parser = RowParser(
+            self.dialect, self.header.fields, self._is_padded, columns, self.times.dates, encoding.name_in_blocks
+        )
+        names, above = self.header.lines[:1], (*self.header.lines[1:], *self.header.preamble)
+        first_line = self.header.first_data_line
+        return Table(self.path, encoding, parser, group, kept, first_line, names[0] if names else None, above)
+
+    @property
+    def _is_padded(self) -> bool:
+        """Whether blanks fill up the cells, before a delimiter or at a line's end."""
+        lines = self.first.lines[self.header.first_data_line - 1 :][:20]
+        return any(line.endswith(" ") or any(text in line for text in (" ,", " ;", " |", " \t")) for line in lines)
+
+    def across_midnight(self, read: Read, kept: Sequence[int]) -> Read:
+        """``read`` with times of day that go on after midnight; ``kept`` are the fields of the channels."""
+        columns = [kept.index(column.field) for column in self.times.timestamps if column.is_of_day]
+        if not columns:
+            return read
+        from .timestamp_blocks import across_midnight
+
+        return lambda report: across_midnight(read(report), columns, report)
+
+    @property
+    def settings(self) -> dict[str, str]:
+        """How the text was read: as detected or stated; of dates only what a person stated."""
+        order = self.options.date_order
+        return {
+            "encoding": self.first.encoding.name,
+            "delimiter": self.dialect.delimiter,
+            "decimal": self.dialect.decimal,
+            "first_data_line": str(self.header.first_data_line),
+        } | ({"date_order": f"{order}, as stated"} if order else {})
+
+    @property
+    def _first_row(self) -> str:
+        return f"line {self.header.first_data_line}"
+
+    @property
+    def findings(self) -> list[Finding]:
+        """What was detected, and what of it was inferred; of columns in other notations, how they are read."""
+        encoding, header, row = self.first.encoding, self.header, self._first_row
+        message = f"{self.dialect}, encoding {encoding.name}, first row of data in {row}"
+        if header.named and (unnamed := [c.name for i, c in enumerate(header.channels) if c.name == f"col{i}"]):
+            message += f"; columns without a name: {', '.join(unnamed)}"
+        found = [Finding("dialect", None, None, message)]
+        if encoding.inferred:
+            message = f"read as {encoding.name}: {encoding.inferred}; --encoding says it otherwise"
+            found.append(Finding("encoding_inferred", None, None, message))
+        if self.dialect.doubt:
+            message = f"{self.dialect.doubt}: decimals, or thousands? say --decimal"
+            found.append(Finding("ambiguous_number", None, row, message))
+        for i, channel in enumerate(header.channels):
+            if i not in self._fields_of_numbers and (text := unknown_brackets(channel)):
+                message = (
+                    f"{text!r} in brackets is not understood as a unit; the name is kept as written, without a unit"
+                )
+                found.append(Finding("unit_unknown", channel.name, None, message))
+        if not header.named:
+            message = "the first row is data: the columns are named col0, col1, ... and have no units"
+            found.append(Finding("no_header", None, row, message))
+        notations = [finding for column in self.notations for finding in column.findings]
+        rounded = rounded_numbers([*self.rows, *self.ends], header, self.times.fields)
+        return [*found, *self.times.findings, *notations, *rounded]
+
+    def left_out(self, i: int) -> Finding:
+        """That a column of text is left out, with the first of its texts."""
+        texts = list(dict.fromkeys(cells[i] for cells in self.rows if len(cells) > i and cells[i]))
+        listed = ", ".join(shown(text) for text in texts[:3]) + (", ..." if len(texts) > 3 else "")
+        message = f"holds text ({listed}), not numbers; it is not kept"
+        return Finding("text_channel", self.header.channels[i].name, None, message)
 
 
-def _several_clocks(
-    group: Group, channels: Sequence[Channel], kept: Sequence[int], spelled: Spelled
-) -> several.Several | None:
-    named = [several.named(channel) for channel in channels]
-    return several.find(group, spelled.rows, kept, lambda fields: spelled.times.clock(named, fields))
-
-
-def _table(
-    path: Path, sample: Sample, dialect: Dialect, header: Header, spelled: Spelled, group: Group, kept: tuple[int, ...]
-) -> Table:
-    return Table(
-        path,
-        sample.encoding,
-        spelled.form(Form(dialect, header.fields, padded=_is_padded(sample, header))),
-        group,
-        kept,
-        header.first_data_line,
-        names=header.lines[0] if header.lines else None,
-        above=(*header.lines[1:], *header.preamble),
-    )
-
-
-def _settings(sample: Sample, dialect: Dialect, header: Header, date_order: str | None) -> dict[str, str]:
-    """How the text was read: as detected or stated; of dates only what a person stated."""
-    return {
-        "encoding": sample.encoding.name,
-        "delimiter": dialect.delimiter,
-        "decimal": dialect.decimal,
-        "first_data_line": str(header.first_data_line),
-    } | ({"date_order": f"{date_order}, as stated"} if date_order else {})
-
-
-def _understood(path: Path, sample: Sample, options: ReadOptions) -> tuple[Dialect, Header]:
+def _understood(path: Path, options: ReadOptions) -> _Text:
+    """The text at ``path``. Raises Refusal where its first lines have several readings, or hold no rows."""
+    first = read_first_lines(path, options.encoding)
     try:
-        dialect = dialects.detect(sample.lines, options.delimiter, options.decimal)
-        return dialect, headers.parse(sample.lines, dialect, options.header)
+        dialect = detect_dialect(first.lines, options.delimiter, options.decimal)
+        header = read_header(first.lines, dialect, options.header)
     except UnclearDialect as error:
         raise Refusal(path.name, Finding("unknown_dialect", None, None, str(error))) from error
     except LookupError as error:
-        written = sum(bool(line.strip()) for line in sample.lines)
+        written = sum(bool(line.strip()) for line in first.lines)
         message = (
             f"no row of numbers in its first {written} {'line' if written == 1 else 'lines'} with text; expected "
             "rows of numbers alike, under a header or not"
         )
         raise Refusal(path.name, Finding("no_data", None, None, message)) from error
-
-
-def _text_fields(spelled: Spelled, header: Header) -> set[int]:
-    """Columns that hold text in every one of the first rows, and are not mostly numbers in the last ones.
-
-    A logger may write a word until its sensor is ready.
-    """
-    data = [cells for cells in spelled.rows if len(cells) == header.fields]
-    ends = [cells for cells in spelled.ends if len(cells) == header.fields][-_ROWS_AT_END:]
-    return {
-        i
-        for i in range(len(header.channels))
-        if any(not marks.is_missing(cells[i]) for cells in data)
-        and not any(marks.is_numberish(cells[i]) for cells in data)
-        and 2 * sum(marks.is_numberish(cells[i]) for cells in ends) <= len(ends)
-    }
-
-
-def _are_notes(rows: Sequence[Sequence[str]], header: Header, texts: Set[int]) -> bool:
-    """Whether the rows are lines such as ``Payload 5``: no names above, and each has another word before one number."""
-    words = [cells[0] for cells in rows if len(cells) == header.fields]
-    named = header.named and not header.channels[0].name.endswith((":", "="))
-    return not named and 0 in texts and header.fields == len(texts) + 1 and len(set(words)) == len(words)
-
-
-def _is_padded(sample: Sample, header: Header) -> bool:
-    """Whether blanks fill up the cells, before a delimiter or at a line's end."""
-    lines = sample.lines[header.first_data_line - 1 :][:20]
-    return any(text in line for line in lines for text in (" ,", " ;", " |", " \t")) or any(
-        line.endswith(" ") for line in lines
-    )
-
-
-def _said(sample: Sample, dialect: Dialect, header: Header, known: Set[int]) -> list[Finding]:
-    """What was detected, and what of it was inferred; the units of ``known`` columns are."""
-    message = f"{dialect}, encoding {sample.encoding.name}, first row of data in line {header.first_data_line}"
-    if header.named and (unnamed := [c.name for i, c in enumerate(header.channels) if c.name == f"col{i}"]):
-        message += f"; columns without a name: {', '.join(unnamed)}"
-    findings = [Finding("dialect", None, None, message)]
-    if sample.encoding.inferred:
-        message = f"read as {sample.encoding.name}: {sample.encoding.inferred}; --encoding says it otherwise"
-        findings.append(Finding("encoding_inferred", None, None, message))
-    if dialect.doubt:
-        message = f"{dialect.doubt}: decimals, or thousands? say --decimal"
-        findings.append(Finding("ambiguous_number", None, f"line {header.first_data_line}", message))
-    for i, channel in enumerate(header.channels):
-        if i not in known and (text := names.unknown_brackets(channel)):
-            message = f"{text!r} in brackets is not understood as a unit; the name is kept as written, without a unit"
-            findings.append(Finding("unit_unknown", channel.name, None, message))
-    if not header.named:
-        message = "the first row is data: the columns are named col0, col1, ... and have no units"
-        findings.append(Finding("no_header", None, f"line {header.first_data_line}", message))
-    return findings
-
-
-def _texts_left_out(fields: Sequence[tuple[str, int]], rows: Sequence[Sequence[str]]) -> list[Finding]:
-    """Columns of text by name, with the first of their texts."""
-    found = []
-    for name, i in fields:
-        texts = list(dict.fromkeys(cells[i] for cells in rows if len(cells) > i and cells[i]))
-        listed = ", ".join(shown(text) for text in texts[:3]) + (", ..." if len(texts) > 3 else "")
-        found.append(Finding("text_channel", name, None, f"holds text ({listed}), not numbers; it is not kept"))
-    return found
+    rows = [dialect.split(line) for line in first.lines[header.first_data_line - 1 :]]
+    ends = [dialect.split(line) for line in read_last_lines(path, first.encoding)]
+    times = find_time_columns(rows, ends, header, options.date_order or "")
+    notations = find_notations(rows, header, dialect.decimal, times.fields)
+    return _Text(path, options, first, dialect, header, rows, ends, times, notations)

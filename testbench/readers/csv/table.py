@@ -1,23 +1,33 @@
-"""The rows of a text as blocks of columns, the same for every format whose data are rows of numbers."""
+"""The rows of a text as blocks of columns, the same for every format whose data are rows of numbers.
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+Where a table has several columns of time, each is the clock of those behind it, which are a group of their own.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...findings import Finding
-from ...recording import Block, Group, Report, Samples, TimeColumn
+from ...recording import Block, Clock, Group, Report, Samples, TimeColumn
 from ..ahead import in_order
-from .cells import CellFilter
-from .encoding import Encoding
-from .latemarks import LateMarks
-from .lines import Lines, count_lines, in_blocks
-from .parse import Form
-from .rows import Piece, RowFilter
-from .swift import Swift
-from .tail import last_row
+from .cell_syntax import is_missing
+from .header import time_name_base
+from .irregular_rows import CellFilter, LateDecimalMark, RegularRows, RowFilter, last_row
+from .row_parser import RowParser
+from .text_blocks import Encoding, TextBlock, count_lines, read_blocks
+
+LONG_BYTES = 50_000_000
+"""Size of a file from which the compiled loop saves more than its start costs [bytes]."""
+_MOST_ROWS = 1 << 16
+
+Columns = list[Samples]
+Read = Callable[[Report], Iterator[Block]]
 
 
 @dataclass(frozen=True)
@@ -30,7 +40,7 @@ class Table:
 
     path: Path
     encoding: Encoding
-    form: Form
+    parser: RowParser
     group: Group
     kept: tuple[int, ...]
     first_data_line: int
@@ -40,9 +50,9 @@ class Table:
     def blocks(self, report: Report) -> Iterator[Block]:
         """The rows in blocks; what is odd in them is reported at the end."""
         above = frozenset(filter(None, map(self._plain, self.above)))
-        rows = RowFilter(self.form, self._plain(self.names), above, self._field_of_time())
-        cells = CellFilter(self.form, self._field_names(), self.encoding.name)
-        points = LateMarks(self.form, self.kept)
+        rows = RowFilter(self.parser, self._plain(self.names), above, self._field_of_time())
+        cells = CellFilter(self.parser, self._field_names(), self.encoding.name)
+        points = LateDecimalMark(self.parser, self.kept)
         group, start = self.group, 0
         for piece in self._pieces(rows, report):
             columns = self._columns(piece, cells)
@@ -52,42 +62,52 @@ class Table:
                 report(self._repeated(group, piece.header_line, columns))
             yield Block(group, tuple(columns[j] for j in self.kept), start, piece.lines, piece.bytes_read)
             start += len(columns[0])
-        rows.report(report)
-        cells.report(report)
-        points.report(report)
+        for judge in (rows, cells, points):
+            judge.report(report)
 
-    def _pieces(self, rows: RowFilter, report: Report) -> Iterator[Piece]:
-        """Regular rows: as they stand where the whole block parses to finite numbers, else made regular."""
+    def _pieces(self, rows: RowFilter, report: Report) -> Iterator[RegularRows]:
+        """Regular rows: as they are where the whole block parses to finite numbers, else made regular."""
         before, line = b"", self.first_data_line
-        blocks = in_blocks(self.path, self.encoding, self.first_data_line, counted=False)
-        parse = partial(self._parse, Swift.of(self.path, self.form, self.kept))
-        for block, plain, columns in in_order(parse, blocks):
+        blocks = read_blocks(self.path, self.encoding, self.first_data_line, counted=False)
+        for block, plain, columns in in_order(partial(self._parse, self._fast_columns()), blocks):
             if block.rest:
-                plain, finding = last_row(self.form, self.form.plain(block.rest), before, line)
+                plain, finding = last_row(self.parser, self.parser.plain(block.rest), before, line)
                 columns = None
                 if finding is not None:
                     report(finding)
             before = plain or before
             if columns is not None:
-                yield Piece(plain, range(line, line + len(columns[0])), columns=columns, bytes_read=block.bytes_read)
+                yield RegularRows(plain, range(line, line + len(columns[0])), 0, (), columns, block.bytes_read)
             elif plain:
                 for piece in rows.pieces(plain, line):
                     yield replace(piece, bytes_read=block.bytes_read)
             line += count_lines(block.text) if columns is None else len(columns[0])
 
-    def _parse(self, swift: Swift | None, block: Lines) -> tuple[Lines, bytes, list[Samples] | None]:
-        """The block as plain text, and its columns if every cell that is kept is a finite number."""
-        plain = self.form.plain(block.text)
-        if swift is not None and plain and (swiftly := swift.columns(plain)) is not None:
-            return block, plain, swiftly
-        columns = self.form.columns(plain) if plain else None
-        regular = columns is not None and all(_finite(columns[j]) for j in self.kept)
-        return block, plain, columns if regular else None
+    def _fast_columns(self) -> Callable[[bytes], Columns | None]:
+        """The compiled loop over rows, for a file that is long enough, in a form that the loop knows."""
+        known = self.parser.separator != " " and self.parser.dialect.decimal in (".", ",")
+        if not known or self.path.stat().st_size < LONG_BYTES:
+            return lambda plain: None
+        from .fast_parser import FastParser
 
-    def _columns(self, piece: Piece, cells: CellFilter) -> list[Samples]:
+        return FastParser(self.parser, self.kept).columns
+
+    def _parse(
+        self, fast_columns: Callable[[bytes], Columns | None], block: TextBlock
+    ) -> tuple[TextBlock, bytes, Columns | None]:
+        """The block as plain text, and its columns if every cell that is kept is a finite number."""
+        plain = self.parser.plain(block.text)
+        columns = fast_columns(plain) if plain else None
+        if plain and columns is None:
+            columns = self.parser.columns(plain)
+            if columns is not None and not all(_finite(columns[j]) for j in self.kept):
+                columns = None
+        return block, plain, columns
+
+    def _columns(self, piece: RegularRows, cells: CellFilter) -> Columns:
         if piece.columns is not None:
             return piece.columns
-        columns = self.form.columns(piece.text)
+        columns = self.parser.columns(piece.text)
         if columns is None:
             raise RuntimeError(f"{self.path.name}: rows from line {piece.lines[0]} on are regular, but do not parse")
         cells.judge(piece, columns, list(self.kept))
@@ -98,7 +118,7 @@ class Table:
         number = int(group.name.rpartition(" part ")[2]) + 1 if group is not self.group else 2
         return replace(group, name=f"{self.group.name} part {number}")
 
-    def _repeated(self, group: Group, line: int, columns: list[Samples]) -> Finding:
+    def _repeated(self, group: Group, line: int, columns: Columns) -> Finding:
         """That the header came again in ``line``, and where time goes on."""
         clock = group.clock
         time = f"; time starts again at {columns[self.kept[clock.index]][0]:g}" if isinstance(clock, TimeColumn) else ""
@@ -110,7 +130,7 @@ class Table:
         return self.kept[clock.index] if isinstance(clock, TimeColumn) else None
 
     def _field_names(self) -> tuple[str, ...]:
-        names = [f"col{i}" for i in range(self.form.fields)]
+        names = [f"col{i}" for i in range(self.parser.fields)]
         for j, channel in zip(self.kept, self.group.channels, strict=True):
             names[j] = channel.name
         return tuple(names)
@@ -118,8 +138,7 @@ class Table:
     def _plain(self, line: str | None) -> bytes | None:
         if line is None:
             return None
-        name = self.encoding.name if self.encoding.keeps_ascii else "utf-8"
-        return self.form.plain(line.encode(name, "replace") + b"\n").strip()
+        return self.parser.plain(line.encode(self.encoding.name_in_blocks, "replace") + b"\n").strip()
 
 
 def _finite(column: Samples) -> bool:
@@ -127,3 +146,101 @@ def _finite(column: Samples) -> bool:
     with np.errstate(over="ignore", invalid="ignore"):
         total = column.sum()
     return bool(np.isfinite(total) or np.isfinite(column).all())
+
+
+@dataclass(frozen=True)
+class MultipleTimeColumns:
+    """The ``groups`` of one table, and the places of each one's columns in it."""
+
+    groups: tuple[Group, ...]
+    places: tuple[tuple[int, ...], ...]
+
+    def split(self, read: Read) -> Read:
+        """``read`` with the columns of each group for itself, up to the last row in which one of them holds a value."""
+        return lambda report: self._blocks(read, report)
+
+    @property
+    def finding(self) -> Finding:
+        """That there are several clocks."""
+        listed = ", ".join(repr(group.channels[0].name) for group in self.groups)
+        message = f"columns of time: {listed}; each is taken as the clock of those behind it, in a group of its own"
+        return Finding("several_clocks", None, None, message)
+
+    def _blocks(self, read: Read, report: Report) -> Iterator[Block]:
+        parts: list[_Part] = []
+        seen: Counter[str] = Counter()
+        table = ""
+
+        def report_values(finding: Finding) -> None:
+            """Cells behind the end of a shorter group are no values that are missing."""
+            counted = seen + sum((part.not_numbers for part in parts), Counter())
+            if finding.code != "not_a_number" or counted[finding.channel or ""]:
+                report(finding)
+
+        for block in read(report_values):
+            if block.group.name != table:
+                seen += sum((part.not_numbers for part in parts), Counter())
+                table = block.group.name
+                parts = [
+                    _Part(replace(group, name=f"{table} {number}"), places)
+                    for number, (group, places) in enumerate(zip(self.groups, self.places, strict=True), 1)
+                ]
+            for part in parts:
+                yield from part.blocks(block)
+
+
+def find_multiple_time_columns(
+    group: Group,
+    rows: Sequence[Sequence[str]],
+    kept: Sequence[int],
+    clock_of: Callable[[Sequence[int]], Clock | None],
+) -> MultipleTimeColumns | None:
+    """The groups in a table of these ``rows``, if it begins with a time, and others of this name have columns behind.
+
+    ``kept`` are the fields of the channels of ``group``; ``clock_of`` finds the clock among fields.
+    """
+    bases = [time_name_base(channel.label) for channel in group.channels]
+    begins = [i for i, base in enumerate(bases) if base and base == bases[0]]
+    if len(begins) < 2 or begins[0] or any(b - a < 2 for a, b in pairwise([*begins, len(bases)])):
+        return None
+    if any(all(len(row) <= kept[i] or is_missing(row[kept[i]]) for row in rows) for i in begins):
+        return None
+    places = tuple(tuple(range(a, b)) for a, b in pairwise([*begins, len(bases)]))
+    groups = tuple(
+        Group(f"{group.name} {n}", tuple(group.channels[i] for i in columns), clock_of([kept[i] for i in columns]))
+        for n, columns in enumerate(places, 1)
+    )
+    return MultipleTimeColumns(groups, places)
+
+
+@dataclass
+class _Part:
+    """One group as it is read: samples so far, and rows without a value that wait for one behind them."""
+
+    group: Group
+    places: tuple[int, ...]
+    samples: int = 0
+    waiting: int = 0
+    not_numbers: Counter[str] = field(default_factory=Counter)
+
+    def blocks(self, block: Block) -> Iterator[Block]:
+        """The group's share of a block of the table."""
+        columns = [block.columns[i] for i in self.places]
+        given = np.flatnonzero(~np.isnan(columns).all(axis=0))
+        if not len(given):
+            self.waiting += len(block)
+            return
+        while self.waiting:
+            count = min(self.waiting, _MOST_ROWS)
+            self.waiting -= count
+            yield self._next([np.full(count, np.nan) for _ in columns], None, block.bytes_read)
+        end = int(given[-1]) + 1
+        self.waiting = len(block) - end
+        lines = None if block.lines is None else block.lines[:end]
+        yield self._next([column[:end] for column in columns], lines, block.bytes_read)
+
+    def _next(self, columns: list[Samples], lines: "range | NDArray[np.int64] | None", bytes_read: int) -> Block:
+        start, self.samples = self.samples, self.samples + len(columns[0])
+        for channel, column in zip(self.group.channels, columns, strict=True):
+            self.not_numbers[channel.name] += int((~np.isfinite(column)).sum())
+        return Block(self.group, tuple(columns), start, lines, bytes_read)

@@ -10,7 +10,7 @@ from ...recording import Channel, Clock, Group, TimeColumn, UniformClock
 from ...units import seconds_per
 from .. import doubt
 from ..csv.dialect import Dialect
-from ..csv.parse import Form
+from ..csv.row_parser import RowParser
 from ..declared import by_step
 from ..stream import damaged
 from .scan import Head
@@ -44,7 +44,7 @@ class Part:
 class Segment:
     """One header with the data below it: file lines ``first`` to before ``end``."""
 
-    form: Form
+    form: RowParser
     parts: tuple[Part, ...]
     first: int
     end: int
@@ -85,7 +85,7 @@ def segment(path: Path, head: Head, settings: Settings, name: str) -> Segment:
         raise damaged(path, f"line {head.first - 1}: {message}")
     parts, findings = _parts(path, name, rows, names, pairs, settings)
     said = {key: "; ".join(filter(None, cells)) for key, cells in rows.items() if any(cells) and key != "X_Value"}
-    form = Form(settings.dialect, len(names))
+    form = RowParser(settings.dialect, len(names))
     return Segment(form, parts, head.first, head.end, tuple(names), said, tuple(findings))
 
 

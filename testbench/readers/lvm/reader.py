@@ -8,12 +8,9 @@ import numpy as np
 
 from ...findings import Finding
 from ...recording import Block, Recording, Report, TimeColumn
-from ..csv import encoding as encodings
-from ..csv.encoding import Encoding
-from ..csv.lines import in_blocks
-from ..csv.parse import Form
-from ..csv.sample import take
-from ..csv.tail import last_row
+from ..csv.irregular_rows import last_row
+from ..csv.row_parser import RowParser
+from ..csv.text_blocks import Encoding, detect_encoding, read_blocks, read_first_lines
 from ..registry import ReadOptions
 from ..stream import damaged
 from .header import Segment, segment, settings
@@ -60,7 +57,7 @@ def _stated_rate(segments: Sequence[Segment]) -> float | None:
 def _encoding(path: Path) -> Encoding:
     with path.open("rb") as stream:
         head = stream.read(1 << 16)
-    return encodings.detect(head.replace(_MAGIC, b"LVM", 1)) or take(path).encoding
+    return detect_encoding(head.replace(_MAGIC, b"LVM", 1)) or read_first_lines(path).encoding
 
 
 def _in_pieces(segment: Segment) -> Segment:
@@ -93,7 +90,7 @@ class _File:
         """The rows of all segments in blocks; what is odd in them is reported at the end."""
         todo = [SegmentRows(s, self.encoding.name, not _recorded(s)) for s in self.segments]
         before = b""
-        for lines in in_blocks(self.path, self.encoding, self.segments[0].first):
+        for lines in read_blocks(self.path, self.encoding, self.segments[0].first):
             if lines.rest:
                 text, finding = _last_row(todo[-1].segment.form, lines.rest, before, lines.first)
                 if finding is not None:
@@ -107,7 +104,7 @@ class _File:
             _report_count(rows, report)
 
 
-def _last_row(form: Form, rest: bytes, before: bytes, line: int) -> tuple[bytes, Finding | None]:
+def _last_row(form: RowParser, rest: bytes, before: bytes, line: int) -> tuple[bytes, Finding | None]:
     """A last row without line end; one with a comment is whole, one that ends empty is not."""
     plain, separator = form.plain(rest), form.separator.encode()
     cells = plain.split(separator)

@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...recording import Block, Group, Report, Samples
-from ..csv.cells import CellFilter
-from ..csv.parse import Form
-from ..csv.rows import Piece, RowFilter
+from ..csv.irregular_rows import CellFilter, RegularRows, RowFilter
+from ..csv.row_parser import RowParser
 from .header import Segment
 
 
-def without_comments(text: bytes, form: Form) -> bytes:
+def without_comments(text: bytes, form: RowParser) -> bytes:
     """Rows with what stands behind their last column cut off: a comment, or a separator alone."""
     data = np.frombuffer(text, dtype=np.uint8)
     ends = np.flatnonzero(data == ord("\n"))
@@ -56,7 +55,7 @@ class SegmentRows:
                 raise RuntimeError(f"rows from line {piece.lines[0]} on are regular, but do not parse")
             yield from self._cut(piece, [_writable(c) for c in columns], bytes_read)
 
-    def _cut(self, piece: Piece, columns: list[Samples], bytes_read: int) -> Iterator[Block]:
+    def _cut(self, piece: RegularRows, columns: list[Samples], bytes_read: int) -> Iterator[Block]:
         """Judge the cells, then cut at the borders of appended blocks."""
         lines = np.asarray(piece.lines)
         every = self.segment.declared or 0 if self.split else 0

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..csv.encoding import Encoding
-from ..csv.lines import in_blocks
+from ..csv.text_blocks import Encoding, read_blocks
 from ..stream import damaged
 
 END = "***End_of_Header***"
@@ -64,7 +63,7 @@ def _lines_of_words(path: Path, encoding: Encoding) -> tuple[list[tuple[int, str
 def _candidates(path: Path, encoding: Encoding) -> Iterator[tuple[int, bytes]]:
     """Lines that begin with a letter or a star with their number; at last an empty one with the last number."""
     number = 0
-    for lines in in_blocks(path, encoding, 1):
+    for lines in read_blocks(path, encoding, 1):
         text = lines.text + lines.rest
         data = np.frombuffer(text, dtype=np.uint8)
         ends = np.flatnonzero(data == ord("\n")) + 1

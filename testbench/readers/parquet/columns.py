@@ -8,7 +8,7 @@ import polars
 
 from ...recording import Channel, Samples, TimeColumn
 from ...units import seconds_per
-from ..csv import names
+from ..csv.header import is_time_name, named_channels
 
 _UNITS = {"ns": "ns", "us": "µs", "ms": "ms"}
 _EXACT = 2.0**53
@@ -48,7 +48,7 @@ def column(name: str, kind: polars.DataType, first: Callable[[str], int | None])
     if isinstance(kind, polars.Date):
         return Column(name, Channel(name, "day"))
     if kind.is_numeric() or isinstance(kind, polars.Boolean):
-        return Column(name, names.channels([name], [""])[0])
+        return Column(name, named_channels([name], [""])[0])
     return None
 
 
@@ -64,7 +64,7 @@ def is_beyond_exact(series: polars.Series) -> bool:
 
 def clock(columns: list[Column]) -> TimeColumn | None:
     """The column of time: named so, or else the only one of points in time."""
-    named = [i for i, c in enumerate(columns) if names.is_time(c.channel.name)]
+    named = [i for i, c in enumerate(columns) if is_time_name(c.channel.name)]
     points = [i for i, c in enumerate(columns) if c.is_point_in_time]
     found = named[:1] or (points if len(points) == 1 else [])
     if not found:

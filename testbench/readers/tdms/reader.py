@@ -18,7 +18,7 @@ from ...errors import RecordingError
 from ...findings import Finding, Refusal
 from ...recording import Block, Clock, Group, Recording, Report, Samples, TimeColumn
 from ...units import seconds_per
-from ..csv.names import is_time
+from ..csv.header import is_time_name
 from ..declared import by_step
 from ..nonfinite import watched
 from ..registry import ReadOptions, needs
@@ -150,7 +150,7 @@ def _clock(members: Sequence[Channel], channels: Sequence[model.Channel], stated
     stamps = [channel_title(member.path) for member in members if member.kind == TIME]
     if len(stamps) == 1:
         return TimeColumn([channel.name for channel in channels].index(stamps[0]), 1.0)
-    named = [i for i, channel in enumerate(channels) if is_time(channel.label)]
+    named = [i for i, channel in enumerate(channels) if is_time_name(channel.label)]
     if len(named) == 1 and len(channels) > 1:
         unit = channels[named[0]].unit
         return TimeColumn(named[0], seconds_per(unit) if unit else 1.0, assumed=unit is None)
@@ -164,7 +164,7 @@ def _clock(members: Sequence[Channel], channels: Sequence[model.Channel], stated
 def _seconds_per(stated: dict[str, Property]) -> float | None:
     """Seconds in the unit of the abscissa; None if that is no time, as of a spectrum."""
     unit, name = stated.get("wf_xunit_string"), stated.get("wf_xname") or "Time"
-    return seconds_per(str(unit)) if unit else 1.0 if is_time(str(name)) else None
+    return seconds_per(str(unit)) if unit else 1.0 if is_time_name(str(name)) else None
 
 
 def _blocks(path: Path, contents: Contents, gathered: Sequence[_Gathered], report: Report) -> Iterator[Block]:

@@ -74,9 +74,9 @@ def test_blocks_are_cut_where_a_piece_of_the_file_ends(tmp_path, monkeypatch):
     """Where the file is read in small pieces, groups and their samples are the same."""
     path = _write(tmp_path, _segment(ROWS * 7, n=14))
     whole = reading.read(path)
-    from testbench.readers.csv import lines
+    from testbench.readers.csv import text_blocks
 
-    monkeypatch.setattr(lines, "BLOCK_BYTES", 32)
+    monkeypatch.setattr(text_blocks, "BLOCK_BYTES", 32)
     pieces = reading.read(path)
     assert list(pieces.data) == list(whole.data) == ["run", "run part 2", "run part 3"]
     for name in whole.data:

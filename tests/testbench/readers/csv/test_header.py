@@ -1,15 +1,13 @@
 import pytest
 
-from testbench.readers.csv import dialect as dialects
-from testbench.readers.csv import names
-from testbench.readers.csv.dialect import UnclearDialect
-from testbench.readers.csv.header import Header, parse
+from testbench.readers.csv.dialect import UnclearDialect, detect_dialect
+from testbench.readers.csv.header import Header, named_channels, read_header, time_column, unknown_brackets
 
 
 def header(text: str, has_header: bool | None = None) -> Header:
     """The header of a text whose dialect is detected."""
     lines = text.split("\n")
-    return parse(lines, dialects.detect(lines), has_header)
+    return read_header(lines, detect_dialect(lines), has_header)
 
 
 def test_names_stay_as_written_and_units_stand_beside() -> None:
@@ -73,7 +71,7 @@ def test_unknown_units_in_brackets() -> None:
     """Square brackets and the signs of units tell a unit; others in round ones stay in the name, and are said."""
     found = header("A [blorp],B (kp/Elle),C (filtered),D [2]\n0.1,1.5,2.5,3.5\n0.2,1,2,3").channels
     assert [c.unit for c in found] == ["blorp", "kp/Elle", None, None]
-    assert [names.unknown_brackets(c) for c in found] == ["", "", "filtered", ""]
+    assert [unknown_brackets(c) for c in found] == ["", "", "filtered", ""]
 
 
 def test_no_header_loses_no_row() -> None:
@@ -109,11 +107,11 @@ def test_names_in_a_comment() -> None:
 )  # fmt: skip
 def test_time_is_known_by_name_and_its_unit_is_not_guessed(name: str, factor: float | None, assumed: bool) -> None:
     """The time column's unit is read; if there is none, that seconds were assumed is marked."""
-    column = names.time_column(names.channels(["AccX (g)", name], ["", ""]))
+    column = time_column(named_channels(["AccX (g)", name], ["", ""]))
     assert column is not None
     assert (column.index, column.seconds_per_unit, column.assumed) == (1, factor, assumed)
 
 
 def test_no_time_column() -> None:
     """A channel that is not called time is not taken for it."""
-    assert names.time_column(names.channels(["timer", "Temperature (s)"], ["", ""])) is None
+    assert time_column(named_channels(["timer", "Temperature (s)"], ["", ""])) is None

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from testbench.readers.csv import marks
+from testbench.readers.csv.cell_syntax import MINUS, is_number_like, plain_number
 
 from .. import reading
 
@@ -30,8 +30,8 @@ def test_exponents_of_fortran(tmp_path, delimiter, decimal, letter):
 
 def test_a_typographic_minus(tmp_path):
     """U+2212 is a minus, also in a column whose first negative number comes late."""
-    texts = [f"{i}.25,{i - 500}.75".replace("-", marks.MINUS) for i in range(1000)]
-    texts[999] = f"{marks.MINUS}1.5,2"
+    texts = [f"{i}.25,{i - 500}.75".replace("-", MINUS) for i in range(1000)]
+    texts[999] = f"{MINUS}1.5,2"
     rows = "".join(f"{i},{text}\n" for i, text in enumerate(texts))
     (tmp_path / "log.csv").write_text(f"Time (s),p (N),q (N)\n{rows}", encoding="utf-8")
     found = reading.read(tmp_path / "log.csv")
@@ -49,8 +49,8 @@ def test_hexadecimal_counts(tmp_path):
 @pytest.mark.parametrize("text", ["12D4", "0x", "0xFG", "0x12345678901234", "D5", "1.5D", "1.5D+1234", "1e5D2", "--1"])
 def test_codes_stay_as_they_are(text):
     """What may be the name of a part, or is no number at all, is none."""
-    assert marks.usual(text) == text
-    assert not marks.is_numberish(text)
+    assert plain_number(text) == text
+    assert not is_number_like(text)
 
 
 def test_in_a_file_of_nothing_else(tmp_path):

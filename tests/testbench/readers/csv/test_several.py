@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from testbench.readers.csv import names, several
+from testbench.readers.csv.header import time_name_base
+from testbench.readers.csv.table import MultipleTimeColumns
 from testbench.recording import Block, Channel, Group
 
 from .. import reading
@@ -66,7 +67,7 @@ def test_blocks_change_nothing(size):
             yield Block(whole, tuple(table[:, i : i + size]), i, range(i, min(i + size, 300)))
 
     found = {name: [] for name in ("log 1", "log 2")}
-    for block in several.Several(groups, ((0, 1), (2, 3))).apart(read)(print):
+    for block in MultipleTimeColumns(groups, ((0, 1), (2, 3))).split(read)(print):
         assert block.start == sum(part.shape[1] for part in found[block.group.name])
         found[block.group.name].append(np.array(block.columns))
     np.testing.assert_array_equal(np.hstack(found["log 1"]), table[:2])
@@ -105,7 +106,7 @@ def test_a_header_that_comes_again(tmp_path):
 
 def test_names_of_time():
     """A number or letter behind a name of time, and none behind a single letter."""
-    assert names.base_of_time("Time_2") == names.base_of_time("Time B") == "time"
-    assert names.base_of_time("t") == "t"
-    assert names.base_of_time("t2") is None
-    assert names.base_of_time("timex") is None
+    assert time_name_base("Time_2") == time_name_base("Time B") == "time"
+    assert time_name_base("t") == "t"
+    assert time_name_base("t2") is None
+    assert time_name_base("timex") is None

@@ -5,7 +5,7 @@ import pytest
 
 from testbench.findings import Refusal
 from testbench.readers import ReadOptions
-from testbench.readers.csv import stated
+from testbench.readers.csv.preamble import stated_sampling
 
 from .. import reading
 
@@ -26,7 +26,7 @@ ROWS = "".join(f"{i}.5,{i}.25\n" for i in range(300))
 )  # fmt: skip
 def test_rates_and_steps(text, decimal, rate_hz):
     """A rate or step with its unit is taken to the last digit, marks of thousands are none of decimals."""
-    assert stated.find([text], decimal).rate_hz == rate_hz
+    assert stated_sampling([text], decimal).rate_hz == rate_hz
 
 
 @pytest.mark.parametrize(
@@ -43,7 +43,7 @@ def test_rates_and_steps(text, decimal, rate_hz):
 )  # fmt: skip
 def test_a_rate_is_that_of_the_data(text, rate_hz):
     """Other frequencies beside the words sample or rate are none, nor is the rate before data were thinned out."""
-    assert stated.find([text], ".").rate_hz == rate_hz
+    assert stated_sampling([text], ".").rate_hz == rate_hz
 
 
 def test_rates_that_contradict_each_other(log):
@@ -51,7 +51,7 @@ def test_rates_that_contradict_each_other(log):
     found = log(f"# rate: 2 kHz\n# rate: 100 Hz\na (N),b (N)\n{ROWS}")
     assert found.recording.groups[0].clock is None
     assert "100 Hz, 2000 Hz" in found.message("header_contradiction")
-    assert stated.find(["rate: 3000 Hz", "dt = 0.000333 s"], ".").rate_hz == 3000.0
+    assert stated_sampling(["rate: 3000 Hz", "dt = 0.000333 s"], ".").rate_hz == 3000.0
 
 
 @pytest.mark.parametrize(

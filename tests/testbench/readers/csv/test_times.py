@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from testbench.readers import ReadOptions
-from testbench.readers.csv import moments
+from testbench.readers.csv.cell_syntax import DAY, SECOND, read_timestamp
 from testbench.recording import TimeColumn
 
 from .. import reading
@@ -62,9 +62,9 @@ def test_a_moment_is_exact(moment, nanoseconds, zone):
     """Days, nanoseconds and zone of any time are those of the calendar."""
     sign, minutes = "-" if zone < 0 else "+", abs(zone)
     text = f"{moment:%Y-%m-%dT%H:%M:%S}.{nanoseconds:09d}{sign}{minutes // 60:02d}:{minutes % 60:02d}"
-    found = moments.read(text)
+    found = read_timestamp(text)
     whole = (moment.replace(microsecond=0) - timedelta(minutes=zone) - datetime(1, 1, 1)) // timedelta(seconds=1)
-    assert (found.days() - 1) * moments.DAY + found.nanoseconds == whole * moments.SECOND + nanoseconds
+    assert (found.days() - 1) * DAY + found.nanoseconds == whole * SECOND + nanoseconds
 
 
 @pytest.mark.parametrize(
@@ -74,7 +74,7 @@ def test_a_moment_is_exact(moment, nanoseconds, zone):
 )  # fmt: skip
 def test_what_is_no_clear_time_is_none(text):
     """Hours or minutes, other numbers, tenths of a nanosecond: nothing is made of them."""
-    found = moments.read(text)
+    found = read_timestamp(text)
     assert found is None or not found.notation.clock
 
 

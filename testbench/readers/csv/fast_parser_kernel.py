@@ -1,7 +1,7 @@
 """The loop that turns regular rows of numbers into float64, for the compiler.
 
 A number below 2**53 times or over a power of ten up to 10**22 is made of two exact float64: one product or division
-gives the float64 next to what is written, which is what ``float()`` gives. Other numbers are left to ``float()``.
+gives the float64 next to what is written, which is what ``float()`` gives. Other numbers are deferred to ``float()``.
 A minus sign is that of the power: processors guess wrong at every second sign that they have to branch on.
 
 Eight characters are handled at once in a word of 64 bits, the first character in its lowest byte. Each byte of
@@ -174,14 +174,14 @@ _SIGNATURE = types.int64(
 
 
 @njit(inline="always", error_model="numpy")
-def _leave(left: Any, begin: Any, end: Any, field: Any, row: Any) -> None:
+def _defer(deferred: Any, begin: Any, end: Any, field: Any, row: Any) -> None:
     """One more cell for ``float()``."""
-    count = _get(left, 0) + 1
-    _put(left, 0, count)
-    _put(left, 4 * count, begin)
-    _put(left, 4 * count + 1, end)
-    _put(left, 4 * count + 2, field)
-    _put(left, 4 * count + 3, row)
+    count = _get(deferred, 0) + 1
+    _put(deferred, 0, count)
+    _put(deferred, 4 * count, begin)
+    _put(deferred, 4 * count + 1, end)
+    _put(deferred, 4 * count + 2, field)
+    _put(deferred, 4 * count + 3, row)
 
 
 def rows(
@@ -193,15 +193,15 @@ def rows(
     fields: Any,
     columns: Any,
     capacity: Any,
-    left: Any,
-    most_left: Any,
+    deferred: Any,
+    most_deferred: Any,
     decimals: Any,
     stops: Any,
 ) -> Any:
     """Parse ``text``, whole lines of ``size`` bytes, into ``columns``, (fields, capacity); the rows, IRREGULAR or FULL.
 
     Fields that are not ``kept`` are passed over. Of cells that ``float()`` must judge, begin, end, field and row go
-    to ``left``, (1 + most_left, 4), behind a row that begins with their number; where it is full, all is irregular.
+    to ``deferred``, (1 + most_deferred, 4), behind a row that begins with their number; full, all is irregular.
     ``decimals`` and ``stops``, (fields,), must be zero.
     """
     points = np.uint64(mark) * _ONES
@@ -219,12 +219,12 @@ def rows(
             begin = end = _behind_blanks(text, at)
             if _get(kept, j):
                 value, exact, places, end = _any_number(text, begin, mark)
-                if end < 0 or (not exact and _get(left, 0) == most_left):
+                if end < 0 or (not exact and _get(deferred, 0) == most_deferred):
                     return IRREGULAR
                 _put(columns, j * capacity + row, value)
                 _put(decimals, j, places if places <= _MOST_DECIMALS else 0)
                 if not exact:
-                    _leave(left, begin, end, j, row)
+                    _defer(deferred, begin, end, j, row)
                 end = _behind_blanks(text, end)
             else:
                 end = _past(text, end, separator)

@@ -1,17 +1,23 @@
-"""Times as text turned to seconds for whole blocks of regular rows: each distinct second is read once."""
+"""Times as text turned to seconds for whole blocks of rows, and times of day counted on after midnight."""
 
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import moments
-from .stamps import Stamps
+from ...findings import Finding
+from ...recording import Block, Report, Samples
+from .cell_syntax import DAY, SECOND, fraction_span
+from .row_parser import RowParser
+from .time_columns import TimestampColumn
 
 _LONGEST = 1 << 62
 """What nanoseconds of 64 bits hold, with room for a fraction."""
 _MOST_DISTINCT = 0.25
 """Where more of the rows have a second of their own, reading row by row is as quick."""
+_HALF_A_DAY_S = 43_200.0
+
 Bytes = NDArray[np.uint8]
 Places = NDArray[np.int64]
 
@@ -24,21 +30,26 @@ class _Cells:
     text: Bytes
 
 
-def rewritten(plain: bytes, column: Stamps, separator: str, fields: int, decimal: str) -> bytes | None:
-    """Regular rows with the times of ``column`` as seconds; None where rows or times are of several forms."""
+def rewritten_block(plain: bytes, column: TimestampColumn, parser: RowParser) -> bytes | None:
+    """Regular rows with the times of ``column`` as seconds; None where rows or times are of several forms.
+
+    Each distinct second is read once.
+    """
     data = np.frombuffer(plain, dtype=np.uint8)
-    borders = _borders(data, separator, fields)
+    borders = _borders(data, parser.separator, parser.fields)
     if borders is None:
         return None
     cells = _cells(data, borders, column.field)
     dates = None if column.date_field is None else _cells(data, borders, column.date_field)
     if cells is None or (column.date_field is not None and dates is None):
         return None
-    nanoseconds = _nanoseconds(column, cells, dates)
-    span = moments.fraction_of(cells.text[0].tobytes().decode("latin-1"))
-    if nanoseconds is None or span is None or span[1] - span[0] < column.decimals:
+    span = fraction_span(cells.text[0].tobytes().decode("latin-1"))
+    if span is None or not column.decimals <= span[1] - span[0] <= 9:
         return None
-    return _replaced(data, cells, dates, nanoseconds, span[1] - span[0], decimal)
+    nanoseconds = _nanoseconds(column, cells, dates, span)
+    if nanoseconds is None:
+        return None
+    return _replaced(data, cells, dates, nanoseconds, span[1] - span[0], parser.dialect.decimal)
 
 
 def _borders(data: Bytes, separator: str, fields: int) -> Places | None:
@@ -61,11 +72,8 @@ def _cells(data: Bytes, borders: Places, field: int) -> _Cells | None:
     return _Cells(begins, data[begins[:, None] + np.arange(width)])
 
 
-def _nanoseconds(column: Stamps, cells: _Cells, dates: _Cells | None) -> Places | None:
+def _nanoseconds(column: TimestampColumn, cells: _Cells, dates: _Cells | None, span: tuple[int, int]) -> Places | None:
     """Each row's time since the file's first; None if one is no time, or many have a second of their own."""
-    span = moments.fraction_of(cells.text[0].tobytes().decode("latin-1"))
-    if span is None or span[1] - span[0] > 9:
-        return None
     digits = cells.text[:, span[0] : span[1]].astype(np.int64) - ord("0")
     if ((digits < 0) | (digits > 9)).any():
         return None
@@ -84,10 +92,10 @@ def _nanoseconds(column: Stamps, cells: _Cells, dates: _Cells | None) -> Places 
     return np.repeat(whole, np.diff(np.append(first, len(keys)))) + digits @ scale
 
 
-def _whole(column: Stamps, cells: _Cells, dates: _Cells | None, row: int, span: tuple[int, int]) -> int | None:
+def _whole(column: TimestampColumn, cells: _Cells, dates: _Cells | None, row: int, span: tuple[int, int]) -> int | None:
     """Nanoseconds of one row without its fraction; None if it is no time, or its fraction lies elsewhere."""
     text = cells.text[row].tobytes().decode("latin-1")
-    if moments.fraction_of(text) != span:
+    if fraction_span(text) != span:
         return None
     row_cells = {column.field: text[: span[0]] + "0" * (span[1] - span[0]) + text[span[1] :]}
     if dates is not None and column.date_field is not None:
@@ -113,10 +121,45 @@ def _replaced(
             out[at] = rest % 10 + ord("0")
             rest = rest // 10
     out[(cells.begins + cells.text.shape[1] - width)[negative]] = ord("-")
-    for spare in range(cells.text.shape[1] - width):
-        keep[cells.begins + spare] = False
+    for unused in range(cells.text.shape[1] - width):
+        keep[cells.begins + unused] = False
     if dates is not None:
         out[dates.begins] = ord("0")
-        for spare in range(1, dates.text.shape[1]):
-            keep[dates.begins + spare] = False
+        for unused in range(1, dates.text.shape[1]):
+            keep[dates.begins + unused] = False
     return out[keep].tobytes()
+
+
+class _DaysPassed:
+    """The days that have passed in one column."""
+
+    def __init__(self) -> None:
+        self.days, self.last = 0, -np.inf
+
+    def counted_on(self, seconds: Samples) -> tuple[Samples, list[int]]:
+        """The seconds with the days that passed, to the nanosecond, and where they did; not finite ones as they are."""
+        at = np.flatnonzero(np.isfinite(seconds))
+        steps = np.diff(seconds[at], prepend=self.last)
+        passed = at[steps < -_HALF_A_DAY_S]
+        if len(at):
+            self.last = float(seconds[at[-1]])
+        before, self.days = self.days, self.days + len(passed)
+        if not self.days:
+            return seconds, []
+        days = before + np.searchsorted(passed, at, side="right")
+        result = seconds.copy()
+        result[at] = (np.rint(seconds[at] * SECOND) + days * float(DAY)) / SECOND
+        return result, [int(i) for i in passed]
+
+
+def across_midnight(blocks: Iterable[Block], columns: Collection[int], report: Report) -> Iterator[Block]:
+    """The same blocks; in the ``columns`` a fall by more than half a day is a midnight, which is reported."""
+    passed = {i: _DaysPassed() for i in columns}
+    for block in blocks:
+        given = list(block.columns)
+        for i, days in passed.items():
+            given[i], at = days.counted_on(given[i])
+            for row in at:
+                message = "midnight passes before this row"
+                report(Finding("time_as_text", block.group.channels[i].name, block.where(row), message))
+        yield replace(block, columns=tuple(given))

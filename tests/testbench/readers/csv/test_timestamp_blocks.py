@@ -1,15 +1,16 @@
 """Times of whole blocks at once are those of one row after the other, for whatever rows."""
 
+from dataclasses import replace
 from datetime import datetime, timedelta
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from testbench.readers.csv import blockwise, rewriting
-from testbench.readers.csv.moments import read
-from testbench.readers.csv.rewriting import Rewriting
-from testbench.readers.csv.stamps import Stamps
+from testbench.readers.csv.cell_syntax import read_timestamp
+from testbench.readers.csv.dialect import Dialect
+from testbench.readers.csv.row_parser import RowParser
+from testbench.readers.csv.time_columns import TimestampColumn
 
 from .test_times import NOTATIONS
 
@@ -29,17 +30,18 @@ def rows_of(notation, count, step_ms, end="\n", last=False):
 
 def column_of(first, field, order):
     """The column whose first time is this text."""
-    moment = read(first)
-    begun = Stamps(field, moment.notation, 0, first, moment.decimals, order=order)
-    return Stamps(field, moment.notation, begun.nanoseconds({field: first}), first, moment.decimals, order=order)
+    time = read_timestamp(first)
+    begun = TimestampColumn(field, time.notation, 0, first, time.decimals, order=order)
+    return replace(begun, zero=begun.nanoseconds({field: first}))
 
 
 def both(plain, column):
     """The block rewritten at once (None if that is left to the other way) and row by row, as numbers and texts."""
-    quick = blockwise.rewritten(plain, column, ";", 3, ".")
+    parser = RowParser(Dialect(";", "."), 3, rewritten=(column,))
+    quick = column.block(plain, parser)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rewriting.blockwise, "rewritten", lambda *_: None)
-        slow = Rewriting((column,), ";", 3, ".")(plain)
+        patch.setattr(TimestampColumn, "block", lambda *_: None)
+        slow = parser.plain(plain)
     return None if quick is None else understood(quick), understood(slow)
 
 

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from testbench import native
 from testbench.readers import ReadOptions, open_recording
-from testbench.readers.csv import lines, swift
+from testbench.readers.csv import fast_parser, table, text_blocks
 from testbench.readers.csv.dialect import Dialect
-from testbench.readers.csv.parse import Form
-from testbench.readers.csv.swift import ROWS, Swift
+from testbench.readers.csv.fast_parser import ROWS, FastParser
+from testbench.readers.csv.row_parser import RowParser
 
 from .. import reading
 
@@ -47,7 +47,7 @@ def parsed(rows, separator=";", decimal=".", end="\n", kept=None):
     """Rows of written cells by the loop."""
     fields = len(rows[0])
     text = "".join(separator.join(row) + end for row in rows).encode()
-    loop = Swift(Form(Dialect(separator, decimal), fields), kept or tuple(range(fields)))
+    loop = FastParser(RowParser(Dialect(separator, decimal), fields), kept or tuple(range(fields)))
     loop._thread.join()
     return loop.columns(text)
 
@@ -110,7 +110,7 @@ def test_a_block_with_one_odd_line_is_left(line, place):
     """Too few fields, too many, none, a comment, a return alone."""
     rows = ["0.5;1.25;-3.125\n"] * 40
     rows[place] = line
-    loop = Swift(Form(Dialect(";", "."), 3), (0, 1, 2))
+    loop = FastParser(RowParser(Dialect(";", "."), 3), (0, 1, 2))
     loop._thread.join()
     assert loop.columns("".join(rows).encode()) is None
     for count in (40, 39, 200):  # more rows in a block than those of the block before let expect
@@ -144,13 +144,13 @@ def both_ways(path, monkeypatch, options=None):
     """The same file by the usual way, and with the loop wherever it can; how many blocks the loop took."""
     taken = []
     with monkeypatch.context() as patch:
-        patch.setattr(lines, "BLOCK_BYTES", 20_000)
-        patch.setattr(swift, "LONG_BYTES", 1 << 60)
+        patch.setattr(text_blocks, "BLOCK_BYTES", 20_000)
+        patch.setattr(table, "LONG_BYTES", 1 << 60)
         usual = everything(path, options)
-        patch.setattr(swift, "LONG_BYTES", 0)
-        patch.setattr(swift, "_PATIENCE_S", 60.0)
-        columns = Swift.columns
-        patch.setattr(Swift, "columns", lambda *a: (c := columns(*a), taken.append(c is not None))[0])
+        patch.setattr(table, "LONG_BYTES", 0)
+        patch.setattr(fast_parser, "_PATIENCE_S", 60.0)
+        columns = FastParser.columns
+        patch.setattr(FastParser, "columns", lambda *a: (c := columns(*a), taken.append(c is not None))[0])
         swiftly = everything(path, options)
     assert swiftly == usual
     return sum(taken)
@@ -229,8 +229,8 @@ def test_while_it_is_compiled_the_usual_way_is_taken(tmp_path, monkeypatch):
     go_on = threading.Event()
     monkeypatch.setattr(native.Kernel, "kept", lambda self, path: None)
     monkeypatch.setattr(native.Kernel, "compiled", lambda self, path: go_on.wait(30) and None)
-    monkeypatch.setattr(swift, "LONG_BYTES", 0)
-    monkeypatch.setattr(swift, "_PATIENCE_S", 60.0)
+    monkeypatch.setattr(table, "LONG_BYTES", 0)
+    monkeypatch.setattr(fast_parser, "_PATIENCE_S", 60.0)
     path = tmp_path / "log.csv"
     path.write_text(HEADER + "0.0;1;2\n0.1;3;4\n")
     samples, _ = everything(path, ReadOptions())
@@ -254,6 +254,6 @@ def test_logs_that_are_read_at_once_start_one_compiler(monkeypatch):
 
 def test_reading_imports_no_compiler():
     """What is kept runs without numba, and a short log without LLVM."""
-    code = "import sys, testbench.ingest; from testbench.readers.csv import reader, swift; "
-    code += "assert 'llvmlite' not in sys.modules; assert swift.ROWS.loop(); assert 'numba' not in sys.modules"
+    code = "import sys, testbench.ingest; from testbench.readers.csv import reader, fast_parser; "
+    code += "assert 'llvmlite' not in sys.modules; assert fast_parser.ROWS.loop(); assert 'numba' not in sys.modules"
     subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, timeout=60)

@@ -1,0 +1,326 @@
+"""Which columns of a text hold times that no float64 writes, their numbers, and which column is the clock."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from decimal import Decimal
+from functools import lru_cache
+from itertools import pairwise
+
+from ...findings import Finding
+from ...recording import Channel, TimeColumn
+from .. import doubt
+from .cell_syntax import DAY, TimeNotation, Timestamp, is_exact, is_missing, is_without_exponent, read_timestamp
+from .header import Header, is_time_name, time_column
+from .row_parser import RewrittenColumn, RowParser
+
+_SIGNIFICANT = 15  # digits of a decimal number that float64 holds whatever they are
+_TEN_DIGITS = 10  # seconds since 1970 have no more before the point until the year 2286
+_SINCE_1970 = {13: 1e-3, 16: 1e-6, 19: 1e-9}
+"""Seconds in a unit, by the digits of a time since 1970 that is counted in it, from 2001 to 2286."""
+_ORDERS = {"dmy": "day before month", "mdy": "month before day", "ymd": "year, month, day"}
+
+Rows = Sequence[Sequence[str]]
+Cells = Sequence[str] | Mapping[int, str]
+
+
+@dataclass(frozen=True)
+class TimestampColumn(RewrittenColumn):
+    """The column ``field`` as seconds from its first time; ``date_field`` is the column of its dates, if apart.
+
+    ``only_date`` is the one date whose day and month may be either; ``is_stated``: a person stated the order.
+    """
+
+    notation: TimeNotation
+    zero: int = 0
+    zero_text: str = ""
+    decimals: int = 0
+    date_field: int | None = None
+    order: str = ""
+    only_date: tuple[int, int, int] | None = None
+    is_stated: bool = False
+
+    @property
+    def is_of_day(self) -> bool:
+        """Whether there is no date, so that the time starts again at midnight."""
+        return not self.notation.date
+
+    def channel(self, channel: Channel) -> Channel:
+        """The channel as it is given: in seconds."""
+        return Channel(channel.name, "s", channel.label)
+
+    def number(self, cells: Sequence[str]) -> str | None:
+        """The seconds in the row of these cells, in as many decimals as it was written; None if there is no time.
+
+        One that is written shorter than the first one gets a digit more, so that it is never taken for a whole one.
+        """
+        time = read_timestamp(cells[self.field])
+        if time is None or (nanoseconds := self._nanoseconds(time, cells)) is None:
+            return None
+        decimals = time.decimals if time.decimals >= self.decimals else self.decimals + 1
+        scaled = (nanoseconds - self.zero) * 10 ** max(0, decimals - 9) // 10 ** max(0, 9 - decimals)
+        return _decimal_text(scaled, decimals)
+
+    def block(self, plain: bytes, parser: RowParser) -> bytes | None:
+        """The rows with times as seconds, all at once; None where rows or times are of several forms."""
+        from .timestamp_blocks import rewritten_block
+
+        return rewritten_block(plain, self, parser)
+
+    def nanoseconds(self, cells: Cells) -> int | None:
+        """The time in the row of these cells, counted as ``zero`` is; None if there is none."""
+        time = read_timestamp(cells[self.field])
+        return None if time is None else self._nanoseconds(time, cells)
+
+    def _nanoseconds(self, time: Timestamp, cells: Cells) -> int | None:
+        """The time with the days of the row's date; None if it is no date, or in another notation."""
+        dated = time if self.date_field is None else read_timestamp(cells[self.date_field])
+        alone = self.notation if self.date_field is None else TimeNotation("", True, self.notation.zone)
+        if dated is None or (time.notation, dated.notation.date) != (alone, self.notation.date):
+            return None
+        days = dated.days(self.order) if self.only_date is None else 0 if dated.date == self.only_date else None
+        return None if days is None else days * DAY + time.nanoseconds
+
+
+@dataclass(frozen=True)
+class LongNumberColumn(RewrittenColumn):
+    """The column ``field`` of long numbers, such as nanoseconds since 1970, counted from its first one."""
+
+    zero_text: str
+    decimals: int
+
+    def channel(self, channel: Channel) -> Channel:
+        """The channel as it is given: its unit is kept."""
+        return channel
+
+    def number(self, cells: Sequence[str]) -> str | None:
+        """The difference to the first number, to its last digit."""
+        cell = cells[self.field]
+        if not is_without_exponent(cell):
+            return None
+        decimals = max(self.decimals, len(cell.replace(",", ".").partition(".")[2]))
+        return _decimal_text(_scaled(cell, decimals) - _scaled(self.zero_text, decimals), decimals)
+
+
+def _scaled(cell: str, decimals: int) -> int:
+    """The number in units of its last decimal."""
+    whole, _, rest = cell.replace(",", ".").partition(".")
+    return int(whole + rest.ljust(decimals, "0"))
+
+
+def _decimal_text(scaled: int, decimals: int) -> str:
+    sign, digits = "-" if scaled < 0 else "", str(abs(scaled)).rjust(decimals + 1, "0")
+    return f"{sign}{digits[:-decimals]}.{digits[-decimals:]}" if decimals else sign + digits
+
+
+@dataclass(frozen=True)
+class TimeColumns:
+    """The times of a text: columns that become numbers, ``texts`` that do not, and findings on them.
+
+    ``coarse`` columns repeat their times; ``digits`` is how many a number called time has before its point, and
+    too many for seconds if it may be a day.
+    """
+
+    columns: tuple[TimestampColumn | LongNumberColumn, ...] = ()
+    texts: frozenset[int] = frozenset()
+    coarse: frozenset[int] = frozenset()
+    findings: tuple[Finding, ...] = ()
+    digits: dict[int, int] = field(default_factory=dict)
+
+    @property
+    def timestamps(self) -> "tuple[TimestampColumn, ...]":
+        """The columns whose times are written as text."""
+        return tuple(column for column in self.columns if isinstance(column, TimestampColumn))
+
+    @property
+    def dates(self) -> frozenset[int]:
+        """Columns of dates, which the times of other columns take up."""
+        return frozenset(c.date_field for c in self.timestamps if c.date_field is not None)
+
+    @property
+    def fields(self) -> frozenset[int]:
+        """All columns that hold times, as numbers or not."""
+        return frozenset(column.field for column in self.columns) | self.texts | self.dates
+
+    def channels(self, channels: Sequence[Channel]) -> tuple[Channel, ...]:
+        """The channels, those of times in the unit in which they are given."""
+        given = {column.field: column.channel(channels[column.field]) for column in self.columns}
+        return tuple(given.get(i, channel) for i, channel in enumerate(channels))
+
+    def zeros(self, channels: Sequence[Channel]) -> dict[str, str]:
+        """The first time of each column as it was written."""
+        return {f"zero of {channels[column.field].name}": column.zero_text for column in self.columns}
+
+    def clock(self, channels: Sequence[Channel], kept: Sequence[int]) -> TimeColumn | None:
+        """The clock among the ``kept`` of ``channels``: numbers called time, else times as text that do not repeat."""
+        stamps = {column.field for column in self.timestamps}
+        numbers = time_column([Channel("-") if i in stamps else channels[i] for i in kept])
+        if numbers is not None:
+            at = kept[numbers.index]
+            if not numbers.assumed or self.digits.get(at, 0) <= _TEN_DIGITS:
+                return numbers
+            # too large for seconds since 1970, or maybe days: no unit is assumed, but ``unix`` in a name shows it
+            return TimeColumn(numbers.index, _unit_since_1970(channels[at], self.digits[at]))
+        fine = [i for i in kept if i in stamps - self.coarse]
+        named = [i for i in fine if is_time_name(channels[i].name)]
+        return TimeColumn(list(kept).index((named or fine)[0])) if fine else None
+
+
+def _unit_since_1970(channel: Channel, digits: int) -> float | None:
+    """Seconds in the unit of times since 1970, by their digits; None if the name does not say that they are such."""
+    named = any(word in channel.name.casefold() for word in ("unix", "epoch", "posix"))
+    return _SINCE_1970.get(digits) if named else None
+
+
+def find_time_columns(rows: Rows, ends: Rows, header: Header, order: str = "") -> TimeColumns:
+    """The times in the columns of the first ``rows`` of a file, whose last ones are ``ends``.
+
+    ``order`` (dmy, mdy, ymd) is what a person states of dates whose notation leaves it open.
+    """
+    rows = [cells for cells in rows if len(cells) == header.fields]
+    found = {i: notation for i in range(len(header.channels)) if (notation := _usual_notation(rows, i)) is not None}
+    dates = [i for i, notation in found.items() if not notation.clock]
+    times = TimeColumns()
+    for i, notation in found.items():
+        if notation.clock:
+            apart = dates[0] if not notation.date and len(dates) == 1 else None
+            dated = replace(notation, date=notation.date if apart is None else found[apart].date)
+            column = _with_zero(TimestampColumn(i, dated, date_field=apart), rows, ends, order)
+            times = _with_timestamps(times, i, column, header.channels[i].name, rows)
+    times = replace(times, texts=times.texts | frozenset(dates) - times.dates)
+    for i, channel in enumerate(header.channels):
+        if i not in found and is_time_name(channel.name):
+            times = _with_numbers(times, i, channel, [row[i] for row in rows if not is_missing(row[i])])
+    return times
+
+
+def _usual_notation(rows: Rows, i: int) -> TimeNotation | None:
+    """The notation of time that most cells of a column have, but for those that are missing."""
+    read = Counter(_notation(cells[i]) for cells in rows if not is_missing(cells[i]))
+    notation, count = read.most_common(1)[0] if read else (None, 0)
+    return notation if 2 * count > read.total() else None
+
+
+@lru_cache(4096)
+def _notation(cell: str) -> TimeNotation | None:
+    time = read_timestamp(cell)
+    return None if time is None else time.notation
+
+
+def _with_zero(begun: TimestampColumn, rows: Rows, ends: Rows, stated: str) -> TimestampColumn | str | None:
+    """The column with its zero and the order of day and month, or why they remain open."""
+    dated = begun.field if begun.date_field is None else begun.date_field
+    whole = [cells for cells in rows if _notation(cells[begun.field]) and _notation(cells[dated])]
+    if not whole:
+        return None
+    if begun.notation.date.startswith("?") or (stated and begun.notation.date == "dmy"):
+        texts = [row[dated] for row in (*whole, *ends) if len(row) > dated]
+        ordered = _with_order(begun, [time for text in texts if (time := read_timestamp(text)) is not None], stated)
+        if isinstance(ordered, str):
+            return ordered
+        begun = ordered
+    for cells in whole:
+        time = read_timestamp(cells[begun.field])
+        if time is not None and (zero := begun.nanoseconds(cells)) is not None:
+            text = " ".join(dict.fromkeys((cells[dated], cells[begun.field])))
+            return replace(begun, zero=zero, zero_text=text, decimals=time.decimals)
+    return f"{whole[0][dated]}: no such date; expected one such as 2024-03-01"
+
+
+def _with_order(begun: TimestampColumn, seen: Sequence[Timestamp], stated: str) -> TimestampColumn | str:
+    """The column with the order of day and month as stated, or as its dates show; or what contradicts it."""
+    dates = [time.date for time in seen]
+    if stated:
+        wrong = next((time.date for time in seen if time.days(stated) is None), None)
+        if wrong is not None:
+            return f"{_slashed(wrong)} is no date in the order {stated}, which --date-order states: say another"
+        return replace(begun, order=stated, is_stated=True)
+    first, second = (max(date[k] for date in dates) > 12 for k in (0, 1))
+    if begun.notation.date == "??y" and first != second:
+        return replace(begun, order="dmy" if first else "mdy")
+    if len(set(dates)) > 1:
+        other = next(date for date in dates if date != dates[0])
+        return (
+            f"{_slashed(dates[0])} and {_slashed(other)}: day or month first? state it, --date-order dmy or mdy (ymd "
+            "for a year of two digits in front); without it there are no times"
+        )
+    return replace(begun, only_date=dates[0])
+
+
+def _slashed(date: tuple[int, int, int]) -> str:
+    return "/".join(map(str, date))
+
+
+def _with_timestamps(
+    times: TimeColumns, i: int, column: TimestampColumn | str | None, name: str, rows: Rows
+) -> TimeColumns:
+    """The times and one column more; it is left out where it is no clear one."""
+    if not isinstance(column, TimestampColumn):
+        doubts = (Finding("ambiguous_date", name, None, column),) if column else ()
+        return replace(times, texts=times.texts | {i}, findings=(*times.findings, *doubts))
+    findings = [Finding("time_as_text", name, None, _how_it_is_read(column))]
+    repeats, coarse = _repeats(column, rows)
+    if coarse:
+        message = f"{repeats} of the first {len(rows)} times repeat the one before, for they are written to "
+        message += f"{10.0**-column.decimals:g} s: a channel, and no clock"
+        findings.append(Finding("time_coarse", name, None, message))
+    return replace(
+        times,
+        columns=(*times.columns, column),
+        coarse=times.coarse | ({i} if coarse else set()),
+        findings=(*times.findings, *findings),
+    )
+
+
+def _repeats(column: TimestampColumn, rows: Rows) -> tuple[int, bool]:
+    """How many times repeat the one before; whether they are written too coarsely for a clock.
+
+    They are if most repeat, or if some do and the others go on by the last digit that is written.
+    """
+    times = [time for row in rows if (time := column.nanoseconds(row)) is not None]
+    steps = [after - before for before, after in pairwise(times)]
+    repeats, longer = steps.count(0), sorted(step for step in steps if step > 0)
+    by_last_digit = bool(longer) and longer[len(longer) // 2] <= 10 ** (9 - min(9, column.decimals))
+    return repeats, repeats > 0 and (2 * repeats > len(steps) or by_last_digit)
+
+
+def _how_it_is_read(column: TimestampColumn) -> str:
+    text = f"written as text, kept as seconds from the first, {column.zero_text!r}"
+    if column.date_field is not None:
+        text += f"; the dates are those of column {column.date_field + 1}"
+    if column.order:
+        text += f"; {_ORDERS[column.order]}, as {'--date-order states' if column.is_stated else 'the dates show'}"
+    if column.only_date:
+        text += "; all are of one date, of which day and month are not told apart"
+    if column.is_of_day:
+        text += "; without dates, the hours go on after midnight"
+    return text
+
+
+def _with_numbers(times: TimeColumns, i: int, channel: Channel, cells: Sequence[str]) -> TimeColumns:
+    """The times and a column of numbers called time, counted from the first if float64 does not hold them."""
+    if not cells or not all(map(is_without_exponent, cells)):
+        return times
+    whole, _, decimals = cells[0].lstrip("+-").replace(",", ".").partition(".")
+    first, last = (float(cell.replace(",", ".")) for cell in (cells[0], cells[-1]))
+    days = doubt.may_be_days(first, (last - first) / len(cells))
+    findings, columns = [], times.columns
+    if channel.unit is None and (unit := _unit_since_1970(channel, len(whole))):
+        message = f"times such as {cells[0]} are counted since 1970 in units of {unit:g} s, as their digits tell"
+        findings.append(Finding("time_as_text", channel.name, None, message))
+    if not all(map(_is_kept_by_float, cells)):
+        columns = (*columns, LongNumberColumn(i, cells[0], len(decimals)))
+        message = f"numbers of more digits than float64 holds, kept as counted from the first, {cells[0]}"
+        findings.append(Finding("time_as_text", channel.name, None, message))
+    digits = times.digits | {i: _TEN_DIGITS + 1 if days else len(whole)}
+    return replace(times, columns=columns, findings=(*times.findings, *findings), digits=digits)
+
+
+def _is_kept_by_float(cell: str) -> bool:
+    """Whether float64 holds a number: few digits, a whole number that is one of its own, or such a fraction's shortest
+    digits, as Python and others write them so that they are read back.
+    """
+    written = cell.replace(",", ".")
+    if sum(c.isdigit() for c in written.lstrip("+-0.")) <= _SIGNIFICANT:
+        return True
+    return Decimal(repr(float(written))) == Decimal(written) if "." in written else is_exact(written)
