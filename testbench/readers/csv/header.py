@@ -3,7 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from ... import units
 from ...recording import Channel, TimeColumn
@@ -40,7 +40,7 @@ class Header:
     first_data_line: int
     named: bool
     lines: tuple[str, ...] = ()
-    preamble: tuple[str, ...] = field(default=())
+    preamble: tuple[str, ...] = ()
 
 
 def read_header(lines: Sequence[str], dialect: Dialect, has_header: bool | None = None) -> Header:
@@ -59,13 +59,12 @@ def read_header(lines: Sequence[str], dialect: Dialect, has_header: bool | None 
         above = []
     elif has_header and not above:
         above, first = [first], first + 1
-    if not above and (found := _names_in_comment(lines[:first], dialect, fields)):
-        return Header(named_channels(found, [""] * fields), fields, first + 1, True, (), _texts(lines[:first]))
+    in_comment = [] if above else _names_in_comment(lines[:first], dialect, fields)
     named = _name_rows(rows, above, fields)
-    labels, row_of_units = _labels(rows, named, fields)
+    labels, row_of_units = (in_comment, [""] * fields) if in_comment else _labels(rows, named, fields)
     kept = tuple(lines[i] for i in named)
     preamble = tuple(text for i, text in enumerate(lines[:first]) if text.strip() and i not in named)
-    return Header(named_channels(labels, row_of_units), fields, first + 1, bool(named), kept, preamble)
+    return Header(named_channels(labels, row_of_units), fields, first + 1, bool(named or in_comment), kept, preamble)
 
 
 def _first_data(rows: Sequence[Sequence[str]]) -> int:
@@ -201,10 +200,6 @@ def _names_in_comment(lines: Sequence[str], dialect: Dialect, fields: int) -> li
         return []
     found = dialect.split(lines[-1].lstrip().lstrip("#%/").strip())
     return found if len(found) == fields and not any(map(is_number_like, found)) else []
-
-
-def _texts(lines: Sequence[str]) -> tuple[str, ...]:
-    return tuple(line for line in lines if line.strip())
 
 
 def named_channels(names: Sequence[str], second_row: Sequence[str]) -> tuple[Channel, ...]:

@@ -27,8 +27,7 @@ Rows = Sequence[Sequence[str]]
 def open_text(path: Path, options: ReadOptions) -> Recording:
     """Read the first lines of a text; its rows are read when asked for."""
     text = _understood(path, options)
-    texts = text.fields_of_text
-    kept = text.kept_fields(texts)
+    kept = text.kept_fields
     comments = tuple(comment_text(line) for line in text.header.preamble)
     stated = stated_sampling(comments, text.dialect.decimal)
     channels = text.times.channels(text.header.channels)
@@ -51,7 +50,7 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
         findings=(
             *text.findings,
             *stated.findings,
-            *(text.left_out(i) for i in sorted(texts)),
+            *(text.left_out(i) for i in sorted(text.fields_of_text)),
             *([multiple.finding] if multiple else []),
         ),
     )
@@ -97,21 +96,24 @@ class _Text:
         """The columns that become numbers, or are taken up by such."""
         return frozenset(column.field for column in (*self.times.columns, *self.notations)) | self.times.dates
 
-    def kept_fields(self, texts: frozenset[int]) -> tuple[int, ...]:
+    @property
+    def kept_fields(self) -> tuple[int, ...]:
         """The fields that become channels. Raises Refusal if there are none, or the file holds notes."""
-        if self.options.header is None and self._are_notes(texts):
+        if self.options.header is None and self._are_notes:
             message = "a number behind other words on each line, as in notes; if they are data, say --no-header"
             raise Refusal(self.path.name, Finding("no_data", None, self._first_row, message))
-        kept = tuple(i for i in range(len(self.header.channels)) if i not in texts | self.times.dates)
+        kept = tuple(i for i in range(len(self.header.channels)) if i not in self.fields_of_text | self.times.dates)
         if not kept:
             message = "no column of numbers; expected rows of numbers"
             raise Refusal(self.path.name, Finding("no_data", None, None, message))
         return kept
 
-    def _are_notes(self, texts: frozenset[int]) -> bool:
+    @property
+    def _are_notes(self) -> bool:
         """Whether rows are lines such as ``Payload 5``: no names above, each with another word before one number."""
         words = [cells[0] for cells in self.rows if len(cells) == self.header.fields]
         named = self.header.named and not self.header.channels[0].name.endswith((":", "="))
+        texts = self.fields_of_text
         return not named and 0 in texts and self.header.fields == len(texts) + 1 and len(set(words)) == len(words)
 
     def clock_of(self, channels: Sequence[Channel]) -> Callable[[Sequence[int]], Clock | None]:

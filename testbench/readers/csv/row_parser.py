@@ -94,8 +94,8 @@ class RowParser:
         """The columns of rows, cells that are no number as NaN; None if a row has too many cells or too few."""
         if self.dialect.decimal == ",":
             plain = plain.replace(b".", _NO_NUMBER).replace(b",", b".")  # else 1.5 would pass for one and a half
-        if not plain.strip():
-            return None
+        if not plain.strip():  # empty cells alone, which NumPy takes for blank lines
+            return self._cell_by_cell(plain)
         try:
             table = np.loadtxt(BytesIO(plain), delimiter=self.separator, comments=None, ndmin=2, encoding="latin-1")
         except ValueError:  # some cell is no number: it becomes NaN, and is looked at by itself

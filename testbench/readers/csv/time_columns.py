@@ -45,10 +45,6 @@ class TimestampColumn(RewrittenColumn):
         """Whether there is no date, so that the time starts again at midnight."""
         return not self.notation.date
 
-    def channel(self, channel: Channel) -> Channel:
-        """The channel as it is given: in seconds."""
-        return Channel(channel.name, "s", channel.label)
-
     def number(self, cells: Sequence[str]) -> str | None:
         """The seconds in the row of these cells, in as many decimals as it was written; None if there is no time.
 
@@ -88,10 +84,6 @@ class LongNumberColumn(RewrittenColumn):
 
     zero_text: str
     decimals: int
-
-    def channel(self, channel: Channel) -> Channel:
-        """The channel as it is given: its unit is kept."""
-        return channel
 
     def number(self, cells: Sequence[str]) -> str | None:
         """The difference to the first number, to its last digit."""
@@ -143,9 +135,9 @@ class TimeColumns:
         return frozenset(column.field for column in self.columns) | self.texts | self.dates
 
     def channels(self, channels: Sequence[Channel]) -> tuple[Channel, ...]:
-        """The channels, those of times in the unit in which they are given."""
-        given = {column.field: column.channel(channels[column.field]) for column in self.columns}
-        return tuple(given.get(i, channel) for i, channel in enumerate(channels))
+        """The channels, those of times as text in seconds."""
+        stamps = {column.field for column in self.timestamps}
+        return tuple(Channel(c.name, "s", c.label) if i in stamps else c for i, c in enumerate(channels))
 
     def zeros(self, channels: Sequence[Channel]) -> dict[str, str]:
         """The first time of each column as it was written."""

@@ -1,7 +1,7 @@
 """Times as text turned to seconds for whole blocks of rows, and times of day counted on after midnight."""
 
-from collections.abc import Collection, Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,111 +22,93 @@ Bytes = NDArray[np.uint8]
 Places = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
-class _Cells:
-    """The cells of one column: where they begin, and their bytes side by side, (rows, width)."""
-
-    begins: Places
-    text: Bytes
-
-
 def rewritten_block(plain: bytes, column: TimestampColumn, parser: RowParser) -> bytes | None:
     """Regular rows with the times of ``column`` as seconds; None where rows or times are of several forms.
 
     Each distinct second is read once.
     """
     data = np.frombuffer(plain, dtype=np.uint8)
-    borders = _borders(data, parser.separator, parser.fields)
-    if borders is None:
+    fields = [column.field] if column.date_field is None else [column.field, column.date_field]
+    cells = _cells_of_one_width(data, parser, fields)
+    span = None if cells is None else fraction_span(cells[0][1][0].tobytes().decode("latin-1"))
+    if cells is None or span is None or not column.decimals <= span[1] - span[0] <= 9:
         return None
-    cells = _cells(data, borders, column.field)
-    dates = None if column.date_field is None else _cells(data, borders, column.date_field)
-    if cells is None or (column.date_field is not None and dates is None):
-        return None
-    span = fraction_span(cells.text[0].tobytes().decode("latin-1"))
-    if span is None or not column.decimals <= span[1] - span[0] <= 9:
-        return None
-    nanoseconds = _nanoseconds(column, cells, dates, span)
-    if nanoseconds is None:
-        return None
-    return _replaced(data, cells, dates, nanoseconds, span[1] - span[0], parser.dialect.decimal)
+    nanoseconds = _nanoseconds(column, dict(zip(fields, (text for _, text in cells), strict=True)), span)
+    return None if nanoseconds is None else _replaced(data, cells, nanoseconds, span[1] - span[0], parser)
 
 
-def _borders(data: Bytes, separator: str, fields: int) -> Places | None:
-    """Where cells end, (rows, fields); None if a row has more or fewer."""
-    ends = np.flatnonzero((data == ord(separator)) | (data == ord("\n")))
-    if not len(ends) or len(ends) % fields or data[-1] != ord("\n"):
+def _cells_of_one_width(data: Bytes, parser: RowParser, fields: Sequence[int]) -> list[tuple[Places, Bytes]] | None:
+    """Where the cells of each of the ``fields`` begin, (rows,), and their bytes, (rows, width).
+
+    None if a row has more or fewer cells, or those of a field are not of one width.
+    """
+    ends = np.flatnonzero((data == ord(parser.separator)) | (data == ord("\n")))
+    if not len(ends) or len(ends) % parser.fields or data[-1] != ord("\n"):
         return None
-    borders = ends.reshape(-1, fields)
-    regular = (data[borders[:, -1]] == ord("\n")).all() and (data[borders[:, :-1]] != ord("\n")).all()
-    return borders if regular else None
-
-
-def _cells(data: Bytes, borders: Places, field: int) -> _Cells | None:
-    """The cells of a column; None if they are not of one width."""
-    begins = borders[:, field - 1] + 1 if field else np.concatenate(([0], borders[:-1, -1] + 1))
-    widths = borders[:, field] - begins
-    width = int(widths[0])
-    if not width or (widths != width).any():
+    borders = ends.reshape(-1, parser.fields)
+    if (data[borders[:, -1]] != ord("\n")).any() or (data[borders[:, :-1]] == ord("\n")).any():
         return None
-    return _Cells(begins, data[begins[:, None] + np.arange(width)])
+    found = []
+    for field in fields:
+        begins = borders[:, field - 1] + 1 if field else np.concatenate(([0], borders[:-1, -1] + 1))
+        widths = borders[:, field] - begins
+        if not widths[0] or (widths != widths[0]).any():
+            return None
+        found.append((begins, data[begins[:, None] + np.arange(widths[0])]))
+    return found
 
 
-def _nanoseconds(column: TimestampColumn, cells: _Cells, dates: _Cells | None, span: tuple[int, int]) -> Places | None:
-    """Each row's time since the file's first; None if one is no time, or many have a second of their own."""
-    digits = cells.text[:, span[0] : span[1]].astype(np.int64) - ord("0")
+def _nanoseconds(column: TimestampColumn, texts: dict[int, Bytes], span: tuple[int, int]) -> Places | None:
+    """Each row's time since the file's first, (rows,) [ns]; None if one is no time, or many have a second of their own.
+
+    ``texts`` are the cells of the times and their dates by field, ``span`` the place of the fraction in the times.
+    """
+    times = texts[column.field]
+    digits = times[:, span[0] : span[1]].astype(np.int64) - ord("0")
     if ((digits < 0) | (digits > 9)).any():
         return None
-    scale = 10 ** np.arange(8, 8 - digits.shape[1], -1, dtype=np.int64)
-    keys = np.delete(cells.text, np.s_[span[0] : span[1]], axis=1)
-    keys = keys if dates is None else np.hstack([keys, dates.text])
+    times[:, span[0] : span[1]] = ord("0")
+    keys = np.hstack(list(texts.values()))
     first = np.flatnonzero(np.concatenate(([True], (keys[1:] != keys[:-1]).any(axis=1))))
     if len(first) > max(1.0, _MOST_DISTINCT * len(keys)):
         return None
     whole = np.empty(len(first), dtype=np.int64)
     for i, row in enumerate(first):
-        value = _whole(column, cells, dates, int(row), span)
+        cells = {field: text[row].tobytes().decode("latin-1") for field, text in texts.items()}
+        value = column.nanoseconds(cells) if fraction_span(cells[column.field]) == span else None
         if value is None or abs(value - column.zero) > _LONGEST:
             return None
         whole[i] = value - column.zero
+    scale = 10 ** np.arange(8, 8 - digits.shape[1], -1, dtype=np.int64)
     return np.repeat(whole, np.diff(np.append(first, len(keys)))) + digits @ scale
 
 
-def _whole(column: TimestampColumn, cells: _Cells, dates: _Cells | None, row: int, span: tuple[int, int]) -> int | None:
-    """Nanoseconds of one row without its fraction; None if it is no time, or its fraction lies elsewhere."""
-    text = cells.text[row].tobytes().decode("latin-1")
-    if fraction_span(text) != span:
-        return None
-    row_cells = {column.field: text[: span[0]] + "0" * (span[1] - span[0]) + text[span[1] :]}
-    if dates is not None and column.date_field is not None:
-        row_cells[column.date_field] = dates.text[row].tobytes().decode("latin-1")
-    return column.nanoseconds(row_cells)
-
-
 def _replaced(
-    data: Bytes, cells: _Cells, dates: _Cells | None, nanoseconds: Places, decimals: int, decimal: str
+    data: Bytes, cells: Sequence[tuple[Places, Bytes]], nanoseconds: Places, decimals: int, parser: RowParser
 ) -> bytes | None:
     """The rows with numbers in place of times, right-aligned, what they do not need of the cell cut out."""
+    (begins, text), *dates = cells
     scaled = nanoseconds // 10 ** (9 - decimals)
     negative, rest = scaled < 0, np.abs(scaled)
     width = max(len(str(int(rest.max()))), decimals + 1) + 1 + int(negative.any())
     out, keep = data.copy(), np.ones(len(data), dtype=bool)
-    if width > cells.text.shape[1]:
+    unused = text.shape[1] - width
+    if unused < 0:
         return None
     for back in range(width):
-        at = cells.begins + cells.text.shape[1] - 1 - back
+        at = begins + text.shape[1] - 1 - back
         if back == decimals:
-            out[at] = ord(decimal)
+            out[at] = ord(parser.dialect.decimal)
         else:
             out[at] = rest % 10 + ord("0")
             rest = rest // 10
-    out[(cells.begins + cells.text.shape[1] - width)[negative]] = ord("-")
-    for unused in range(cells.text.shape[1] - width):
-        keep[cells.begins + unused] = False
-    if dates is not None:
-        out[dates.begins] = ord("0")
-        for unused in range(1, dates.text.shape[1]):
-            keep[dates.begins + unused] = False
+    out[(begins + unused)[negative]] = ord("-")
+    for k in range(unused):
+        keep[begins + k] = False
+    for date_begins, date_text in dates:
+        out[date_begins] = ord("0")
+        for k in range(1, date_text.shape[1]):
+            keep[date_begins + k] = False
     return out[keep].tobytes()
 
 

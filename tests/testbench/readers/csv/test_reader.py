@@ -2,7 +2,6 @@
 
 import contextlib
 import json
-import math
 import random
 import time
 
@@ -58,114 +57,6 @@ def test_line_ends_of_all_systems(log, end):
     assert (len(found.time()), found.time()[-1]) == (len(ROWS), 0.399)
 
 
-@pytest.mark.parametrize(
-    ("token", "kept"),
-    [("NaN", math.nan), ("", math.nan), ("---", math.nan), ("#N/A", math.nan), ("1.#QNAN", math.nan),
-     ("Overload", math.nan), ("1_000", math.nan), ("0x1F", math.nan), ("1D5", math.nan), ("\uff11", math.nan),
-     ("\u22122", math.nan), ("inf", math.inf), ("-Infinity", -math.inf), ("1e999", math.inf), (" 2.5 ", 2.5)],
-)  # fmt: skip
-def test_a_cell_is_the_number_that_it_spells_or_none(log, token, kept):
-    """A cell that spells no finite number is NaN or inf, and named with its line; it never becomes another number."""
-    rows = [*ROWS[:100], f"0.1000,{token},1.0\n", *ROWS[101:]]
-    found = log(HEADER + "".join(rows))
-    value = found.column("AccX (g)")[100]
-    assert value == kept or (math.isnan(value) and math.isnan(kept))
-    wrong = [f for f in found.findings if f.code == "not_a_number"]
-    assert [(f.channel, f.where) for f in wrong] == ([] if kept == 2.5 else [("AccX (g)", "line 102")])
-    assert found.column("AccY (g)")[100] == 1.0
-
-
-@pytest.mark.parametrize(
-    ("row", "code"),
-    [
-        ("0.1000,1.0\n", "ragged_row"),
-        ("0.1000,1.0,2.0,3.0\n", "ragged_row"),
-        ("Stop by operator\n", "text_row"),
-        ("a,b,c\n", "text_row"),
-        ("0.1\x00000,1,2\n", "nul_bytes"),
-        ("\0" * 64 + "\n", "nul_bytes"),
-    ],
-)
-def test_rows_that_may_hide_a_loss_are_refused(log, row, code):
-    """A row of another length, a line of text, a NUL byte: an error with its line, and no other row changed."""
-    found = log(HEADER + "".join([*ROWS[:100], row, *ROWS[101:]]))
-    (finding,) = [f for f in found.findings if f.severity == 2]
-    assert (finding.code, finding.where) == (code, "line 102")
-    assert found.column("AccX (g)")[-1] == float(ROWS[-1].split(",")[1])
-
-
-@pytest.mark.parametrize(
-    ("row", "said"),
-    [
-        ("End of [file]: 60 rows\x1b\n", r"'End of [file]: 60 rows\x1b'"),
-        ("\0" * 64 + "\n", r"'\x00\x00"),
-        ("ü" * 300, "'üüü"),
-    ],
-)
-def test_lines_that_are_no_rows_are_shown(log, row, said):
-    """The first of them, short, and without what steers a terminal."""
-    found = log(HEADER + "".join([*ROWS[:100], row.rstrip("\n") + "\n", *ROWS[101:]]))
-    (finding,) = [f for f in found.findings if f.severity == 2]
-    assert f": 1, the first is {said}" in finding.message
-    assert len(finding.message) < 300
-
-
-def test_a_mark_that_changes_is_an_error(log):
-    """Numbers with the other decimal mark, or with two marks, are never converted."""
-    found = log("t;F\n0,1;2,5\n0,2;1.234,5\n0,3;2,75\n0.4;2.25\n0,5;7,04\n")
-    errors = {f.code: f.where for f in found.findings if f.severity == 2}
-    assert errors == {"decimal_mark_changes": "line 5", "ambiguous_number": "line 3"}
-    assert np.isnan(found.column("F")).tolist() == [False, True, False, True, False]
-    assert found.column("F")[4] == 7.04
-
-
-def test_thousands_are_not_decimals(log):
-    """1,234.50 in quotes, far below the sample of first lines, is refused and not read as 1.234 or 123450."""
-    rows = [f'{i / 10},"{900 + i / 10:,.2f}"\n' for i in range(2000)]
-    found = log("t (s),F (N)\n" + "".join(rows))
-    assert "ambiguous_number" in found.codes
-    assert np.nanmax(found.column("F (N)")) < 1000.0
-
-
-@pytest.mark.parametrize(
-    ("ending", "kept", "code"),
-    [
-        ("0.5000,1.0000,2.0000", True, "no_final_newline"),
-        ("0.5000,1.0000,2.000", False, "cut_last_row"),
-        ("0.5000,1.0000,2", False, "cut_last_row"),
-        ("0.5000,1.0000,", False, "cut_last_row"),
-        ("0.5000,1.0", False, "cut_last_row"),
-        ("0.5000,1.0000,2.0000\r", True, None),
-        ("\0\0\0\0", False, "nul_bytes"),
-        ("\x1a", False, None),
-    ],
-)
-def test_a_last_number_that_may_be_cut_is_never_used(log, ending, kept, code):
-    """A last line without an end counts only if its last number has as many decimals as all above."""
-    found = log(HEADER + "".join(ROWS) + ending)
-    assert len(found.time()) == len(ROWS) + kept
-    assert found.codes - {"dialect"} == ({code} if code else set()) | ({"time_gap"} if kept else set())
-
-
-def test_integers_may_be_cut_too(log):
-    """123 may be the rest of 1234: without a line end the row is left out."""
-    found = log("t (s),n\n" + "".join(f"{i / 10:.1f},{i + 100}\n" for i in range(50)) + "5.0,15")
-    assert len(found.time()) == 50
-    assert "line 52" in found.message("cut_last_row")
-
-
-def test_every_cut_gives_a_prefix_of_the_rows(log):
-    """Wherever a file is cut, what is read are whole rows of the original."""
-    text = HEADER + "".join(ROWS[:20])
-    whole = log(text)
-    for cut in range(len(HEADER) + len(ROWS[0]) + 1, len(text), 3):  # every place in a row, for rows are of 22 bytes
-        found = log(text[:cut])
-        n = len(found.time())
-        assert n in (text[:cut].count("\n") - 1, text[:cut].count("\n"))
-        for name in ("Time (s)", "AccX (g)", "AccY (g)"):
-            assert found.column(name).tobytes() == whole.column(name)[:n].tobytes()
-
-
 def test_a_second_header_begins_a_second_recording(log):
     """Two recordings in one file stay two, each with its own clock."""
     found = log("# cal 7\n" + HEADER + "".join(ROWS) + "# cal 7\n" + HEADER + "".join(ROWS[:50]))
@@ -173,22 +64,6 @@ def test_a_second_header_begins_a_second_recording(log):
     assert list(found.groups) == ["log", "log part 2"]
     assert found.message("repeated_header").startswith("the header comes again; time starts again at 0;")
     assert not [f for f in found.findings if f.severity == 2]
-
-
-def test_comments_and_blank_lines_between_the_rows(log):
-    """They are passed over and said; lines are still counted right below them."""
-    found = log(HEADER + "".join(ROWS[:10]) + "# trigger\n\n" + ROWS[10] + "0.0110,x,1\n")
-    assert len(found.time()) == 12
-    assert found.codes == {"dialect", "comment_inside", "blank_lines", "not_a_number"}
-    assert next(f.where for f in found.findings if f.code == "not_a_number") == "line 15"
-
-
-def test_slow_sensors_leave_empty_cells(log):
-    """Most cells of a slow channel are empty: counted, not listed one by one, and the others are kept."""
-    rows = [f"{i / 1000:.3f},1.5,{i if i % 100 == 0 else ''}\n" for i in range(3000)]
-    found = log("Time (s),AccX (g),Speed (m/s)\n" + "".join(rows))
-    assert np.nanmax(found.column("Speed (m/s)")) == 2900
-    assert "2970 of its cells" in found.message("not_a_number")
 
 
 def test_columns_of_text_are_named_and_left_out(log):
@@ -213,17 +88,6 @@ def test_metadata_above_the_header(log):
 def test_a_log_does_not_make_itself_measured(log):
     """Only a person says that data are measured."""
     assert log("# origin: measured\n" + HEADER + "".join(ROWS)).recording.origin == "unstated"
-
-
-def test_odd_blocks_far_inside(log):
-    """What is odd in a later block is found with its line; the blocks round it are read as ever."""
-    rows = ROWS * 600
-    rows[200_000] = "0.0000,oops,1.0000\n"
-    found = log(HEADER + "".join(rows))
-    assert next(f.where for f in found.findings if f.code == "not_a_number") == "line 200002"
-    expected = np.array([float(r.split(",")[2]) for r in ROWS] * 600)
-    assert found.column("AccY (g)")[:200_000].tobytes() == expected[:200_000].tobytes()
-    assert found.column("AccY (g)")[200_001:].tobytes() == expected[200_001:].tobytes()
 
 
 @pytest.mark.parametrize(
@@ -255,15 +119,6 @@ def test_a_person_overrides_what_is_detected(log):
     assert found.column("col0").tolist() == [10.13, 11.14, 12.15]
     found = log("t,\u011f\n1.5,2\n2.5,3\n".encode("cp1254"), ReadOptions(encoding="cp1254"))
     assert found.group().channels[1].name == "\u011f"
-
-
-@pytest.mark.parametrize("row", ['"0,1";"2",5"', '0,1;2"5', '"0,1;2,5', '"0,1"x;2,5'])
-def test_quotes_glue_nothing_together(log, row):
-    """A quote in the middle of a cell makes it no number; 2"5 is not 25."""
-    rows = "".join(f'"{i},5";"{i},25"\n' for i in range(30))
-    found = log('"t";"F"\n' + rows + row + "\n" + rows)
-    assert set(np.unique(found.column("F")[np.isfinite(found.column("F"))])) <= {i + 0.25 for i in range(30)} | {2.5}
-    assert found.codes & {"not_a_number", "ragged_row", "text_row"}
 
 
 def test_noise_gives_clear_errors_only(tmp_path):

@@ -12,7 +12,7 @@ from testbench.readers.csv.dialect import Dialect
 from testbench.readers.csv.row_parser import RowParser
 from testbench.readers.csv.time_columns import TimestampColumn
 
-from .test_times import NOTATIONS
+from .test_time_columns import NOTATIONS
 
 START = datetime(2024, 2, 29, 23, 59, 58, 250000)
 PLAIN = {name: notation for name, notation in NOTATIONS.items() if ";" not in notation}

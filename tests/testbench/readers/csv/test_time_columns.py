@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import io
 
 from testbench.readers import ReadOptions
 from testbench.readers.csv.cell_syntax import DAY, SECOND, read_timestamp
@@ -14,6 +15,7 @@ from testbench.recording import TimeColumn
 
 from .. import reading
 
+DAY_S = 86_400
 START = datetime(2024, 2, 29, 23, 59, 59, 900000)
 NOTATIONS = {
     "ISO 8601": "{:%Y-%m-%dT%H:%M:%S}.{:03d}Z",
@@ -213,12 +215,10 @@ def test_a_second_recording_counts_from_the_same_zero(log):
     assert found.time("log part 2")[0] == 1.5
 
 
-def test_in_quotes_and_wide_encodings(tmp_path):
+def test_in_quotes_and_wide_encodings(log):
     """Quotes round times and UTF-16 change nothing."""
-    path = tmp_path / "log.csv"
     rows = "".join(f'"{t}","{i},5"\n' for i, t in enumerate(stamps(NOTATIONS["points"])))
-    path.write_bytes(('"Zaman","Kuvvet (N)"\n' + rows).encode("utf-16"))
-    found = reading.read(path, ReadOptions())
+    found = log(('"Zaman","Kuvvet (N)"\n' + rows).encode("utf-16"))
     assert found.time().tolist() == [float(Fraction(5 * i, 1000)) for i in range(400)]
     assert found.column("Kuvvet (N)")[-1] == 399.5
 
@@ -252,3 +252,40 @@ def test_whole_numbers_that_float64_rounds_are_said(log):
     for first, said in ((2**53 + 1, True), (2**53, False), (2**53 - 999, True)):
         found = log("Time (s),count,F (N)\n" + "".join(f"{i},{first + 2 * i},{i}.5\n" for i in range(600)))
         assert [f.channel for f in found.findings if f.code == "not_exact"] == ["count"] * said, first
+
+
+def counted(log, first, step, name="Time"):
+    """300 times without a unit from a first one at a step, read."""
+    return log(f"{name},F (N)\n" + "".join(f"{first + i * step:.12f},{i % 7}.5\n" for i in range(300)))
+
+
+@pytest.mark.parametrize("first", [45352.4166, 739312.4166])
+@pytest.mark.parametrize("rate_hz", [1000, 100, 1])
+def test_days_are_not_taken_for_seconds(log, first, rate_hz):
+    """Days, as spreadsheets and MATLAB count them, at 1 kHz would be seconds at 86 MHz: no rate, and why is said."""
+    found = counted(log, first, 1 / rate_hz / DAY_S)
+    assert found.checks["log"].rate_hz is None
+    assert "time_unit_unknown" in found.codes
+    assert "time_unit_assumed" not in found.codes
+
+
+@pytest.mark.parametrize(("first", "step"), [(45352.4166, 0.001), (0.0, 1e-5), (45352.0, 1.0), (1.0e5, 1e-5)])
+def test_seconds_stay_seconds(log, first, step):
+    """Seconds of the day at 1 kHz, a log of 100 kHz from zero, and one of 1 Hz are seconds."""
+    found = counted(log, first, step)
+    assert found.checks["log"].rate_hz == pytest.approx(1 / step, rel=1e-3)
+    assert "time_unit_assumed" in found.codes
+
+
+def test_a_unit_leaves_no_doubt(log):
+    """Whatever the numbers, seconds that are written are seconds."""
+    assert "time_unit_unknown" not in counted(log, 45352.4166, 1e-5, "Time (s)").codes
+
+
+def test_days_of_matlab(tmp_path):
+    """``datenum`` counts days from the year 0."""
+    times = [739312.4 + i / 100 / DAY_S for i in range(100)]
+    io.savemat(tmp_path / "run.mat", {"t": times, "F": range(100)})
+    found = reading.read(tmp_path / "run.mat")
+    assert found.checks["run"].rate_hz is None
+    assert "time_unit_unknown" in found.codes

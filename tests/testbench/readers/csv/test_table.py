@@ -7,34 +7,23 @@ from testbench.readers.csv.header import time_name_base
 from testbench.readers.csv.table import MultipleTimeColumns
 from testbench.recording import Block, Channel, Group
 
-from .. import reading
-
 HEADERS = [
     ("Time (s)", "Time (s)"), ("Time A (s)", "Time B (s)"), ("Time_1 (s)", "Time_2 (s)"), ("Time (s)", "Time (s).1"),
     ("time [s]", "Time [s]"), ("Zeit 1 (s)", "Zeit 2 (s)"),
 ]  # fmt: skip
 
 
-@pytest.fixture
-def log(tmp_path):
-    """Write a log of two loggers side by side, the second with ``short`` rows, and read it to its end."""
-
-    def write_and_read(header, short=300, rows=300, hole=()):
-        texts = []
-        for i in range(rows):
-            second = f"{i / 40:.3f},{i}.25" if i < short and i not in hole else ","
-            texts.append(f"{i / 100:.2f},{i}.5,{second}\n")
-        (tmp_path / "log.csv").write_text(header + "\n" + "".join(texts))
-        return reading.read(tmp_path / "log.csv")
-
-    return write_and_read
+def two_loggers(header, short=300, hole=()):
+    """300 rows of two loggers in one table, the second with ``short`` rows."""
+    seconds = [f"{i / 40:.3f},{i}.25" if i < short and i not in hole else "," for i in range(300)]
+    return header + "\n" + "".join(f"{i / 100:.2f},{i}.5,{second}\n" for i, second in enumerate(seconds))
 
 
 @pytest.mark.parametrize(("first", "second"), HEADERS)
 @pytest.mark.parametrize("short", [300, 120])
 def test_two_clocks(log, first, second, short):
     """Each force has its own time, rate and length; where the shorter one has ended nothing is missing."""
-    found = log(f"{first},F (N),{second},G (N)", short)
+    found = log(two_loggers(f"{first},F (N),{second},G (N)", short))
     assert [(g.name, [c.name for c in g.channels]) for g in found.recording.groups] == [
         ("log 1", [first, "F (N)"]),
         ("log 2", [second, "G (N)"]),
@@ -47,7 +36,7 @@ def test_two_clocks(log, first, second, short):
 
 def test_cells_that_are_missing_within_are_said(log):
     """Empty cells before the end are values that are missing."""
-    found = log("Time (s),F (N),Time (s),G (N)", 250, hole=range(100, 160))
+    found = log(two_loggers("Time (s),F (N),Time (s),G (N)", 250, range(100, 160)))
     values = found.column("G (N)", "log 2")
     assert np.flatnonzero(np.isnan(values)).tolist() == list(range(100, 160))
     assert len(values) == 250
@@ -74,13 +63,12 @@ def test_blocks_change_nothing(size):
     np.testing.assert_array_equal(np.hstack(found["log 2"]), table[2:, :250])
 
 
-def test_dates_and_times(tmp_path):
+def test_dates_and_times(log):
     """Two columns of dates and times of day, each counted from its own first one."""
     rows = "".join(
         f"2024-03-01T12:00:00.{i:03d},{i}.5,2024-03-01T13:00:{i // 10:02d}.{i % 10},{i}\n" for i in range(100)
     )
-    (tmp_path / "log.csv").write_text(f"Time 1,F (N),Time 2,G (N)\n{rows}")
-    found = reading.read(tmp_path / "log.csv")
+    found = log(f"Time 1,F (N),Time 2,G (N)\n{rows}")
     assert found.time("log 1").tolist() == [i / 1000 for i in range(100)]
     assert found.time("log 2").tolist() == [i / 10 for i in range(100)]
 
@@ -91,14 +79,13 @@ def test_dates_and_times(tmp_path):
 )  # fmt: skip
 def test_other_tables_stay_whole(log, header):
     """A second time at the end, other names of time, temperatures called t1 and t2: one table, as before."""
-    assert len(log(header).recording.groups) == 1
+    assert len(log(two_loggers(header)).recording.groups) == 1
 
 
-def test_a_header_that_comes_again(tmp_path):
+def test_a_header_that_comes_again(log):
     """Two loggers, recorded twice: four groups."""
     rows = "".join(f"{i / 100:.2f},{i}.5,{i / 40:.3f},{i}.25\n" for i in range(100))
-    (tmp_path / "log.csv").write_text(f"Time A (s),F (N),Time B (s),G (N)\n{rows}" * 2)
-    found = reading.read(tmp_path / "log.csv")
+    found = log(f"Time A (s),F (N),Time B (s),G (N)\n{rows}" * 2)
     assert {name: check.samples for name, check in found.checks.items()} == dict.fromkeys(
         ["log 1", "log 2", "log part 2 1", "log part 2 2"], 100
     )

@@ -7,8 +7,6 @@ from testbench.findings import Refusal
 from testbench.readers import ReadOptions
 from testbench.readers.csv.preamble import stated_sampling
 
-from .. import reading
-
 ROWS = "".join(f"{i}.5,{i}.25\n" for i in range(300))
 
 
@@ -105,9 +103,8 @@ def test_notes_are_no_log(log, text):
         log(text)
 
 
-def test_states_before_numbers_are_data(log, tmp_path):
+def test_states_before_numbers_are_data(log):
     """Words that come again are a column of states; words that do not are data if a person says so."""
     found = log("OK 1.5\nOK 2.5\nLOW 3.5\n")
     assert found.column("col1").tolist() == [1.5, 2.5, 3.5]
-    (tmp_path / "notes.txt").write_text(NOTES[0])
-    assert reading.read(tmp_path / "notes.txt", ReadOptions(header=False)).column("col1").tolist() == [5.0, 3.0]
+    assert log(NOTES[0], ReadOptions(header=False)).column("col1").tolist() == [5.0, 3.0]
