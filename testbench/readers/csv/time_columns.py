@@ -61,12 +61,17 @@ class TimestampColumn(RewrittenColumn):
         """The rows with times as seconds, all at once; None where rows or times are of several forms."""
         from .timestamp_blocks import rewritten_block
 
-        return rewritten_block(plain, self, parser)
+        fields = [self.field] if self.date_field is None else [self.field, self.date_field]
+        return rewritten_block(plain, parser, fields, self.decimals, self._since_zero)
 
     def nanoseconds(self, cells: Cells) -> int | None:
         """The time in the row of these cells, counted as ``zero`` is; None if there is none."""
         time = read_timestamp(cells[self.field])
         return None if time is None else self._nanoseconds(time, cells)
+
+    def _since_zero(self, cells: Cells) -> int | None:
+        time = self.nanoseconds(cells)
+        return None if time is None else time - self.zero
 
     def _nanoseconds(self, time: Timestamp, cells: Cells) -> int | None:
         """The time with the days of the row's date; None if it is no date, or in another notation."""

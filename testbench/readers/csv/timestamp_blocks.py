@@ -1,6 +1,6 @@
 """Times as text turned to seconds for whole blocks of rows, and times of day counted on after midnight."""
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,6 @@ from ...findings import Finding
 from ...recording import Block, Report, Samples
 from .cell_syntax import DAY, SECOND, fraction_span
 from .row_parser import RowParser
-from .time_columns import TimestampColumn
 
 _LONGEST = 1 << 62
 """What nanoseconds of 64 bits hold, with room for a fraction."""
@@ -20,20 +19,23 @@ _HALF_A_DAY_S = 43_200.0
 
 Bytes = NDArray[np.uint8]
 Places = NDArray[np.int64]
+TimeOf = Callable[[dict[int, str]], int | None]
 
 
-def rewritten_block(plain: bytes, column: TimestampColumn, parser: RowParser) -> bytes | None:
-    """Regular rows with the times of ``column`` as seconds; None where rows or times are of several forms.
+def rewritten_block(
+    plain: bytes, parser: RowParser, fields: Sequence[int], decimals: int, time_of: TimeOf
+) -> bytes | None:
+    """Regular rows with times as seconds; None where rows or times are of several forms, or of fewer ``decimals``.
 
-    Each distinct second is read once.
+    ``fields`` are those of the times and, where they are apart, of the dates; ``time_of`` gives the time since the
+    file's first [ns] from a row's cells by field, and is asked once for each distinct second.
     """
     data = np.frombuffer(plain, dtype=np.uint8)
-    fields = [column.field] if column.date_field is None else [column.field, column.date_field]
     cells = _cells_of_one_width(data, parser, fields)
     span = None if cells is None else fraction_span(cells[0][1][0].tobytes().decode("latin-1"))
-    if cells is None or span is None or not column.decimals <= span[1] - span[0] <= 9:
+    if cells is None or span is None or not decimals <= span[1] - span[0] <= 9:
         return None
-    nanoseconds = _nanoseconds(column, dict(zip(fields, (text for _, text in cells), strict=True)), span)
+    nanoseconds = _nanoseconds(dict(zip(fields, (text for _, text in cells), strict=True)), span, time_of)
     return None if nanoseconds is None else _replaced(data, cells, nanoseconds, span[1] - span[0], parser)
 
 
@@ -58,12 +60,12 @@ def _cells_of_one_width(data: Bytes, parser: RowParser, fields: Sequence[int]) -
     return found
 
 
-def _nanoseconds(column: TimestampColumn, texts: dict[int, Bytes], span: tuple[int, int]) -> Places | None:
+def _nanoseconds(texts: dict[int, Bytes], span: tuple[int, int], time_of: TimeOf) -> Places | None:
     """Each row's time since the file's first, (rows,) [ns]; None if one is no time, or many have a second of their own.
 
-    ``texts`` are the cells of the times and their dates by field, ``span`` the place of the fraction in the times.
+    ``texts`` are the cells of the times, then of their dates, by field; ``span`` is the place of the fraction in times.
     """
-    times = texts[column.field]
+    field, times = next(iter(texts.items()))
     digits = times[:, span[0] : span[1]].astype(np.int64) - ord("0")
     if ((digits < 0) | (digits > 9)).any():
         return None
@@ -74,11 +76,11 @@ def _nanoseconds(column: TimestampColumn, texts: dict[int, Bytes], span: tuple[i
         return None
     whole = np.empty(len(first), dtype=np.int64)
     for i, row in enumerate(first):
-        cells = {field: text[row].tobytes().decode("latin-1") for field, text in texts.items()}
-        value = column.nanoseconds(cells) if fraction_span(cells[column.field]) == span else None
-        if value is None or abs(value - column.zero) > _LONGEST:
+        cells = {i: text[row].tobytes().decode("latin-1") for i, text in texts.items()}
+        value = time_of(cells) if fraction_span(cells[field]) == span else None
+        if value is None or abs(value) > _LONGEST:
             return None
-        whole[i] = value - column.zero
+        whole[i] = value
     scale = 10 ** np.arange(8, 8 - digits.shape[1], -1, dtype=np.int64)
     return np.repeat(whole, np.diff(np.append(first, len(keys)))) + digits @ scale
 
