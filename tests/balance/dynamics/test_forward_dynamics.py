@@ -33,7 +33,7 @@ def test_accelerations_are_those_of_mujoco():
 
 def test_torques_bring_their_motion_back():
     """Torques of a known motion, from its first state, give that motion; two motions at once do not mix."""
-    time = np.arange(0.0, 0.5 + STEP / 2, STEP)
+    time = np.arange(0.0, 0.1 + STEP / 2, STEP)
     speeds = np.array([[2.0, 3.0, 4.0], [1.0, -2.0, 3.0]])
     angle = speeds[:, None, :] * time[:, None]
     q, v, a = np.sin(angle), speeds[:, None, :] * np.cos(angle), -(speeds[:, None, :] ** 2) * np.sin(angle)
@@ -44,7 +44,7 @@ def test_torques_bring_their_motion_back():
 
 def test_a_motion_without_bounds_is_no_number():
     """A motion that leaves all bounds is NaN, and says nothing of the others."""
-    torque = np.zeros((2, 401, 3))
+    torque = np.zeros((2, 61, 3))
     torque[0] = 1e9
     with np.errstate(over="ignore", invalid="ignore"):
         found = simulate_forward(inverse, np.zeros((2, 3)), np.zeros((2, 3)), torque, STEP)
