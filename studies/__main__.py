@@ -90,6 +90,8 @@ def _processor_s() -> float:
 
 def _commit() -> str:
     """The commit of the checkout; a mark behind it where the packages or studies differ from it."""
+    if not (ROOT / ".git").exists():
+        return "no commit"
     changed = _git("status", "--porcelain", "--", "balance", "testbench", "studies", "datasets")
     return _git("rev-parse", "--short", "HEAD") + (" with changes" if changed else "")
 
