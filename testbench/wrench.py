@@ -95,6 +95,21 @@ def shaking_wrench(
     return MeasuredWrench(group, time, rate, point, values, reasons, tuple(findings), tare, clipped)
 
 
+def refuse_saturation(run: SIRun, wrench: MeasuredWrench) -> None:
+    """Raise AnalysisError where a force sensor or an accelerometer on the base is at the end of its range."""
+    for finding in wrench.findings:
+        if finding.code != "constant_channel":
+            raise AnalysisError(f"{finding.message}: a clipped force cannot tell what is missing; use gentler runs")
+    refuse_clipped_base(run)
+
+
+def refuse_clipped_base(run: SIRun) -> None:
+    """Raise AnalysisError where an accelerometer on the base is at the end of its range."""
+    for column in run.rig.base_columns:
+        if column.range is not None and run.holds(column) and (full := run.at_range(column)).any():
+            raise AnalysisError(f"{run.name}: {column.channel}: {int(full.sum())} samples at the end of its range")
+
+
 def without_preload(values: Floats, rest: "tuple[slice, slice]") -> Floats:
     """Values (n, k) less the line through their means at rest before and after: preload, and drift of a piezo sensor.
 

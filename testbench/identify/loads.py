@@ -16,8 +16,7 @@ from ..errors import AnalysisError
 from ..motion import base_motion
 from ..motion.gaps import Gaps
 from ..runs.aligned_run import AlignedRun
-from ..trim.evidence import refuse_saturation
-from ..wrench import COMPONENTS, shaking_wrench
+from ..wrench import COMPONENTS, refuse_saturation, shaking_wrench
 
 if TYPE_CHECKING:
     pass

@@ -15,7 +15,6 @@ from balance.mechanism import Mechanism
 
 from ..clocks import stored
 from ..clocks.mapping import ClockMap, same_clock
-from ..clocks.run import align_run
 from ..motion import base_motion
 from ..motion.derivatives import HIGHEST_CUTOFF, Grid, grid_of, low_pass
 from ..motion.gaps import Gaps, reach_of
@@ -110,6 +109,8 @@ class AlignedRun:
         if group == self.reference:
             return same_clock((0.0, 0.0))
         if group not in self.known_clocks and group not in self._found:
+            from ..clocks.run import align_run  # runs of one logger need none of it
+
             times = self.run.time(self.reference)
             long = bool(times[-1] - times[0] >= LONG_S)
             found = align_run(self.run, lambda: self.mechanism, self.reference, drift=long, among={group})

@@ -20,8 +20,7 @@ from ..errors import AnalysisError
 from ..findings import Finding
 from ..motion import base_motion
 from ..runs.aligned_run import AlignedRun
-from ..runs.si_run import SIRun
-from ..wrench import MeasuredWrench, shaking_wrench
+from ..wrench import MeasuredWrench, refuse_saturation, shaking_wrench
 from .calibration import Effects, of_forces, of_readings, stated
 from .sound import Sound
 
@@ -95,21 +94,6 @@ def run_evidence(run: AlignedRun, conditions: Conditions, cutoff: float = CUTOFF
     smooth = {entry: sound.low_pass(change, cutoff)[used] for entry, change in effects.items()}
     findings = (*wrench.findings, *sound.findings)
     return RunEvidence(record, base is not None, findings, smooth, 1.0 / (cutoff * run.grid.step))
-
-
-def refuse_saturation(run: SIRun, wrench: MeasuredWrench) -> None:
-    """Raise AnalysisError where a force sensor or an accelerometer on the base is at the end of its range."""
-    for finding in wrench.findings:
-        if finding.code != "constant_channel":
-            raise AnalysisError(f"{finding.message}: a clipped force cannot tell what is missing; use gentler runs")
-    refuse_clipped_base(run)
-
-
-def refuse_clipped_base(run: SIRun) -> None:
-    """Raise AnalysisError where an accelerometer on the base is at the end of its range."""
-    for column in run.rig.base_columns:
-        if column.range is not None and run.holds(column) and (full := run.at_range(column)).any():
-            raise AnalysisError(f"{run.name}: {column.channel}: {int(full.sum())} samples at the end of its range")
 
 
 def _rows(run: AlignedRun, wrench: MeasuredWrench, columns: Floats) -> list[int]:

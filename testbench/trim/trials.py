@@ -26,9 +26,9 @@ from ..errors import AnalysisError
 from ..findings import Finding
 from ..motion.gaps import CODE, Gaps
 from ..runs.aligned_run import AlignedRun
+from ..wrench import refuse_clipped_base
 from .beside import reduction
 from .case import Case
-from .evidence import refuse_clipped_base
 
 if TYPE_CHECKING:
     from balance.arrays import Indices

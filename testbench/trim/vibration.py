@@ -24,8 +24,9 @@ from ..motion import base_motion
 from ..motion.derivatives import Grid
 from ..rig.support_loads import elastic_base
 from ..runs.aligned_run import AlignedRun
+from ..wrench import refuse_clipped_base
 from .beside import reduction
-from .evidence import motion_of, refuse_clipped_base
+from .evidence import motion_of
 from .parts import Part
 from .sound import Sound
 

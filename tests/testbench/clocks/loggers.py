@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from testbench.clocks import Shared
+from testbench.clocks.shared import Shared
 
 OFFSET, DRIFT = 0.6, 30e-6
 """reference = OFFSET + (1 + DRIFT) own [s]."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from testbench.clocks import by_correlation
+from testbench.clocks.correlation import by_correlation
 from testbench.errors import AnalysisError
 
 from ..coverage import assert_holds

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from testbench.clocks import Shared
+from testbench.clocks.shared import Shared
 from testbench.clocks.taps import by_taps
 from testbench.clocks.trigger import by_trigger
 from testbench.errors import AnalysisError

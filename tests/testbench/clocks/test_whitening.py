@@ -3,7 +3,8 @@
 import numpy as np
 from scipy.signal import lfilter
 
-from testbench.clocks import Shared, by_correlation
+from testbench.clocks.correlation import by_correlation
+from testbench.clocks.shared import Shared
 from testbench.clocks.whitening import filtered, whitener, with_history
 
 from ..coverage import assert_holds
