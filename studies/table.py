@@ -109,7 +109,8 @@ def write_table(folder: Path, origin: Origin, rows: Sequence[Row]) -> None:
     figures = [figure for figure in figures if figure["study"] != origin.study] + new
     figures.sort(key=lambda figure: figure["study"])  # stable: within a study in the order they came
     folder.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps({"figures": figures}, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    lines = ",\n".join(json.dumps(figure, ensure_ascii=False) for figure in figures)
+    path.write_text(f'{{"figures": [\n{lines}\n]}}\n', encoding="utf-8")
     (folder / "results.md").write_text("\n".join(_page(figures)), encoding="utf-8")
 
 
