@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 from balance.loading.loading import load_mechanism
 from balance.mechanism import Mechanism
-from testbench.identify import identify
-from testbench.identify.assembly import By, assemble
+from testbench.identification import identify
+from testbench.identification.records import By, assemble
 
 from .simulated_runs import MANIPULATOR, Scene, aligned, scene
 from .table import Row, Tally, covered

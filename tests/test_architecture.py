@@ -83,10 +83,10 @@ MEANWHILE = {
     "testbench.wrench": "testbench.loads", "testbench.torque": "testbench.loads",
     "testbench.command": "testbench.loads",
     "testbench.encoder": "testbench.rotating", "testbench.orders": "testbench.rotating",
-    "testbench.recovery": "testbench.ingest", "testbench.identify": "testbench.identification",
+    "testbench.recovery": "testbench.ingest",
     "testbench.bench": "testbench.simulator", "testbench.prediction": "testbench.vibration.comparison",
     "testbench.comparison": "testbench.vibration.comparison",
-    "testbench.identify.figure": "testbench.figures", "testbench.trim.figure": "testbench.figures",
+    "testbench.identification.figure": "testbench.figures", "testbench.trim.figure": "testbench.figures",
 }  # fmt: skip
 """Folders and files that are not yet where they will lie, and where that is."""
 FOREIGN = {"h5py", "polars", "pyarrow", "idelib", "mcap", "rosbags", "nptdms", "google", "pandas"}

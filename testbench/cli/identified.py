@@ -7,9 +7,9 @@ import click
 from balance.cli.console import emit_table
 from balance.errors import DataError
 
-from ..identify import Identification, Value
-from ..identify.methods import NAMES
-from ..identify.validation import Validation
+from ..identification import Identification, Value
+from ..identification.estimators import NAMES
+from ..identification.validation import Validation
 
 
 def print_result(result: Identification, validation: Validation | None = None, left_out: Sequence[str] = ()) -> None:
@@ -86,7 +86,7 @@ def _notes(result: Identification) -> list[str]:
 
 def _scale(result: Identification) -> list[str]:
     """A scale of all torques, where masses that are known to differ tell it; else that it is not told."""
-    from ..identify.explanation import SCALE_UNKNOWN, Explanation
+    from ..identification.diagnostics import SCALE_UNKNOWN, Explanation
 
     if not result.joints:
         return []

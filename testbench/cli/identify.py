@@ -10,7 +10,7 @@ from balance.cli.console import EXIT_WITH_FINDINGS, emit_json, json_option
 from . import calibrations, stored_runs
 
 if TYPE_CHECKING:
-    from ..identify import Identification
+    from ..identification import Identification
 
 
 @click.command(
@@ -66,9 +66,9 @@ def identify(mechanism: str, runs: tuple[Path, ...], figure: Path | None, as_jso
     from balance.loading.loading import load_mechanism
 
     from .. import rig as rigs
-    from ..identify import identify as identified
-    from ..identify.assembly import assemble
-    from ..identify.validation import validate
+    from ..identification import identify as identified
+    from ..identification.records import assemble
+    from ..identification.validation import validate
     from ..runs.aligned_run import AlignedRun
     from ..runs.si_run import SIRun
 
@@ -87,9 +87,9 @@ def identify(mechanism: str, runs: tuple[Path, ...], figure: Path | None, as_jso
     if figure is not None:
         _draw(result, figure)
     if as_json:
-        from ..identify.document import document
+        from ..identification.document import identification_document
 
-        found = {**document(result, validation), "by": taken.by, "left_out": list(taken.notes)}
+        found = {**identification_document(result, validation), "by": taken.by, "left_out": list(taken.notes)}
         emit_json({**found, "calibrations": calibrations.document(run.run for run in bound)})
     else:
         from .identified import print_result
@@ -105,6 +105,6 @@ def identify(mechanism: str, runs: tuple[Path, ...], figure: Path | None, as_jso
 def _draw(result: "Identification", path: Path) -> None:
     from balance.figures.drawing import save
 
-    from ..identify.figure import draw
+    from ..identification.figure import draw
 
     save(draw(result), path)

@@ -78,7 +78,7 @@ def trim(
     from ..runs.aligned_run import AlignedRun
     from ..runs.si_run import SIRun
     from ..trim import trim_runs
-    from ..trim.document import document
+    from ..trim.result import trim_document
 
     if cutoff is not None and not cutoff > 0.0:
         raise click.UsageError(f"--cutoff {cutoff:g}: expected a positive frequency")
@@ -96,7 +96,7 @@ def trim(
 
         save(draw(result), figure)
     if as_json:
-        emit_json({**document(result), "calibrations": calibrations.document(bound)})
+        emit_json({**trim_document(result), "calibrations": calibrations.document(bound)})
     else:
         _print(result, stock)
         calibrations.say(bound)

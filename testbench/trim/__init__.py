@@ -14,11 +14,10 @@ from balance.stock import Plate
 from ..errors import AnalysisError
 from ..recording import Origin
 from ..runs.aligned_run import AlignedRun
-from .case import NAMES, Case, Source, Told
-from .evidence import CUTOFF_HZ
-from .missing import Missing, Share, refuse_blur
-from .result import Trim
-from .sources import LONGER, MORE_RUNS, present, told_by
+from .estimators import ESTIMATORS, LONGER, MORE_RUNS, present_sources
+from .force_regression import CUTOFF_HZ
+from .problem import NAMES, Source, SourceEstimate, TrimProblem
+from .result import Missing, Share, Trim, refuse_blur
 
 __all__ = ["CUTOFF_HZ", "NAMES", "Missing", "Share", "Source", "Trim", "trim_runs"]
 
@@ -48,37 +47,37 @@ def trim_runs(
             f"{', '.join(mechanism.sites) or 'none'}"
         )
     mounted.with_counter_mass(dict.fromkeys(names, 0.0))
-    case = Case(runs, conditions.find(mounted), names, cutoff)
-    return _result(case, _told(case, _wanted(case, source)), plates)
+    problem = TrimProblem(runs, conditions.find(mounted), names, cutoff)
+    return _result(problem, _estimated(problem, _wanted(problem, source)), plates)
 
 
-def _wanted(case: Case, named: Source | Sequence[Source] | None) -> tuple[list[Source], bool]:
+def _wanted(problem: TrimProblem, named: Source | Sequence[Source] | None) -> tuple[list[Source], bool]:
     """The sources to ask, and whether they were named."""
     wanted: list[Source] = [named] if isinstance(named, str) else list(dict.fromkeys(named or ()))
-    differs = _differs(case)
+    differs = _differs(problem)
     if "trials" in wanted and len(wanted) > 1:
         raise AnalysisError("trial masses are runs of several mountings, other sources take runs of one: name one")
     if wanted and wanted != ["trials"] and differs:
         raise AnalysisError(f"{differs}: expected runs of one mounting")
     if wanted == ["trials"] and not differs:
-        raise AnalysisError(f"{case.names}: all of one mounting: trial masses must differ from run to run")
+        raise AnalysisError(f"{problem.names}: all of one mounting: trial masses must differ from run to run")
     if wanted:
         return wanted, True
-    _refuse_other_payloads(case)
-    if differs and not case.runs[0].rig.base_accelerometers:
+    _refuse_other_payloads(problem)
+    if differs and not problem.runs[0].rig.base_accelerometers:
         raise AnalysisError(f"{differs}: expected runs of one mounting, or an accelerometer on the base")
-    found = present(case, not differs)
+    found = present_sources(problem, not differs)
     if not found:
         raise AnalysisError(
-            f"{case.runs[0].name}: its rig has neither force sensors nor motor torques, nor accelerometers on a base "
-            "that it states: nothing tells what is missing"
+            f"{problem.runs[0].name}: its rig has neither force sensors nor motor torques, nor accelerometers on a "
+            "base that it states: nothing tells what is missing"
         )
     return found, False
 
 
-def _refuse_other_payloads(case: Case) -> None:
-    first = case.runs[0]
-    for run in case.runs[1:]:
+def _refuse_other_payloads(problem: TrimProblem) -> None:
+    first = problem.runs[0]
+    for run in problem.runs[1:]:
         here, there = (r.conditions.get("payload_kg") for r in (run, first))
         if here != there:
             raise AnalysisError(
@@ -86,10 +85,10 @@ def _refuse_other_payloads(case: Case) -> None:
             )
 
 
-def _differs(case: Case) -> str:
+def _differs(problem: TrimProblem) -> str:
     """What differs between the mountings; empty if nothing does."""
-    first = case.runs[0]
-    for run in case.runs[1:]:
+    first = problem.runs[0]
+    for run in problem.runs[1:]:
         for key in ("payload_kg", "counter_masses"):
             if run.conditions.get(key) != first.conditions.get(key):
                 return (
@@ -98,15 +97,15 @@ def _differs(case: Case) -> str:
     return ""
 
 
-def _told(case: Case, wanted: tuple[list[Source], bool]) -> tuple[list[Told], list[str]]:
+def _estimated(problem: TrimProblem, wanted: tuple[list[Source], bool]) -> tuple[list[SourceEstimate], list[str]]:
     """What the sources tell, and why others do not; one that was named must tell."""
     sources, named = wanted
-    found: list[Told] = []
+    found: list[SourceEstimate] = []
     silent: list[tuple[Source, CounterpoiseError]] = []
     for source in sources:
         try:
-            told = told_by(source, case)
-            _refuse_silent(told, case)
+            told = ESTIMATORS[source](problem)
+            _refuse_silent(told, problem)
             found.append(told)
         except CounterpoiseError as error:
             if named or len(sources) == 1:
@@ -117,32 +116,32 @@ def _told(case: Case, wanted: tuple[list[Source], bool]) -> tuple[list[Told], li
     return found, [f"{NAMES[source].capitalize()} cannot tell: {error}" for source, error in silent]
 
 
-def _refuse_silent(told: Told, case: Case) -> None:
+def _refuse_silent(told: SourceEstimate, problem: TrimProblem) -> None:
     hint = "; ".join([_HINTS[told.source], *(finding.message for finding in told.findings)])
     try:
-        missing = _missing(told.imbalance, case)
+        missing = _missing(told.imbalance, problem)
     except NotIdentifiable as error:
-        raise AnalysisError(f"{case.names}: {error}; {hint}") from error
-    refuse_blur(missing, _lacking(case), [run.name for run in case.runs], hint)
+        raise AnalysisError(f"{problem.names}: {error}; {hint}") from error
+    refuse_blur(missing, _lacking(problem), [run.name for run in problem.runs], hint)
 
 
-def _missing(measured: Imbalance, case: Case) -> list[Missing]:
-    lacking = measured.missing(case.mounted, case.sites)
+def _missing(measured: Imbalance, problem: TrimProblem) -> list[Missing]:
+    lacking = measured.missing(problem.mounted, problem.sites)
     return [Missing(m.site, m.position, m.first_moment.value, m.first_moment.interval()) for m in lacking]
 
 
-def _result(case: Case, told: tuple[list[Told], list[str]], plates: Sequence[Plate]) -> Trim:
+def _result(problem: TrimProblem, told: tuple[list[SourceEstimate], list[str]], plates: Sequence[Plate]) -> Trim:
     found, silent = told
     both = combine([one.imbalance for one in found]) if len(found) > 1 else None
     measured = both.imbalance if both else found[0].imbalance
     return Trim(
-        case.conditions,
-        case.mounted,
-        case.mechanism,
-        tuple(run.name for run in case.runs),
-        _origin(case.runs),
-        tuple(Share(one.source, tuple(_missing(one.imbalance, case)), one.imbalance.unexplained) for one in found),
-        tuple(_missing(measured, case)),
+        problem.conditions,
+        problem.mounted,
+        problem.mechanism,
+        tuple(run.name for run in problem.runs),
+        _origin(problem.runs),
+        tuple(Share(one.source, tuple(_missing(one.imbalance, problem)), one.imbalance.unexplained) for one in found),
+        tuple(_missing(measured, problem)),
         measured,
         tuple(dict.fromkeys([*_about(found), *silent])),
         tuple(doubt for one in found for doubt in one.doubts) + _contradiction(both),
@@ -152,7 +151,7 @@ def _result(case: Case, told: tuple[list[Told], list[str]], plates: Sequence[Pla
     )
 
 
-def _about(found: list[Told]) -> list[str]:
+def _about(found: list[SourceEstimate]) -> list[str]:
     """How it was found, each line with its source where there are several."""
     if len(found) == 1:
         return list(found[0].about)
@@ -169,14 +168,14 @@ def _contradiction(both: CombinedImbalance | None) -> tuple[str, ...]:
     )
 
 
-def _lacking(case: Case) -> list[float]:
+def _lacking(problem: TrimProblem) -> list[float]:
     """What each site lacks without counter-masses, by the model [kg m]."""
-    payload = case.runs[0].conditions.get("payload_kg")
-    bare = case.mechanism
+    payload = problem.runs[0].conditions.get("payload_kg")
+    bare = problem.mechanism
     bare = bare if payload is None else bare.with_payload({bare.payload_bodies[0]: payload})
-    values = case.conditions.values(bare)
-    masses = masses_per_value(case.conditions, bare, case.sites, values) @ values
-    return [float(m * np.linalg.norm(bare.site(site).position)) for m, site in zip(masses, case.sites, strict=True)]
+    values = problem.conditions.values(bare)
+    masses = masses_per_value(problem.conditions, bare, problem.sites, values) @ values
+    return [float(m * np.linalg.norm(bare.site(site).position)) for m, site in zip(masses, problem.sites, strict=True)]
 
 
 def _origin(runs: Sequence[AlignedRun]) -> Origin:

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ..figures import style
-from .missing import Missing
-from .result import Trim
+from .result import Missing, Trim
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

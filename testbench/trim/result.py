@@ -1,7 +1,9 @@
 """What is missing at each site and what to add there, with the verdict."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -16,11 +18,88 @@ from balance.estimation.identifiability import NotIdentifiable
 from balance.mechanism import Mechanism
 from balance.stock import Plate
 
+from ..errors import AnalysisError
 from ..findings import Finding
 from ..motion.gaps import CODE as GAP
 from ..recording import Origin
-from .case import Source
-from .missing import Missing, Share
+from .problem import Source
+
+RESOLUTION = 0.25
+"""Half of an interval, as a part of the first moment that the site lacks without counter-masses, from which a record
+cannot tell what is missing."""
+DOUBTFUL_SHARE: dict[Source, float] = {"wrench": 0.1, "torque": 0.15, "vibration": 0.1, "trials": np.inf}
+"""Of what was measured that stays unexplained, from which a result is doubtful: noise leaves half of that where
+sensors are as their data sheets say, and what is systematic is not in the intervals; of trial masses it is noise, which
+they contain."""
+
+
+@dataclass(frozen=True)
+class Missing:
+    """What a site lacks; negative where it has too much."""
+
+    site: str
+    position: Floats
+    """In its body's frame, (3,) [m]."""
+    first_moment: float
+    """Mass times distance from the body's joint [kg m]."""
+    interval: tuple[float, float]
+    """Of 95 % [kg m]."""
+
+    @property
+    def mass(self) -> float:
+        """[kg]"""
+        return self.first_moment / float(np.linalg.norm(self.position))
+
+    @property
+    def told(self) -> bool:
+        """Whether the interval leaves out zero."""
+        return not self.interval[0] <= 0.0 <= self.interval[1]
+
+    def as_dict(self) -> dict[str, Any]:
+        """The row as it is printed."""
+        return {
+            "site": self.site,
+            "first_moment_kgm": self.first_moment,
+            "interval": list(self.interval),
+            "mass_kg": self.mass,
+            "position_m": [float(x) for x in self.position],
+        }
+
+
+@dataclass(frozen=True)
+class Share:
+    """What one source says, where several do or one does."""
+
+    source: Source
+    missing: tuple[Missing, ...]
+    unexplained: float
+    """Share of what it measured."""
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether too much stays unexplained."""
+        return self.unexplained > DOUBTFUL_SHARE[self.source]
+
+    def as_dict(self) -> dict[str, Any]:
+        """The source as it is printed."""
+        return {
+            "source": self.source,
+            "missing": [m.as_dict() for m in self.missing],
+            "unexplained": self.unexplained,
+        }
+
+
+def refuse_blur(missing: Sequence[Missing], bare: Sequence[float], runs: Sequence[str], hint: str) -> None:
+    """Refuse intervals so wide that the record tells next to nothing; ``bare`` is what each site lacks without any."""
+    largest = max((abs(value) for value in bare), default=0.0)
+    for one in missing:
+        half = 0.5 * (one.interval[1] - one.interval[0])
+        if half > RESOLUTION * largest:
+            raise AnalysisError(
+                f"{', '.join(runs)}: cannot tell what is missing at {one.site}: {one.first_moment:.3g} kg m, known to "
+                f"{half:.2g} kg m only, where the mechanism without counter-masses lacks {largest:.3g} kg m; {hint}"
+            )
+
 
 _MEASURED: dict[Source, str] = {
     "wrench": "force", "torque": "torque", "vibration": "vibration", "trials": "vibration",
@@ -151,3 +230,51 @@ class Trim:
         if not told:
             return "nothing told"
         return "remove" if min(told) < 0.0 else "add"
+
+
+def trim_document(result: Trim) -> dict[str, Any]:
+    """What is missing and what to add, units in the keys."""
+    return {
+        "mechanism": result.mechanism.name,
+        "runs": list(result.runs),
+        "origin": result.origin,
+        "source": result.source,
+        "sources": [share.as_dict() for share in result.shares],
+        "agreement": None if result.consensus is None else _agreement(result.consensus),
+        "missing": [m.as_dict() for m in result.missing],
+        "interval_level": result.interval_level,
+        "add": [
+            {
+                "site": c.site,
+                "mass_kg": c.mass,
+                "plates": list(c.plates),
+                "position_m": [float(x) for x in c.position],
+            }
+            for c in result.addition.counter_masses
+        ],
+        "remove": [{"site": m.site, "mass_kg": -m.mass, "first_moment_kgm": -m.first_moment} for m in result.removal],
+        "predicted_residual_kgm": result.predicted_residual,
+        "predicted_residual_interval_kgm": list(result.predicted_residual_interval),
+        "verdict": result.verdict,
+        "doubts": result.doubts(),
+        "findings": [finding.as_dict() for finding in result.findings],
+        "conditions": [
+            {
+                "condition": text,
+                "value_kgm": None if e is None else e.value,
+                "interval": None if e is None else list(e.interval()),
+            }
+            for text, e in result.values
+        ],
+        "unexplained": result.unexplained,
+        "about": list(result.about),
+    }
+
+
+def _agreement(found: CombinedImbalance) -> dict[str, Any]:
+    return {
+        "chi_square": found.chi_square,
+        "freedom": found.degrees_of_freedom,
+        "probability": found.probability,
+        "agrees": found.agrees,
+    }

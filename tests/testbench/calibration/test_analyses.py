@@ -13,7 +13,7 @@ from studies import simulated_runs as memory
 from testbench import rig as rigs
 from testbench.calibration.document import Calibration
 from testbench.cli.analyze import analyze
-from testbench.identify.record import joint_record
+from testbench.identification.records import joint_record
 from testbench.motion import base_motion
 from testbench.motion.joint_motion import encoder_trajectory
 from testbench.runs.aligned_run import AlignedRun

@@ -12,8 +12,8 @@ from studies.trim import BENCHES
 from testbench import rig as rigs
 from testbench.errors import AnalysisError
 from testbench.trim import trim_runs
-from testbench.trim.document import document
 from testbench.trim.figure import draw
+from testbench.trim.result import trim_document
 
 from ..coverage import assert_holds
 
@@ -140,7 +140,7 @@ def test_trial_masses(manipulator, trials):
     assert found.source == "trials"
     assert all(m.interval[0] < MISSING < m.interval[1] for m in found.missing)
     assert all(np.ptp(m.interval) < 0.5 * MISSING for m in found.missing)
-    json.dumps(document(found))
+    json.dumps(trim_document(found))
 
 
 def test_an_arm_without_trial_mass_is_named(manipulator, trials):

@@ -1,0 +1,288 @@
+"""Combinations of parameters as identified, and what their units are.
+
+What a record says of a mechanism: observable combinations with intervals, first moments, counter-masses.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from balance import conditions
+from balance.arrays import Floats
+from balance.combinations import text_of
+from balance.dynamics.joint_friction import TERMS
+from balance.estimation.base_parameters import BaseParameters
+from balance.estimation.estimate import Estimate
+from balance.estimation.first_moment_imbalance import masses_per_value
+from balance.estimation.identifiability import NotIdentifiable
+from balance.estimation.physical_consistency import Consistent, consistent
+from balance.mechanism import Mechanism
+
+from ..recording import Origin
+from ..wrench import COMPONENTS
+from .cross_validation import Candidate, Choice, MethodErrors, compare, unexplained
+from .estimators import Method
+from .records import LONGEST_DELAY_S
+
+_TERM_UNITS = {
+    "coulomb": ("N", "N m"), "viscous": ("N s/m", "N m s"), "offset": ("N", "N m"), "armature": ("kg", "kg m^2"),
+}  # fmt: skip
+"""Of the terms of a joint that slides, and of one that turns."""
+
+
+@dataclass(frozen=True)
+class Value:
+    """A combination of parameters with an interval that contains what other choices of method would have given."""
+
+    name: str
+    unit: str
+    estimate: Estimate
+    """At the chosen cut-off and delay; its interval is statistical alone."""
+    variants: Mapping[str, float]
+    """The same by other choices: half and double the cut-off, no delay, the other methods."""
+    in_file: float
+    """What the mechanism's file says."""
+    one_sided: Mapping[str, float]
+    """With torque and rates smoothed but positions as recorded: often done, biased, for comparison only."""
+
+    @property
+    def value(self) -> float:
+        """At the chosen cut-off and delay [SI]."""
+        return self.estimate.value
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The range of all variants, widened on both sides by half of the statistical 95 % interval."""
+        return self.estimate.containing([*self.variants.values()]).interval()
+
+
+@dataclass(frozen=True)
+class CounterMassValue:
+    """A counter-mass that would balance the mechanism as identified."""
+
+    site: str
+    position: Floats
+    """Of the site in its body's frame, (3,) [m]."""
+    mass: Value
+    first_moment: Value
+    """Mass times the distance of the site from the joint [kg m]."""
+
+
+def unit_of(mechanism: Mechanism, parameter: str) -> str:
+    """Unit of a parameter by name."""
+    kind, _, of = parameter.rstrip("]").partition("[")
+    if kind in TERMS and of in COMPONENTS:
+        return "N" if of.startswith("F") else "N m"
+    if kind in TERMS:
+        place = mechanism.coordinate_index(of)
+        return _TERM_UNITS[kind][mechanism.tree.joints[place].revolute]
+    return "kg" if kind == "m" else "kg m" if kind.startswith("mc") else "kg m^2"
+
+
+DOUBTFUL_RATIO = 0.3
+"""RecordEquations of the torque, low-passed like the model, that may stay unexplained before a result is doubtful."""
+FAIR_CONDITION = 30.0
+POOR_CONDITION = 100.0
+"""Of the base columns, scaled to unit length, from which an excitation is no longer good, and poor (Gautier, Khalil,
+Int. J. Robot. Res. 11, 1992)."""
+DOUBTFUL_WIDTH = 0.5
+"""Half of an interval, as a part of the largest first moment, from which a first moment is doubtful."""
+
+
+@dataclass(frozen=True)
+class Identification:
+    """The result of an identification."""
+
+    mechanism: Mechanism
+    runs: tuple[str, ...]
+    origin: Origin
+    choice: Choice
+    identified: BaseParameters
+    """At the chosen cut-off and delay."""
+    variants: Mapping[str, BaseParameters]
+    """By other choices that count for the intervals."""
+    one_sided: Mapping[str, BaseParameters]
+    """With torque and rates smoothed but positions as recorded: often done, biased, shown for comparison only."""
+
+    @property
+    def chosen(self) -> Candidate:
+        """Cut-off, delay, and torque error on held-out stretches."""
+        return self.choice.chosen
+
+    @property
+    def method(self) -> Method:
+        """By which the values are found; the others are among the variants."""
+        return self.choice.method
+
+    @property
+    def rows(self) -> tuple[str, ...]:
+        """What was measured, in the order of every array: driven joints' torques, then components of force."""
+        return self.choice.evidence.parts[0].record.rows(self.mechanism)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The driven joints whose torques count."""
+        return tuple(row for row in self.rows if row in self.mechanism.driven)
+
+    @cached_property
+    def comparison(self) -> list[MethodErrors]:
+        """All methods side by side on held-out stretches."""
+        return compare(self.choice, self.mechanism, self.identified.identifiability)
+
+    @cached_property
+    def consistent(self) -> Consistent:
+        """The nearest bodies that can exist. Raises DataError where none is proven to be the nearest."""
+        return consistent(self.identified, self.mechanism, self.in_file)
+
+    @cached_property
+    def rms_ratio(self) -> Floats:
+        """RecordEquations of each row as recorded that stays unexplained on held-out stretches, (rows,)."""
+        evidence = self.choice.evidence
+        return unexplained(evidence.torque(self.chosen.delay), self.choice.predicted, evidence.moving)
+
+    @cached_property
+    def rms_ratio_in_band(self) -> Floats:
+        """The same below the cut-off, torque and model low-passed alike, (rows,)."""
+        evidence = self.choice.evidence
+        torque = evidence.low_passed_torque(self.chosen.delay)
+        return unexplained(torque, self.choice.predicted_smooth, evidence.moving)
+
+    def value(self, combination: Mapping[str, float] | Floats, name: str = "", unit: str = "") -> Value:
+        """Any observable combination. Raises NotIdentifiable, naming it, if the record does not determine it."""
+        identifiable = self.identified.identifiability
+        vector = identifiable.vector(combination) if isinstance(combination, Mapping) else combination
+        coefficients = {identifiable.names[k]: float(vector[k]) for k in np.flatnonzero(vector)}
+        return Value(
+            name or text_of(coefficients),
+            unit or unit_of(self.mechanism, next(iter(coefficients), "")),
+            self.identified.estimate(vector),
+            {label: other.estimate(vector).value for label, other in self.variants.items()},
+            float(vector @ self.in_file),
+            {label: other.estimate(vector).value for label, other in self.one_sided.items()},
+        )
+
+    def base_values(self) -> list[Value]:
+        """The base parameters: all that the record determines, without friction and other terms of joints."""
+        rows = self.identified.identifiability.combinations
+        return [self.value(row) for row in rows if np.any(row[: len(self.mechanism.pi)])]
+
+    def joint_values(self) -> list[Value]:
+        """Friction, offset and drive inertia of each joint that the record determines by itself."""
+        rows = self.identified.identifiability.combinations
+        return [self.value(row) for row in rows if not np.any(row[: len(self.mechanism.pi)])]
+
+    def parameters(self) -> list[tuple[str, Value | None]]:
+        """Every single parameter by name; None where the record does not determine it."""
+        identifiable = self.identified.identifiability
+        eye = np.eye(len(identifiable.names))
+        return [
+            (name, self.value(row) if identifiable.is_identifiable(row) else None)
+            for name, row in zip(identifiable.names, eye, strict=True)
+        ]
+
+    def first_moments(self) -> list[Value]:
+        """The left-hand sides of the balance conditions that the record determines [kg m]."""
+        return [self.value(row, text) for text, row in self._conditions if self._observable(row)]
+
+    def moment_rows(self) -> list[tuple[str, dict[str, float]]]:
+        """The balance conditions by name, with the coefficients of their parameters."""
+        names = self.identified.identifiability.names
+        return [(text, {names[k]: float(row[k]) for k in np.flatnonzero(row)}) for text, row in self._conditions]
+
+    def undetermined_moments(self) -> list[str]:
+        """The balance conditions whose left-hand sides the record does not determine."""
+        return [text for text, row in self._conditions if not self._observable(row)]
+
+    def counter_masses(self, sites: Sequence[str] = ()) -> list[CounterMassValue]:
+        """Counter-masses at ``sites`` (default: those named counter...) that would balance the mechanism.
+
+        Raises NotIdentifiable if the record does not determine what they depend on.
+        """
+        names = list(sites) or self.mechanism.counter_sites
+        found = self._found
+        moments = np.array([self._moment(row) for _, row in self._conditions])
+        rows = masses_per_value(found, self.mechanism, names, moments) @ found.matrix
+        return [self._counter_mass(site, self._padded(row)) for site, row in zip(names, rows, strict=True)]
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """What gaps took of the records."""
+        return tuple(self.choice.evidence.left_out)
+
+    def doubts(self) -> list[str]:
+        """Why the result is doubtful; empty if it is not."""
+        found = [
+            f"{ratio:.0%} of {self.named(row)} below {self.chosen.cutoff:.3g} Hz stays unexplained"
+            for row, ratio in zip(self.rows, self.rms_ratio_in_band, strict=True)
+            if ratio > DOUBTFUL_RATIO
+        ]
+        seen = self.identified.identifiability
+        if seen.condition > POOR_CONDITION:
+            found.append(
+                f"the motion tells the parameters poorly apart: condition {seen.condition:.3g}, expected below "
+                f"{POOR_CONDITION:g}; weakest: {seen.weakest}"
+            )
+        if abs(self.chosen.delay) > LONGEST_DELAY_S - 0.5 * self.choice.evidence.parts[0].record.grid.step:
+            found.append(f"the delay of the torques, {self.chosen.delay * 1e3:.3g} ms, is at the end of what is tried")
+        found += [f"{text} is not determined by this record" for text in self.undetermined_moments()]
+        largest = max((abs(value.value) for value in self.first_moments()), default=0.0)
+        for value in self.first_moments():
+            low, high = value.interval
+            if (high - low) / 2 > DOUBTFUL_WIDTH * largest:
+                found.append(f"{value.name} is known to {(high - low) / 2:.2g} kg m only")
+        return found
+
+    @property
+    def excitation(self) -> str:
+        """``good``, ``fair`` or ``poor``: how well the motion tells the base parameters apart, before solving."""
+        condition = self.identified.identifiability.condition
+        return "poor" if condition > POOR_CONDITION else "fair" if condition > FAIR_CONDITION else "good"
+
+    @property
+    def verdict(self) -> str:
+        """``usable`` or ``doubtful``."""
+        return "doubtful" if self.doubts() else "usable"
+
+    def named(self, row: str) -> str:
+        """What a row is called: the torque of a joint, or a component of force or moment."""
+        return f"the torque of {row}" if row in self.mechanism.driven else row
+
+    @cached_property
+    def _found(self) -> conditions.Conditions:
+        return conditions.find(self.mechanism)
+
+    @cached_property
+    def _conditions(self) -> list[tuple[str, Floats]]:
+        found = self._found
+        return [(text_of(found.coefficients(i)), self._padded(row)) for i, row in enumerate(found.matrix)]
+
+    @cached_property
+    def in_file(self) -> Floats:
+        """Parameters as the mechanism's file has them, (p,)."""
+        m = self.mechanism
+        places = [m.coordinate_index(joint) for joint in self.joints]
+        none = np.zeros_like(m.viscous)
+        by_term = {"coulomb": m.coulomb, "viscous": m.viscous, "offset": none, "armature": m.armature}
+        forces = np.zeros(len(self.rows) - len(self.joints))
+        return np.concatenate([m.pi, [by_term[term][place] for place in places for term in TERMS], forces])
+
+    def _padded(self, row: Floats) -> Floats:
+        return np.concatenate([row, np.zeros(len(self.in_file) - len(row))])
+
+    def _moment(self, row: Floats) -> float:
+        """A combination of parameters as identified, else as the file has it."""
+        return self.identified.estimate(row).value if self._observable(row) else float(row @ self.in_file)
+
+    def _observable(self, row: Floats) -> bool:
+        return self.identified.identifiability.is_identifiable(row)
+
+    def _counter_mass(self, site: str, row: Floats) -> CounterMassValue:
+        position = self.mechanism.site(site).position
+        distance = float(np.linalg.norm(position))
+        try:
+            mass = self.value(row, f"mass[{site}]", "kg")
+        except NotIdentifiable as error:
+            raise NotIdentifiable(f"no counter-mass for {site}: {error}") from error
+        return CounterMassValue(site, position, mass, self.value(distance * row, f"first_moment[{site}]", "kg m"))

@@ -1,0 +1,1 @@
+"""What sensors measured of the loads of a mechanism: forces, moments, torques."""

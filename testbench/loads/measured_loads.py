@@ -1,0 +1,74 @@
+"""Shaking forces and moments of a run on the grid of its encoders, the base's motion taken out where it is known.
+
+P F + m P a = P W pi, with F the measured loads, a the accelerations of the base, P what does not see how the base turns
+(see ``base_motion``). Without accelerometers the base is taken for still.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from balance.arrays import Floats
+
+from ..motion import base_motion
+from ..runs.aligned_run import AlignedRun
+from ..wrench import COMPONENTS, MeasuredWrench
+
+
+@dataclass(frozen=True)
+class MeasuredLoads:
+    """What force sensors measured, less what the base's motion explains."""
+
+    names: tuple[str, ...]
+    """Components: Fx ... Mz."""
+    forces: Floats
+    """As measured, (n, k) [N, N m]."""
+    groups: frozenset[str]
+    """Of the channels that count."""
+    inertial: Floats | None = None
+    """Mass times the readings of the base's accelerometers, (n, channels) [N]; None: the base is taken for still."""
+    projection: Floats | None = None
+    """P, (n, k, k)."""
+    base_projection: Floats | None = None
+    """The same for what the accelerometers read, (n, k, channels)."""
+
+    @property
+    def values(self) -> Floats:
+        """(n, k) [N, N m]"""
+        found = self.projected(self.forces)
+        return found if self.inertial is None else found + self.base_projected(self.inertial)
+
+    def projected(self, rows: Floats) -> Floats:
+        """P @ rows (n, k) or (n, k, p)."""
+        if self.projection is None:
+            return rows
+        return np.asarray(np.einsum("nij,nj...->ni...", self.projection, rows))
+
+    def base_projected(self, readings: Floats) -> Floats:
+        """What readings (n, channels) of the base's accelerometers, times mass, add, (n, k)."""
+        if self.base_projection is None:
+            return np.zeros_like(self.forces)
+        return np.asarray(np.einsum("nij,nj->ni", self.base_projection, readings))
+
+    def seen(self, wrench: Floats) -> Floats:
+        """What these loads see of a regressor of the shaking wrench (n, 6, p), (n, k, p)."""
+        return self.projected(wrench[:, [COMPONENTS.index(name) for name in self.names]])
+
+
+def measured_loads(run: AlignedRun, wrench: MeasuredWrench, names: Sequence[str], bandwidth_hz: float) -> MeasuredLoads:
+    """Components of a wrench on the run's grid; positions smoothed below ``bandwidth_hz`` tell what the base does.
+
+    Raises AnalysisError where clocks cannot be aligned.
+    """
+    base = run.base
+    groups = frozenset({wrench.group} | ({base.group} if base else set()))
+    seen = np.column_stack([v for name in names if (v := wrench.values[name]) is not None])
+    forces = run.on_grid(wrench.group, wrench.time, seen)
+    if base is None:
+        return MeasuredLoads(tuple(names), forces, groups)
+    axes = [COMPONENTS.index(name) for name in names]
+    rows = base_motion.force_rows(run.mechanism, run.trajectory(bandwidth_hz))[:, axes]
+    share = base_motion.projector(rows, base.rows)
+    inertial = run.mechanism.total_mass * run.on_grid(base.group, base.time, base.values)
+    return MeasuredLoads(tuple(names), forces, groups, inertial, share[:, :, : len(axes)], share[:, :, len(axes) :])

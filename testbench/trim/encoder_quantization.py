@@ -1,0 +1,82 @@
+"""What the encoders' resolution leaves open in what the base's vibration says: no stretch of a record shows it.
+
+The readings r of an encoder move the columns, A(r) x = y, so that dx = -A^+ dA x: the gain of the least squares times
+the readings of a wrench that changes by dw = w_q dq + w_v dv + w_a da with the driven coordinates. That sum is taken
+from its end (adjoint): base and low-pass answer backwards in time as they do forwards, for M, C, K are symmetric. What
+remains is by how much each value moves per reading, and so its covariance, for a reading is as good as q^2 / 12.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from balance.arrays import Floats
+from balance.closure import Closure, Trajectory
+from balance.dynamics.regressor import wrench_regressor
+from balance.mechanism import Mechanism
+from balance.motion import Samples
+
+from ..motion.derivatives import rates
+from .vibration_regression import POSITION_BANDWIDTH, ShakenBase
+
+if TYPE_CHECKING:
+    from ..rig import Column
+
+DIFFERENCE = 1e-4
+"""Of driven positions and speeds, for derivatives of the wrench [rad, rad/s, m, m/s]."""
+
+
+def step_covariance(run: ShakenBase, encoders: "Sequence[Column]", gain: Floats, pi: Floats) -> Floats:
+    """Of the conditions' values, (rank, rank) [kg2 m2], from what one run's encoders leave open.
+
+    ``gain`` is what the values rise by per reading that counts, (n, channels, rank); ``pi`` the parameters found.
+    """
+    moves = per_reading(run, [column.component for column in encoders], gain, pi)
+    variances = np.array([column.resolution**2 / 12.0 + column.noise**2 for column in encoders])
+    return np.asarray(np.einsum("j,njk,njl->kl", variances, moves, moves))
+
+
+def per_reading(run: ShakenBase, joints: Sequence[str], gain: Floats, pi: Floats) -> Floats:
+    """What the values rise by per unit of each encoder's reading, (n, joints, rank)."""
+    weight = _backwards(run, gain)
+    by_place, by_speed, by_rate = (
+        np.einsum("nij,nik->njk", slope, weight) for slope in wrench_slopes(run.model, run.path, joints, pi)
+    )
+    bandwidth, rate = POSITION_BANDWIDTH * run.cutoff, run.grid.rate
+    flat = [rates(b.reshape(len(b), -1), bandwidth, rate) for b in (by_place, by_speed, by_rate)]
+    return np.asarray((flat[0].q - flat[1].v + flat[2].a).reshape(by_place.shape))
+
+
+def _backwards(run: ShakenBase, gain: Floats) -> Floats:
+    """What the values rise by per wrench on the base, (n, 6, rank)."""
+    whole = np.zeros((run.grid.count, *gain.shape[1:]))
+    whole[run.used] = gain
+    smooth = run.valid.low_pass(whole, run.cutoff)
+    pushed = np.einsum("nck,ci->nki", smooth, run.sensors.rows)[::-1]
+    return np.moveaxis(run.moved(np.ascontiguousarray(pushed))[::-1], 1, 2) * run.valid.kept[:, None, None]
+
+
+def wrench_slopes(
+    model: Mechanism, path: Trajectory, joints: Sequence[str], pi: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """How the shaking wrench changes with position, speed and acceleration of driven joints, (n, 6, joints) each."""
+    places = [model.coordinate_index(joint) for joint in joints]
+    start = [x[:, places] for x in (path.q, path.v, path.a)]
+    closure = Closure(model)
+
+    def wrench(driven: Sequence[Floats]) -> Floats:
+        moved = closure.follow(Samples(path.time, driven[0], driven[1], driven[2], tuple(joints)), near=path)
+        return wrench_regressor(model, moved.q, moved.v, moved.a) @ pi
+
+    still = wrench(start)
+
+    def slope(order: int) -> Floats:
+        changed = []
+        for j in range(len(joints)):
+            driven = [x.copy() for x in start]
+            driven[order][:, j] += DIFFERENCE
+            changed.append((wrench(driven) - still) / DIFFERENCE)
+        return np.stack(changed, axis=2)
+
+    return slope(0), slope(1), slope(2)

@@ -1,0 +1,249 @@
+"""The estimator of each source: its equations, its least squares, and what its interval contains besides noise."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from balance.arrays import Floats
+from balance.estimation.first_moment_imbalance import Imbalance, ImbalanceFit, Subspace, imbalance_fit
+from balance.estimation.identifiability import NotIdentifiable
+from balance.estimation.regression import RegressionRecord
+
+from ..errors import AnalysisError
+from ..findings import Finding
+from ..motion.gaps import CODE as GAP
+from ..rig.sensors import Torque
+from ..runs.aligned_run import AlignedRun
+from . import sensor_errors
+from .encoder_quantization import step_covariance
+from .force_regression import CUTOFF_HZ, force_regression
+from .problem import Source, SourceEstimate, TrimProblem
+from .regression_blocks import regression_records, shared_unknowns
+from .torque_regression import CUTOFF_HZ as TORQUE_CUTOFF_HZ
+from .torque_regression import torque_channels, torque_regression
+from .trial_mass_runs import CUTOFF_HZ as TRIALS_CUTOFF_HZ
+from .trial_mass_runs import trial_mass_runs_imbalance, without_gaps
+from .valid_samples import NoValidMotion
+from .vibration_regression import ShakenBase, parameter_basis, shaken_base, states_base, vibration_regression
+
+if TYPE_CHECKING:
+    from ..rig import Column
+
+T = TypeVar("T")
+
+MORE_RUNS = (
+    "add runs in another direction (the triangle), with more acceleration, or a second accelerometer on the base"
+)
+LONGER = "give longer runs that move more, or runs of several motions (x, y, triangle)"
+BASE_UNKNOWN = (
+    "no accelerometer on the base: if the base moves, the forces hold the mechanism's inertia against that motion, "
+    "which is taken for shaking force, and the intervals do not hold"
+)
+FIXED = "What no mass at the sites can change is taken from the mechanism's file: these runs do not tell it."
+DETERMINED = 0.02
+"""Half of an interval of a condition, as a part of the largest of the mechanism without counter-masses, up to which a
+source determines it; else the file's value is taken where no mass at the sites changes it."""
+STEPS = "what the encoders' resolution leaves open"
+
+
+@dataclass(frozen=True)
+class _Equations:
+    """The records of a source, what the rigs state of its sensors' errors among the unknowns."""
+
+    records: list[RegressionRecord]
+    entries: list[sensor_errors.Entry]
+    """Of the sensitivities, the last columns of the records."""
+    prior: Floats
+
+    @classmethod
+    def of(
+        cls,
+        problem: TrimProblem,
+        records: list[RegressionRecord],
+        effects: Sequence[sensor_errors.Effects],
+        period: float,
+    ) -> "_Equations":
+        """``period`` is that of the cut-off [samples]: noise below it lasts half of that."""
+        joined, entries = sensor_errors.with_error_columns(records, effects, _deviations(problem))
+        others = joined[0].columns.shape[2] - problem.conditions.rank - len(entries)
+        return cls(joined, entries, np.r_[np.zeros(others), np.full(len(entries), 0.5 * period)])
+
+    @classmethod
+    def channel_by_channel(
+        cls, problem: TrimProblem, records: list[RegressionRecord], columns: "Sequence[Sequence[Column]]", period: float
+    ) -> "_Equations":
+        """Of records whose rows are channels: these are exposed to what explains them without errors."""
+        deviations = _deviations(problem)
+        if not deviations:
+            return cls.of(problem, records, [{}] * len(records), period)
+        explained = imbalance_fit(records, problem.conditions).regression.explained()
+        effects = [sensor_errors.reading_effects(e, c, deviations) for e, c in zip(explained, columns, strict=True)]
+        return cls.of(problem, records, effects, period)
+
+    def fit(self, problem: TrimProblem, free: Subspace | None = None) -> ImbalanceFit:
+        """Values of the conditions."""
+        return imbalance_fit(self.records, problem.conditions, free, self.prior)
+
+    def widened(self, found: ImbalanceFit) -> tuple[Imbalance, list[str]]:
+        """With what the errors leave open, and what that is called."""
+        if not self.entries:
+            return found.imbalance, []
+        more = sensor_errors.error_covariance(found, self.records, len(self.entries))
+        names = ", ".join(dict.fromkeys(name for name, *_ in self.entries))
+        return (
+            replace(found.imbalance, covariance=found.imbalance.covariance + more),
+            [f"the errors of calibration and cross-talk that the rig states of {names}"],
+        )
+
+
+def by_wrench(problem: TrimProblem) -> SourceEstimate:
+    """By force sensors."""
+    cutoff = problem.cutoff or CUTOFF_HZ
+    every, problem, findings = _each(
+        problem, AnalysisError, lambda run: force_regression(run, problem.conditions, cutoff)
+    )
+    findings += [f for one in every for f in one.findings if f.code == GAP]
+    equations = _Equations.of(problem, [one.record for one in every], [one.effects for one in every], every[0].period)
+    measured, within = equations.widened(equations.fit(problem))
+    base = "the base's motion taken out." if every[0].base_known else "the base taken for still."
+    about = (f"Forces and model low-passed alike at {cutoff:g} Hz, clocks of the loggers aligned, {base}",)
+    doubts = () if all(one.base_known for one in every) else (BASE_UNKNOWN,)
+    return SourceEstimate("wrench", measured, (*about, _jackknife(measured, within)), doubts, tuple(findings))
+
+
+def by_torque(problem: TrimProblem) -> SourceEstimate:
+    """By motor torques."""
+    cutoff = problem.cutoff or TORQUE_CUTOFF_HZ
+    parts, problem, findings = _each(
+        problem, NoValidMotion, lambda run: torque_regression(run, problem.conditions, cutoff)
+    )
+    findings += [f for part in parts for f in part.findings]
+    columns = [torque_channels(run) for run in problem.runs]
+    equations = _Equations.channel_by_channel(problem, regression_records(parts), columns, parts[0].shortest)
+    found, fixed = _all_or_at_sites(equations, problem)
+    measured, within = equations.widened(found)
+    about = (
+        f"Motor torques and model low-passed alike at {cutoff:g} Hz; inertias, friction, offsets and delays estimated "
+        "with the conditions, the base taken for still.",
+    )
+    return SourceEstimate("torque", measured, (*about, *fixed, _jackknife(measured, within)), (), tuple(findings))
+
+
+def by_vibration(problem: TrimProblem) -> SourceEstimate:
+    """By the vibration of the base that the rig states."""
+    cutoff = problem.cutoff or CUTOFF_HZ
+    bases, problem, findings = _each(problem, NoValidMotion, lambda run: shaken_base(run, cutoff))
+    findings += [f for one in bases for f in one.valid.findings]
+    parts = [vibration_regression(one, problem.conditions) for one in bases]
+    combinations = shared_unknowns(parts)
+    columns = [list(one.sensors.columns) for one in bases]
+    records = regression_records(parts, combinations)
+    equations = _Equations.channel_by_channel(problem, records, columns, parts[0].shortest)
+    found, fixed = _all_or_at_sites(equations, problem)
+    measured, within = equations.widened(found)
+    measured = _with_encoder_steps(measured, found, problem, bases, combinations)
+    about = (
+        "The base's mass, centre, inertia and mounts are those that the rig states: a model that is assumed, whose "
+        "errors the intervals do not contain.",
+        f"Readings and the base's response low-passed alike at {cutoff:g} Hz; inertias of the mechanism estimated with "
+        "the conditions.",
+    )
+    text = (*about, *fixed, _jackknife(measured, [*within, STEPS]))
+    return SourceEstimate("vibration", measured, text, (), tuple(findings))
+
+
+def by_trials(problem: TrimProblem) -> SourceEstimate:
+    """By the vibration of a base of which nothing is known, in runs with trial masses."""
+    cutoff = problem.cutoff or TRIALS_CUTOFF_HZ
+    whole, findings = without_gaps(problem)
+    measured = trial_mass_runs_imbalance(whole, problem.mounted, cutoff)
+    about = (
+        f"The base's response below {cutoff:g} Hz is measured by the trial masses, linear and the same in all runs; "
+        f"what is missing is said of the mounting of {problem.runs[0].run.name}.",
+        FIXED,
+        f"Intervals: from what the fit leaves, {measured.degrees_of_freedom:.3g} degrees of freedom, and from what two "
+        "lengths of the base's memory differ by.",
+    )
+    return SourceEstimate("trials", measured, about, (), findings)
+
+
+ESTIMATORS: dict[Source, Callable[[TrimProblem], SourceEstimate]] = {
+    "wrench": by_wrench, "torque": by_torque, "vibration": by_vibration, "trials": by_trials,
+}  # fmt: skip
+"""By source; each raises AnalysisError, DataError or NotIdentifiable, saying why, where the runs cannot tell."""
+
+
+def present_sources(problem: TrimProblem, one_mounting: bool) -> list[Source]:
+    """The sources that the rig has for these runs; the base's vibration counts where there is nothing better."""
+    rig = problem.runs[0].run.rig
+    if not one_mounting:
+        return ["trials"]
+    driven = {column.component for column in rig.columns_of(Torque)}
+    found: list[Source] = ["wrench"] if rig.supports else []
+    if driven and driven >= set(problem.mounted.driven):
+        found.append("torque")
+    if not found and rig.base_accelerometers and states_base(rig):
+        found.append("vibration")
+    return found
+
+
+def _deviations(problem: TrimProblem) -> dict[sensor_errors.Entry, float]:
+    return sensor_errors.stated_deviations(run.rig for run in problem.runs)
+
+
+def _each(
+    problem: TrimProblem, left_out_by: type[AnalysisError], made: Callable[[AlignedRun], T]
+) -> tuple[list[T], TrimProblem, list[Finding]]:
+    """What is ``made`` of each run, the problem of those runs, and a finding for each that is left out by an error."""
+    every: list[T] = []
+    kept: list[AlignedRun] = []
+    findings: list[Finding] = []
+    for run in problem.runs:
+        try:
+            every.append(made(run))
+            kept.append(run)
+        except left_out_by as error:
+            if len(problem.runs) == 1:
+                raise
+            code = GAP if isinstance(error, NoValidMotion) else "not_aligned"
+            findings.append(Finding(code, None, run.name, f"left out: {error}"))
+    if not every:
+        raise AnalysisError("no run can tell:\n" + "\n".join(f"  {f.message}" for f in findings))
+    return every, replace(problem, runs=kept), findings
+
+
+def _with_encoder_steps(
+    measured: Imbalance, found: ImbalanceFit, problem: TrimProblem, bases: Sequence[ShakenBase], combinations: Floats
+) -> Imbalance:
+    """Wider by what the encoders' steps do to the columns."""
+    rank, basis = problem.conditions.rank, parameter_basis(problem.conditions)
+    pi = basis[:, :rank] @ measured.values + basis[:, rank:] @ (combinations @ found.shared[: combinations.shape[1]])
+    steps = [
+        step_covariance(base, run.encoders, gain, pi)
+        for base, run, gain in zip(bases, problem.runs, found.gains(), strict=True)
+    ]
+    return replace(measured, covariance=measured.covariance + np.sum(steps, axis=0))
+
+
+def _all_or_at_sites(equations: _Equations, problem: TrimProblem) -> tuple[ImbalanceFit, tuple[str, ...]]:
+    """All conditions where the records tell them, else those that masses at the sites can change."""
+    whole = equations.fit(problem)
+    measured = whole.imbalance
+    most = DETERMINED * float(np.abs(problem.conditions.values(problem.mechanism)).max(initial=0.0))
+    try:
+        widths = [measured.estimate(row).half_width() for row in np.eye(problem.conditions.rank)]
+    except NotIdentifiable:
+        widths = [np.inf]
+    if max(widths) <= most:
+        return whole, ()
+    subspace = Subspace.at_sites(problem.conditions, problem.mounted, problem.sites)
+    if subspace.is_whole:
+        return whole, ()
+    return equations.fit(problem, subspace), (FIXED,)
+
+
+def _jackknife(measured: Imbalance, within: Sequence[str] = ()) -> str:
+    said = f"Intervals: delete-block jackknife, {measured.degrees_of_freedom:.3g} degrees of freedom"
+    return f"{said}; in them {' and '.join(within)}." if within else f"{said}."

@@ -1,0 +1,99 @@
+"""What the sensors' stated errors leave open: one value a campaign, the same in all stretches, so that none shows it.
+
+A sensor shows A s of what it is exposed to, A near one: where the rig states how far its entries scatter
+(``bench.errors``: sensitivity, cross-talk), each entry changes the readings by what it is exposed to. It is an unknown
+of which that scatter is known: fitted beside, as near to zero as the scatter says. What of it the fit does not see goes
+by the gain of the least squares into what is found; entries are independent, their variances add (JCGM 100, 5.1.2).
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from balance.arrays import Floats
+from balance.estimation.first_moment_imbalance import ImbalanceFit
+from balance.estimation.regression import RegressionRecord
+
+from ..rig.scatter import scatter
+from ..runs.aligned_run import AlignedRun
+
+if TYPE_CHECKING:
+    from ..rig import Column, Rig
+
+Entry = tuple[str, int, int]
+"""Of a sensor's sensitivity matrix: the sensor, which of its channels shows, and which is exposed."""
+Effects = Mapping[Entry, Floats]
+"""By entry: how the readings of a record change per unit of it, (n, rows)."""
+
+
+def stated_deviations(rigs: "Iterable[Rig]") -> dict[Entry, float]:
+    """Standard deviations of the entries that rigs state, zero ones left out."""
+    found: dict[Entry, float] = {}
+    for rig in rigs:
+        for name, errors in rig.bench.errors.items():
+            if name in rig.sensors:
+                sizes = scatter(name, list(rig.sensors[name].columns(name)), errors)
+                found |= {(name, int(j), int(k)): float(sizes[j, k]) for j, k in np.argwhere(sizes > 0.0)}
+    return found
+
+
+def with_error_columns(
+    records: Sequence[RegressionRecord], effects: Sequence[Effects], deviations: Mapping[Entry, float]
+) -> tuple[list[RegressionRecord], list[Entry]]:
+    """Records with a shared column for each entry that changes one, per standard deviation of it, and those entries."""
+    entries = sorted({entry for one in effects for entry in one})
+    if not entries:
+        return list(records), []
+    joined = []
+    for record, one in zip(records, effects, strict=True):
+        still = np.zeros_like(record.readings)
+        columns = np.stack([deviations[entry] * one.get(entry, still) for entry in entries], axis=2)
+        joined.append(replace(record, columns=np.concatenate([record.columns, columns], axis=2)))
+    return joined, entries
+
+
+def error_covariance(found: ImbalanceFit, records: Sequence[RegressionRecord], count: int) -> Floats:
+    """Of the conditions' values, (rank, rank) [kg2 m2], by the last ``count`` columns of the records."""
+    moved = sum(
+        np.einsum("njk,nje->ke", gain, record.columns[:, :, -count:])
+        for gain, record in zip(found.gains(), records, strict=True)
+    )
+    return np.asarray(moved @ np.transpose(moved))
+
+
+def reading_effects(exposed_to: Floats, columns: "Sequence[Column]", deviations: Mapping[Entry, float]) -> Effects:
+    """Effects on readings that are compared channel by channel, of what the channels are exposed to (n, channels).
+
+    That is what explains the readings, and not they: their noise would seem to be explained by the sensitivities.
+    """
+    found: dict[Entry, Floats] = {}
+    for (name, shows, exposed), _ in deviations.items():
+        places = {column.index: place for place, column in enumerate(columns) if column.sensor == name}
+        if shows in places and exposed in places:
+            change = np.zeros_like(exposed_to)
+            change[:, places[shows]] = exposed_to[:, places[exposed]]
+            found[name, shows, exposed] = change
+    return found
+
+
+def force_effects(run: AlignedRun, deviations: Mapping[Entry, float], axes: Sequence[int]) -> Effects:
+    """Effects on the supports' summed forces along ``axes``, on the run's grid."""
+    found: dict[Entry, Floats] = {}
+    for name, support in run.rig.supports.items():
+        entries = [entry for entry in deviations if entry[0] == name]
+        if not entries:
+            continue
+        columns = list(support.columns(name))
+        shown = run.channels(columns)
+        parted = support.crosstalk is not None and not run.run.has_matrix(columns[0])
+        loads = np.linalg.inv(np.array(support.crosstalk)) if parted else np.eye(len(columns))
+        for entry in entries:
+            change = np.zeros((len(shown), len(axes)))
+            for row, axis in enumerate(axes):
+                if (component := f"F{'xyz'[axis]}") in support.measured:
+                    change[:, row] = loads[support.measured.index(component), entry[1]] * shown[:, entry[2]]
+            if change.any():
+                found[entry] = change
+    return found

@@ -1,0 +1,163 @@
+"""What the vibration of the base says of the balance conditions, through the base that the rig states.
+
+M x'' + C x' + K x = W pi, with the base on its mounts and the mechanism's inertia locked onto it: the response to each
+column of W is computed, and the readings of the accelerometers on the base are least squares of it. As with torque,
+pi = C^+ c + N z: what does not shake with a force, but turns the base, is fitted beside, the same in all runs. How the
+base was pushed in a gap is known to nobody: how it rings after one is fitted beside.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import null_space
+
+from balance.arrays import Floats
+from balance.closure import Trajectory
+from balance.conditions import Conditions
+from balance.dynamics.moving_base import ElasticBase, locked_inertia
+from balance.dynamics.regressor import wrench_regressor
+from balance.mechanism import Mechanism
+
+from ..errors import AnalysisError
+from ..motion import base_motion
+from ..motion.derivatives import Grid
+from ..rig.support_loads import elastic_base
+from ..runs.aligned_run import AlignedRun
+from ..wrench import refuse_clipped_base
+from .force_regression import motion_name
+from .regression_blocks import RunRegression, excited_combinations
+from .valid_samples import ValidSamples
+
+if TYPE_CHECKING:
+    from ..rig import Rig
+
+NEEDED = ("mass", "mounts")
+"""What a rig must state of its bench, beside centre and inertia, for its base to be taken for a model."""
+POSITION_BANDWIDTH = 4.0
+"""Cut-off of the positions, in cut-offs of the readings: the moment, far larger, must be told to a thousandth."""
+RINGING_S = 0.25
+"""How long the base's ringing after the motion counts [s]."""
+IMPULSES = 3
+"""Instants of a gap at which pushes stand for all that may have pushed."""
+ALIKE = 1e-6
+"""Ringings of the base that differ by less, relative to the strongest, are one."""
+
+
+@dataclass(frozen=True)
+class ShakenBase:
+    """One run: what moved, the base that answers, and what its accelerometers showed."""
+
+    model: Mechanism
+    """As mounted."""
+    grid: Grid
+    path: Trajectory
+    base: ElasticBase
+    """With the mechanism's inertia locked onto it."""
+    sensors: base_motion.BaseAcceleration
+    readings: Floats
+    """Readings on the grid, (n, channels) [m/s2]."""
+    used: slice
+    """The samples that count."""
+    cutoff: float
+    """[Hz]"""
+    motion: str
+    valid: ValidSamples
+
+    def smooth(self, values: Floats) -> Floats:
+        """Values (n, channels, k) low-passed, on the samples that count; zero where gaps touch them."""
+        return self.valid.low_pass(values, self.cutoff)[self.used]
+
+    def moved(self, wrenches: Floats) -> Floats:
+        """Accelerations of the base under wrenches (n, k, 6), (n, k, 6) [m/s2, rad/s2].
+
+        Taken for straight between samples a wave loses (omega h)^2 / 12, half a per cent of 40 Hz at 1 kHz, of what
+        moves the base: a twelfth of the second difference puts that back, up to (omega h)^4 / 240. At the samples
+        themselves the wrench is as it is.
+        """
+        bent = np.zeros_like(wrenches)
+        bent[1:-1] = (wrenches[2:] - 2.0 * wrenches[1:-1] + wrenches[:-2]) / 12.0
+        return self.base.respond(wrenches - bent, self.grid.step).acceleration + bent @ np.linalg.inv(self.base.mass).T
+
+    def answers(self, columns: Floats) -> Floats:
+        """What the accelerometers show of wrenches (n, 6, k) on the base, (n, channels, k) [m/s2]; none in gaps."""
+        return self._shown(columns * self.valid.kept[:, None, None])
+
+    def ringing(self) -> Floats:
+        """What the accelerometers may show after gaps, low-passed, (samples that count, channels, k).
+
+        Pushes at IMPULSES instants of a gap leave the base in any state that it may have at its end.
+        """
+        found = [np.zeros((self.used.stop - self.used.start, len(self.sensors.rows), 0))]
+        for gap in self.valid.left_out:
+            pushes = np.zeros((self.grid.count, 6, 6 * IMPULSES))
+            for k, i in enumerate(np.linspace(gap.start, gap.stop - 1, IMPULSES).astype(int)):
+                pushes[i, :, 6 * k : 6 * k + 6] = np.eye(6)
+            shown = self.smooth(self._shown(pushes))
+            if shown.any():
+                found.append(shown @ excited_combinations([shown], ALIKE))
+        return np.concatenate(found, axis=2)
+
+    def _shown(self, columns: Floats) -> Floats:
+        pushed = np.flatnonzero(columns.any(axis=(0, 1)))
+        found = np.zeros((len(columns), len(self.sensors.rows), columns.shape[2]))
+        wrenches = np.ascontiguousarray(np.moveaxis(columns[:, :, pushed], 1, 2))
+        moved = self.moved(wrenches)
+        found[:, :, pushed] = np.moveaxis(moved @ self.sensors.rows.T, 1, 2)
+        return found
+
+
+def states_base(rig: "Rig") -> bool:
+    """Whether a rig itself states the base's mass and mounts."""
+    return set(NEEDED) <= rig.bench.model_fields_set
+
+
+def parameter_basis(conditions: Conditions) -> Floats:
+    """Parameters per unit of each condition's value, then of each combination that is free beside, (10 nb, 10 nb)."""
+    return np.hstack([np.linalg.pinv(conditions.matrix), null_space(conditions.matrix)])
+
+
+def vibration_regression(run: ShakenBase, conditions: Conditions) -> RunRegression:
+    """The equations of a run."""
+    columns = wrench_regressor(run.model, run.path.q, run.path.v, run.path.a) @ parameter_basis(conditions)
+    made = run.answers(columns)
+    rate = run.valid.rates(run.readings)
+    smooth = run.smooth(np.concatenate([made, run.readings[:, :, None], rate[:, :, None]], axis=2))
+    rank = conditions.rank
+    eye = np.eye(run.readings.shape[1])[None]
+    slope = np.linspace(-1.0, 1.0, len(smooth))[:, None, None]
+    kept = run.valid.kept[run.used, None, None]
+    nuisance = np.concatenate([eye * kept, eye * slope * kept, eye * smooth[:, :, -1:], run.ringing()], axis=2)
+    return RunRegression(
+        smooth[:, :, :rank],
+        smooth[:, :, rank:-2],
+        smooth[:, :, -2],
+        nuisance,
+        np.broadcast_to(kept[:, :, 0], (len(smooth), run.readings.shape[1])),
+        tuple(column.channel for column in run.sensors.columns),
+        1.0 / (run.cutoff * run.grid.step),
+        run.motion,
+        run.valid.findings,
+    )
+
+
+def shaken_base(run: AlignedRun, cutoff: float) -> ShakenBase:
+    """A run and its base. Raises AnalysisError where no base is stated, no sensor is on it, or gaps leave nothing."""
+    rig, name = run.rig, run.name
+    if not states_base(rig):
+        raise AnalysisError(
+            f"{name}: its rig does not state the base (bench: {', '.join(NEEDED)}): state it, or make runs with "
+            "trial masses, by which the base's response is measured (--from trials)"
+        )
+    sensors = run.base
+    if sensors is None:
+        raise AnalysisError(f"{name}: no accelerometer on the base was recorded: nothing shows how it vibrates")
+    refuse_clipped_base(run.run)
+    bandwidth = POSITION_BANDWIDTH * cutoff
+    path = run.trajectory(bandwidth)
+    valid = ValidSamples.of(run, {sensors.group}, bandwidth)
+    valid.refuse_no_motion(path)
+    readings = run.on_grid(sensors.group, sensors.time, sensors.values)
+    base = elastic_base(rig.bench, locked_inertia(run.mechanism, path.q[0]))
+    used = run.motion_span(bandwidth, RINGING_S)
+    return ShakenBase(run.mechanism, run.grid, path, base, sensors, readings, used, cutoff, motion_name(run), valid)

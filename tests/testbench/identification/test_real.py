@@ -1,0 +1,139 @@
+"""The two real recordings of a two-joint arm, from log file to first moments and counter-masses.
+
+The aim is 10 % of the published first moments, a larger difference is shown; intervals contain half and double the
+cut-off. The other bounds here were set after the results were known: they guard against change, they prove nothing.
+"""
+
+import pytest
+
+from balance.loading.loading import load_mechanism
+from studies import simulated_runs as memory
+from testbench import rig as rigs
+from testbench.identification import identify_run
+from testbench.identification.diagnostics import Explanation
+from testbench.identification.estimators import Methods
+from testbench.identification.figure import draw
+from testbench.identification.regression_equations import regression_equations
+from testbench.ingest import Ingest
+from testbench.ingest.runsheet import PlannedRun
+from testbench.store import open_run
+
+from . import arms
+
+pytestmark = pytest.mark.recordings
+RECORDINGS = {
+    "two-joint-arm-a0": "09_double_pendulum_A0_061705.csv",
+    "two-joint-arm-c1": "10_double_pendulum_C1_154548.csv",
+}
+
+
+@pytest.fixture(scope="module", params=list(RECORDINGS))
+def result(request, tmp_path_factory):
+    """A recording ingested with its rig, and identified."""
+    folder = tmp_path_factory.mktemp("campaign")
+    log = arms.real(RECORDINGS[request.param])
+    Ingest(folder, rigs.load(request.param)).run(PlannedRun(log.stem, (log,)))
+    return identify_run(*memory.aligned([open_run(folder / f"{log.stem}.h5")], load_mechanism(request.param)))
+
+
+def test_first_moments(result):
+    """Both first moments along the links: positive, known to a quarter, their intervals hold half and double."""
+    first, _, second, _ = result.first_moments()
+    for value in (first, second):
+        low, high = value.interval
+        assert 0.0 < low < value.value < high
+        assert high - low < 0.25 * value.value
+        assert len(value.variants) == 5
+        assert all(low <= other <= high for other in value.variants.values())
+
+
+def test_beside_the_published(result):
+    """Link 1 with elbow is within 10 % of the published, link 2 of A.0 within 15 %, its interval at most 2 % away."""
+    first, _, second, _ = result.first_moments()
+    assert first.value == pytest.approx(first.in_file, rel=0.10)
+    assert second.value == pytest.approx(second.in_file, rel=0.15)
+    if result.mechanism.name == "two-joint-arm-a0":
+        assert first.in_file == pytest.approx(0.3491, abs=5e-5)
+        assert second.in_file == pytest.approx(0.1111, abs=5e-5)
+        assert first.interval[0] < first.in_file < first.interval[1]
+        assert second.interval[0] < 1.02 * second.in_file < second.interval[1]
+
+
+def test_unexplained_torque(result):
+    """Some torque stays unexplained, and more of it as recorded than below the cut-off; less than half in all."""
+    assert (result.rms_ratio_in_band > 0.02).all()
+    assert (result.rms_ratio_in_band < result.rms_ratio).all()
+    assert (result.rms_ratio < 0.5).all()
+    assert result.verdict == "usable"
+
+
+def test_counter_masses(result):
+    """The counter-masses follow from the two first moments and the length of link 1."""
+    first, _, second, _ = result.first_moments()
+    length = {"two-joint-arm-a0": 0.3, "two-joint-arm-c1": 0.2}[result.mechanism.name]
+    inner, outer = result.counter_masses()
+    assert outer.mass.value == pytest.approx(second.value / 0.1)
+    assert inner.mass.value == pytest.approx((first.value + length * outer.mass.value) / 0.1)
+    assert inner.mass.interval[0] < inner.mass.value < inner.mass.interval[1]
+
+
+def test_figure(result):
+    """A panel a joint, each with the torque as recorded, low-passed and predicted; origin and run in the title."""
+    figure = draw(result)
+    panels = figure.axes
+    assert len(panels) == 2
+    labels = [line.get_label() for line in panels[0].get_lines()[:3]]
+    assert labels[0] == "as recorded"
+    assert labels[2] == "model, each stretch predicted from the others"
+    assert figure.get_suptitle().startswith("Origin unstated: two-joint-arm")
+    assert panels[0].get_ylabel() == "torque of J1 [N m]"
+
+
+def test_methods_on_held_out_stretches(result):
+    """Instrumental variables beat smoothed least squares by torque and by angle, output error by angle alone."""
+    by = {one.method: one for one in result.comparison}
+    assert by["iv"].torque_error < by["ls"].torque_error
+    assert by["iv"].angles.whole < by["ls"].angles.whole
+    assert by["oe"].angles.whole < 0.95 * by["ls"].angles.whole
+    assert by["oe"].torque_error > by["ls"].torque_error
+
+
+def test_intervals_hold_filters_and_methods(result):
+    """Least squares from half to double the cut-off, and the other methods, lie inside the intervals."""
+    evidence, cutoff = result.choice.evidence, result.chosen.cutoff
+    seen, records = result.identified.identifiability, [part.record for part in evidence.parts]
+    for factor in (0.5, 2**-0.5, 1.0, 2**0.5, 2.0):
+        at = Methods(
+            regression_equations(records, result.mechanism, factor * cutoff),
+            result.mechanism,
+            seen,
+            result.chosen.delay,
+        )
+        for method in ("ls", "iv", "oe"):
+            found = at.identified(method)
+            for text, row in result.moment_rows():
+                low, high = result.value(row, text).interval
+                assert low <= found.estimate(row).value <= high, (factor, method, text)
+
+
+def test_bodies_exist(result):
+    """The identified links can exist; masses, which the record does not tell, are a member of the set, and not more."""
+    assert result.consistent.free_is_feasible
+    assert result.consistent.least_eigenvalue() > 0.0
+    assert "m[link_1]" in result.identified.identifiability.undetermined
+
+
+def test_what_a_difference_to_the_published_comes_from(result):
+    """C.1: with the published friction the first moment is the published to 2 %. A.0: friction does not explain it;
+    without the delay, at the highest cut-off, least squares falls to within 4 % of the published, and explains less."""
+    explanation = Explanation(result)
+    first, _, second, _ = result.first_moments()
+    with_friction = explanation.file_friction().first_moments[first.name].value
+    if result.mechanism.name == "two-joint-arm-c1":
+        assert with_friction == pytest.approx(first.in_file, rel=0.02)
+        return
+    assert with_friction > first.value
+    noisy = explanation.without_delay()[-1]
+    assert noisy.first_moments[first.name].value == pytest.approx(first.in_file, rel=0.04)
+    assert noisy.first_moments[second.name].value == pytest.approx(second.in_file, rel=0.05)
+    assert noisy.left["J1"] > 3 * explanation.friction()[3].left["J1"]

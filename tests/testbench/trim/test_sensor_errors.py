@@ -1,0 +1,75 @@
+"""What the sensors' stated errors leave open: in the interval where the rig states them."""
+
+import numpy as np
+import pytest
+
+from balance.loading.loading import load_mechanism
+from studies import simulated_runs as memory
+from studies.trim import BENCHES, campaign
+from testbench import rig as rigs
+from testbench.rig.scatter import scatter
+from testbench.trim import sensor_errors, trim_runs
+from testbench.trim.result import trim_document
+
+MISSING = 0.0308090
+
+
+@pytest.fixture(scope="module")
+def manipulator():
+    """The mechanism without payload and counter-masses."""
+    return load_mechanism(memory.MANIPULATOR)
+
+
+@pytest.fixture(scope="module")
+def deep():
+    """Runs of three motions on the bench whose sensors have faults."""
+    return [scene.run(k) for k, scene in enumerate(campaign("wrench", BENCHES["deep"]))]
+
+
+def test_the_deep_bench(manipulator, deep):
+    """Force sensors that are off by a per cent, as the rig says they may be: the interval holds, and says of what."""
+    found = trim_runs(memory.aligned(deep, manipulator), source="wrench")
+    assert all(m.interval[0] < MISSING < m.interval[1] for m in found.missing)
+    assert all(np.ptp(m.interval) < MISSING for m in found.missing)
+    assert any("calibration and cross-talk that the rig states of base_acc, k6d40, kistler" in a for a in found.about)
+
+
+def test_what_is_not_stated_is_not_in_the_interval(manipulator, deep):
+    """By a rig that states no errors of its sensors the same runs give narrower intervals, which are not of 95 %."""
+    rig = rigs.load("parallelogram-6bar-deep")
+    silent = rig.model_copy(update={"bench": rig.bench.model_copy(update={"errors": {}})})
+    stated, unstated = (trim_runs(memory.aligned(deep, manipulator, one), source="wrench") for one in (rig, silent))
+    for wide, narrow in zip(stated.missing, unstated.missing, strict=True):
+        assert np.ptp(narrow.interval) < np.ptp(wide.interval)
+    assert unstated.unexplained > stated.unexplained
+    assert unstated.verdict == "doubtful"
+    assert trim_document(unstated)["interval_level"] is None
+
+
+def test_a_stated_error_of_one_channel(manipulator):
+    """Only what is stated counts: an encoder's rig as shipped states nothing, and no entry is fitted."""
+    assert sensor_errors.stated_deviations([rigs.load(memory.MANIPULATOR)]) == {}
+    entries = sensor_errors.stated_deviations([rigs.load("parallelogram-6bar-deep")])
+    assert entries["kistler", 0, 0] == pytest.approx(0.005)
+    assert entries["kistler", 0, 2] == pytest.approx(0.01)
+    assert ("futek_1", 0, 0) in entries
+    assert ("encoder_A0", 0, 0) not in entries
+
+
+def test_cross_talk_between_unlike_units_is_a_share_of_the_ranges():
+    """Half a per cent of 20 N m shows as half a per cent of 500 N."""
+    rig = rigs.load("parallelogram-6bar-deep")
+    sizes = scatter("k6d40", list(rig.sensors["k6d40"].columns("k6d40")), rig.bench.errors["k6d40"])
+    assert sizes[0, 5] == pytest.approx(0.005 * 500.0 / 20.0)
+    assert sizes[0, 1] == pytest.approx(0.005)
+    assert np.diag(sizes) == pytest.approx(0.005)
+
+
+def test_effects_are_of_what_the_channels_are_exposed_to():
+    """An entry of a sensitivity matrix shows in one channel what another is exposed to."""
+    columns = list(rigs.load(memory.MANIPULATOR).sensors["base_acc"].columns("base_acc"))
+    exposed = np.arange(12.0).reshape(4, 3)
+    effect = sensor_errors.reading_effects(exposed, columns, {("base_acc", 1, 2): 0.02, ("other", 0, 0): 0.1})
+    assert list(effect) == [("base_acc", 1, 2)]
+    assert effect["base_acc", 1, 2][:, 1] == pytest.approx(exposed[:, 2])
+    assert not effect["base_acc", 1, 2][:, [0, 2]].any()
