@@ -54,7 +54,7 @@ def is_number_like(cell: str) -> bool:
 
 
 def is_word(cell: str) -> bool:
-    """Whether the cell begins with a letter, and stands for no number and no missing value."""
+    """Whether the cell begins with a letter, and is no number and no word for a missing value."""
     return cell.strip()[:1].isalpha() and not is_missing(cell) and not is_number_like(cell)
 
 

@@ -19,7 +19,7 @@ from .cell_syntax import (
 COMMENT_SIGNS = ("#", "%", "//")
 _DELIMITERS = ("\t", ";", "|", ",", " ")
 _HALF_OF_DECIMAL = re.compile(r"-0|[+-]?0\d+")
-"""Whole numbers as they stand before or behind a decimal comma, and seldom alone."""
+"""Whole numbers as written before or behind a decimal comma, and seldom alone."""
 _NAMES = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma", " ": "blanks", "": "none (one column)"}
 
 
@@ -31,8 +31,8 @@ class UnclearDialect(Exception):
 class Dialect:
     """Delimiter (``" "``: any run of blanks, ``""``: one column), decimal mark, quotes round numbers.
 
-    ``doubt`` holds a reason why the decimal mark may be another one; ``mark_seen``: it stands in the first lines, or a
-    person said it.
+    ``doubt`` holds a reason why the decimal mark may be another one; ``mark_seen``: it is in the first lines, or a
+    person stated it.
     """
 
     delimiter: str

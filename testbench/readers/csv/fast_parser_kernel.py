@@ -153,7 +153,7 @@ def _any_number(text: Any, at: Any, mark: Any) -> Any:
 
 @njit(inline="always", error_model="numpy")
 def _past(text: Any, at: Any, byte: Any) -> Any:
-    """Where ``byte`` or the line feed stands, from ``at`` on."""
+    """Where ``byte`` or the line feed is, from ``at`` on."""
     while _get(text, at) != byte and _get(text, at) != _FEED:
         at += 1
     return at

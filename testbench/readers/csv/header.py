@@ -86,7 +86,7 @@ def _first_data(rows: Sequence[Sequence[str]]) -> int:
 def _end_of_pairs(rows: Sequence[Sequence[str]], first: int) -> int | None:
     """Where lines such as ``Serial;1234`` end that begin at ``first`` and only look like data; None if they are data.
 
-    They hold text beside numbers, and a blank line or a row of names follows before the first row of numbers alone.
+    They hold text next to numbers, and a blank line or a row of names follows before the first row of numbers alone.
     """
     fields = len(rows[first])
     for i in range(first, len(rows)):
@@ -235,7 +235,7 @@ def _is_written_as_unit(text: str, square: bool) -> bool:
 
 
 def unknown_brackets(channel: Channel) -> str:
-    """What stands in brackets at the end of the name of a channel without a unit; empty if nothing does."""
+    """What is in brackets at the end of the name of a channel without a unit; empty if nothing does."""
     match = re.search(r"\(([^()]*)\)\s*$|\[([^][]*)\]\s*$", channel.name) if channel.unit is None else None
     text = "" if match is None else (match[1] or match[2] or "").strip()
     return text if any(map(str.isalpha, text)) else ""
@@ -262,7 +262,7 @@ def _plain(name: str) -> str:
 
 
 def time_column(channels: Sequence[Channel]) -> TimeColumn | None:
-    """The column of time, recognised by its name; seconds are assumed, and said so, where it has no unit.
+    """The column of time, recognised by its name; seconds are assumed, and marked so, where it has no unit.
 
     Brackets that hold something else than a unit of time leave the unit unknown.
     """

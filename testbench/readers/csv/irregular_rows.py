@@ -78,7 +78,7 @@ _CELLS = (
         "ambiguous_number",
         lambda text, _: decimal_mark(text) is None and is_decorated(text),
         "numbers in another notation than those of the first lines, in {n} cells, the first is {first}; export all of "
-        "a column in one notation, without quotes, brackets or units beside the digits",
+        "a column in one notation, without quotes, brackets or units next to the digits",
     ),
     _CellRule(
         "nul_bytes",

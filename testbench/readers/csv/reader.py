@@ -209,7 +209,7 @@ def _understood(path: Path, options: ReadOptions) -> _Text:
         written = sum(bool(line.strip()) for line in first.lines)
         message = (
             f"no row of numbers in its first {written} {'line' if written == 1 else 'lines'} with text; expected "
-            "rows of numbers alike, under a header or not"
+            "rows of as many numbers each, under a header or not"
         )
         raise Refusal(path.name, Finding("no_data", None, None, message)) from error
     rows = [dialect.split(line) for line in first.lines[header.first_data_line - 1 :]]

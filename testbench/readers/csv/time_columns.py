@@ -288,7 +288,7 @@ def _how_it_is_read(column: TimestampColumn) -> str:
     if column.order:
         text += f"; {_ORDERS[column.order]}, as {'--date-order states' if column.is_stated else 'the dates show'}"
     if column.only_date:
-        text += "; all are of one date, of which day and month are not told apart"
+        text += "; all are of one date, in which either number may be the day"
     if column.is_of_day:
         text += "; without dates, the hours go on after midnight"
     return text
