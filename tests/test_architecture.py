@@ -252,3 +252,53 @@ print(json.dumps(sorted({name.partition(".")[0] for name in sys.modules})))
 def test_help_imports_nothing_heavy(package: str) -> None:
     """``--help`` of every command answers at once."""
     assert HEAVY & set(run(HELP, f"{package}.cli")) == set()
+
+
+WALK = """
+import contextlib, importlib, io, json, sys, threading
+roots, seen = tuple(sys.argv[1].split(";")), set()
+def enter(frame, event, argument):
+    code = frame.f_code
+    if event == "call" and code.co_flags & 1 and code.co_filename.startswith(roots):  # functions, not bodies of classes
+        seen.add(code.co_filename)
+main = importlib.import_module("testbench.cli").main
+sys.argv = ["testbench", *sys.argv[2:]]
+threading.setprofile(enter)
+sys.setprofile(enter)
+with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
+    main()
+sys.setprofile(None)
+own = [name for name in sys.modules if name.partition(".")[0] in ("balance", "testbench")]
+print(json.dumps({"files": len(seen), "modules": len(own)}))
+"""
+
+
+def walk(*words: str | Path) -> dict:
+    """How many files a command's functions are in, and how many modules of ours it imports."""
+    return run(WALK, ";".join(map(str, ROOTS.values())), *words)
+
+
+def test_ingest_passes_few_files(tmp_path: Path) -> None:
+    """One CSV asks no other format's reader."""
+    (tmp_path / "log.csv").write_text("t (s),a (m/s^2)\n" + "".join(f"{i / 1000:.3f},{i % 7}.25\n" for i in range(900)))
+    found = walk("ingest", tmp_path / "log.csv", "-o", tmp_path / "campaign")
+    assert (tmp_path / "campaign" / "log.h5").exists()
+    assert found["files"] <= 70
+    assert found["modules"] <= 94
+
+
+def test_identify_imports_few_modules() -> None:
+    """All that the command's file imports, late or not: nothing of trim, of aligning clocks, of writing a campaign."""
+    tree = sources()["testbench.cli.identify"]
+    statements = [node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)]
+    needed = {name for node in statements for name in named("testbench.cli.identify", node) if name in sources()}
+    needed = {"testbench.cli.identify", *needed} - {name for name in needed if "figure" in name}
+    code = (
+        "import importlib, json, sys\n"
+        "for name in sys.argv[1:]: importlib.import_module(name)\n"
+        "own = [name for name in sys.modules if name.partition('.')[0] in ('balance', 'testbench')]\n"
+        "print(json.dumps({'modules': len(own), 'trim': 'testbench.trim' in own}))"
+    )
+    found = run(code, *sorted(needed))
+    assert not found["trim"]
+    assert found["modules"] <= 125
