@@ -146,7 +146,7 @@ def test_trim_of_two_mountings_that_nobody_meant_for_trials(campaign, brief):
 
 def test_trim_uses_what_align_stored(trimmed, aligned, monkeypatch):
     """With a stored alignment no clock is aligned anew, and the answer is the same to a tenth of its interval."""
-    monkeypatch.setattr("testbench.runs.aligned_run.align_run", None)
+    monkeypatch.setattr("testbench.clocks.run.align_run", None)
     after = json.loads(invoke(trim, "parallelogram-6bar", aligned[0], "--json"))
     for one, other in zip(trimmed["missing"], after["missing"], strict=True):
         width = one["interval"][1] - one["interval"][0]
