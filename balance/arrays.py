@@ -1,6 +1,16 @@
-"""The array types that annotations name, and arrays that are handed out frozen."""
+"""The array types that annotations name, and arrays that are handed out frozen.
 
-from typing import Any
+Work on many samples in blocks that stay in the processor's cache, on all its cores.
+
+Keeping standard output clean while a solver runs.
+"""
+
+import os
+import sys
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,3 +27,37 @@ def frozen(array: Floats) -> Floats:
     """The same array, read-only from now on."""
     array.setflags(write=False)
     return array
+
+
+BLOCK = 4096
+"""Samples worked on at once."""
+
+T = TypeVar("T")
+
+
+def in_blocks(count: int, work: Callable[[slice], T]) -> Iterator[T]:
+    """Call ``work`` on each block of samples, results in order; NumPy lets go of the interpreter's lock."""
+    parts = [slice(start, min(start + BLOCK, count)) for start in range(0, count, BLOCK)]
+    if len(parts) < 2:
+        yield from map(work, parts)
+        return
+    with ThreadPoolExecutor(max_workers=min(len(parts), os.cpu_count() or 1)) as pool:
+        yield from pool.map(work, parts)
+
+
+@contextmanager
+def stdout_discarded() -> Iterator[None]:
+    """Discard what compiled code writes to standard output: HiGHS prints there even when told to be silent.
+
+    A command with ``--json`` prints one document on standard output and nothing else.
+    """
+    sys.stdout.flush()
+    kept = os.dup(1)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 1)
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+        os.close(nowhere)

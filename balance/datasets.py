@@ -8,12 +8,12 @@ _HERE = Path(__file__).parent
 ROOT = _HERE / "_datasets" if (_HERE / "_datasets").is_dir() else _HERE.parent / "datasets"
 
 
-def names(folder: str, suffix: str) -> list[str]:
+def dataset_names(folder: str, suffix: str) -> list[str]:
     """Names, without ending, of the shipped files of one kind, such as ``names("mechanisms", ".xml")``."""
     return sorted(path.stem for path in (ROOT / folder).glob(f"*{suffix}"))
 
 
-def find(name: str | Path, folder: str, *suffixes: str) -> Path:
+def find_dataset(name: str | Path, folder: str, *suffixes: str) -> Path:
     """The file that ``name`` means: a file of the user's, or else a shipped one of ``folder``.
 
     Raises DataError, listing the shipped names, if there is neither.
@@ -25,7 +25,7 @@ def find(name: str | Path, folder: str, *suffixes: str) -> Path:
         shipped = ROOT / folder / f"{name}{suffix}"
         if path.name == str(name) and shipped.is_file():
             return shipped
-    known = ", ".join(n for suffix in suffixes for n in names(folder, suffix))
+    known = ", ".join(n for suffix in suffixes for n in dataset_names(folder, suffix))
     if str(name) and path.is_dir():
         kinds = " or ".join(suffixes)
         raise DataError(

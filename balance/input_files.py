@@ -35,7 +35,7 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
 
 from .errors import CounterpoiseError, DataError, UnitError
-from .quantities import SI_UNITS, dimension_of, example, factor_to_si, parse, parse_vector
+from .units import SI_UNITS, dimension_of, example, factor_to_si, parse, parse_vector
 
 T = TypeVar("T")
 V = TypeVar("V")

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from . import apart
+from benchmarks import apart
 
 AIM = 2.0
 """Times as fast as the peer."""
@@ -65,7 +65,7 @@ unit = "N m"
 
 def generate(folder: Path, count: int, seconds: float) -> None:
     """Write runs of a plan: pulses of the motion, a decaying mode, noise; weaker with counter-masses."""
-    from testbench import plan
+    from testbench import campaign_plan
     from testbench.recording import Channel, Group, UniformClock
     from testbench.store.writer import RunWriter
 
@@ -76,7 +76,7 @@ def generate(folder: Path, count: int, seconds: float) -> None:
     random = np.random.default_rng(20191120)
     pool = random.normal(size=2 * samples)
     shape = np.exp(-(((instants - seconds / 2) / (seconds / 20)) ** 2)) * np.sin(2 * np.pi * 11.0 * instants)
-    for planned in plan.load("kiper2019-deep").runs()[:count]:
+    for planned in campaign_plan.load_plan("kiper2019-deep").runs()[:count]:
         size = planned.peak_acceleration / 10.0 * (0.2 if planned.counter_masses else 1.0)
         starts = random.integers(0, samples, len(channels))
         values = [np.round((i + 1) * size * shape + 0.02 * pool[s : s + samples] + 0.1 * i, 5)
@@ -94,14 +94,14 @@ def _force_units() -> dict[str, str]:
 
 def ours(folder: Path, out: Path) -> None:
     """As the product does."""
-    from testbench.levels import of_runs
-    from testbench.pairing import Key
     from testbench.store import open_campaign
+    from testbench.vibration.channel_levels import of_runs
+    from testbench.vibration.run_pairs import ConditionKey
 
     found, keys = {}, {}
     for run, some in of_runs(open_campaign(folder).runs, segment=SEGMENT):
         found[run.name] = {one.column.channel: [*one.metrics.values(), one.spectrum.power()] for one in some}
-        keys[run.name] = str(Key.of(run)), bool(run.conditions.get("counter_masses"))
+        keys[run.name] = str(ConditionKey.of(run)), bool(run.conditions.get("counter_masses"))
     _write(out, found, keys)
 
 

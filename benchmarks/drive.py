@@ -21,9 +21,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from balance.drives import shooting
+from balance.drives import time_integration
 from balance.drives.drive_files import Drive, load_drive
-from balance.drives.steady import Steady, steady
+from balance.drives.harmonic_balance import SteadyRotation, steady_rotation
 
 REQUIRED = 20
 """How many times faster than integrating it must be."""
@@ -80,7 +80,7 @@ def timed(law: Callable[[float, float], float]) -> tuple[tuple[float, float, int
     return result, time.perf_counter() - begin
 
 
-def found(drive: Drive, mechanism: object) -> tuple[Steady, float, float]:
+def found(drive: Drive, mechanism: object) -> tuple[SteadyRotation, float, float]:
     """The steady state, the time to set up its equation of motion, and the time to find it with its extremes [s]."""
     begin = time.perf_counter()
     (machine,) = drive.machines(mechanism)
@@ -88,7 +88,7 @@ def found(drive: Drive, mechanism: object) -> tuple[Steady, float, float]:
     seconds = []
     for _ in range(REPEATS):
         start = time.perf_counter()
-        solution = steady(machine)
+        solution = steady_rotation(machine)
         solution.fluctuation()
         seconds.append(time.perf_counter() - start)
     return solution, ready - begin, statistics.median(seconds)
@@ -111,7 +111,7 @@ def main(arguments: list[str] | None = None) -> int:
         modelled.append(timed(solution.machine.acceleration)[1])
     mine, prepared, peer, other = (statistics.median(values) for values in (ours, setting_up, typed, modelled))
     off = max(abs(solution.fastest[1] - fastest), abs(solution.slowest[1] - slowest)) / fastest
-    kept = shooting.periodicity(solution)
+    kept = time_integration.periodicity(solution)
     short = peer / mine < REQUIRED or off > 1e-7 or kept > PERIODICITY
     print(
         f"Steady state at 828 rev/min of the motor, periodic to {PERIODICITY:g}\n\n"

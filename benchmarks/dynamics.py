@@ -19,11 +19,11 @@ import pinocchio
 
 from balance.arrays import Floats
 from balance.closure import Closure
-from balance.drive import PointDrive
 from balance.dynamics.inverse_dynamics import simulate
-from balance.loading.loading import load_mechanism, pinocchio_model
-from balance.mechanism import Mechanism
+from balance.mechanism.mechanism import Mechanism
+from balance.mechanism.mjcf_parser import load_mechanism, pinocchio_model
 from balance.motion import Samples
+from balance.motion.driven_coordinates import PointDrive
 from balance.motion.motion_files import load_motion
 
 REQUIRED = {"serial-1r": 8, "serial-2r": 8, "serial-3r": 8, "four-bar": 50, "parallelogram-6bar": 50,

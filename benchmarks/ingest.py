@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from . import apart
+from benchmarks import apart
 
 CHANNELS = 5
 RATE_HZ = 5000.0

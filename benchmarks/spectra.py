@@ -22,7 +22,7 @@ def main() -> int:
     """Print the medians and their ratio; 1 if the aim is missed."""
     from scipy import signal
 
-    from testbench.spectra import welch
+    from testbench.signal import welch
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--samples", type=int, default=20_000_000)
@@ -32,7 +32,7 @@ def main() -> int:
     values = np.random.default_rng(20191120).normal(0.3, 1.0, given.samples)
     sides: dict[str, Callable[[], np.ndarray]] = {
         "scipy.signal.welch": lambda: signal.welch(values, RATE_HZ, nperseg=given.segment)[1],
-        "testbench.spectra.welch": lambda: welch([values], RATE_HZ, given.segment).power(),
+        "testbench.signal.welch": lambda: welch([values], RATE_HZ, given.segment).power(),
     }
     peer, ours = (side() for side in sides.values())
     apart = float(np.abs(ours / peer - 1.0).max())

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from . import apart
+from benchmarks import apart
 
 CHANNELS = 4
 SAMPLES = 1000

@@ -4,7 +4,7 @@ import shutil
 import time
 from pathlib import Path
 
-from . import arm, campaign, counter_masses
+from demo import arm, campaign, counter_masses
 
 
 def main() -> None:

@@ -5,16 +5,14 @@ from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 
-from balance.figures.drawing import save
-from testbench.comparison import compare
-from testbench.figures.command import command_performance
-from testbench.figures.loads import force_sensors, motor_torques
+from balance.figures.mechanism import save
 from testbench.figures.reductions import reductions
-from testbench.figures.vibration import base_acceleration
-from testbench.published import load
+from testbench.figures.runs import base_acceleration, command_performance, force_sensors, motor_torques
+from testbench.published_tables import load_published
 from testbench.store import open_campaign
 from testbench.store.run import Run
-from testbench.vibration import Measure
+from testbench.vibration.comparison import compare_campaign
+from testbench.vibration.metrics import Measure
 
 from .console import command, heading, saved
 from .overview import overview
@@ -61,7 +59,7 @@ def _draw(out: Path) -> None:
         "motor-torques": motor_torques(balanced, unbalanced),
         "force-sensors": force_sensors(balanced, unbalanced),
         "command-performance": command_performance(balanced),
-        "reductions": reductions(compare(runs, load("kiper2019"), Measure())),
+        "reductions": reductions(compare_campaign(runs, load_published("kiper2019"), Measure())),
     }
     for name, figure in figures.items():
         save(figure, out / f"{name}.png")

@@ -3,13 +3,13 @@
 import json
 from pathlib import Path
 
-from balance import datasets, sizing, stock
-from balance.cli.console import emit_table
-from balance.conditions import Conditions, find
-from balance.figures.drawing import draw_mechanism, save
-from balance.loading.loading import load_mechanism
-from balance.mechanism import Mechanism
-from balance.sizing import Sizing
+from balance import balancing, datasets
+from balance.balancing import Sizing, stock_plates
+from balance.balancing.conditions import Conditions, balance_conditions
+from balance.cli.framework import emit_table
+from balance.figures.mechanism import draw_mechanism, save
+from balance.mechanism.mechanism import Mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 
 from .console import heading, saved
 
@@ -18,10 +18,10 @@ def run(out: Path) -> None:
     """Print the table of counter-masses and draw the balanced mechanism."""
     heading("1. Counter-masses of the parallelogram 6-bar manipulator")
     mechanism = load_mechanism("parallelogram-6bar")
-    conditions = find(mechanism)
+    conditions = balance_conditions(mechanism)
     for row in range(conditions.rank):
         print(f"   {conditions.text(row)}")
-    sheet = json.loads(datasets.find("kiper2019", "published", ".json").read_text(encoding="utf-8"))
+    sheet = json.loads(datasets.find_dataset("kiper2019", "published", ".json").read_text(encoding="utf-8"))
     sheet = sheet["sizing_sheet_A_as_built"]
     rows = [
         row for payload in sheet["built_counter_mass_kg_per_arm"] for row in _payload_rows(conditions, sheet, payload)
@@ -33,7 +33,7 @@ def run(out: Path) -> None:
         note="Printed masses are the source's (Kiper 2019); all else is computed. The printed 17.1064 kg does not "
         "follow from the printed inputs: those ask for 17.931 kg.",
     )
-    balanced = sizing.exact(conditions, mechanism.with_payload({"platform": 5.0}))
+    balanced = balancing.exact_sizing(conditions, mechanism.with_payload({"platform": 5.0}))
     figure = draw_mechanism(balanced.after, balanced.counter_masses, title="Balanced for a payload of 5 kg")
     save(figure, out / "mechanism.png")
     saved(out / "mechanism.png", "the manipulator with its counter-masses")
@@ -41,19 +41,19 @@ def run(out: Path) -> None:
 
 def _payload_rows(conditions: Conditions, sheet: dict, payload: str) -> list[list[str]]:
     mechanism = conditions.mechanism.with_payload({"platform": float(payload)})
-    plates = stock.load("kiper2019")
+    plates = stock_plates.load_stock("kiper2019")
     built = next(s for label, s in sheet["built_sets"].items() if abs(float(label.split()[0]) - float(payload)) < 0.01)
     variants = {
-        "exact": sizing.exact(conditions, mechanism),
-        "best from stock": sizing.from_stock(conditions, mechanism, plates),
-        f"built ({' + '.join(built)})": _given(conditions, mechanism, stock.mass_of(built, plates)),
+        "exact": balancing.exact_sizing(conditions, mechanism),
+        "best from stock": balancing.size_from_stock(conditions, mechanism, plates),
+        f"built ({' + '.join(built)})": _given(conditions, mechanism, stock_plates.mass_of(built, plates)),
         "printed": _given(conditions, mechanism, sheet["printed_counter_mass_kg_per_arm"][payload]),
     }
     return [_row(f"{payload} kg" if name == "exact" else "", name, result) for name, result in variants.items()]
 
 
 def _given(conditions: Conditions, mechanism: Mechanism, mass: float) -> Sizing:
-    return sizing.given(conditions, mechanism, dict.fromkeys(mechanism.counter_sites, mass))
+    return balancing.sizing_of_given(conditions, mechanism, dict.fromkeys(mechanism.counter_sites, mass))
 
 
 def _row(payload: str, name: str, result: Sizing) -> list[str]:

@@ -2,16 +2,16 @@
 
 from typing import TYPE_CHECKING
 
+from balance.balancing import sizing_of_given
+from balance.balancing.conditions import balance_conditions
 from balance.closure import Closure
-from balance.conditions import find
-from balance.figures.drawing import draw_on
-from balance.loading.loading import load_mechanism
-from balance.quantities import G0
-from balance.sizing import given
+from balance.figures.mechanism import draw_on
+from balance.mechanism.mjcf_parser import load_mechanism
+from balance.units import G0
 from testbench.figures import style
-from testbench.motion.segments import moving
+from testbench.kinematics.motion_onset import moving_interval
 from testbench.runs.si_run import SIRun
-from testbench.vibration import Measure, base_accelerations
+from testbench.vibration.metrics import Measure, base_accelerations
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,7 +25,7 @@ def overview(with_run: "Run", without_run: "Run") -> "Figure":
 
     conditions = with_run.conditions
     mechanism = load_mechanism(SIRun.of(with_run).rig.mechanism).with_payload({"platform": conditions["payload_kg"]})
-    mounted = given(find(mechanism), mechanism, conditions["counter_masses"])
+    mounted = sizing_of_given(balance_conditions(mechanism), mechanism, conditions["counter_masses"])
     with style.styled():
         figure = Figure(figsize=(9.0, 3.6), layout="constrained")
         left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.35))
@@ -34,7 +34,7 @@ def overview(with_run: "Run", without_run: "Run") -> "Figure":
         measure = Measure()
         signals = [base_accelerations(SIRun.of(run))["base_acc", "x"] for run in (without_run, with_run)]
         shapes = [measure.shape(*signal) / G0 for signal in signals]
-        span = moving(shapes[0], signals[0][1], margin_s=0.05)
+        span = moving_interval(shapes[0], signals[0][1], margin_s=0.05)
         series = [([i / rate for i in range(span.stop - span.start)], shape[span]) for shape, (_, rate) in
                   zip(shapes, signals, strict=True)]  # fmt: skip
         style.two_runs(right, series[0], series[1])

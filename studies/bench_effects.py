@@ -8,18 +8,18 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from balance.loading.loading import load_mechanism
-from balance.quantities import G0
+from balance.mechanism.mjcf_parser import load_mechanism
+from balance.units import G0
 from testbench import rig as rigs
-from testbench.bench.recorded import lead_s
-from testbench.bench.run import disturbed, simulate_run
-from testbench.bench.sensors import base_acceleration
-from testbench.plan import PlannedRun
+from testbench.campaign_plan import PlannedRun
 from testbench.rig import Rig
+from testbench.simulator.run import disturbed, simulate_run
+from testbench.simulator.sensors import base_acceleration
+from testbench.simulator.simulated_logs import lead_s
 
 from .table import Row
 
-PLAIN, DEEP = rigs.load("parallelogram-6bar"), rigs.load("parallelogram-6bar-deep")
+PLAIN, DEEP = rigs.load_rig("parallelogram-6bar"), rigs.load_rig("parallelogram-6bar-deep")
 MECHANISM = load_mechanism(PLAIN.mechanism)
 BUILT = {"counter_A0A": 24.2626, "counter_B0B": 24.2626}
 EFFECTS = ("coupling", "planes", "rotors", "weight", "floor", "roughness", "modes")

@@ -10,22 +10,22 @@ from functools import cached_property
 
 import numpy as np
 
-from balance.loading.loading import load_mechanism
-from balance.quantities import G0
-from testbench.bench.recorded import SimulatedRun, lead_s, record_run
-from testbench.bench.run import BenchRun, simulate_run
-from testbench.bench.transducers import Transducer, draw
-from testbench.clocks.run import RunClocks, align_run
-from testbench.motion.joint_motion import loaded
-from testbench.plan import PlannedRun
-from testbench.rig import Rig, load
+from balance.mechanism.mjcf_parser import load_mechanism
+from balance.units import G0
+from testbench.campaign_plan import PlannedRun
+from testbench.kinematics.encoder_motion import loaded
+from testbench.rig import Rig, load_rig
 from testbench.rig.sensors import Encoder
 from testbench.runs.si_run import SIRun
+from testbench.simulator.run import BenchRun, simulate_run
+from testbench.simulator.sensors import Transducer, draw_transducer
+from testbench.simulator.simulated_logs import SimulatedRun, lead_s, record_run
+from testbench.synchronization.run_alignment import RunClocks, align_run
 
 from .simulated_runs import edited_rig, stored
 from .table import Row, Tally, covered
 
-DEEP = load("parallelogram-6bar-deep")
+DEEP = load_rig("parallelogram-6bar-deep")
 REFERENCE = "controller"
 
 
@@ -70,7 +70,7 @@ class Case:
             for name, logger in self.rig.loggers.items()
         }
         rig = self.rig.model_copy(update={"loggers": loggers})
-        return record_run(rig, self.planned, self.bench, draw(self.rig, seed) | self._steps(rng), (seed, 0))
+        return record_run(rig, self.planned, self.bench, draw_transducer(self.rig, seed) | self._steps(rng), (seed, 0))
 
     def _steps(self, rng: np.random.Generator) -> dict[str, Transducer]:
         """Encoders with their zero anywhere within a step, as encoders are mounted."""
@@ -82,8 +82,8 @@ class Case:
 
 
 CASES = {
-    "plain-x": Case(load("parallelogram-6bar"), 3.4116, 17.1105, "x", 3.0),
-    "plain-y": Case(load("parallelogram-6bar"), 3.4116, 17.1105, "y", 3.0),
+    "plain-x": Case(load_rig("parallelogram-6bar"), 3.4116, 17.1105, "x", 3.0),
+    "plain-y": Case(load_rig("parallelogram-6bar"), 3.4116, 17.1105, "y", 3.0),
     "soft-x": Case(SOFT, 5.0, 24.2626, "x", 2.0),
     "deep-x": Case(DEEP, 5.0, 24.2626, "x", 3.0),
     "deep-y": Case(DEEP, 5.0, 24.2626, "y", 3.0),

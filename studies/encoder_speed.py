@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from balance.drives.drive_files import load_drive
-from balance.drives.steady import Steady, steady
-from testbench.encoder import Disc, Turn, edges_of, periodic_turn
+from balance.drives.harmonic_balance import SteadyRotation, steady_rotation
+from testbench.rotating import Disc, SteadySpeedFit, edges_of, periodic_turn
 
 from .table import Row, covered
 
@@ -28,16 +28,16 @@ CASES: dict[str, dict[str, Any]] = {
 }
 
 
-def truth() -> Steady:
+def truth() -> SteadyRotation:
     """The steady rotation that the logs are made of."""
     drive = load_drive("inverted-slider-crank")
-    return steady(drive.machines(drive.load_mechanism())[1])
+    return steady_rotation(drive.machines(drive.load_mechanism())[1])
 
 
 def log(
-    motion: Steady, seed: int, pulses: int = 100, turns: int = 8, clock: float = 0.0, jitter: float = 0.0,
+    motion: SteadyRotation, seed: int, pulses: int = 100, turns: int = 8, clock: float = 0.0, jitter: float = 0.0,
     pitch: float = 0.0,
-) -> Turn:  # fmt: skip
+) -> SteadySpeedFit:  # fmt: skip
     """The turn found from one log."""
     rng = np.random.default_rng(seed)
     waves = np.fft.rfft(1.0 / motion.rate(np.arange(4096) * 2 * np.pi / 4096))[1:60] / 2048

@@ -5,8 +5,8 @@ A campaign is the triangle with two payloads; the value in the mechanism's file 
 
 from collections.abc import Iterator
 
-from balance.loading.loading import load_mechanism
-from balance.mechanism import Mechanism
+from balance.mechanism.mechanism import Mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 from testbench.identification import identify
 from testbench.identification.records import By, assemble
 

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from testbench.orders.tacho import steady_turns
-from testbench.orders.vector import OrderVector
-from testbench.orders.vectors import order_vector
+from testbench.rotating.order_tracking import OrderVector, order_vector
+from testbench.rotating.tachometer import steady_turns
 
 from .table import Row, covered
 

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from balance.errors import CounterpoiseError
-from testbench.checks.groups import RecordingCheck
-from testbench.findings import MEANING
+from testbench.quality.group_checks import RecordingCheck
 from testbench.readers import open_recording
+from testbench.recording import MEANING
 
 from .table import Row, all_of
 

@@ -11,19 +11,18 @@ from itertools import product
 
 import numpy as np
 
-from balance.loading.loading import load_mechanism
-from balance.quantities import G0
-from testbench.amplitudes import Amplitude, Group, Judged, Noise, Ratio, Repeatability, Side
-from testbench.bench.loggers import reading
-from testbench.bench.run import simulate_run
-from testbench.bench.sampling import instants
-from testbench.bench.sensors import base_acceleration, signals
-from testbench.motion.segments import rest_before
-from testbench.plan import PlannedRun
-from testbench.reductions import analyze
-from testbench.rig import Rig, load
-from testbench.signals import Band
-from testbench.vibration import METRICS, Measure, Metric
+from balance.mechanism.mjcf_parser import load_mechanism
+from balance.units import G0
+from testbench.campaign_plan import PlannedRun
+from testbench.kinematics.motion_onset import rest_before
+from testbench.rig import Rig, load_rig
+from testbench.signal.filters import Band
+from testbench.simulator.loggers import instants, reading
+from testbench.simulator.run import simulate_run
+from testbench.simulator.sensors import base_acceleration, signals
+from testbench.vibration import Amplitude, AmplitudeLikelihood, ConditionAmplitude, Group, Noise, Ratio, Repeatability
+from testbench.vibration.metrics import METRICS, Measure, Metric
+from testbench.vibration.reduction import analyze
 
 from .simulated_runs import Scene, edited_rig, scene
 from .table import Row, Tally, covered
@@ -81,7 +80,7 @@ STIFF = {  # the full model, stiff mounts, a heavier base, a quiet sensor and a 
     ),
     'rate = "5 kHz"\nstart = "-0.237 s"': 'rate = "8 kHz"\nstart = "-0.12 s"',
 }
-SHIPPED = load("parallelogram-6bar")
+SHIPPED = load_rig("parallelogram-6bar")
 CASES = {
     "shipped-x": Case(SHIPPED, 3.4116, 17.1105, "x", 1.0, Band(0.0, 200.0)),
     "shipped-y": Case(SHIPPED, 3.4116, 17.1105, "y", 1.0, Band(0.0, 200.0)),
@@ -154,7 +153,10 @@ def tally(case: Case, seeds: range, repeats: int = 1, axes: str = "xyz") -> dict
         for axis, metric in product(axes, METRICS):
             measure = Measure(metric, case.band)
             truth = pair[0].truth(axis, measure) / pair[1].truth(axis, measure)
-            judged = [[Judged.of(Amplitude(r[axis][0], rate, measure, r[axis][1])) for r in both] for both in runs]
+            judged = [
+                [AmplitudeLikelihood.of(Amplitude(r[axis][0], rate, measure, r[axis][1])) for r in both]
+                for both in runs
+            ]
             for count in range(1, repeats + 1):
                 sums, ratio = found.setdefault((count, axis, metric), RatioTally()), ratio_of(judged[:count])
                 sums.add(ratio.speaks_for(truth))  # where no reduction is defined, every truth is possible
@@ -163,11 +165,11 @@ def tally(case: Case, seeds: range, repeats: int = 1, axes: str = "xyz") -> dict
     return found
 
 
-def ratio_of(judged: Sequence[list[Judged]]) -> Ratio:
+def ratio_of(judged: Sequence[list[AmplitudeLikelihood]]) -> Ratio:
     """Of runs with and without counter-masses, (repeats, 2), as those of a campaign of one condition."""
     balanced, unbalanced = (Group(runs) for runs in zip(*judged, strict=True))
     scatter = Repeatability.of([balanced, unbalanced])
-    return Ratio(Side(balanced, scatter), Side(unbalanced, scatter))
+    return Ratio(ConditionAmplitude(balanced, scatter), ConditionAmplitude(unbalanced, scatter))
 
 
 def campaigns(seeds: range, repeats: int, metric: Metric) -> dict[tuple[int, str], RatioTally]:

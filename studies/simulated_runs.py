@@ -6,19 +6,19 @@ from pathlib import Path
 
 import numpy as np
 
-from balance.loading.loading import load_mechanism
-from balance.mechanism import Mechanism
-from balance.quantities import G0
+from balance.mechanism.mechanism import Mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
+from balance.units import G0
 from testbench import rig as rigs
-from testbench.bench.loggers import Log, record
-from testbench.bench.recorded import SimulatedRun
-from testbench.bench.run import BenchRun, simulate_run
-from testbench.bench.sensors import signals
-from testbench.plan import PlannedRun
+from testbench.campaign_plan import PlannedRun
 from testbench.recording import Channel, TimeColumn, UniformClock
 from testbench.rig import Rig
 from testbench.runs.aligned_run import AlignedRun
 from testbench.runs.si_run import SIRun
+from testbench.simulator.loggers import Log, record
+from testbench.simulator.run import BenchRun, simulate_run
+from testbench.simulator.sensors import signals
+from testbench.simulator.simulated_logs import SimulatedRun
 from testbench.store.run import Run, StoredGroup
 
 MANIPULATOR = "parallelogram-6bar"
@@ -62,11 +62,11 @@ class Scene:
 
 def edited_rig(edits: Mapping[str, str], name: str = MANIPULATOR) -> Rig:
     """A shipped rig with other words in its text; each word must be there."""
-    text = rigs.load(name).text
+    text = rigs.load_rig(name).text
     for old, new in edits.items():
         assert old in text, old
         text = text.replace(old, new)
-    return rigs.from_text(text)
+    return rigs.rig_from_text(text)
 
 
 def planned_run(
@@ -111,7 +111,7 @@ def scene(
     rig: Rig | None = None,
 ) -> Scene:
     """The manipulator on its bench."""
-    rig = rig or rigs.load(MANIPULATOR)
+    rig = rig or rigs.load_rig(MANIPULATOR)
     planned = planned_run(motion, masses, acceleration_g, payload)
     bench = simulate_run(rig, load_mechanism(MANIPULATOR), planned)
     return Scene(rig, planned, bench, signals(rig, bench))

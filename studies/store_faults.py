@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.cli.recover import recover
+from testbench.cli.campaign import recover
 from testbench.errors import StoreError
-from testbench.store import archive, digest, open_campaign, open_run
+from testbench.store import archive, atomic_files, open_campaign, open_run
 
 from .table import Row, all_of
 
@@ -40,7 +40,7 @@ def in_pieces(self, columns):
         whole(self, [column[begin : begin + 8192] for column in columns])
 groups.GroupWriter.append = in_pieces
 from testbench.ingest import Ingest
-from testbench.ingest.runsheet import plan
+from testbench.ingest.run_conditions import plan
 work, (run,) = Ingest(Path(sys.argv[2])), plan([Path(sys.argv[1])], None)
 print("ready", flush=True)
 outcomes = work.run(run)
@@ -104,7 +104,7 @@ def recovered(campaign: Path, acknowledged: int, columns: Sequence[np.ndarray]) 
     Returns the exit code of ``testbench recover``.
     """
     for path in campaign.glob("*.h5"):
-        assert digest.recorded(path) == digest.sha256_of(path), "a half file has a final name"
+        assert atomic_files.recorded_digest(path) == atomic_files.sha256_of(path), "a half file has a final name"
     with contextlib.redirect_stdout(io.StringIO()):
         code = recover.main([str(campaign), "--json"], standalone_mode=False)
     held = 0
@@ -135,15 +135,15 @@ def kill_archive(run: Path, folder: Path, chance: random.Random, whole: float) -
     code = recovered(folder, 0, columns)
     assert archive.archive(original, folder).status in {"archived", "already_archived"}
     assert recovered(folder, original.group().samples, columns) == 0
-    assert digest.recorded(run) == digest.sha256_of(run)
+    assert atomic_files.recorded_digest(run) == atomic_files.sha256_of(run)
     return code
 
 
 def flipped(run: Path, chance: random.Random) -> bool:
     """Flip one bit of a run or its digest; whether verify names the run, and then flip it back."""
-    sizes = {path: path.stat().st_size for path in (run, digest.beside(run))}
+    sizes = {path: path.stat().st_size for path in (run, atomic_files.digest_file(run))}
     at = chance.randrange(sum(sizes.values()) + 2000)
-    path = run if at < sizes[run] else digest.beside(run)
+    path = run if at < sizes[run] else atomic_files.digest_file(run)
     whole = path.read_bytes()
     place = at if path == run else at % len(whole)
     bit = 1 << chance.randrange(8)

@@ -8,12 +8,12 @@ import numpy as np
 
 from balance.arrays import Floats
 from balance.errors import CounterpoiseError
-from balance.loading.loading import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 from testbench import rig as rigs
-from testbench.bench.recorded import lead_s, record_run
-from testbench.bench.run import simulate_run
-from testbench.bench.transducers import draw
 from testbench.rig import Rig
+from testbench.simulator.run import simulate_run
+from testbench.simulator.sensors import draw_transducer
+from testbench.simulator.simulated_logs import lead_s, record_run
 from testbench.trim import trim_runs
 
 from .simulated_runs import BUILT, MANIPULATOR, MemoryRun, Scene, aligned, edited_rig, planned_run, scene, stored
@@ -24,14 +24,14 @@ MISSING = 0.0308090
 """On each arm of the manipulator with 3.4116 kg and the built 17.1105 kg [kg m]."""
 MOTIONS = ("x", "y", "triangle")
 BENCHES = {
-    "shipped": rigs.load(MANIPULATOR),
+    "shipped": rigs.load_rig(MANIPULATOR),
     "other": edited_rig({  # a lighter frame, on mounts that are stiffer sideways and softer upright, less damped
         'mass = "150 kg"': 'mass = "90 kg"',
         '"250 kN/m", "400 kN/m"': '"500 kN/m", "150 kN/m"',
         '"400 N s/m"': '"250 N s/m"',
         '"18 kg m^2"': '"9 kg m^2"',
     }),
-    "deep": rigs.load("parallelogram-6bar-deep"),
+    "deep": rigs.load_rig("parallelogram-6bar-deep"),
 }  # fmt: skip
 CASES: tuple[tuple[Source, str], ...] = (
     ("wrench", "shipped"),
@@ -96,7 +96,7 @@ class _DeepScene(Scene):
             for name, logger in self.rig.loggers.items()
         }
         rig = self.rig.model_copy(update={"loggers": started})
-        made = record_run(rig, self.planned, self.bench, draw(self.rig, seed // 1000), (seed, 0))
+        made = record_run(rig, self.planned, self.bench, draw_transducer(self.rig, seed // 1000), (seed, 0))
         return stored(made, self.rig, f"seed{seed}.h5")
 
 

@@ -1,14 +1,167 @@
-"""What a reader gives: groups of channels with their clock, then the data in blocks."""
+"""What may be odd in a recording: one code each, how grave it is, and what it means.
+
+``error``: what cannot be told apart from loss; refused until a person accepts it.
+``warning``: kept and flagged. ``note``: said, and no reason to stop.
+
+What a reader gives: groups of channels with their clock, then the data in blocks.
+"""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from enum import IntEnum
 from pathlib import Path
 from typing import Literal, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .findings import Finding as Finding
+from .errors import RecordingError
+
+
+class Severity(IntEnum):
+    """How grave a finding is."""
+
+    NOTE = 0
+    WARNING = 1
+    ERROR = 2
+
+
+_ERRORS = {
+    "empty_file": "The file has no content.",
+    "no_data": "There is a header, and no row of numbers under it.",
+    "not_text": "The content is no text: an archive, a spreadsheet, a binary file.",
+    "other_format": "A format that no installed reader reads.",
+    "text_row": "A row of text between the rows of numbers, such as another header.",
+    "nul_bytes": "NUL bytes inside the text, as a logger leaves them when its power fails.",
+    "line_too_long": "A line longer than any logger writes.",
+    "unknown_encoding": "The text is in no encoding that can be told.",
+    "unknown_dialect": "Delimiter and decimal mark cannot be told.",
+    "decimal_mark_changes": "Some numbers carry another decimal mark than the first lines.",
+    "ambiguous_number": "A number in another notation than the first ones, or with marks that may be of thousands.",
+    "ambiguous_date": "Dates in which day and month cannot be told apart; their times are left out if accepted.",
+    "ragged_row": "A row with more or fewer fields than the header; its values are NaN if accepted.",
+    "time_not_increasing": "Time that falls or stands still.",
+    "origin_contradiction": "The log says simulated, the sheet says otherwise.",
+    "count_contradiction": "The header declares another number of samples than the file holds.",
+    "cut_file": "The file ends before its own structure says: samples that were recorded are missing.",
+    "damaged_file": "A structure that contradicts itself; nothing of it can be trusted.",
+    "too_large": "More declared or unpacked than such a file can hold; refused to protect the machine.",
+    "stored_run": "A run that a campaign holds, or its archive, and no log.",
+    "not_stored": "The run could not be stored, for a reason that lies not in the log alone.",
+    "rig_contradiction": "The rig names channels that the recording does not hold, or other units than its.",
+    "calibration_contradiction": "A calibration of the rig that does not lead from the log's unit to what is measured.",
+    "unknown_site": "The sheet puts a counter-mass on a site that the rig's mechanism does not have.",
+}
+_WARNINGS = {
+    "cut_last_row": "The file ends inside a row, or in one that may be cut. That row is left out.",
+    "not_a_number": "Cells that are no finite number. Kept as inf where so written, otherwise as NaN.",
+    "text_channel": "A column of text; its cells are not kept as data.",
+    "repeated_header": "The header comes again inside the file: several recordings, kept as separate groups.",
+    "encoding_inferred": "The encoding was inferred from typical letters; it is declared nowhere.",
+    "no_header": "The first row is data; the columns are named col0, col1, ...",
+    "duplicate_names": "Several channels of one name.",
+    "several_clocks": "Several columns of time in one table: each with the columns behind it is a group of its own.",
+    "time_unit_assumed": "The time column carries no unit; seconds were assumed for the rate alone.",
+    "time_unit_unknown": "The unit of the time column is no unit of time; there is no rate.",
+    "time_coarse": "Times written so coarsely that they repeat: a channel, and no clock.",
+    "time_unreadable": "Times that are no finite number; the steps beside them are not counted.",
+    "time_gap": "A step of time much longer than the others.",
+    "time_irregular": "Steps of time too scattered for a sampling rate.",
+    "event_times": "A column of times alone: events, such as edges, and no sampled signal.",
+    "no_clock": "Neither a time column nor a declared rate.",
+    "rate_doubtful": "Times in few digits, taken as rounded: samples lost as evenly would look the same.",
+    "rate_contradiction": "The rate in the header and the steps of the time column differ.",
+    "clipping": "Samples at the limit of the sensor's range.",
+    "clipping_suspected": "Flat tops at the largest or smallest value, as a saturated sensor leaves them.",
+    "constant_channel": "A channel of one single value: a dead, stuck or unused one.",
+    "appended_blocks": "More samples than declared, in whole blocks: each is a group of its own.",
+    "header_contradiction": "A header that says something else than the data, which are whole and read as they are.",
+    "duplicate_dof": "Several channels of one node and direction.",
+    "unit_doubtful": "A unit that does not go with the channel's name, such as a force in g; kept as written.",
+    "invalid_samples": "Samples that the file itself marks as invalid; NaN.",
+    "not_exact": "Integers beyond 2**53, which do not fit float64 to the last digit.",
+    "left_out": "Something that is no series of numbers; it is not kept as data.",
+    "outside_reference": "An object that lies in another file, which is never opened; left out.",
+    "broken_link": "A link inside the file that leads nowhere; left out.",
+    "cyclic_link": "A link inside the file that leads back to where it comes from; left out.",
+    "already_stored": "The campaign holds this recording already; nothing was written.",
+    "run_not_opened": "A run of the campaign cannot be opened; whether it holds this recording too cannot be told.",
+    "conditions_differ": "The sheet says other conditions than are stored with the run, which never changes.",
+    "rate_contradicts_rig": "A log's rate is not the one that the rig states for its logger; the log's is taken.",
+    "sensor_not_recorded": "The rig describes a logger of which no log of the run holds a channel.",
+    "uncalibrated": "Raw values, such as volts, of a sensor without a calibration: no analysis can use them yet.",
+    "interrupted": "The ingest was stopped; what it had acknowledged was recovered, what came after is not in the run.",
+    "unit_unknown": "Brackets in a header that hold no unit that is understood; kept as written.",
+}
+_NOTES = {
+    "simulated": "The log says that it is simulated.",
+    "dialect": "Delimiter, decimal mark and encoding as detected in the first lines.",
+    "unit_missing": "Channels without a unit.",
+    "no_final_newline": "The last line has no end, but every number of it is as long as those above.",
+    "comment_inside": "Comment lines between the rows.",
+    "blank_lines": "Blank lines between the rows.",
+    "time_as_text": "Times that are no plain numbers, such as 12:00:01.5: exactly the seconds from the first one.",
+    "thousands_marks": "Numbers with marks between thousands, which were taken off beyond doubt.",
+    "number_notation": "Numbers such as 1.5D+03, 0x1F, or with a typographic minus, read as what they say.",
+    "time_jitter": "Steps of time that scatter.",
+    "empty_group": "Channels without a single sample; left out.",
+    "rate_rounded": "Rate or step of time is written in few digits, or differs a little from the time column.",
+    "time_resolution": "Timestamps are finer than seconds in float64; what is finer is in a channel beside them.",
+    "sensor_elsewhere": "A logger of the rig whose channels another log of the same command holds, a run of its own.",
+    "calibration_applied": "Values are in physical units by the calibration that the file itself carries.",
+}
+
+MEANING = {**_ERRORS, **_WARNINGS, **_NOTES}
+"""Every code, and what it means."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something odd: its code, the channel and place (``line 62``) where there is one, and a message.
+
+    ``group`` is the channel's, where the run has several and the channel does not say which; see ``recording.placed``.
+    """
+
+    code: str
+    channel: str | None
+    where: str | None
+    message: str
+    group: str | None = None
+
+    @property
+    def severity(self) -> Severity:
+        """How grave findings of this code are."""
+        if self.code in _ERRORS:
+            return Severity.ERROR
+        return Severity.WARNING if self.code in _WARNINGS else Severity.NOTE
+
+    def as_dict(self) -> dict[str, str | None]:
+        """The finding as it is printed and stored; the group only where it says something."""
+        known = {"code": self.code, "channel": self.channel, "where": self.where, "message": self.message}
+        return known if self.group is None else {**known, "group": self.group}
+
+
+def worst(findings: Iterable[Finding]) -> Severity:
+    """The gravest severity among ``findings``; a note if there are none."""
+    return max((f.severity for f in findings), default=Severity.NOTE)
+
+
+def refused(findings: Iterable[Finding], accepted: Iterable[str] = ()) -> list[Finding]:
+    """The findings for which a recording is refused, unless a person accepts their codes."""
+    allowed = frozenset(accepted)
+    return [f for f in findings if f.severity is Severity.ERROR and f.code not in allowed]
+
+
+class Refusal(RecordingError):
+    """A file that cannot be read at all, with the finding that says why: ``no_data`` where it is no error by itself."""
+
+    def __init__(self, name: str, finding: Finding) -> None:
+        if finding.severity is not Severity.ERROR:
+            finding = replace(finding, code="no_data")
+        place = f", {finding.where}" if finding.where else ""
+        super().__init__(f"{name}{place}: {finding.message}")
+        self.finding = finding
+
 
 Origin = Literal["measured", "simulated", "unstated"]
 Samples = NDArray[np.float64]

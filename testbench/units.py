@@ -1,7 +1,7 @@
 """Units as loggers write them: which text is a unit, which two are the same, how long a unit of time is.
 
 A small grammar rather than a unit library: reading a header must take a millisecond, and a text that it does not
-know stays a text. Quantities that people type are read by ``balance.quantities``.
+know stays a text. Quantities that people type are read by ``balance.units``.
 """
 
 import re

@@ -7,7 +7,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: a second t
 
 import pytest
 
-from testbench import recordings
+from testbench import public_recordings
 
 WAITS = "waits for real recordings"
 
@@ -17,16 +17,18 @@ def at_hand() -> bool:
 
     Fetched ones are named by the environment from then on, for this run and its processes.
     """
-    cache = recordings.cache_folder()
-    if recordings.FOLDER_VARIABLE not in os.environ and all((cache / name).is_file() for name in recordings.registry()):
-        os.environ[recordings.FOLDER_VARIABLE] = str(cache)
-    return recordings.FOLDER_VARIABLE in os.environ
+    cache = public_recordings.cache_folder()
+    if public_recordings.FOLDER_VARIABLE not in os.environ and all(
+        (cache / name).is_file() for name in public_recordings.registry()
+    ):
+        os.environ[public_recordings.FOLDER_VARIABLE] = str(cache)
+    return public_recordings.FOLDER_VARIABLE in os.environ
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Skip what is marked ``recordings`` where there are none; ``malformed`` ones lie beside a folder of one's own."""
     good = at_hand()
-    bad = good and (Path(os.environ[recordings.FOLDER_VARIABLE]).parent / "bad").is_dir()
+    bad = good and (Path(os.environ[public_recordings.FOLDER_VARIABLE]).parent / "bad").is_dir()
     for item in items:
         marker = item.get_closest_marker("recordings")
         if marker is not None and not (bad if "malformed" in marker.args else good):
@@ -42,5 +44,5 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
         terminalreporter.stats["waiting"] = waiting
         terminalreporter.write_line(
             f"{len(waiting)} tests wait for real recordings: fetch them by `testbench recordings fetch`, or name a "
-            f"folder that holds them in {recordings.FOLDER_VARIABLE}"
+            f"folder that holds them in {public_recordings.FOLDER_VARIABLE}"
         )

@@ -57,38 +57,6 @@ LAYERS: tuple[str, ...] = (
 
 The longest name that fits places a module; a package's name alone is its front door.
 """
-MEANWHILE = {
-    "balance.quantities": "balance.units", "balance.blocks": "balance.arrays", "balance.quiet": "balance.arrays",
-    "balance.sheet": "balance.input_files", "balance.csvtable": "balance.input_files",
-    "balance.drives.fields": "balance.input_files", "balance.tree": "balance.mechanism",
-    "balance.constraints": "balance.mechanism", "balance.components": "balance.mechanism",
-    "balance.kinematics": "balance.mechanism", "balance.loading": "balance.mechanism",
-    "balance.drive": "balance.motion",
-    "balance.conditions": "balance.balancing", "balance.combinations": "balance.balancing",
-    "balance.closed_forms": "balance.balancing", "balance.sizing": "balance.balancing",
-    "balance.stock": "balance.balancing", "balance.static": "balance.balancing", "balance.methods": "balance.balancing",
-    "balance.influence": "balance.rotors",
-    "testbench.native": "testbench.compiled_kernels", "testbench.findings": "testbench.recording",
-    "testbench.recordings": "testbench.public_recordings", "testbench.plan": "testbench.campaign_plan",
-    "testbench.published": "testbench.published_tables", "testbench.channels": "testbench.runs",
-    "testbench.held": "testbench.runs", "testbench.pairing": "testbench.runs",
-    "testbench.calibration.applied": "testbench.runs", "testbench.calibration.stored": "testbench.runs",
-    "testbench.calibration.holding": "testbench.runs", "testbench.calibration.view": "testbench.runs",
-    "testbench.calibration.correct": "testbench.runs", "testbench.signals": "testbench.signal",
-    "testbench.spectra": "testbench.signal", "testbench.checks": "testbench.quality",
-    "testbench.describe": "testbench.quality", "testbench.motion": "testbench.kinematics",
-    "testbench.motion.motions": "testbench.kinematics.motion_recognition",
-    "testbench.amplitudes": "testbench.vibration", "testbench.levels": "testbench.vibration",
-    "testbench.reductions": "testbench.vibration", "testbench.clocks": "testbench.synchronization",
-    "testbench.wrench": "testbench.loads", "testbench.torque": "testbench.loads",
-    "testbench.command": "testbench.loads",
-    "testbench.encoder": "testbench.rotating", "testbench.orders": "testbench.rotating",
-    "testbench.recovery": "testbench.ingest",
-    "testbench.bench": "testbench.simulator", "testbench.prediction": "testbench.vibration.comparison",
-    "testbench.comparison": "testbench.vibration.comparison",
-    "testbench.identification.figure": "testbench.figures", "testbench.trim.figure": "testbench.figures",
-}  # fmt: skip
-"""Folders and files that are not yet where they will lie, and where that is."""
 FOREIGN = {"h5py", "polars", "pyarrow", "idelib", "mcap", "rosbags", "nptdms", "google", "pandas"}
 """Libraries that read foreign bytes: a damaged file may end their process, which must not be the one that was asked."""
 STORE = "testbench.store"
@@ -160,10 +128,8 @@ def own(module: str) -> set[str]:
 @cache
 def place(module: str) -> tuple[int, str] | None:
     """Layer of a module and the entry of LAYERS that places it."""
-    moved = max((old for old in MEANWHILE if f"{module}.".startswith(f"{old}.")), key=len, default=None)
-    final = module if moved is None else MEANWHILE[moved] + module[len(moved) :]
     entries = [(len(entry), i, entry) for i, row in enumerate(LAYERS) for entry in row.split()]
-    fitting = [e for e in entries if final == e[2] or (e[2] not in ROOTS and final.startswith(f"{e[2]}."))]
+    fitting = [e for e in entries if module == e[2] or (e[2] not in ROOTS and module.startswith(f"{e[2]}."))]
     return max(fitting)[1:] if fitting else None
 
 
@@ -241,7 +207,8 @@ def help_of(*words):
 help_of()
 for name in cli.COMMANDS:
     help_of(name)
-    group = getattr(importlib.import_module(f"{cli.__name__}.{name}"), name)
+    module, _, function = cli.COMMANDS[name][0].partition(":")
+    group = getattr(importlib.import_module(f"{cli.__name__}.{module}"), function or name)
     for inner in group.list_commands(None) if hasattr(group, "list_commands") else ():
         help_of(name, inner)
 print(json.dumps(sorted({name.partition(".")[0] for name in sys.modules})))

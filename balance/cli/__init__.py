@@ -1,18 +1,18 @@
 """The command ``balance``."""
 
-from .console import LazyGroup, run
+from .framework import LazyGroup, run
 
 COMMANDS = {
-    "conditions": "Which conditions balance this mechanism, found from its model.",
-    "size": "Which counter-masses balance it, exactly or from stock plates.",
-    "check": "What given counter-masses leave unbalanced.",
-    "simulate": "Shaking force, shaking moment and drive torque of a motion.",
-    "linkage": "Planar linkages balanced completely, by counter-masses and gears.",
-    "rotor": "Rigid rotors: correction planes, trial runs, holes and stock weights, permissible unbalance.",
-    "engine": "Slider-cranks and engines: shaking force, partial balance, free forces and moments, shafts.",
-    "drive": "Speed of a motor-driven machine over a turn: steady, start-up, flywheel.",
-    "static": "Potential energy constant over the workspace, by counter-masses or springs.",
-    "methods": "The named ways of balancing side by side: left over, cost, need.",
+    "conditions": ("mechanism", "Which conditions balance this mechanism, found from its model."),
+    "size": ("size", "Which counter-masses balance it, exactly or from stock plates."),
+    "check": ("mechanism", "What given counter-masses leave unbalanced."),
+    "simulate": ("mechanism", "Shaking force, shaking moment and drive torque of a motion."),
+    "linkage": ("linkage", "Planar linkages balanced completely, by counter-masses and gears."),
+    "rotor": ("rotor", "Rigid rotors: correction planes, trial runs, holes and stock weights, permissible unbalance."),
+    "engine": ("engine", "Slider-cranks and engines: shaking force, partial balance, free forces and moments, shafts."),
+    "drive": ("drive", "Speed of a motor-driven machine over a turn: steady, start-up, flywheel."),
+    "static": ("methods", "Potential energy constant over the workspace, by counter-masses or springs."),
+    "methods": ("methods", "The named ways of balancing side by side: left over, cost, need."),
 }
 
 

@@ -1,19 +1,24 @@
-"""``balance linkage``."""
+"""``balance linkage``.
 
-from math import isnan
+Tables of ``balance linkage`` for people.
+"""
+
+from collections.abc import Mapping
+from math import isfinite, isnan
 from typing import TYPE_CHECKING
 
 import click
 
+from ..linkages import equations as symbols
+from ..linkages.equivalence_method import LinkageBalance
+from ..linkages.printed_tables import COLUMNS, Comparison, PublishedRow
+from ..linkages.verification import SimulatedLinkage, Verification
 from . import options
-from .console import EXIT_WITH_FINDINGS, emit_json, json_option
-from .rotor.given import Quantity
+from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from .options import Quantity
 
 if TYPE_CHECKING:
-    from ..linkages.description import Linkage
-    from ..linkages.method import Balance
-    from ..linkages.printed import Comparison
-    from ..linkages.verification import Verification
+    from ..linkages.linkage import Linkage
 
 
 @click.command(
@@ -102,21 +107,21 @@ def linkage(
     LINKAGE is a TOML file or a shipped one: dwell, knife, pantograph, sewing-machine, dwell-short,
     dwell-short-two-point (the six of the source), two-levels. Verified by dynamics at constant and varying input speed.
     """
-    from ..linkages.document import document
+    from ..linkages.equivalence_method import balance_linkage
     from ..linkages.linkage_files import load_linkage
-    from ..linkages.method import balance
-    from ..linkages.printed import compare
-    from ..linkages.verification import verify
+    from ..linkages.printed_tables import compare_published
+    from ..linkages.results import linkage_document
+    from ..linkages.verification import verify_linkage
 
     if speed == 0.0 or isnan(variation):
         raise click.UsageError(f"--{'speed' if speed == 0.0 else 'variation'}: expected a number other than zero")
     described = load_linkage(linkage)
-    result = balance(described, gears=False if force_only else None)
-    check = verify(result, speed, variation) if described.is_placed else None
-    comparison = None if force_only else compare(result)
+    result = balance_linkage(described, gears=False if force_only else None)
+    check = verify_linkage(result, speed, variation) if described.is_placed else None
+    comparison = None if force_only else compare_published(result)
     _write(result, check, csv, mjcf, figure)
     if as_json:
-        emit_json(document(result, check, comparison))
+        emit_json(linkage_document(result, check, comparison))
     else:
         _print(result, check, comparison, with_equations)
     if check is None or (comparison and any(row.verdict == "differs" for row in comparison.rows)):
@@ -124,7 +129,7 @@ def linkage(
 
 
 def _write(
-    result: "Balance", check: "Verification | None", csv: str | None, mjcf: str | None, figure: str | None
+    result: "LinkageBalance", check: "Verification | None", csv: str | None, mjcf: str | None, figure: str | None
 ) -> None:
     """Files asked for. Raises ModelError where there is nothing simulated to write."""
     from ..errors import ModelError
@@ -136,15 +141,15 @@ def _write(
     if mjcf:
         from pathlib import Path
 
-        from ..linkages.model import mjcf as text_of
+        from ..linkages.mjcf_writer import linkage_mjcf as text_of
 
         text = text_of(result, "complete" if result.moment else "force", couplings=True)
         Path(mjcf).write_text(text + "\n", encoding="utf-8")
     if csv:
         _write_csv(check, csv)
     if figure:
-        from ..figures.drawing import save
-        from ..figures.linkages import draw_stages
+        from ..figures.balancing import draw_stages
+        from ..figures.mechanism import save
 
         save(draw_stages(check, result.linkage.title), figure)
 
@@ -161,23 +166,161 @@ def _write_csv(check: "Verification", path: str) -> None:
 
 
 def _print(
-    result: "Balance", check: "Verification | None", comparison: "Comparison | None", with_equations: bool
+    result: "LinkageBalance", check: "Verification | None", comparison: "Comparison | None", with_equations: bool
 ) -> None:
-    from . import linkage_tables as tables
 
-    tables.counter_masses(result)
-    tables.gears(result)
+    counter_masses(result)
+    gears(result)
     if with_equations:
-        tables.equations(result)
+        equations(result)
     if check is None:
         click.echo(f"Not simulated: {unplaced(result.linkage)}.")
     else:
-        tables.dynamics(check)
+        dynamics(check)
     if comparison:
-        tables.printed(comparison, check)
+        printed(comparison, check)
 
 
 def unplaced(linkage: "Linkage") -> str:
     """Which joints have no place on the ground."""
     names = [j.name for j in linkage.joints.values() if any(end.point is None for end in j.ends)]
     return f"where {', '.join(names)} {'is' if len(names) == 1 else 'are'} on the ground is not given"
+
+
+TORQUES = ("torque_constant_speed", "torque_varying_speed")
+STAGE = {"before": "before", "force": "counter-masses", "complete": "counter-masses and gears"}
+
+
+def counter_masses(result: LinkageBalance) -> None:
+    """The reduction tree, and the counter-masses."""
+    rows = [
+        [name, result.tree[name], " + ".join(f"{share:.4f} at {joint}" for joint, share in balance.shares.items())]
+        for name, balance in result.force.items()
+    ]
+    click.echo(f"{result.linkage.title}\n")
+    emit_table("Reduction, leaves first", ["body", "joint", "point mass [kg]"], rows)
+    count = len(result.counters("force"))
+    rows = [
+        [
+            counter.symbol,
+            body,
+            "gears" if k >= count else "links",
+            f"{counter.mass:.4f}",
+            *(f"{x * 1e3:.2f}" for x in counter.position),
+            f"{counter.inertia:.4g}",
+        ]
+        for k, (body, counter) in enumerate(result.counters())
+    ]
+    header = ["counter-mass", "body", "against", "mass [kg]", "x [mm]", "y [mm]", "inertia [kg m2]"]
+    emit_table("Counter-masses, from the reduction joint of their body", header, rows)
+
+
+def gears(result: LinkageBalance) -> None:
+    """Gear pairs, and the inertia that two-point bodies must have."""
+    if result.moment is None:
+        click.echo("No gears: the force is balanced, the moment is not.")
+        return
+    rows = [
+        [
+            name,
+            gear.gear.body,
+            gear.joint,
+            gear.carrier,
+            f"{gear.gear.teeth[0]}:{gear.gear.teeth[1]}",
+            f"{gear.inertia:.4g}",
+            "-" if gear.counter_mass is None else f"{gear.counter_mass:.4f}",
+            f"{gear.wheel_mass:.4f}" if gear.wheel_mass else "-",
+            f"{gear.wheel_inertia:.4g}" if gear.wheel_mass else "-",
+        ]
+        for name, gear in result.moment.gears.items()
+    ]
+    header = ["gear", "body", "at", "carrier", "Z:Z*", "I_z [kg m2]", "m_z* [kg]", "m_z [kg]", "I_m_z [kg m2]"]
+    emit_table("Gears: counter-gear I_z and m_z*, real gear on the body m_z and I_m_z", header, rows)
+    for link, inertia in result.moment.reshaped.items():
+        click.echo(
+            f"Link {link} must be shaped to an inertia of {inertia:.4g} kg m2: then two point masses stand for it."
+        )
+
+
+def equations(result: LinkageBalance) -> None:
+    """The equations in symbols, with their values."""
+    for equation in symbols.linkage_equations(result):
+        unit = "kg" if equation.text.startswith("m") else "kg m2"
+        value = "" if equation.value is None else f"   = {equation.value:.5g} {unit}"
+        click.echo(f"  [{equation.body}]  {equation.text}{value}")
+
+
+def dynamics(check: Verification) -> None:
+    """RMS values by stage at both speeds, what is left, what it costs."""
+    for label, run in zip(check.labels, (check.constant, check.varying), strict=True):
+        rows = [
+            [STAGE[stage], *(f"{value:.4g}" for value in run.rms(stage).values()), *_left(run, stage)]
+            for stage in run.responses
+        ]
+        header = ["stage", "FX [N]", "FY [N]", "M [N m]", "torque [N m]", "force left", "moment left"]
+        emit_table(f"Simulated, {label}: RMS", header, rows, _how_fast(check, run))
+    for stage in list(check.mass)[1:]:
+        cost = check.penalty(stage)
+        torque = [f"{cost[k]:.3g} times ({label})" for k, label in zip(TORQUES, check.labels, strict=True) if k in cost]
+        click.echo(
+            f"Cost of {STAGE[stage]}: moving mass {check.mass['before']:.3f} -> {check.mass[stage]:.3f} kg "
+            f"({cost['mass']:.3g} times); RMS drive torque {', '.join(torque) or 'not compared'}."
+        )
+    click.echo(
+        "Weight excluded from force and moment; M about the origin of the base. Mass of counter-gears as far as given."
+    )
+
+
+def printed(comparison: Comparison, check: Verification | None) -> None:
+    """What the source prints beside what its printed inputs give."""
+    rows = [
+        [row.name, *(f"{x:.5g}" for x in (row.printed.value, row.computed, *row.interval)), _verdict(row)]
+        for row in comparison.rows
+    ]
+    header = ["symbol", "printed", "computed", "from", "to", "verdict"]
+    emit_table("Printed by the source, and computed from its printed inputs as rounded [kg, kg m2]", header, rows)
+    for row in comparison.rows:
+        if row.why and row.explained is not None:
+            fits = "as printed, within the rounding" if row.is_explained else "not as printed either"
+            click.echo(f"{row.name}: printed {row.printed.value:g}, computed {row.computed:.5g}: {row.why}. "
+                       f"Computed like that it is {row.explained:.5g}, {fits}.")  # fmt: skip
+    names = {row.name for row in comparison.rows if row.explained is not None}
+    for entry in comparison.contradictions:
+        if entry.about not in names:
+            click.echo(f"{STAGE.get(entry.about, entry.about)}: {entry.why}.")
+    _rms(comparison.rms, check)
+    for name, what in comparison.restored.items():
+        click.echo(f"Restored in the printed copy, {name}: {what}.")
+
+
+def _rms(rms: Mapping[str, Mapping[str, float]], check: Verification | None) -> None:
+    if not rms:
+        return
+    rows = []
+    for stage, values in rms.items():
+        rows.append([f"{STAGE[stage]}, printed", *(f"{values[c]:.4g}" for c in COLUMNS)])
+        if check is not None and stage in check.constant.responses:
+            ours = check.constant.rms(stage)
+            rows.append([f"{STAGE[stage]}, simulated", *(f"{ours[c]:.4g}" for c in COLUMNS)])
+            rows.append(["  simulated / printed", *(_ratio(ours[c], values[c]) for c in COLUMNS)])
+    emit_table("RMS at constant speed", ["stage", "FX [N]", "FY [N]", "M [N m]", "torque [N m]"], rows)
+
+
+def _ratio(ours: float, theirs: float) -> str:
+    return f"{100 * (ours / theirs - 1):+.2f} %" if theirs > 0.05 else "-"
+
+
+def _how_fast(check: Verification, run: SimulatedLinkage) -> str:
+    """What moves the driven joint."""
+    what = "cycles of" if check.swings else "at"
+    varied = f" (1 + {check.variation:g} sin wt)" if run is check.varying else ""
+    return f"driven joint {run.drive} {what} {check.speed:.5g}{varied} rad/s; left: largest as a share of before"
+
+
+def _left(run: SimulatedLinkage, stage: str) -> list[str]:
+    """Shares of before; a dash where there was nothing before."""
+    return [f"{share:.2g}" if isfinite(share) else "-" for share in run.residual(stage).values()]
+
+
+def _verdict(row: PublishedRow) -> str:
+    return row.verdict + (", see below" if row.why else "")

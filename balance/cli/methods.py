@@ -1,4 +1,7 @@
-"""``balance methods``."""
+"""``balance methods``.
+
+``balance static``.
+"""
 
 from math import isnan
 from typing import TYPE_CHECKING, Any
@@ -6,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from . import options
-from .console import emit_json, emit_table, json_option
-from .rotor.given import Quantity
+from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from .options import Quantity
 
 if TYPE_CHECKING:
-    from ..mechanism import Mechanism
+    from ..balancing.static_balancing import Springs
+    from ..mechanism.mechanism import Mechanism
+
 _LENGTH = Quantity("length", positive=True)
 UNITS = {
     "rad_per_s": "rad/s", "m_per_s": "m/s", "N_per_m": "N/m", "percent": "%", "kgm2": "kg m2", "Nm": "N m", "kg": "kg",
@@ -80,29 +85,31 @@ def methods(
     Springs; counter-masses; with counter-inertias on the base; mirror images of the mechanism; active masses. Printed
     conditions of serial chains and four-bars are held against those derived from the model.
     """
-    from ..conditions import find
-    from ..methods import document as documents
-    from ..methods import printed, side_by_side
+    from ..balancing import closed_forms, method_comparison
+    from ..balancing import method_comparison as documents
+    from ..balancing.conditions import balance_conditions
 
     if isnan(wheel_ratio):
         raise click.UsageError("--wheel-ratio: expected a number")
-    model = options.load(mechanism, payload)
+    model = options.load_mechanism_option(mechanism, payload)
     name = motion or _own_motion(model.name)
-    settings = side_by_side.Settings(site, wheel_ratio, wheel_radius, stroke, turn)
+    settings = method_comparison.Settings(site, wheel_ratio, wheel_radius, stroke, turn)
     outcomes = _outcomes(model, name, settings)
-    result = documents.document(model.name, name, outcomes, printed.compare(find(model)))
+    result = documents.methods_document(
+        model.name, name, outcomes, closed_forms.compare_conditions(balance_conditions(model))
+    )
     if figure:
-        from ..figures.drawing import save
-        from ..figures.methods import draw_methods
+        from ..figures.balancing import draw_methods
+        from ..figures.mechanism import save
 
         save(draw_methods(result), figure)
-    emit_json(result) if as_json else _print(result)
+    emit_json(result) if as_json else _print_methods(result)
 
 
 def _own_motion(mechanism: str) -> str:
-    from ..datasets import names
+    from ..datasets import dataset_names
 
-    known = names("motions", ".toml")
+    known = dataset_names("motions", ".toml")
     if mechanism not in known:
         raise click.UsageError(
             f"no shipped motion has the name of {mechanism}: give one with --motion, a TOML file or one of "
@@ -112,16 +119,16 @@ def _own_motion(mechanism: str) -> str:
 
 
 def _outcomes(model: "Mechanism", motion: str, settings: Any) -> Any:  # noqa: ANN401
+    from ..balancing import method_comparison
     from ..closure import Closure
-    from ..methods import side_by_side
     from ..motion import DEFAULT_RATE_HZ
     from ..motion.motion_files import load_motion
 
     trajectory = Closure(model).follow(load_motion(motion).sample(DEFAULT_RATE_HZ))
-    return side_by_side.compare(model, trajectory, settings)
+    return method_comparison.compare_methods(model, trajectory, settings)
 
 
-def _print(result: dict[str, Any]) -> None:
+def _print_methods(result: dict[str, Any]) -> None:
     rows = [
         [row["method"], f"{row['added_mass_kg']:.3f}", f"{row['added_inertia_kgm2']:.4f}", _value(row["force_rms_N"]),
          _value(row["force_peak_N"]), _value(row["moment_rms_Nm"]), _value(row["moment_peak_Nm"]),
@@ -159,3 +166,141 @@ def _needed(name: str, value: float) -> tuple[str, str, str]:
         if name.endswith(f"_{ending}"):
             return name.removesuffix(f"_{ending}").replace("_", " "), f"{value:.4g}", unit
     return name.replace("_", " "), f"{value:.4g}", ""
+
+
+_SPRING_LENGTH = Quantity("length", positive=True)
+_LEFT = 1e-9
+"""Share of the unbalanced swing above which the potential energy is not called constant."""
+
+
+@click.command(
+    epilog="""\b
+A spring file (TOML; unknown keys are refused, quantities carry units); without stiffness it is found:
+  [[spring]]
+  name = "base to arm A0A"
+  first = { body = "base", at = ["-0.12 m", "0.15 m", "0 m"] }
+  second = { body = "A0A", at = ["0.075 m", "0 m", "0 m"] }
+  stiffness = "900 N/m"
+
+\b
+Examples:
+  balance static serial-3r
+  balance static parallelogram-6bar --payload platform=5kg --springs parallelogram-6bar
+  balance static four-bar --reach 80mm --height 200mm --figure energy.png --json
+
+\b
+Exit code 3: the springs or counter-masses leave the potential energy swinging; how much is said."""
+)
+@options.mechanism_argument
+@options.payload_option
+@options.site_option
+@click.option("--springs", metavar="TOML", help="Where springs go, or which they are [default: laid out].")
+@click.option(
+    "--reach",
+    type=_SPRING_LENGTH,
+    metavar="LENGTH",
+    help="Spring ends from joints [default: half the mechanism's length].",
+)
+@click.option(
+    "--height",
+    type=_SPRING_LENGTH,
+    metavar="LENGTH",
+    help="Spring ends from ground pivots [default: the mechanism's length].",
+)
+@options.figure_option
+@json_option
+def static(
+    mechanism: str,
+    payload: tuple[tuple[str, float], ...],
+    site: tuple[str, ...],
+    springs: str | None,
+    reach: float | None,
+    height: float | None,
+    figure: str | None,
+    as_json: bool,
+) -> None:
+    """Balance MECH statically: weight does no work, whatever it does, by counter-masses or by springs.
+
+    Springs have no free length (force in proportion to length, as over a pulley). The softest set that makes the
+    potential energy constant is found; it is judged at other configurations of the workspace. The base still shakes.
+    """
+    from .. import balancing
+    from ..balancing import static_balancing
+    from ..balancing import static_balancing as documents
+
+    model = options.load_mechanism_option(mechanism, payload)
+    found = static_balancing.static_conditions(model)
+    counter = balancing.exact_sizing(found, model, site) if site or model.counter_sites else None
+    result = documents.static_document(found, counter, _springs(model, springs, reach, height))
+    if figure:
+        from ..figures.balancing import draw_energy
+        from ..figures.mechanism import save
+
+        save(draw_energy(result), figure)
+    emit_json(result) if as_json else _print_static(result)
+    if any(_share(result, way) > _LEFT for way in ("counter_masses", "springs")):
+        raise click.exceptions.Exit(EXIT_WITH_FINDINGS)
+
+
+def _share(result: dict[str, Any], way: str) -> float:
+    """Share of the unbalanced swing that counter-masses or springs leave; 0 where there are none, or no swing."""
+    return (result[way] or {}).get("share_of_unbalanced") or 0.0
+
+
+def _springs(model: "Mechanism", name: str | None, reach: float | None, height: float | None) -> "Springs":
+    from ..balancing import static_balancing
+
+    if name and (reach or height):
+        raise click.UsageError("--reach and --height lay springs out; --springs says where they are")
+    if name:
+        from ..balancing.spring_files import load_springs
+
+        places, given = load_springs(name, model)
+        return (
+            static_balancing.judged_springs(model, places) if given else static_balancing.design_springs(model, places)
+        )
+    return static_balancing.design_springs(model, (), reach or 0.0, height or 0.0)
+
+
+def _print_static(result: dict[str, Any]) -> None:
+    if not result["conditions"]:
+        click.echo(f"Nothing to balance: the weight of {result['mechanism']} does no work in any motion.")
+        return
+    emit_table(
+        f"Static balance of {result['mechanism']}: what must vanish",
+        ["condition", "now [kg m]"],
+        [[row["text"], f"{row['value_kgm']:.5g}"] for row in result["conditions"]],
+    )
+    _energies(result)
+    emit_table(
+        "Springs of zero free length; places in the bodies' frames [m]",
+        ["from", "to", "stiffness [N/m]", "length [m]", "largest force [N]"],
+        [
+            [s["first"], s["second"], f"{s['stiffness_N_per_m']:.2f}", f"{s['shortest_m']:.3f} to {s['longest_m']:.3f}",
+             f"{s['force_peak_N']:.1f}"]
+            for s in result["springs"]["springs"]
+        ],
+    )  # fmt: skip
+
+
+def _energies(result: dict[str, Any]) -> None:
+    """Swings as it is, with counter-masses and with springs, and what either leaves."""
+    counter = result["counter_masses"]
+    rows = [_row("as it is", result["as_it_is"], 0.0), _row("springs", result["springs"], 0.0)]
+    if counter:
+        rows.insert(1, _row("counter-masses", counter, counter["added_mass_kg"]))
+    header = ["", "swing [J]", "of unbalanced", "largest holding torque [N m]", "added mass [kg]"]
+    note = f"{result['configurations']} configurations of the workspace."
+    emit_table("Potential energy over the workspace", header, rows, note)
+    masses = ", ".join(f"{site} = {mass:.4f} kg" for site, mass in counter["masses_kg"].items()) if counter else ""
+    click.echo(f"Counter-masses: {masses or 'no site named counter..., name one with --site'}")
+    for way in ("counter_masses", "springs"):
+        if (share := _share(result, way)) > _LEFT:
+            what = way.replace("_", "-").capitalize()
+            click.echo(f"{what} leave {100 * share:.3g} % of the swing: the potential energy is not constant.")
+
+
+def _row(name: str, values: dict[str, Any], mass: float) -> list[str]:
+    share = values["share_of_unbalanced"]
+    torque = ", ".join(f"{joint} {value:.3g}" for joint, value in values["holding_torque_peak_Nm"].items())
+    return [name, f"{values['potential_swing_J']:.3g}", "-" if share is None else f"{share:.1e}", torque, f"{mass:.3f}"]

@@ -1,4 +1,9 @@
-"""Options that several commands share: a mechanism, its payload and counter-masses."""
+"""Options that several commands share: a mechanism, its payload and counter-masses.
+
+What a motion asks of base and motors, as numbers for JSON and rows for people.
+
+Options of ``balance rotor``: quantities and places, read at the edge.
+"""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -6,9 +11,11 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from ..errors import UnitError
+from .framework import emit_table
 
 if TYPE_CHECKING:
-    from ..mechanism import Mechanism
+    from ..dynamics.inverse_dynamics import Response
+    from ..mechanism.mechanism import Mechanism
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -25,7 +32,7 @@ class NamedMass(click.ParamType[tuple[str, float]]):
         """Read the text; a wrong one fails as a wrong command line."""
         if isinstance(value, tuple):
             return value
-        from ..quantities import parse
+        from ..units import parse
 
         name, separator, text = value.partition("=")
         if not separator or not name.strip():
@@ -64,9 +71,9 @@ figure_option = click.option(
 )
 
 
-def load(mechanism: str, payload: tuple[tuple[str, float], ...]) -> "Mechanism":
+def load_mechanism_option(mechanism: str, payload: tuple[tuple[str, float], ...]) -> "Mechanism":
     """The mechanism by name or file, with its payload."""
-    from ..loading.loading import load_mechanism
+    from ..mechanism.mjcf_parser import load_mechanism
 
     return load_mechanism(mechanism).with_payload(once(payload, "--payload"))
 
@@ -98,3 +105,84 @@ def in_turn(pairs: tuple[tuple[str, float], ...]) -> list[tuple[tuple[str, float
 def payload_bodies(mechanism: "Mechanism", payload: tuple[tuple[str, float], ...]) -> tuple[str, ...]:
     """Bodies whose balanced payload is asked for: those named, or else the mechanism's own."""
     return tuple(name for name, _ in payload) or mechanism.payload_bodies
+
+
+def summary(response: "Response") -> dict[str, Any]:
+    """RMS and peak values for JSON; torques [N m], and forces of drives that slide [N], apart by joint."""
+    return {"rms": _grouped(response.rms()), "peak": _grouped(response.peak())}
+
+
+def _grouped(values: dict[str, float]) -> dict[str, Any]:
+    groups: dict[str, Any] = {"torque_Nm": {}}
+    for name, value in values.items():
+        if name.startswith("torque_"):
+            groups["torque_Nm"][name.removeprefix("torque_").removesuffix("_Nm")] = value
+        elif name.startswith("drive_force_"):
+            groups.setdefault("drive_force_N", {})[name.removeprefix("drive_force_").removesuffix("_N")] = value
+        else:
+            groups[name] = value
+    return groups
+
+
+def print_responses(responses: "dict[str, Response]") -> None:
+    """Print a motion before and after balancing, components that are not zero throughout."""
+    before, after = responses["before"], responses["after"]
+    rows = []
+    for name, peak in before.peak().items():
+        if max(peak, after.peak()[name]) > 1e-9:
+            values = [before.rms()[name], after.rms()[name], peak, after.peak()[name]]
+            rows.append([label(name), *(f"{value:.4g}" for value in values)])
+    emit_table("Simulated motion", ["component", "RMS before", "RMS after", "peak before", "peak after"], rows)
+
+
+def label(name: str) -> str:
+    """The name of a component with its unit, such as ``Fx [N]`` of ``Fx_N``."""
+    stem, _, unit = name.rpartition("_")
+    return f"{stem.replace('_', ' ')} [{unit.replace('Nm', 'N m')}]"
+
+
+G = TypeVar("G", bound=Callable[..., Any])
+
+
+class Quantity(click.ParamType[float]):
+    """A text with a unit, in SI."""
+
+    def __init__(self, *dimensions: str, positive: bool = False) -> None:
+        self.dimensions, self.positive = dimensions, positive
+        self.name = " or ".join(dimensions)
+
+    def convert(self, value: str | float, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Read the text; a wrong one fails as a wrong command line."""
+        if not isinstance(value, str):
+            return value
+        from ..units import dimension_of, parse
+
+        try:
+            found = parse(value, dimension_of(value, *self.dimensions))
+        except UnitError as error:
+            self.fail(str(error), param, ctx)
+        if self.positive and not found > 0.0:
+            self.fail(f"{value!r}: expected more than zero", param, ctx)
+        return found
+
+
+class Place(click.ParamType[tuple[str, float]]):
+    """``NAME=Z`` with a unit, such as ``left=0mm``, as (name, place in m)."""
+
+    name = "name=place"
+
+    def convert(
+        self, value: str | tuple[str, float], param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, float]:
+        """Read the text; a wrong one fails as a wrong command line."""
+        if isinstance(value, tuple):
+            return value
+        name, separator, text = value.partition("=")
+        if not separator or not name.strip():
+            self.fail(f"{value!r}: expected NAME=PLACE, such as left=0mm", param, ctx)
+        return name.strip(), Quantity("length").convert(text, param, ctx)
+
+
+speed_option = click.option(
+    "--speed", type=Quantity("angular velocity", positive=True), metavar="SPEED", help="Speed, such as 3000rpm."
+)

@@ -5,6 +5,8 @@ from typing import Any
 
 def schema(name: str) -> dict[str, Any]:
     """The schema of a kind of input file. Raises DataError, listing the kinds, for a name that is none."""
+    from ..balancing.spring_files import SpringsTable
+    from ..balancing.stock_plates import MaterialsTable
     from ..drives.drive_files import DriveTable
     from ..engines.engine_files import EngineTable
     from ..errors import DataError
@@ -13,8 +15,6 @@ def schema(name: str) -> dict[str, Any]:
     from ..motion.motion_files import MotionTable
     from ..rotors.rotor_files import RotorTable
     from ..rotors.trial_run_files import TrialRunsTable
-    from ..static.spring_files import SpringsTable
-    from ..stock.materials import MaterialsTable
 
     models: dict[str, type[Table]] = {
         "drive": DriveTable, "engine": EngineTable, "linkage": LinkageTable, "materials": MaterialsTable,

@@ -1,18 +1,118 @@
-"""``balance size``."""
+"""``balance size`` for several payloads of one body: sets that only grow.
 
-from typing import TYPE_CHECKING
+``balance size``.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from . import options
-from .console import emit_json, emit_table, json_option
-from .responses import print_responses, summary
-from .tables import first_moment, mass, per_cent
+from .framework import emit_json, emit_table, first_moment, json_option, mass, per_cent
+from .options import print_responses, summary
 
 if TYPE_CHECKING:
+    from ..balancing import Sizing
     from ..dynamics.inverse_dynamics import Response
-    from ..mechanism import Mechanism
-    from ..sizing import Sizing
+    from ..mechanism.mechanism import Mechanism
+
+Payload = tuple[tuple[str, float], ...]
+
+
+def grow(mechanism: str, payloads: Sequence[Payload], sites: tuple[str, ...], stock: str | None, as_json: bool) -> None:
+    """Size a set for each of ``payloads``, which rise, and print them."""
+    from ..balancing.sizing import sizing_document
+
+    models = [options.load_mechanism_option(mechanism, payload) for payload in payloads]
+    sets = [
+        {"payload_kg": dict(payload), **sizing_document(sized), "increments_kg": increments}
+        for payload, (sized, increments) in zip(payloads, _size_nested(models, payloads, sites, stock), strict=True)
+    ]
+    published = _published(models, payloads) if stock == "kiper2019" and not sites else {}
+    if as_json:
+        emit_json({"mechanism": models[0].name, "stock": stock, "sets": sets, **published})
+        return
+    _print_nested(models[0].name, sets, stock)
+    if published:
+        _print_published(published["published"])
+
+
+def _size_nested(
+    models: "Sequence[Mechanism]", payloads: Sequence[Payload], sites: tuple[str, ...], stock: str | None
+) -> "list[tuple[Sizing, dict[str, float]]]":
+    """Each set with what it adds to the one before at each site [kg]."""
+    from dataclasses import replace
+
+    from .. import balancing
+    from ..balancing.conditions import balance_conditions
+    from ..balancing.stock_plates import load_stock
+
+    found = balance_conditions(models[0])
+    plates = load_stock(stock) if stock else []
+    sets = (
+        balancing.nested_size_from_stock(found, models, plates, sites)
+        if plates
+        else balancing.nested_exact_sizing(found, models, sites)
+    )
+    masses = [{c.site: c.mass for c in sized.counter_masses} for sized in sets]
+    before = [dict.fromkeys(masses[0], 0.0), *masses]
+    added = [{site: more[site] - less[site] for site in more} for less, more in pairwise(before)]
+    bodies = [options.payload_bodies(model, payload) for model, payload in zip(models, payloads, strict=True)]
+    return [(replace(s, payload_bodies=b), add) for s, b, add in zip(sets, bodies, added, strict=True)]
+
+
+def _published(models: "Sequence[Mechanism]", payloads: Sequence[Payload]) -> dict[str, Any]:
+    """What the source built, where it is the source's manipulator with the source's payloads."""
+    if not models[0].name.startswith("parallelogram-6bar") or any([n for n, _ in p] != ["platform"] for p in payloads):
+        return {}
+    from ..balancing import stock_sizing
+    from ..balancing.conditions import balance_conditions
+
+    found = stock_sizing.built_sets(balance_conditions(models[0]), models, [payload[0][1] for payload in payloads])
+    sets = [
+        {"payload_kg": s.payload, "plates": list(s.plates), "mass_kg": s.mass, "residual_first_moment_kgm": s.residual}
+        for s in found
+    ]
+    return {"published": {"sets": sets, "increments_kg": list(stock_sizing.printed_increments())}} if sets else {}
+
+
+def _print_published(published: dict[str, Any]) -> None:
+    click.echo("Built by the source, and what it leaves:")
+    for found in published["sets"]:
+        left = first_moment(found["residual_first_moment_kgm"])
+        click.echo(
+            f"  {mass(found['payload_kg'])} kg  {' + '.join(found['plates'])} = {mass(found['mass_kg'])} kg  {left}"
+        )
+    printed = " and ".join(f"{value:g}" for value in published["increments_kg"])
+    click.echo(
+        f"Its printed increments, {printed} kg, are differences of its printed counter-masses, not masses of plates."
+    )
+
+
+def _print_nested(name: str, sets: list[dict[str, Any]], stock: str | None) -> None:
+    rows, worn = [], dict[str, list[str]]()
+    for found in sets:
+        payload = ", ".join(f"{body} {mass(value)}" for body, value in found["payload_kg"].items())
+        for counter in found["counter_masses"]:
+            site = counter["site"]
+            row = [payload, site, mass(counter["mass_kg"]), mass(found["increments_kg"][site])]
+            new = list(counter["plates"])
+            for plate in worn.get(site, []):
+                new.remove(plate)
+            worn[site] = list(counter["plates"])
+            rows.append([*row, " + ".join(new) or "-"] if stock else row)
+            payload = ""
+    title = f"Counter-masses for {name}" + (f" from {stock}" if stock else "") + ", sets that only grow"
+    header = ["payload [kg]", "site", "mass [kg]", "added [kg]"]
+    emit_table(title, [*header, "plates added"] if stock else header, rows)
+    for found in sets:
+        payload = ", ".join(f"{body} = {mass(value)} kg" for body, value in found["payload_kg"].items())
+        left = first_moment(found["residual_first_moment_kgm"])
+        click.echo(f"Residual at {payload}  {left}  ({per_cent(found['residual_percent'])})")
+    if stock:
+        click.echo("Least of all sets that only grow, proven: largest residual, then their sum, then mass.")
 
 
 @click.command(
@@ -71,27 +171,28 @@ def size(
     if len(in_turn) > 1:
         if limit or motion or figure:
             raise click.UsageError("--limit, --motion and --figure are for one payload of a body")
-        from .growing import grow
 
         grow(mechanism, in_turn, site, stock, as_json)
         return
-    result = _sized(options.load(mechanism, payload), site, stock, options.once(limit, "--limit"), payload)
+    result = _size_one(
+        options.load_mechanism_option(mechanism, payload), site, stock, options.once(limit, "--limit"), payload
+    )
     responses = _responses(result, motion) if motion else {}
     if figure:
-        from ..figures.drawing import draw_mechanism, save
+        from ..figures.mechanism import draw_mechanism, save
 
         save(draw_mechanism(result.after, result.counter_masses), figure)
     if as_json:
-        from ..sizing.document import document
+        from ..balancing.sizing import sizing_document
 
-        emit_json(document(result) | {name: summary(response) for name, response in responses.items()})
+        emit_json(sizing_document(result) | {name: summary(response) for name, response in responses.items()})
         return
-    _print(result, stock)
+    _print_sizing(result, stock)
     if responses:
         print_responses(responses)
 
 
-def _sized(
+def _size_one(
     model: "Mechanism",
     sites: tuple[str, ...],
     stock: str | None,
@@ -100,13 +201,17 @@ def _sized(
 ) -> "Sizing":
     from dataclasses import replace
 
-    from .. import sizing
-    from ..conditions import find
-    from ..stock import load
+    from .. import balancing
+    from ..balancing.conditions import balance_conditions
+    from ..balancing.stock_plates import load_stock
 
-    found = find(model)
-    plates = load(stock) if stock else []
-    result = sizing.from_stock(found, model, plates, sites) if plates else sizing.exact(found, model, sites, limits)
+    found = balance_conditions(model)
+    plates = load_stock(stock) if stock else []
+    result = (
+        balancing.size_from_stock(found, model, plates, sites)
+        if plates
+        else balancing.exact_sizing(found, model, sites, limits)
+    )
     return replace(result, payload_bodies=options.payload_bodies(model, payload))
 
 
@@ -120,7 +225,7 @@ def _responses(result: "Sizing", motion: str) -> "dict[str, Response]":
     return {"before": simulate(result.before, trajectory), "after": simulate(result.after, trajectory)}
 
 
-def _print(result: "Sizing", stock: str | None) -> None:
+def _print_sizing(result: "Sizing", stock: str | None) -> None:
     rows = [
         [c.site, mass(c.mass), f"{c.position[0] * 1e3:.2f}", f"{c.first_moment[0]:.5f}", " + ".join(c.plates) or "-"]
         for c in result.counter_masses
@@ -143,11 +248,12 @@ def _closed_form(mechanism: str, payload: tuple[tuple[str, float], ...], as_json
     """Size the manipulator by the printed formula from the printed inputs."""
     import json
 
-    from .. import closed_forms, datasets
+    from .. import datasets
+    from ..balancing import closed_forms
 
     if mechanism != "parallelogram-6bar" or [name for name, _ in payload] != ["platform"]:
         raise click.UsageError("--closed-form is for parallelogram-6bar with --payload platform=M")
-    text = datasets.find("kiper2019", "published", ".json").read_text(encoding="utf-8")
+    text = datasets.find_dataset("kiper2019", "published", ".json").read_text(encoding="utf-8")
     sheet = json.loads(text)["sizing_sheet_A_as_built"]
     inputs = [sheet[key] for key in ("m1_kg", "p1_m", "m2_kg", "p2_m", "r_m")]
     m1, p1, m2, p2, r = inputs

@@ -10,28 +10,16 @@ from pydantic import Field
 from .. import datasets
 from ..arrays import Floats
 from ..errors import CounterpoiseError, DataError
-from ..input_files import (
-    Distinct,
-    Measured,
-    Number,
-    Positive,
-    Quantity,
-    Table,
-    Text,
-    csv_columns,
-    in_file,
-    load_model,
-)
-from ..loading.loading import load_mechanism
+from ..input_files import Distinct, Measured, Number, Positive, Quantity, Table, Text, csv_columns, in_file, load_model
+from ..mechanism.mjcf_parser import load_mechanism
 from . import motors
-from .loads import Load
-from .machine import READINGS, Inertia, Machine
-from .reduced import reduce
+from .equivalent_inertia import reduced_to_crank
+from .machine import READINGS, Inertia, Load, Machine
 
 if TYPE_CHECKING:
     from scipy.interpolate import PchipInterpolator
 
-    from ..mechanism import Mechanism
+    from ..mechanism.mechanism import Mechanism
 
 Speed = Annotated[float, Quantity("angular velocity")]
 PositiveSpeed = Annotated[float, Quantity("angular velocity", above=0.0)]
@@ -313,7 +301,7 @@ class Drive:
 
     def machines(self, mechanism: "Mechanism") -> list[Machine]:
         """The machine at each nominal speed, in each reading of the gearbox that the file leaves open."""
-        reduced = reduce(mechanism, self.table.crank, self.table.direction)
+        reduced = reduced_to_crank(mechanism, self.table.crank, self.table.direction)
         loads = tuple(self._load(table, mechanism, reduced.crank) for table in self.table.load)
         inertias = tuple(Inertia(each.name or "inertia", each.inertia, each.side) for each in self.table.inertia)
         return [
@@ -336,7 +324,7 @@ class Drive:
 
 def load_drive(name: str | Path) -> Drive:
     """Load a shipped drive by name, or a TOML file. Raises DataError, naming the key that is wrong."""
-    path = datasets.find(name, "drives", ".toml")
+    path = datasets.find_dataset(name, "drives", ".toml")
     table = load_model(DriveTable, path)
     return Drive(path.name, table, path.parent, tuple(table.speeds), table.motor.motor(), table.gearbox.reading)
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from .errors import DriveError
+from . import DriveError
+from .harmonic_balance import steady_rotation
 from .machine import Machine
-from .steady import steady
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ def flywheel_for(machine: Machine, wanted: float, definition: str = "nominal", s
         raise DriveError(f"wanted coefficient of fluctuation is {wanted:g}: expected a number between 0 and 2")
 
     def excess(inertia: float) -> float:
-        return steady(machine.with_flywheel(inertia, side)).fluctuation(definition) - wanted
+        return steady_rotation(machine.with_flywheel(inertia, side)).fluctuation(definition) - wanted
 
     without = excess(0.0)
     if without <= 0.0:
@@ -58,7 +58,7 @@ def flywheel_for(machine: Machine, wanted: float, definition: str = "nominal", s
     return Flywheel(inertia, side, excess(inertia) + wanted, wanted)
 
 
-def estimate(machine: Machine, wanted: float) -> float:
+def flywheel_estimate(machine: Machine, wanted: float) -> float:
     """The textbook's whole inertia dE / (omega^2 delta), dE the swing of weight's potential energy alone [kg m2].
 
     Motor and variable inertia are left out: an estimate to hold beside the solution.

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import ModelError
-from ..mechanism import Mechanism
+from ..mechanism.mechanism import Mechanism
 
 Inverse = Callable[[Floats, Floats, Floats], Floats]
 """Torques (n, nv) [N m, N] of the states q, v, a (n, nv)."""

@@ -12,11 +12,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .. import kinematics
-from ..arrays import Floats
-from ..blocks import in_blocks
+from ..arrays import Floats, in_blocks
 from ..closure import Closure, Trajectory
-from ..components import (
+from ..errors import ClosureError, ModelError
+from ..mechanism import forward_kinematics
+from ..mechanism.forward_kinematics import Motion, Pose
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.sparse_components import (
     ZERO,
     Entry,
     Matrix,
@@ -35,11 +37,8 @@ from ..components import (
     sub,
     vector,
 )
-from ..drive import PointDrive
-from ..errors import ClosureError, ModelError
-from ..kinematics import Motion, Pose
-from ..mechanism import Mechanism
 from ..motion import Samples
+from ..motion.driven_coordinates import PointDrive
 
 _DEAD_CENTRE = 1e-6
 """Share of their largest effect on the mechanism at which driven joints count as having none."""
@@ -173,8 +172,8 @@ def simulate(mechanism: Mechanism, trajectory: Trajectory) -> Response:
 
 def momentum(mechanism: Mechanism, q: Floats, v: Floats) -> Floats:
     """Linear momentum [kg m/s], then angular about the base frame's origin [kg m2/s], for (n, nv) states, (n, 6)."""
-    at = kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
-    moving = kinematics.motion(mechanism.tree, at, np.ascontiguousarray(v.T))
+    at = forward_kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
+    moving = forward_kinematics.motion(mechanism.tree, at, np.ascontiguousarray(v.T))
     total = SpatialForce()
     for row, joint in zip(mechanism.parameters, mechanism.tree.bodies, strict=True):
         total = total.plus(body_momentum(row, at, moving, joint))
@@ -184,8 +183,8 @@ def momentum(mechanism: Mechanism, q: Floats, v: Floats) -> Floats:
 def _loads(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> tuple[SpatialForce, SpatialForce, list[Entry]]:
     """Rate of momentum, weight, and the torque of every joint of the open tree."""
     tree = mechanism.tree
-    at = kinematics.pose(tree, q)
-    moving = kinematics.motion(tree, at, v, a)
+    at = forward_kinematics.pose(tree, q)
+    moving = forward_kinematics.motion(tree, at, v, a)
     inertial, weight = [SpatialForce()] * tree.size, [SpatialForce()] * tree.size
     for row, joint in zip(mechanism.parameters, tree.bodies, strict=True):
         inertial[joint] = body_force(row, at, moving, joint)

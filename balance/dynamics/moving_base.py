@@ -11,12 +11,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from .. import kinematics
 from ..arrays import Floats
 from ..closure import Trajectory
-from ..components import dense
-from ..kinematics import Pose
-from ..mechanism import Mechanism
+from ..mechanism import forward_kinematics
+from ..mechanism.forward_kinematics import Pose
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.sparse_components import dense
 
 BLOCK = 128
 """Samples a block: about the square root of the samples of a run."""
@@ -61,7 +61,7 @@ def inertia_along(mechanism: Mechanism, q: Floats) -> Floats:
     For a body with first moment h and inertia I about its joint's origin o, all in base axes:
     I_0 = I - S(o) S(h) - S(h) S(o) - m S(o) S(o).
     """
-    at = kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
+    at = forward_kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
     first, second = np.zeros((at.count, 3)), np.zeros((at.count, 3, 3))
     for row, joint in zip(mechanism.parameters, mechanism.tree.bodies, strict=True):
         turn = np.moveaxis(_rotation(at, joint), 2, 0)
@@ -95,11 +95,11 @@ def acceleration_in_body(
     ``base`` (n, 6) are the base's accelerations u'', phi'' [m/s2, rad/s2]: R' (a + u'' + phi'' x p).
     """
     q, v, a = (np.ascontiguousarray(x.T) for x in (trajectory.q, trajectory.v, trajectory.a))
-    at = kinematics.pose(mechanism.tree, q)
-    moving = kinematics.motion(mechanism.tree, at, v, a)
+    at = forward_kinematics.pose(mechanism.tree, q)
+    moving = forward_kinematics.motion(mechanism.tree, at, v, a)
     joint = mechanism.tree.bodies[mechanism.body_index(body)]
     point = dense(at.point(joint, position), at.count).T
-    relative = dense(kinematics.point_acceleration(at, moving, joint, position), at.count).T
+    relative = dense(forward_kinematics.point_acceleration(at, moving, joint, position), at.count).T
     absolute = relative + base[:, :3] + np.cross(base[:, 3:], point)
     return np.einsum("ijn,ni->nj", _rotation(at, joint), absolute)
 

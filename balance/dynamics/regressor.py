@@ -8,11 +8,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .. import kinematics
 from ..arrays import Floats
-from ..components import dense, fill
-from ..kinematics import Motion, Pose
-from ..mechanism import PARAMETERS, Mechanism
+from ..mechanism import forward_kinematics
+from ..mechanism.forward_kinematics import Motion, Pose
+from ..mechanism.mechanism import PARAMETERS, Mechanism
+from ..mechanism.sparse_components import dense, fill
 from .inverse_dynamics import SpatialForce, body_force, body_momentum, body_weight
 
 _UNIT_ROWS = np.eye(len(PARAMETERS))
@@ -64,7 +64,7 @@ def first_moment_regressor(mechanism: Mechanism, q: Floats) -> Floats:
 
     A body at o turned by R has m o + R h: columns o and those of R.
     """
-    at = kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
+    at = forward_kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
     columns = np.zeros((len(q), 3, len(mechanism.bodies), len(PARAMETERS)))
     for body, joint in enumerate(mechanism.tree.bodies):
         columns[:, :, body, 0] = dense(at.position[joint], at.count).T
@@ -89,9 +89,9 @@ def potential(mechanism: Mechanism, q: Floats) -> Floats:
 
 
 def _states(mechanism: Mechanism, q: Floats, v: Floats, a: Floats | None = None) -> tuple[Pose, Motion]:
-    at = kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
+    at = forward_kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
     rates = None if a is None else np.ascontiguousarray(a.T)
-    return at, kinematics.motion(mechanism.tree, at, np.ascontiguousarray(v.T), rates)
+    return at, forward_kinematics.motion(mechanism.tree, at, np.ascontiguousarray(v.T), rates)
 
 
 def _unit_bodies(mechanism: Mechanism) -> list[tuple[Floats, int]]:

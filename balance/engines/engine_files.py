@@ -11,7 +11,7 @@ from ..errors import DataError
 from ..input_files import Count, Distinct, Number, Quantity, Table, Text, Vector, load_model
 from ..rotors.rotor import Unbalance
 from .engine import Cylinder, Engine
-from .slidercrank import SliderCrank
+from .slider_crank import SliderCrank
 
 DEFAULT_RATIO = 0.25
 """Crank radius over rod length where a file gives no sizes."""
@@ -138,7 +138,7 @@ def has_sizes(name: str | Path) -> bool:
 
 
 def _table(name: str | Path) -> tuple[EngineTable, str]:
-    path = datasets.find(name, "engines", ".toml")
+    path = datasets.find_dataset(name, "engines", ".toml")
     return load_model(EngineTable, path), path.stem
 
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..arrays import Floats
-from ..conditions import Conditions
-from ..mechanism import Mechanism
-from ..sizing.system import distribute_masses, site_columns
+from ..balancing.conditions import Conditions
+from ..balancing.sizing import distribute_masses, site_columns
+from ..mechanism.mechanism import Mechanism
 from .estimate import Estimate
 from .identifiability import NotIdentifiable
 from .regression import LEAST_BLOCKS, RegressionFit, RegressionRecord, fit

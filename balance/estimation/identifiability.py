@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Floats
-from ..combinations import echelon, text_of
+from ..balancing.conditions import reduced_row_echelon, text_of
 from ..errors import DataError
 
 RANK_LIMIT = 1e-6
@@ -130,7 +130,7 @@ def identifiability(regressor: Floats, names: Sequence[str]) -> Identifiability:
     basis = np.zeros((rank, len(names)))
     basis[:, present] = np.linalg.qr((rows[:rank] * length[present]).T)[0].T
     order = pivot_order(names)
-    combinations = echelon(basis, order)
+    combinations = reduced_row_echelon(basis, order)
     pivots = tuple(next(k for k in order if row[k] != 0.0) for row in combinations)
     dropped = float(relative[rank]) if rank < len(relative) else 0.0
     own = length[list(pivots)]

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import DataError
-from ..mechanism import PARAMETERS, Mechanism
+from ..mechanism.mechanism import PARAMETERS, Mechanism
 from .base_parameters import BaseParameters
 
 LEAST_SHARE = 1e-3

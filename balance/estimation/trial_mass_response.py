@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Complexes, Floats, Indices
-from ..conditions import Conditions
+from ..balancing.conditions import Conditions
 from ..errors import DataError
 from .first_moment_imbalance import Imbalance, Subspace
 from .identifiability import NotIdentifiable

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
+from .equivalence_method import LinkageBalance
 from .expressions import Expression, Point
-from .loads import CounterMass, ForceBalance, pin
-from .method import Balance
-from .moment import BodyMoment, GearResult
+from .force_balance import CounterMass, ForceBalance, pin_load
+from .moment_balance import BodyMoment, GearResult
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Equation:
     """Of its left-hand side, in SI; None where it is a condition."""
 
 
-def equations(result: Balance) -> list[Equation]:
+def linkage_equations(result: LinkageBalance) -> list[Equation]:
     """All equations, in the order in which they are solved."""
     found: list[Equation] = []
     for balance in result.force.values():
@@ -38,7 +38,7 @@ def equations(result: Balance) -> list[Equation]:
     return found
 
 
-def _force(result: Balance, balance: ForceBalance) -> list[Equation]:
+def _force(result: LinkageBalance, balance: ForceBalance) -> list[Equation]:
     """sum(m r) + sum(m* p) = 0 about the reduction joint, an axis a line; solved where one counter-mass is in it."""
     if not balance.counters:
         return []
@@ -53,11 +53,11 @@ def _force(result: Balance, balance: ForceBalance) -> list[Equation]:
     return [line for line in (*lines, *rules) if line is not None]
 
 
-def _axis(result: Balance, balance: ForceBalance, axis: str) -> Equation | None:
+def _axis(result: LinkageBalance, balance: ForceBalance, axis: str) -> Equation | None:
     loads = [
         f"{load.text} {_on(load.at, axis).factor_text()}" for load in balance.loads if not _on(load.at, axis).is_zero
     ]
-    origin = pin(result.linkage, balance.joint, balance.body)
+    origin = pin_load(result.linkage, balance.joint, balance.body)
     arms = [(c, _on(c.place.point.plus(origin, -1.0), axis)) for c in balance.counters if c.place.point is not None]
     arms = [(counter, arm) for counter, arm in arms if not arm.is_zero]
     if len(arms) != 1:
@@ -69,7 +69,7 @@ def _axis(result: Balance, balance: ForceBalance, axis: str) -> Equation | None:
     return Equation(balance.body, f"{counter.symbol} = {sum_text or '0'} / {divisor}", counter.mass)
 
 
-def _across(result: Balance, balance: ForceBalance) -> Equation:
+def _across(result: LinkageBalance, balance: ForceBalance) -> Equation:
     """A two-point body's counter-mass brings the centre of mass onto the line of its joints."""
     first, second = result.linkage.two_point[balance.body].joints
     (counter,) = balance.counters
@@ -106,7 +106,7 @@ def _gear(gear: GearResult) -> list[Equation]:
     return found
 
 
-def _two_point(result: Balance, body: BodyMoment) -> list[Equation]:
+def _two_point(result: LinkageBalance, body: BodyMoment) -> list[Equation]:
     """m_B = S / L, m_A = m - m_B, and the inertia that the reshaped link must have."""
     assert result.moment is not None
     shaped = result.linkage.two_point[body.body]

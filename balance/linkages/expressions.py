@@ -9,7 +9,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import DataError, UnitError
-from ..quantities import parse
+from ..units import parse
 
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _TERM = re.compile(rf"\s*([+-])?\s*({_NUMBER})?\s*\*?\s*([^\W\d][\w]*)?\s*(?:/\s*({_NUMBER}))?\s*")

@@ -10,10 +10,10 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Discriminator,
 from .. import datasets
 from ..errors import DataError, UnitError
 from ..input_files import Count, FromText, OneOrMore, Quantity, Table, Text, in_file, model_from_table, read_toml
-from ..quantities import parse
+from ..units import parse
 from . import expressions
-from .description import GROUND, Body, Contradiction, End, Gear, Joint, Linkage, Part, Place, Published, TwoPoint, Wheel
 from .expressions import ORIGIN, Expression, Point, Symbol
+from .linkage import GROUND, Body, Contradiction, End, Gear, Joint, Linkage, Part, Place, Published, TwoPoint, Wheel
 
 RESERVED = {GROUND: "the ground is not described, it is there", "base": "the name of the frame that all stands on"}
 """Names that no link can have, and why."""
@@ -328,7 +328,7 @@ class _LengthsTable(Table):
 
 def load_linkage(name: str | Path) -> Linkage:
     """Load a shipped linkage by name, or a TOML file. Raises DataError or ModelError, naming the key."""
-    path = datasets.find(name, "linkages", ".toml")
+    path = datasets.find_dataset(name, "linkages", ".toml")
     return linkage_from_table(read_toml(path), path.stem, path.name)
 
 

@@ -1,4 +1,6 @@
-"""Check by dynamics: force, moment and drive torque of every stage, at constant and at varying input speed.
+"""Whether bodies that are said to turn together do.
+
+Check by dynamics: force, moment and drive torque of every stage, at constant and at varying input speed.
 
 Not by the method's own sums: every stage is a mechanism of the core, and F = -dp/dt, M = -dL/dt over all its bodies. At
 constant speed some errors of gears on the driven crank are invisible, so both are always run.
@@ -14,17 +16,41 @@ from ..arrays import Floats
 from ..closure import Closure, Trajectory
 from ..dynamics.inverse_dynamics import Response, simulate
 from ..errors import ClosureError, ModelError
-from ..loading.loading import mechanism_from_text
-from ..mechanism import Mechanism
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.mjcf_parser import mechanism_from_text
 from ..motion import Samples
-from .coupling import Couplings
-from .description import Linkage
-from .lumps import lumps
-from .method import Balance
-from .model import mjcf
-from .moment import GearResult
-from .printed import COLUMNS, STAGES
-from .together import check_turns
+from .equivalence_method import LinkageBalance, composite_bodies
+from .linkage import Linkage
+from .mjcf_writer import Couplings, linkage_mjcf, skeleton
+from .moment_balance import GearResult
+from .printed_tables import COLUMNS, STAGES
+
+STATES = 8
+"""Configurations, about the start, at which their angular velocities are compared."""
+
+
+def check_turns(result: LinkageBalance) -> None:
+    """Raise ModelError for bodies that are said to turn together and do not, by velocities that the joints allow."""
+    linkage = result.linkage
+    if not linkage.turns_with:
+        return
+    mechanism = mechanism_from_text(linkage_mjcf(result, "before", together=False), linkage.name)
+    closure = Closure(mechanism)
+    rates = closure.velocities(closure.states(STATES, step=0.02))
+    tree = skeleton(result, together=False)
+
+    def spin(body: str) -> np.ndarray:
+        joints = [mechanism.coordinate_index(joint.name) for _, joint in tree.path(body) if joint.revolute]
+        return rates[:, joints].sum(axis=1)
+
+    for first, second in linkage.turns_with:
+        apart = float(np.abs(spin(first) - spin(second)).max())
+        if apart > 1e-9 * float(np.abs(rates).max()):
+            raise ModelError(
+                f"turns_with: bodies {first} and {second} of {linkage.name} do not turn together: their angular "
+                "velocities differ"
+            )
+
 
 VARIATION = 0.3
 """Amplitude of the varying speed, as a share of its mean."""
@@ -35,7 +61,7 @@ ROUNDING = 1e-13
 
 
 @dataclass(frozen=True)
-class Run:
+class SimulatedLinkage:
     """All stages along one motion of the driven joint."""
 
     trajectory: Trajectory
@@ -70,8 +96,8 @@ class Run:
 class Verification:
     """What dynamics says of a balanced linkage."""
 
-    constant: Run
-    varying: Run
+    constant: SimulatedLinkage
+    varying: SimulatedLinkage
     mass: Mapping[str, float]
     """Moving mass by stage, of the counter-gears only what is given [kg]."""
     speed: float
@@ -98,8 +124,8 @@ class Verification:
         return {"mass": self.mass[stage] / self.mass["before"], **torque}
 
 
-def verify(
-    result: Balance, speed: float | None = None, variation: float = VARIATION, count: int = SAMPLES
+def verify_linkage(
+    result: LinkageBalance, speed: float | None = None, variation: float = VARIATION, count: int = SAMPLES
 ) -> Verification:
     """Simulate a balanced linkage; ``speed`` of the driven joint [rad/s] defaults to the described one.
 
@@ -111,14 +137,16 @@ def verify(
         raise ModelError(f"{linkage.name}: say which joint is driven, and how fast: drive = 'A0', speed = '50 rpm'")
     stages = STAGES if result.moment is not None else STAGES[:2]
     check_turns(result)
-    models = {stage: mechanism_from_text(mjcf(result, stage), linkage.name) for stage in stages}
+    models = {stage: mechanism_from_text(linkage_mjcf(result, stage), linkage.name) for stage in stages}
     closure = Closure(models["before"])
     start = float(closure.home[models["before"].coordinate_index(linkage.drive)])
-    paths = [_followed(closure, linkage, samples(linkage, speed, share, start, count)) for share in (0.0, variation)]
+    paths = [
+        _followed(closure, linkage, turn_samples(linkage, speed, share, start, count)) for share in (0.0, variation)
+    ]
     found = [_responses(result, models, path) for path in paths]
     largest = [_largest(response) for responses in found for response in responses.values()]
     noise = {name: ROUNDING * max(each[name] for each in largest) for name in largest[0]}
-    constant, varying = (Run(p, linkage.drive, r, noise) for p, r in zip(paths, found, strict=True))
+    constant, varying = (SimulatedLinkage(p, linkage.drive, r, noise) for p, r in zip(paths, found, strict=True))
     mass = {stage: moving_mass(result, stage) for stage in stages}
     return Verification(constant, varying, mass, speed, variation, linkage.swing is not None)
 
@@ -135,7 +163,7 @@ def _followed(closure: Closure, linkage: Linkage, motion: Samples) -> Trajectory
         raise ClosureError(f"{error} ({linkage.drive} in rad); {hint}") from error
 
 
-def samples(linkage: Linkage, speed: float, variation: float, start: float, count: int) -> Samples:
+def turn_samples(linkage: Linkage, speed: float, variation: float, start: float, count: int) -> Samples:
     """One turn at speed w (1 + variation sin(w t)), or one swing to and fro, which is never of constant speed."""
     assert linkage.drive is not None
     time = np.arange(count) * 2 * np.pi / abs(speed) / count
@@ -153,9 +181,9 @@ def samples(linkage: Linkage, speed: float, variation: float, start: float, coun
     return Samples(time, position, velocity, acceleration, joints=(linkage.drive,))
 
 
-def moving_mass(result: Balance, stage: str) -> float:
+def moving_mass(result: LinkageBalance, stage: str) -> float:
     """Mass of the linkage in a stage, of the counter-gears what is given [kg]."""
-    total = sum(piece.mass for pieces in lumps(result, stage).values() for piece in pieces)
+    total = sum(piece.mass for pieces in composite_bodies(result, stage).values() for piece in pieces)
     gears: list[GearResult] = list(result.moment.gears.values()) if result.moment and stage == "complete" else []
     return float(total + sum(gear.counter_mass or 0.0 for gear in gears))
 
@@ -167,7 +195,7 @@ def _largest(response: Response) -> dict[str, float]:
     return {"force": force, "moment": moment, "torque": torque}
 
 
-def _responses(result: Balance, models: Mapping[str, Mechanism], trajectory: Trajectory) -> dict[str, Response]:
+def _responses(result: LinkageBalance, models: Mapping[str, Mechanism], trajectory: Trajectory) -> dict[str, Response]:
     found = {}
     for stage, model in models.items():
         path = trajectory

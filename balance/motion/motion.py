@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..arrays import Floats
-from ..drive import Drive, JointDrive, PointDrive
 from ..errors import DataError
-from ..mechanism import Mechanism
+from ..mechanism.mechanism import Mechanism
+from .driven_coordinates import Drive, JointDrive, PointDrive
 
 _SAMPLES_IN_RAMP = 2.0
 _MAX_SAMPLES = 50_000_000

@@ -129,7 +129,7 @@ class MotionTable(Table):
 
 def load_motion(name: str | Path) -> Motion:
     """Load a shipped motion by name, or a TOML file. Raises DataError, naming the key that is wrong."""
-    path = datasets.find(name, "motions", ".toml")
+    path = datasets.find_dataset(name, "motions", ".toml")
     return motion_from_table(read_toml(path), path.parent, path.name)
 
 

@@ -24,7 +24,7 @@ from ..estimation.estimate import (
     joint_coverage_factor,
     standard_deviation_within,
 )
-from ..influence import Coefficients, Solution, known_of
+from .influence_coefficients import Coefficients, Solution, known_of
 
 DRAWS = 100
 """Draws where weights are not differentiated: their standard deviation is known to 7 %."""

@@ -1,7 +1,16 @@
-"""A rigid rotor: its unbalances, its correction planes, its bearings."""
+"""Bearing reactions of a rotor that turns at constant speed.
 
+A rigid rotor: its unbalances, its correction planes, its bearings.
+
+Vectors of a rotor as complex numbers: magnitude, angle from the rotor's mark.
+"""
+
+import cmath
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+
+from ..errors import DataError
 
 
 @dataclass(frozen=True)
@@ -48,14 +57,60 @@ class Rotor:
     source: str = ""
 
 
-def force(unbalances: Sequence[Unbalance]) -> complex:
+def unbalance_force(unbalances: Sequence[Unbalance]) -> complex:
     """Sum of the unbalances: the static unbalance [kg m]. Times omega^2 it is the rotating force [N]."""
     return sum((u.vector for u in unbalances), 0j)
 
 
-def couple(unbalances: Sequence[Unbalance], about: float) -> complex:
+def unbalance_couple(unbalances: Sequence[Unbalance], about: float) -> complex:
     """Sum of unbalance times distance from ``about`` [kg m2]: the couple's unbalance, in the plane of the forces.
 
     The moment vector itself is a quarter turn ahead: axis x force.
     """
     return sum((u.vector * (u.at - about) for u in unbalances), 0j)
+
+
+def bearing_loads(unbalances: Sequence[Unbalance], bearings: Sequence[float], speed: float) -> tuple[complex, complex]:
+    """Rotating force of the unbalances on the two bearings, at angles from the rotor's mark [N].
+
+    F_B = omega^2 sum U_i (z_i - z_A) / (z_B - z_A), F_A the rest: the couple is in it. Bearings at [m], speed [rad/s].
+    Raises DataError where there are not two bearings in two places.
+    """
+    if len(bearings) != 2 or bearings[0] == bearings[1]:
+        raise DataError(f"bearings: expected two, in two places, found {', '.join(f'{z:g} m' for z in bearings)}")
+    first, second = bearings
+    share = [(u.at - first) / (second - first) for u in unbalances]
+    right = speed**2 * sum((u.vector * s for u, s in zip(unbalances, share, strict=True)), 0j)
+    left = speed**2 * sum((u.vector * (1.0 - s) for u, s in zip(unbalances, share, strict=True)), 0j)
+    return left, right
+
+
+def bearing_weights(mass: float, centre: float, bearings: Sequence[float], gravity: float) -> tuple[float, float]:
+    """What the weight of a horizontal rotor lays on the two bearings, standing still in space [N]."""
+    first, second = bearings
+    right = mass * gravity * (centre - first) / (second - first)
+    return mass * gravity - right, right
+
+
+def angle_deg(vector: complex) -> float:
+    """Angle of a vector from the mark, 0 up to 360 [deg]; 0 for a vector of no length."""
+    turned = math.degrees(cmath.phase(vector)) % 360.0
+    return 0.0 if turned == 360.0 else turned + 0.0
+
+
+def polar_form(vector: complex, factor: float = 1.0, digits: int = 6, unit: str = "") -> str:
+    """``133.752 g @ 348.041 deg`` for people, the magnitude times ``factor``; below 1e-9 it is 0."""
+    named = f" {unit}" if unit else ""
+    if factor * abs(vector) < 1e-9:
+        return f"0{named}"
+    return f"{factor * abs(vector):.{digits}g}{named} @ {round(angle_deg(vector), 3) % 360.0:.3f} deg"
+
+
+def vector_document(vector: complex, unit: str, factor: float = 1.0) -> dict[str, float]:
+    """A vector for JSON: magnitude, angle and components, the magnitude's unit in the keys."""
+    return {
+        f"magnitude_{unit}": factor * abs(vector),
+        "angle_deg": angle_deg(vector),
+        f"x_{unit}": factor * vector.real,
+        f"y_{unit}": factor * vector.imag,
+    }

@@ -127,13 +127,13 @@ def load_rotor(name: str | Path) -> Rotor:
 def rotor_path(name: str | Path) -> Path:
     """Where a rotor's file lies. Raises DataError for a mechanism: a linkage is no rotor."""
     path = Path(name)
-    linkages = datasets.names("mechanisms", ".xml")
+    linkages = datasets.dataset_names("mechanisms", ".xml")
     if path.suffix.lower() in _MODELS or (not path.is_file() and str(name) in linkages):
         raise DataError(
             f"{name} is a mechanism: correction planes and the grades of ISO 21940-11 are for rigid rotors only, a "
             "linkage's shaking force does not turn with a shaft; use 'balance size' or 'balance linkage'"
         )
-    return datasets.find(name, "rotors", ".toml", ".csv")
+    return datasets.find_dataset(name, "rotors", ".toml", ".csv")
 
 
 def load_unbalances(path: Path) -> tuple[Unbalance, ...]:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from .. import datasets, influence
+from .. import datasets
 from ..arrays import Complexes, Floats
 from ..errors import DataError, UnitError
 from ..estimation.estimate import standard_deviation_within
@@ -28,9 +28,10 @@ from ..input_files import (
     model_from_table,
     read_toml,
 )
-from ..quantities import dimension_of, parse, parse_uncertain
+from ..units import dimension_of, parse, parse_uncertain
+from . import influence_coefficients
 from .correction_uncertainty import reading_covariance
-from .runs import Run, Runs, TrialPlane
+from .trial_runs import TrialPlane, TrialRun, TrialRuns
 
 WEIGHT = ("mass", "first moment")
 """A weight is a mass at its plane's radius, or mass times radius."""
@@ -163,7 +164,7 @@ class TrialRunsTable(Table):
     """Without runs: influence coefficients by speed and sensor, one for each plane."""
     per: Text | None = None
     """Unit of weight that the coefficients are for, such as ``g mm``."""
-    least_effect: Positive = influence.LEAST_EFFECT
+    least_effect: Positive = influence_coefficients.LEAST_EFFECT
     """Least change of a reading by a trial weight, as a share of it."""
     speed_weights: dict[str, Positive] = Field(default_factory=dict)
     """Weight of the squares of the readings at a speed."""
@@ -178,15 +179,15 @@ class TrialRunsTable(Table):
             raise DataError("runs are missing (or coefficients, initial and per)")
 
 
-def load_trial_runs(name: str | Path) -> Runs:
+def load_trial_runs(name: str | Path) -> TrialRuns:
     """Load shipped trial runs by name, or a TOML file. Raises DataError, naming run and key."""
-    path = datasets.find(name, "rotors", ".toml")
+    path = datasets.find_dataset(name, "rotors", ".toml")
     if path.suffix.lower() != ".toml":
         raise DataError(f"{path.name}: expected a TOML file of trial runs")
     return trial_runs_from_table(read_toml(path), path.name)
 
 
-def trial_runs_from_table(content: Mapping[str, Any], source: str) -> Runs:
+def trial_runs_from_table(content: Mapping[str, Any], source: str) -> TrialRuns:
     """Build the runs from the keys of their file, which messages call ``source``."""
     if "masses" in content:
         raise DataError(f"{source} is a file of a rotor's masses: use 'balance rotor correct'")
@@ -208,13 +209,13 @@ class _Builder:
         self.dimensions = {sensor: reading.dimension for of in first.values() for sensor, reading in of.items()}
         self.weight = self._weight_dimension()
 
-    def built(self) -> Runs:
+    def built(self) -> TrialRuns:
         """The runs."""
         table = self.table
         runs = self._runs()
         given, given_errors = (None, None) if runs else self._coefficients()
         dimensions = set(self.dimensions.values())
-        return Runs(
+        return TrialRuns(
             table.name or self.name,
             table.source,
             table.phase,
@@ -251,10 +252,10 @@ class _Builder:
             raise DataError(f"{key}: {unknown[0]} is no plane of this file: there are {', '.join(self.planes)}")
         return weights
 
-    def _runs(self) -> tuple[Run, ...]:
+    def _runs(self) -> tuple[TrialRun, ...]:
         """Runs in their order; weights that stayed on are on in the next."""
         on = np.zeros(len(self.planes), dtype=complex)
-        found: list[Run] = []
+        found: list[TrialRun] = []
         for i, table in enumerate(self.table.runs):
             with in_file(f"runs[{i}] ({table.name})"):
                 run = self._run(table, on, first=not found)
@@ -267,7 +268,7 @@ class _Builder:
             )
         return tuple(found)
 
-    def _run(self, table: RunTable, on: Complexes, first: bool) -> Run:
+    def _run(self, table: RunTable, on: Complexes, first: bool) -> TrialRun:
         if first and table.weights is not None:
             raise DataError("weights: are in the first run: expected the rotor as it is, without trial weights")
         trial = np.zeros_like(on) if table.weights is None else self._trial(table.weights)
@@ -277,7 +278,7 @@ class _Builder:
         if unknown := set(table.phases_alike) - {speed for _, speed in self.rows}:
             raise DataError(f"phases_alike: {min(unknown)!r} is no speed of this run's readings")
         shared = {speed: standard_deviation_within(half) for speed, half in table.phases_alike.items()}
-        return Run(table.name, on + trial, trial, table.stayed_on, values, errors, shared)
+        return TrialRun(table.name, on + trial, trial, table.stayed_on, values, errors, shared)
 
     def _trial(self, weights: Mapping[str, Measured[complex]]) -> Complexes:
         given = self._by_plane("weights", weights)
@@ -320,7 +321,7 @@ class _Builder:
         table = self.sensors.get(sensor)
         return None if table is None or table.within is None else (table.within.value, table.within.value)
 
-    def _coefficients(self) -> tuple[influence.Coefficients, Floats | None]:
+    def _coefficients(self) -> tuple[influence_coefficients.Coefficients, Floats | None]:
         """Coefficients and readings that the file gives; covariances of both, (planes + 1, rows, 2, 2)."""
         initial, errors = self._readings(self.table.initial or {}, "initial")
         if self.lag != self.against:
@@ -336,7 +337,7 @@ class _Builder:
         matrix: Complexes = np.array(rows, dtype=complex)
         if errors is not None:
             errors = np.concatenate([errors[None], np.zeros((len(self.planes), *errors.shape))])
-        return influence.Coefficients(initial, matrix.conj() if self.lag else matrix, 0.0), errors
+        return influence_coefficients.Coefficients(initial, matrix.conj() if self.lag else matrix, 0.0), errors
 
     def _coefficient_row(self, sensor: str, speed: str, row: list[Measured[complex]]) -> list[complex]:
         if len(row) != len(self.planes):

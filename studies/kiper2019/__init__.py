@@ -9,11 +9,11 @@ def study(count: int, brief: bool) -> Iterator[Row]:
     """Mean absolute errors of the law and of the baselines; the law must be better than each, and not better than the
     scatter of a published number, which would mean tuning.
     """
-    from testbench import plan, published
+    from testbench import campaign_plan, published_tables
 
     from .validation import forecast
 
-    made = forecast(published.load("kiper2019"), plan.load("kiper2019"))
+    made = forecast(published_tables.load_published("kiper2019"), campaign_plan.load_plan("kiper2019"))
     for score in made.scores:
         low, high = (5.0, 9.0) if score is made.scores[0] else (None, None)
         note = f"calibrated {score.calibrated_on:.2f}, each payload left out {score.left_out:.2f}"

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from balance.quantities import G0
-from testbench.published import MOTION, PAYLOAD_KG, PEAK_G, ForceSlide
+from balance.units import G0
+from testbench.published_tables import MOTION, PAYLOAD_KG, PEAK_G, ForceSlide
 
 from .model import Cases
 

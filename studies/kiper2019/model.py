@@ -23,15 +23,15 @@ from numpy.typing import NDArray
 from balance.arrays import Floats
 from balance.closure import Closure
 from balance.dynamics.inverse_dynamics import Response, simulate
-from balance.loading.loading import load_mechanism
-from balance.mechanism import Mechanism
+from balance.mechanism.mechanism import Mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 from balance.motion import DEFAULT_RATE_HZ
 from balance.motion.motion_files import load_motion
-from balance.quantities import G0
-from testbench.bench.run import payload_body
+from balance.units import G0
+from testbench.campaign_plan import Plan, PlannedRun
 from testbench.errors import AnalysisError
-from testbench.plan import Plan, PlannedRun
-from testbench.published import Published
+from testbench.published_tables import Published
+from testbench.simulator.run import payload_body
 
 AXES = ("x", "y", "z")
 

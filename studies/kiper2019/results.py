@@ -7,8 +7,8 @@ import click
 import numpy as np
 
 from balance.arrays import Floats
-from balance.cli.console import emit_table
-from balance.quantities import G0
+from balance.cli.framework import emit_table
+from balance.units import G0
 from testbench.figures import style
 
 from .force_slide import Reading
@@ -188,7 +188,7 @@ def prediction(forecast: Forecast) -> "Figure":
     lines = [(p, m) for p in asked.payloads for m in dict.fromkeys(asked.motion.tolist())]
     beside = {name: baseline(forecast.known, asked) for name, baseline in BASELINES.items()}
     with style.styled():
-        figure, panels = style.grid(len(lines), len(AXES), 1.9, sharey=True, sharex=True)
+        figure, panels = style.light_grid(len(lines), len(AXES), 1.9, sharey=True, sharex=True)
         for line, (payload, motion) in zip(panels, lines, strict=True):
             for panel, axis in zip(line, AXES, strict=True):
                 at = (asked.payload_kg == payload) & (asked.motion == motion) & (asked.axis == axis)

@@ -12,8 +12,8 @@ from functools import partial
 import numpy as np
 
 from balance.arrays import Floats
-from testbench.plan import Plan
-from testbench.published import ORIGINAL_LOGS, Published
+from testbench.campaign_plan import Plan
+from testbench.published_tables import ORIGINAL_LOGS, Published
 
 from .calibration import LEVEL, Fit, Posterior, fit, marginalise
 from .force_slide import Reading, reading

@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 from balance.input_files import Table
 
 from ..errors import RigError
-from .document import Day, Each
+from .definition import Day, Each
 
 BASIC_BYTES = 8
 _FIELDS = (("manufacturer_id", 14), ("model_number", 15), ("version_letter", 5), ("version", 6), ("serial", 24))

@@ -1,29 +1,32 @@
 """The command ``testbench``."""
 
-from balance.cli.console import LazyGroup, run
+from balance.cli.framework import LazyGroup, run
 
 COMMANDS = {
-    "simulate": "Make the logs that a test bench would write, marked as simulated.",
-    "info": "What a log file holds, and what is odd in it.",
-    "formats": "Which formats can be read.",
-    "recordings": "Public recordings of other people: what there is, and fetch it by its SHA-256.",
-    "ingest": "Read logs into HDF5, one file a run, losing nothing.",
-    "watch": "Ingest what arrives in a folder, each log once.",
-    "list": "The runs of a campaign.",
-    "verify": "Check every stored run against its digest.",
-    "archive": "Store runs anew, small, and the same to the bit.",
-    "recover": "Save what a stopped ingest had acknowledged, and say what is lost.",
-    "align": "The clocks of several loggers: offset and drift, with intervals.",
-    "calibrate": "Correct the calibration of a sensor: a dated record; the runs never change.",
-    "export": "Write stored runs as CSV, Parquet, MAT, UFF or an RO-Crate.",
-    "report": "Each run: motions, command, base vibration and its modes, forces, torques; figures.",
-    "analyze": "How much the vibration amplitude fell.",
-    "compare": "Analysed from logs, simulated and published, side by side.",
-    "predict": "Printed reductions of heavier payloads, predicted from those of the lightest.",
-    "identify": "Inertial parameters and friction of a mechanism from the torques of runs.",
-    "trim": "What first moment is missing on which arm, and which mass to add.",
-    "speed": "Speed over a turn and its fluctuation, from the instants of encoder edges.",
-    "vectors": "Amplitude and phase of vibration sensors by a tachometer, for balance rotor influence.",
+    "simulate": ("simulate", "Make the logs that a test bench would write, marked as simulated."),
+    "info": ("logs", "What a log file holds, and what is odd in it."),
+    "formats": ("logs", "Which formats can be read."),
+    "recordings": ("recordings", "Public recordings of other people: what there is, and fetch it by its SHA-256."),
+    "ingest": ("ingest", "Read logs into HDF5, one file a run, losing nothing."),
+    "watch": ("ingest", "Ingest what arrives in a folder, each log once."),
+    "list": ("campaign:list_runs", "The runs of a campaign."),
+    "verify": ("campaign", "Check every stored run against its digest."),
+    "archive": ("campaign", "Store runs anew, small, and the same to the bit."),
+    "recover": ("campaign", "Save what a stopped ingest had acknowledged, and say what is lost."),
+    "align": ("align", "The clocks of several loggers: offset and drift, with intervals."),
+    "calibrate": ("calibrate", "Correct the calibration of a sensor: a dated record; the runs never change."),
+    "export": ("campaign", "Write stored runs as CSV, Parquet, MAT, UFF or an RO-Crate."),
+    "report": ("report", "Each run: motions, command, base vibration and its modes, forces, torques; figures."),
+    "analyze": ("analyze", "How much the vibration amplitude fell."),
+    "compare": ("analyze", "Analysed from logs, simulated and published, side by side."),
+    "predict": ("predict", "Printed reductions of heavier payloads, predicted from those of the lightest."),
+    "identify": ("identify", "Inertial parameters and friction of a mechanism from the torques of runs."),
+    "trim": ("trim", "What first moment is missing on which arm, and which mass to add."),
+    "speed": ("rotating", "Speed over a turn and its fluctuation, from the instants of encoder edges."),
+    "vectors": (
+        "order_vectors",
+        "Amplitude and phase of vibration sensors by a tachometer, for balance rotor influence.",
+    ),
 }
 
 

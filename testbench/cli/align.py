@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.console import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 
-from . import calibrations, stored_runs
+from . import options
 
 if TYPE_CHECKING:
-    from ..clocks.run import RunClocks
     from ..store import Run
+    from ..synchronization.run_alignment import RunClocks
 
 
 @click.command(
@@ -62,26 +62,26 @@ def align(
     The result is added to the campaign as a dated record; runs never change.
     """
     from .. import rig as rigs
-    from ..clocks import run as clocks
-    from ..clocks.ways import WAYS
-    from ..motion.joint_motion import loaded, mechanism_of
+    from ..kinematics.encoder_motion import loaded, mechanism_of
     from ..runs.si_run import SIRun
+    from ..synchronization import METHODS
+    from ..synchronization import run_alignment as clocks
 
     if by == "trigger" and not pair:
         raise click.UsageError("--by trigger needs --pair: the channel of each logger that holds the trigger")
     if cutoff is not None and not cutoff > 0.0:
         raise click.UsageError(f"--cutoff {cutoff:g}: expected a positive frequency")
-    described = rigs.load(rig) if rig else None
-    opened, unopened = stored_runs.each(runs)
+    described = rigs.load_rig(rig) if rig else None
+    opened, unopened = options.each_run(runs)
     if not dry_run:
         _refuse_read_only({run.path.parent for run in opened})
 
     def aligned(run: "Run") -> "RunClocks":
         if pair:
-            return clocks.align_named(run, *_split(pair), not no_drift, cutoff, WAYS[by])
+            return clocks.align_named(run, *_split(pair), not no_drift, cutoff, METHODS[by])
         si = SIRun.of(run, described)
         return clocks.align_run(
-            si, lambda: loaded(si, mechanism_of(si, mechanism)), reference, not no_drift, cutoff, WAYS[by]
+            si, lambda: loaded(si, mechanism_of(si, mechanism)), reference, not no_drift, cutoff, METHODS[by]
         )
 
     done, refused = _each(opened, aligned)
@@ -89,7 +89,7 @@ def align(
     records, unrecorded = ([], []) if dry_run else _store(done)
     if as_json:
         rows = [row for _, found in done for row in found.as_rows()]
-        held = calibrations.document(bound)
+        held = options.calibrations_document(bound)
         stored = [str(path) for path in records]
         emit_json(
             {
@@ -101,8 +101,8 @@ def align(
         )
     else:
         _print([found for _, found in done], refused, records)
-        calibrations.say(bound)
-    stored_runs.say(unopened)
+        options.print_calibrations(bound)
+    options.print_not_opened(unopened)
     for reason in unrecorded:
         click.echo(f"testbench: {reason}", err=True)
     if unopened or unrecorded or not done:
@@ -139,24 +139,24 @@ def _split(pair: str) -> tuple[str, str]:
 def _refuse_read_only(campaigns: set[Path]) -> None:
     """Before anything is computed that could not be recorded."""
     from ..errors import StoreError
-    from ..store import records
+    from ..store import append_only_records
 
     for folder in sorted(campaigns):
         try:
-            records.refuse_read_only(folder)
+            append_only_records.refuse_read_only(folder)
         except StoreError as error:
             raise StoreError(f"{error}, or say it only: --dry-run") from error
 
 
 def _store(done: "list[tuple[Path, RunClocks]]") -> tuple[list[Path], list[str]]:
     """Add a record to each campaign: their files, and why there are not more."""
-    from ..clocks import stored
     from ..errors import StoreError
+    from ..synchronization import run_alignment
 
     written, failed = [], []
     for folder in dict.fromkeys(path.parent for path, _ in done):
         try:
-            written.append(stored.write(folder, [one for one in done if one[0].parent == folder]))
+            written.append(run_alignment.write_alignments(folder, [one for one in done if one[0].parent == folder]))
         except StoreError as error:
             failed.append(str(error))
     return written, failed

@@ -1,18 +1,23 @@
-"""``testbench analyze``."""
+"""``testbench analyze``.
+
+``testbench compare``.
+"""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.console import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from balance.cli.framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 from balance.cli.options import figure_option
 
-from . import calibrations, measuring
+from . import options
 
 if TYPE_CHECKING:
-    from ..reductions import Analysis
-    from ..signals import Band
+    from ..published_tables import Published
+    from ..signal.filters import Band
+    from ..vibration.comparison import Comparison, Row
+    from ..vibration.reduction import Analysis
 
 
 @click.command(
@@ -24,7 +29,7 @@ Examples:
 Exit codes: 0 done, 3 done with findings (no partner, doubtful channels, lower bounds), 1 nothing to compare."""
 )
 @click.argument("campaign", type=click.Path(path_type=Path))
-@measuring.measure_options
+@options.measure_options
 @figure_option
 @json_option
 def analyze(campaign: Path, metric: str, band: "Band | None", figure: str | None, as_json: bool) -> int:
@@ -35,44 +40,122 @@ def analyze(campaign: Path, metric: str, band: "Band | None", figure: str | None
     from that noise, propagated. Where what is left is not above the noise, the reduction is a lower bound:
     ">= 97.2 < noise".
     """
-    from ..reductions import analyze as analyzed
     from ..store import open_campaign
+    from ..vibration.reduction import analyze as analyzed
 
-    measure = measuring.measure(metric, band)
+    measure = options.measure_option(metric, band)
     runs = open_campaign(campaign).runs
     analysis = analyzed(runs, measure)
     if figure:
-        measuring.draw(analysis, figure)
+        options.draw_figures(analysis, figure)
     if as_json:
         emit_json({
             "reductions": [reduction.as_dict() for reduction in analysis.reductions],
             "definition": str(measure),
             "notes": analysis.notes,
             "findings": [finding.as_dict() for finding in analysis.findings],
-            "calibrations": calibrations.document(runs),
+            "calibrations": options.calibrations_document(runs),
         })  # fmt: skip
     else:
-        _print(campaign, analysis, str(measure))
-        calibrations.say(runs)
+        _print_reductions(campaign, analysis, str(measure))
+        options.print_calibrations(runs)
     return EXIT_WITH_FINDINGS if analysis.findings else 0
 
 
-def _print(campaign: Path, analysis: "Analysis", definition: str) -> None:
+def _print_reductions(campaign: Path, analysis: "Analysis", definition: str) -> None:
     rows = [
         [*map(str, (f"{r.key.payload_kg:g}", r.key.motion, f"{r.key.peak_acceleration_g:g}", r.sensor, r.axis)),
-         measuring.fell(r), _pair(r.amplitudes), _pair(r.noise_floor), "/".join(map(str, r.n)), r.method or "-",
+         options.reduction_text(r), _pair(r.amplitudes), _pair(r.noise_floor), "/".join(map(str, r.n)), r.method or "-",
          r.key.origin, " ".join(r.runs)]
         for r in analysis.reductions
     ]  # fmt: skip
     header = ["payload kg", "motion", "peak g0", "sensor", "axis", "fell by % [95 %]", "with/without m/s2",
               "noise m/s2", "n", "interval from", "origin", "runs"]  # fmt: skip
-    header, rows = measuring.with_sets(header, rows, analysis.reductions)
+    header, rows = options.with_sets(header, rows, analysis.reductions)
     emit_table(f"Reduction of the base's vibration, {campaign.name}", header, rows, definition)
-    for note in (measuring.origins(analysis.origins), *analysis.notes):
+    for note in (options.print_origins(analysis.origins), *analysis.notes):
         click.echo(note)
-    measuring.print_findings(analysis.findings)
+    options.print_findings(analysis.findings)
 
 
 def _pair(values: tuple[float | None, float | None]) -> str:
     """With and without counter-masses."""
     return "/".join("-" if value is None else f"{value:.2g}" for value in values)
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  testbench compare campaign --published kiper2019 --figure reductions.png
+  testbench compare campaign --published kiper2019 --metric peak --json
+\b
+Exit codes: 0 done, 3 done with findings (runs without a partner, what cannot be simulated), 1 nothing to compare."""
+)
+@click.argument("campaign", type=click.Path(path_type=Path))
+@click.option("--published", "table", required=True, metavar="NAME", help="A shipped table, kiper2019, or a file.")
+@click.option("--mechanism", metavar="MECH", help="The mechanism, where the stored rig names one that is not shipped.")
+@options.measure_options
+@figure_option
+@json_option
+def compare(
+    campaign: Path,
+    table: str,
+    mechanism: str | None,
+    metric: str,
+    band: "Band | None",
+    figure: str | None,
+    as_json: bool,
+) -> int:
+    """Reductions in three ways: analysed from the logs, simulated anew, and published.
+
+    The simulation starts from the rig and the conditions that are stored with the runs, without noise.
+    """
+    from ..published_tables import load_published
+    from ..store import open_campaign
+    from ..vibration.comparison import compare_campaign as compared
+
+    published = load_published(table)
+    measure = options.measure_option(metric, band)
+    runs = open_campaign(campaign).runs
+    comparison = compared(runs, published, measure, mechanism)
+    if figure:
+        options.draw_figures(comparison, figure)
+    if as_json:
+        emit_json(
+            {**_document(comparison, published, str(measure)), "calibrations": options.calibrations_document(runs)}
+        )
+    else:
+        _print_comparison(campaign, comparison, published, str(measure))
+        options.print_calibrations(runs)
+    return EXIT_WITH_FINDINGS if comparison.findings else 0
+
+
+def _document(comparison: "Comparison", published: "Published", definition: str) -> dict[str, Any]:
+    return {
+        "rows": [row.as_dict() for row in comparison.rows],
+        "definition": definition,
+        "runs_by_origin": comparison.origins,
+        "published": {"name": published.name, "source": published.source, "definition": published.definition},
+        "notes": comparison.notes,
+        "findings": [finding.as_dict() for finding in comparison.findings],
+    }
+
+
+def _print_comparison(campaign: Path, comparison: "Comparison", published: "Published", definition: str) -> None:
+    header = ["payload kg", "motion", "peak g0", "sensor", "axis", "analysed % [95 %]", "simulated %", "published %",
+              "simulated shaking force %", "origin"]  # fmt: skip
+    title = f"Reduction of the base's vibration, {campaign.name}, beside {published.name}"
+    cells = [_cells(row) for row in comparison.rows]
+    header, cells = options.with_sets(header, cells, [row.analyzed for row in comparison.rows])
+    emit_table(title, header, cells, definition)
+    printed = f"Published values as printed; amplitudes, says the source: {published.definition}."
+    for note in (options.print_origins(comparison.origins), printed, *comparison.notes):
+        click.echo(click.wrap_text(note, 110))
+    options.print_findings(comparison.findings)
+
+
+def _cells(row: "Row") -> list[str]:
+    key = row.analyzed.key
+    values = (row.simulated, row.published, row.shaking_force)
+    place = [f"{key.payload_kg:g}", key.motion, f"{key.peak_acceleration_g:g}", row.analyzed.sensor, row.analyzed.axis]
+    return [*place, options.reduction_text(row.analyzed), *map(options.per_cent, values), key.origin]

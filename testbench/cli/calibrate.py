@@ -5,16 +5,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.console import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 
-from . import calibrations
-from .reading import plain
+from . import options
+from .options import plain_text
 
 if TYPE_CHECKING:
-    from ..calibration.document import Calibration
-    from ..calibration.stored import CalibrationInForce, Stored
+    from ..calibration.definition import Calibration
+    from ..runs.calibration_history import CalibrationInForce, CalibrationRecord
     from ..store import Run
-    from .stored_runs import NotOpened
+    from .options import NotOpened
 
 
 @click.command(
@@ -71,7 +71,7 @@ def calibrate(words: tuple[str, ...], listed: bool, reason: str | None, as_json:
         _say(damaged)
         return EXIT_REFUSED
     from ..runs.recalibrate import calibrate as correct
-    from .stored_runs import NotOpened
+    from .options import NotOpened
 
     done = correct(runs, words[-1], calibration, reason)
     damaged += [NotOpened(name, message) for name, message in done.left_out.items()]
@@ -89,7 +89,7 @@ def calibrate(words: tuple[str, ...], listed: bool, reason: str | None, as_json:
         click.echo(f"{words[-1]}: {calibration}, from now on for {', '.join(done.runs)}.")
         if done.without:
             click.echo(f"Runs without this sensor: {', '.join(done.without)}.")
-        click.echo(f"Recorded in {plain(str(done.record))}.")
+        click.echo(f"Recorded in {plain_text(str(done.record))}.")
     _say(damaged)
     return _exit_code(runs, damaged)
 
@@ -98,7 +98,7 @@ def _runs(words: tuple[str, ...]) -> "tuple[list[Run], list[NotOpened]]":
     """The runs that can be opened, and those that cannot. Raises StoreError for a place where nothing is."""
     from ..errors import StoreError
     from ..store import open_campaign
-    from . import stored_runs
+    from . import options
 
     paths = [Path(word) for word in words]
     paths = [p if p.exists() else p.with_name(f"{p.name}.h5") for p in paths]
@@ -107,15 +107,15 @@ def _runs(words: tuple[str, ...]) -> "tuple[list[Run], list[NotOpened]]":
             open_campaign(path)  # says what is there instead of runs
         elif not path.exists():
             raise StoreError(f"{path}: no such file; expected a stored run (.h5), or a campaign's folder")
-    return stored_runs.each(paths)
+    return options.each_run(paths)
 
 
 def _say(damaged: "list[NotOpened]") -> None:
     """Print to stderr which runs were left out, and what becomes of them."""
     for one in damaged:
-        name = plain(one.name)
+        name = plain_text(one.name)
         message = (
-            f"testbench: {plain(one.message)}; {name} is left out: `testbench verify` tells whether it is damaged; "
+            f"testbench: {plain_text(one.message)}; {name} is left out: `testbench verify` tells if it is damaged; "
             f"then take {name}.h5 and {name}.h5.sha256 out of the campaign, ingest its logs again, and calibrate it"
         )
         click.echo(message, err=True)
@@ -131,7 +131,7 @@ def _calibration(given: dict[str, Any]) -> "Calibration":
     """The calibration that the options describe. What pydantic says of it is said of the command line."""
     from pydantic import ValidationError
 
-    from ..calibration.document import Calibration
+    from ..calibration.definition import Calibration
 
     table: dict[str, Any] = {name: _each(given[name], name) for name in ("sensitivity", "amplifier", "offset")}
     table |= {name: given[name] for name in ("unit", "date", "reference")}
@@ -143,9 +143,9 @@ def _calibration(given: dict[str, Any]) -> "Calibration":
     elif not given["matrix"] and any(units.values()):
         raise click.UsageError("--raw and --physical go with --matrix or --polynomial")
     if given["matrix"]:
-        from ..calibration.matrixfile import read
+        from ..calibration.definition import read_matrix
 
-        table["matrix"] = units | {"rows": read(given["matrix"])}
+        table["matrix"] = units | {"rows": read_matrix(given["matrix"])}
     try:
         return Calibration.model_validate({key: value for key, value in table.items() if value is not None})
     except ValidationError as error:
@@ -169,12 +169,17 @@ def _each(texts: tuple[str, ...], option: str) -> str | dict[str, str] | None:
 
 
 def _list(runs: "list[Run]", damaged: "list[NotOpened]", as_json: bool) -> None:
-    from ..calibration import stored
+    from ..runs import calibration_history
 
-    holding = calibrations.in_force(runs)
+    holding = options.in_force(runs)
     folders = dict.fromkeys(run.path.parent for run in runs)
     names = {run.path.name for run in runs}
-    records = [record for folder in folders for record in stored.read(folder) if names & record.runs.keys()]
+    records = [
+        record
+        for folder in folders
+        for record in calibration_history.read_calibrations(folder)
+        if names & record.runs.keys()
+    ]
     if as_json:
         emit_json({
             "holds": [held.as_dict() for held in holding],
@@ -199,14 +204,14 @@ def _row(held: "CalibrationInForce") -> list[str]:
     return [held.sensor, str(held.calibration), since, held.reason or "", " ".join(held.runs)]
 
 
-def _state(record: "Stored", holding: "list[CalibrationInForce]") -> str:
+def _state(record: "CalibrationRecord", holding: "list[CalibrationInForce]") -> str:
     runs = [run for held in holding if held.source == record.record for run in held.runs]
     if not runs:
         return "superseded"
     return f"holds for {' '.join(runs)}"
 
 
-def _document(record: "Stored", holding: "list[CalibrationInForce]") -> dict[str, Any]:
+def _document(record: "CalibrationRecord", holding: "list[CalibrationInForce]") -> dict[str, Any]:
     return {
         "record": record.record,
         "written": record.written,

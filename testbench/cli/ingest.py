@@ -1,18 +1,23 @@
-"""``testbench ingest``."""
+"""``testbench ingest``.
 
-from collections.abc import Sequence
+``testbench watch``.
+"""
+
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.console import EXIT_REFUSED, emit_json, emit_table, json_option
+from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 
-from . import reading
-from .progress import progress
+from . import options
+from . import options as reading
+from .options import progress
 
 if TYPE_CHECKING:
-    from ..ingest.outcome import Outcome
+    from ..ingest.ingest import Outcome
+    from ..ingest.watch_folder import Watch
     from ..rig import Rig
 
 
@@ -47,8 +52,8 @@ def ingest(
 
     Where logs lie in the campaign's folder, a pattern may name its runs too: they are left alone.
     """
-    from ..findings import MEANING
-    from ..ingest.nolog import own_files
+    from ..ingest.input_files import own_files
+    from ..recording import MEANING
 
     if unknown := [code for code in accept if code not in MEANING]:
         raise click.UsageError(f"--accept {unknown[0]}: no such code; `testbench info FILE` names those of a file")
@@ -58,14 +63,14 @@ def ingest(
         message = (
             f"{campaign}: {len(own)} of the files given are the campaign's own runs and no logs; they are left alone"
         )
-        click.echo(f"testbench: {reading.plain(message)}", err=True)
+        click.echo(f"testbench: {reading.plain_text(message)}", err=True)
     outcomes = _ingest([file for file in files if file not in own], _rig(rig), sheet, campaign, accept, text)
     if as_json:
         emit_json({"runs": [outcome.as_dict() for outcome in outcomes]})
     else:
         _print(outcomes)
     for message in dict.fromkeys(outcome.message for outcome in outcomes if outcome.status == "refused"):
-        click.echo(f"testbench: {reading.plain(message)}", err=True)
+        click.echo(f"testbench: {reading.plain_text(message)}", err=True)
     if any(outcome.status == "refused" for outcome in outcomes):
         return EXIT_REFUSED
     return reading.exit_code([f for outcome in outcomes for f in outcome.findings], accept)
@@ -76,7 +81,7 @@ def _rig(name: str | None) -> "Rig | None":
         return None
     from .. import rig
 
-    return rig.load(name)
+    return rig.load_rig(name)
 
 
 def _ingest(
@@ -88,10 +93,10 @@ def _ingest(
     text: dict[str, Any],
 ) -> "list[Outcome]":
     from ..ingest import Ingest
-    from ..ingest.elsewhere import OtherLogs
-    from ..ingest.runsheet import plan
+    from ..ingest.input_files import OtherLogs
+    from ..ingest.run_conditions import plan_runs
 
-    runs, options = plan(files, sheet), reading.read_options(**text)
+    runs, options = plan_runs(files, sheet), reading.read_options(**text)
     others = OtherLogs(files if sheet is None else (), options)
     total = sum(path.stat().st_size for run in runs for path in run.files if path.is_file())
     with progress("reading", total) as done:
@@ -101,9 +106,125 @@ def _ingest(
 
 def _print(outcomes: "Sequence[Outcome]") -> None:
     rows = [
-        [reading.plain(o.source), o.file or "-", o.origin, o.status, str(sum(f.severity > 0 for f in o.findings))]
+        [reading.plain_text(o.source), o.file or "-", o.origin, o.status, str(sum(f.severity > 0 for f in o.findings))]
         for o in outcomes
     ]
     emit_table("Runs", ["log", "run", "origin", "status", "findings"], rows)
     for outcome in outcomes:
-        reading.print_findings(outcome.source, (f for f in outcome.findings if f.severity > 0))
+        reading.print_reading_findings(outcome.source, (f for f in outcome.findings if f.severity > 0))
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  testbench watch incoming -o campaign --rig rig.toml
+  testbench watch incoming -o campaign --rig rig.toml --runs runs.csv
+  testbench watch incoming -o campaign --once --json
+\b
+With --runs, files that the sheet names are ingested with its conditions, once all files of a run are there; others wait
+until it names them (--unnamed store: are stored without conditions). The sheet is read again when it changes.
+\b
+Exit codes of --once: 0 all stored, 3 stored with findings, still growing or waiting, 1 some file was refused."""
+)
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option(
+    "-o", "--output", "campaign", required=True, type=click.Path(path_type=Path), help="The campaign's folder."
+)
+@click.option("--rig", metavar="RIG", help="What is measured where: a rig file, kept with each run.")
+@click.option("--runs", "sheet", type=click.Path(path_type=Path), help="The sheet of run conditions; it may change.")
+@click.option(
+    "--unnamed",
+    type=click.Choice(["wait", "store"]),
+    default="wait",
+    show_default=True,
+    help="What becomes of files that the sheet does not name.",
+)
+@click.option("--accept", multiple=True, metavar="CODE", help="Store in spite of findings of this code.")
+@click.option("--once", is_flag=True, help="One pass over what is there, then stop.")
+@click.option(
+    "--settle", default="2s", show_default=True, metavar="TIME", help="How long a file must not have changed."
+)
+@options.text_options
+@json_option
+def watch(
+    folder: Path,
+    campaign: Path,
+    rig: str | None,
+    sheet: Path | None,
+    unnamed: str,
+    accept: tuple[str, ...],
+    once: bool,
+    settle: str,
+    as_json: bool,
+    **text: Any,  # noqa: ANN401
+) -> int:
+    """Ingest what arrives in FOLDER, each log once, also after a crash. What is refused is said, and the next comes."""
+    from ..errors import RecordingError
+    from ..recording import MEANING
+
+    if unknown := [code for code in accept if code not in MEANING]:
+        raise click.UsageError(f"--accept {unknown[0]}: no such code; `testbench info FILE` names those of a file")
+    if as_json and not once:
+        raise click.UsageError("--json prints one document at the end: it needs --once")
+    if not folder.is_dir():
+        what = "is a file" if folder.exists() else "no such folder"
+        raise RecordingError(f"{folder}: {what}; expected a folder that logs arrive in")
+    if campaign.is_dir() and folder.samefile(campaign):
+        raise RecordingError(
+            f"{folder}: is the campaign's folder too: its runs would arrive as logs; name another (-o)"
+        )
+    watching = _watching(folder, campaign, rig, accept, settle, text)
+    watching.store_unnamed = unnamed == "store"
+    if sheet is not None:
+        from ..ingest.watch_folder import WatchedSheet
+
+        watching.sheet = WatchedSheet(sheet, watching.settle_s)
+    if not once:
+        click.echo(f"watching {options.plain_text(str(folder))}; Ctrl-C ends it", err=True)
+        _say(watching.forever(), quiet=False)
+    outcomes = [o for o in _say(watching.once(), quiet=as_json) if o.status != "waiting"]
+    if as_json:
+        growing = [path.name for path in watching.growing]
+        waiting = [{"file": path.name, "reason": reason} for path, reason in watching.waiting.items()]
+        emit_json({"runs": [outcome.as_dict() for outcome in outcomes], "growing": growing, "waiting": waiting})
+    for path in watching.growing:
+        click.echo(f"testbench: {options.plain_text(path.name)}: still grows; left for later", err=True)
+    if any(outcome.status == "refused" for outcome in outcomes):
+        return EXIT_REFUSED
+    kept = [f for o in outcomes if o.status == "stored" for f in o.findings]
+    return max(options.exit_code(kept, accept), EXIT_WITH_FINDINGS if watching.growing or watching.waiting else 0)
+
+
+def _watching(
+    folder: Path, campaign: Path, rig: str | None, accept: Iterable[str], settle: str, text: dict[str, Any]
+) -> "Watch":
+    from balance.units import parse
+
+    from .. import rig as rigs
+    from ..ingest import Ingest
+    from ..ingest.watch_folder import Watch
+
+    work = Ingest(
+        campaign, None if rig is None else rigs.load_rig(rig), options.read_options(**text), frozenset(accept)
+    )
+    return Watch(folder, work, parse(settle, "time"))
+
+
+def _say(outcomes: "Iterable[Outcome]", quiet: bool) -> "list[Outcome]":
+    """Print each outcome when it comes; refusals to stderr."""
+    told = []
+    for outcome in outcomes:
+        told.append(outcome)
+        if outcome.status == "refused":
+            click.echo(f"testbench: {options.plain_text(outcome.message)}", err=True)
+        elif outcome.status == "waiting":
+            click.echo(
+                f"testbench: {options.plain_text(outcome.source)}: {options.plain_text(outcome.message)}", err=True
+            )
+        elif not quiet:
+            name = options.plain_text(outcome.source)
+            click.echo(f"{name}: {outcome.status.replace('_', ' ')} as {options.plain_text(outcome.file or '-')}")
+            options.print_reading_findings(
+                name, (f for f in outcome.findings if f.severity > 0 and f.code != "already_stored")
+            )
+    return told

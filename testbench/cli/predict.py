@@ -2,7 +2,7 @@
 
 import click
 
-from balance.cli.console import emit_json, json_option
+from balance.cli.framework import emit_json, json_option
 from balance.cli.options import figure_option
 
 from ..errors import AnalysisError
@@ -29,8 +29,8 @@ def predict(published: str, tests: str | None, with_forms: bool, figure: str | N
 
     Beside it: the error on what was calibrated on, each payload left out in turn, and baselines without mechanics.
     """
-    from .. import plan
-    from .. import published as tables
+    from .. import campaign_plan
+    from .. import published_tables as tables
 
     try:
         from studies.kiper2019 import results, validation
@@ -42,11 +42,11 @@ def predict(published: str, tests: str | None, with_forms: bool, figure: str | N
             "pip install --editable . and run this command again"
         ) from error
 
-    table = tables.load(published)
-    made = validation.forecast(table, plan.load(tests or _plan_of(table.name)))
+    table = tables.load_published(published)
+    made = validation.forecast(table, campaign_plan.load_plan(tests or _plan_of(table.name)))
     compared = validation.forms(made.known) if with_forms else []
     if figure:
-        from balance.figures.drawing import save
+        from balance.figures.mechanism import save
 
         save(results.prediction(made), figure)
     if as_json:
@@ -59,6 +59,6 @@ def _plan_of(table: str) -> str:
     """The shipped plan that has the name of a table."""
     from balance import datasets
 
-    if table not in datasets.names("plans", ".toml"):
+    if table not in datasets.dataset_names("plans", ".toml"):
         raise AnalysisError(f"{table}: no plan of that name is shipped: give that of these tests, --plan FILE")
     return table

@@ -7,9 +7,9 @@ from typing import Any
 
 import click
 
-from balance.cli.console import EXIT_REFUSED, emit_json, emit_table, json_option
+from balance.cli.framework import EXIT_REFUSED, emit_json, emit_table, json_option
 
-from .. import recordings as public
+from .. import public_recordings as public
 from ..errors import RecordingError
 
 

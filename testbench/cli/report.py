@@ -1,4 +1,7 @@
-"""``testbench report``."""
+"""``testbench report``.
+
+A report of a run as text.
+"""
 
 import json
 from pathlib import Path
@@ -6,17 +9,135 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.console import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 
-from . import calibrations, stored_runs
-from .measuring import BandText
-from .reported import say
+from . import options
+from .options import BandText
 
 if TYPE_CHECKING:
-    from ..pairing import Pair
     from ..report import RunReport
-    from ..signals import Band
+    from ..signal.filters import Band
     from ..store import Run
+    from ..vibration.run_pairs import Pair
+
+Part = dict[str, Any]
+
+
+def print_report(found: "RunReport") -> None:
+    """Print a run's report, part by part."""
+    from ..figures.style import condition_of, origin_of
+
+    click.echo(f"{origin_of([found.run])}{found.run.name}: {condition_of(found.run)}")
+    ways = {
+        "motions": _motions, "command": _command, "vibration": _vibration, "modes": _modes, "response": _response,
+        "wrench": _wrench, "torque": _torque,
+    }  # fmt: skip
+    for name, part in found.parts.items():
+        if "reason" in part:
+            click.echo(f"No {name}: {part['reason']}")
+        else:
+            ways[name](part)
+    for finding in found.findings:
+        click.echo(f"  {finding['code']}: {finding['message']}")
+    click.echo()
+
+
+def _motions(part: Part) -> None:
+    rows = [
+        [m["motion"], m["by"], m["group"], f"{m['start_s']:.4f}", f"{m['end_s']:.4f}", str(m["repeat"]),
+         "-" if m["extent_m"] is None else f"{1e3 * m['extent_m']:.1f}", m["reason"]]
+        for m in part["found"]
+    ]  # fmt: skip
+    header = ["motion", "by", "clock of", "start [s]", "end [s]", "repeat", "extent [mm]", "because"]
+    emit_table("Motions", header, rows, part["definition"])
+    for source, reason in part["reasons"].items():
+        click.echo(f"Nothing by {source}: {reason}")
+
+
+def _command(part: Part) -> None:
+    rows = [
+        [a["axis"], a["by"], _number(a["target_peak_m_s2"]), _number(a["peak_m_s2"]), _number(a["target_rms_m_s2"]),
+         _number(a["error_rms_m_s2"]), "-" if a["delay_s"] is None else f"{1e3 * a['delay_s']:z.2f}"]
+        for a in part["axes"]
+    ]  # fmt: skip
+    header = ["axis", "by", "target peak", "peak", "target RMS", "RMS error", "delay [ms]"]
+    noise = ", ".join(f"{joint} {value:.2g}" for joint, value in part["encoder_noise"].items())
+    emit_table("Acceleration of what is driven [m/s2]", header, rows,
+               f"below {part['bandwidth_hz']:g} Hz; noise of the encoders' steps [rad/s2]: {noise}")  # fmt: skip
+
+
+def _vibration(part: Part) -> None:
+    rows = [
+        [a["sensor"], a["component"], *(_number(a[f"{m}_m_s2"]) for m in ("peak", "peak_to_peak", "rms")),
+         ", ".join(f"{p['frequency_hz']:.1f}" for p in a["spectrum_peaks"]) or "-"]
+        for a in part["axes"]
+    ]  # fmt: skip
+    header = ["sensor", "axis", "peak", "peak to peak", "RMS", "spectrum peaks [Hz]"]
+    emit_table("Vibration of the base [m/s2]", header, rows, "; ".join(part["definitions"].values()))
+
+
+def _modes(part: Part) -> None:
+    rows = [_mode(m) for m in part["modes"]]
+    header = ["frequency [Hz]", "95 %", "damping [%]", "95 %", f"amplitude {', '.join(part['channels'])} [m/s2]", ""]
+    emit_table(f"Modes of the base, from {part['from_s']:.3f} to {part['to_s']:.3f} s of {part['group']}", header, rows,
+               f"{part['definition']}; below {part['band_hz'][1]:g} Hz")  # fmt: skip
+
+
+def _mode(mode: Part) -> list[str]:
+    sizes = " ".join(f"{a:.3g}" for a in mode["amplitudes_m_s2"])
+    if mode["reason"]:
+        return [f"near {mode['near_hz']:.1f}", "-", "-", "-", sizes, f"not determined: {mode['reason']}"]
+    ends, damping = mode["frequency_interval_hz"], mode["damping_interval"]
+    return [f"{mode['frequency_hz']:.3f}", f"{ends[0]:.3f} .. {ends[1]:.3f}", f"{100 * mode['damping_ratio']:.2f}",
+            f"{100 * damping[0]:.2f} .. {100 * damping[1]:.2f}", sizes, ""]  # fmt: skip
+
+
+def _response(part: Part) -> None:
+    rows = []
+    for axis in sorted({(r["sensor"], r["axis"]) for r in part["rows"]}):
+        told = [r for r in part["rows"] if (r["sensor"], r["axis"]) == axis]
+        top = max(told, key=lambda r: float(r["gain_1_kg"]))
+        ends = top["gain_interval_1_kg"]
+        rows.append([*axis, str(len(told)), f"{top['frequency_hz']:.1f}", f"{top['gain_1_kg']:.3g}",
+                     f"{ends[0]:.3g} .. {ends[1]:.3g}", f"{top['coherence']:.3f}",
+                     ", ".join(top["also_follows"]) or "nothing else"])  # fmt: skip
+    header = ["sensor", "axis", "significant lines", "largest at [Hz]", "gain [1/kg]", "95 %", "coherence",
+              "there it also follows"]  # fmt: skip
+    alone = "" if part["of_the_force_alone"] else ", with what follows its moment or other axes: not of the base alone"
+    emit_table(f"Acceleration of the base per shaking force{alone}", header, rows, part["definition"])
+
+
+def _wrench(part: Part) -> None:
+    rows = [
+        [name, *(_number(v) for v in metrics.values())] if metrics else [name, "-", "-", "-", part["reasons"][name]]
+        for name, metrics in part["components"].items()
+    ]
+    rows = [row + [""] * (5 - len(row)) for row in rows]
+    header = ["component", "peak", "peak to peak", "RMS", "not determined, because"]
+    point = ", ".join(f"{v:g}" for v in part["point_m"])
+    emit_table(
+        f"Shaking force and moment about ({point}) m [N, N m]", header, rows, f"{part['definition']}; {part['tare']}"
+    )
+
+
+def _torque(part: Part) -> None:
+    rows = []
+    for drive in part["drives"]:
+        key, unit = ("Nm", "N m") if "measured_rms_Nm" in drive else ("N", "N")
+        rows.append([
+            drive["joint"], *(_number(drive[f"{name}_{key}"]) for name in ("measured_rms", "model_rms")),
+            f"{drive['rms_ratio']:.3f}", f"{drive['scale']:.3f}", f"{100 * drive['residual_share']:.1f}",
+            f"{1e3 * drive['delay_s']:z.2f}", unit,
+        ])  # fmt: skip
+    header = ["joint", "measured RMS", "model RMS", "ratio", "scale", "left [%]", "delay [ms]", "unit"]
+    band = part["drives"][0]["bandwidth_hz"] if part["drives"] else 0.0
+    words = part["definitions"]
+    note = f"below {band:g} Hz; scale: {words['scale']}; left: {words['residual_share']}"
+    emit_table("Torques of the drives against the model", header, rows, note)
+
+
+def _number(value: float) -> str:
+    return f"{value:.4g}"
 
 
 class PointText(click.ParamType[tuple[float, float, float]]):
@@ -27,7 +148,7 @@ class PointText(click.ParamType[tuple[float, float, float]]):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:  # noqa: ANN401
         """Read the text; a wrong one fails as a wrong command line."""
         from balance.errors import UnitError
-        from balance.quantities import parse
+        from balance.units import parse
 
         if not isinstance(value, str):
             return value
@@ -77,13 +198,13 @@ def report(
     the base, its modes from the free decay, its response to the shaking force; force and moment at a point; torques
     against the model. With --output also figures: each run, and runs with counter-masses beside those without.
     """
-    from ..pairing import pairs
     from ..report import report as reported
     from ..runs.si_run import SIRun
+    from ..vibration.run_pairs import pairs
 
     if not bandwidth > 0.0:
         raise click.UsageError(f"--bandwidth {bandwidth:g}: expected a positive frequency")
-    opened, refused = stored_runs.each(runs)
+    opened, refused = options.each_run(runs)
     found = {}
     for run in opened:
         found[run.name] = reported(SIRun.of(run), point, band, bandwidth, mechanism)
@@ -91,7 +212,7 @@ def report(
     document = {
         "runs": [one.as_dict() for one in found.values()],
         "compared": compared,
-        "calibrations": calibrations.document(opened),
+        "calibrations": options.calibrations_document(opened),
         "refused": [one.as_dict() for one in refused],
     }
     written = _write(output, opened, document, mechanism, bandwidth) if output and opened else []
@@ -99,12 +220,12 @@ def report(
         emit_json({**document, "written": [str(path) for path in written]})
     else:
         for one in found.values():
-            say(one)
+            print_report(one)
         _say_compared(compared)
         for path in written:
             click.echo(f"Wrote {path}.")
-        calibrations.say(opened)
-    stored_runs.say(refused)
+        options.print_calibrations(opened)
+    options.print_not_opened(refused)
     if refused:
         return EXIT_REFUSED
     return EXIT_WITH_FINDINGS if any(one.findings for one in found.values()) else 0
@@ -112,7 +233,7 @@ def report(
 
 def _compared(pair: "Pair", found: "dict[str, RunReport]") -> dict[str, Any]:
     """What counter-masses do to the torques of one condition."""
-    from ..report.loads import fallen
+    from ..report.sections import fallen_loads
 
     sides = [[found[run.name].torque for run in runs] for runs in (pair.balanced, pair.unbalanced)]
     return {
@@ -120,7 +241,7 @@ def _compared(pair: "Pair", found: "dict[str, RunReport]") -> dict[str, Any]:
         "counter_masses_kg": pair.counter_masses,
         "origin": pair.key.origin,
         "runs": [run.name for run in pair.runs],
-        "torques": fallen(sides[0], sides[1]),
+        "torques": fallen_loads(sides[0], sides[1]),
     }
 
 
@@ -144,7 +265,7 @@ def _write(
     folder: Path, runs: "list[Run]", document: dict[str, Any], mechanism: str | None, bandwidth: float
 ) -> list[Path]:
     """Figures and the document, in a folder that is made if it is not there."""
-    from ..report.figures import draw
+    from ..report.run_report import draw
 
     folder.mkdir(parents=True, exist_ok=True)
     written = draw(runs, folder, mechanism, bandwidth)

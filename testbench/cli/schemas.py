@@ -7,9 +7,9 @@ def schema(name: str) -> dict[str, Any]:
     """The schema of a kind of input file. Raises RigError, listing the kinds, for a name that is none."""
     from balance.input_files import Table, json_schema
 
+    from ..campaign_plan import Plan
     from ..errors import RigError
-    from ..ingest.sheetrows import RunRow
-    from ..plan import Plan
+    from ..ingest.run_conditions import RunRow
     from ..rig import Rig
 
     models: dict[str, type[Table]] = {"plan": Plan, "rig": Rig, "run-table": RunRow}

@@ -43,12 +43,12 @@ def simulate(plan: str, rig: str, folder: Path, seed: int | None) -> None:
     What really happened lies apart in FOLDER/truth, which no analysis reads. The same plan, rig and seed give the same
     logs.
     """
-    from .. import plan as plans
+    from .. import campaign_plan as plans
     from .. import rig as rigs
-    from ..bench.campaign import SHEET
-    from ..bench.campaign import simulate as simulated
+    from ..simulator.campaign import SHEET
+    from ..simulator.campaign import simulate_campaign as simulated
 
-    planned, bench = plans.load(plan), rigs.load(rig)
+    planned, bench = plans.load_plan(plan), rigs.load_rig(rig)
     if seed is not None:
         planned = planned.model_copy(update={"seed": seed})
     with _progress(len(planned.runs())) as progress:

@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.console import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from balance.cli.framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 
-from . import calibrations, stored_runs
+from . import options
 
 if TYPE_CHECKING:
-    from ..clocks.mapping import ClockMap
     from ..runs.si_run import SIRun
+    from ..synchronization.clock_map import ClockMap
     from ..trim import Missing, Source, Trim
 
 
@@ -71,8 +71,8 @@ def trim(
     trial masses: by the base's vibration without any model of the base; what is missing is said of the first run's
     mounting. Intervals are of 95 %, or said not to be. Runs that cannot tell are refused.
     """
-    from balance import stock as stocks
-    from balance.loading.loading import load_mechanism
+    from balance.balancing import stock_plates as stocks
+    from balance.mechanism.mjcf_parser import load_mechanism
 
     from .. import rig as rigs
     from ..runs.aligned_run import AlignedRun
@@ -82,24 +82,24 @@ def trim(
 
     if cutoff is not None and not cutoff > 0.0:
         raise click.UsageError(f"--cutoff {cutoff:g}: expected a positive frequency")
-    opened = stored_runs.opened(runs)
-    described = rigs.load(rig) if rig else None
+    opened = options.opened_runs(runs)
+    described = rigs.load_rig(rig) if rig else None
     bound = [SIRun.of(run, described) for run in opened]
-    plates = stocks.load(stock) if stock else []
+    plates = stocks.load_stock(stock) if stock else []
     model = load_mechanism(mechanism)
     runs_of_it = [AlignedRun(run, model, _recorded(run)) for run in bound]
     result = trim_runs(runs_of_it, site, plates, sources or None, cutoff)
     if figure:
-        from balance.figures.drawing import save
+        from balance.figures.mechanism import save
 
-        from ..trim.figure import draw
+        from ..trim.document import draw
 
         save(draw(result), figure)
     if as_json:
-        emit_json({**trim_document(result), "calibrations": calibrations.document(bound)})
+        emit_json({**trim_document(result), "calibrations": options.calibrations_document(bound)})
     else:
         _print(result, stock)
-        calibrations.say(bound)
+        options.print_calibrations(bound)
     return EXIT_WITH_FINDINGS if result.findings or result.doubts() else 0
 
 

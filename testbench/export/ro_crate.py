@@ -14,9 +14,9 @@ from typing import Any
 from urllib.parse import quote
 
 from ..errors import StoreError
-from ..recordings import registry
-from ..store import Campaign, Run, digest, records
-from .target import Exported
+from ..public_recordings import registry
+from ..store import Campaign, Run, append_only_records, atomic_files
+from . import Exported
 
 NAME = "ro-crate-metadata.json"
 SPECIFICATION = "https://w3id.org/ro/crate/1.1"
@@ -24,20 +24,20 @@ HDF5 = "https://www.nationalarchives.gov.uk/PRONOM/fmt/807"
 _UNSTATED = "No licence is stated: all rights stay with the owner of the recording; ask before using it."
 
 
-def write(campaign: Campaign, runs: Sequence[Run], folder: Path, licence: str | None) -> Exported:
+def export_crate(campaign: Campaign, runs: Sequence[Run], folder: Path, licence: str | None) -> Exported:
     """Copy runs with their digests into ``folder``, checked, and describe them; the campaign may be the crate."""
     target = folder / NAME
     if target.exists():
         raise StoreError(f"{target}: is there already; nothing is overwritten, name another folder")
     later = _records(campaign, runs)
-    text = json.dumps(document(campaign.path.resolve().name, runs, licence, later), indent=1, ensure_ascii=False)
+    text = json.dumps(crate_metadata(campaign.path.resolve().name, runs, licence, later), indent=1, ensure_ascii=False)
     with _whole_or_not(folder) as made:
         if folder.resolve() != campaign.path.resolve():
             for run in runs:
                 _copy(run.path, folder, made)
-            copies = [folder / records.FOLDER / record.name for record in later]
+            copies = [folder / append_only_records.FOLDER / record.name for record in later]
             made += [path for path in copies if not path.exists()]
-            records.copy(campaign.path, folder, {path.name for path in copies})
+            append_only_records.copy(campaign.path, folder, {path.name for path in copies})
         part = folder / f".{NAME}.new"
         made.append(part)
         part.write_text(text + "\n", encoding="utf-8")
@@ -47,8 +47,8 @@ def write(campaign: Campaign, runs: Sequence[Run], folder: Path, licence: str | 
     return Exported(target, losses)
 
 
-def document(
-    name: str, runs: Sequence[Run], licence: str | None, later: Sequence[records.Record] = ()
+def crate_metadata(
+    name: str, runs: Sequence[Run], licence: str | None, later: Sequence[append_only_records.Record] = ()
 ) -> dict[str, Any]:
     """The description of ``runs`` and the ``later`` records about them as JSON-LD."""
     now = datetime.now(UTC).isoformat(timespec="seconds")
@@ -104,27 +104,27 @@ def _run(run: Run, licence: str | None) -> list[dict[str, Any]]:
         "description": f"origin: {run.origin}",
         "encodingFormat": ["application/x-hdf5", {"@id": HDF5}],
         "contentSize": str(run.path.stat().st_size),
-        "sha256": digest.recorded(run.path),
+        "sha256": atomic_files.recorded_digest(run.path),
         "dateCreated": run.provenance.get("written", ""),
         "license": _references(known),
         "isBasedOn": [{"@id": log["@id"]} for log in logs],
         "additionalProperty": [{"@id": value["@id"]} for value in properties],
         "creator": {"@id": "#counterpoise"},
     }
-    name = digest.beside(run.path).name
+    name = atomic_files.digest_file(run.path).name
     beside = {"@id": _uri(name), "@type": "File", "name": name, "encodingFormat": "text/plain"}
     return [node, beside, *logs, *properties]
 
 
-def _records(campaign: Campaign, runs: Sequence[Run]) -> list[records.Record]:
+def _records(campaign: Campaign, runs: Sequence[Run]) -> list[append_only_records.Record]:
     """The later records about ``runs``: without them, a calibration that was corrected would be wrong again."""
     names = {run.path.name for run in runs}
-    return [record for record in records.read(campaign.path) if names & record.runs.keys()]
+    return [record for record in append_only_records.read_records(campaign.path) if names & record.runs.keys()]
 
 
-def _record(record: records.Record, runs: Sequence[Run]) -> dict[str, Any]:
+def _record(record: append_only_records.Record, runs: Sequence[Run]) -> dict[str, Any]:
     return {
-        "@id": _uri(f"{records.FOLDER}/{record.name}"),
+        "@id": _uri(f"{append_only_records.FOLDER}/{record.name}"),
         "@type": "File",
         "name": record.name,
         "description": f"{record.kind}, recorded later about runs, which never change",
@@ -194,7 +194,7 @@ def _whole_or_not(folder: Path) -> Iterator[list[Path]]:
     except BaseException as error:
         for path in made:
             path.unlink(missing_ok=True)
-        for made_folder in (folder / records.FOLDER, folder) if is_new else ():
+        for made_folder in (folder / append_only_records.FOLDER, folder) if is_new else ():
             with suppress(OSError):  # it was not made yet
                 made_folder.rmdir()
         if isinstance(error, OSError):
@@ -206,11 +206,11 @@ def _whole_or_not(folder: Path) -> Iterator[list[Path]]:
 def _copy(run: Path, folder: Path, made: list[Path]) -> None:
     """Copy a run and its digest, which must match; never over another file. What is made is added to ``made``."""
     target = folder / run.name
-    for path in (target, digest.beside(target)):
+    for path in (target, atomic_files.digest_file(target)):
         if path.exists():
             raise StoreError(f"{path}: is there already; nothing is overwritten, name another folder")
-    made += [target, digest.beside(target)]
+    made += [target, atomic_files.digest_file(target)]
     shutil.copyfile(run, target)
-    shutil.copyfile(digest.beside(run), digest.beside(target))
-    if digest.sha256_of(target) != digest.recorded(run):
+    shutil.copyfile(atomic_files.digest_file(run), atomic_files.digest_file(target))
+    if atomic_files.sha256_of(target) != atomic_files.recorded_digest(run):
         raise StoreError(f"{run.name}: is not what was stored, see `testbench verify`; it was not copied")

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..comparison import Comparison, Row
-from ..published import ORIGINAL_LOGS
-from ..reductions import Analysis
+from ..published_tables import ORIGINAL_LOGS
+from ..vibration.comparison import Comparison, Row
+from ..vibration.reduction import Analysis
 from . import style
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def reductions(compared: Comparison | Analysis) -> "Figure":
     motions = list(dict.fromkeys(row.analyzed.key.motion for row in rows))
     places = list(dict.fromkeys(_place(row) for row in rows))
     with style.styled():
-        figure, panels = style.grid(len(motions), len(places), 2.7, sharey=True)
+        figure, panels = style.light_grid(len(motions), len(places), 2.7, sharey=True)
         for line, motion in zip(panels, motions, strict=True):
             for panel, place in zip(line, places, strict=True):
                 _panel(panel, [r for r in rows if r.analyzed.key.motion == motion and _place(r) == place])

@@ -40,7 +40,7 @@ def styled() -> "AbstractContextManager[None]":
     return rc_context(_RC)
 
 
-def grid(rows: int, columns: int, height: float, **shared: Any) -> "tuple[Figure, Any]":  # noqa: ANN401
+def light_grid(rows: int, columns: int, height: float, **shared: Any) -> "tuple[Figure, Any]":  # noqa: ANN401
     """A figure and its axes (rows, columns), each row ``height`` inch high."""
     from matplotlib.figure import Figure
 
@@ -48,7 +48,7 @@ def grid(rows: int, columns: int, height: float, **shared: Any) -> "tuple[Figure
     return figure, figure.subplots(rows, columns, squeeze=False, **shared)
 
 
-def title(figure: "Figure", text: str, runs: "Sequence[Run | SIRun]") -> None:
+def figure_title(figure: "Figure", text: str, runs: "Sequence[Run | SIRun]") -> None:
     """Title of a figure: what it shows, in which condition, and that it is simulated where it is."""
     headline(figure, f"{origin_of(runs)}{text}\n{condition_of(runs[0])}")
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from balance.estimation.base_parameters import BaseParameters, base_parameters
 from balance.estimation.identifiability import Identifiability, identifiability
 from balance.estimation.regression import RegressionRecord
-from balance.mechanism import Mechanism
+from balance.mechanism.mechanism import Mechanism
 
 from ..recording import Origin
 from ..runs.aligned_run import AlignedRun

@@ -27,11 +27,11 @@ from balance.dynamics.joint_friction import TERMS, joint_terms
 from balance.dynamics.regressor import torque_regressor
 from balance.errors import ModelError
 from balance.estimation.identifiability import Identifiability
-from balance.mechanism import Mechanism
+from balance.mechanism.mechanism import Mechanism
 
 from ..errors import AnalysisError
-from ..motion.derivatives import HIGHEST_CUTOFF
-from ..motion.gaps import reach_of
+from ..kinematics.gaps import reach_of
+from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF
 from .estimators import NAMES, Method, Methods, allowed
 from .records import LONGEST_DELAY_S, JointRecord
 from .regression_equations import POSITION_BANDWIDTH, RecordEquations, RegressionEquations, regression_equations

@@ -5,8 +5,8 @@ from typing import Any
 
 from balance.errors import DataError
 
-from ..findings import Finding
-from ..motion.gaps import CODE
+from ..kinematics.gaps import CODE
+from ..recording import Finding
 from .cross_validation import CUTOFFS_HZ, STRETCHES
 from .diagnostics import Explanation
 from .estimators import NAMES

@@ -28,10 +28,10 @@ from balance.arrays import Floats, Indices
 from balance.estimation.base_parameters import BaseParameters, base_parameters
 from balance.estimation.identifiability import Identifiability
 from balance.estimation.regression import RegressionRecord, least_squares
-from balance.mechanism import Mechanism
+from balance.mechanism.mechanism import Mechanism
 
 from ..errors import AnalysisError
-from ..motion.derivatives import Rates
+from ..kinematics.smoothing_and_derivatives import Rates
 from .regression_equations import RecordEquations, RegressionEquations, model_torque, path_of, regressor
 
 DAMPING = 0.7

@@ -22,7 +22,7 @@ def draw(result: Identification) -> "Figure":
     shown = (evidence.torque(chosen.delay), evidence.low_passed_torque(chosen.delay), result.choice.predicted_smooth)
     raw, smooth, predicted = (np.where(evidence.sound > 0.0, values, np.nan) for values in shown)
     with style.styled():
-        figure, panels = style.grid(len(result.joints), 1, 2.2, sharex=True)
+        figure, panels = style.light_grid(len(result.joints), 1, 2.2, sharex=True)
         for j, (axes, joint) in enumerate(zip(panels[:, 0], result.joints, strict=True)):
             axes.plot(time, raw[:, j], color=_RECORDED, lw=0.7, label="as recorded")
             axes.plot(time, smooth[:, j], color=style.TARGET, label=f"below {chosen.cutoff:.3g} Hz")

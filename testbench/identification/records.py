@@ -17,17 +17,17 @@ import numpy as np
 
 from balance.arrays import Floats
 from balance.dynamics.regressor import wrench_regressor
-from balance.mechanism import Mechanism
+from balance.mechanism.mechanism import Mechanism
 
 from ..errors import AnalysisError
+from ..kinematics.gaps import Gaps
+from ..kinematics.smoothing_and_derivatives import Grid, Rates, bridge_gaps, grid_of, low_pass, on_grid
 from ..loads.measured_loads import MeasuredLoads, measured_loads
-from ..motion.derivatives import Grid, Rates, bridged, grid_of, low_pass, on_grid
-from ..motion.gaps import Gaps
+from ..loads.shaking_wrench import COMPONENTS, refuse_saturation, shaking_wrench
 from ..recording import Origin
 from ..rig import Column
 from ..rig.sensors import Encoder, Torque
 from ..runs.aligned_run import AlignedRun
-from ..wrench import COMPONENTS, refuse_saturation, shaking_wrench
 
 if TYPE_CHECKING:
     pass
@@ -108,7 +108,7 @@ def joint_record(run: AlignedRun, *, torque: bool = True) -> JointRecord:
     values = np.stack([run.run.readings(column) for column in channels], axis=1)
     _refuse_lost(run.name, [column.channel for column in channels], values, time)
     grid, gaps = grid_of(time, run.name, bridged=True), Gaps.of({group: time})
-    even = on_grid(*bridged(time, values, grid.step), grid) if gaps else on_grid(time, values, grid)
+    even = on_grid(*bridge_gaps(time, values, grid.step), grid) if gaps else on_grid(time, values, grid)
     joints = len(driven)
     return JointRecord(run.name, run.run.origin, grid, even[:, :joints], even[:, joints:], gaps=gaps)
 

@@ -17,12 +17,12 @@ from balance.arrays import Floats, Indices
 from balance.closure import Closure, Trajectory
 from balance.dynamics.joint_friction import TERMS, joint_terms
 from balance.dynamics.regressor import driven_torque_regressor, wrench_regressor
-from balance.mechanism import Mechanism
+from balance.mechanism.mechanism import Mechanism
 from balance.motion import Samples
 
 from ..errors import AnalysisError
-from ..motion.derivatives import Rates
-from ..motion.gaps import reach_of
+from ..kinematics.gaps import reach_of
+from ..kinematics.smoothing_and_derivatives import Rates
 from .records import JointRecord
 
 

@@ -9,19 +9,19 @@ from functools import cached_property
 
 import numpy as np
 
-from balance import conditions
 from balance.arrays import Floats
-from balance.combinations import text_of
+from balance.balancing import conditions
+from balance.balancing.conditions import text_of
 from balance.dynamics.joint_friction import TERMS
 from balance.estimation.base_parameters import BaseParameters
 from balance.estimation.estimate import Estimate
 from balance.estimation.first_moment_imbalance import masses_per_value
 from balance.estimation.identifiability import NotIdentifiable
 from balance.estimation.physical_consistency import Consistent, consistent
-from balance.mechanism import Mechanism
+from balance.mechanism.mechanism import Mechanism
 
+from ..loads.shaking_wrench import COMPONENTS
 from ..recording import Origin
-from ..wrench import COMPONENTS
 from .cross_validation import Candidate, Choice, MethodErrors, compare, unexplained
 from .estimators import Method
 from .records import LONGEST_DELAY_S
@@ -251,7 +251,7 @@ class Identification:
 
     @cached_property
     def _found(self) -> conditions.Conditions:
-        return conditions.find(self.mechanism)
+        return conditions.balance_conditions(self.mechanism)
 
     @cached_property
     def _conditions(self) -> list[tuple[str, Floats]]:

@@ -1,4 +1,7 @@
-"""Log files into stored runs: read, check, write, in one pass and bounded memory; nothing half-written."""
+"""Log files into stored runs: read, check, write, in one pass and bounded memory; nothing half-written.
+
+What became of a log file that was to be ingested.
+"""
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
@@ -7,23 +10,68 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..checks import against_rig
-from ..checks.groups import RecordingCheck
 from ..errors import RecordingError, StoreError
-from ..findings import Finding, Refusal, refused
+from ..quality import rig_checks
+from ..quality.group_checks import RecordingCheck
 from ..readers import ReadOptions
-from ..recording import Group, Origin, placed
-from ..store import digest, lock, open_run
-from ..store.sources import StoredSources
+from ..recording import Finding, Group, Origin, Refusal, placed, refused
+from ..store import atomic_files, open_run
+from ..store.campaign import StoredSources
 from ..store.writer import RunWriter
-from .apart import apart
-from .nolog import refuse_stored_run, refuse_too_many, refuse_twice
-from .outcome import Outcome, already_there, not_stored
-from .runsheet import PlannedRun
-from .source import Source
+from .input_files import Source, apart, refuse_stored_run, refuse_too_many, refuse_twice
+from .run_conditions import PlannedRun
 
 if TYPE_CHECKING:
     from ..rig import Rig
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one log file: ``stored``, ``already_stored``, ``refused``, ``waiting``; and the run's file."""
+
+    file: str | None
+    source: str
+    sha256: str | None
+    origin: Origin
+    status: str
+    findings: tuple[Finding, ...]
+    message: str = ""
+
+    def as_dict(self) -> dict[str, Any]:
+        """The outcome as it is printed."""
+        return {
+            "file": self.file,
+            "source": self.source,
+            "sha256": self.sha256,
+            "origin": self.origin,
+            "status": self.status,
+            "findings": [finding.as_dict() for finding in self.findings],
+        }
+
+
+def already_there(source: Source, run: str, differing: Sequence[Finding]) -> Outcome:
+    """The outcome of a log that the campaign holds, in ``run``; ``differing`` is what the sheet says otherwise now."""
+    finding = Finding("already_stored", None, None, f"is stored already as {run}; nothing was written")
+    origin = source.recording.origin
+    found = (finding, *differing)
+    return Outcome(run, source.path.name, source.sha256, origin, "already_stored", found, finding.message)
+
+
+def not_stored(planned: PlannedRun, sources: Sequence[Source], error: Exception) -> list[Outcome]:
+    """One outcome for each file of a run that was not stored; the reason stands with the file that it names."""
+    outcomes = []
+    for i, path in enumerate(planned.files):
+        findings = tuple(sources[i].findings) if i < len(sources) else ()
+        if isinstance(error, Refusal) and str(error).startswith(path.name):
+            findings = (*findings, error.finding)
+        elif not refused(findings):
+            findings = (*findings, Finding("not_stored", None, None, str(error)))
+        sha256 = sources[i].sha256 or None if i < len(sources) else None
+        said = any(source.recording.origin == "simulated" for source in sources)
+        origin = "simulated" if said else planned.origin or "unstated"
+        outcomes.append(Outcome(None, path.name, sha256, origin, "refused", findings, str(error)))
+    return outcomes
+
 
 Progress = Callable[[int], None]
 """Called with the bytes that were read since the last call."""
@@ -108,8 +156,8 @@ class Ingest:
                 source.findings = placed(source.findings, own, sum(map(len, groups)) > 1)
             if self.rig is not None:
                 recordings = [source.recording for source in sources]
-                sources[0].findings.extend(against_rig.findings(self.rig, recordings, self.elsewhere))
-                sources[0].findings.extend(against_rig.of_conditions(self.rig, planned.conditions or {}))
+                sources[0].findings.extend(rig_checks.rig_findings(self.rig, recordings, self.elsewhere))
+                sources[0].findings.extend(rig_checks.of_conditions(self.rig, planned.conditions or {}))
             doubt = "whether it holds this recording too cannot be told"
             for name, reason in self._stored.unopened.items():
                 sources[0].findings.append(Finding("run_not_opened", None, None, _unopened(name, reason, doubt)))
@@ -121,7 +169,7 @@ class Ingest:
             rig = None if self.rig is None else self.rig.text
             writer.describe(origin, planned.conditions or {}, everything, self._provenance(sources), rig)
             writer.seal()
-            with lock.one_at_a_time(self.folder):
+            with atomic_files.one_at_a_time(self.folder):
                 if others := self._already(planned, sources):
                     return others
                 target = writer.commit().name
@@ -129,7 +177,7 @@ class Ingest:
 
     def _copy(self, source: Source, writer: RunWriter) -> list[Group]:
         """Read one file to its end, checking and writing each block; the groups that it held."""
-        check = RecordingCheck(source.recording, against_rig.ranges(self.rig))
+        check = RecordingCheck(source.recording, rig_checks.range_findings(self.rig))
         source.findings += source.recording.findings
         done, groups = 0, len(check.groups)
         for block in source.recording.blocks(source.findings.append):
@@ -140,8 +188,8 @@ class Ingest:
             writer.group(block.group).append(block.columns)
             self.progress(block.bytes_read - done)
             done = block.bytes_read
-        source.findings += against_rig.without_commanded(self.rig, source.recording, check.findings())
-        source.findings += against_rig.rates(self.rig, check.groups.values())
+        source.findings += rig_checks.without_commanded(self.rig, source.recording, check.findings())
+        source.findings += rig_checks.rate_findings(self.rig, check.groups.values())
         if not any(group.samples for group in check.groups.values()):
             raise Refusal(source.path.name, Finding("no_data", None, None, "holds no sample that can be kept"))
         for group in check.groups.values():
@@ -178,5 +226,5 @@ def _origin(planned: PlannedRun, sources: Sequence[Source]) -> Origin:
 def _unopened(name: str, reason: str, consequence: str) -> str:
     return (
         f"{name} of the campaign cannot be opened, and {consequence} ({reason}); `testbench verify` tells whether it "
-        f"is damaged: then take it and {name}{digest.SUFFIX} out of the campaign, and ingest its logs again"
+        f"is damaged: then take it and {name}{atomic_files.SUFFIX} out of the campaign, and ingest its logs again"
     )

@@ -11,9 +11,9 @@ import numpy as np
 
 from balance.arrays import Floats
 
-from ..motion import base_motion
+from ..kinematics import base_motion
 from ..runs.aligned_run import AlignedRun
-from ..wrench import COMPONENTS, MeasuredWrench
+from .shaking_wrench import COMPONENTS, MeasuredWrench
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,7 @@ import numpy as np
 
 from balance.errors import CounterpoiseError
 
-from ..findings import MEANING, Finding
-from ..recording import Block, Group, Recording, TimeColumn
+from ..recording import MEANING, Block, Finding, Group, Recording, TimeColumn
 from .registry import HEAD_BYTES, Reader, ReadOptions, find_reader
 
 _HEADS = (b"", b"\0" * 64, b"\xff" * HEAD_BYTES, b"a,b\n1,2\n", bytes(range(256)) * 16)

@@ -6,8 +6,7 @@ The file names no units. By Cortex's convention they are N, mm and N mm, with Y 
 from collections.abc import Iterator
 from pathlib import Path
 
-from ..findings import Finding, Refusal
-from ..recording import Block, Channel, Group, Recording, Report, UniformClock
+from ..recording import Block, Channel, Finding, Group, Recording, Refusal, Report, UniformClock
 from .csv.dialect import Dialect
 from .csv.preamble import key_value_pairs
 from .csv.row_parser import RowParser

@@ -22,11 +22,9 @@ from scipy.io import loadmat
 from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque, MatReadError
 from scipy.sparse import issparse
 
-from ..findings import Finding, Refusal
-from ..recording import Block, Channel, Recording, Samples
-from .nonfinite import watched
-from .series import Series, gather
-from .stream import ByteSource, as_float64, cut, damaged, refusing
+from ..recording import Block, Channel, Finding, Recording, Refusal, Samples
+from .array_grouping import Series, gather
+from .byte_source import ByteSource, as_float64, cut, damaged, refusing, watch_nonfinite
 
 _MATRIX, _COMPRESSED = 14, 15
 _CELL, _STRUCT = 1, 2
@@ -96,7 +94,7 @@ def open_library(path: Path) -> Recording:
         format="MATLAB v5" if is_5 else "MATLAB v4",
         reader="testbench.readers.matlab",
         groups=tuple(gathered.group for gathered in result.groups),
-        read=lambda report: watched(blocks(), report),
+        read=lambda report: watch_nonfinite(blocks(), report),
         metadata=found.metadata,
         stated_rate_hz=result.stated_rate_hz,
         findings=tuple(found.findings),

@@ -10,13 +10,11 @@ from typing import Any
 from mcap.exceptions import McapError
 from mcap.stream_reader import CRCValidationError, StreamReader
 
-from ..findings import Finding, Refusal
-from ..recording import Block, Recording, Report
-from .nonfinite import watched
+from ..recording import Block, Finding, Recording, Refusal, Report
+from .byte_source import damaged, refusing, watch_nonfinite
 from .protobuf_messages import ProtobufDecoder
 from .ros_messages import RosDecoder, message_fields
 from .ros_topics import Message, Topic, Unclear, Unreadable, from_json
-from .stream import damaged, refusing
 
 _MAGIC = b"\x89MCAP0\r\n"
 _LARGEST_RECORD = 256 << 20
@@ -51,7 +49,7 @@ def open_library(path: Path) -> Recording:
         format="MCAP",
         reader="testbench.readers.ros_files",
         groups=tuple(groups),
-        read=lambda report: watched(_blocks(path, report), report),
+        read=lambda report: watch_nonfinite(_blocks(path, report), report),
         metadata=file.metadata | {"zero": f"{file.zero} ns since 1970"},
         findings=tuple(findings),
     )

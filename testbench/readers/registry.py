@@ -10,9 +10,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from ..errors import RecordingError
-from ..findings import Finding, Refusal
-from ..recording import Recording
-from .origin import with_stated
+from ..recording import Finding, Recording, Refusal
+from .header_claims import with_stated
 from .subprocess_reader import open_in_subprocess
 
 ENTRY_POINTS = "counterpoise.readers"
@@ -131,12 +130,12 @@ def _is_text(head: bytes) -> bool:
 _UFF = re.compile(rb"\s{0,6}-1[ \t]*\r?\n[ \t]*\d{1,5}[bB]?(?:[ \t][^\n]*)?\r?\n")
 BUILT_IN = (
     Reader("Cortex forces", (".forces",), _begins(b"[Force Data]"), _by("testbench.readers.cortex", "open_forces")),
-    Reader("C3D", (".c3d",), _is_c3d, _by("testbench.readers.c3d.reader", "open_c3d")),
+    Reader("C3D", (".c3d",), _is_c3d, _by("testbench.readers.c3d", "open_c3d")),
     Reader(
         "enDAQ IDE",
         (".ide",),
         lambda head: head.startswith(b"\x1aE\xdf\xa3") and b"mide" in head[:64].lower(),
-        _apart("testbench.readers.ide.library", "ide"),
+        _apart("testbench.readers.endaq_ide_worker", "ide"),
         needs("ide"),
     ),
     Reader(
@@ -156,7 +155,7 @@ BUILT_IN = (
         "HDF5, NeXus, netCDF 4, MATLAB v7.3",
         (".h5", ".hdf5", ".nxs", ".nc", ".mat"),
         _is_hdf5,
-        _apart("testbench.readers.hdf5.library"),
+        _apart("testbench.readers.hdf5.worker"),
     ),
     Reader(
         "ASAM MDF", (".mf4", ".mdf"), _begins(b"MDF     ", b"UnFinMF "), _by("testbench.readers.mdf.reader", "open_mdf")
@@ -165,7 +164,7 @@ BUILT_IN = (
         "Parquet",
         (".parquet", ".pq"),
         _begins(b"PAR1"),
-        _apart("testbench.readers.parquet.library", "parquet"),
+        _apart("testbench.readers.parquet_worker", "parquet"),
         needs("parquet"),
     ),
     Reader(
@@ -189,7 +188,7 @@ BUILT_IN = (
         "UFF",
         (".uff", ".unv"),
         lambda head: _UFF.match(head) is not None,
-        _by("testbench.readers.uff.reader", "open_uff"),
+        _by("testbench.readers.uff", "open_uff"),
     ),
     Reader(
         "WAV",

@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..findings import Finding
-from ..recording import Block, Channel, Group, Samples, TimeColumn
+from ..recording import Block, Channel, Finding, Group, Samples, TimeColumn
 
 MOST_NUMBERS = 4096
 """A message of more numbers is a picture or a cloud of points, and no sample."""

@@ -7,12 +7,10 @@ from typing import Any
 
 from rosbags import rosbag1
 
-from ..findings import Finding, Refusal
-from ..recording import Block, Recording, Report
-from .nonfinite import watched
+from ..recording import Block, Finding, Recording, Refusal, Report
+from .byte_source import cut, damaged, refusing, watch_nonfinite
 from .ros_messages import RosDecoder, message_fields
 from .ros_topics import Message, Topic, Unclear, Unreadable
-from .stream import cut, damaged, refusing
 
 
 def open_library(path: Path) -> Recording:
@@ -35,7 +33,7 @@ def open_library(path: Path) -> Recording:
         format="ROS 1 bag",
         reader="testbench.readers.ros_files",
         groups=tuple(groups),
-        read=lambda report: watched(_blocks(path, declared, report), report),
+        read=lambda report: watch_nonfinite(_blocks(path, declared, report), report),
         metadata=types | {"zero": f"{zero} ns since 1970"},
         findings=tuple(findings),
     )

@@ -7,8 +7,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from ..findings import Finding
-from ..recording import Block, Channel, Clock, Group, Samples, SensorRange, TimeColumn, UniformClock
+from ..recording import Block, Channel, Clock, Finding, Group, Samples, SensorRange, TimeColumn, UniformClock
 
 _HEAD = struct.Struct("<IQ")
 _LONGEST_DOCUMENT, _LONGEST_COLUMNS = 256 << 20, 2 << 30

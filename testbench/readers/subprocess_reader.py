@@ -16,10 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import RecordingError
-from ..findings import Finding, Refusal
-from ..recording import Block, Recording, Report
+from ..recording import Block, Finding, Recording, Refusal, Report
 from . import subprocess_protocol as protocol
-from .stream import damaged
+from .byte_source import damaged
 
 PATIENCE_S = 60.0
 """Longest silence of the process, for a small file [s]."""

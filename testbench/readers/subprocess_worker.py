@@ -10,8 +10,7 @@ from typing import IO
 
 from balance.errors import CounterpoiseError
 
-from ..findings import Finding, Refusal
-from ..recording import Recording
+from ..recording import Finding, Recording, Refusal
 from . import subprocess_protocol as protocol
 
 MOST_MEMORY = 3 << 30

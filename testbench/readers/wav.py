@@ -11,11 +11,9 @@ from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 
-from ..findings import Finding, Refusal
-from ..recording import Block, Channel, Group, Recording, Samples, UniformClock
-from .nonfinite import watched
+from ..recording import Block, Channel, Finding, Group, Recording, Refusal, Samples, UniformClock
+from .byte_source import ByteSource, as_float64, block_samples, damaged, watch_nonfinite
 from .registry import ReadOptions
-from .stream import ByteSource, as_float64, block_samples, damaged
 
 _FLOAT, _EXTENSIBLE, _UNKNOWN = 3, 0xFFFE, 0xFFFFFFFF
 _MOST_CHUNKS, _LONGEST_TEXT = 10_000, 2000
@@ -72,7 +70,7 @@ def open_wav(path: Path, options: ReadOptions) -> Recording:
         format="WAV",
         reader=__name__,
         groups=(group,),
-        read=lambda report: watched(_blocks(path, sound, group), report),
+        read=lambda report: watch_nonfinite(_blocks(path, sound, group), report),
         settings={"numbers": f"{'float' if form.code == _FLOAT else 'integer'}, {form.bits} bits"},
         metadata=sound.texts,
         findings=tuple(findings),

@@ -1,5 +1,5 @@
 """One run as a test engineer looks at it: motions, command, base vibration, modes, forces, torques."""
 
-from .run import RunReport, report
+from .run_report import RunReport, report
 
 __all__ = ["RunReport", "report"]

@@ -1,6 +1,6 @@
 """What is measured where on a test bench: the rig file, checked once, in SI."""
 
-from .columns import Column
-from .rig import Rig, from_text, load
+from .rig import Rig, load_rig, rig_from_text
+from .sensor_channels import Column
 
-__all__ = ["Column", "Rig", "from_text", "load"]
+__all__ = ["Column", "Rig", "load_rig", "rig_from_text"]

@@ -1,8 +1,13 @@
-"""The rig file: which logger records which channel of which sensor, where it sits, in which unit it writes."""
+"""The names in a mechanism's file, read without the library that models it: bodies, joints and sites.
 
-from collections.abc import Iterator
+The rig file: which logger records which channel of which sensor, where it sits, in which unit it writes.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Self, TypeVar
+from xml.etree import ElementTree
 
 from pydantic import Field, model_validator
 from pydantic.json_schema import SkipJsonSchema
@@ -14,9 +19,79 @@ from balance.input_files import Table, model_from_table, read_text, suggestion, 
 from ..errors import RigError
 from . import sensors as kinds
 from .bench import Bench, Logger
-from .columns import Column
-from .logged import LoggedSensor
-from .names import Names, of_mechanism
+from .sensor_channels import Column, LoggedSensor
+
+NONE = "none"
+"""What a rig says that measures no mechanism, such as a force plate alone."""
+_BODIES, _JOINTS = {"body", "link"}, {"joint", "freejoint"}
+_SUFFIXES = (".xml", ".mjcf", ".urdf", ".sdf")
+
+
+@dataclass(frozen=True)
+class Names:
+    """What a mechanism calls its parts."""
+
+    mechanism: str
+    bodies: tuple[str, ...] = ()
+    joints: tuple[str, ...] = ()
+    sites: tuple[str, ...] = ()
+
+    def unknown(self, kind: str, name: str) -> str | None:
+        """What is wrong with a name that the mechanism does not have, with those that it has; None if it has it."""
+        known: tuple[str, ...] = getattr(self, {"body": "bodies"}.get(kind, f"{kind}s"))
+        if name in known:
+            return None
+        listed = ", ".join(known) or "none"
+        return f"{self.mechanism} has no {kind} {name!r}: expected {listed}{suggestion(name, known)}"
+
+
+def of_mechanism(name: str, folder: Path | None) -> Names | None:
+    """The names in a shipped mechanism, or in a file beside the rig; None where the rig is for none.
+
+    Raises RigError, listing what is shipped, if there is neither, and for a file that is no XML.
+    """
+    if name == NONE:
+        return None
+    path = _file(name, folder)
+    if path is None:
+        shipped = datasets.dataset_names("mechanisms", ".xml")
+        place = "" if folder is None else f", and no file of that name lies beside the rig in {folder}"
+        raise RigError(
+            f"mechanism: no shipped mechanism {name!r}{suggestion(name, shipped)}{place} "
+            f"(there are: {', '.join(shipped)}; '{NONE}' for a bench without one)"
+        )
+    try:
+        # A file of the user's own, of which names alone are taken.
+        root = ElementTree.parse(path).getroot()
+    except (ElementTree.ParseError, OSError) as error:
+        raise RigError(f"mechanism: {path.name} cannot be read: {error}") from error
+    return _names(name, root)
+
+
+def _file(name: str, folder: Path | None) -> Path | None:
+    shipped = datasets.ROOT / "mechanisms" / f"{name}.xml"
+    beside = [] if folder is None else [folder / name, *(folder / f"{name}{suffix}" for suffix in _SUFFIXES)]
+    plain = Path(name).name == name and name not in {"", ".", ".."}
+    return next((p for p in [*beside, *([shipped] if plain else [])] if p.is_file()), None)
+
+
+def _names(mechanism: str, root: ElementTree.Element) -> Names | None:
+    """None for a file whose parts lie in others: their names are not known here."""
+    elements = list(root.iter())
+    if any(element.tag in {"include", "attach", "replicate"} for element in elements):
+        return None
+    return Names(
+        mechanism,
+        _of(elements, _BODIES),
+        _of(elements, _JOINTS),
+        _of([e for part in root.iter("worldbody") for e in part.iter()], {"site"}),
+    )
+
+
+def _of(elements: Iterable[ElementTree.Element], tags: set[str]) -> tuple[str, ...]:
+    found = (element.get("name") for element in elements if element.tag in tags)
+    return tuple(dict.fromkeys(name for name in found if name))
+
 
 S = TypeVar("S", bound=Table)
 
@@ -77,21 +152,21 @@ class Rig(Table):
         return {n: s for n, s in self.of_kind(kinds.Accelerometer).items() if s.attached_to == "base"}
 
 
-def load(path_or_text: str | Path) -> Rig:
+def load_rig(path_or_text: str | Path) -> Rig:
     """Load a rig: a file, a shipped one by name, or the text of one. Raises RigError, naming the key that is wrong.
 
     Its mechanism must be there, and have the joints and bodies that the rig names.
     """
     if isinstance(path_or_text, str) and "\n" in path_or_text:
-        return from_text(path_or_text)
+        return rig_from_text(path_or_text)
     try:
-        path = datasets.find(path_or_text, "rigs", ".toml")
+        path = datasets.find_dataset(path_or_text, "rigs", ".toml")
     except DataError as error:
         raise RigError(str(error)) from error
-    return _for_its_mechanism(from_text(read_text(path, RigError), path.name), path)
+    return _for_its_mechanism(rig_from_text(read_text(path, RigError), path.name), path)
 
 
-def from_text(text: str, source: str = "rig") -> Rig:
+def rig_from_text(text: str, source: str = "rig") -> Rig:
     """Read a rig from its text; ``source`` is what messages call it."""
     table = toml_tables(text, source, RigError)
     if own := {"text", "names"} & table.keys():

@@ -6,9 +6,9 @@ from pydantic import AfterValidator
 
 from balance.errors import UnitError
 from balance.input_files import OneForAll, Quantity
-from balance.quantities import factor_to_si
+from balance.units import factor_to_si
 
-from ..calibration.amounts import is_electrical
+from ..calibration.definition import is_electrical
 
 
 def _unit_of(*dimensions: str) -> AfterValidator:

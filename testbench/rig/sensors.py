@@ -9,8 +9,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from balance.input_files import Table
 
 from . import schema
-from .columns import Column
-from .logged import LoggedSensor
+from .sensor_channels import Column, LoggedSensor
 
 Axis = Literal["x", "y", "z"]
 WrenchAxis = Literal["Fx", "Fy", "Fz", "Mx", "My", "Mz"]

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from balance.arrays import Floats
-from balance.mechanism import Mechanism
+from balance.mechanism.mechanism import Mechanism
 
-from ..clocks import stored
-from ..clocks.mapping import ClockMap, same_clock
-from ..motion import base_motion
-from ..motion.derivatives import HIGHEST_CUTOFF, Grid, grid_of, low_pass
-from ..motion.gaps import Gaps, reach_of
-from ..motion.joint_motion import encoder_gaps, encoder_trajectory, group_of_encoders, loaded
-from ..motion.segments import moving
+from ..kinematics import base_motion
+from ..kinematics.encoder_motion import encoder_gaps, encoder_trajectory, group_of_encoders, loaded
+from ..kinematics.gaps import Gaps, reach_of
+from ..kinematics.motion_onset import moving_interval
+from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF, Grid, grid_of, low_pass
 from ..rig.sensors import Encoder
+from ..synchronization import run_alignment
+from ..synchronization.clock_map import ClockMap, same_clock
 from .si_run import Mask, SIRun
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ class AlignedRun:
     def motion_span(self, bandwidth_hz: float, margin_s: float) -> slice:
         """Samples of the grid from the first to the last motion of any joint, with a margin [s]."""
         speeds = (v for v in self.trajectory(bandwidth_hz).v.T if np.ptp(v) > 0.0)
-        spans = [moving(v, self.grid.rate, margin_s) for v in speeds]
+        spans = [moving_interval(v, self.grid.rate, margin_s) for v in speeds]
         return slice(min(s.start for s in spans), max(s.stop for s in spans))
 
     @cached_property
@@ -109,7 +109,7 @@ class AlignedRun:
         if group == self.reference:
             return same_clock((0.0, 0.0))
         if group not in self.known_clocks and group not in self._found:
-            from ..clocks.run import align_run  # runs of one logger need none of it
+            from ..synchronization.run_alignment import align_run  # runs of one logger need none of it
 
             times = self.run.time(self.reference)
             long = bool(times[-1] - times[0] >= LONG_S)
@@ -145,4 +145,4 @@ class AlignedRun:
 
 def recorded_clocks(run: SIRun) -> dict[str, ClockMap]:
     """The newest recorded maps of a run's clocks onto that of its encoders; empty where there is none."""
-    return stored.read(run.path, group_of_encoders(run)) if run.path.parent.is_dir() else {}
+    return run_alignment.stored_clock_maps(run.path, group_of_encoders(run)) if run.path.parent.is_dir() else {}

@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from balance.quantities import SI_UNITS
+from balance.units import SI_UNITS
 
 from ..recording import Channel, Samples
 from ..rig import Column

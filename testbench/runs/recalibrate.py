@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 from balance.errors import UnitError
 from balance.input_files import suggestion
 
-from ..calibration import stored
-from ..calibration.document import Calibration
-from ..calibration.law import bind_sensor
+from ..calibration.definition import Calibration
+from ..calibration.evaluation import bind_sensor
 from ..errors import RigError, StoreError
-from ..store import digest
+from ..store import atomic_files
+from . import calibration_history
 from .si_run import SIRun
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def calibrate(runs: "Sequence[Run]", sensor: str, calibration: Calibration, reas
         except UnitError as error:
             raise RigError(f"{run.name}: sensor {sensor}: {error}") from error
         try:
-            digest.recorded(run.path)
+            atomic_files.recorded_digest(run.path)
         except StoreError as error:
             left_out[run.name] = str(error)
         else:
@@ -65,7 +65,9 @@ def calibrate(runs: "Sequence[Run]", sensor: str, calibration: Calibration, reas
         raise StoreError("; ".join(left_out.values()))
     if not held:
         raise RigError(f"sensor {sensor}: none of the runs holds a channel of it")
-    record = stored.write(folders.pop(), [run.path for run in held], sensor, calibration, reason.strip())
+    record = calibration_history.write_calibration(
+        folders.pop(), [run.path for run in held], sensor, calibration, reason.strip()
+    )
     return Corrected(record, tuple(run.name for run in held), tuple(without), left_out)
 
 

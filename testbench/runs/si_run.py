@@ -14,24 +14,24 @@ from numpy.typing import NDArray
 
 from balance.arrays import Floats
 from balance.errors import UnitError
-from balance.quantities import SI_UNITS, factor_to_si
+from balance.units import SI_UNITS, factor_to_si
 
 from .. import units
-from ..calibration import stored
-from ..calibration.amounts import is_electrical
-from ..calibration.law import Law, bind_sensor
-from ..checks.clipping import flat_tops, is_dead
+from ..calibration.definition import is_electrical
+from ..calibration.evaluation import Law, bind_sensor
 from ..errors import AnalysisError
-from ..findings import Finding, Severity
-from ..rig import Column, Rig, from_text
+from ..quality.clipping import flat_tops, is_dead
+from ..recording import Finding, Severity
+from ..rig import Column, Rig, rig_from_text
+from . import calibration_history
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from ..calibration.stored import CalibrationInForce
     from ..recording import Conditions, Origin, Samples
     from ..store import Run
     from ..store.run import StoredGroup
+    from .calibration_history import CalibrationInForce
 
 Mask = NDArray[np.bool_]
 
@@ -220,10 +220,10 @@ class SIRun:
         """
         record = self._records.get(column.sensor)
         if record is not None:
-            stored.refuse_other_bytes(record, self.path)
-            return stored.CalibrationInForce.by_record(record, self.name)
+            calibration_history.refuse_other_bytes(record, self.path)
+            return calibration_history.CalibrationInForce.by_record(record, self.name)
         if column.calibration is not None:
-            return stored.CalibrationInForce(column.sensor, column.calibration, "rig", runs=(self.name,))
+            return calibration_history.CalibrationInForce(column.sensor, column.calibration, "rig", runs=(self.name,))
         return None
 
     @property
@@ -256,9 +256,9 @@ class SIRun:
         return SIRun(self.recorded, self.rig, {(g.name, i): v for (g, i), v in zip(places, values, strict=True)})
 
     @cached_property
-    def _records(self) -> "Mapping[str, stored.Stored]":
+    def _records(self) -> "Mapping[str, calibration_history.CalibrationRecord]":
         """The newest calibration of each sensor that a record about this run gives."""
-        return stored.newest_by_sensor(self.path)
+        return calibration_history.newest_by_sensor(self.path)
 
     @cached_property
     def _labels(self) -> dict[str, str]:
@@ -333,4 +333,4 @@ def calibrations_in_force(runs: Iterable[SIRun]) -> "list[CalibrationInForce]":
 
 @cache
 def _stored_rig(text: str) -> Rig:
-    return from_text(text, "stored rig")
+    return rig_from_text(text, "stored rig")

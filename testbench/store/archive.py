@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from ..errors import StoreError
 from ..recording import Group, Samples
-from . import digest, forms, safe
+from . import atomic_files, encodings, safe_hdf5
 from .run import ARCHIVED_FROM, Run, StoredGroup, identities, open_run
 from .writer import RunWriter
 
@@ -59,7 +59,7 @@ def archive(run: Run, folder: Path, progress: Progress = lambda count: None) -> 
         if there.samefile(run.path):
             raise StoreError(f"{folder}: holds the run itself; name another folder for the archive")
         return _measured(open_run(there), original, "already_archived")
-    with safe.open_for_reading(run.path) as file, RunWriter(folder, run.name, {INTENT: run.path.name}) as writer:
+    with safe_hdf5.open_for_reading(run.path) as file, RunWriter(folder, run.name, {INTENT: run.path.name}) as writer:
         content = {}
         for group in run.groups:
             found = [_searched(file, group, i, progress) for i in range(len(group.channels))]
@@ -77,8 +77,8 @@ def archive(run: Run, folder: Path, progress: Progress = lambda count: None) -> 
 
 def _measured(run: Run, original: str, status: str) -> Archived:
     channels = [(group, i) for group in run.groups for i in range(len(group.channels))]
-    with safe.open_for_reading(run.path) as file:
-        size = sum(safe.stored_bytes(file, path) for group, i in channels for path in group.places(i))
+    with safe_hdf5.open_for_reading(run.path) as file:
+        size = sum(safe_hdf5.stored_bytes(file, path) for group, i in channels for path in group.places(i))
     values = sum(8 * group.samples for group, _ in channels)
     whole = sum(group.whole[i] is not None for group, i in channels)
     return Archived(run.path, status, original, values, size, run.path.stat().st_size, len(channels), whole)
@@ -86,15 +86,15 @@ def _measured(run: Run, original: str, status: str) -> Archived:
 
 def _intact(run: Run) -> str:
     """The digest of a run, which must be right."""
-    recorded = digest.recorded(run.path)
-    if digest.sha256_of(run.path) != recorded:
+    recorded = atomic_files.recorded_digest(run.path)
+    if atomic_files.sha256_of(run.path) != recorded:
         raise StoreError(f"{run.path.name}: is not what was stored, see `testbench verify`; it was not archived")
     return recorded
 
 
-def _searched(file: "h5py.File", group: StoredGroup, index: int, progress: Progress) -> tuple[forms.Form, str]:
+def _searched(file: "h5py.File", group: StoredGroup, index: int, progress: Progress) -> tuple[encodings.Form, str]:
     """The form in which a channel is smallest, and the SHA-256 of its values."""
-    search, total = forms.Search(), hashlib.sha256()
+    search, total = encodings.Search(), hashlib.sha256()
     for values in _channel(file, group, index):
         search.update(values)
         total.update(values.tobytes())
@@ -114,7 +114,7 @@ def _blocks(file: "h5py.File", group: StoredGroup) -> Iterator[tuple[Samples, ..
 def _check(part: Path, run: Run, content: Mapping[str, Sequence[str]]) -> None:
     """Raise StoreError unless what was written gives back the same bits."""
     stored = open_run(part)
-    with safe.open_for_reading(part) as file:
+    with safe_hdf5.open_for_reading(part) as file:
         for group in stored.groups:
             for index, expected in enumerate(content[group.name]):
                 total = hashlib.sha256()

@@ -1,14 +1,18 @@
-"""A campaign: a folder of stored runs, each with its digest beside it."""
+"""A campaign: a folder of stored runs, each with its digest beside it.
 
+Which recordings a campaign holds: the run of each source, by the source's size and SHA-256.
+"""
+
+import os
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
 
 from ..errors import StoreError
-from . import digest, lock
+from . import atomic_files
+from .atomic_files import unfinished
 from .journal import Leftover, leftovers
-from .placing import unfinished
 from .run import Run, open_run
 
 SUFFIX = ".h5"
@@ -48,7 +52,9 @@ class Campaign:
     def verify(self, progress: Callable[[int], None] = lambda count: None) -> list[FileState]:
         """The state of every file in the folder: of runs by their digests, of others that they are there."""
         states = [_state_of(path, progress) for path in self.run_paths]
-        known = {path.name for path in self.run_paths} | {digest.beside(path).name for path in self.run_paths}
+        known = {path.name for path in self.run_paths} | {
+            atomic_files.digest_file(path).name for path in self.run_paths
+        }
         left = leftovers(self.path)
         states += [_unfinished(leftover) for leftover in left]
         known |= {name for leftover in left for name in (leftover.part.name, leftover.journal.name)}
@@ -68,7 +74,7 @@ def open_campaign(folder: str | Path) -> Campaign:
     """Open the campaign in ``folder``."""
     path = existing(folder)
     campaign = Campaign(path)
-    if not campaign.run_paths and not any(path.glob(f"*{SUFFIX}{digest.SUFFIX}")):
+    if not campaign.run_paths and not any(path.glob(f"*{SUFFIX}{atomic_files.SUFFIX}")):
         raise StoreError(f"{path}: holds no run (*{SUFFIX}){_what_else(path)}")
     return campaign
 
@@ -76,7 +82,7 @@ def open_campaign(folder: str | Path) -> Campaign:
 def _what_else(path: Path) -> str:
     """What to do about a folder without runs."""
     left = leftovers(path)
-    if any(lock.is_held(one.journal) for one in left):
+    if any(atomic_files.is_held(one.journal) for one in left):
         return " yet; an ingest is writing into it at this moment"
     if left:
         return f", only what a stopped ingest left: `testbench recover {path}` saves what is in it"
@@ -84,7 +90,7 @@ def _what_else(path: Path) -> str:
 
 
 def _unfinished(left: Leftover) -> FileState:
-    if lock.is_held(left.journal):
+    if atomic_files.is_held(left.journal):
         return FileState(left.part.name, "unfinished", "an ingest is writing it at this moment")
     message = "left by an ingest that was stopped; no run of it: `testbench recover` saves what is in it"
     return FileState(left.part.name, "unfinished", message)
@@ -92,8 +98,8 @@ def _unfinished(left: Leftover) -> FileState:
 
 def _other(path: Path) -> FileState:
     """What is no run and no leftover with a journal."""
-    if path.name.endswith(SUFFIX + digest.SUFFIX) and not path.name.startswith("."):
-        return FileState(path.name.removesuffix(digest.SUFFIX), "missing", "its digest is there, the run is not")
+    if path.name.endswith(SUFFIX + atomic_files.SUFFIX) and not path.name.startswith("."):
+        return FileState(path.name.removesuffix(atomic_files.SUFFIX), "missing", "its digest is there, the run is not")
     if unfinished(path) is not None:
         return FileState(path.name, "unfinished", "left by an ingest that was stopped; no run of it")
     return FileState(path.name, "extra", "no stored run")
@@ -104,8 +110,8 @@ def _state_of(run: Path, progress: Callable[[int], None]) -> FileState:
     if not run.is_file():
         return FileState(run.name, "damaged", "no file: a folder, a link that leads nowhere, or a device")
     try:
-        expected = digest.recorded(run)
-        found = digest.sha256_of(run, progress)
+        expected = atomic_files.recorded_digest(run)
+        found = atomic_files.sha256_of(run, progress)
     except StoreError as error:
         return FileState(run.name, "damaged", str(error))
     except OSError as error:
@@ -114,3 +120,36 @@ def _state_of(run: Path, progress: Callable[[int], None]) -> FileState:
         return FileState(run.name, "intact")
     message = f"its content changed: SHA-256 {found[:12]}..., when written {expected[:12]}..."
     return FileState(run.name, "damaged", message)
+
+
+@dataclass
+class StoredSources:
+    """The sources of the runs in ``folder``, as of the last :meth:`look`; runs are opened once."""
+
+    folder: Path
+    unopened: dict[str, str] = field(default_factory=dict, init=False)
+    """Runs that cannot be opened, and why: what they hold is not known."""
+    _runs: dict[tuple[int, str], str] = field(default_factory=dict, init=False)
+    _known: set[Path] = field(default_factory=set, init=False)
+
+    def look(self) -> None:
+        """Take in the runs that came since last, and try again those that could not be opened."""
+        self.unopened.clear()
+        for path in Campaign(self.folder).run_paths:
+            if path in self._known:
+                continue
+            try:
+                sources = open_run(path).provenance["sources"]
+                self._runs.update({(s["size_bytes"], s["sha256"]): path.name for s in sources})
+            except (StoreError, LookupError, TypeError) as error:
+                self.unopened[path.name] = str(error).replace(f"{self.folder}{os.sep}", "")
+            else:
+                self._known.add(path)
+
+    def any_of_size(self, sizes: set[int]) -> bool:
+        """Whether a source has one of these sizes [bytes]; if not, no digest need be waited for."""
+        return any(size in sizes for size, _ in self._runs)
+
+    def run_of(self, size: int, sha256: str) -> str | None:
+        """The file of the run that was made of a source of this size [bytes] and digest."""
+        return self._runs.get((size, sha256))

@@ -14,8 +14,8 @@ from typing import IO, Any
 
 from ..errors import StoreError
 from ..recording import Channel, Clock, Group, TimeColumn, UniformClock
-from . import lock
-from .placing import JOURNAL, PART, unfinished
+from . import atomic_files
+from .atomic_files import JOURNAL, PART, unfinished
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,8 @@ class JournalWriter:
         self.path = path
         made = path.with_name(f"{path.name}.new")
         self._stream: IO[bytes] = made.open("xb", buffering=0)
-        lock.hold(self._stream)  # before it has the name by which `recover` finds it
-        if lock.fcntl is not None:
+        atomic_files.hold_lock(self._stream)  # before it has the name by which `recover` finds it
+        if atomic_files.fcntl is not None:
             made.rename(path)
         else:
             self.path = made  # Windows does not rename what is open
@@ -97,7 +97,7 @@ class JournalWriter:
         self.path.unlink(missing_ok=True)
 
 
-def read(path: Path) -> Journal:
+def read_journal(path: Path) -> Journal:
     """Read a journal up to its last whole line. Raises StoreError if a line before that is damaged."""
     journal = Journal()
     lines = path.read_bytes().split(b"\n")
@@ -131,7 +131,7 @@ def _group(text: dict[str, Any]) -> Group:
     return Group(text["name"], tuple(Channel(**channel) for channel in text["channels"]), clock)
 
 
-def beside(folder: Path) -> Iterator[Path]:
+def journals_in(folder: Path) -> Iterator[Path]:
     """The journals in ``folder``; files of others are none, whatever their ending."""
     for path in sorted(folder.iterdir()):
         if (named := unfinished(path)) is not None and named.ending.startswith(JOURNAL) and path.is_file():
@@ -158,7 +158,7 @@ class Leftover:
 def leftovers(campaign: Path) -> list[Leftover]:
     """What stopped ingests left in a campaign, those that are running included."""
     found = []
-    for path in beside(campaign):
+    for path in journals_in(campaign):
         if (named := unfinished(path)) is not None:
             part = path.with_name(f".{named.name}.{named.tag}{PART}")
             found.append(Leftover(path, part, named.name, named.tag))

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from ..errors import StoreError
-from ..findings import Finding
-from ..recording import Conditions, Group, Origin, Samples, TimeColumn, UniformClock
-from . import description, digest, layout, safe
-from .forms import Decimals
+from ..recording import Conditions, Finding, Group, Origin, Samples, TimeColumn, UniformClock
+from . import atomic_files, metadata, safe_hdf5
+from .encodings import Decimals
 
 if TYPE_CHECKING:
     import h5py
@@ -51,17 +50,17 @@ class StoredGroup(Group):
         """Where a channel lies in the file: its samples, and the signs of its zeros where these lie apart."""
         path, form = f"{self.path}/{self.keys[index]}", self.whole[index] if self.whole else None
         apart = form is not None and form.negative_zeros
-        return (path, path.replace(layout.ENTRY, layout.MINUS, 1)) if apart else (path,)
+        return (path, path.replace(metadata.ENTRY, metadata.MINUS, 1)) if apart else (path,)
 
     def samples_of(self, file: "h5py.File", index: int, begin: int = 0, end: int | None = None) -> Samples:
         """The values of a channel as recorded, from sample ``begin``, a multiple of eight, to ``end``."""
         path, *beside = self.places(index)
         form = self.whole[index] if self.whole else None
         if form is None:
-            return safe.numbers(file, path, begin, end)
-        stored = safe.whole_numbers(file, path, form.kind, begin, end)
+            return safe_hdf5.numbers(file, path, begin, end)
+        stored = safe_hdf5.whole_numbers(file, path, form.kind, begin, end)
         bits = begin // 8, begin // 8 - (-len(stored) // 8)
-        minus = safe.whole_numbers(file, beside[0], "u1", *bits) if beside else None
+        minus = safe_hdf5.whole_numbers(file, beside[0], "u1", *bits) if beside else None
         return form.restored(stored, minus)
 
     def index(self, name: str) -> int | None:
@@ -130,10 +129,10 @@ class Run:
 
     def channels_at(self, places: Sequence[tuple[StoredGroup, int]]) -> list[Samples]:
         """The values of channels as recorded, (n,) each, by group and index; read in one opening of the file."""
-        with safe.open_for_reading(self.path) as file:
+        with safe_hdf5.open_for_reading(self.path) as file:
             if len(places) == 1:
                 return [group.samples_of(file, index) for group, index in places]
-            nodes = {group.path: safe.member(file, group.path) for group, _ in places}
+            nodes = {group.path: safe_hdf5.member(file, group.path) for group, _ in places}
             return [_samples(file, nodes[group.path], group, index) for group, index in places]
 
     def to_pandas(self, group: str | None = None, channels: Sequence[str] | None = None) -> "pandas.DataFrame":
@@ -146,7 +145,7 @@ class Run:
         where = self.group(group)
         indices = self._selected(where, channels)
         kind, index = self._index(where)
-        axis = pandas.Index(index, name="time (s)" if kind == layout.TIME else kind, copy=False)
+        axis = pandas.Index(index, name="time (s)" if kind == metadata.TIME else kind, copy=False)
         columns = [self.channel_at(where.name, i) for i in indices]
         frame = pandas.DataFrame(dict(enumerate(columns)), index=axis, copy=False)
         frame.columns = pandas.Index([where.channels[i].name for i in indices])
@@ -168,7 +167,7 @@ class Run:
             for i in self._selected(where, channels)
             if where.keys[i] != kind
         }
-        axis = {kind: (kind, index, {"units": "s"} if kind == layout.TIME else {})}
+        axis = {kind: (kind, index, {"units": "s"} if kind == metadata.TIME else {})}
         return xarray.Dataset(found, axis, self._about(where))
 
     def _about(self, group: StoredGroup) -> dict[str, Any]:
@@ -185,8 +184,8 @@ class Run:
 
     def _index(self, group: StoredGroup) -> tuple[str, Samples]:
         if group.has_time:
-            return layout.TIME, self.time(group.name)
-        return layout.SAMPLE, np.arange(group.samples, dtype=np.float64)
+            return metadata.TIME, self.time(group.name)
+        return metadata.SAMPLE, np.arange(group.samples, dtype=np.float64)
 
     def time(self, group: str | None = None) -> Samples:
         """Time of each sample on its logger's own clock, (n,) [s]."""
@@ -204,14 +203,14 @@ class Run:
 def open_run(path: str | Path) -> Run:
     """Open a stored run; its data are read when asked for."""
     path = Path(path)
-    with safe.open_for_reading(path) as file:
-        known = description.read(file)
+    with safe_hdf5.open_for_reading(path) as file:
+        known = metadata.read_description(file)
         return Run(
             path=path,
             groups=tuple(_group(file, group) for group in known["groups"]),
             origin=cast(Origin, known["origin"]),
             conditions=cast(Conditions, known["conditions"]),
-            rig=safe.texts(file, layout.RIG, description.LARGEST)[0] if safe.has(file, layout.RIG) else None,
+            rig=safe_hdf5.texts(file, metadata.RIG, metadata.LARGEST)[0] if safe_hdf5.has(file, metadata.RIG) else None,
             findings=_findings(file),
             provenance=dict(known["provenance"]),
         )
@@ -219,7 +218,7 @@ def open_run(path: str | Path) -> Run:
 
 def identities(run: Path) -> frozenset[str]:
     """SHA-256 of a stored run, and of the run that it is the archive of: what is said of one holds for the other."""
-    own = digest.recorded(run)
+    own = atomic_files.recorded_digest(run)
     known = open_run(run).provenance.get(ARCHIVED_FROM)
     return frozenset({own, str(known["sha256"])} if isinstance(known, dict) and "sha256" in known else {own})
 
@@ -227,17 +226,17 @@ def identities(run: Path) -> frozenset[str]:
 def _group(file: "h5py.File", known: Mapping[str, Any]) -> StoredGroup:
     group = StoredGroup(
         name=str(known["name"]),
-        channels=description.channels(known["channels"]),
-        clock=description.clock(known["clock"]),
+        channels=metadata.channels(known["channels"]),
+        clock=metadata.clock(known["clock"]),
         samples=int(known["samples"]),
         rate_hz=known["rate_hz"],
         rate_source=known["rate_source"],
-        path=f"{layout.ENTRY}/{known['key']}",
+        path=f"{metadata.ENTRY}/{known['key']}",
         keys=tuple(str(channel["key"]) for channel in known["channels"]),
-        whole=description.whole_numbers(known["channels"]),
+        whole=metadata.whole_numbers(known["channels"]),
     )
     for key in group.keys:
-        if (found := safe.member(file, f"{group.path}/{key}").shape) != (group.samples,):
+        if (found := safe_hdf5.member(file, f"{group.path}/{key}").shape) != (group.samples,):
             raise StoreError(f"{file.filename}: {group.path}/{key} holds {found}, expected {group.samples} samples")
     return group
 
@@ -246,13 +245,13 @@ def _samples(file: "h5py.File", node: "h5py.Group", group: StoredGroup, index: i
     """As the group reads them; values that are stored as they are without going down to the group once more."""
     if group.whole and group.whole[index] is not None:
         return group.samples_of(file, index)
-    return safe.numbers(node, group.keys[index])
+    return safe_hdf5.numbers(node, group.keys[index])
 
 
 def _findings(file: "h5py.File") -> tuple[Finding, ...]:
-    if not safe.has(file, layout.FINDINGS):
+    if not safe_hdf5.has(file, metadata.FINDINGS):
         return ()
-    return tuple(Finding(**json.loads(text)) for text in safe.texts(file, layout.FINDINGS, description.LARGEST))
+    return tuple(Finding(**json.loads(text)) for text in safe_hdf5.texts(file, metadata.FINDINGS, metadata.LARGEST))
 
 
 def _listed(names: Any) -> str:  # noqa: ANN401

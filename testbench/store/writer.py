@@ -16,13 +16,11 @@ from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
 from ..errors import StoreError
-from ..findings import Finding
-from ..recording import Conditions, Group, Origin
-from . import description, digest, journal, layout
-from .forms import Form
-from .groups import GroupWriter
-from .outfile import OutFile
-from .placing import JOURNAL, PART, place, sync
+from ..recording import Conditions, Finding, Group, Origin
+from . import atomic_files, journal, metadata
+from .atomic_files import JOURNAL, PART, place_with_digest, sync
+from .encodings import Form
+from .group_writer import GroupWriter, OutFile
 
 if TYPE_CHECKING:
     import h5py
@@ -71,9 +69,9 @@ class RunWriter:
         self._journal = journal.JournalWriter(_journal_of(self._part), self._intent)
         self._out = OutFile(self._part)
         self._file = h5py.File(self._out, "w", libver=("v108", "v110"))
-        self._file.attrs.update({"NX_class": "NXroot", "default": layout.ENTRY, "creator": "counterpoise"})
-        self._file.attrs[layout.MARK] = layout.LAYOUT
-        self._file.create_group(layout.ENTRY).attrs["NX_class"] = "NXentry"
+        self._file.attrs.update({"NX_class": "NXroot", "default": metadata.ENTRY, "creator": "counterpoise"})
+        self._file.attrs[metadata.MARK] = metadata.LAYOUT
+        self._file.create_group(metadata.ENTRY).attrs["NX_class"] = "NXentry"
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:
@@ -95,9 +93,9 @@ class RunWriter:
         assert self._journal is not None
         assert self._out is not None
         if group.name not in self._groups:
-            key, number = layout.safe_name(group.name, self._taken), len(self._groups)
+            key, number = metadata.safe_name(group.name, self._taken), len(self._groups)
             with self._writing():
-                node = self._file[layout.ENTRY].create_group(key)
+                node = self._file[metadata.ENTRY].create_group(key)
                 self._journal.group(number, group)
             acknowledge = partial(self._journal.acknowledge, number)
             self._groups[group.name] = GroupWriter(node, group, acknowledge, self._writing, self._out, forms)
@@ -126,19 +124,19 @@ class RunWriter:
         assert self._file is not None
         keys = [writer.key for writer in self._groups.values()]
         default = next((writer.key for writer in self._groups.values() if writer.has_plot), keys[0])
-        self._file[layout.ENTRY].attrs.update({"origin": origin, "groups": keys, "default": default})
+        self._file[metadata.ENTRY].attrs.update({"origin": origin, "groups": keys, "default": default})
         _write_conditions(self._file, conditions)
-        node = _collection(self._file, layout.PROVENANCE)
+        node = _collection(self._file, metadata.PROVENANCE)
         node.attrs["json"] = json.dumps(provenance, ensure_ascii=False)
         for number, source in enumerate(provenance["sources"], 1):
             flat = {k: v for k, v in source.items() if isinstance(v, str | int | float)}
-            _collection(self._file, f"{layout.PROVENANCE}/source_{number}").attrs.update(flat)
-        _collection(self._file, layout.NOTES)
-        known = description.text(origin, conditions, provenance, self._groups.values())
-        _write_texts(self._file, layout.DESCRIPTION, [known])
+            _collection(self._file, f"{metadata.PROVENANCE}/source_{number}").attrs.update(flat)
+        _collection(self._file, metadata.NOTES)
+        known = metadata.description_text(origin, conditions, provenance, self._groups.values())
+        _write_texts(self._file, metadata.DESCRIPTION, [known])
         texts = [json.dumps(finding.as_dict(), ensure_ascii=False) for finding in findings]
-        _write_texts(self._file, layout.FINDINGS, texts)
-        _write_texts(self._file, layout.RIG, [] if rig is None else [rig])
+        _write_texts(self._file, metadata.FINDINGS, texts)
+        _write_texts(self._file, metadata.RIG, [] if rig is None else [rig])
 
     def seal(self) -> None:
         """Close the file, wait until it is on the disk, and take its digest: all that takes long before the end."""
@@ -149,9 +147,9 @@ class RunWriter:
             self._close()
             with ThreadPoolExecutor(1) as pool:
                 synced = pool.submit(sync, self._part)  # the disk writes while the digest is computed
-                found = digest.sha256_alone(self._part)
+                found = atomic_files.sha256_alone(self._part)
                 synced.result()
-            self._line = digest.line_for(self.target.name, found)
+            self._line = atomic_files.line_for(self.target.name, found)
             self._journal.seal(found)
 
     def _close(self) -> None:
@@ -166,7 +164,7 @@ class RunWriter:
         """Move the run to its place, its digest first; never over another one. Returns its path."""
         self.seal()
         with self._writing():
-            place(self._part, self.target, self._line)
+            place_with_digest(self._part, self.target, self._line)
         return self.target
 
     def __exit__(
@@ -195,10 +193,10 @@ def _reason(error: OSError | RuntimeError) -> str:
 
 
 def _write_conditions(file: "h5py.File", conditions: Conditions) -> None:
-    node = _collection(file, layout.CONDITIONS)
+    node = _collection(file, metadata.CONDITIONS)
     node.attrs.update({key: value for key, value in conditions.items() if key != "counter_masses"})
     if "counter_masses" in conditions:
-        _collection(file, layout.COUNTER_MASSES).attrs.update(conditions["counter_masses"])
+        _collection(file, metadata.COUNTER_MASSES).attrs.update(conditions["counter_masses"])
 
 
 def _collection(file: "h5py.File", path: str) -> "h5py.Group":

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from balance import conditions
+from balance.balancing import conditions
+from balance.balancing.stock_plates import Plate
 from balance.errors import CounterpoiseError
 from balance.estimation.covariance_weighting import CombinedImbalance, combine
 from balance.estimation.first_moment_imbalance import Imbalance, masses_per_value
 from balance.estimation.identifiability import NotIdentifiable
-from balance.stock import Plate
 
 from ..errors import AnalysisError
 from ..recording import Origin
@@ -47,7 +47,7 @@ def trim_runs(
             f"{', '.join(mechanism.sites) or 'none'}"
         )
     mounted.with_counter_mass(dict.fromkeys(names, 0.0))
-    problem = TrimProblem(runs, conditions.find(mounted), names, cutoff)
+    problem = TrimProblem(runs, conditions.balance_conditions(mounted), names, cutoff)
     return _result(problem, _estimated(problem, _wanted(problem, source)), plates)
 
 

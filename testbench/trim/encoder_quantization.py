@@ -14,10 +14,10 @@ import numpy as np
 from balance.arrays import Floats
 from balance.closure import Closure, Trajectory
 from balance.dynamics.regressor import wrench_regressor
-from balance.mechanism import Mechanism
+from balance.mechanism.mechanism import Mechanism
 from balance.motion import Samples
 
-from ..motion.derivatives import rates
+from ..kinematics.smoothing_and_derivatives import smoothed_derivatives
 from .vibration_regression import POSITION_BANDWIDTH, ShakenBase
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def per_reading(run: ShakenBase, joints: Sequence[str], gain: Floats, pi: Floats
         np.einsum("nij,nik->njk", slope, weight) for slope in wrench_slopes(run.model, run.path, joints, pi)
     )
     bandwidth, rate = POSITION_BANDWIDTH * run.cutoff, run.grid.rate
-    flat = [rates(b.reshape(len(b), -1), bandwidth, rate) for b in (by_place, by_speed, by_rate)]
+    flat = [smoothed_derivatives(b.reshape(len(b), -1), bandwidth, rate) for b in (by_place, by_speed, by_rate)]
     return np.asarray((flat[0].q - flat[1].v + flat[2].a).reshape(by_place.shape))
 
 

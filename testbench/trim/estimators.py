@@ -12,8 +12,8 @@ from balance.estimation.identifiability import NotIdentifiable
 from balance.estimation.regression import RegressionRecord
 
 from ..errors import AnalysisError
-from ..findings import Finding
-from ..motion.gaps import CODE as GAP
+from ..kinematics.gaps import CODE as GAP
+from ..recording import Finding
 from ..rig.sensors import Torque
 from ..runs.aligned_run import AlignedRun
 from . import sensor_errors

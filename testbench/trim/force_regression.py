@@ -9,16 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from balance.arrays import Floats, Indices
-from balance.conditions import Conditions
+from balance.balancing.conditions import Conditions
 from balance.dynamics.regressor import wrench_regressor
 from balance.estimation.first_moment_imbalance import condition_columns
 from balance.estimation.regression import RegressionRecord
 
 from ..errors import AnalysisError
-from ..findings import Finding
 from ..loads.measured_loads import measured_loads
+from ..loads.shaking_wrench import COMPONENTS, MeasuredWrench, refuse_saturation, shaking_wrench
+from ..recording import Finding
 from ..runs.aligned_run import AlignedRun
-from ..wrench import COMPONENTS, MeasuredWrench, refuse_saturation, shaking_wrench
 from .sensor_errors import Effects, force_effects, reading_effects, stated_deviations
 from .valid_samples import ValidSamples
 

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from balance.conditions import Conditions
+from balance.balancing.conditions import Conditions
 from balance.estimation.first_moment_imbalance import Imbalance
-from balance.mechanism import Mechanism
+from balance.mechanism.mechanism import Mechanism
 
-from ..findings import Finding
+from ..recording import Finding
 from ..runs.aligned_run import AlignedRun
 
 Source = Literal["wrench", "torque", "vibration", "trials"]

@@ -8,7 +8,7 @@ import numpy as np
 from balance.arrays import Floats
 from balance.estimation.regression import RegressionRecord
 
-from ..findings import Finding
+from ..recording import Finding
 from .force_regression import equal_blocks
 
 INDEPENDENT = 1e-7

@@ -7,21 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from balance import sizing
+from balance import balancing
 from balance.arrays import Floats
-from balance.combinations import text_of
-from balance.conditions import Conditions
+from balance.balancing.conditions import Conditions, text_of
+from balance.balancing.stock_plates import Plate
 from balance.estimation.covariance_weighting import CombinedImbalance
 from balance.estimation.estimate import Estimate
 from balance.estimation.first_moment_imbalance import Imbalance, with_condition_values
 from balance.estimation.identifiability import NotIdentifiable
-from balance.mechanism import Mechanism
-from balance.stock import Plate
+from balance.mechanism.mechanism import Mechanism
 
 from ..errors import AnalysisError
-from ..findings import Finding
-from ..motion.gaps import CODE as GAP
-from ..recording import Origin
+from ..kinematics.gaps import CODE as GAP
+from ..recording import Finding, Origin
 from .problem import Source
 
 RESOLUTION = 0.25
@@ -150,14 +148,14 @@ class Trim:
         )
 
     @cached_property
-    def addition(self) -> sizing.Sizing:
+    def addition(self) -> balancing.Sizing:
         """What to add to the sites that are told to lack something: from the plates, else of any mass."""
         lacking = [m.site for m in self.missing if m.told and m.first_moment > 0.0]
         if not lacking:
-            return sizing.given(self.conditions, self._measured, {})
+            return balancing.sizing_of_given(self.conditions, self._measured, {})
         if self.plates:
-            return sizing.from_stock(self.conditions, self._measured, self.plates, lacking)
-        return sizing.exact(self.conditions, self._measured, lacking)
+            return balancing.size_from_stock(self.conditions, self._measured, self.plates, lacking)
+        return balancing.exact_sizing(self.conditions, self._measured, lacking)
 
     @property
     def removal(self) -> tuple[Missing, ...]:

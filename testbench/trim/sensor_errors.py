@@ -16,7 +16,7 @@ from balance.arrays import Floats
 from balance.estimation.first_moment_imbalance import ImbalanceFit
 from balance.estimation.regression import RegressionRecord
 
-from ..rig.scatter import scatter
+from ..rig.sensor_channels import scatter
 from ..runs.aligned_run import AlignedRun
 
 if TYPE_CHECKING:

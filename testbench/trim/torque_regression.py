@@ -11,10 +11,10 @@ import numpy as np
 from scipy.linalg import null_space
 
 from balance.arrays import Floats
-from balance.conditions import Conditions
+from balance.balancing.conditions import Conditions
 from balance.dynamics.joint_friction import joint_terms
 from balance.dynamics.regressor import driven_torque_regressor
-from balance.mechanism import Mechanism
+from balance.mechanism.mechanism import Mechanism
 
 from ..errors import AnalysisError
 from ..rig.sensors import Torque

@@ -14,19 +14,19 @@ import numpy as np
 from scipy.linalg import null_space
 
 from balance.arrays import Floats
-from balance.conditions import Conditions
+from balance.balancing.conditions import Conditions
+from balance.balancing.sizing import site_columns
 from balance.dynamics.moving_base import locked_inertia
 from balance.dynamics.regressor import wrench_regressor
 from balance.estimation import trial_mass_response
 from balance.estimation.first_moment_imbalance import Imbalance, Subspace
-from balance.mechanism import Mechanism
-from balance.sizing.system import site_columns
+from balance.mechanism.mechanism import Mechanism
 
 from ..errors import AnalysisError
-from ..findings import Finding
-from ..motion.gaps import CODE, Gaps
+from ..kinematics.gaps import CODE, Gaps
+from ..loads.shaking_wrench import refuse_clipped_base
+from ..recording import Finding
 from ..runs.aligned_run import AlignedRun
-from ..wrench import refuse_clipped_base
 from .problem import TrimProblem
 from .regression_blocks import excited_combinations
 

@@ -10,9 +10,9 @@ import numpy as np
 from balance.arrays import Floats
 
 from ..errors import AnalysisError
-from ..findings import Finding
-from ..motion.derivatives import Grid, low_pass
-from ..motion.gaps import Gaps, reach_of, stretches
+from ..kinematics.gaps import Gaps, reach_of, true_segments
+from ..kinematics.smoothing_and_derivatives import Grid, low_pass
+from ..recording import Finding
 from ..runs.aligned_run import AlignedRun
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ class ValidSamples:
     @property
     def left_out(self) -> list[slice]:
         """The samples that gaps touch, gap by gap."""
-        return stretches(self.kept == 0.0)
+        return true_segments(self.kept == 0.0)
 
     @cached_property
     def kept(self) -> Floats:
@@ -65,7 +65,7 @@ class ValidSamples:
 
     def refuse_no_motion(self, path: "Trajectory") -> None:
         """Raise AnalysisError where the gaps leave no motion."""
-        if self.gaps and not any(np.ptp(path.q[s], axis=0).max() > MOVES for s in stretches(self.kept > 0.0)):
+        if self.gaps and not any(np.ptp(path.q[s], axis=0).max() > MOVES for s in true_segments(self.kept > 0.0)):
             raise NoValidMotion(
                 f"{self.run}: {'; '.join(self.gaps.texts(self.reach))}: nothing of its motion is left; give another run"
             )

@@ -13,18 +13,18 @@ import numpy as np
 from scipy.linalg import null_space
 
 from balance.arrays import Floats
+from balance.balancing.conditions import Conditions
 from balance.closure import Trajectory
-from balance.conditions import Conditions
 from balance.dynamics.moving_base import ElasticBase, locked_inertia
 from balance.dynamics.regressor import wrench_regressor
-from balance.mechanism import Mechanism
+from balance.mechanism.mechanism import Mechanism
 
 from ..errors import AnalysisError
-from ..motion import base_motion
-from ..motion.derivatives import Grid
+from ..kinematics import base_motion
+from ..kinematics.smoothing_and_derivatives import Grid
+from ..loads.shaking_wrench import refuse_clipped_base
 from ..rig.support_loads import elastic_base
 from ..runs.aligned_run import AlignedRun
-from ..wrench import refuse_clipped_base
 from .force_regression import motion_name
 from .regression_blocks import RunRegression, excited_combinations
 from .valid_samples import ValidSamples

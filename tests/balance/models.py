@@ -4,8 +4,8 @@ from functools import cache
 
 import numpy as np
 
-from balance.loading.loading import load_mechanism, mechanism_from_text
-from balance.mechanism import Mechanism
+from balance.mechanism.mechanism import Mechanism
+from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
 
 BUILT_IN = ("serial-1r", "serial-2r", "serial-3r", "four-bar", "parallelogram-6bar", "parallelogram-6bar-full")
 MANIPULATORS = BUILT_IN[4:]

@@ -9,10 +9,10 @@ import pinocchio
 
 from balance.arrays import Floats
 from balance.closure import Closure, Trajectory
-from balance.drive import JointDrive
-from balance.loading.loading import pinocchio_model
-from balance.mechanism import Mechanism
+from balance.mechanism.mechanism import Mechanism
+from balance.mechanism.mjcf_parser import pinocchio_model
 from balance.motion import Samples
+from balance.motion.driven_coordinates import JointDrive
 
 
 def random_motion(mechanism: Mechanism, count: int = 24, seed: int = 7) -> Trajectory:

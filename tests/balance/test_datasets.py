@@ -10,22 +10,22 @@ from balance.errors import DataError
 
 def test_names_are_found_and_listed() -> None:
     """Shipped names without ending; a name finds its file."""
-    assert "four-bar" in datasets.names("mechanisms", ".xml")
-    assert datasets.find("four-bar", "mechanisms", ".xml").name == "four-bar.xml"
+    assert "four-bar" in datasets.dataset_names("mechanisms", ".xml")
+    assert datasets.find_dataset("four-bar", "mechanisms", ".xml").name == "four-bar.xml"
 
 
 def test_a_file_of_the_user_comes_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A file of that very name in the working folder is meant before a shipped one."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "four-bar").write_text("mine", encoding="utf-8")
-    assert datasets.find("four-bar", "mechanisms", ".xml").read_text(encoding="utf-8") == "mine"
+    assert datasets.find_dataset("four-bar", "mechanisms", ".xml").read_text(encoding="utf-8") == "mine"
 
 
 @pytest.mark.parametrize("name", ["five-bar", "", "../mechanisms/four-bar", "four-bar\x00"])
 def test_other_names_are_refused(name: str) -> None:
     """No climbing out of the folder: refused with the names that there are."""
     with pytest.raises(DataError, match=r"no such file, and no shipped one.*four-bar"):
-        datasets.find(name, "mechanisms", ".xml")
+        datasets.find_dataset(name, "mechanisms", ".xml")
 
 
 @pytest.mark.parametrize("name", [".", "..", "mine"])
@@ -37,5 +37,5 @@ def test_a_folder_is_told_so(name: str, tmp_path: Path, monkeypatch: pytest.Monk
     with pytest.raises(
         DataError, match=r"is a folder; expected a file \(\.xml or \.urdf\), or a shipped one.*four-bar"
     ):
-        datasets.find(name, "mechanisms", ".xml", ".urdf")
-    assert datasets.find("four-bar", "mechanisms", ".xml").is_file()
+        datasets.find_dataset(name, "mechanisms", ".xml", ".urdf")
+    assert datasets.find_dataset("four-bar", "mechanisms", ".xml").is_file()

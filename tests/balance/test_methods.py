@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from balance import conditions, sizing
+from balance import balancing
+from balance.balancing import closed_forms, conditions, counter_inertia, method_comparison, mirror_and_active
 from balance.closure import Closure, Trajectory
 from balance.dynamics.inverse_dynamics import momentum, simulate
 from balance.dynamics.regressor import first_moment
 from balance.errors import ModelError
-from balance.loading.loading import load_mechanism, mechanism_from_text
-from balance.mechanism import Mechanism
-from balance.methods import active, counterinertia, mirror, printed, side_by_side
+from balance.mechanism.mechanism import Mechanism
+from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
 from balance.motion import Samples
 from balance.motion.motion_files import load_motion
 
@@ -25,7 +25,9 @@ from .test_static import chain
 @pytest.mark.parametrize("seed", [0, 1])
 def test_serial_chains_equal_the_derived_conditions(count, seed):
     """1R to 5R of random lengths: the same space of conditions to 1e-12."""
-    (comparison,) = printed.compare(conditions.find(models.model(chain(count, 10 * count + seed))))
+    (comparison,) = closed_forms.compare_conditions(
+        conditions.balance_conditions(models.model(chain(count, 10 * count + seed)))
+    )
     assert comparison.rank == (2 * count, 2 * count)
     assert comparison.is_equal(1e-12)
     assert comparison.verdict() == "equal to the derived conditions"
@@ -34,7 +36,7 @@ def test_serial_chains_equal_the_derived_conditions(count, seed):
 @pytest.mark.parametrize("name", ["serial-1r", "serial-2r", "serial-3r", "serial-4r", "serial-5r"])
 def test_shipped_chains_equal_the_derived_conditions(name):
     """1R to 5R as shipped."""
-    (comparison,) = printed.compare(conditions.find(load_mechanism(name)))
+    (comparison,) = closed_forms.compare_conditions(conditions.balance_conditions(load_mechanism(name)))
     assert comparison.is_equal(1e-12)
 
 
@@ -49,7 +51,7 @@ FOUR_BARS = {
 @pytest.mark.parametrize("build", FOUR_BARS.values(), ids=FOUR_BARS)
 def test_both_printed_four_bar_methods(build):
     """Loop closure equals the derived ones to 1e-12; so does the split once the coupler's centre is on its line."""
-    split, closure = printed.compare(conditions.find(build()))
+    split, closure = closed_forms.compare_conditions(conditions.balance_conditions(build()))
     assert closure.rank == (4, 4)
     assert closure.is_equal(1e-12)
     assert split.sufficient < 1e-12
@@ -60,7 +62,7 @@ def test_both_printed_four_bar_methods(build):
 def test_the_parallelogram_four_bar_needs_less():
     """Its printed four conditions are sufficient, not necessary: two are enough."""
     text = models.four_bar(0.3, 0.2, 0.3, 0.2, 1.0)
-    split, closure = printed.compare(conditions.find(models.model(text)))
+    split, closure = closed_forms.compare_conditions(conditions.balance_conditions(models.model(text)))
     assert closure.rank == (4, 2)
     assert closure.sufficient < 1e-12
     assert closure.verdict() == "sufficient, not necessary"
@@ -81,14 +83,14 @@ def test_whatever_the_split_the_four_bar_is_balanced(share):
     closure = Closure(balanced)
     q = closure.states(20)
     assert np.abs(momentum(balanced, q, closure.velocities(q))[:, :3]).max() < 1e-12
-    assert conditions.find(mechanism).residual(balanced) < 1e-12
+    assert conditions.balance_conditions(mechanism).residual(balanced) < 1e-12
 
 
 def test_other_mechanisms_have_no_printed_chain_or_four_bar():
     """The manipulator and a spatial linkage are no chain and no planar four-bar."""
-    assert printed.compare(conditions.find(models.load("parallelogram-6bar"))) == []
-    assert printed.four_bar_lengths(models.model(models.spatial_four_bar())) is None
-    assert printed.serial_lengths(models.model(models.skew_arm())) is None
+    assert closed_forms.compare_conditions(conditions.balance_conditions(models.load("parallelogram-6bar"))) == []
+    assert closed_forms.four_bar_lengths(models.model(models.spatial_four_bar())) is None
+    assert closed_forms.serial_lengths(models.model(models.skew_arm())) is None
 
 
 def waving(mechanism: Mechanism, count: int = 120) -> Trajectory:
@@ -105,9 +107,9 @@ def waving(mechanism: Mechanism, count: int = 120) -> Trajectory:
     )
 
 
-def balanced(mechanism: Mechanism) -> tuple[Mechanism, sizing.Sizing]:
+def balanced(mechanism: Mechanism) -> tuple[Mechanism, balancing.Sizing]:
     """With the exact counter-masses."""
-    sized = sizing.exact(conditions.find(mechanism), mechanism)
+    sized = balancing.exact_sizing(conditions.balance_conditions(mechanism), mechanism)
     return sized.after, sized
 
 
@@ -117,8 +119,8 @@ def test_wheels_cancel_the_moment_in_pinocchio(name):
     plain = models.load(name)
     heavy, sized = balanced(plain)
     motion, ratio = waving(plain), 1.7
-    outcome = counterinertia.applied(heavy, motion, ratio, 0.1, sized.added_mass)
-    wheels = counterinertia.fit(heavy).wheels
+    outcome = counter_inertia.counter_inertia_outcome(heavy, motion, ratio, 0.1, sized.added_mass)
+    wheels = counter_inertia.fit_wheels(heavy).wheels
     counters = {c.site: c.mass for c in sized.counter_masses}
     root = ElementTree.fromstring(referees.with_loads(plain.text, {}, counters, {}))
     base = root.find("worldbody/body")
@@ -165,7 +167,7 @@ def absolute_gains(mechanism: Mechanism, motion: Trajectory) -> np.ndarray:
 
 def test_wheels_that_leave_a_rest_say_so():
     """The manipulator's angular momentum is no constant mixture of rotations, nor that of an off-line coupler."""
-    manipulator = counterinertia.fit(balanced(models.load("parallelogram-6bar"))[0])
+    manipulator = counter_inertia.fit_wheels(balanced(models.load("parallelogram-6bar"))[0])
     assert not manipulator.is_complete()
     assert 0.05 < manipulator.left_over < 1.0
     coupler = models.load("four-bar")
@@ -174,13 +176,13 @@ def test_wheels_that_leave_a_rest_say_so():
     free = {"counter_A0A": 0.0}
     tilted = replace(coupler, parameters=rows).with_counter_mass(free)
     rows = tilted.parameters.copy()
-    found = conditions.find(tilted)
+    found = conditions.balance_conditions(tilted)
     first = [10 * body + k for body in range(3) for k in (1, 2)]
     change = np.linalg.lstsq(found.matrix[:, first], -found.values(tilted), rcond=None)[0]
     rows.ravel()[first] += change
     forced = replace(tilted, parameters=rows)
     assert found.residual(forced) < 1e-12
-    assert not counterinertia.fit(forced).is_complete()
+    assert not counter_inertia.fit_wheels(forced).is_complete()
 
 
 TURNS = {"": 1.0, "_lr": -1.0, "_ud": -1.0, "_half": 1.0}
@@ -216,7 +218,7 @@ def test_images_in_pinocchio(name, method):
     """Images as bodies of their own: the force and moment that are left, and the torques of common motors."""
     plain, copies = models.load(name), IMAGES[method]
     motion, whole = waving(plain), with_images(name, copies)
-    outcome = next(o for o in mirror.applied(plain, motion) if o.name == method)
+    outcome = next(o for o in mirror_and_active.mirror_outcome(plain, motion) if o.name == method)
     places = {s: [whole.coordinates.index(joint + s) for joint in plain.coordinates] for s in copies}
     states = np.zeros((3, len(motion.time), len(whole.coordinates)))
     for state, values in zip(states, (motion.q, motion.v, motion.a), strict=True):
@@ -239,7 +241,7 @@ def test_active_masses_keep_momentum_zero(name):
     """Mass times place follows minus the first moment; stroke as asked, force and power those of that motion."""
     mechanism = models.load(name)
     motion = waving(mechanism)
-    outcome = active.applied(mechanism, motion, 0.08, 3.0)
+    outcome = mirror_and_active.active_outcome(mechanism, motion, 0.08, 3.0)
     moment, linear = first_moment(mechanism, motion.q), momentum(mechanism, motion.q, motion.v)
     response = simulate(mechanism, motion)
     for axis, letter in enumerate("xy"):
@@ -261,7 +263,7 @@ def test_springs_free_the_motors_of_weight(name):
     """Their torque is that of the same motion without gravity; force and moment are as before."""
     mechanism = models.load(name)
     motion = waving(mechanism)
-    outcomes = {o.name: o for o in side_by_side.compare(mechanism, motion)}
+    outcomes = {o.name: o for o in method_comparison.compare_methods(mechanism, motion)}
     weightless = simulate(replace(mechanism, gravity=np.zeros(3)), motion)
     for joint, torque in outcomes["springs"].torque.items():
         np.testing.assert_allclose(torque, weightless.torque[joint], atol=1e-10)
@@ -272,7 +274,7 @@ def test_force_balance_alone_raises_moment_and_torque():
     """On the manipulator at 5 kg along x, both go up; counter-masses cancel the force to rounding."""
     mechanism = models.load("parallelogram-6bar").with_payload({"platform": 5.0})
     motion = Closure(mechanism).follow(load_motion("x").sample(500.0))
-    outcomes = {o.name: o for o in side_by_side.compare(mechanism, motion)}
+    outcomes = {o.name: o for o in method_comparison.compare_methods(mechanism, motion)}
     plain, heavy = outcomes["as it is"], outcomes["counter-mass"]
     assert heavy.force_peak < 1e-12 * plain.force_peak
     assert heavy.moment_rms > plain.moment_rms
@@ -284,7 +286,9 @@ def test_wheels_that_turn_faster_are_lighter_and_ask_more():
     """Inertia falls with the ratio, what it adds to the torque grows with it."""
     mechanism, sized = balanced(models.load("serial-2r"))
     motion = waving(mechanism)
-    slow, fast = (counterinertia.applied(mechanism, motion, k, 0.1, sized.added_mass) for k in (1.0, 3.0))
+    slow, fast = (
+        counter_inertia.counter_inertia_outcome(mechanism, motion, k, 0.1, sized.added_mass) for k in (1.0, 3.0)
+    )
     own = simulate(mechanism, motion).torque["J1"]
     assert fast.added_inertia == pytest.approx(slow.added_inertia / 3.0)
     np.testing.assert_allclose(fast.torque["J1"] - own, 3.0 * (slow.torque["J1"] - own), rtol=1e-9, atol=1e-9)
@@ -294,12 +298,12 @@ def test_what_shakes_out_of_the_plane_is_refused():
     """A spatial arm is not computed as a planar one."""
     arm = models.model(models.skew_arm())
     with pytest.raises(ModelError, match="out of the plane"):
-        side_by_side.compare(arm, waving(arm, 30))
+        method_comparison.compare_methods(arm, waving(arm, 30))
 
 
 def test_without_a_place_for_counter_masses_the_rest_is_compared():
     """Springs, images and active masses need no site."""
     chain_without = models.model(chain(2, 3).replace("counter_", "hole_"))
-    names = [o.name for o in side_by_side.compare(chain_without, waving(chain_without, 60))]
+    names = [o.name for o in method_comparison.compare_methods(chain_without, waving(chain_without, 60))]
     assert "springs" in names
     assert "counter-mass" not in names

@@ -7,10 +7,10 @@ import pytest
 
 from balance import datasets
 from balance.errors import DataError, ModelError
-from balance.loading.loading import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 from balance.motion import Motion, Samples
 from balance.motion.motion_files import load_motion, motion_from_table
-from balance.quantities import G0
+from balance.units import G0
 
 SHEET: dict[str, object] = {
     "driven": "platform",
@@ -264,7 +264,7 @@ def test_a_polygon_needs_two_coordinates() -> None:
             )  # fmt: skip
 
 
-@pytest.mark.parametrize("name", datasets.names("motions", ".toml"))
+@pytest.mark.parametrize("name", datasets.dataset_names("motions", ".toml"))
 def test_shipped_motions(name: str) -> None:
     """Each loads, and says where it is from or that it is assumed."""
     assert load_motion(name).duration > 0.5

@@ -6,14 +6,14 @@ import numpy as np
 import pinocchio
 import pytest
 
-from balance import sizing
+from balance import balancing
+from balance.balancing import static_balancing
+from balance.balancing.spring_files import load_springs
+from balance.balancing.springs import End, Spring, joint_torques, spring_energy, spring_lengths
 from balance.closure import Closure
 from balance.dynamics.regressor import first_moment, potential
 from balance.errors import DataError, ModelError, SizingError
-from balance.loading.loading import pinocchio_model
-from balance.static import conditions, design
-from balance.static.spring_files import load_springs
-from balance.static.springs import End, Spring, energy, joint_torques, lengths
+from balance.mechanism.mjcf_parser import pinocchio_model
 
 from . import models
 
@@ -49,7 +49,7 @@ def flat_four_bar(text: str):
 def test_springs_make_the_potential_energy_constant(name):
     """To 1e-12 of the unbalanced swing, at configurations other than those of the design; stiffnesses above zero."""
     mechanism = MECHANISMS[name]()
-    found = design.design(mechanism)
+    found = static_balancing.design_springs(mechanism)
     assert found.is_balanced(1e-12)
     assert found.swing() > 0.1
     assert all(spring.stiffness > 0.0 for spring in found.springs)
@@ -59,7 +59,7 @@ def test_springs_make_the_potential_energy_constant(name):
 def test_pinocchio_s_potential_energy_and_the_springs_by_its_frames(name):
     """Weight by Pinocchio's potential energy, spring ends by its frames: constant to 1e-12 as well."""
     mechanism = models.load(name)
-    found = design.design(mechanism)
+    found = static_balancing.design_springs(mechanism)
     pin = pinocchio_model(mechanism)
     data = pin.createData()
     total = []
@@ -78,7 +78,7 @@ def test_pinocchio_s_potential_energy_and_the_springs_by_its_frames(name):
 def test_one_link_is_the_textbook_s():
     """k h r = m g e, the spring from above the pivot to a point on the link."""
     mechanism = models.load("serial-1r")
-    (spring,) = design.design(mechanism, (), 0.12, 0.5).springs
+    (spring,) = static_balancing.design_springs(mechanism, (), 0.12, 0.5).springs
     assert spring.stiffness == pytest.approx(1.2 * 9.81 * 0.14 / (0.5 * 0.12), rel=1e-12)
 
 
@@ -94,7 +94,7 @@ def test_torque_of_springs_is_the_slope_of_their_energy(name):
     torque, h = joint_torques(mechanism, springs, q), 1e-6
     for j in range(q.shape[1]):
         step = h * np.eye(q.shape[1])[j]
-        slope = (energy(mechanism, springs, q + step) - energy(mechanism, springs, q - step)) / (2 * h)
+        slope = (spring_energy(mechanism, springs, q + step) - spring_energy(mechanism, springs, q - step)) / (2 * h)
         np.testing.assert_allclose(torque[:, j], slope, rtol=1e-6, atol=1e-7)
 
 
@@ -102,14 +102,14 @@ def test_torque_of_springs_is_the_slope_of_their_energy(name):
 def test_counter_masses_make_the_potential_energy_constant(name):
     """Sized on the static conditions: 1e-12 of the swing; and static conditions follow from those of force balance."""
     mechanism = models.load(name)
-    found = conditions.find(mechanism)
-    sized = sizing.exact(found, mechanism)
+    found = static_balancing.static_conditions(mechanism)
+    sized = balancing.exact_sizing(found, mechanism)
     q = Closure(mechanism).states(60, 5)
     assert np.ptp(potential(sized.after, q)) < 1e-12 * np.ptp(potential(mechanism, q))
-    from balance.conditions import find
+    from balance.balancing.conditions import balance_conditions
 
-    both = np.vstack([find(mechanism).matrix, found.matrix])
-    assert np.linalg.matrix_rank(both, tol=1e-9) == find(mechanism).rank
+    both = np.vstack([balance_conditions(mechanism).matrix, found.matrix])
+    assert np.linalg.matrix_rank(both, tol=1e-9) == balance_conditions(mechanism).rank
 
 
 def test_what_moves_level_needs_nothing():
@@ -117,14 +117,14 @@ def test_what_moves_level_needs_nothing():
     slide = '<joint name="s" type="slide" axis="1 0 0"/><site name="counter" pos="0 0 0"/>'
     carriage = models.link("", "carriage", slide)
     text = models.mjcf(carriage, models.motors("s") + models.key([0.1]), '<option gravity="0 -9.81 0"/>')
-    assert conditions.find(models.model(text)).rank == 0
-    assert design.design(models.model(text)).springs == ()
+    assert static_balancing.static_conditions(models.model(text)).rank == 0
+    assert static_balancing.design_springs(models.model(text)).springs == ()
 
 
 def test_without_gravity_there_is_nothing_to_balance():
     """Said, not computed."""
     with pytest.raises(ModelError, match="no gravity"):
-        conditions.find(replace(models.load("four-bar"), gravity=np.zeros(3)))
+        static_balancing.static_conditions(replace(models.load("four-bar"), gravity=np.zeros(3)))
 
 
 def test_potential_is_minus_gravity_times_first_moment():
@@ -142,10 +142,10 @@ def test_places_that_cannot_do_it_are_refused():
     mechanism = models.load("serial-1r")
     idle = Spring(End(-1, np.array([0.0, 0.3, 0.0])), End(0, np.zeros(3)))
     with pytest.raises(SizingError, match="cannot balance"):
-        design.design(mechanism, [idle])
+        static_balancing.design_springs(mechanism, [idle])
     below = Spring(End(-1, np.array([0.0, -0.3, 0.0])), End(0, np.array([0.1, 0.0, 0.0])))
     with pytest.raises(SizingError, match="only pull"):
-        design.design(mechanism, [below])
+        static_balancing.design_springs(mechanism, [below])
 
 
 def test_a_spring_file(tmp_path):
@@ -153,7 +153,7 @@ def test_a_spring_file(tmp_path):
     mechanism = models.load("parallelogram-6bar").with_payload({"platform": 5.0})
     places, given = load_springs("parallelogram-6bar", mechanism)
     assert not given
-    found = design.design(mechanism, places)
+    found = static_balancing.design_springs(mechanism, places)
     assert found.is_balanced(1e-12)
     assert [s.stiffness for s in found.springs] == pytest.approx([9.81 * 0.91157 / (0.15 * 0.075)] * 2, rel=1e-4)
     path = tmp_path / "mine.toml"
@@ -164,9 +164,9 @@ def test_a_spring_file(tmp_path):
     springs, given = load_springs(path, mechanism)
     assert given
     assert springs[0].stiffness == pytest.approx(200.0)
-    judged = design.judged(mechanism, springs)
+    judged = static_balancing.judged_springs(mechanism, springs)
     assert not judged.is_balanced(1e-3)
-    assert (lengths(mechanism, springs, judged.q) > 0.0).all()
+    assert (spring_lengths(mechanism, springs, judged.q) > 0.0).all()
 
 
 WRONG = {

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from balance import conditions, sizing
+from balance import balancing
+from balance.balancing import conditions
 from balance.dynamics.regressor import torque_regressor
-from balance.loading.loading import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 
 ARMS = {
     "two-joint-arm-a0": (0.3, 0.3491, 0.1111, 0.053470810264216295, 0.02392374528789766, 0.6043459469186889),
@@ -23,7 +24,7 @@ def arm(request):
 def test_first_moments_as_published(arm):
     """The left-hand sides of the balance conditions are the published first moments."""
     mechanism, (length, first, second, *_) = arm
-    found = conditions.find(mechanism)
+    found = conditions.balance_conditions(mechanism)
     values = dict(zip([found.text(i) for i in range(found.rank)], found.values(), strict=True))
     assert values[f"mcx[link_1] + {length:g} m[link_2] = 0"] == pytest.approx(first, abs=6e-5)
     assert values["mcx[link_2] = 0"] == pytest.approx(second, abs=6e-5)
@@ -50,7 +51,7 @@ def test_equations_of_the_double_pendulum(arm):
 def test_counter_masses_at_100_mm(arm):
     """Counter-masses 100 mm behind the joints balance the arm; the inner one carries the outer one too."""
     mechanism, (l1, *_) = arm
-    inner, outer = sizing.exact(conditions.find(mechanism), mechanism).counter_masses
+    inner, outer = balancing.exact_sizing(conditions.balance_conditions(mechanism), mechanism).counter_masses
     p1 = mechanism.pi[1] + l1 * mechanism.pi[10]
     assert outer.mass == pytest.approx(mechanism.pi[11] / 0.1)
     assert inner.mass == pytest.approx((p1 + l1 * outer.mass) / 0.1)

@@ -22,14 +22,14 @@ class Simulated(NamedTuple):
 
 def simulated(folder: Path, plan: str, rig: str = "parallelogram-6bar") -> Simulated:
     """Simulate a plan (its text) and ingest the logs."""
-    from testbench import plan as plans
+    from testbench import campaign_plan as plans
     from testbench import rig as rigs
-    from testbench.bench.campaign import SHEET, simulate
     from testbench.ingest import Ingest
-    from testbench.ingest.runsheet import plan as sheet
+    from testbench.ingest.run_conditions import plan_runs as sheet
+    from testbench.simulator.campaign import SHEET, simulate_campaign
 
-    bench = rigs.load(rig)
-    logs = simulate(plans.from_text(plan), bench, folder / "logs")
+    bench = rigs.load_rig(rig)
+    logs = simulate_campaign(plans.from_text(plan), bench, folder / "logs")
     campaign = folder / "campaign"
     campaign.mkdir()
     ingest = Ingest(campaign, bench)
@@ -83,7 +83,7 @@ def brief(shared: Callable[..., Simulated]) -> Simulated:
     """The shipped brief plan: four conditions, with and without counter-masses."""
     from balance import datasets
 
-    return shared(datasets.find("kiper2019-brief", "plans", ".toml").read_text("utf-8"))
+    return shared(datasets.find_dataset("kiper2019-brief", "plans", ".toml").read_text("utf-8"))
 
 
 @pytest.fixture(scope="session")

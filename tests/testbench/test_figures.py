@@ -5,11 +5,11 @@ import io
 import pytest
 
 from testbench import figures
-from testbench.comparison import compare
 from testbench.figures.style import origin_of
-from testbench.published import load
+from testbench.published_tables import load_published
 from testbench.store import open_campaign
-from testbench.vibration import Measure
+from testbench.vibration.comparison import compare_campaign
+from testbench.vibration.metrics import Measure
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,7 @@ def test_two_runs(runs, name, panels, unit):
 
 def test_base_acceleration_states_the_reduction(brief, runs):
     """The title of each panel states the reduction that the analysis finds."""
-    from testbench.reductions import analyze
+    from testbench.vibration.reduction import analyze
 
     found = {r.axis: r for r in analyze(runs, Measure()).reductions}
     figure = figures.base_acceleration(*runs)
@@ -60,7 +60,7 @@ def test_command_performance(runs):
 
 def test_reductions(brief):
     """A panel for each motion and axis; the analysed, simulated and published values are those of the rows."""
-    comparison = compare(open_campaign(brief.campaign).runs, load("kiper2019"), Measure())
+    comparison = compare_campaign(open_campaign(brief.campaign).runs, load_published("kiper2019"), Measure())
     figure = figures.reductions(comparison)
     drawn(figure)
     assert len(figure.axes) == 6
@@ -76,7 +76,7 @@ def test_reductions_of_an_analysis_alone(runs):
     """What was analysed, its intervals, and nothing else in the legend; each sensor has panels of its own."""
     from dataclasses import replace
 
-    from testbench.reductions import analyze
+    from testbench.vibration.reduction import analyze
 
     analysis = analyze(runs, Measure())
     second = tuple(replace(r, sensor="second") for r in analysis.reductions)

@@ -2,12 +2,11 @@ from pathlib import Path
 
 import pytest
 
-from testbench.cli.reading import print_findings
-from testbench.describe import describe
-from testbench.findings import MEANING, Finding, Refusal, Severity, refused, worst
+from testbench.cli.options import print_reading_findings
 from testbench.ingest import Ingest
-from testbench.ingest.runsheet import PlannedRun
-from testbench.recording import Channel, Group, placed
+from testbench.ingest.run_conditions import PlannedRun
+from testbench.quality.log_description import describe_log
+from testbench.recording import MEANING, Channel, Finding, Group, Refusal, Severity, placed, refused, worst
 from testbench.store import open_run
 
 PAGE = Path(__file__).parents[2] / "docs" / "findings.md"
@@ -53,11 +52,11 @@ def test_two_logs_of_one_run_keep_their_findings_apart(tmp_path, capsys):
     run = open_run(tmp_path / "c" / "r1.h5")
     dead = [f for f in run.findings if f.code == "constant_channel"]
     assert [(f.channel, f.group) for f in dead] == [("AccY (g)", "left"), ("AccY (g)", "right")]
-    print_findings("r1", dead)
+    print_reading_findings("r1", dead)
     assert "AccY (g), group left: all 200 samples are 5" in capsys.readouterr().out
     Ingest(tmp_path / "alone").run(PlannedRun("r1", (tmp_path / "left.csv",)))
     assert {f.group for f in open_run(tmp_path / "alone" / "r1.h5").findings} == {None}
-    assert {f.group for f in describe(tmp_path / "left.csv").findings} == {None}
+    assert {f.group for f in describe_log(tmp_path / "left.csv").findings} == {None}
 
 
 @pytest.mark.parametrize(

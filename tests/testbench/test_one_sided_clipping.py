@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from studies import simulated_runs as memory
-from testbench.findings import Finding
-from testbench.reductions import analyze
-from testbench.vibration import Measure
+from testbench.recording import Finding
+from testbench.vibration.metrics import Measure
+from testbench.vibration.reduction import analyze
 
 TOP = 0.6
 """At which share of its largest value the channel clips."""

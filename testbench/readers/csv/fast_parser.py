@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from ...native import BYTE, INTEGER, PLACE, Kernel
+from ...compiled_kernels import BYTE, INTEGER, PLACE, Kernel
 from ...recording import Samples
 from .row_parser import RowParser
 from .text_blocks import count_lines

@@ -12,8 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ...findings import Finding
-from ...recording import Report, Samples
+from ...recording import Finding, Report, Samples
 from .cell_syntax import (
     decimal_mark,
     is_ambiguous,

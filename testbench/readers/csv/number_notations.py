@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from ...findings import Finding
+from ...recording import Finding
 from .cell_syntax import MINUS, decimal_mark, is_exact, is_missing, is_number_like, is_without_exponent, plain_number
 from .header import Header
 from .row_parser import RewrittenColumn

@@ -5,9 +5,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from ...findings import Finding, Refusal
-from ...recording import Channel, Clock, Group, Recording
-from .. import origin
+from ...recording import Channel, Clock, Finding, Group, Recording, Refusal
+from .. import header_claims
 from ..registry import ReadOptions
 from .cell_syntax import is_missing, is_number_like, shown
 from .dialect import Dialect, UnclearDialect, detect_dialect
@@ -41,7 +40,7 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
         reader="testbench.readers.csv",
         groups=multiple.groups if multiple else (group,),
         read=stated.checked(multiple.split(read) if multiple else read),
-        origin=origin.stated(comments),
+        origin=header_claims.stated_origin(comments),
         settings=text.settings,
         metadata=key_value_pairs(comments) | text.times.zeros(channels),
         comments=comments,

@@ -13,9 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...findings import Finding
-from ...recording import Block, Clock, Group, Report, Samples, TimeColumn
-from ..ahead import in_order
+from ...recording import Block, Clock, Finding, Group, Report, Samples, TimeColumn
+from ..byte_source import in_order
 from .cell_syntax import is_missing
 from .header import time_name_base
 from .irregular_rows import CellFilter, LateDecimalMark, RegularRows, RowFilter, last_row

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import RecordingError
-from ...findings import Finding, Refusal
+from ...recording import Finding, Refusal
 from ..registry import known_as
 
 BLOCK_BYTES = 8 << 20

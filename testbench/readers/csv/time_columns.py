@@ -7,9 +7,8 @@ from decimal import Decimal
 from functools import lru_cache
 from itertools import pairwise
 
-from ...findings import Finding
-from ...recording import Channel, TimeColumn
-from .. import doubt
+from ...recording import Channel, Finding, TimeColumn
+from .. import header_claims
 from .cell_syntax import DAY, TimeNotation, Timestamp, is_exact, is_missing, is_without_exponent, read_timestamp
 from .header import Header, is_time_name, time_column
 from .row_parser import RewrittenColumn, RowParser
@@ -300,7 +299,7 @@ def _with_numbers(times: TimeColumns, i: int, channel: Channel, cells: Sequence[
         return times
     whole, _, decimals = cells[0].lstrip("+-").replace(",", ".").partition(".")
     first, last = (float(cell.replace(",", ".")) for cell in (cells[0], cells[-1]))
-    days = doubt.may_be_days(first, (last - first) / len(cells))
+    days = header_claims.may_be_days(first, (last - first) / len(cells))
     findings, columns = [], times.columns
     if channel.unit is None and (unit := _unit_since_1970(channel, len(whole))):
         message = f"times such as {cells[0]} are counted since 1970 in units of {unit:g} s, as their digits tell"

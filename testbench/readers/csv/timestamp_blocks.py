@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...findings import Finding
-from ...recording import Block, Report, Samples
+from ...recording import Block, Finding, Report, Samples
 from .cell_syntax import DAY, SECOND, fraction_span
 from .row_parser import RowParser
 

@@ -1,4 +1,7 @@
-"""Reader of ASAM MDF 3 and 4: each channel group is a group, with its own time."""
+"""Channel groups whose time lies in another one (remote master, column storage): read side by side, as one group.
+
+Reader of ASAM MDF 3 and 4: each channel group is a group, with its own time.
+"""
 
 import struct
 from collections import Counter
@@ -8,17 +11,73 @@ from pathlib import Path
 
 import numpy as np
 
-from ...findings import Finding, Refusal
-from ...recording import Block, Channel, Group, Recording, Report, Samples, TimeColumn
+from ...recording import Block, Channel, Finding, Group, Recording, Refusal, Report, Samples, TimeColumn
 from ...units import seconds_per
-from ..nonfinite import watched
+from ..byte_source import ByteSource, block_samples, damaged, watch_nonfinite
 from ..registry import ReadOptions
-from ..stream import ByteSource, block_samples, damaged
-from . import v3, v4
-from .joined import Columns, joined
-from .model import DataGroup, File, Member, Records
-from .numbers import Bytes, column, invalid, may_be_rounded
-from .records import Torn, parts
+from . import version3, version4
+from .data_model import DataGroup, File, Member, Records
+from .records import Bytes, Torn, column, invalid, may_be_rounded, record_parts
+
+_NONE: Bytes = np.empty((0, 0), dtype=np.uint8)
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Records of one group, each in its own stream; the first hold the time."""
+
+    streams: tuple[tuple[DataGroup, Records], ...]
+
+    @property
+    def first(self) -> Records:
+        """The records of the master, or the only ones."""
+        return self.streams[0][1]
+
+    @property
+    def members(self) -> tuple[Member, ...]:
+        """All channels, stream by stream."""
+        return tuple(member for _, records in self.streams for member in records.members)
+
+    @property
+    def declared(self) -> set[int | None]:
+        """How many samples the streams declare."""
+        return {records.declared for _, records in self.streams}
+
+    def rows(self) -> Iterator[list[Bytes]]:
+        """Successive records of all streams, as many of each; what one has more than another is left."""
+        pieces = [_rows(group) for group, _ in self.streams]
+        waiting = [next(piece, _NONE) for piece in pieces]
+        while count := min(map(len, waiting)):
+            yield [rows[:count] for rows in waiting]
+            rest = [rows[count:] for rows in waiting]
+            waiting = [rows if len(rows) else next(piece, _NONE) for rows, piece in zip(rest, pieces, strict=True)]
+
+
+def _rows(group: DataGroup) -> Iterator[Bytes]:
+    return (part.rows for part in record_parts(group) if len(part.rows))
+
+
+def joined(file: File) -> tuple[list[Columns], str]:
+    """The groups of a file that are stored by column; a name whose master is not there, if there is one."""
+    every = [(group, records) for group in file.groups for records in group.records]
+    by_address = {records.address: (group, records) for group, records in every}
+    followers: dict[int, list[tuple[DataGroup, Records]]] = {}
+    for group, records in every:
+        if records.master:
+            followers.setdefault(records.master, []).append((group, records))
+    found = []
+    for address, members in followers.items():
+        master = by_address.get(address)
+        if master is None or master[1].master or not _alone([master, *members]):
+            return [], members[0][1].name or "without a name"
+        found.append(Columns((master, *members)))
+    return found, ""
+
+
+def _alone(streams: Sequence[tuple[DataGroup, Records]]) -> bool:
+    """Whether each stream holds records of one kind."""
+    return all(not group.identifier_size and len(group.records) == 1 for group, _ in streams)
+
 
 _MARKS = (b"MDF     ", b"UnFinMF ")
 _MOST_VIRTUAL = 100_000_000
@@ -46,7 +105,7 @@ def open_mdf(path: Path, options: ReadOptions) -> Recording:
         head = source.read(0, 64, "the identification")
         (version,) = struct.unpack_from("<H", head, 28)
         unfinished = head[:8] == _MARKS[1]
-        file = (v4 if version >= 400 else v3).read(source, unfinished)
+        file = (version4 if version >= 400 else version3).read(source, unfinished)
     sets, lost = joined(file)
     if lost:
         raise damaged(path, f"channel group {lost!r}: its time lies in another group, which cannot be read beside it")
@@ -62,7 +121,7 @@ def open_mdf(path: Path, options: ReadOptions) -> Recording:
         format="ASAM MDF",
         reader="testbench.readers.mdf",
         groups=tuple(groups.values()),
-        read=lambda report: watched(_blocks(path, file, sets, groups, unfinished, report), report),
+        read=lambda report: watch_nonfinite(_blocks(path, file, sets, groups, unfinished, report), report),
         settings={"version": file.version},
         metadata=file.metadata,
         findings=tuple(findings),
@@ -120,7 +179,7 @@ def _blocks(
             continue
         done: Counter[int] = Counter()
         try:
-            for part in parts(data):
+            for part in record_parts(data):
                 if (group := groups.get(id(part.records))) is not None:
                     yield from _of_part(part.records, part.rows, group, done, seen)
         except Torn as error:

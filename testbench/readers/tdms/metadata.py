@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ...findings import Finding
-from ...recording import Samples
-from ..stream import ByteSource, damaged
+from ...recording import Finding, Samples
+from ..byte_source import ByteSource, damaged
 from .segments import Segment, Spans, segments
 
 STRING, BOOLEAN, TIME, DAQMX = 0x20, 0x21, 0x44, 0xFFFFFFFF

@@ -15,14 +15,12 @@ from numpy.typing import NDArray
 
 from ... import recording as model
 from ...errors import RecordingError
-from ...findings import Finding, Refusal
-from ...recording import Block, Clock, Group, Recording, Report, Samples, TimeColumn
+from ...recording import Block, Clock, Finding, Group, Recording, Refusal, Report, Samples, TimeColumn
 from ...units import seconds_per
+from ..byte_source import ByteSource, as_float64, block_samples, damaged, refusing, watch_nonfinite
 from ..csv.header import is_time_name
-from ..declared import by_step
-from ..nonfinite import watched
+from ..header_claims import by_step
 from ..registry import ReadOptions, needs
-from ..stream import ByteSource, as_float64, block_samples, damaged, refusing
 from .metadata import (
     TIME,
     Channel,
@@ -74,7 +72,7 @@ def open_tdms(path: Path, options: ReadOptions) -> Recording:
         format="NI TDMS",
         reader="testbench.readers.tdms",
         groups=tuple(each.group for each in gathered),
-        read=lambda report: watched(_blocks(path, contents, gathered, report), report),
+        read=lambda report: watch_nonfinite(_blocks(path, contents, gathered, report), report),
         metadata=_metadata(contents),
         findings=tuple(findings),
     )

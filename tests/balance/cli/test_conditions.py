@@ -47,7 +47,7 @@ def test_other_momenta(balance, kind, rank):
     assert (code, json.loads(out)["rank"]) == (0, rank)
 
 
-@pytest.mark.parametrize("name", [n for n in datasets.names("mechanisms", ".xml") if "slider" not in n])
+@pytest.mark.parametrize("name", [n for n in datasets.dataset_names("mechanisms", ".xml") if "slider" not in n])
 def test_every_shipped_mechanism(balance, name):
     """Each has conditions, and says them in text and JSON."""
     assert balance("conditions", name).code == 0

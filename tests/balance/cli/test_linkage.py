@@ -94,7 +94,7 @@ def test_force_only_leaves_the_gears_out():
 def test_a_swing_is_not_called_constant_speed(tmp_path):
     """A joint that swings between two ends has no constant speed."""
     path = tmp_path / "swing.toml"
-    text = datasets.find("two-levels", "linkages", ".toml").read_text(encoding="utf-8")
+    text = datasets.find_dataset("two-levels", "linkages", ".toml").read_text(encoding="utf-8")
     path.write_text('swing = ["30 deg", "100 deg"]\n' + text, encoding="utf-8")
     output = run(path).output
     assert "Simulated, harmonic swing: RMS" in output

@@ -7,10 +7,9 @@ import pytest
 from click.testing import CliRunner
 
 from balance import datasets
-from balance.cli.methods import methods
-from balance.cli.static import static
+from balance.cli.methods import methods, static
 from balance.errors import DataError
-from balance.loading.loading import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 from balance.motion.motion_files import load_motion
 
 
@@ -75,7 +74,7 @@ def test_static_places(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name", [n for n in datasets.names("mechanisms", ".xml") if n.startswith(("serial", "four-bar"))]
+    "name", [n for n in datasets.dataset_names("mechanisms", ".xml") if n.startswith(("serial", "four-bar"))]
 )
 def test_shipped_motions_move_their_mechanism(name):
     """Each chain and the four-bar has a motion of its name that drives all its motors."""
@@ -136,7 +135,7 @@ stiffness = "50 N/m"
 def test_a_level_mechanism_needs_no_static_balance(tmp_path, gravity, said):
     """Weight across the plane does no work, and none does none; the other methods are compared all the same."""
     path = tmp_path / "level.xml"
-    text = datasets.find("four-bar", "mechanisms", ".xml").read_text(encoding="utf-8")
+    text = datasets.find_dataset("four-bar", "mechanisms", ".xml").read_text(encoding="utf-8")
     path.write_text(text.replace("0 -9.81 0", gravity), encoding="utf-8")
     code, output = run(methods, str(path), "--motion", "four-bar")
     assert code == 0

@@ -36,7 +36,10 @@ def test_the_shipped_files_are_valid(name):
     """An editor that checks by the schema refuses none of them."""
     found = schema(name)
     jsonschema.Draft202012Validator.check_schema(found)
-    paths = [datasets.find(shipped, FOLDERS[name], ".toml") for shipped in datasets.names(FOLDERS[name], ".toml")]
+    paths = [
+        datasets.find_dataset(shipped, FOLDERS[name], ".toml")
+        for shipped in datasets.dataset_names(FOLDERS[name], ".toml")
+    ]
     contents = [tomllib.loads(path.read_text(encoding="utf-8")) for path in paths]
     if FOLDERS[name] == "rotors":
         contents = [content for content in contents if ("masses" in content) == (name == "rotor")]

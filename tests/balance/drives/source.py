@@ -9,8 +9,8 @@ import numpy as np
 
 from balance.drives.drive_files import load_drive
 from balance.drives.machine import Machine
-from balance.loading.loading import load_mechanism
-from balance.mechanism import Mechanism
+from balance.mechanism.mechanism import Mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 
 REFERENCE = json.loads((Path(__file__).parent / "reference.json").read_text(encoding="utf-8"))
 RPM = np.pi / 30.0

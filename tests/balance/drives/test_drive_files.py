@@ -5,8 +5,8 @@ import pytest
 
 from balance import datasets
 from balance.drives.drive_files import load_drive
+from balance.drives.harmonic_balance import steady_rotation
 from balance.drives.motors import Constant, DirectCurrent, Induction, Table
-from balance.drives.steady import steady
 from balance.errors import DataError
 
 from .source import RPM
@@ -34,12 +34,12 @@ def whole(path):
     return drive.machines(drive.load_mechanism())
 
 
-@pytest.mark.parametrize("name", datasets.names("drives", ".toml"))
+@pytest.mark.parametrize("name", datasets.dataset_names("drives", ".toml"))
 def test_shipped_drives_turn(name):
     """Every shipped drive has a steady rotation that is stable and converged."""
     drive = load_drive(name)
     for machine in drive.machines(drive.load_mechanism()):
-        found = steady(machine)
+        found = steady_rotation(machine)
         assert found.is_converged()
         assert found.is_stable
 
@@ -100,7 +100,7 @@ torque = ["1 N m", "2 N m", "0 N m"]
 
 def test_a_mechanism_beside_the_drive_s_file_is_found(tmp_path):
     """A relative path counts from the drive's file."""
-    text = datasets.find("four-bar", "mechanisms", ".xml").read_text(encoding="utf-8")
+    text = datasets.find_dataset("four-bar", "mechanisms", ".xml").read_text(encoding="utf-8")
     written(tmp_path, text, "own.xml")
     drive = load_drive(written(tmp_path, PLAIN.replace("four-bar", "own.xml")))
     assert drive.load_mechanism().name == "own"

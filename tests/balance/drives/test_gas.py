@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from balance.cli.engine import engine
 from balance.drives.drive_files import load_drive
-from balance.drives.steady import steady
+from balance.drives.harmonic_balance import steady_rotation
 from balance.errors import DataError
 
 RPM = np.pi / 30.0
@@ -43,7 +43,7 @@ def turned(folder, load, csv=""):
     (folder / "gas.toml").write_text(HEAD + load, encoding="utf-8")
     drive = load_drive(folder / "gas.toml")
     (machine,) = drive.machines(drive.load_mechanism())
-    return steady(machine)
+    return steady_rotation(machine)
 
 
 def inertia(phi):

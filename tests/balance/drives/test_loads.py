@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
-from balance.drives.loads import KINDS, Load
+from balance.drives.machine import KINDS, Load
 
 TABLE = PchipInterpolator(np.linspace(-1.0, 8.0, 30), np.sin(np.linspace(-1.0, 8.0, 30)))
 

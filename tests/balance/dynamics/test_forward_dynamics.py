@@ -8,7 +8,7 @@ from balance import datasets
 from balance.dynamics.forward_dynamics import acceleration, refuse_loops, simulate_forward
 from balance.dynamics.regressor import torque_regressor
 from balance.errors import ModelError
-from balance.loading.loading import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 
 ARM = load_mechanism("serial-3r")
 STEP = 1e-3
@@ -21,7 +21,7 @@ def inverse(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
 
 def test_accelerations_are_those_of_mujoco():
     """At random states under random torques the accelerations agree with an independent engine."""
-    model = mujoco.MjModel.from_xml_path(str(datasets.find("serial-3r", "mechanisms", ".xml")))
+    model = mujoco.MjModel.from_xml_path(str(datasets.find_dataset("serial-3r", "mechanisms", ".xml")))
     data = mujoco.MjData(model)
     rng = np.random.default_rng(0)
     for _ in range(10):

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
-from balance import kinematics
 from balance.closure import Closure, Trajectory
-from balance.components import dense
 from balance.dynamics.inverse_dynamics import (
     Response,
     body_force,
@@ -18,11 +16,13 @@ from balance.dynamics.inverse_dynamics import (
     simulate,
 )
 from balance.errors import ClosureError, ModelError
-from balance.loading.loading import pinocchio_model
-from balance.mechanism import Mechanism, Site
+from balance.mechanism import forward_kinematics
+from balance.mechanism.mechanism import Mechanism, Site
+from balance.mechanism.mjcf_parser import pinocchio_model
+from balance.mechanism.sparse_components import dense
 from balance.motion import Samples
 from balance.motion.motion_files import load_motion
-from balance.quantities import G0
+from balance.units import G0
 
 from .. import models, referees
 
@@ -248,8 +248,8 @@ def test_a_disc_is_its_mass_at_a_site() -> None:
 def test_a_link_turning_steadily() -> None:
     """A bar turning at w about z: m c w of momentum, J w of angular momentum, m c w2 of centripetal force."""
     mechanism, w = models.load("serial-1r"), 3.0
-    at = kinematics.pose(mechanism.tree, np.array([[0.5]]))
-    moving = kinematics.motion(mechanism.tree, at, np.array([[w]]))
+    at = forward_kinematics.pose(mechanism.tree, np.array([[0.5]]))
+    moving = forward_kinematics.motion(mechanism.tree, at, np.array([[w]]))
     row = mechanism.parameters[0]
     carried, load = body_momentum(row, at, moving, 0), body_force(row, at, moving, 0)
     assert np.linalg.norm(dense(carried.force, 1)) == pytest.approx(1.2 * 0.14 * w)

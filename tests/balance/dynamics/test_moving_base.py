@@ -6,7 +6,7 @@ from scipy.linalg import expm
 
 from balance.closure import Closure
 from balance.dynamics.moving_base import acceleration_in_body, linear_response, locked_inertia, rigid_body
-from balance.loading.loading import load_mechanism, pinocchio_model
+from balance.mechanism.mjcf_parser import load_mechanism, pinocchio_model
 from balance.motion.motion_files import load_motion, motion_from_table
 
 pinocchio = pytest.importorskip("pinocchio")

@@ -5,8 +5,8 @@ import pytest
 
 from balance.dynamics import regressor
 from balance.dynamics.inverse_dynamics import driven_rates, momentum, simulate
-from balance.loading.loading import pinocchio_model
-from balance.mechanism import Mechanism
+from balance.mechanism.mechanism import Mechanism
+from balance.mechanism.mjcf_parser import pinocchio_model
 
 from .. import models, referees
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from balance.balancing.conditions import balance_conditions
 from balance.cli.engine import engine
-from balance.conditions import find
 from balance.errors import DataError
-from balance.loading.loading import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 
 
 def _json(*arguments):
@@ -61,7 +61,7 @@ def test_mechanism_can_be_used_by_the_other_commands(tmp_path):
     """The written file closes, and has the one condition set of an engine."""
     path = tmp_path / "v4.xml"
     assert CliRunner().invoke(engine, ["mechanism", "v4-72-offset", "-o", str(path)]).exit_code == 0
-    assert find(load_mechanism(path)).dof == 1
+    assert balance_conditions(load_mechanism(path)).dof == 1
 
 
 @pytest.mark.parametrize(

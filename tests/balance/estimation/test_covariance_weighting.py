@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from balance import conditions
+from balance.balancing import conditions
 from balance.estimation.covariance_weighting import combine
 from balance.estimation.first_moment_imbalance import Imbalance, Subspace
-from balance.loading.loading import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 
 
 @pytest.fixture(scope="module")
 def found():
     """The conditions of an arm of two joints."""
-    return conditions.find(load_mechanism("serial-2r"))
+    return conditions.balance_conditions(load_mechanism("serial-2r"))
 
 
 def source(found, values, errors, free=None, freedom=1000):

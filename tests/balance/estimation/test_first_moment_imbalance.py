@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from balance import conditions, sizing
+from balance import balancing
+from balance.balancing import conditions
 from balance.closure import Closure
 from balance.dynamics.regressor import wrench_regressor
 from balance.errors import DataError
 from balance.estimation.first_moment_imbalance import condition_columns, imbalance_fit, with_condition_values
 from balance.estimation.identifiability import NotIdentifiable
 from balance.estimation.regression import RegressionRecord
-from balance.loading.loading import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 from balance.motion import Samples
 
 MECHANISMS = ("parallelogram-6bar", "four-bar", "serial-2r", "serial-3r")
@@ -21,7 +22,7 @@ def equations(mechanism, count=400, seed=0):
     """Columns (n, 3, rank) and shaking force (n, 3) [N] along a motion of all driven joints."""
     path = moved(Closure(mechanism), count, np.random.default_rng(seed))
     regressor = wrench_regressor(mechanism, path.q, path.v, path.a)[:, :3]
-    found = conditions.find(mechanism)
+    found = conditions.balance_conditions(mechanism)
     return found, condition_columns(found, regressor), regressor @ mechanism.pi
 
 
@@ -62,7 +63,7 @@ def test_missing_masses_are_those_of_exact_sizing(name):
     mechanism = load_mechanism(name)
     found, columns, force = equations(mechanism)
     lacking = measure([record(columns, force)], found).missing(mechanism, mechanism.counter_sites)
-    sized = sizing.exact(found, mechanism)
+    sized = balancing.exact_sizing(found, mechanism)
     for one, other in zip(lacking, sized.counter_masses, strict=True):
         if other.mass > 0.0:
             assert one.mass.value == pytest.approx(other.mass, rel=1e-6)
@@ -120,11 +121,11 @@ def test_too_few_stretches_are_refused():
 def test_adjusted_has_the_values_that_it_is_given():
     """The mechanism with measured values has them, and sizing of it mounts what is missing."""
     mechanism = load_mechanism("parallelogram-6bar")
-    found = conditions.find(mechanism)
+    found = conditions.balance_conditions(mechanism)
     values = np.array([0.4, 0.01, 0.39, -0.02])
     changed = with_condition_values(found, mechanism, values)
     assert found.values(changed) == pytest.approx(values, abs=1e-12)
-    assert sizing.exact(found, changed).residual() == pytest.approx(0.02, abs=1e-9)
+    assert balancing.exact_sizing(found, changed).residual() == pytest.approx(0.02, abs=1e-9)
 
 
 def test_intervals_hold():

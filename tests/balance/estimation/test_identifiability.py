@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from balance import conditions
-from balance.combinations import text_of
+from balance.balancing import conditions
+from balance.balancing.conditions import text_of
 from balance.dynamics.joint_friction import joint_terms
 from balance.dynamics.regressor import torque_regressor, wrench_regressor
 from balance.errors import DataError
@@ -59,7 +59,7 @@ def test_armature_of_the_first_joint_hides_in_its_inertia():
 
 def test_balance_conditions_are_observable_from_torque(arm):
     """Whatever balances a serial arm in the field of gravity can be identified from its torques."""
-    for row in conditions.find(models.load("serial-2r")).matrix:
+    for row in conditions.balance_conditions(models.load("serial-2r")).matrix:
         assert arm.is_identifiable(row)
 
 
@@ -69,7 +69,7 @@ def test_wrench_determines_what_balances(name):
     mechanism = models.load(name)
     q, v, a = RNG.normal(size=(3, 60, mechanism.tree.size))
     found = identifiability(wrench_regressor(mechanism, q, v, a)[:, :3], mechanism.parameter_names)
-    assert all(found.is_identifiable(row) for row in conditions.find(mechanism).matrix)
+    assert all(found.is_identifiable(row) for row in conditions.balance_conditions(mechanism).matrix)
 
 
 def test_refusal_names_the_combination_and_what_there_is_instead(arm):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from balance import conditions
+from balance.balancing import conditions
 from balance.dynamics.joint_friction import joint_terms
 from balance.dynamics.regressor import torque_regressor
 from balance.errors import DataError
@@ -37,7 +37,7 @@ def torques():
 def test_identified_and_trimmed_first_moments_are_equal():
     """From one record of torques: by base parameters, and by conditions with what else is unknown beside them."""
     columns, names, torque = torques()
-    found = conditions.find(ARM)
+    found = conditions.balance_conditions(ARM)
     seen = identifiability(columns, names)
     identified = base_parameters(record(columns, torque), seen)
     padded = np.pad(found.matrix, ((0, 0), (0, columns.shape[2] - found.matrix.shape[1])))

@@ -9,7 +9,7 @@ from balance.estimation.base_parameters import BaseParameters, base_parameters
 from balance.estimation.identifiability import identifiability
 from balance.estimation.physical_consistency import LEAST_SHARE, Consistent, consistent, pseudo_inertia
 from balance.estimation.regression import RegressionRecord
-from balance.loading.loading import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 
 from .. import models
 

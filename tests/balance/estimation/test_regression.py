@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from balance import conditions, sizing
+from balance import balancing
+from balance.balancing import conditions
 from balance.dynamics.regressor import torque_regressor
 from balance.errors import DataError
 from balance.estimation.base_parameters import base_parameters
@@ -130,9 +131,9 @@ def test_too_few_stretches_and_unobservable_are_refused():
 def test_counter_masses_are_linear_in_the_parameters(name):
     """The rows give the counter-masses that sizing finds, for the mechanism as it is and with a payload."""
     plain = models.load(name)
-    found = conditions.find(plain)
+    found = conditions.balance_conditions(plain)
     rows = masses_per_value(found, plain, plain.counter_sites, found.values(plain))
     for mechanism in (plain, plain.with_payload(models.LOADS[name][0])):
-        exact = sizing.exact(found, mechanism)
+        exact = balancing.exact_sizing(found, mechanism)
         for counter, row in zip(exact.counter_masses, rows, strict=True):
             assert row @ found.values(mechanism) == pytest.approx(counter.mass, abs=1e-9)

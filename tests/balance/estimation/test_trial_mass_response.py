@@ -5,10 +5,10 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import t as student
 
-from balance import conditions
+from balance.balancing import conditions
 from balance.estimation import trial_mass_response as trials
 from balance.estimation.first_moment_imbalance import Subspace
-from balance.loading.loading import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 
 from ...testbench.coverage import assert_holds
 
@@ -59,7 +59,7 @@ def measured(seed, noise=NOISE):
     """What one campaign says."""
     free = Subspace(np.eye(2), np.zeros(2))
     return trials.trial_mass_imbalance(
-        campaign(seed, noise), AT, conditions.find(load_mechanism("four-bar")), np.zeros(2), free
+        campaign(seed, noise), AT, conditions.balance_conditions(load_mechanism("four-bar")), np.zeros(2), free
     )
 
 

@@ -4,16 +4,16 @@ import re
 
 import pytest
 
-from balance.linkages.equations import equations
+from balance.linkages.equations import linkage_equations
+from balance.linkages.equivalence_method import balance_linkage
 from balance.linkages.expressions import read_length
 from balance.linkages.linkage_files import load_linkage
-from balance.linkages.method import balance
 
 
 @pytest.fixture
 def pantograph():
     """Texts of the pantograph's equations."""
-    return [equation.text for equation in equations(balance(load_linkage("pantograph")))]
+    return [equation.text for equation in linkage_equations(balance_linkage(load_linkage("pantograph")))]
 
 
 def test_counter_masses_read_as_printed(pantograph):
@@ -32,9 +32,9 @@ def test_gears_read_as_printed(pantograph):
 @pytest.mark.parametrize("name", ["pantograph", "sewing-machine", "dwell-short-two-point", "two-levels"])
 def test_evaluated_symbols_give_the_results(name):
     """Sums of products, read back with the values of their symbols, are the numbers beside them."""
-    result = balance(load_linkage(name))
+    result = balance_linkage(load_linkage(name))
     checked = 0
-    for equation in equations(result):
+    for equation in linkage_equations(result):
         left, _, right = equation.text.partition(" = ")
         if left.startswith("I["):
             assert sum(_term(term, result) for term in _terms(right)) == pytest.approx(equation.value, rel=1e-5)

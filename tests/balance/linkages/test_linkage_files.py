@@ -103,7 +103,7 @@ def test_rigidly_joined_links_are_one_body(slider_crank_keys):
 
 def test_every_shipped_linkage_is_read():
     """The six of the source, and one of our own."""
-    names = datasets.names("linkages", ".toml")
+    names = datasets.dataset_names("linkages", ".toml")
     assert len(names) == 7
     assert all(load_linkage(name).bodies for name in names)
 

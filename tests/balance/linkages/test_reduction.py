@@ -5,10 +5,9 @@ from itertools import product
 import pytest
 
 from balance.errors import ModelError
-from balance.linkages.force import force_balance
+from balance.linkages.body_groups import leaves_first
+from balance.linkages.force_balance import force_balance, reduction_tree
 from balance.linkages.linkage_files import linkage_from_table, load_linkage
-from balance.linkages.reduction import reduction_tree
-from balance.linkages.walk import leaves_first
 
 
 def test_a_body_between_prismatic_joints_is_refused_by_name(slider_crank_keys):

@@ -3,9 +3,9 @@
 import pytest
 
 from balance.errors import ModelError
+from balance.linkages.equivalence_method import balance_linkage
 from balance.linkages.linkage_files import linkage_from_table, load_linkage
-from balance.linkages.method import balance
-from balance.linkages.verification import verify
+from balance.linkages.verification import verify_linkage
 
 
 def parallelogram(second="0.1 m"):
@@ -39,7 +39,7 @@ def parallelogram(second="0.1 m"):
 
 def test_a_parallelogram_turns_through_where_it_lies_flat():
     """A whole turn, through two positions that are singular without what is known of the coupler."""
-    check = verify(balance(linkage_from_table(parallelogram(), "x")), count=72)
+    check = verify_linkage(balance_linkage(linkage_from_table(parallelogram(), "x")), count=72)
     for run in (check.constant, check.varying):
         assert run.residual("complete")["force"] < 1e-12
         assert run.residual("complete")["moment"] < 1e-12
@@ -50,11 +50,11 @@ def test_a_parallelogram_turns_through_where_it_lies_flat():
 def test_bodies_that_do_not_turn_together_are_refused_by_name():
     """The claim is checked against the velocities that the joints allow."""
     with pytest.raises(ModelError, match="bodies 3 and ground of x do not turn together"):
-        verify(balance(linkage_from_table(parallelogram("0.11 m"), "x")))
+        verify_linkage(balance_linkage(linkage_from_table(parallelogram("0.11 m"), "x")))
 
 
 def test_the_parallelogram_of_the_pantograph_is_checked():
     """Its side 5 passes its inertia to the crank that it is parallel to."""
-    result = balance(load_linkage("pantograph"))
+    result = balance_linkage(load_linkage("pantograph"))
     assert "I[5]" in [term.text for term in result.moment.bodies["2+7"].terms]
-    assert verify(result, count=60).constant.trajectory.is_closed()
+    assert verify_linkage(result, count=60).constant.trajectory.is_closed()

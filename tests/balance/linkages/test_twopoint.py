@@ -5,10 +5,10 @@ import copy
 import pytest
 
 from balance.errors import ModelError, SizingError
-from balance.linkages.equations import equations
+from balance.linkages.equations import linkage_equations
+from balance.linkages.equivalence_method import balance_linkage
 from balance.linkages.linkage_files import linkage_from_table
-from balance.linkages.method import balance
-from balance.linkages.verification import verify
+from balance.linkages.verification import verify_linkage
 
 
 @pytest.fixture
@@ -36,15 +36,15 @@ def four_bar(keys):
 
 def test_a_two_point_coupler_needs_no_gear(crank_rocker_keys):
     """I = m_A m_B L^2 / (m_A + m_B): balanced at varying speed with gears on crank and rocker alone."""
-    result = balance(linkage_from_table(four_bar(crank_rocker_keys), "x"))
+    result = balance_linkage(linkage_from_table(four_bar(crank_rocker_keys), "x"))
     shares = result.force["3"].shares
     assert min(shares.values()) > 0
-    assert max(verify(result, count=60).varying.residual("complete").values()) < 1e-10
+    assert max(verify_linkage(result, count=60).varying.residual("complete").values()) < 1e-10
 
 
 def test_the_centre_is_brought_onto_the_line(crank_rocker_keys):
     """The counter-mass takes up only what lies across the line of the joints."""
-    result = balance(linkage_from_table(four_bar(crank_rocker_keys), "x"))
+    result = balance_linkage(linkage_from_table(four_bar(crank_rocker_keys), "x"))
     (counter,) = result.force["3"].counters
     assert counter.mass == pytest.approx(result.values["m3"] * 12 / 50)
 
@@ -53,7 +53,9 @@ def test_the_equations_of_a_two_point_body_and_of_a_counter_mass_at_a_radius(cra
     """Across the line of the joints in symbols; at a radius with the rule of its inertia."""
     keys = four_bar(crank_rocker_keys)
     keys["links"]["2"]["counter_mass"] = {"radius": "60 mm", "bar": "30 mm"}
-    found = {equation.text: equation.value for equation in equations(balance(linkage_from_table(keys, "x")))}
+    found = {
+        equation.text: equation.value for equation in linkage_equations(balance_linkage(linkage_from_table(keys, "x")))
+    }
     assert found["m3* = (m3 n[3]) / -n[m3*], n across the line A B"] == pytest.approx(1.15 * 12 / 50)
     mass = next(value for text, value in found.items() if text.startswith("m2* = |"))
     assert found["I2* = m2* (0.03 m)^2/12"] == pytest.approx(mass * 0.03**2 / 12)
@@ -67,9 +69,9 @@ def test_a_gear_that_rides_on_a_two_point_body_is_in_its_equation(crank_rocker_k
     keys["links"]["5"] |= {"mass": "0.2 kg", "centre": ["0.05 m", "12 mm"]}
     keys["joints"]["D"]["3"] = ["0.12 m", "30 mm"]
     del keys["gears"]["z3"], keys["reduction"]["3"]
-    result = balance(linkage_from_table(keys, "x"))
-    assert max(verify(result, count=60).varying.residual("complete").values()) < 1e-10
-    known, texts = result.results(), [equation.text for equation in equations(result)]
+    result = balance_linkage(linkage_from_table(keys, "x"))
+    assert max(verify_linkage(result, count=60).varying.residual("complete").values()) < 1e-10
+    known, texts = result.results(), [equation.text for equation in linkage_equations(result)]
     (text,) = (text for text in texts if text.startswith("I3 = "))
     assert text.startswith("I3 = (m[3 at B] + m_z[3 at B]) L^2 - ")
     length = 0.3
@@ -85,7 +87,7 @@ def test_without_a_place_on_the_other_side_it_is_refused(crank_rocker_keys):
     keys = four_bar(crank_rocker_keys)
     keys["links"]["3"]["counter_mass"] = {"at": ["0.16 m", "50 mm"]}
     with pytest.raises(SizingError, match="two_point of 3: its centre of mass lies beside the line"):
-        balance(linkage_from_table(keys, "x"))
+        balance_linkage(linkage_from_table(keys, "x"))
 
 
 def test_a_centre_outside_the_two_joints_is_refused(crank_rocker_keys):
@@ -93,7 +95,7 @@ def test_a_centre_outside_the_two_joints_is_refused(crank_rocker_keys):
     keys = four_bar(crank_rocker_keys)
     keys["links"]["3"]["centre"] = ["0.45 m", "0 m"]
     with pytest.raises(SizingError, match="two_point of 3: its centre of mass is not between A and B"):
-        balance(linkage_from_table(keys, "x"))
+        balance_linkage(linkage_from_table(keys, "x"))
 
 
 def test_too_much_inertia_elsewhere_is_refused(crank_rocker_keys):
@@ -101,10 +103,10 @@ def test_too_much_inertia_elsewhere_is_refused(crank_rocker_keys):
     keys = four_bar(crank_rocker_keys)
     keys["links"]["9"] = {"fixed_to": "3", "mass": "0.1 kg", "centre": ["0.15 m", "0 m"], "inertia": "1 kg m^2"}
     with pytest.raises(SizingError, match="link 3 would need an inertia of -"):
-        balance(linkage_from_table(keys, "x"))
+        balance_linkage(linkage_from_table(keys, "x"))
 
 
 def test_a_slider_is_no_second_joint_of_a_gearless_rod(keys):
     """The rod's second point mass would pass to the slider, which itself is reduced to the rod: in a circle."""
     with pytest.raises(ModelError, match="circle"):
-        balance(linkage_from_table(keys, "x"))
+        balance_linkage(linkage_from_table(keys, "x"))

@@ -140,23 +140,23 @@ def test_trial_mass():
 
 def test_a_split_too_large_to_prove_is_widened_and_said(monkeypatch):
     """Out of time the least residual is not claimed: the lightest set within 1 % is, as a finding, exit code 3."""
-    from balance.rotors import stocked
+    from balance.rotors import weight_splitting
 
-    solve = stocked.split
+    solve = weight_splitting.split_from_stock
 
     def hurried(target, holes, stock, radius, rules):
         if rules.resolution < 1e-3:
-            raise stocked.NotProvenError("out of time")
+            raise weight_splitting.NotProvenError("out of time")
         return solve(target, holes, stock, radius, rules)
 
-    monkeypatch.setattr(stocked, "split", hurried)
+    monkeypatch.setattr(weight_splitting, "split_from_stock", hurried)
     arguments = ["split", "30 g @ 100 deg", "--holes", "24", "--weight", "5g", "--weight", "20g", "--most-holes", "4"]
     result = CliRunner().invoke(rotor, [*arguments, "--json"], catch_exceptions=False)
     assert result.exit_code == 3
     found = json.loads(result.output)
     assert "could not be proven" in found["findings"][0]
     assert found["residual_percent"] <= 1.0 + 1e-6
-    with pytest.raises(stocked.NotProvenError):
+    with pytest.raises(weight_splitting.NotProvenError):
         CliRunner().invoke(rotor, [*arguments, "--within", "0.01%"], catch_exceptions=False)
 
 

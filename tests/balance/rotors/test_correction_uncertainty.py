@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from balance import influence
-from balance.rotors import correction_uncertainty
+from balance.rotors import correction_uncertainty, influence_coefficients
 
 PLANES, ROWS = 2, 5
 
@@ -38,9 +37,9 @@ class Trial:
             if said
             else None
         )
-        self.solve = partial(influence.solve, method=method, limits=limits)
-        self.best = self.solve(influence.Coefficients(self.initial, self.matrix, 0.0))
-        self.found = self.solve(influence.identify(on, readings))
+        self.solve = partial(influence_coefficients.solve_weights, method=method, limits=limits)
+        self.best = self.solve(influence_coefficients.Coefficients(self.initial, self.matrix, 0.0))
+        self.found = self.solve(influence_coefficients.influence_coefficients(on, readings))
         self.scatter = correction_uncertainty.covariance_of_runs(on, readings, stated, alike)
         self.sure = self.scatter and correction_uncertainty.propagate(self.found, self.scatter, self.solve)
 
@@ -107,7 +106,7 @@ def test_differentiated_weights_are_those_of_a_monte_carlo(rows):
     for _ in range(4000):
         off = (roots @ rng.normal(size=(rows, 2 * PLANES + 2, 1)))[..., 0]
         drawn = about.initial + off[:, 0] + 1j * off[:, 3], about.matrix + off[:, 1:3] + 1j * off[:, 4:]
-        weights.append(trial.solve(influence.Coefficients(*drawn, 0.0)).weights)
+        weights.append(trial.solve(influence_coefficients.Coefficients(*drawn, 0.0)).weights)
     for plane, expected in enumerate(np.array(weights).T):
         covariance = np.cov(expected.real, expected.imag)
         np.testing.assert_allclose(trial.sure.covariance[plane], covariance, atol=0.1 * np.trace(covariance))

@@ -9,9 +9,9 @@ import pytest
 
 from balance.closure import Closure
 from balance.dynamics.inverse_dynamics import simulate
-from balance.loading.loading import mechanism_from_text, pinocchio_model
+from balance.mechanism.mjcf_parser import mechanism_from_text, pinocchio_model
 from balance.motion import Samples
-from balance.rotors import planes
+from balance.rotors import correction_planes
 from balance.rotors.rotor import Plane, Unbalance
 
 TIME = np.linspace(0.0, 1.0, 60)
@@ -42,7 +42,7 @@ def _rotor(seed):
 def test_no_force_and_no_tilting_moment_is_left(seed, places):
     """Two planes or three: force and moments across the axis below 1e-10 of before, at varying speed."""
     unbalances = _rotor(seed)
-    corrected = planes.correct(unbalances, [Plane(f"p{z}", z) for z in places]).after
+    corrected = correction_planes.correct_planes(unbalances, [Plane(f"p{z}", z) for z in places]).after
     before, after = (_simulated(u) for u in (unbalances, corrected))
     assert np.abs(after.force).max() < 1e-10 * np.abs(before.force).max()
     assert np.abs(after.moment[:, :2]).max() < 1e-10 * np.abs(before.moment[:, :2]).max()
@@ -51,7 +51,7 @@ def test_no_force_and_no_tilting_moment_is_left(seed, places):
 def test_pinocchio_as_referee():
     """The rate of momentum that Pinocchio finds is that of the unbalances, and vanishes with the corrections."""
     unbalances = _rotor(7)
-    corrected = planes.correct(unbalances, [Plane("a", -0.5), Plane("b", 0.6)]).after
+    corrected = correction_planes.correct_planes(unbalances, [Plane("a", -0.5), Plane("b", 0.6)]).after
     expected = (sum(u.vector for u in unbalances) * (OMEGA**2 - 1j * ALPHA) * np.exp(1j * THETA)).tolist()
     size = max(abs(f) for f in expected)
     for state, force in ((unbalances, expected), (corrected, [0.0] * len(TIME))):

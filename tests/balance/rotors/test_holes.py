@@ -5,9 +5,9 @@ from itertools import product
 import numpy as np
 import pytest
 
+from balance.balancing.stock_plates import Plate
 from balance.errors import SizingError
-from balance.rotors import holes, stocked
-from balance.stock import Plate
+from balance.rotors import weight_splitting
 
 
 def _polar(size, degrees):
@@ -24,7 +24,7 @@ def _polar(size, degrees):
 )
 def test_two_holes_beside_the_correction(target, count, first, expected):
     """Weights of any size go into the two neighbours, w = U sin(b - t) / sin(b - a)."""
-    split = holes.continuous(_polar(*target), holes.evenly(count, np.radians(first)))
+    split = weight_splitting.split_freely(_polar(*target), weight_splitting.evenly_spaced(count, np.radians(first)))
     used = {i: w for i, w in enumerate(split.weights) if w}
     assert used == pytest.approx(expected, rel=1e-6)
     assert split.residual() < 1e-13 * target[0]
@@ -32,19 +32,19 @@ def test_two_holes_beside_the_correction(target, count, first, expected):
 
 def test_a_limit_spreads_the_correction():
     """With a limit more holes are used, the correction is still made; too small a limit is refused."""
-    room = holes.evenly(12, 0.0)
-    split = holes.continuous(_polar(30.0, 100.0), room, limit=12.0)
+    room = weight_splitting.evenly_spaced(12, 0.0)
+    split = weight_splitting.split_freely(_polar(30.0, 100.0), room, limit=12.0)
     assert max(split.weights) <= 12.0 + 1e-12
     assert split.residual() < 1e-12
     with pytest.raises(SizingError, match="cannot make"):
-        holes.continuous(_polar(30.0, 100.0), room, limit=3.0)
+        weight_splitting.split_freely(_polar(30.0, 100.0), room, limit=3.0)
     with pytest.raises(SizingError, match="cannot make"):
-        holes.continuous(_polar(30.0, 200.0), room[:3])
+        weight_splitting.split_freely(_polar(30.0, 200.0), room[:3])
 
 
 def _brute(target, room, sizes, quantity, most):
     """Least residual over all fillings with at most one weight a hole."""
-    unit, best = holes.directions(room), np.inf
+    unit, best = weight_splitting.hole_directions(room), np.inf
     for filling in product(range(len(sizes) + 1), repeat=len(room)):
         counts = [filling.count(i + 1) for i in range(len(sizes))]
         if sum(f > 0 for f in filling) > most or any(c > q for c, q in zip(counts, quantity, strict=True)):
@@ -58,11 +58,11 @@ def _brute(target, room, sizes, quantity, most):
 def test_stock_weights_are_as_good_as_brute_force(seed):
     """Random corrections, angles, weights and stock: no filling leaves less."""
     rng = np.random.default_rng(seed)
-    room = tuple(holes.Hole(str(i), a) for i, a in enumerate(rng.uniform(0, 2 * np.pi, 6)))
+    room = tuple(weight_splitting.Hole(str(i), a) for i, a in enumerate(rng.uniform(0, 2 * np.pi, 6)))
     sizes, quantity = rng.uniform(1, 10, 3), rng.integers(1, 4, 3)
     most, target = int(rng.integers(2, 7)), complex(_polar(rng.uniform(3, 20), rng.uniform(0, 360)))
     stock = [Plate(str(i), float(s), int(q)) for i, (s, q) in enumerate(zip(sizes, quantity, strict=True))]
-    split = stocked.split(target, room, stock, None, stocked.Rules(1, most))
+    split = weight_splitting.split_from_stock(target, room, stock, None, weight_splitting.SplitRules(1, most))
     assert split.residual() == pytest.approx(_brute(target, room, sizes, quantity, most), rel=1e-6)
     assert split.is_optimal(1e-6)
     assert sum(len(p) > 0 for p in split.pieces) <= most
@@ -73,23 +73,31 @@ def test_stock_weights_are_as_good_as_brute_force(seed):
 def test_known_discrete_split():
     """30 at 100 deg from 5, 10, 20, one a hole, three of twelve holes: 0.537 is the least that can be left."""
     stock = [Plate(str(m), m, 9) for m in (5.0, 10.0, 20.0)]
-    split = stocked.split(_polar(30.0, 100.0), holes.evenly(12, 0.0), stock, None, stocked.Rules(1, 3))
+    split = weight_splitting.split_from_stock(
+        _polar(30.0, 100.0), weight_splitting.evenly_spaced(12, 0.0), stock, None, weight_splitting.SplitRules(1, 3)
+    )
     assert {i: w for i, w in enumerate(split.weights) if w} == {1: 5.0, 3: 10.0, 4: 20.0}
     assert split.residual() == pytest.approx(0.53695602, abs=1e-8)
 
 
 def test_of_equal_sets_the_lightest():
     """A weight and its opposite twin add nothing: they are left out."""
-    split = stocked.split(10.0 + 0j, holes.evenly(4, 0.0), [Plate("ten", 10.0, 4)], None, stocked.Rules(1, None))
+    split = weight_splitting.split_from_stock(
+        10.0 + 0j,
+        weight_splitting.evenly_spaced(4, 0.0),
+        [Plate("ten", 10.0, 4)],
+        None,
+        weight_splitting.SplitRules(1, None),
+    )
     assert split.weights == (10.0, 0.0, 0.0, 0.0)
 
 
 def test_a_small_enough_residual_gives_the_lightest_set():
     """With a residual that is small enough, the lightest set within it, against brute force."""
-    room, sizes, target = holes.evenly(6, 0.2), (2.0, 3.0, 5.0), complex(_polar(9.0, 70.0))
+    room, sizes, target = weight_splitting.evenly_spaced(6, 0.2), (2.0, 3.0, 5.0), complex(_polar(9.0, 70.0))
     stock = [Plate(str(m), m, 9) for m in sizes]
-    split = stocked.split(target, room, stock, None, stocked.Rules(1, None, 0.2))
-    unit, lightest = holes.directions(room), np.inf
+    split = weight_splitting.split_from_stock(target, room, stock, None, weight_splitting.SplitRules(1, None, 0.2))
+    unit, lightest = weight_splitting.hole_directions(room), np.inf
     for filling in product((0.0, *sizes), repeat=6):
         if abs(target - np.array(filling) @ unit) <= 1.8:
             lightest = min(lightest, sum(filling))
@@ -100,6 +108,8 @@ def test_a_small_enough_residual_gives_the_lightest_set():
 def test_radius_turns_weights_into_unbalance():
     """With a radius the correction is mass times radius."""
     stock = [Plate("w", 0.01, 5)]
-    split = stocked.split(0.002 + 0j, holes.evenly(4, 0.0), stock, 0.1, stocked.Rules(2, None))
+    split = weight_splitting.split_from_stock(
+        0.002 + 0j, weight_splitting.evenly_spaced(4, 0.0), stock, 0.1, weight_splitting.SplitRules(2, None)
+    )
     assert split.pieces == (("w", "w"), (), (), ())
     assert split.residual() < 1e-12

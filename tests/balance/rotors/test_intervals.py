@@ -11,9 +11,9 @@ from scipy.stats import binomtest
 
 from balance.cli.rotor import rotor
 from balance.errors import DataError, UnitError
-from balance.figures.vectors import draw_readings
-from balance.quantities import parse_uncertain
+from balance.figures.rotating import draw_readings
 from balance.rotors.trial_run_files import load_trial_runs, trial_runs_from_table
+from balance.units import parse_uncertain
 
 SHEET = """
 phase = "{phase}"

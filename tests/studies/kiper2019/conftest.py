@@ -3,14 +3,14 @@
 import pytest
 
 from studies.kiper2019.model import cases
-from testbench import plan
-from testbench.published import load
+from testbench import campaign_plan
+from testbench.published_tables import load_published
 
 
 @pytest.fixture(scope="session")
 def printed():
     """All 78 numbers."""
-    return cases(load("kiper2019"), plan.load("kiper2019"))
+    return cases(load_published("kiper2019"), campaign_plan.load_plan("kiper2019"))
 
 
 @pytest.fixture(scope="session")

@@ -3,13 +3,13 @@
 import pytest
 
 from studies.kiper2019.force_slide import reading
-from testbench.published import ForceSlide, load
+from testbench.published_tables import ForceSlide, load_published
 
 
 @pytest.fixture(scope="module")
 def slide():
     """As printed."""
-    return load("kiper2019").slide
+    return load_published("kiper2019").slide
 
 
 def test_the_contradiction(slide):

@@ -5,12 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from balance.conditions import find
-from balance.loading.loading import load_mechanism
+from balance.balancing.conditions import balance_conditions
+from balance.mechanism.mjcf_parser import load_mechanism
 from studies.kiper2019.model import PARAMETERS, cases, reductions
-from testbench import plan
+from testbench import campaign_plan
 from testbench.errors import AnalysisError
-from testbench.published import load
+from testbench.published_tables import load_published
 
 
 def test_every_number_once(printed):
@@ -23,8 +23,8 @@ def test_every_number_once(printed):
 def test_forces_follow_from_first_moments(printed):
     """A shaking force by acceleration is the balance conditions' residual by the length of the arms."""
     mechanism = load_mechanism("parallelogram-6bar")
-    conditions = find(mechanism)
-    for run in plan.load("kiper2019").runs():
+    conditions = balance_conditions(mechanism)
+    for run in campaign_plan.load_plan("kiper2019").runs():
         loaded = mechanism.with_payload({"platform": run.payload}).with_counter_mass(run.counter_masses)
         column = 1 if run.counter_masses else 0
         forces = printed.of_payload(run.payload).mechanics[:, column]
@@ -49,12 +49,12 @@ def test_the_shaking_moment_rises_along_x_and_is_none_along_y(printed):
 def test_a_plan_of_other_tests_is_refused():
     """Printed numbers whose conditions the plan lacks are not left out in silence."""
     with pytest.raises(AnalysisError, match="78 printed numbers"):
-        cases(load("kiper2019"), plan.load("kiper2019-brief"))
+        cases(load_published("kiper2019"), campaign_plan.load_plan("kiper2019-brief"))
 
 
 def test_one_payload_cannot_predict_another():
     """A table of one payload has nothing to predict."""
-    table, tests = load("kiper2019"), plan.load("kiper2019")
+    table, tests = load_published("kiper2019"), campaign_plan.load_plan("kiper2019")
     rows = {key: value for key, value in table.rows.items() if key[0] == 5.0}
     with pytest.raises(AnalysisError, match="one payload"):
         cases(dataclasses.replace(table, rows=rows), tests)

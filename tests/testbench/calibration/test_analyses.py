@@ -7,21 +7,21 @@ import numpy as np
 import pytest
 
 from balance import datasets
-from balance.loading.loading import load_mechanism
-from balance.quantities import G0
+from balance.mechanism.mjcf_parser import load_mechanism
+from balance.units import G0
 from studies import simulated_runs as memory
 from testbench import rig as rigs
-from testbench.calibration.document import Calibration
+from testbench.calibration.definition import Calibration
 from testbench.cli.analyze import analyze
 from testbench.identification.records import joint_record
-from testbench.motion import base_motion
-from testbench.motion.joint_motion import encoder_trajectory
+from testbench.kinematics import base_motion
+from testbench.kinematics.encoder_motion import encoder_trajectory
+from testbench.loads.shaking_wrench import shaking_wrench
 from testbench.runs.aligned_run import AlignedRun
 from testbench.runs.recalibrate import calibrate
 from testbench.runs.si_run import SIRun
 from testbench.store import open_campaign
-from testbench.vibration import base_accelerations
-from testbench.wrench import shaking_wrench
+from testbench.vibration.metrics import base_accelerations
 
 
 @pytest.fixture
@@ -84,10 +84,10 @@ def test_forces_torques_angles_and_base(campaign):
 
 def test_a_simulated_bench_that_writes_volts():
     """The simulated loggers write what a calibrated sensor gives; on reading, the accelerations are the same again."""
-    plain = datasets.find("parallelogram-6bar", "rigs", ".toml").read_text("utf-8")
+    plain = datasets.find_dataset("parallelogram-6bar", "rigs", ".toml").read_text("utf-8")
     table = '[sensors.base_acc.calibration]\nsensitivity = "100 mV/g"\noffset = "2.5 V"\n[sensors.base_acc]'
     volts = plain.replace('unit = "g"', 'unit = "mV"', 1).replace("[sensors.base_acc]", table, 1)
-    runs = [memory.scene("x", rig=rigs.load(text)).run(0) for text in (plain, volts)]
+    runs = [memory.scene("x", rig=rigs.load_rig(text)).run(0) for text in (plain, volts)]
     assert runs[1].channel("AccX").mean() == pytest.approx(2500.0, abs=5.0)
     first, second = (base_accelerations(SIRun.of(run)) for run in runs)
     for place, (values, _) in first.items():

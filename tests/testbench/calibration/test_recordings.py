@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from testbench import rig as rigs
-from testbench.calibration.document import Calibration
+from testbench.calibration.definition import Calibration
 from testbench.ingest import Ingest
-from testbench.ingest.runsheet import PlannedRun
+from testbench.ingest.run_conditions import PlannedRun
+from testbench.loads.shaking_wrench import shaking_wrench
 from testbench.runs.physical_run import physical
 from testbench.runs.recalibrate import calibrate
 from testbench.runs.si_run import SIRun
 from testbench.store import open_campaign, open_run
-from testbench.wrench import shaking_wrench
 
 A, B = 0.12, 0.20
 """Half the distances between the plate's four sensors along x and y [m]."""
@@ -63,7 +63,7 @@ position = ["0 m", "0 m", "0 m"]
 def ingested(name, folder, rig):
     """A recording by the beginning of its name, stored with a rig."""
     (path,) = Path(os.environ["COUNTERPOISE_RECORDINGS"]).glob(f"{name}*")
-    (outcome,) = Ingest(folder / "campaign", rigs.load(rig)).run(PlannedRun("r1", (path,)))
+    (outcome,) = Ingest(folder / "campaign", rigs.load_rig(rig)).run(PlannedRun("r1", (path,)))
     assert outcome.status == "stored", outcome.message
     return open_run(folder / "campaign" / "r1.h5")
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from testbench import rig as rigs
 from testbench.ingest import Ingest
-from testbench.ingest.runsheet import PlannedRun
+from testbench.ingest.run_conditions import PlannedRun
 from testbench.store import Run, open_run
 
 COUNT = 400
@@ -61,6 +61,6 @@ def log(folder: Path, name: str = "r1", unit: str | None = "V", first: float = 2
 def stored(folder: Path, rig: str, unit: str | None = "V", name: str = "r1", first: float = 2.5) -> Run:
     """The log, ingested with a rig."""
     planned = PlannedRun(name, (log(folder, name, unit, first),))
-    (outcome,) = Ingest(folder / "campaign", rigs.load(rig)).run(planned)
+    (outcome,) = Ingest(folder / "campaign", rigs.load_rig(rig)).run(planned)
     assert outcome.status == "stored", outcome.message
     return open_run(folder / "campaign" / f"{name}.h5")

@@ -5,9 +5,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from testbench import rig as rigs
-from testbench.bench.campaign import SHEET
 from testbench.ingest import Ingest
-from testbench.ingest.runsheet import plan as sheet
+from testbench.ingest.run_conditions import plan_runs as sheet
+from testbench.simulator.campaign import SHEET
 
 from ..conftest import Simulated
 
@@ -33,7 +33,7 @@ def without_rows(
         (logs / name).write_text("".join(change(x) if x[0].isdigit() else x for x in lines), "utf-8")
     campaign = folder / "campaign"
     campaign.mkdir()
-    ingest = Ingest(campaign, rigs.load("parallelogram-6bar"))
+    ingest = Ingest(campaign, rigs.load_rig("parallelogram-6bar"))
     for run in sheet(sorted(logs.glob("r*.csv")), logs / SHEET):
         assert {outcome.status for outcome in ingest.run(run)} == {"stored"}
     return campaign

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from testbench.cli.align import align
 from testbench.cli.trim import trim
 from testbench.errors import AnalysisError, StoreError
-from testbench.store import records
+from testbench.store import append_only_records
 
 STARTS = {"daq": -0.237, "forces": -0.151, "controller": -0.100}
 """Of the loggers in the shipped rig, from the start of the motion [s]."""
@@ -48,23 +48,23 @@ def test_align_stores_a_record(campaign, aligned):
     folder, found = aligned
     dry = json.loads(invoke(align, campaign / "r001.h5", "--dry-run", "--json"))
     assert not dry["records"]
-    assert not records.read(campaign)
+    assert not append_only_records.read_records(campaign)
     assert len(found["alignments"]) == 4
     for row in found["alignments"]:
         true = STARTS[row["group"].partition("_")[2]] - STARTS["controller"]
         assert row["offset_s"] == pytest.approx(true, abs=max(2e-4, 2.0 * row["uncertainty_s"]))
         assert row["offset_interval_s"][0] < row["offset_s"] < row["offset_interval_s"][1]
         assert row["origin"] == "simulated"
-    (stored,) = records.read(folder, "alignment")
+    (stored,) = append_only_records.read_records(folder, "alignment")
     assert stored.content["alignments"] == found["alignments"]
     assert set(stored.runs) == {"r001.h5", "r002.h5"}
 
 
 def test_align_of_a_campaign_that_is_read_only(campaign, monkeypatch):
     """Refused before anything is computed, with the way out; a dry run takes it."""
-    monkeypatch.setattr(records.os, "access", lambda path, mode, **_: mode != os.W_OK)
+    monkeypatch.setattr(append_only_records.os, "access", lambda path, mode, **_: mode != os.W_OK)
     computed = []
-    monkeypatch.setattr("testbench.clocks.run.align_run", lambda *words: computed.append(words))
+    monkeypatch.setattr("testbench.synchronization.run_alignment.align_run", lambda *words: computed.append(words))
     with pytest.raises(
         StoreError, match=r"cannot be written, so nothing can be recorded .*, or say it only: --dry-run"
     ):
@@ -79,7 +79,7 @@ def test_align_that_cannot_be_recorded(campaign, tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     folder = shutil.copytree(campaign, tmp_path / "campaign")
-    monkeypatch.setattr(records.os, "fsync", full)
+    monkeypatch.setattr(append_only_records.os, "fsync", full)
     found = json.loads(invoke(align, folder / "r001.h5", "--no-drift", "--json", expected=1))
     assert len(found["alignments"]) == 2
     assert not found["records"]
@@ -146,7 +146,7 @@ def test_trim_of_two_mountings_that_nobody_meant_for_trials(campaign, brief):
 
 def test_trim_uses_what_align_stored(trimmed, aligned, monkeypatch):
     """With a stored alignment no clock is aligned anew, and the answer is the same to a tenth of its interval."""
-    monkeypatch.setattr("testbench.clocks.run.align_run", None)
+    monkeypatch.setattr("testbench.synchronization.run_alignment.align_run", None)
     after = json.loads(invoke(trim, "parallelogram-6bar", aligned[0], "--json"))
     for one, other in zip(trimmed["missing"], after["missing"], strict=True):
         width = one["interval"][1] - one["interval"][0]

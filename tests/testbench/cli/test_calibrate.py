@@ -13,8 +13,7 @@ import pytest
 
 from testbench.cli import main
 from testbench.cli.calibrate import calibrate
-from testbench.cli.export import export
-from testbench.cli.verify import verify
+from testbench.cli.campaign import export, verify
 from testbench.errors import RigError
 from testbench.runs.physical_run import physical
 from testbench.store import open_run

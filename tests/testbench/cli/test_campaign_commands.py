@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from testbench.vibration import DEFAULT_BAND, DEFAULT_METRIC
+from testbench.vibration.metrics import DEFAULT_BAND, DEFAULT_METRIC
 
 from ..conftest import call as command
 
@@ -56,10 +56,10 @@ def test_sets_of_counter_masses_are_told_apart(brief):
     """Rows of one condition with two sets name their counter-masses; where there is one set, no column is spent."""
     from dataclasses import replace
 
-    from testbench.cli.measuring import with_sets
-    from testbench.reductions import analyze
+    from testbench.cli.options import with_sets
     from testbench.store import open_campaign
-    from testbench.vibration import Measure
+    from testbench.vibration.metrics import Measure
+    from testbench.vibration.reduction import analyze
 
     one = analyze(open_campaign(brief.campaign).runs[4:6], Measure()).reductions[0]
     header, rows = ["motion", "peak g0", "axis"], [["x", "3", "x"], ["x", "3", "x"]]

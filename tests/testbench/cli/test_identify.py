@@ -7,12 +7,12 @@ import pytest
 from click.testing import CliRunner
 
 from balance import datasets
-from balance.loading.loading import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 from testbench import rig as rigs
 from testbench.cli.identify import identify
 from testbench.errors import AnalysisError
 from testbench.ingest import Ingest
-from testbench.ingest.runsheet import PlannedRun
+from testbench.ingest.run_conditions import PlannedRun
 
 from ..conftest import built
 from .gapped import without_rows
@@ -37,7 +37,7 @@ def run(tmp_path_factory):
     log = folder / "swing.csv"
     table = np.column_stack([time, q, torque])
     np.savetxt(log, table, "%.9f", ",", header="# origin: simulated\ntime,pos1,pos2,tau1,tau2", comments="")
-    assert Ingest(folder, rigs.load(ARM)).run(PlannedRun("swing", (log,)))[0].status == "stored"
+    assert Ingest(folder, rigs.load_rig(ARM)).run(PlannedRun("swing", (log,)))[0].status == "stored"
     return folder / "swing.h5"
 
 
@@ -82,7 +82,7 @@ def test_tables_and_figure(run, tmp_path):
 
 def test_doubtful_results_exit_with_3(run, tmp_path):
     """Torque that the mechanism does not explain is listed as a doubt, and the exit code says so."""
-    rig = datasets.find(ARM, "rigs", ".toml").read_text("utf-8")
+    rig = datasets.find_dataset(ARM, "rigs", ".toml").read_text("utf-8")
     swapped = tmp_path / "swapped.toml"
     swapped.write_text(rig.replace('"tau1"', '"x"').replace('"tau2"', '"tau1"').replace('"x"', '"tau2"'), "utf-8")
     found = json.loads(invoke(ARM, run, "--rig", swapped, "--method", "ls", "--json", expected=3))
@@ -101,7 +101,7 @@ def test_a_run_of_another_mechanism_is_refused(run):
 def test_the_same_machine_by_another_name(run, tmp_path):
     """A copy of the mechanism's file under another name is another mechanism until a person accepts it."""
     other = tmp_path / "my-arm.xml"
-    other.write_text(datasets.find(ARM, "mechanisms", ".xml").read_text("utf-8"), "utf-8")
+    other.write_text(datasets.find_dataset(ARM, "mechanisms", ".xml").read_text("utf-8"), "utf-8")
     with pytest.raises(AnalysisError, match="expected 'my-arm'"):
         invoke(other, run)
     found = json.loads(invoke(other, run, "--accept", "mechanism_differs", "--method", "ls", "--json"))
@@ -120,7 +120,7 @@ def test_a_gap_is_left_out_and_said(run, found, tmp_path):
     lines = (run.parent / "swing.csv").read_text("utf-8").splitlines(keepends=True)
     log = tmp_path / "paused.csv"
     log.write_text("".join([*lines[:2], *(x for x in lines[2:] if not 2.5 <= float(x.split(",")[0]) < 3.0)]), "utf-8")
-    assert Ingest(tmp_path, rigs.load(ARM)).run(PlannedRun("paused", (log,)))[0].status == "stored"
+    assert Ingest(tmp_path, rigs.load_rig(ARM)).run(PlannedRun("paused", (log,)))[0].status == "stored"
     whole, found = found, json.loads(invoke(ARM, tmp_path / "paused.h5", "--json", expected=3))
     assert found["verdict"] == "usable"
     (finding,) = found["findings"]

@@ -8,7 +8,7 @@ import pytest
 from testbench import rig as rigs
 from testbench.cli import main
 from testbench.ingest import Ingest
-from testbench.ingest.watch import Watch
+from testbench.ingest.watch_folder import Watch
 from testbench.store import open_run
 
 RIG = """
@@ -125,7 +125,7 @@ def test_with_a_sheet_only_the_run_counts_in_a_watched_folder(watch, tmp_path):
 def test_a_watch_that_goes_on_looks_at_the_logs_that_are_there_now(ingest, tmp_path):
     """One process: a log that was taken away, or that says something else now, is no longer what it was."""
     (tmp_path / "in").mkdir()
-    watching = Watch(tmp_path / "in", Ingest(tmp_path / "c", rigs.load("rig.toml")), settle_s=0.02)
+    watching = Watch(tmp_path / "in", Ingest(tmp_path / "c", rigs.load_rig("rig.toml")), settle_s=0.02)
     forces = tmp_path / "in" / "b_forces.csv"
     (tmp_path / "b_forces.csv").rename(forces)
     text = (tmp_path / "a_daq.csv").read_text()

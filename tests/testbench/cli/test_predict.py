@@ -84,7 +84,7 @@ def test_an_unknown_table():
 def test_a_table_without_a_plan(tmp_path):
     """A table of one's own needs the plan of its tests, and is predicted with it: every number, parameter and error."""
     own = tmp_path / "own.json"
-    own.write_bytes(datasets.find("kiper2019", "published", ".json").read_bytes())
+    own.write_bytes(datasets.find_dataset("kiper2019", "published", ".json").read_bytes())
     refused = CliRunner().invoke(predict, [str(own)], standalone_mode=False)
     assert isinstance(refused.exception, AnalysisError)
     assert "--plan" in str(refused.exception)

@@ -23,11 +23,11 @@ def test_every_key_says_what_it_means(name):
 @pytest.mark.parametrize("name", ["plan", "rig"])
 def test_the_shipped_files_are_valid(name):
     """An editor that checks by the schema refuses none of them."""
-    found, shipped = schema(name), datasets.names(f"{name}s", ".toml")
+    found, shipped = schema(name), datasets.dataset_names(f"{name}s", ".toml")
     jsonschema.Draft202012Validator.check_schema(found)
     assert shipped
     for each in shipped:
-        content = tomllib.loads(datasets.find(each, f"{name}s", ".toml").read_text(encoding="utf-8"))
+        content = tomllib.loads(datasets.find_dataset(each, f"{name}s", ".toml").read_text(encoding="utf-8"))
         jsonschema.Draft202012Validator(found).validate(content)
 
 

@@ -8,9 +8,8 @@ import pytest
 
 from testbench.cli import main
 from testbench.cli.align import align
-from testbench.cli.archive import archive
-from testbench.cli.export import export
-from testbench.cli.list import list as listing
+from testbench.cli.campaign import archive, export
+from testbench.cli.campaign import list_runs as listing
 from testbench.cli.report import report
 from testbench.store import open_run
 

@@ -9,16 +9,15 @@ import numpy as np
 import polars
 import pytest
 
-from testbench.cli.export import export as command
-from testbench.describe import describe
+from testbench.cli.campaign import export as command
 from testbench.errors import StoreError
 from testbench.export import export, sep005
-from testbench.findings import Finding
 from testbench.ingest import Ingest
-from testbench.ingest.runsheet import plan
+from testbench.ingest.run_conditions import plan_runs
+from testbench.quality.log_description import describe_log
 from testbench.readers import open_recording
-from testbench.recording import Channel, Group, TimeColumn, UniformClock
-from testbench.store import open_campaign, open_run, records
+from testbench.recording import Channel, Finding, Group, TimeColumn, UniformClock
+from testbench.store import append_only_records, open_campaign, open_run
 from testbench.store.writer import RunWriter
 
 SAMPLES = 3000
@@ -60,13 +59,13 @@ def test_csv_reads_back_to_the_same_bits(run, tmp_path):
     recording, columns = read_back(uniform.file)
     assert [c.tobytes() for c in columns[1:]] == [ACC[:500].tobytes(), ACC[500:1000].tobytes()]
     assert columns[0].tobytes() == run.time("forces").tobytes()
-    assert [f.code for f in describe(uniform.file).findings if f.severity == 2] == []
+    assert [f.code for f in describe_log(uniform.file).findings if f.severity == 2] == []
 
 
 def test_what_is_no_number_reads_back(tmp_path):
     """NaN and both infinities."""
     (tmp_path / "log.csv").write_text("t (s),x (V)\n0.0,1.5\n0.1,nan\n0.2,inf\n0.3,-inf\n0.4,2.5\n")
-    Ingest(tmp_path / "c").run(plan([tmp_path / "log.csv"], None)[0])
+    Ingest(tmp_path / "c").run(plan_runs([tmp_path / "log.csv"], None)[0])
     (run,) = open_campaign(tmp_path / "c").runs
     (written,) = export(run, "csv", tmp_path / "out")
     assert read_back(written.file)[1][1].tolist()[2:] == [np.inf, -np.inf, 2.5]
@@ -125,13 +124,13 @@ def test_no_channel_is_lost_in_a_mat_file(tmp_path):
 
 def test_a_group_larger_than_a_mat_variable(tmp_path, monkeypatch):
     """What MATLAB cannot hold is refused: all channels of a group are one variable."""
-    from testbench.export import mat
+    from testbench.export import tables
 
     run = stored(tmp_path / "c", ["a", "b"])
-    monkeypatch.setattr(mat, "LARGEST", 3 * 9 * 8 - 1)
+    monkeypatch.setattr(tables, "LARGEST", 3 * 9 * 8 - 1)
     with pytest.raises(StoreError, match=r"216 bytes of samples.*no more than 215; use parquet"):
         export(run, "mat", tmp_path / "out")
-    monkeypatch.setattr(mat, "LARGEST", 3 * 9 * 8)
+    monkeypatch.setattr(tables, "LARGEST", 3 * 9 * 8)
     assert export(run, "mat", tmp_path / "out")
 
 
@@ -167,16 +166,16 @@ def test_names_that_look_like_something_else_in_csv(tmp_path):
 
 def test_two_exports_at_once(run, tmp_path, monkeypatch):
     """A file that came meanwhile stays as it is."""
-    from testbench.export import target
+    from testbench import export
 
-    real = target.import_module("testbench.export.csv").write
+    real = export.import_module("testbench.export.tables").write
 
     def slow(run, groups, part):
         losses = real(run, groups, part)
         (tmp_path / "out" / "r001.daq.csv").write_text("of another")
         return losses
 
-    monkeypatch.setattr("testbench.export.csv.write", slow)
+    monkeypatch.setattr("testbench.export.tables.export_csv", slow)
     with pytest.raises(StoreError, match="nothing is overwritten"):
         export(run, "csv", tmp_path / "out")
     assert {p.name: p.read_text() for p in (tmp_path / "out").iterdir()} == {"r001.daq.csv": "of another"}
@@ -194,7 +193,7 @@ def crate(folder, runs, licence):
     from testbench.export import ro_crate
     from testbench.store import Campaign
 
-    losses = ro_crate.write(Campaign(runs[0].path.parent), runs, folder, licence).losses
+    losses = ro_crate.export_crate(Campaign(runs[0].path.parent), runs, folder, licence).losses
     document = json.loads((folder / ro_crate.NAME).read_text("utf-8"))
     return {node["@id"]: node for node in document["@graph"]}, losses
 
@@ -211,7 +210,7 @@ def test_a_licence_in_words_is_said_as_it_was_given(run, tmp_path):
 
 def test_the_licence_of_a_public_log_is_not_that_of_the_log_beside_it(tmp_path):
     """A run of a public and of another log has both licences, or one of them is said to be missing."""
-    from testbench.recordings import registry
+    from testbench.public_recordings import registry
 
     known = next(iter(registry().values()))
     public = {"name": known.file, "sha256": known.sha256, "size_bytes": known.bytes}
@@ -246,13 +245,15 @@ def test_names_in_a_crate_are_references(tmp_path):
 def test_a_crate_takes_the_later_records_along(run, tmp_path, monkeypatch):
     """Those about its runs and no others, described; without them a corrected calibration would be wrong again."""
     other = stored(run.path.parent, ["a"], name="other")
-    about = records.append(run.path.parent, "calibration", [run.path], {"x": 1})
-    records.append(run.path.parent, "calibration", [other.path], {"x": 2})
+    about = append_only_records.append_record(run.path.parent, "calibration", [run.path], {"x": 1})
+    append_only_records.append_record(run.path.parent, "calibration", [other.path], {"x": 2})
     nodes, _ = crate(tmp_path / "crate", [run], "MIT")
     assert nodes[f"records/{about.name}"]["about"] == [{"@id": "r001.h5"}]
     assert {"@id": f"records/{about.name}"} in nodes["./"]["hasPart"]
-    assert [record.content for record in records.read(tmp_path / "crate")] == [{"x": 1}]
-    monkeypatch.setattr(records, "_write", lambda *_: (_ for _ in ()).throw(OSError(errno.ENOSPC, "No space")))
+    assert [record.content for record in append_only_records.read_records(tmp_path / "crate")] == [{"x": 1}]
+    monkeypatch.setattr(
+        append_only_records, "_write", lambda *_: (_ for _ in ()).throw(OSError(errno.ENOSPC, "No space"))
+    )
     with pytest.raises(StoreError, match="nothing of it is left"):
         crate(tmp_path / "full", [run], "MIT")
     assert not (tmp_path / "full").exists()
@@ -332,20 +333,20 @@ def test_a_crate_is_whole_or_not_there(run, tmp_path, monkeypatch):
 
     monkeypatch.setattr(ro_crate.shutil, "copyfile", full)
     with pytest.raises(StoreError, match=r"crate: the crate cannot be written \(No space left on device\)"):
-        ro_crate.write(Campaign(run.path.parent), [run], tmp_path / "crate", None)
+        ro_crate.export_crate(Campaign(run.path.parent), [run], tmp_path / "crate", None)
     assert not (tmp_path / "crate").exists()
     monkeypatch.setattr(ro_crate.shutil, "copyfile", lambda source, target: target.write_bytes(b"other"))
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "notes.txt").write_text("mine")
     with pytest.raises(StoreError):
-        ro_crate.write(Campaign(run.path.parent), [run], tmp_path / "mine", None)
+        ro_crate.export_crate(Campaign(run.path.parent), [run], tmp_path / "mine", None)
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["notes.txt"]
 
 
 def test_a_public_recording_carries_its_licence(tmp_path):
     """A source whose SHA-256 is registered: its licence and credit are those of its owners."""
     from testbench.export import ro_crate
-    from testbench.recordings import registry
+    from testbench.public_recordings import registry
     from testbench.store import Campaign
 
     known = next(iter(registry().values()))
@@ -355,7 +356,7 @@ def test_a_public_recording_carries_its_licence(tmp_path):
         source = {"name": known.file, "sha256": known.sha256, "size_bytes": known.bytes}
         writer.describe("measured", {}, [], {"sources": [source]}, None)
         stored = open_run(writer.commit())
-    assert ro_crate.write(Campaign(tmp_path), [stored], tmp_path / "crate", None).losses == ()
+    assert ro_crate.export_crate(Campaign(tmp_path), [stored], tmp_path / "crate", None).losses == ()
     text = (tmp_path / "crate" / ro_crate.NAME).read_text("utf-8")
     assert known.credit in text
     assert f"https://spdx.org/licenses/{known.licence}" in text

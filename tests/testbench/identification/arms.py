@@ -7,11 +7,11 @@ import numpy as np
 from balance.closure import Closure
 from balance.dynamics.joint_friction import joint_terms
 from balance.dynamics.regressor import driven_torque_regressor
-from balance.mechanism import Mechanism
+from balance.mechanism.mechanism import Mechanism
 from balance.motion import Samples
-from testbench import recordings
+from testbench import public_recordings
 from testbench.identification import JointRecord
-from testbench.motion.derivatives import Grid
+from testbench.kinematics.smoothing_and_derivatives import Grid
 
 RATE = 200.0
 SECONDS = 6.0
@@ -47,7 +47,7 @@ def truth(mechanism: Mechanism) -> np.ndarray:
 
 def real(name: str) -> Path:
     """A real recording, for tests that are marked ``recordings``."""
-    return recordings.find(name)
+    return public_recordings.find_recording(name)
 
 
 def _waves(rng: np.random.Generator, joints: int, size: float, highest: float) -> np.ndarray:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from balance.loading.loading import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
 from testbench.errors import AnalysisError
 from testbench.identification import identify

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from balance.estimation.identifiability import identifiability
-from balance.loading.loading import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 from testbench.identification.cross_validation import (
     CUTOFFS_HZ,
     CrossValidation,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from balance.loading.loading import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 from testbench.identification import identify
 from testbench.identification.diagnostics import SCALE_UNKNOWN, Explanation
 

@@ -5,7 +5,7 @@ import numpy as np
 from balance.dynamics.forward_dynamics import acceleration
 from balance.dynamics.joint_friction import joint_terms
 from balance.dynamics.regressor import torque_regressor
-from balance.loading.loading import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 from testbench.identification.estimators import DAMPING, Deviation
 from testbench.identification.regression_equations import regression_equations
 

@@ -6,7 +6,7 @@ cut-off. The other bounds here were set after the results were known: they guard
 
 import pytest
 
-from balance.loading.loading import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
 from testbench import rig as rigs
 from testbench.identification import identify_run
@@ -15,7 +15,7 @@ from testbench.identification.estimators import Methods
 from testbench.identification.figure import draw
 from testbench.identification.regression_equations import regression_equations
 from testbench.ingest import Ingest
-from testbench.ingest.runsheet import PlannedRun
+from testbench.ingest.run_conditions import PlannedRun
 from testbench.store import open_run
 
 from . import arms
@@ -32,7 +32,7 @@ def result(request, tmp_path_factory):
     """A recording ingested with its rig, and identified."""
     folder = tmp_path_factory.mktemp("campaign")
     log = arms.real(RECORDINGS[request.param])
-    Ingest(folder, rigs.load(request.param)).run(PlannedRun(log.stem, (log,)))
+    Ingest(folder, rigs.load_rig(request.param)).run(PlannedRun(log.stem, (log,)))
     return identify_run(*memory.aligned([open_run(folder / f"{log.stem}.h5")], load_mechanism(request.param)))
 
 

@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 
 from balance import datasets
-from balance.loading.loading import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 from testbench import rig as rigs
 from testbench.errors import AnalysisError
 from testbench.identification import joint_record
 from testbench.ingest import Ingest
-from testbench.ingest.runsheet import PlannedRun
+from testbench.ingest.run_conditions import PlannedRun
 from testbench.runs.aligned_run import AlignedRun
 from testbench.runs.si_run import SIRun
 from testbench.store import Run, open_run
 
 ARM = load_mechanism("two-joint-arm-a0")
 TIME = np.arange(0.0, 2.0, 0.01)
-RIG = datasets.find("two-joint-arm-a0", "rigs", ".toml").read_text("utf-8")
+RIG = datasets.find_dataset("two-joint-arm-a0", "rigs", ".toml").read_text("utf-8")
 
 
 def stored(folder: Path, rig: str | None, rows: list[str] | None = None) -> Run:
@@ -26,7 +26,7 @@ def stored(folder: Path, rig: str | None, rows: list[str] | None = None) -> Run:
     lines = rows or [f"{t:.3f},{t:.6f},{2 * t:.6f},{3 * t:.6f},{4 * t:.6f}" for t in TIME]
     log = folder / "arm.csv"
     log.write_text("\n".join(["time,pos1,pos2,tau1,tau2", *lines, ""]), encoding="utf-8")
-    described = None if rig is None else rigs.load(rig)
+    described = None if rig is None else rigs.load_rig(rig)
     outcome = Ingest(folder, described).run(PlannedRun("arm", (log,)))[0]
     assert outcome.status == "stored", outcome.message
     return open_run(folder / "arm.h5")
@@ -52,7 +52,7 @@ def test_a_run_without_a_rig(tmp_path):
     run = stored(tmp_path, None)
     with pytest.raises(AnalysisError, match="ingest with --rig"):
         joint_record(bound(run))
-    assert joint_record(bound(run, rigs.load("two-joint-arm-a0"))).q.shape == (200, 2)
+    assert joint_record(bound(run, rigs.load_rig("two-joint-arm-a0"))).q.shape == (200, 2)
 
 
 def test_a_rig_without_a_joint(tmp_path):

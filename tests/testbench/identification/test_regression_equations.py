@@ -6,7 +6,7 @@ import pytest
 from balance.estimation.base_parameters import base_parameters
 from balance.estimation.identifiability import identifiability
 from balance.estimation.regression import RegressionRecord
-from balance.loading.loading import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 from testbench.identification.regression_equations import REST_SPEED, one_sided, regression_equations
 
 from . import arms

@@ -6,8 +6,8 @@ import numpy as np
 from nptdms import ChannelObject, TdmsWriter
 
 from testbench.ingest import Ingest
-from testbench.ingest.apart import apart
-from testbench.ingest.runsheet import PlannedRun
+from testbench.ingest.input_files import apart
+from testbench.ingest.run_conditions import PlannedRun
 from testbench.recording import Block, Channel, Group, Recording, UniformClock
 from testbench.store import open_run
 

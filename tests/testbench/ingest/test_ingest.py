@@ -8,7 +8,7 @@ import pytest
 
 from testbench import rig as rigs
 from testbench.ingest import Ingest
-from testbench.ingest.runsheet import PlannedRun, plan
+from testbench.ingest.run_conditions import PlannedRun, plan_runs
 from testbench.store import open_campaign, open_run
 
 HEADER = "Time (s),AccX (g),AccY (g),AccZ (g)\n"
@@ -158,7 +158,7 @@ def test_a_log_that_grows_meanwhile_is_refused(folder):
 
 def test_the_rig_is_kept_and_its_ranges_are_used(folder):
     """The rig's text is in the run to the byte; its 12 g range finds what no header states."""
-    rig = rigs.load(RIG % "12 g")
+    rig = rigs.load_rig(RIG % "12 g")
     (outcome,) = ingested(folder, rig=rig)
     assert open_run(folder / "campaign" / "r001.h5").rig == RIG % "12 g"
     assert {f.channel for f in outcome.findings if f.code == "clipping"} == {"AccY (g)"}
@@ -172,14 +172,14 @@ def test_the_rig_is_kept_and_its_ranges_are_used(folder):
 def test_a_rig_that_does_not_fit_is_refused(folder, old, new, channel):
     """A channel that the log does not hold, a unit that differs, no common channel at all: named and refused."""
     (folder / "r001.csv").write_text(HEADER.replace(old, new) + "".join(ROWS))
-    (outcome,) = ingested(folder, rig=rigs.load(RIG % "50 g"))
+    (outcome,) = ingested(folder, rig=rigs.load_rig(RIG % "50 g"))
     assert outcome.status == "refused"
     assert [f.channel for f in outcome.findings if f.code == "rig_contradiction"] == [channel]
 
 
 def test_a_logger_that_is_not_in_the_run_is_not_missed(folder):
     """The rig describes the whole bench; a run of one logger need not hold the other's channels."""
-    (outcome,) = ingested(folder, rig=rigs.load(RIG % "50 g"))
+    (outcome,) = ingested(folder, rig=rigs.load_rig(RIG % "50 g"))
     assert outcome.status == "stored"
 
 
@@ -202,7 +202,7 @@ def test_plan_and_ingest_of_a_sheet(folder):
     """The sheet's conditions arrive in the run."""
     sheet = folder / "runs.csv"
     sheet.write_text("file,origin,payload_kg,counter_masses\nr001.csv,measured,1.451,counter_A0A=10\n")
-    (run,) = plan([folder / "r001.csv"], sheet)
+    (run,) = plan_runs([folder / "r001.csv"], sheet)
     ingested(folder, run)
     stored = open_run(folder / "campaign" / "r001.h5")
     assert stored.conditions == {"payload_kg": 1.451, "counter_masses": {"counter_A0A": 10.0}}
@@ -220,7 +220,7 @@ def test_one_recording_twice_in_one_run(folder):
 @pytest.mark.parametrize(("rate", "found"), [("1 kHz", 0), ("1.004 kHz", 0), ("2 kHz", 1), ("990 Hz", 1)])
 def test_the_rate_of_the_rig_against_that_of_the_log(folder, rate, found):
     """Beyond the tolerance of a printed rate it is said; the log's clock counts."""
-    rig = rigs.load((RIG % "50 g").replace("[loggers.daq]", f'[loggers.daq]\nrate = "{rate}"'))
+    rig = rigs.load_rig((RIG % "50 g").replace("[loggers.daq]", f'[loggers.daq]\nrate = "{rate}"'))
     (outcome,) = ingested(folder, rig=rig)
     assert outcome.status == "stored"
     assert [f.code for f in outcome.findings].count("rate_contradicts_rig") == found
@@ -229,7 +229,7 @@ def test_the_rate_of_the_rig_against_that_of_the_log(folder, rate, found):
 
 def test_sensors_of_a_logger_that_is_not_in_the_run(folder):
     """It is said which sensors are not recorded."""
-    (outcome,) = ingested(folder, rig=rigs.load(RIG % "50 g"))
+    (outcome,) = ingested(folder, rig=rigs.load_rig(RIG % "50 g"))
     (found,) = [f for f in outcome.findings if f.code == "sensor_not_recorded"]
     assert "logger forces" in found.message
     assert "futek_1" in found.message
@@ -239,7 +239,7 @@ def test_a_site_that_the_mechanism_does_not_have(folder):
     """A counter-mass on a site that the rig's mechanism does not know keeps the run out, unless a person says so."""
     (folder / "rig.toml").write_text(RIG % "50 g")
     planned = PlannedRun("r001", (folder / "r001.csv",), None, {"counter_masses": {"counter_AOA": 1.0}})
-    rig = rigs.load(folder / "rig.toml")
+    rig = rigs.load_rig(folder / "rig.toml")
     (outcome,) = ingested(folder, planned, rig=rig)
     assert outcome.status == "refused"
     (found,) = [f for f in outcome.findings if f.code == "unknown_site"]
@@ -295,7 +295,7 @@ def test_a_damaged_run_keeps_no_other_out(folder, damage):
 
 def test_channels_without_end_are_refused(folder, monkeypatch):
     """Named in the header, or by headers that come again and again: refused with their number."""
-    monkeypatch.setattr("testbench.ingest.nolog.MOST_CHANNELS", 30)
+    monkeypatch.setattr("testbench.ingest.input_files.MOST_CHANNELS", 30)
     wide, again = folder / "wide.csv", folder / "again.csv"
     wide.write_text(",".join(f"c{i}" for i in range(31)) + "\n" + (",".join("1" * 31) + "\n") * 3)
     again.write_text((HEADER + "".join(ROWS[:20])) * 8)

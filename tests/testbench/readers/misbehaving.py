@@ -6,8 +6,17 @@ import time
 import numpy as np
 
 from testbench.errors import RecordingError
-from testbench.findings import Finding, Refusal
-from testbench.recording import Block, Channel, Group, Recording, SensorRange, TimeColumn, UniformClock
+from testbench.recording import (
+    Block,
+    Channel,
+    Finding,
+    Group,
+    Recording,
+    Refusal,
+    SensorRange,
+    TimeColumn,
+    UniformClock,
+)
 
 GROUP = Group("fast µ", (Channel("a [N]", "N", "a"), Channel("t", None)), TimeColumn(1, 1e-6, assumed=True))
 LATE = Group("late", (Channel("b"),), UniformClock(0.1 + 0.2, -1.5))

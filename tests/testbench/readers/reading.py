@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.checks.groups import RecordingCheck
+from testbench.public_recordings import FOLDER_VARIABLE
+from testbench.quality.group_checks import RecordingCheck
 from testbench.readers import open_recording
 from testbench.recording import Group, Recording, TimeColumn
-from testbench.recordings import FOLDER_VARIABLE
 
 KNOWN = Path(__file__).with_name("known_values.json")
 """What other people's libraries give of the public recordings, by file."""

@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from testbench.readers.ahead import DEPTH, in_order
+from testbench.readers.byte_source import DEPTH, in_order
 
 
 def test_results_come_in_the_order_of_the_items():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from testbench.errors import RecordingError
-from testbench.readers.c3d.parameters import DEC, INTEL, SGI, floats
+from testbench.readers.c3d import DEC, INTEL, SGI, floats
 from testbench.recording import UniformClock
 
 from . import reading
@@ -92,7 +92,7 @@ def test_blocks_of_few_frames_give_the_same(tmp_path, monkeypatch):
     """Reading frame by frame changes nothing."""
     path, _, _ = _written(tmp_path)
     whole = reading.read(path)
-    monkeypatch.setattr("testbench.readers.c3d.frames.block_samples", lambda words: 3)
+    monkeypatch.setattr("testbench.readers.c3d.block_samples", lambda words: 3)
     for name, columns in reading.read(path).data.items():
         np.testing.assert_array_equal(columns, whole.data[name])
 

@@ -11,8 +11,8 @@ import pytest
 
 from balance.errors import CounterpoiseError
 from studies.reader_faults import failures, read_or_refused
-from testbench.findings import Severity
 from testbench.readers import open_recording
+from testbench.recording import Severity
 
 from . import examples, reading
 from .reading import in_process  # noqa: F401

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from testbench.errors import RecordingError
-from testbench.readers.hdf5 import arrays
-from testbench.readers.hdf5.walk import Walk
-from testbench.readers.series import Series, gather
+from testbench.readers.array_grouping import Series, gather
+from testbench.readers.hdf5 import datasets
+from testbench.readers.hdf5.safe_walk import Walk
 from testbench.recording import Channel, TimeColumn, UniformClock
 
 from . import reading
@@ -212,9 +212,9 @@ def test_a_web_of_links_is_one_finding(made):
 def test_the_objects_are_gone_through_once(made, monkeypatch):
     """Opening and reading of thousands of datasets: one walk, attributes asked once each, and values to the bit."""
     walks, asked = [], Counter()
-    walk, ask = Walk.datasets, arrays.attributes
+    walk, ask = Walk.datasets, datasets.attributes
     monkeypatch.setattr(Walk, "datasets", lambda self: walks.append(self) or walk(self))
-    monkeypatch.setattr(arrays, "attributes", lambda node: asked.update([node.name]) or ask(node))
+    monkeypatch.setattr(datasets, "attributes", lambda node: asked.update([node.name]) or ask(node))
     values = RANDOM.normal(size=(600, 5))
 
     def write(file):

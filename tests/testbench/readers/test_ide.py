@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from testbench.errors import RecordingError
-from testbench.readers.ide import elements
-from testbench.readers.stream import ByteSource
+from testbench.readers import endaq_ide
+from testbench.readers.byte_source import ByteSource
 from testbench.recording import TimeColumn
 
 from . import reading
 
 NAME = "05_slamstick_SSX66115.IDE"
-HEAD = elements.MAGIC + b"\x88\x42\x82\x84mide\x00"
+HEAD = endaq_ide.MAGIC + b"\x88\x42\x82\x84mide\x00"
 BLOCK = b"\xa1\x84abcd"
 
 
@@ -19,7 +19,7 @@ def _check(tmp_path, raw):
     path = tmp_path / "run.ide"
     path.write_bytes(raw)
     with ByteSource(path) as source:
-        return elements.check(source)
+        return endaq_ide.check(source)
 
 
 def test_whole_elements_are_in_order(tmp_path):
@@ -70,16 +70,16 @@ def test_public_recording_gives_its_known_values():
 @pytest.mark.recordings
 def test_small_blocks_give_the_same(tmp_path):
     """What idelib gives piece by piece is what it gives at once."""
-    from testbench.readers.ide import library
+    from testbench.readers import endaq_ide_worker
 
     path = reading.real(NAME)
     whole = reading.read(path)
-    kept = library.block_samples
+    kept = endaq_ide_worker.block_samples
     try:
-        library.block_samples = lambda channels: 997
-        blocks = list(library.open_library(path).blocks(lambda finding: None))
+        endaq_ide_worker.block_samples = lambda channels: 997
+        blocks = list(endaq_ide_worker.open_library(path).blocks(lambda finding: None))
     finally:
-        library.block_samples = kept
+        endaq_ide_worker.block_samples = kept
     for name, columns in whole.data.items():
         pieces = [b.columns for b in blocks if b.group.name == name]
         np.testing.assert_array_equal(np.concatenate(pieces, axis=1), columns)

@@ -8,8 +8,8 @@ import pytest
 from asammdf import MDF, Signal
 
 from testbench.errors import RecordingError
-from testbench.readers.mdf import laws, numbers
-from testbench.readers.mdf.model import Member
+from testbench.readers.mdf import conversions, records
+from testbench.readers.mdf.data_model import Member
 from testbench.recording import TimeColumn
 
 from . import reading
@@ -118,17 +118,17 @@ def test_formulas_are_computed(tmp_path, version):
 def test_tables_of_steps_and_ranges():
     """The nearest value, the lower one half-way; ranges whose upper ends belong to integers only."""
     x = np.array([0.0, 5.0, 5.1, 10.0, 99.0])
-    steps = laws.table([0, 10], [1, 2], interpolate=False)
+    steps = conversions.table([0, 10], [1, 2], interpolate=False)
     assert steps(x).tolist() == [1, 1, 2, 2, 2]
     for belong, expected in ((True, [7, 7, -1, 8, -1]), (False, [7, -1, -1, 8, -1])):
-        assert laws.ranges([0, 10], [5, 11], [7, 8], -1.0, belong)(x).tolist() == expected
+        assert conversions.ranges([0, 10], [5, 11], [7, 8], -1.0, belong)(x).tolist() == expected
 
 
 @pytest.mark.parametrize("text", ["__import__('os')", "X.real", "X if X else 0", "[X]", "X +", "open(X)", "X" * 2000])
 def test_formulas_are_never_code(text):
     """Anything but arithmetic is refused."""
     with pytest.raises(ValueError, match=r".+"):
-        laws.formula(text)
+        conversions.formula(text)
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
@@ -139,8 +139,8 @@ def test_bits_are_cut_out_of_bytes(order, bit, bits):
     rows = RANDOM.integers(0, 256, (50, count + 3)).astype(np.uint8)
     for kind in "ui":
         member = Member("a", None, kind, order, 2, bit, bits)
-        assert numbers.fits(member, count + 3)
-        for row, value in zip(rows, numbers.raw(member, rows, 0), strict=True):
+        assert records.fits(member, count + 3)
+        for row, value in zip(rows, records.raw(member, rows, 0), strict=True):
             number = int.from_bytes(row[2 : 2 + count].tobytes(), "little" if order == "<" else "big") >> bit
             number &= (1 << bits) - 1
             if kind == "i" and number >> (bits - 1):

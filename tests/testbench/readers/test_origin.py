@@ -5,12 +5,11 @@ import pytest
 from nptdms import ChannelObject, RootObject, TdmsWriter
 from scipy.io import savemat
 
-from testbench.export import export
-from testbench.export.target import TARGETS
+from testbench.export import TARGETS, export
 from testbench.ingest import Ingest
-from testbench.ingest.runsheet import PlannedRun
+from testbench.ingest.run_conditions import PlannedRun
 from testbench.readers import open_recording
-from testbench.readers.origin import stated
+from testbench.readers.header_claims import stated_origin
 from testbench.store import open_run
 
 from .reading import in_process  # noqa: F401
@@ -64,4 +63,4 @@ def test_a_property_says_it(tmp_path):
 )
 def test_what_says_something_else(text):
     """Only the origin itself counts, and only that it is simulated."""
-    assert stated([text]) == "unstated"
+    assert stated_origin([text]) == "unstated"

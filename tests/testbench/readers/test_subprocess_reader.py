@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from testbench.errors import RecordingError
-from testbench.findings import Refusal
 from testbench.readers import subprocess_reader
 from testbench.readers.subprocess_reader import open_in_subprocess
+from testbench.recording import Refusal
 
 from . import misbehaving
 

@@ -124,7 +124,7 @@ def test_uneven_functions_bring_their_time(tmp_path):
 
 def test_numbers_that_touch_are_parted_by_their_width():
     """Fortran leaves no blank before a negative number of full width."""
-    from testbench.readers.uff.values import parsed
+    from testbench.readers.uff import parsed
 
     text = b" -1.00000E+00-2.50000E+00 3.00000D+00\n-4.00000E-10\n"
     assert parsed(text, (13,) * 6).tolist() == [-1.0, -2.5, 3.0, -4e-10]
@@ -145,10 +145,10 @@ def test_functions_of_one_abscissa_share_a_group(tmp_path):
 
 def test_long_functions_are_read_in_pieces(tmp_path, monkeypatch):
     """Small blocks give the same numbers, with the frequency counted on."""
-    from testbench.readers.uff import reader, values
+    from testbench.readers import uff
 
-    monkeypatch.setattr(values, "_TEXT_BYTES", 100)
-    monkeypatch.setattr(reader, "block_samples", lambda channels: 5)
+    monkeypatch.setattr(uff, "_TEXT_BYTES", 100)
+    monkeypatch.setattr(uff, "block_samples", lambda channels: 5)
     numbers = RANDOM.normal(size=N)
     for binary in (0, 1):
         path = _write(tmp_path, _function("a", numbers, binary=binary, abscissa_spec_data_type=18,

@@ -4,7 +4,7 @@ import pytest
 
 from balance import datasets
 from testbench.errors import RigError
-from testbench.rig import load
+from testbench.rig import load_rig
 
 TEXT = """
 mechanism = "parallelogram-6bar"
@@ -36,7 +36,7 @@ position = ["0 m", "0 m", "0 m"]
 
 def test_g_is_g0():
     """In an acceleration, g is g0 = 9.81 m/s2 and not a gram."""
-    rig = load(TEXT)
+    rig = load_rig(TEXT)
     (acc,) = rig.base_accelerometers.values()
     assert acc.range == pytest.approx([490.5] * 3)
     assert next(rig.columns("daq")).factor == pytest.approx(9.81)
@@ -44,22 +44,22 @@ def test_g_is_g0():
 
 def test_si():
     """Lengths, forces and moments are read into SI, each with its component."""
-    columns = {column.channel: column for column in load(TEXT).columns()}
-    assert load(TEXT).base_accelerometers["base_acc"].position == pytest.approx((0.2, -0.1, 0.0))
+    columns = {column.channel: column for column in load_rig(TEXT).columns()}
+    assert load_rig(TEXT).base_accelerometers["base_acc"].position == pytest.approx((0.2, -0.1, 0.0))
     assert (columns["Fx1"].range, columns["Mz1"].range, columns["Fz3"].range) == (500.0, 20.0, 1112.0)
     assert [columns[name].component for name in ("AccX", "Fx1", "Mz1", "Fz3")] == ["x", "Fx", "Mz", "Fz"]
 
 
 def test_axis_stiffness():
     """A support carries only what its sensor measures."""
-    supports = load(TEXT).supports
+    supports = load_rig(TEXT).supports
     assert [k > 0 for k in supports["k6d40"].axis_stiffness] == [True, False, False, False, False, True]
     assert [k > 0 for k in supports["futek"].axis_stiffness] == [False, False, True, False, False, False]
 
 
 def test_shipped():
     """The shipped rig has the sensors of the source, with their capacities, between mechanism and base."""
-    rig = load("parallelogram-6bar")
+    rig = load_rig("parallelogram-6bar")
     ranges = {column.channel: column.range for column in rig.columns("forces")}
     assert ranges["Fz1"] == 2000.0
     assert ranges["Mx1"] == 20.0
@@ -70,8 +70,8 @@ def test_shipped():
 
 def test_text():
     """The text stays as written."""
-    path = datasets.find("parallelogram-6bar", "rigs", ".toml")
-    assert load(path).text == path.read_text(encoding="utf-8")
+    path = datasets.find_dataset("parallelogram-6bar", "rigs", ".toml")
+    assert load_rig(path).text == path.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(
@@ -102,7 +102,7 @@ def test_text():
 def test_wrong_value(old, new, key, said):
     """A wrong value is blamed on its key."""
     with pytest.raises(RigError) as refusal:
-        load(TEXT.replace(old, new, 1))
+        load_rig(TEXT.replace(old, new, 1))
     assert f"{key}: " in str(refusal.value)
     assert said in str(refusal.value)
 
@@ -110,13 +110,13 @@ def test_wrong_value(old, new, key, said):
 def test_no_toml():
     """What is no TOML is refused, with the line."""
     with pytest.raises(RigError, match="line 2"):
-        load("name = 'a'\n[loggers\n")
+        load_rig("name = 'a'\n[loggers\n")
 
 
 def test_unknown_name():
     """An unknown name lists the shipped rigs."""
     with pytest.raises(RigError, match="parallelogram-6bar"):
-        load("parallelogram-7bar")
+        load_rig("parallelogram-7bar")
 
 
 def calibrated(table, sensor="acc"):
@@ -139,12 +139,12 @@ def test_calibration_and_teds():
         '[sensors.acc.calibration]\nsensitivity = "10.2 mV/g"\ndate = 2026-03-31\nreference = "certificate 12"\n'
         '[sensors.acc.teds]\nmanufacturer = "M"\nversion_letter = "A"\nserial = "2007"\ncalibration_date = 2026-03-31'
     )
-    sensor = load(text).sensors["acc"]
+    sensor = load_rig(text).sensors["acc"]
     assert str(sensor.calibration) == "10.2 mV/g, calibrated 2026-03-31, certificate 12"
     assert sensor.teds.document() == {
         "manufacturer": "M", "version_letter": "A", "serial": "2007", "calibration_date": "2026-03-31",
     }  # fmt: skip
-    (column,) = load(text).columns()
+    (column,) = load_rig(text).columns()
     assert (column.unit, column.stated) == ("", False)
 
 
@@ -172,6 +172,6 @@ def test_calibration_and_teds():
 def test_a_calibration_that_cannot_be(table, key, said):
     """It is blamed on its key."""
     with pytest.raises(RigError) as refusal:
-        load(calibrated(table))
+        load_rig(calibrated(table))
     assert f"{key}: " in str(refusal.value)
     assert said in str(refusal.value)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from testbench.errors import RigError
-from testbench.rig import load
+from testbench.rig import load_rig
 from testbench.rig.support_loads import shares, transport
 
-SUPPORTS = load("parallelogram-6bar").supports
+SUPPORTS = load_rig("parallelogram-6bar").supports
 WRENCHES = np.random.default_rng(3).normal(size=(50, 6))
 
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from balance.loading.loading import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
-from testbench.clocks.mapping import ClockMap, same_clock
 from testbench.errors import AnalysisError
 from testbench.runs.aligned_run import AlignedRun, recorded_clocks
 from testbench.runs.si_run import SIRun
+from testbench.synchronization.clock_map import ClockMap, same_clock
 
 MECHANISM = load_mechanism("parallelogram-6bar")
 LATE = 0.0123

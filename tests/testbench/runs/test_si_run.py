@@ -8,17 +8,17 @@ import pytest
 
 from studies import simulated_runs as memory
 from testbench import rig as rigs
-from testbench.calibration.document import Calibration
+from testbench.calibration.definition import Calibration
 from testbench.errors import AnalysisError, RigError, StoreError
 from testbench.export import export
 from testbench.ingest import Ingest
-from testbench.ingest.runsheet import PlannedRun
+from testbench.ingest.run_conditions import PlannedRun
+from testbench.loads.shaking_wrench import shaking_wrench
 from testbench.readers import open_recording
 from testbench.runs.physical_run import physical
 from testbench.runs.recalibrate import calibrate
 from testbench.runs.si_run import SIRun
-from testbench.store import open_campaign, open_run, records
-from testbench.wrench import shaking_wrench
+from testbench.store import append_only_records, open_campaign, open_run
 
 from ..calibration import volts
 
@@ -42,7 +42,7 @@ def test_the_unit_that_the_log_does_not_write(tmp_path):
     rig = volts.HEAD + volts.SENSITIVITY
     run = volts.stored(tmp_path, rig.replace("[sensors.acc]", '[sensors.acc]\nunit = "V"'), unit=None)
     np.testing.assert_allclose(SIRun.of(run).values(column(run)), volts.ACCELERATION, atol=1e-9)
-    (outcome,) = Ingest(tmp_path / "c2", rigs.load(rig)).run(PlannedRun("r1", (tmp_path / "r1.csv",)))
+    (outcome,) = Ingest(tmp_path / "c2", rigs.load_rig(rig)).run(PlannedRun("r1", (tmp_path / "r1.csv",)))
     assert [f.code for f in outcome.findings if f.severity == 2] == ["calibration_contradiction"]
     assert "neither in its log nor in the rig" in outcome.message or "no unit" in outcome.findings[-1].message
 
@@ -58,7 +58,7 @@ def test_the_unit_that_the_log_does_not_write(tmp_path):
 def test_a_calibration_that_contradicts_the_log(tmp_path, unit, calibration, said):
     """It is found at ingest, with both sides."""
     planned = PlannedRun("r1", (volts.log(tmp_path, unit=unit),))
-    rig = rigs.load(f"{volts.HEAD}[sensors.acc.calibration]\n{calibration}\n")
+    rig = rigs.load_rig(f"{volts.HEAD}[sensors.acc.calibration]\n{calibration}\n")
     (outcome,) = Ingest(tmp_path / "c", rig).run(planned)
     (found,) = [f for f in outcome.findings if f.code == "calibration_contradiction"]
     assert outcome.status == "refused"
@@ -159,7 +159,7 @@ def test_a_correction_that_does_not_fit_is_not_recorded(tmp_path, sensor, calibr
         calibrate([run], sensor, Calibration.model_validate(calibration), "why")
     with pytest.raises(RigError, match="reason"):
         calibrate([run], "acc", Calibration(sensitivity="1 mV/g"), " ")
-    assert not (run.path.parent / records.FOLDER).exists()
+    assert not (run.path.parent / append_only_records.FOLDER).exists()
 
 
 @pytest.mark.parametrize(("old", "new"), [("100 mV", "900 mV"), ('"acc"', '"bcc"'), ("yearly", "daily"), ("}", "")])
@@ -210,7 +210,7 @@ def test_channels_in_memory_are_the_same(tmp_path):
 
 def test_the_rig_that_is_given_goes_before_the_one_stored(recorded):
     """What is of which sensor is said by it; the run stays as it is."""
-    deep = rigs.load("parallelogram-6bar-deep")
+    deep = rigs.load_rig("parallelogram-6bar-deep")
     run = SIRun.of(recorded, deep)
     assert (run.rig, run.recorded) == (deep, recorded)
 

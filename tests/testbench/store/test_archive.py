@@ -10,21 +10,21 @@ import numpy as np
 import pytest
 
 import testbench
-from testbench.cli.archive import archive as command
+from testbench.cli.campaign import archive as command
 from testbench.errors import StoreError
 from testbench.export import export
 from testbench.ingest import Ingest
-from testbench.ingest.runsheet import plan
+from testbench.ingest.run_conditions import plan_runs
 from testbench.recording import Channel, Group, TimeColumn, UniformClock
 from testbench.runs.physical_run import physical
+from testbench.store import append_only_records, atomic_files, encodings, group_writer, open_campaign, open_run
 from testbench.store import archive as archives
-from testbench.store import digest, forms, groups, open_campaign, open_run, records
 from testbench.store.archive import archive
 from testbench.store.writer import RunWriter
 
 from .test_writer import store
 
-N = groups.GATHERED + 12_345
+N = group_writer.GATHERED + 12_345
 RANDOM = np.random.default_rng(8)
 NOISE = np.round(RANDOM.normal(size=N), 4)
 ODD = NOISE.copy()
@@ -77,7 +77,7 @@ def test_the_archive_names_the_run_that_it_was_made_of(run, archived):
     import hashlib
 
     known = open_run(archived.file).provenance["archived_from"]
-    assert known["sha256"] == digest.recorded(run.path) == archived.sha256_of_original
+    assert known["sha256"] == atomic_files.recorded_digest(run.path) == archived.sha256_of_original
     found = [hashlib.sha256(column.tobytes()).hexdigest() for column in COLUMNS.values()]
     assert known["channels_sha256"] == {"daq": found}
     assert [state.status for state in open_campaign(archived.file.parent).verify()] == ["intact"]
@@ -90,7 +90,7 @@ def test_a_log_of_fixed_decimals_takes_three_tenths(tmp_path, decimals, spread):
     noise = RANDOM.normal(size=(2, rows)) * spread
     lines = (f"{t / 2000:.4f},{x:.{decimals}f},{y:.{decimals}f}\n" for t, (x, y) in enumerate(noise.T))
     (tmp_path / "log.csv").write_text("Time (s),AccX (g),AccY (g)\n" + "".join(lines))
-    Ingest(tmp_path / "c").run(plan([tmp_path / "log.csv"], None)[0])
+    Ingest(tmp_path / "c").run(plan_runs([tmp_path / "log.csv"], None)[0])
     (run,) = open_campaign(tmp_path / "c").runs
     found = archive(run, tmp_path / "a")
     assert found.float64_bytes == 8 * 3 * rows
@@ -159,7 +159,7 @@ def test_exports_of_the_archive_are_those_of_the_run(run, archived, tmp_path):
 
 def test_what_does_not_come_back_is_not_archived(run, tmp_path, monkeypatch):
     """A form that rounds is noticed before the archive has a name, and nothing is left."""
-    monkeypatch.setattr(forms.Decimals, "restored", lambda self, stored, minus=None: stored / 1e4)
+    monkeypatch.setattr(encodings.Decimals, "restored", lambda self, stored, minus=None: stored / 1e4)
     with pytest.raises(StoreError, match=r"channel 'AccX \(g\)' does not come back to the bit"):
         archive(run, tmp_path / "a")
     assert not (tmp_path / "a").exists()
@@ -189,7 +189,7 @@ def test_never_over_a_run_and_never_twice(run, archived, tmp_path):
 
 def test_an_archive_that_was_stopped_is_made_again(run, tmp_path, monkeypatch):
     """Killed meanwhile: nothing is lost, recover tidies up and says so."""
-    from testbench.recovery import recover
+    from testbench.ingest.recovered_runs import recover
 
     with monkeypatch.context() as patch:
         patch.setattr(RunWriter, "__exit__", lambda self, *_: self._journal._stream.close())
@@ -206,12 +206,12 @@ def test_an_archive_that_was_stopped_is_made_again(run, tmp_path, monkeypatch):
 def test_records_about_a_run_hold_for_its_archive(tmp_path, capsys):
     """The command takes them along; they name the run by the SHA-256 that its archive names."""
     run = store(tmp_path / "c", GROUP, [column[:500] for column in COLUMNS.values()])
-    records.append(tmp_path / "c", "alignment", [run.path], {"offset_s": 0.5})
+    append_only_records.append_record(tmp_path / "c", "alignment", [run.path], {"offset_s": 0.5})
     words = [str(tmp_path / "c"), "-o", str(tmp_path / "a"), "--json"]
     assert command.main(words, standalone_mode=False) == 0
     (one,) = json.loads(capsys.readouterr().out)["runs"]
     assert (one["run"], one["status"], one["channels_of_whole_numbers"]) == ("r001", "archived", 6)
-    (record,) = records.about(tmp_path / "a", "alignment", tmp_path / "a" / "r001.h5")
+    (record,) = append_only_records.about(tmp_path / "a", "alignment", tmp_path / "a" / "r001.h5")
     assert record.content == {"offset_s": 0.5}
     assert {state.status for state in open_campaign(tmp_path / "a").verify()} == {"intact"}
     assert command.main(words, standalone_mode=False) == 0
@@ -222,7 +222,7 @@ def test_refusals_do_not_keep_other_runs_back(tmp_path, capsys):
     """Exit 1 with the reason; the other run is archived."""
     for name in ("r001", "r002"):
         store(tmp_path / "c", GROUP, [column[:500] for column in COLUMNS.values()], name=name)
-    digest.beside(tmp_path / "c" / "r001.h5").unlink()
+    atomic_files.digest_file(tmp_path / "c" / "r001.h5").unlink()
     assert command.main([str(tmp_path / "c"), "-o", str(tmp_path / "a")], standalone_mode=False) == 1
     assert "its digest r001.h5.sha256 is missing" in capsys.readouterr().err
     assert [path.name for path in open_campaign(tmp_path / "a").run_paths] == ["r002.h5"]
@@ -260,7 +260,7 @@ def test_a_calibration_of_a_run_holds_for_its_archive(tmp_path, capsys):
 def test_no_archive_without_its_records(tmp_path):
     """A record that is damaged: nothing is archived, for the archive would be calibrated otherwise."""
     run = store(tmp_path / "c", GROUP, [column[:500] for column in COLUMNS.values()])
-    records.append(tmp_path / "c", "alignment", [run.path], {"offset_s": 0.5}).write_text("{}")
+    append_only_records.append_record(tmp_path / "c", "alignment", [run.path], {"offset_s": 0.5}).write_text("{}")
     with pytest.raises(StoreError, match="not a record"):
         command.main([str(tmp_path / "c"), "-o", str(tmp_path / "a")], standalone_mode=False)
     assert not (tmp_path / "a").exists()

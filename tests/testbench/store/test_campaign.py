@@ -8,7 +8,7 @@ import pytest
 
 from testbench.errors import StoreError
 from testbench.recording import Channel, Group
-from testbench.store import digest, open_campaign, open_run
+from testbench.store import atomic_files, open_campaign, open_run
 
 from .test_writer import store
 
@@ -48,7 +48,7 @@ def test_every_flipped_bit_is_found(campaign):
 
 def test_flipped_bits_of_the_digest_are_found(campaign):
     """A digest that was hit does not pass for that of its run."""
-    path = digest.beside(campaign.run_paths[0])
+    path = atomic_files.digest_file(campaign.run_paths[0])
     whole = path.read_bytes()
     for at in range(len(whole) - 1):
         path.write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
@@ -57,7 +57,7 @@ def test_flipped_bits_of_the_digest_are_found(campaign):
 
 def test_what_is_missing_or_does_not_belong(campaign):
     """A run without digest, a digest without run, a part, another file: each is named for what it is."""
-    digest.beside(campaign.run_paths[0]).unlink()
+    atomic_files.digest_file(campaign.run_paths[0]).unlink()
     campaign.run_paths[1].unlink()
     (campaign.path / ".r003.0123456789ab.part").write_text("")
     (campaign.path / "notes.txt").write_text("")
@@ -71,7 +71,7 @@ def test_what_is_missing_or_does_not_belong(campaign):
 def test_a_digest_is_that_of_sha256sum(campaign):
     """The digest beside a run is in the form that sha256sum -c reads."""
     path = campaign.run_paths[0]
-    assert digest.beside(path).read_text() == f"{digest.sha256_of(path)}  r001.h5\n"
+    assert atomic_files.digest_file(path).read_text() == f"{atomic_files.sha256_of(path)}  r001.h5\n"
 
 
 def test_other_folders_are_no_campaigns(tmp_path):
@@ -87,10 +87,10 @@ def test_other_folders_are_no_campaigns(tmp_path):
 @pytest.mark.parametrize("of_digest", [False, True])
 def test_what_is_no_file_is_damage(campaign, make, of_digest):
     """A pipe, a folder, a broken link in place of a run or its digest: said at once, and the others are verified."""
-    from testbench.cli.verify import verify
+    from testbench.cli.campaign import verify
 
     run = campaign.run_paths[0]
-    place = digest.beside(run) if of_digest else run
+    place = atomic_files.digest_file(run) if of_digest else run
     place.unlink()
     make(place)
     assert verify.main([str(campaign.path)], standalone_mode=False) == 1

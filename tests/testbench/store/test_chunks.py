@@ -4,7 +4,7 @@ import h5py
 import numpy as np
 import pytest
 
-from testbench.store import chunks
+from testbench.store import chunk_io
 
 
 def dataset(file, length=1024, **options):
@@ -23,10 +23,10 @@ def test_chunks_are_those_of_hdf5(tmp_path, length, sizes):
     values, count = np.concatenate(waiting), 4096 * times
     with h5py.File(tmp_path / "ours.h5", "w") as ours, h5py.File(tmp_path / "theirs.h5", "w") as theirs:
         mine, other = dataset(ours, length), dataset(theirs, length)
-        assert chunks.are_possible(mine)
+        assert chunk_io.are_possible(mine)
         for d in (mine, other):
             d.resize((count,))
-        rest = chunks.Room(length).write(mine, 0, waiting, count)
+        rest = chunk_io.Room(length).write(mine, 0, waiting, count)
         other[:] = values[:count]
         theirs.flush()
         assert np.concatenate([np.empty(0), *rest]).tobytes() == values[count:].tobytes()
@@ -41,7 +41,7 @@ def test_a_flipped_bit_is_noticed(tmp_path):
     with h5py.File(tmp_path / "x.h5", "w") as file:
         channel = dataset(file)
         channel.resize((1024,))
-        chunks.Room(1024).write(channel, 0, [np.arange(1024.0)], 1024)
+        chunk_io.Room(1024).write(channel, 0, [np.arange(1024.0)], 1024)
         place = channel.id.get_chunk_info(0).byte_offset
     content = bytearray((tmp_path / "x.h5").read_bytes())
     content[place + 100] ^= 1
@@ -56,4 +56,4 @@ def test_a_flipped_bit_is_noticed(tmp_path):
 def test_anything_else_is_left_to_hdf5(tmp_path, options):
     """Other types, other filters, chunks of other lengths."""
     with h5py.File(tmp_path / "x.h5", "w") as file:
-        assert not chunks.are_possible(dataset(file, **options))
+        assert not chunk_io.are_possible(dataset(file, **options))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from testbench.recording import Channel, Group
-from testbench.store.dimensions import attach
+from testbench.store.group_writer import attach_dimensions
 
 from .test_writer import store
 
@@ -39,7 +39,7 @@ def test_it_is_what_hdf5_writes_itself(tmp_path):
         for dataset in datasets:
             dataset.dims[0].attach_scale(scale)
 
-    ours, theirs = made(tmp_path / "ours.h5", attach), made(tmp_path / "theirs.h5", by_hdf5)
+    ours, theirs = made(tmp_path / "ours.h5", attach_dimensions), made(tmp_path / "theirs.h5", by_hdf5)
     assert ours[:2] == theirs[:2]
     assert ours[2] == theirs[2]
 

@@ -11,11 +11,10 @@ import pytest
 
 from studies import store_faults as faults
 from testbench.errors import StoreError
-from testbench.export import export
-from testbench.export.target import TARGETS
+from testbench.export import TARGETS, export
 from testbench.ingest import Ingest
-from testbench.ingest.runsheet import plan
-from testbench.recovery import recover
+from testbench.ingest.recovered_runs import recover
+from testbench.ingest.run_conditions import plan_runs
 from testbench.store import open_campaign
 from testbench.store.archive import archive
 
@@ -36,7 +35,7 @@ def campaign(tmp_path):
     """A campaign of one run, with a longer log beside it that is not ingested yet."""
     faults.write_log(tmp_path / "first.csv", 2000)
     faults.write_log(tmp_path / "log.csv", 200_000)
-    Ingest(tmp_path / "c").run(plan([tmp_path / "first.csv"], None)[0])
+    Ingest(tmp_path / "c").run(plan_runs([tmp_path / "first.csv"], None)[0])
     return tmp_path / "c"
 
 
@@ -65,7 +64,7 @@ def test_a_folder_that_is_read_only(campaign):
     """One clear message; after that the folder takes runs again."""
     campaign.chmod(0o555)
     try:
-        (outcome,) = Ingest(campaign).run(plan([campaign.parent / "log.csv"], None)[0])
+        (outcome,) = Ingest(campaign).run(plan_runs([campaign.parent / "log.csv"], None)[0])
     finally:
         campaign.chmod(0o755)
     assert outcome.status == "refused"
@@ -77,7 +76,7 @@ def test_a_folder_that_is_a_file(tmp_path):
     """A campaign cannot be made where a file is; the file stays as it is."""
     faults.write_log(tmp_path / "log.csv", 100)
     (tmp_path / "c").write_text("mine")
-    (outcome,) = Ingest(tmp_path / "c").run(plan([tmp_path / "log.csv"], None)[0])
+    (outcome,) = Ingest(tmp_path / "c").run(plan_runs([tmp_path / "log.csv"], None)[0])
     assert outcome.status == "refused"
     assert "File exists" in outcome.message or "Not a directory" in outcome.message
     assert (tmp_path / "c").read_text() == "mine"
@@ -141,10 +140,10 @@ def test_a_file_system_that_fills_up(tmp_path, disk):
     faults.write_log(tmp_path / "first.csv", 2000)
     faults.write_log(tmp_path / "log.csv", 300_000)
     for name, status in (("first", "stored"), ("log", "refused")):
-        (outcome,) = Ingest(disk / "c").run(plan([tmp_path / f"{name}.csv"], None)[0])
+        (outcome,) = Ingest(disk / "c").run(plan_runs([tmp_path / f"{name}.csv"], None)[0])
         assert outcome.status == status, outcome.message
     assert "No space left on device" in outcome.message
-    Ingest(tmp_path / "c").run(plan([tmp_path / "log.csv"], None)[0])
+    Ingest(tmp_path / "c").run(plan_runs([tmp_path / "log.csv"], None)[0])
     (run,) = open_campaign(tmp_path / "c").runs
     with pytest.raises(StoreError, match="No space left on device"):
         archive(run, disk / "c")
@@ -157,7 +156,7 @@ def test_very_many_channels_on_a_full_file_system(tmp_path, disk):
     """HDF5 stumbles over its own structures that were not written; what is said is that there is no room."""
     names = ",".join(f"c{i} (V)" for i in range(8000))
     (tmp_path / "wide.csv").write_text(names + "\n" + ("1" + ",1" * 7999 + "\n") * 3)
-    (outcome,) = Ingest(disk / "c").run(plan([tmp_path / "wide.csv"], None)[0])
+    (outcome,) = Ingest(disk / "c").run(plan_runs([tmp_path / "wide.csv"], None)[0])
     assert outcome.status == "refused"
     assert "No space left on device" in outcome.message
 
@@ -166,7 +165,7 @@ def test_very_many_channels_on_a_full_file_system(tmp_path, disk):
 def test_an_export_without_room(tmp_path, disk, to):
     """A clear error that names the file, and nothing half is left."""
     faults.write_log(tmp_path / "log.csv", 200_000)
-    Ingest(tmp_path / "c").run(plan([tmp_path / "log.csv"], None)[0])
+    Ingest(tmp_path / "c").run(plan_runs([tmp_path / "log.csv"], None)[0])
     (run,) = open_campaign(tmp_path / "c").runs
     with pytest.raises(StoreError, match=rf"log\{TARGETS[to]}: cannot be written .*[Nn]o"):
         export(run, to, disk / "out")
@@ -177,10 +176,10 @@ def test_a_file_system_that_is_read_only(tmp_path, disk):
     """To everybody, root included: it is read as ever, and each way of writing to it is one clear error."""
     faults.write_log(tmp_path / "first.csv", 2000)
     faults.write_log(tmp_path / "log.csv", 3000)
-    Ingest(disk / "c").run(plan([tmp_path / "first.csv"], None)[0])
+    Ingest(disk / "c").run(plan_runs([tmp_path / "first.csv"], None)[0])
     if not mount("-o", "remount,ro", disk):
         pytest.skip("this file system cannot be made read-only here")
-    (outcome,) = Ingest(disk / "c").run(plan([tmp_path / "log.csv"], None)[0])
+    (outcome,) = Ingest(disk / "c").run(plan_runs([tmp_path / "log.csv"], None)[0])
     assert outcome.status == "refused"
     assert "cannot be written (Read-only file system)" in outcome.message
     (run,) = open_campaign(disk / "c").runs
@@ -199,6 +198,6 @@ def test_there_is_no_index_to_lose(campaign):
     shutil.copytree(campaign, copied)
     (copied / "index.json").write_text("{}")
     assert [run.name for run in open_campaign(copied).runs] == ["first"]
-    (outcome,) = Ingest(copied).run(plan([campaign.parent / "first.csv"], None)[0])
+    (outcome,) = Ingest(copied).run(plan_runs([campaign.parent / "first.csv"], None)[0])
     assert outcome.status == "already_stored"
     assert {name: (copied / name).read_bytes() for name in before} == before

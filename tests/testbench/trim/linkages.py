@@ -6,7 +6,7 @@ import numpy as np
 
 from balance.closure import Closure
 from balance.dynamics.inverse_dynamics import simulate
-from balance.mechanism import Mechanism
+from balance.mechanism.mechanism import Mechanism
 from balance.motion import Samples
 from studies.simulated_runs import MemoryRun
 from testbench.recording import Channel, UniformClock

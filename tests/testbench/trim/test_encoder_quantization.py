@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from balance import conditions
+from balance.balancing import conditions
 from balance.closure import Closure
 from balance.estimation.first_moment_imbalance import imbalance_fit
-from balance.loading.loading import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 from balance.motion import Samples
 from studies import simulated_runs as memory
-from testbench.motion.derivatives import rates
+from testbench.kinematics.smoothing_and_derivatives import smoothed_derivatives
 from testbench.trim.encoder_quantization import per_reading, step_covariance, wrench_slopes
 from testbench.trim.regression_blocks import regression_records, shared_unknowns
 from testbench.trim.vibration_regression import parameter_basis, shaken_base, vibration_regression
@@ -26,7 +26,7 @@ def case():
     mechanism = load_mechanism(memory.MANIPULATOR)
     seen = [memory.scene(motion).run(k) for k, motion in enumerate(("x", "y", "triangle"))]
     runs = memory.aligned(seen, mechanism)
-    found = conditions.find(runs[0].mechanism)
+    found = conditions.balance_conditions(runs[0].mechanism)
     moved = [shaken_base(run, 40.0) for run in runs]
     parts = [vibration_regression(run, found) for run in moved]
     turned = shared_unknowns(parts)
@@ -38,7 +38,7 @@ def case():
 
 def elsewhere(run, joints, more):
     """The run with encoders that read ``more`` (n, joints) [rad]."""
-    smooth = rates(more, 160.0, run.grid.rate)
+    smooth = smoothed_derivatives(more, 160.0, run.grid.rate)
     at = [run.model.coordinate_index(joint) for joint in joints]
     driven = [
         x[:, at] + d for x, d in zip((run.path.q, run.path.v, run.path.a), (smooth.q, smooth.v, smooth.a), strict=True)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from balance.loading.loading import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
 from studies.trim import BENCHES, campaign
 from testbench import rig as rigs
-from testbench.rig.scatter import scatter
+from testbench.rig.sensor_channels import scatter
 from testbench.trim import sensor_errors, trim_runs
 from testbench.trim.result import trim_document
 
@@ -36,7 +36,7 @@ def test_the_deep_bench(manipulator, deep):
 
 def test_what_is_not_stated_is_not_in_the_interval(manipulator, deep):
     """By a rig that states no errors of its sensors the same runs give narrower intervals, which are not of 95 %."""
-    rig = rigs.load("parallelogram-6bar-deep")
+    rig = rigs.load_rig("parallelogram-6bar-deep")
     silent = rig.model_copy(update={"bench": rig.bench.model_copy(update={"errors": {}})})
     stated, unstated = (trim_runs(memory.aligned(deep, manipulator, one), source="wrench") for one in (rig, silent))
     for wide, narrow in zip(stated.missing, unstated.missing, strict=True):
@@ -48,8 +48,8 @@ def test_what_is_not_stated_is_not_in_the_interval(manipulator, deep):
 
 def test_a_stated_error_of_one_channel(manipulator):
     """Only what is stated counts: an encoder's rig as shipped states nothing, and no entry is fitted."""
-    assert sensor_errors.stated_deviations([rigs.load(memory.MANIPULATOR)]) == {}
-    entries = sensor_errors.stated_deviations([rigs.load("parallelogram-6bar-deep")])
+    assert sensor_errors.stated_deviations([rigs.load_rig(memory.MANIPULATOR)]) == {}
+    entries = sensor_errors.stated_deviations([rigs.load_rig("parallelogram-6bar-deep")])
     assert entries["kistler", 0, 0] == pytest.approx(0.005)
     assert entries["kistler", 0, 2] == pytest.approx(0.01)
     assert ("futek_1", 0, 0) in entries
@@ -58,7 +58,7 @@ def test_a_stated_error_of_one_channel(manipulator):
 
 def test_cross_talk_between_unlike_units_is_a_share_of_the_ranges():
     """Half a per cent of 20 N m shows as half a per cent of 500 N."""
-    rig = rigs.load("parallelogram-6bar-deep")
+    rig = rigs.load_rig("parallelogram-6bar-deep")
     sizes = scatter("k6d40", list(rig.sensors["k6d40"].columns("k6d40")), rig.bench.errors["k6d40"])
     assert sizes[0, 5] == pytest.approx(0.005 * 500.0 / 20.0)
     assert sizes[0, 1] == pytest.approx(0.005)
@@ -67,7 +67,7 @@ def test_cross_talk_between_unlike_units_is_a_share_of_the_ranges():
 
 def test_effects_are_of_what_the_channels_are_exposed_to():
     """An entry of a sensitivity matrix shows in one channel what another is exposed to."""
-    columns = list(rigs.load(memory.MANIPULATOR).sensors["base_acc"].columns("base_acc"))
+    columns = list(rigs.load_rig(memory.MANIPULATOR).sensors["base_acc"].columns("base_acc"))
     exposed = np.arange(12.0).reshape(4, 3)
     effect = sensor_errors.reading_effects(exposed, columns, {("base_acc", 1, 2): 0.02, ("other", 0, 0): 0.1})
     assert list(effect) == [("base_acc", 1, 2)]

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from balance.loading.loading import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
 from studies.trim import BENCHES
 from testbench import rig as rigs
 from testbench.errors import AnalysisError
 from testbench.trim import trim_runs
-from testbench.trim.figure import draw
+from testbench.trim.document import draw
 from testbench.trim.result import trim_document
 
 from ..coverage import assert_holds
@@ -35,7 +35,7 @@ def runs():
 
 def with_kinds(*kinds):
     """The bench's rig with sensors of some kinds alone."""
-    rig = rigs.load(memory.MANIPULATOR)
+    rig = rigs.load_rig(memory.MANIPULATOR)
     return rig.model_copy(update={"sensors": {k: v for k, v in rig.sensors.items() if v.kind in kinds}})
 
 
@@ -66,7 +66,7 @@ def test_torque_scales_with_what_is_missing(manipulator):
 
 def test_a_joint_without_torque_is_refused(manipulator, runs):
     """Torques of one of two motors do not tell."""
-    rig = rigs.load(memory.MANIPULATOR)
+    rig = rigs.load_rig(memory.MANIPULATOR)
     rig = rig.model_copy(update={"sensors": {k: v for k, v in rig.sensors.items() if k != "motor_B0"}})
     with pytest.raises(AnalysisError, match="no motor torque of joint B0"):
         trim_runs(memory.aligned(runs, manipulator, rig), source="torque")
@@ -93,8 +93,8 @@ def test_intervals_of_vibration_hold(manipulator):
 
 def test_vibration_without_a_stated_base_is_refused(manipulator, runs):
     """A rig that states no base: refused, and trial masses are proposed."""
-    rig = rigs.load(memory.MANIPULATOR)
-    silent = rigs.from_text(rig.text[: rig.text.index("[bench]")])
+    rig = rigs.load_rig(memory.MANIPULATOR)
+    silent = rigs.rig_from_text(rig.text[: rig.text.index("[bench]")])
     with pytest.raises(AnalysisError, match=r"does not state the base.*trial masses"):
         trim_runs(memory.aligned(runs[:1], manipulator, silent), source="vibration")
 
@@ -135,7 +135,7 @@ def trials():
 
 def test_trial_masses(manipulator, trials):
     """Nothing is known of the base: trial masses of a kilogram tell what is missing on the first run's mounting."""
-    silent = rigs.from_text(rigs.load(memory.MANIPULATOR).text.split("[bench]")[0])
+    silent = rigs.rig_from_text(rigs.load_rig(memory.MANIPULATOR).text.split("[bench]")[0])
     found = trim_runs(memory.aligned(trials, manipulator, silent))
     assert found.source == "trials"
     assert all(m.interval[0] < MISSING < m.interval[1] for m in found.missing)

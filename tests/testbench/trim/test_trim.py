@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from balance import stock
+from balance.balancing import stock_plates
 from balance.errors import CounterpoiseError
-from balance.loading.loading import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
 from testbench import rig as rigs
 from testbench.errors import AnalysisError
@@ -48,7 +48,7 @@ def test_the_built_set(manipulator, triangle):
 
 def other_bench():
     """A lighter frame, on mounts that are stiffer sideways and softer upright, less damped."""
-    text = rigs.load(memory.MANIPULATOR).text
+    text = rigs.load_rig(memory.MANIPULATOR).text
     for old, new in (
         ('mass = "150 kg"', 'mass = "90 kg"'),
         ('"250 kN/m", "400 kN/m"', '"500 kN/m", "150 kN/m"'),
@@ -57,7 +57,7 @@ def other_bench():
     ):
         assert old in text
         text = text.replace(old, new)
-    return rigs.from_text(text)
+    return rigs.rig_from_text(text)
 
 
 @pytest.mark.parametrize("bench", [None, other_bench()], ids=["bench", "other bench"])
@@ -82,20 +82,20 @@ def test_too_much_is_said(manipulator):
 def test_stock(manipulator, triangle):
     """From plates of 0.4 kg two go on each arm; plates of 5 kg would do harm, and none is proposed."""
     runs = [triangle.run(0)]
-    small = trim_runs(memory.aligned(runs, manipulator), plates=[stock.Plate("P", 0.4, 8)])
+    small = trim_runs(memory.aligned(runs, manipulator), plates=[stock_plates.Plate("P", 0.4, 8)])
     assert [c.plates for c in small.addition.counter_masses] == [("P", "P"), ("P", "P")]
-    large = trim_runs(memory.aligned(runs, manipulator), plates=[stock.Plate("M", 5.0, 4)])
+    large = trim_runs(memory.aligned(runs, manipulator), plates=[stock_plates.Plate("M", 5.0, 4)])
     assert sum(c.mass for c in large.addition.counter_masses) == 0.0
     assert large.predicted_residual == pytest.approx(MISSING, rel=0.1)
 
 
 def test_without_the_base_accelerometer(manipulator, triangle):
     """On a base that moves the clocks cannot be aligned without it; on one that does not, its absence is a doubt."""
-    rig = without_base_accelerometer(rigs.load(memory.MANIPULATOR))
+    rig = without_base_accelerometer(rigs.load_rig(memory.MANIPULATOR))
     with pytest.raises(AnalysisError, match="forces is not aligned"):
         trim_runs(memory.aligned([triangle.run(0)], manipulator, rig), source="wrench")
     arm = load_mechanism("serial-2r")
-    rig = without_base_accelerometer(rigs.from_text(linkages.rig_text(arm)))
+    rig = without_base_accelerometer(rigs.rig_from_text(linkages.rig_text(arm)))
     found = trim_runs(memory.aligned([linkages.run(arm)], arm, rig), source="wrench")
     assert found.verdict == "doubtful"
     assert "no accelerometer on the base" in found.doubts()[0]
@@ -133,7 +133,7 @@ def test_a_motion_that_does_not_excite_is_refused(manipulator):
 
 def test_no_force_channels(manipulator, triangle):
     """A rig without force sensors and torques is refused."""
-    rig = rigs.load(memory.MANIPULATOR)
+    rig = rigs.load_rig(memory.MANIPULATOR)
     kept = {k: v for k, v in rig.sensors.items() if v.kind == "encoder"}
     with pytest.raises(AnalysisError, match="neither force sensors nor motor torques"):
         trim_runs(memory.aligned([triangle.run(0)], manipulator, rig.model_copy(update={"sensors": kept})))

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from balance import conditions
-from balance.loading.loading import load_mechanism
+from balance.balancing import conditions
+from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
 from testbench.errors import AnalysisError
-from testbench.motion.derivatives import Grid
-from testbench.motion.gaps import Gaps
+from testbench.kinematics.gaps import Gaps
+from testbench.kinematics.smoothing_and_derivatives import Grid
 from testbench.trim.problem import TrimProblem
 from testbench.trim.trial_mass_runs import without_gaps
 from testbench.trim.valid_samples import ValidSamples
@@ -54,7 +54,7 @@ def test_trials_leave_a_run_with_a_gap_out():
     runs = [memory.scene("x").run(k) for k in range(2)]
     cut = memory.without(runs[0], "controller", 0.4, 0.5)
     model = load_mechanism(memory.MANIPULATOR)
-    case = TrimProblem(memory.aligned([cut, runs[1]], model), conditions.find(model), [], None)
+    case = TrimProblem(memory.aligned([cut, runs[1]], model), conditions.balance_conditions(model), [], None)
     kept, findings = without_gaps(case)
     assert [run.run.recorded for run in kept.runs] == [runs[1]]
     assert "1 gap in the record of controller, 0.101 s in all" in findings[0].message

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from testbench import native
+from testbench import compiled_kernels
 from testbench.readers import ReadOptions, open_recording
 from testbench.readers.csv import fast_parser, table, text_blocks
 from testbench.readers.csv.dialect import Dialect
@@ -209,9 +209,9 @@ def test_recordings_are_read_the_same_either_way(monkeypatch):
 
 def test_it_is_compiled_once_and_again_where_damaged(tmp_path, monkeypatch):
     """What is kept is taken as it is; a flipped bit is noticed; where nothing can be kept, the usual way is left."""
-    (there,) = native.folder().iterdir()
+    (there,) = compiled_kernels.folder().iterdir()
     content = there.read_bytes()
-    monkeypatch.setattr(native.Kernel, "compiled", lambda self, path: "anew")
+    monkeypatch.setattr(compiled_kernels.Kernel, "compiled", lambda self, path: "anew")
     assert ROWS.loop() != "anew"
     try:
         there.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
@@ -227,8 +227,8 @@ def test_it_is_compiled_once_and_again_where_damaged(tmp_path, monkeypatch):
 def test_while_it_is_compiled_the_usual_way_is_taken(tmp_path, monkeypatch):
     """No log waits for a compiler."""
     go_on = threading.Event()
-    monkeypatch.setattr(native.Kernel, "kept", lambda self, path: None)
-    monkeypatch.setattr(native.Kernel, "compiled", lambda self, path: go_on.wait(30) and None)
+    monkeypatch.setattr(compiled_kernels.Kernel, "kept", lambda self, path: None)
+    monkeypatch.setattr(compiled_kernels.Kernel, "compiled", lambda self, path: go_on.wait(30) and None)
     monkeypatch.setattr(table, "LONG_BYTES", 0)
     monkeypatch.setattr(fast_parser, "_PATIENCE_S", 60.0)
     path = tmp_path / "log.csv"
@@ -242,8 +242,10 @@ def test_while_it_is_compiled_the_usual_way_is_taken(tmp_path, monkeypatch):
 def test_logs_that_are_read_at_once_start_one_compiler(monkeypatch):
     """The others wait for it, and find what it kept."""
     made = []
-    monkeypatch.setattr(native.Kernel, "kept", lambda self, path: made[0] if made else None)
-    monkeypatch.setattr(native.Kernel, "compiled", lambda self, path: time.sleep(0.05) or made.append(len) or len)
+    monkeypatch.setattr(compiled_kernels.Kernel, "kept", lambda self, path: made[0] if made else None)
+    monkeypatch.setattr(
+        compiled_kernels.Kernel, "compiled", lambda self, path: time.sleep(0.05) or made.append(len) or len
+    )
     threads = [threading.Thread(target=ROWS.loop) for _ in range(8)]
     for thread in threads:
         thread.start()

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from testbench.findings import Refusal
 from testbench.readers import ReadOptions
 from testbench.readers.csv.preamble import stated_sampling
+from testbench.recording import Refusal
 
 ROWS = "".join(f"{i}.5,{i}.25\n" for i in range(300))
 

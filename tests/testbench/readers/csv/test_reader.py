@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from testbench.describe import describe
 from testbench.errors import RecordingError
-from testbench.findings import Refusal
+from testbench.quality.log_description import describe_log
 from testbench.readers import ReadOptions
+from testbench.recording import Refusal
 
 from .. import reading
 
@@ -155,7 +155,7 @@ def test_noise_gives_clear_errors_only(tmp_path):
         path = tmp_path / "noise.csv"
         path.write_bytes(data)
         try:
-            json.dumps(describe(path).as_dict(stats=True), allow_nan=False)
+            json.dumps(describe_log(path).as_dict(stats=True), allow_nan=False)
         except RecordingError as error:
             refusals.append(str(error))
     assert refusals

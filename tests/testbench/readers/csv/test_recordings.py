@@ -6,8 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from testbench.findings import Refusal
-from testbench.recording import UniformClock
+from testbench.recording import Refusal, UniformClock
 
 from .. import reading
 

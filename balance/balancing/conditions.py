@@ -1,0 +1,132 @@
+"""Balance conditions of a mechanism, found from its model: what keeps its linear momentum zero in every motion.
+
+Linear momentum is ``W(q, v) @ pi``. Over loop-consistent states the rows of W span a space; the mechanism is balanced
+when pi is orthogonal to it. The conditions are that space's reduced row echelon form, pivots on first moments.
+
+Linear combinations of inertial parameters: the space that rows span, its reduced row echelon form, as text.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Floats
+from ..closure import Closure
+from ..dynamics.regressor import momentum_regressor
+from ..errors import ModelError
+from ..mechanism.mechanism import Mechanism
+
+GAP = 1e6
+"""Ratio between the smallest kept and the largest dropped singular value that decides a rank."""
+_ZERO = 1e-9
+"""Coefficients below this are rounding of the elimination [m, or none]."""
+
+
+def row_space(matrix: Floats, name: str) -> tuple[Floats, tuple[float, float]]:
+    """Orthonormal basis of the row space, and the singular values next to where it was cut.
+
+    Raises ModelError if no gap of at least GAP tells the kept from the dropped.
+    """
+    _, values, rows = np.linalg.svd(matrix, full_matrices=False)
+    values = values / np.sqrt(len(matrix))
+    if not values[0] > 0.0:
+        return rows[:0], (0.0, 0.0)
+    floor = np.maximum(values, np.finfo(float).eps * values[0])
+    ratios = floor[:-1] / floor[1:]
+    rank = int(np.argmax(ratios)) + 1 if len(ratios) and ratios.max() >= GAP else len(values)
+    if rank == len(values) and values[-1] < values[0] / GAP:
+        raise ModelError(f"{name}: the rank of its momentum cannot be decided (singular values {values})")
+    return rows[:rank], (float(values[rank - 1]), float(values[rank]) if rank < len(values) else 0.0)
+
+
+def reduced_row_echelon(basis: Floats, order: Sequence[int]) -> Floats:
+    """Reduced row echelon form of ``basis`` with pivots taken in the given order of columns."""
+    matrix, row = basis.copy(), 0
+    for column in order:
+        if row == len(matrix):
+            break
+        best = row + int(np.argmax(np.abs(matrix[row:, column])))
+        if abs(matrix[best, column]) < _ZERO:
+            continue
+        matrix[[row, best]] = matrix[[best, row]]
+        matrix[row] /= matrix[row, column]
+        others = np.arange(len(matrix)) != row
+        matrix[others] -= np.outer(matrix[others, column], matrix[row])
+        row += 1
+    matrix[np.abs(matrix) < _ZERO] = 0.0
+    return matrix
+
+
+def text_of(coefficients: Mapping[str, float]) -> str:
+    """A combination as a sum, such as ``mcx[A0A] + 0.15 m[AC]``."""
+    terms: list[str] = []
+    for name, value in coefficients.items():
+        size = "" if abs(abs(value) - 1.0) < 1e-12 else f"{abs(value):.6g} "
+        sign = ("- " if value < 0 else "+ ") if terms else ("-" if value < 0 else "")
+        terms.append(f"{sign}{size}{name}")
+    return " ".join(terms) or "0"
+
+
+MOMENTA = {"linear": [0, 1, 2], "planar": [0, 1, 2, 5], "all": [0, 1, 2, 3, 4, 5]}
+"""Linear momentum; with the angular one about z; with all three angular ones."""
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Linear conditions on the inertial parameters: balanced where ``matrix @ pi`` is zero."""
+
+    mechanism: Mechanism
+    dof: int
+    matrix: Floats
+    """A condition a row, in reduced row echelon form: pivots 1 on first moments, masses in m, (rank, 10 nb)."""
+    singular_values: tuple[float, float]
+    """Smallest kept and largest dropped singular value of the stacked momentum regressor."""
+
+    @property
+    def rank(self) -> int:
+        """Number of independent conditions."""
+        return len(self.matrix)
+
+    def values(self, mechanism: Mechanism | None = None) -> Floats:
+        """Left-hand sides for a mechanism of the same kind with other masses, (rank,) [kg m]."""
+        return self.matrix @ (mechanism or self.mechanism).pi
+
+    def residual(self, mechanism: Mechanism | None = None) -> float:
+        """First-moment residual: the largest absolute value of the conditions [kg m]."""
+        return float(np.abs(self.values(mechanism)).max(initial=0.0))
+
+    def is_balanced(self, tol: float, mechanism: Mechanism | None = None) -> bool:
+        """Whether the first-moment residual is at most ``tol`` [kg m]."""
+        return self.residual(mechanism) <= tol
+
+    def coefficients(self, row: int) -> dict[str, float]:
+        """Coefficients of one condition by parameter name, zeros left out."""
+        names = self.mechanism.parameter_names
+        return {names[k]: float(self.matrix[row, k]) for k in np.flatnonzero(self.matrix[row])}
+
+    def text(self, row: int) -> str:
+        """One condition as an equation, such as ``mcx[A0A] + mcx[BD] + 0.15 m[AC] = 0``."""
+        return f"{text_of(self.coefficients(row))} = 0"
+
+
+def balance_conditions(mechanism: Mechanism, momentum: str = "linear") -> Conditions:
+    """Find the conditions that keep a momentum zero, one of MOMENTA.
+
+    Raises ClosureError if the mechanism cannot be closed or moved, ModelError if the rank cannot be decided.
+    """
+    if momentum not in MOMENTA:
+        raise ModelError(f"momentum is {momentum!r}: expected one of {', '.join(MOMENTA)}")
+    closure = Closure(mechanism)
+    rows, columns = MOMENTA[momentum], 10 * len(mechanism.bodies)
+    q = closure.states(max(16, int(np.ceil(2 * columns / len(rows)))))
+    stacked = momentum_regressor(mechanism, q, closure.velocities(q))[:, rows].reshape(-1, columns)
+    basis, gap = row_space(stacked, mechanism.name)
+    return Conditions(mechanism, closure.dof, reduced_row_echelon(basis, pivot_order(mechanism)), gap)
+
+
+def pivot_order(mechanism: Mechanism) -> list[int]:
+    """First moments body by body, then masses, then inertias."""
+    bodies = range(len(mechanism.bodies))
+    blocks = [(1, 2, 3), (0,), (4, 5, 6, 7, 8, 9)]
+    return [10 * body + k for block in blocks for body in bodies for k in block]

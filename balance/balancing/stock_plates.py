@@ -1,0 +1,179 @@
+"""Stock plates: what is on the shelf to make counter-masses of.
+
+Stock plates: weighed, or drawn with shape and material.
+
+A plate as a row of a stock draws it: shape, material, dimensions in millimetres, holes.
+
+Materials and their densities, from a small TOML file.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+
+from .. import datasets
+from ..errors import DataError
+from ..input_files import Positive, Table, load_model
+from .plate_geometry import Hole, Rectangle, Ring, plate_section
+
+WEIGHED = ("name", "mass_kg", "quantity")
+"""Columns of a stock that was weighed."""
+DRAWN = (
+    "name", "quantity", "shape", "material", "thickness_mm", "length_mm", "width_mm", "diameter_mm", "bore_mm",
+    "holes_mm",
+)  # fmt: skip
+"""Columns of a stock as drawn; those that none of its shapes needs may be left out."""
+
+
+@dataclass(frozen=True)
+class Plate:
+    """Plates of one mass."""
+
+    name: str
+    mass: float
+    """Mass of one plate [kg]."""
+    quantity: int
+    """How many there are, for all sites together."""
+    inertia: float | None = None
+    """About the axis through its own centre of mass, normal to the plate [kg m2]; None where it is not known."""
+
+
+def load_stock(name: str | Path) -> list[Plate]:
+    """Load a shipped stock by name, or a CSV file with the columns WEIGHED or DRAWN.
+
+    Raises DataError, naming the row, for anything else.
+    """
+    path = datasets.find_dataset(name, "stock", ".csv")
+    rows = _rows(path)
+    columns = set(rows[0]) - {None} if rows else set()
+    drawn = {"shape", "material", "thickness_mm"} <= columns <= set(DRAWN) and {"name", "quantity"} <= columns
+    if not drawn and columns != set(WEIGHED):
+        raise DataError(
+            f"{path.name}: expected the columns {','.join(WEIGHED)} and at least one plate, or of plates as drawn "
+            f"{','.join(DRAWN)}"
+        )
+    densities: Mapping[str, float] = {}
+    if drawn:
+        densities = load_densities()
+    plates = [_plate(row, f"{path.name}, plate {i}", densities) for i, row in enumerate(rows, 1)]
+    if len({plate.name for plate in plates}) < len(plates):
+        raise DataError(f"{path.name}: two plates have the same name; give one row with a quantity")
+    return plates
+
+
+def _rows(path: Path) -> list[dict[str, str]]:
+    import csv
+
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            return list(csv.DictReader(file, strict=True))
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise DataError(f"{path.name}: not a CSV file in UTF-8: {error}") from error
+
+
+def _plate(row: dict[str, str], where: str, densities: Mapping[str, float]) -> Plate:
+    if None in row:  # what csv makes of cells beyond the last column
+        raise DataError(f"{where}: more cells than columns: {row}")
+    if densities:
+        mass, inertia = mass_and_inertia(row, where, densities)
+        row = {"name": row["name"], "quantity": row["quantity"], "mass_kg": repr(mass)}
+    else:
+        inertia = None
+    try:
+        plate = Plate(row["name"].strip(), float(row["mass_kg"]), int(row["quantity"]), inertia)
+    except (TypeError, ValueError, AttributeError) as error:
+        raise DataError(f"{where}: expected a name, a mass in kg and a whole quantity, found {row}") from error
+    if not plate.name or not 0 < plate.mass < 1e6 or not 0 <= plate.quantity < 10_000:
+        raise DataError(f"{where}: expected a name, a mass above zero and a quantity of zero or more, found {row}")
+    return plate
+
+
+def mass_of(names: Sequence[str], plates: Sequence[Plate]) -> float:
+    """Mass of a set of plates by name [kg]. Raises DataError, listing the stock, for a name that is not in it."""
+    known = {plate.name: plate.mass for plate in plates}
+    if unknown := [name for name in names if name not in known]:
+        raise DataError(f"no plate {unknown[0]!r} in stock: there are {', '.join(known)}")
+    return sum(known[name] for name in names)
+
+
+SHAPES = {
+    "rectangle": ("length_mm", "width_mm"),
+    "disc": ("diameter_mm",),
+    "ring": ("diameter_mm", "bore_mm"),
+}
+"""Shapes, and the columns that each needs besides the thickness; ``holes_mm`` may be empty."""
+_SIZES = ("length_mm", "width_mm", "diameter_mm", "bore_mm")
+_M_PER_MM = 1e-3
+
+
+def mass_and_inertia(row: Mapping[str, str], where: str, densities: Mapping[str, float]) -> tuple[float, float]:
+    """Mass [kg] and inertia about the centre of mass [kg m2] of a row; ``densities`` by material [kg/m3]."""
+    kind, material = (row["shape"] or "").strip(), (row["material"] or "").strip()
+    if kind not in SHAPES:
+        raise DataError(f"{where}: shape {kind!r}: expected {', '.join(SHAPES)}")
+    if material not in densities:
+        raise DataError(f"{where}: material {material!r}: expected {', '.join(densities)}")
+    if extra := [key for key in _SIZES if key not in SHAPES[kind] and (row.get(key) or "").strip()]:
+        raise DataError(f"{where}: a {kind} has no {extra[0]}: leave it empty")
+    sizes = [_metres(row.get(key), key, where) for key in SHAPES[kind]]
+    if kind == "ring" and sizes[1] >= sizes[0]:
+        raise DataError(f"{where}: bore_mm is not smaller than diameter_mm")
+    shape = Rectangle(*sizes) if kind == "rectangle" else Ring(*sizes)
+    thickness = _metres(row["thickness_mm"], "thickness_mm", where)
+    holes = _holes(row.get("holes_mm") or "", where)
+    try:
+        found = plate_section(shape, thickness, densities[material], holes)
+    except DataError as error:
+        raise DataError(f"{where}: {error}") from error
+    return found.mass, found.inertia
+
+
+def _metres(text: str | None, key: str, where: str) -> float:
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < 1e5:
+        raise DataError(f"{where}: {key} is {text or 'empty'}: expected millimetres above zero")
+    return value * _M_PER_MM
+
+
+def _holes(text: str, where: str) -> list[Hole]:
+    """Holes ``x y diameter; x y diameter`` from the centre of the outline [mm]."""
+    found = []
+    for part in filter(str.strip, text.split(";")):
+        try:
+            x, y, diameter = (float(word) * _M_PER_MM for word in part.split())
+        except ValueError as error:
+            raise DataError(f"{where}: holes_mm {part.strip()!r}: expected 'x y diameter; x y diameter'") from error
+        if not (math.isfinite(x) and math.isfinite(y) and 0.0 < diameter < math.inf):
+            raise DataError(f"{where}: holes_mm {part.strip()!r}: expected a diameter above zero")
+        found.append(Hole(x, y, diameter))
+    return found
+
+
+SHIPPED = "kiper2019"
+"""The shipped materials: those of the source's plates."""
+_KG_PER_M3_IN_G_PER_MM3 = 1e6
+
+
+class MaterialsTable(Table):
+    """Densities of materials."""
+
+    source: str = ""
+    """Where they are from."""
+    density_g_per_mm3: dict[str, Annotated[Positive, Field(lt=0.1)]]
+    """Densities by material [g/mm3]: steel has 0.00783."""
+
+
+def load_densities(name: str | Path = SHIPPED) -> Mapping[str, float]:
+    """Densities by material [kg/m3], from shipped materials by name or a TOML file with ``[density_g_per_mm3]``.
+
+    Raises DataError, naming the material, for a density that is no number above zero.
+    """
+    table = load_model(MaterialsTable, datasets.find_dataset(name, "materials", ".toml"))
+    return {material: density * _KG_PER_M3_IN_G_PER_MM3 for material, density in table.density_g_per_mm3.items()}

@@ -1,0 +1,251 @@
+"""``balance simulate``.
+
+``balance conditions``.
+
+``balance check``.
+"""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from . import options
+from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, first_moment, json_option, mass, per_cent
+
+if TYPE_CHECKING:
+    from ..balancing import Sizing
+    from ..closure import Trajectory
+    from ..dynamics.inverse_dynamics import Response
+    from ..mechanism.mechanism import Mechanism
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  balance simulate parallelogram-6bar --motion x --payload platform=5kg
+  balance simulate parallelogram-6bar --motion triangle -c counter_A0A=24.28kg -c counter_B0B=24.28kg --csv run.csv"""
+)
+@options.mechanism_argument
+@click.option("--motion", required=True, metavar="TOML", help="A motion file, or a shipped one: x, y, triangle.")
+@options.payload_option
+@options.counter_option
+@click.option("--rate", metavar="RATE", help="Samples per second, with unit [default: 10 kHz].")
+@click.option(
+    "--csv", type=click.Path(dir_okay=False), metavar="FILE", help="Write the time series as CSV, marked simulated."
+)
+@click.option("--parquet", type=click.Path(dir_okay=False), metavar="FILE", help="Write the time series as Parquet.")
+@json_option
+def simulate(
+    mechanism: str,
+    motion: str,
+    payload: tuple[tuple[str, float], ...],
+    counter: tuple[tuple[str, float], ...],
+    rate: str | None,
+    csv: str | None,
+    parquet: str | None,
+    as_json: bool,
+) -> None:
+    """Simulate a motion of MECH: shaking force, shaking moment and drive torque.
+
+    Shaking force and moment are what the mechanism exerts on its base, weight excluded, the moment about the origin
+    of the base frame; drive torque includes gravity.
+    """
+    from ..closure import Closure
+    from ..dynamics.inverse_dynamics import simulate as respond
+    from ..motion import DEFAULT_RATE_HZ
+    from ..motion.motion_files import load_motion
+    from ..units import parse
+    from .options import label, summary
+
+    if csv and parquet and Path(csv).resolve() == Path(parquet).resolve():
+        raise click.UsageError(f"--csv and --parquet name one file, {csv}: give each its own")
+    model = options.load_mechanism_option(mechanism, payload).with_counter_mass(options.once(counter, "--counter"))
+    samples = load_motion(motion).sample(parse(rate, "frequency") if rate else DEFAULT_RATE_HZ)
+    trajectory = Closure(model).follow(samples)
+    response = respond(model, trajectory)
+    beyond = model.beyond_limits(trajectory.q)
+    if csv or parquet:
+        _write(model, trajectory, response, csv, parquet)
+    if as_json:
+        closure = {"residual_m": trajectory.residual, "condition": trajectory.condition, "branch": trajectory.branch}
+        emit_json(
+            {"mechanism": model.name, "motion": motion, "samples": len(samples.time), "closure": closure}
+            | {"beyond_limits": {joint: list(reached) for joint, reached in beyond.items()}}
+            | summary(response)
+        )
+        sys.exit(EXIT_WITH_FINDINGS if beyond else 0)
+    peak = response.peak()
+    rows = [[label(name), f"{value:.4g}", f"{peak[name]:.4g}"] for name, value in response.rms().items()]
+    emit_table(f"{model.name}, motion {motion}", ["component", "RMS", "peak"], rows)
+    click.echo(
+        f"{len(samples.time)} samples over {samples.time[-1]:.4g} s; loops closed to {trajectory.residual:.2g} m "
+        f"on the branch of {trajectory.branch!r}; weight excluded from force and moment."
+    )
+    for joint, (low, high) in beyond.items():
+        least, most = model.limits[model.coordinate_index(joint)]
+        click.echo(
+            f"Joint {joint} goes from {low:.4g} to {high:.4g}, beyond the file's limits, {least:.4g} to {most:.4g}: "
+            "the motion is computed as if it had none."
+        )
+    if not response.torque:
+        click.echo("No drive torque: the file has no <actuator> that says which joints are driven.")
+    sys.exit(EXIT_WITH_FINDINGS if beyond else 0)
+
+
+def _write(
+    model: "Mechanism", trajectory: "Trajectory", response: "Response", csv: str | None, parquet: str | None
+) -> None:
+    """Time series with units in the column names."""
+    from ..table_files import write_csv_file, write_parquet
+
+    columns = {"time_s": response.time} | response.columns()
+    for joint, q, v, a in zip(model.coordinates, trajectory.q.T, trajectory.v.T, trajectory.a.T, strict=True):
+        unit = "rad" if model.tree.joints[model.coordinates.index(joint)].revolute else "m"
+        columns |= {f"q_{joint}_{unit}": q, f"v_{joint}_{unit}_per_s": v, f"a_{joint}_{unit}_per_s2": a}
+    if csv:
+        write_csv_file(csv, columns, "# origin: simulated\n")
+    if parquet:
+        write_parquet(parquet, columns, {"origin": "simulated"})
+
+
+BALANCED_KGM = 1e-6
+"""First-moment residual up to which a mechanism is called balanced [kg m]."""
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  balance conditions parallelogram-6bar
+  balance conditions four-bar.xml --counter counter_A0A=1.074kg --json
+  balance conditions parallelogram-6bar-full --momentum planar"""
+)
+@options.mechanism_argument
+@options.payload_option
+@options.counter_option
+@click.option(
+    "--momentum",
+    type=click.Choice(["linear", "planar", "all"]),
+    default="linear",
+    show_default=True,
+    help="Which momentum stays zero: linear; with the angular one about z; with all three angular ones.",
+)
+@json_option
+def conditions(
+    mechanism: str,
+    payload: tuple[tuple[str, float], ...],
+    counter: tuple[tuple[str, float], ...],
+    momentum: str,
+    as_json: bool,
+) -> None:
+    """Find the conditions that balance MECH, and what they amount to now.
+
+    MECH is the name of a shipped mechanism or a MJCF, URDF or SDF file. Balanced is where every left-hand side is
+    zero; mcx[A] is the first moment of mass of body A along x of its own frame, m[A] its mass.
+    """
+    from ..balancing.conditions import balance_conditions
+
+    model = options.load_mechanism_option(mechanism, payload).with_counter_mass(options.once(counter, "--counter"))
+    found = balance_conditions(model, momentum)
+    values = found.values()
+    if as_json:
+        emit_json(
+            {
+                "mechanism": model.name,
+                "momentum": momentum,
+                "dof": found.dof,
+                "rank": found.rank,
+                "singular_value_gap": list(found.singular_values),
+                "conditions": conditions_document(found, model),
+                "balanced": found.is_balanced(BALANCED_KGM),
+                "balanced_tolerance_kgm": BALANCED_KGM,
+            }
+        )
+        return
+    kept, dropped = found.singular_values
+    click.echo(
+        f"{model.name}: {found.dof} degree{'s' * (found.dof != 1)} of freedom, {found.rank} conditions "
+        f"on {momentum} momentum (singular values kept down to {kept:.3g}, dropped from {dropped:.3g})\n"
+    )
+    for i, value in enumerate(values):
+        click.echo(f"  {found.text(i):<70}  now {value:+.6g} kg m")
+    click.echo(
+        f"\n{'Balanced' if found.is_balanced(BALANCED_KGM) else 'Not balanced'}: largest first-moment residual "
+        f"{found.residual():.4g} kg m (balanced means at most {BALANCED_KGM:g} kg m)."
+    )
+
+
+def conditions_document(found: Any, model: Any) -> list[dict[str, Any]]:  # noqa: ANN401
+    """Conditions for JSON, each with its value for a mechanism."""
+    return [
+        {"coefficients": found.coefficients(i), "value_kgm": float(value)}
+        for i, value in enumerate(found.values(model))
+    ]
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  balance check parallelogram-6bar -p platform=3.4116kg -c counter_A0A=17.1105kg -c counter_B0B=17.1105kg"""
+)
+@options.mechanism_argument
+@options.payload_option
+@options.counter_option
+@json_option
+def check(
+    mechanism: str, payload: tuple[tuple[str, float], ...], counter: tuple[tuple[str, float], ...], as_json: bool
+) -> None:
+    """Say what given counter-masses leave unbalanced in MECH, and which payload they would balance."""
+    if not counter:
+        raise click.UsageError("check needs the counter-masses to check: --counter SITE=M")
+    from ..balancing import balanced_payload, sizing_of_given
+    from ..balancing.conditions import balance_conditions
+    from ..dynamics.inverse_dynamics import shaking_force_per_acceleration
+    from ..units import G0
+
+    model = options.load_mechanism_option(mechanism, payload)
+    found = balance_conditions(model)
+    result = sizing_of_given(found, model, options.once(counter, "--counter"))
+    bodies = options.payload_bodies(model, payload)
+    balanced = {body: balanced_payload(found, result.after, body) for body in bodies}
+    force = [shaking_force_per_acceleration(state, bodies[0]) if bodies else None for state in (model, result.after)]
+    before, after = (None if value is None else value * G0 for value in force)
+    if as_json:
+        emit_json(
+            {
+                "mechanism": model.name,
+                "residual_first_moment_kgm": result.residual(),
+                "residual_percent": result.residual_percent(),
+                "conditions": conditions_document(found, result.after),
+                "balanced_payload_kg": balanced,
+                "shaking_force_N_per_g": after,
+                "shaking_force_without_counter_masses_N_per_g": before,
+                "g0_m_per_s2": G0,
+            }
+        )
+        return
+    _print_check(result, balanced)
+    if before is not None and after is not None:
+        click.echo(
+            f"Shaking force          {after:.4g} N per g0 of {bodies[0]} acceleration, "
+            f"{before:.4g} N without counter-masses (g0 = {G0} m/s2)"
+        )
+
+
+def _print_check(result: "Sizing", balanced: dict[str, float | None]) -> None:
+    """Counter-masses, what they leave, and the payload that they would balance."""
+    model, found = result.before, result.conditions
+    rows = [[c.site, mass(c.mass), f"{c.position[0] * 1e3:.2f}"] for c in result.counter_masses]
+    emit_table(f"Counter-masses of {model.name}", ["site", "mass [kg]", "x in its body [mm]"], rows)
+    rows = [[found.text(i), f"{value:+.6g}"] for i, value in enumerate(found.values(result.after))]
+    emit_table("Conditions", ["condition", "left-hand side [kg m]"], rows)
+    click.echo(
+        f"First-moment residual  {first_moment(result.residual())}  ({per_cent(result.residual_percent())} of that "
+        f"without counter-masses, {first_moment(found.residual(model))})"
+    )
+    for body, value in balanced.items():
+        click.echo(
+            f"Balanced payload       {body} = {'none' if value is None else mass(value) + ' kg'} "
+            f"(asked: {mass(model.mass(body))} kg)"
+        )

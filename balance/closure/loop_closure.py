@@ -1,0 +1,166 @@
+"""Closing a mechanism's loops: its degrees of freedom, closed configurations, and whole trajectories.
+
+Loops of planar and parallelogram mechanisms are redundant: a fixed set of independent rows is solved, all are checked.
+"""
+
+import numpy as np
+from scipy.linalg import qr
+
+from ..arrays import Floats, Indices
+from ..errors import ClosureError
+from ..mechanism import forward_kinematics, loop_constraints
+from ..mechanism.mechanism import Mechanism
+from ..motion import Samples
+from ..motion.driven_coordinates import Drive, JointDrive
+from .newton import ITERATIONS, RESIDUAL_LIMIT, LoopSystem
+from .trajectory import Trajectory, follow
+
+RANK_LIMIT = 1e-9
+"""Size of a constraint row, relative to the largest, below which it counts as redundant."""
+
+HOME_LIMIT = 0.2
+"""How far the closed configuration may lie from the keyframe that it is closed from [rad, m]."""
+
+
+class Closure:
+    """Closes a mechanism's loops; knows its degrees of freedom and independent constraint rows."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        """Close the home configuration. Raises ClosureError if that cannot be done, or if it is singular."""
+        self.mechanism = mechanism
+        self.length = _length(mechanism)
+        self.home = self._closed(mechanism.home)
+        self.rows = independent_rows(self._jacobian(self.home))
+        self.dof = mechanism.tree.size - len(self.rows)
+        self._refuse_a_doubtful_home()
+
+    def follow(self, samples: Samples, drive: Drive | None = None, near: Trajectory | None = None) -> Trajectory:
+        """Close the mechanism at every sample of a motion of its driven coordinates.
+
+        ``near`` is a trajectory of as many samples close by, from which each is closed at once, without continuation.
+        Raises ClosureError, naming the time, where it cannot be closed, is singular, or leaves its branch.
+        """
+        samples.check()
+        drive = drive or samples.drive(self.mechanism)
+        if drive.size != self.dof:
+            raise ClosureError(
+                f"{self.mechanism.name} has {self.dof} degree{'s' * (self.dof != 1)} of freedom, but the motion "
+                f"drives {drive.size}: {', '.join(drive.names)}"
+            )
+        if not self.mechanism.loops and isinstance(drive, JointDrive):
+            return self._direct(samples, drive)
+        return follow(LoopSystem(self.mechanism, self.rows, self.length, drive), self.home, samples, near)
+
+    def _direct(self, samples: Samples, drive: JointDrive) -> Trajectory:
+        """An open chain whose joints are all driven has nothing to close."""
+        order = np.argsort(drive.indices)
+        q, v, a = (
+            np.ascontiguousarray(x[:, order]) for x in (samples.position, samples.velocity, samples.acceleration)
+        )
+        per_drive = np.broadcast_to(np.eye(drive.size)[:, list(drive.indices)], (len(q), drive.size, drive.size))
+        return Trajectory(self.mechanism.name, samples.time, q, v, a, per_drive, 0.0, 1.0, self.mechanism.branch)
+
+    def states(self, count: int, seed: int = 0, step: float = 0.15) -> Floats:
+        """Closed configurations of the home branch, well apart from singular ones, (count, nv) [rad, m].
+
+        A walk over the loops that keeps its heading: tangent steps, each projected back, refused near a singularity.
+        """
+        rng = np.random.default_rng(seed)
+        reach = self._room(self.home)
+        q, found, heading = self.home, [self.home], np.zeros_like(self.home)
+        for _ in range(40 * count):
+            if len(found) == count:
+                return np.array(found)
+            tangent = _null_space(self._jacobian(q)[self.rows])
+            heading = tangent @ (tangent.T @ heading + 0.5 * rng.normal(size=tangent.shape[1]))
+            heading /= max(float(np.linalg.norm(heading)), 1e-12)
+            trial = self._walked(q, step * heading)
+            if trial is None or self._room(trial) < 0.2 * reach:
+                heading = -heading
+                continue
+            q = trial
+            found.append(q)
+        raise ClosureError(f"{self.mechanism.name} has no room to move about {self.mechanism.branch!r}")
+
+    def _walked(self, q: Floats, step: Floats) -> Floats | None:
+        try:
+            trial = self._closed(q + step)
+        except ClosureError:
+            return None
+        return trial if np.linalg.norm(trial - q) < 2 * np.linalg.norm(step) else None
+
+    def velocities(self, q: Floats, seed: int = 0) -> Floats:
+        """Random velocities that the loops allow at closed configurations ``q``, (n, nv) [rad/s, m/s]."""
+        rng = np.random.default_rng(seed)
+        spaces = [_null_space(self._jacobian(state)[self.rows]) for state in q]
+        return np.array([space @ rng.normal(size=space.shape[1]) for space in spaces])
+
+    def residual(self, q: Floats) -> Floats:
+        """Largest loop residual, all rows, at each of the configurations ``q`` (n, nv), (n,) [m, rad]."""
+        at = forward_kinematics.pose(self.mechanism.tree, np.ascontiguousarray(q.T))
+        return np.abs(loop_constraints.constraint_residual(self.mechanism.loops, at)).max(axis=0, initial=0.0)
+
+    def _refuse_a_doubtful_home(self) -> None:
+        """Home must be about where the file has it, and have as many independent rows as its neighbours."""
+        name, branch = self.mechanism.name, self.mechanism.branch
+        far = float(np.abs(self.home - self.mechanism.home).max(initial=0.0))
+        if far > HOME_LIMIT:
+            raise ClosureError(
+                f"{name}: {branch!r} is not closed: the nearest closed configuration lies {far:.3g} rad or m from it, "
+                "on a branch that is not sure; give a closed one as <keyframe><key name='home' qpos='...'/>"
+            )
+        free = _null_space(self._jacobian(self.home)[self.rows])
+        near = self._walked(self.home, 0.02 * free @ np.random.default_rng(0).normal(size=free.shape[1]))
+        if near is not None and len(independent_rows(self._jacobian(near))) > len(self.rows):
+            raise ClosureError(
+                f"{name} is singular at {branch!r}: its branches meet there; give another closed configuration as "
+                "<keyframe><key name='home' qpos='...'/>"
+            )
+
+    def _jacobian(self, q: Floats) -> Floats:
+        at = forward_kinematics.pose(self.mechanism.tree, q[:, None])
+        return loop_constraints.loop_jacobian(self.mechanism.loops, self.mechanism.tree, at)[:, :, 0]
+
+    def _room(self, q: Floats) -> float:
+        """Smallest singular value of the independent rows: the distance to a singular configuration."""
+        rows = self._jacobian(q)[self.rows]
+        return float(np.linalg.svd(rows, compute_uv=False)[-1]) if len(rows) else np.inf
+
+    def _closed(self, q: Floats) -> Floats:
+        """Nearest closed configuration by Gauss-Newton steps of least norm, safe for redundant rows."""
+        for _ in range(ITERATIONS):
+            at = forward_kinematics.pose(self.mechanism.tree, q[:, None])
+            gap = loop_constraints.constraint_residual(self.mechanism.loops, at)[:, 0]
+            if np.abs(gap).max(initial=0.0) < 1e-15 * self.length:
+                return q
+            change = np.linalg.lstsq(self._jacobian(q), gap, rcond=RANK_LIMIT)[0]
+            q = q - change
+            if np.abs(change).max() < 1e-14 and np.abs(gap).max() < RESIDUAL_LIMIT * self.length:
+                return q
+        raise ClosureError(
+            f"{self.mechanism.name} cannot be closed from {self.mechanism.branch!r}: the loops "
+            f"({', '.join(loop.name for loop in self.mechanism.loops)}) stay {np.abs(gap).max():.3g} m apart"
+        )
+
+
+def independent_rows(matrix: Floats) -> Indices:
+    """Indices of a largest set of independent rows, found by pivoted QR."""
+    if not matrix.size:
+        return np.empty(0, dtype=np.intp)
+    _, triangle, order = qr(matrix.T, mode="economic", pivoting=True)
+    size = np.abs(np.diag(triangle))
+    return np.sort(order[: int((size > RANK_LIMIT * size[0]).sum())])
+
+
+def _null_space(rows: Floats) -> Floats:
+    """Orthonormal directions that the rows allow, (nv, dof); the rows are independent."""
+    if not len(rows):
+        return np.eye(rows.shape[1])
+    return np.linalg.svd(rows)[2][len(rows) :].T
+
+
+def _length(mechanism: Mechanism) -> float:
+    """A length of the mechanism: the largest distance within a body, between joints, sites and centres [m]."""
+    steps = [np.linalg.norm(joint.position) for joint in mechanism.tree.joints]
+    steps += [np.linalg.norm(site.position) for site in mechanism.sites.values()]
+    return float(max(steps, default=0.0)) or 1.0

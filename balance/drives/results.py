@@ -1,0 +1,202 @@
+"""What a study of a drive has to say, as one document: every number of its tables and figures, units in the keys."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from . import equivalent_inertia, solver_convergence
+from .drive_files import Drive, Printed
+from .flywheel import Flywheel, flywheel_estimate
+from .harmonic_balance import DEFINITIONS, SteadyRotation
+from .machine import READINGS, Machine
+from .motors import DirectCurrent, Table
+from .time_integration import StartUp, periodicity
+
+RPM = math.pi / 30.0
+"""One revolution per minute [rad/s]."""
+PERIODICITY = 1e-8
+"""Relative change of speed over an integrated turn above which a steady solution is flagged."""
+FAR = 3.0
+"""Times beyond the speeds of a drive's file from which an asked speed is a finding."""
+_ROUNDING = 1e-9
+_DEGREES = np.arange(361.0)
+
+
+def inertia_document(machine: Machine) -> dict[str, Any]:
+    """Reduced inertia and potential energy over a turn, and where they are extreme."""
+    r = machine.reduced
+    u = r.direction * np.radians(_DEGREES)
+    extremes = [
+        {"angle_deg": math.degrees(r.direction * at) % 360.0, "inertia_kgm2": value, "kind": kind}
+        for at, value, kind in equivalent_inertia.inertia_extremes(r)
+    ]
+    return {
+        "crank": r.crank,
+        "direction": r.direction,
+        "constant_inertia_kgm2": machine.constant_inertia,
+        "mechanism_inertia_extremes": extremes,
+        "potential_swing_J": float(np.ptp(r.potential(u))),
+        "closed_positions": r.samples,
+        "harmonics": r.functions.harmonics,
+        "highest_harmonics": r.tail,
+        "closure_residual_m": r.closure_residual,
+        "turn": {
+            "angle_deg": _DEGREES.tolist(),
+            "inertia_kgm2": machine.inertia(u).tolist(),
+            "inertia_slope_kgm2_per_rad": (r.direction * r.inertia_slope(u)).tolist(),
+            "potential_J": r.potential(u).tolist(),
+            "potential_slope_Nm": (r.direction * r.potential_slope(u)).tolist(),
+        },
+    }
+
+
+def steady_document(solution: SteadyRotation, printed: Printed | None, balanced: bool) -> dict[str, Any]:
+    """A steady rotation; ``balanced`` says whether the asked counter-masses are mounted."""
+    machine = solution.machine
+    u = machine.reduced.direction * np.radians(_DEGREES)
+    rate = solution.rate(u)
+    return _setting(machine, balanced) | {
+        "fastest_rpm": solution.fastest[1] / RPM,
+        "fastest_at_deg": math.degrees(solution.angle(solution.fastest[0])),
+        "slowest_rpm": solution.slowest[1] / RPM,
+        "slowest_at_deg": math.degrees(solution.angle(solution.slowest[0])),
+        "mean_rpm": solution.mean_speed / RPM,
+        "period_s": solution.period,
+        "fluctuation": {name: solution.fluctuation(name) for name in DEFINITIONS},
+        "floquet_factor": solution.floquet,
+        "turns_to_1e-8": solution.turns_to(1e-8) if solution.is_stable else None,
+        "periodicity": periodicity(solution),
+        "harmonics": solution.harmonics,
+        "highest_harmonics": solution.tail,
+        "equation_residual": solution.residual(),
+        "printed": _printed(printed),
+        "turn": {
+            "angle_deg": _DEGREES.tolist(),
+            "speed_rpm": (rate / RPM).tolist(),
+            "motor_torque_at_crank_Nm": np.asarray(machine.motor_torque(rate)).tolist(),
+        },
+    }
+
+
+def drive_findings(solution: SteadyRotation, row: dict[str, Any]) -> list[str]:
+    """What is odd in a steady rotation; nothing where all is well."""
+    where = f"{row['nominal_rpm']:g} rpm, {row['reading']}"
+    found = []
+    if not solution.is_stable:
+        found.append(f"{where}: unstable, a disturbance grows by {solution.floquet:.3g} a turn")
+    if not row["periodicity"] <= PERIODICITY:
+        found.append(f"{where}: after an integrated turn the speed is off by {row['periodicity']:.1e} of itself")
+    if not solution.is_converged():
+        found.append(f"{where}: harmonics still at {solution.tail:.1e}; a load or friction with a kink")
+    return found + [f"{where}: {text}" for text in _beyond(solution)]
+
+
+def _beyond(solution: SteadyRotation) -> list[str]:
+    """Where the motor turns beyond what its data say."""
+    machine = solution.machine
+    slowest, fastest = (machine.ratio * at[1] / RPM for at in (solution.slowest, solution.fastest))
+    if isinstance(motor := machine.motor, Table) and not motor.covers(np.array([slowest, fastest]) * RPM):
+        return [
+            f"the motor turns at {slowest:.4g} to {fastest:.4g} rpm, its table covers {motor.speeds[0] / RPM:.4g} to "
+            f"{motor.speeds[-1] / RPM:.4g} rpm; it was drawn straight on"
+        ]
+    if isinstance(motor, DirectCurrent) and machine.nominal > (1.0 + _ROUNDING) * motor.no_load_speed:
+        return [
+            f"the nominal speed is {machine.nominal / motor.no_load_speed:.3g} times the motor's speed without load at "
+            f"full voltage, {motor.no_load_speed / RPM:.4g} rpm: it would need as many times its voltage"
+        ]
+    return []
+
+
+def beyond_file(machine: Machine, speeds: Sequence[float]) -> list[str]:
+    """Where a nominal speed is far from all of the drive's file [rad/s], for a motor without a range of its own."""
+    low, high = min(speeds), max(speeds)
+    if isinstance(machine.motor, DirectCurrent | Table) or low / FAR <= machine.nominal <= high * FAR:
+        return []
+    what, than = ("largest", high) if machine.nominal > high else ("least", low)
+    return [
+        f"{machine.nominal / RPM:g} rpm, {machine.reading}: {machine.nominal / than:.4g} times the {what} speed of the "
+        f"drive's file, {than / RPM:.4g} rpm: motor and loads are not known to hold there"
+    ]
+
+
+def start_up(machine: Machine, run: StartUp, solution: SteadyRotation | None, balanced: bool) -> dict[str, Any]:
+    """A start from standstill, turn by turn, and its course thinned."""
+    settled = solution and run.settled(solution.fastest[1], solution.slowest[1], 0.1 * RPM)
+    thin = slice(None, None, 12)
+    return _setting(machine, balanced) | {
+        "turns": [
+            {"turn": t.number, "end_s": t.end, "fastest_rpm": t.fastest / RPM, "slowest_rpm": t.slowest / RPM}
+            for t in run.turns
+        ],
+        "settled_in_turn": settled,
+        "course": {
+            "time_s": run.time[thin].tolist(),
+            "travel_deg": np.degrees(run.travel[thin]).tolist(),
+            "speed_rpm": (run.speed[thin] / RPM).tolist(),
+        },
+    }
+
+
+def flywheel_document(machine: Machine, wheel: Flywheel, balanced: bool) -> dict[str, Any]:
+    """A flywheel for a wanted fluctuation, beside the textbook's estimate of the whole inertia."""
+    return _setting(machine, balanced) | {
+        "wanted_fluctuation": wheel.wanted,
+        "side": wheel.side,
+        "inertia_kgm2": wheel.inertia,
+        "fluctuation": wheel.fluctuation,
+        "estimate_of_whole_inertia_kgm2": flywheel_estimate(machine, wheel.wanted),
+    }
+
+
+def solver_trials(solution: SteadyRotation, turns: int, balanced: bool) -> dict[str, Any]:
+    """The answer against harmonics and against the tolerance of integrators."""
+    machine, truth = solution.machine, solution.fluctuation()
+    trials = [*solver_convergence.by_harmonics(machine), *solver_convergence.by_tolerance(machine, turns)]
+    loose = [t for t in trials if t.setting in {"rtol 0.01", "rtol 0.001"}]
+    return _setting(machine, balanced) | {
+        "converged_fluctuation": truth,
+        "turns_integrated": turns,
+        "loose_solver_scatter_percent": 100.0 * solver_convergence.scatter(loose, truth),
+        "trials": [
+            {
+                "solver": t.solver,
+                "setting": t.setting,
+                "fluctuation": t.fluctuation,
+                "off_percent": 100.0 * (t.fluctuation / truth - 1.0),
+                "evaluations": t.evaluations,
+            }
+            for t in trials
+        ],
+    }
+
+
+def document_head(drive: Drive, machines: Sequence[Machine]) -> dict[str, Any]:
+    """What the study is of."""
+    machine = machines[0]
+    return {
+        "drive": drive.name,
+        "mechanism": machine.reduced.mechanism.name,
+        "gear_ratio": machine.ratio,
+        "inertias": [{"name": i.name, "inertia_kgm2": i.value, "side": i.side} for i in machine.inertias],
+        "readings": {reading: READINGS[reading] for reading in dict.fromkeys(m.reading for m in machines)},
+        "definitions": DEFINITIONS,
+    }
+
+
+def _setting(machine: Machine, balanced: bool) -> dict[str, Any]:
+    return {
+        "nominal_rpm": machine.nominal / RPM,
+        "nominal_crank_rpm": machine.nominal_crank / RPM,
+        "reading": machine.reading,
+        "counter_masses": balanced,
+    }
+
+
+def _printed(printed: Printed | None) -> dict[str, float | None] | None:
+    if printed is None:
+        return None
+    fast, slow = (None if x is None else x / RPM for x in (printed.fastest, printed.slowest))
+    return {"fluctuation": printed.fluctuation, "fastest_rpm": fast, "slowest_rpm": slow}

@@ -1,0 +1,179 @@
+"""Start-up: the machine integrated in time from standstill, turn by turn.
+
+Turns integrated in time, by a general solver: the independent referee of the harmonic balance.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, cast
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from ..arrays import Floats
+from . import DriveError
+from .harmonic_balance import SteadyRotation
+from .machine import Machine
+
+if TYPE_CHECKING:
+    from scipy.integrate import OdeSolution
+
+Solver = Literal["RK45", "DOP853"]
+RTOL = 1e-10
+"""Relative tolerance of an integration unless asked otherwise."""
+_PATIENCE = 200
+"""Turns at nominal speed within which a turn must be done."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """An integrated piece of motion."""
+
+    outcome: Literal["arrived", "turns back", "creeps"]
+    time: float
+    """At its end [s]."""
+    state: Floats
+    """Travel and speed at its end, (2,) [rad, rad/s]."""
+    course: "OdeSolution"
+    """Travel and speed at any instant."""
+    evaluations: int
+    """Of the equation of motion."""
+
+
+def run_to(
+    machine: Machine, time: float, state: Floats, target: float, rtol: float = RTOL, method: Solver = "DOP853"
+) -> Segment:
+    """Integrate from ``time`` and ``state`` until the travel reaches ``target`` [rad], or the crank turns back."""
+
+    def arrived(_time: float, state: Floats) -> float:
+        return float(state[0]) - target
+
+    def turned_back(_time: float, state: Floats) -> float:
+        return float(state[1]) + 1e-9 * machine.nominal_crank
+
+    arrived.terminal = turned_back.terminal = True  # type: ignore[attr-defined]
+    arrived.direction, turned_back.direction = 1.0, -1.0  # type: ignore[attr-defined]
+    limit = time + _PATIENCE * 2.0 * np.pi / machine.nominal_crank
+    solved = solve_ivp(
+        lambda _, state: [float(state[1]), machine.acceleration(float(state[0]), float(state[1]))],
+        (time, limit), state, method, events=(arrived, turned_back), dense_output=True, rtol=rtol, atol=rtol,
+    )  # fmt: skip
+    hits = [len(times) > 0 for times in solved.t_events or []]
+    outcome: Literal["arrived", "turns back", "creeps"] = (
+        "arrived" if hits[0] else "turns back" if hits[1] else "creeps"
+    )
+    return Segment(outcome, float(solved.t[-1]), solved.y[:, -1], cast("OdeSolution", solved.sol), solved.nfev)
+
+
+def after_a_turn(machine: Machine, rate: float, rtol: float = RTOL) -> float:
+    """Speed of the crank after one turn that starts at travel 0 with speed ``rate`` [rad/s]."""
+    end = run_to(machine, 0.0, np.array([0.0, rate]), 2.0 * np.pi, rtol)
+    if end.outcome != "arrived":
+        raise DriveError(f"{machine.reduced.mechanism.name}: the crank {end.outcome} from {rate:.6g} rad/s at angle 0")
+    return float(end.state[1])
+
+
+def periodicity(solution: SteadyRotation, rtol: float = 1e-12) -> float:
+    """How far the speed is off after a turn integrated from the steady solution, relative to it."""
+    start = float(solution.rate(0.0))
+    return abs(after_a_turn(solution.machine, start, rtol) - start) / start
+
+
+def floquet(solution: SteadyRotation, share: float = 1e-4) -> float:
+    """The Floquet factor by two disturbed turns: central difference of the speed after a turn."""
+    start = float(solution.rate(0.0))
+    ahead, behind = (after_a_turn(solution.machine, start * (1.0 + s), 1e-12) for s in (share, -share))
+    return (ahead - behind) / (2.0 * share * start)
+
+
+_SAMPLES = 720
+"""Instants kept of a turn."""
+
+
+@dataclass(frozen=True)
+class Turn:
+    """One turn of the crank."""
+
+    number: int
+    end: float
+    """Time at which it ends [s]."""
+    fastest: float
+    """Largest speed in it [rad/s]."""
+    slowest: float
+    """Smallest speed in it [rad/s]."""
+
+
+@dataclass(frozen=True)
+class StartUp:
+    """A start from standstill."""
+
+    time: Floats
+    """(n,) [s]."""
+    travel: Floats
+    """Travel of the crank, (n,) [rad]."""
+    speed: Floats
+    """Speed of the crank, (n,) [rad/s]."""
+    turns: tuple[Turn, ...]
+    evaluations: int
+    """Of the equation of motion."""
+
+    def settled(self, fastest: float, slowest: float, within: float) -> int | None:
+        """First turn whose extremes are within ``within`` [rad/s] of those of the steady state; None if none is."""
+        for turn in self.turns:
+            if max(abs(turn.fastest - fastest), abs(turn.slowest - slowest)) <= within:
+                return turn.number
+        return None
+
+
+def start_up(
+    machine: Machine, turns: int = 8, start: float = 0.0, rtol: float = RTOL, method: Solver = "DOP853"
+) -> StartUp:
+    """Start from standstill at the crank's travel ``start`` [rad], and run for a number of turns.
+
+    Raises DriveError, naming the angle, where the motor cannot move the crank, or does not bring it round.
+    """
+    _refuse_stall(machine, start)
+    state, time, done, evaluations = np.array([start, 0.0]), 0.0, [], 0
+    pieces: list[tuple[Floats, Floats]] = []
+    for number in range(1, turns + 1):
+        turn = _one_turn(machine, time, state, start + 2.0 * np.pi * number, rtol, method)
+        instants = np.linspace(time, turn.time, _SAMPLES + 1)
+        course = turn.course(instants)
+        evaluations += turn.evaluations
+        time, state = turn.time, turn.state
+        done.append(Turn(number, time, _peak(course[1]), -_peak(-course[1])))
+        pieces.append((instants[:-1], course[:, :-1]))
+    course = np.hstack([piece for _, piece in pieces] + [state[:, None]])
+    return StartUp(np.r_[*(t for t, _ in pieces), time], course[0], course[1], tuple(done), evaluations)
+
+
+def _one_turn(machine: Machine, time: float, state: Floats, target: float, rtol: float, method: Solver) -> Segment:
+    end = run_to(machine, time, state, target, rtol, method)
+    if end.outcome != "arrived":
+        angle = np.degrees(machine.reduced.direction * float(end.state[0])) % 360.0
+        raise DriveError(
+            f"{machine.reduced.mechanism.name} does not come round in its start-up: the crank {end.outcome} at "
+            f"{angle:.1f} deg after {end.time:.3g} s; the motor is too weak or starts in the wrong place"
+        )
+    return end
+
+
+def _refuse_stall(machine: Machine, start: float) -> None:
+    pull = float(machine.motor_torque(0.0))
+    least = 1e-12 * machine.nominal_crank
+    net = float(machine.torque(start, least)) - float(machine.reduced.potential_slope(start))
+    if not net > 0.0:
+        angle = np.degrees(machine.reduced.direction * start)
+        raise DriveError(
+            f"{machine.reduced.mechanism.name} does not start at {angle:g} deg: "
+            f"{pull:.4g} N m of the motor at the crank against {pull - net:.4g} N m; start it elsewhere"
+        )
+
+
+def _peak(values: Floats) -> float:
+    """Largest of equidistant samples, by the parabola through the three about it."""
+    k = int(np.argmax(values))
+    if not 0 < k < len(values) - 1:
+        return float(values[k])
+    before, top, after = values[k - 1 : k + 2]
+    bend = before - 2.0 * top + after
+    return float(top - 0.125 * (after - before) ** 2 / bend) if bend < 0.0 else float(top)

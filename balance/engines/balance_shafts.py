@@ -1,0 +1,145 @@
+"""What is left of an engine's exact force and moment, once its counterweights and balance shafts turn with it.
+
+Balance shafts: the unbalances that remove an order of an engine's force and moment.
+
+A vector of order k that turns forward is removed by a shaft that turns forward at k omega with unbalance
+-P / k^2, and so backward. Forward at first order that shaft is the crankshaft itself. Force and moment together need
+two unbalances a shaft; a force with a fixed place, or a couple alone, fewer.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Floats
+from ..rotors.correction_planes import correct_planes
+from ..rotors.rotor import Plane, Unbalance
+from .engine import Engine
+from .free_forces import FreeForces, scale
+from .partial_balance import crank_angles, largest_of_series
+from .slider_crank import Complexes
+
+
+@dataclass(frozen=True)
+class Shaft:
+    """A shaft parallel to the crankshaft."""
+
+    order: int
+    forward: bool
+    """Whether it turns with the crankshaft; at order times its speed."""
+    unbalances: tuple[Unbalance, ...]
+    """In its planes, at angles from x when the crankshaft's mark is at x, in the sense of the crankshaft [kg m]."""
+
+    @property
+    def is_crankshaft(self) -> bool:
+        """Forward at first order: counterweights on the crankshaft do it."""
+        return self.forward and self.order == 1
+
+
+def shafts(free: Sequence[FreeForces], first: float, last: float) -> list[Shaft]:
+    """Shafts that remove the given orders, each with unbalances at ``first`` and ``last`` [m].
+
+    Where one unbalance does it, it stands in the place of the resultant. A pair of equal shafts that turn against each
+    other must stand at equal height on both sides, or they add a moment about the crankshaft's axis.
+    """
+    found = []
+    for order in free:
+        for forward in (True, False):
+            force = order.force.forward if forward else order.force.backward
+            moment = order.moment.forward if forward else order.moment.backward
+            if force or moment:
+                found.append(_shaft(order, forward, (force, moment), (first, last)))
+    return found
+
+
+def _shaft(order: FreeForces, forward: bool, parts: tuple[complex, complex], ends: tuple[float, float]) -> Shaft:
+    """The rotor whose two-plane correction removes force and moment, both per omega^2."""
+    k, (force, moment) = order.force.order, parts
+    size = max(abs(force), abs(moment) / abs(ends[1] - ends[0])) if ends[0] != ends[1] else abs(force)
+    place = moment / force if abs(force) > 1e-12 * size else None
+    if place is not None and abs(place.imag) <= 1e-9 * max(abs(place), abs(ends[1] - ends[0])):
+        return Shaft(k, forward, (Unbalance("1", -force / k**2, order.about + place.real),))
+    pair = [Unbalance("force", force, order.about), Unbalance("+", moment, order.about + 1.0)]
+    pair.append(Unbalance("-", -moment, order.about))
+    correction = correct_planes(pair, [Plane("1", ends[0]), Plane("2", ends[1])])
+    planes = zip(correction.planes, correction.vectors, strict=True)
+    return Shaft(k, forward, tuple(Unbalance(p.name, v / k**2, p.at) for p, v in planes))
+
+
+def removed_by_shafts(free: FreeForces, shaft: Shaft) -> tuple[complex, complex]:
+    """What a shaft adds to the force and to the moment of its own sense of its order, per omega^2 [kg m, kg m2]."""
+    k = shaft.order
+    force = sum((k**2 * u.vector for u in shaft.unbalances), 0j)
+    return force, sum((k**2 * u.vector * (u.at - free.about) for u in shaft.unbalances), 0j)
+
+
+STAGES = {
+    "before": "as described",
+    "counterweights": "with the crankshaft's counterweights",
+    "shafts": "and the balance shafts",
+}
+"""As it is; with the unbalances that belong on the crankshaft; and with the balance shafts."""
+_SAMPLES = 360
+ROUNDING = 1e-13
+"""A sum this small beside those that it is the sum of is zero."""
+
+
+@dataclass(frozen=True)
+class ResidualForces:
+    """Force [N] and moment [N m] of one stage, over a turn and at their largest."""
+
+    force: Complexes
+    """x + iy, (n,) [N]."""
+    largest_force: float
+    """[N]."""
+    moment: Complexes
+    """Force times distance along the crankshaft, in the direction of the force, (n,) [N m]."""
+    largest_moment: float
+    """[N m]."""
+
+
+@dataclass(frozen=True)
+class ResidualOverTurn:
+    """All stages over one turn at constant speed."""
+
+    theta: Floats
+    """Crank angles, (n,) [rad]."""
+    stages: Mapping[str, ResidualForces]
+
+
+def over_a_turn(engine: Engine, shafts: Sequence[Shaft], omega: float, about: float) -> ResidualOverTurn:
+    """Exact force and moment about a place [m] at constant speed [rad/s], by stage."""
+    theta = np.append(crank_angles(_SAMPLES), 2 * np.pi)
+    on_crank = [shaft for shaft in shafts if shaft.is_crankshaft]
+    added: dict[str, Sequence[Shaft]] = {"before": (), "counterweights": on_crank, "shafts": shafts}
+    return ResidualOverTurn(theta, {stage: _left(engine, added[stage], theta, omega, about) for stage in STAGES})
+
+
+def _left(engine: Engine, shafts: Sequence[Shaft], theta: Floats, omega: float, about: float) -> ResidualForces:
+    def force(at: Floats) -> Complexes:
+        return engine.force(at, omega) + omega**2 * _turning(shafts, at, None)
+
+    def moment(at: Floats) -> Complexes:
+        return engine.tilting(at, omega, about=about) + omega**2 * _turning(shafts, at, about)
+
+    size, length = scale(engine, about)
+    return ResidualForces(
+        *_over(force, theta, ROUNDING * size * omega**2), *_over(moment, theta, ROUNDING * size * length * omega**2)
+    )
+
+
+def _over(vector: Callable[[Floats], Complexes], theta: Floats, least: float) -> tuple[Complexes, float]:
+    """Values over a turn and the largest size; what is rounding error of the cylinders' sum is zero."""
+    values, (top, _) = vector(theta), largest_of_series(lambda at: np.abs(vector(at)))
+    return np.where(np.abs(values) > least, values, 0.0), top if top > least else 0.0
+
+
+def _turning(shafts: Sequence[Shaft], theta: Floats, about: float | None) -> Complexes:
+    """k^2 U e^(+-i k theta) of all unbalances, per omega^2; times z - about where that is given."""
+    total: Complexes = np.zeros(np.shape(theta), dtype=complex)
+    for shaft in shafts:
+        turned = shaft.order**2 * np.exp((1j if shaft.forward else -1j) * shaft.order * np.asarray(theta))
+        for u in shaft.unbalances:
+            total = total + u.vector * turned * (1.0 if about is None else u.at - about)
+    return total

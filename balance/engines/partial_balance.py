@@ -1,0 +1,154 @@
+"""Partial balance of one slider-crank by a counterweight on the crank.
+
+The counterweight m_b r_b opposite the pin balances the rotating unbalance and a fraction c of the reciprocating one:
+m_b r_b = (rotating) + c m r. What is left is m r omega^2 (f(theta) - c e^(i theta)), f the reciprocating force.
+
+Where a function of the crank angle is largest over a turn.
+
+Extremes of a shaking force over a turn, and what a counterweight leaves of it.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ..arrays import Floats
+from . import slider_crank
+from .slider_crank import Complexes, SliderCrank
+
+_GRID = 3600
+
+
+def largest_of_series(function: Callable[[Floats], Floats]) -> tuple[float, float]:
+    """Largest value of ``function`` of crank angles (n,) [rad] over a turn, and where [rad]: ever finer grids."""
+    theta, step = crank_angles(_GRID), 2 * np.pi / _GRID
+    best = float(theta[int(np.argmax(function(theta)))])
+    for _ in range(9):
+        theta = best + step * np.linspace(-1.0, 1.0, 21)
+        best = float(theta[int(np.argmax(function(theta)))])
+        step /= 10.0
+    return float(function(np.array([best]))[0]), best
+
+
+def crank_angles(count: int) -> Floats:
+    """``count`` crank angles over one turn [rad]."""
+    return 2 * np.pi * np.arange(count) / count
+
+
+Model = Literal["order1", "order2", "exact"]
+MODELS: tuple[Model, ...] = ("order1", "order2", "exact")
+"""First order alone; first and second; the exact motion."""
+
+
+def reciprocating_force(crank: SliderCrank, theta: Floats, model: Model) -> Floats:
+    """Reciprocating force for m r omega^2 = 1, (n,)."""
+    if model == "exact":
+        return crank.reciprocation(theta)
+    orders = {k: c for k, c in slider_crank.second_order(crank).items() if model == "order2" or k == 1}
+    return np.asarray(sum((c * np.exp(1j * k * np.asarray(theta))).real for k, c in orders.items()))
+
+
+def residual_force(
+    crank: SliderCrank, counterweight: float, theta: Floats, omega: float, model: Model = "exact"
+) -> Complexes:
+    """Shaking force at constant speed with a counterweight m_b r_b [kg m] opposite the pin, (n,) [N]."""
+    inline = crank.reciprocating_mass * crank.radius * reciprocating_force(crank, theta, model)
+    return omega**2 * (inline + (crank.rotating - counterweight) * np.exp(1j * np.asarray(theta)))
+
+
+def counterweight(crank: SliderCrank, fraction: float) -> float:
+    """m_b r_b for the rotating unbalance and a fraction of the reciprocating one [kg m]."""
+    return crank.rotating + fraction * crank.reciprocating_mass * crank.radius
+
+
+@dataclass(frozen=True)
+class BestCounterweight:
+    """The fraction whose largest shaking force is least."""
+
+    fraction: float
+    largest: float
+    """Largest |F| / (m r omega^2)."""
+    slopes: tuple[float, float]
+    """Slopes of the largest force just below and above: of opposite sign at the least."""
+
+    def is_optimal(self, tol: float) -> bool:
+        """Whether the largest force falls before the fraction and rises behind it."""
+        return self.slopes[0] <= tol and self.slopes[1] >= -tol
+
+
+def best_fraction(crank: SliderCrank, model: Model = "exact") -> BestCounterweight:
+    """Minimise over c the largest over theta of |f - c e^(i theta)|^2 = f^2 - 2 c f cos theta + c^2, convex in c.
+
+    Bisection on the sign of its slope, -2 f cos theta + 2 c at the theta of the largest force.
+    """
+    low, high = 0.0, 1.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if _slope(crank, middle, model) > 0.0:
+            high = middle
+        else:
+            low = middle
+    fraction = 0.5 * (low + high)
+    step = 1e-6
+    slopes = _slope(crank, fraction - step, model), _slope(crank, fraction + step, model)
+    return BestCounterweight(fraction, float(np.sqrt(_largest(crank, fraction, model)[0])), slopes)
+
+
+def least_rms_fraction(crank: SliderCrank) -> float:
+    """The fraction of least mean square: c_1 / 2 of the exact series, a half for any cylinder without offset."""
+    return slider_crank.exact_series(crank, 1)[1].real / 2.0
+
+
+def _slope(crank: SliderCrank, fraction: float, model: Model) -> float:
+    theta = np.array([_largest(crank, fraction, model)[1]])
+    return float(2.0 * (fraction - reciprocating_force(crank, theta, model) * np.cos(theta))[0])
+
+
+def _largest(crank: SliderCrank, fraction: float, model: Model) -> tuple[float, float]:
+    """Largest |f - c e^(i theta)|^2 and where [rad]."""
+    return largest_of_series(lambda theta: _square(crank, fraction, theta, model))
+
+
+def _square(crank: SliderCrank, fraction: float, theta: Floats, model: Model) -> Floats:
+    f = reciprocating_force(crank, theta, model)
+    return np.asarray(f**2 - 2.0 * fraction * f * np.cos(theta) + fraction**2)
+
+
+_SAMPLES = 7200
+
+
+@dataclass(frozen=True)
+class Extremes:
+    """Over one turn [N]."""
+
+    largest: float
+    at_deg: float
+    """Crank angle of the largest [deg]."""
+    least: float
+    rms: float
+    x: tuple[float, float]
+    """Least and largest component along the cylinder's axis."""
+    y: tuple[float, float]
+    """Least and largest component across."""
+
+
+def extremes(force: Callable[[Floats], Complexes]) -> Extremes:
+    """Extremes over a turn of a force, given as a function of crank angles (n,) [rad]."""
+    values = force(crank_angles(_SAMPLES))
+    top, at = largest_of_series(lambda theta: np.abs(force(theta)))
+    low, _ = largest_of_series(lambda theta: -np.abs(force(theta)))
+    return Extremes(
+        top,
+        float(np.degrees(at)) % 360.0,
+        -low,
+        float(np.sqrt(np.mean(np.abs(values) ** 2))),
+        (float(values.real.min()), float(values.real.max())),
+        (float(values.imag.min()), float(values.imag.max())),
+    )
+
+
+def over_a_turn(crank: SliderCrank, counterweight: float, omega: float, model: Model) -> Extremes:
+    """Extremes of what a counterweight m_b r_b [kg m] leaves at constant speed [rad/s]."""
+    return extremes(lambda theta: residual_force(crank, counterweight, theta, omega, model))

@@ -1,0 +1,198 @@
+"""One cylinder of an engine as plain values for JSON, units in the keys: rod, forces, partial balance.
+
+Free forces and moments of an engine as plain values for JSON, units in the keys.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from math import degrees
+from typing import Any
+
+import numpy as np
+
+from ..rotors.rotor import vector_document as vector
+from . import partial_balance, slider_crank
+from .balance_shafts import ResidualForces, ResidualOverTurn, Shaft
+from .engine import Engine, dead_centres, firing
+from .free_forces import FreeForces, RotatingVector, cylinder_sums
+from .partial_balance import largest_of_series
+from .slider_crank import SliderCrank, replacements
+
+_POLAR = 24
+"""Crank angles of the polar diagram in the document."""
+
+
+def cylinder_document(
+    engine: Engine, cases: Mapping[str, float], omega: float, radius: float | None, mass: float | None
+) -> dict[str, Any]:
+    """One cylinder of an engine at a speed [rad/s], by counterweight m_b r_b [kg m] of each case.
+
+    ``radius`` [m] chooses r_b, ``mass`` [kg] m_b; the other follows.
+    """
+    crank = engine.cylinders[0].crank
+    inline = crank.reciprocating_mass * crank.radius * omega**2
+    best = {model: partial_balance.best_fraction(crank, model) for model in partial_balance.MODELS}
+    return {
+        "engine": engine.name,
+        "cylinders": len(engine.cylinders),
+        "speed_rad_per_s": omega,
+        "ratio_r_over_l": crank.ratio,
+        "slider_crank": {f"{key}_{_unit(key)}": value for key, value in asdict(crank).items()},
+        "rotating_mass_at_r_kg": crank.rotating / crank.radius,
+        "rotating_unbalance_kgm": crank.rotating,
+        "reciprocating_mass_kg": crank.reciprocating_mass,
+        "rotating_force_N": crank.rotating * omega**2,
+        "first_order_force_N": inline * abs(slider_crank.second_order(crank)[1]),
+        "second_order_force_N": inline * abs(slider_crank.second_order(crank)[2]),
+        "exact_orders_of_reciprocating_force": {
+            str(k): [c.real, c.imag] for k, c in slider_crank.exact_series(crank).items() if abs(c) > 1e-12
+        },
+        "rod": _rod(crank),
+        "cases": {name: _case(crank, weight, omega, radius, mass) for name, weight in cases.items()},
+        "best_fraction": {
+            model: {"fraction": b.fraction, "largest_force_N": b.largest * inline} for model, b in best.items()
+        },
+        "least_rms_fraction": partial_balance.least_rms_fraction(crank),
+        "second_order_error_largest_N": _truncation(crank) * inline,
+        "second_order_error_of_first_order_percent": 100.0 * _truncation(crank),
+    }
+
+
+def _unit(key: str) -> str:
+    return "kg" if key.endswith("mass") else "kgm2" if key.endswith("inertia") else "m"
+
+
+def _rod(crank: SliderCrank) -> list[dict[str, Any]]:
+    if not 0.0 < crank.rod_centre < crank.rod_length or crank.rod_mass == 0.0:
+        return []
+    return [
+        {
+            "replacement": found.name,
+            "masses": [{"place": m.place, "mass_kg": m.mass, "at_mm": 1e3 * m.at} for m in found.masses],
+            "missing_inertia_kgm2": found.missing_inertia,
+        }
+        for found in replacements(crank)
+    ]
+
+
+def _case(crank: SliderCrank, weight: float, omega: float, radius: float | None, mass: float | None) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "counterweight_kgm": weight,
+        "counterweight_at_crank_radius_kg": weight / crank.radius,
+        "counterweight_mass_kg": weight / radius if radius else mass if mass and weight else None,
+        "counterweight_radius_mm": 1e3 * radius if radius else 1e3 * weight / mass if mass and weight else None,
+    }
+    for model in partial_balance.MODELS:
+        turn = partial_balance.over_a_turn(crank, weight, omega, model)
+        found[model] = {
+            "F_max_N": turn.largest,
+            "F_max_at_deg": turn.at_deg,
+            "F_min_N": turn.least,
+            "F_rms_N": turn.rms,
+            "Fx_N": list(turn.x),
+            "Fy_N": list(turn.y),
+        }
+    theta = partial_balance.crank_angles(_POLAR)
+    found["polar"] = {
+        model: [
+            {"theta_deg": 360.0 * i / _POLAR, "Fx_N": float(f.real), "Fy_N": float(f.imag)}
+            for i, f in enumerate(partial_balance.residual_force(crank, weight, theta, omega, model))
+        ]
+        for model in partial_balance.MODELS
+    }
+    return found
+
+
+def _truncation(crank: SliderCrank) -> float:
+    """Largest difference of the exact motion and first with second order, of m r omega^2."""
+    theta = partial_balance.crank_angles(3600)
+    difference = partial_balance.reciprocating_force(crank, theta, "exact") - partial_balance.reciprocating_force(
+        crank, theta, "order2"
+    )
+    return float(np.abs(difference).max())
+
+
+def engine_document(
+    engine: Engine, free: Sequence[FreeForces], balancing: Sequence[Shaft], left: ResidualOverTurn, omega: float
+) -> dict[str, Any]:
+    """Orders, balance shafts, what is left over a turn, firing; of a layout in m r omega^2 and m r omega^2 a."""
+    force, moment = ("mrw2", "mrw2a") if engine.normalised else ("N", "Nm")
+    length, unbalance = ("a", "mr") if engine.normalised else ("m", "kgm")
+    return {
+        "engine": engine.name,
+        "source": engine.source or None,
+        "normalised": engine.normalised,
+        "ratio_r_over_l": engine.cylinders[0].crank.ratio,
+        "speed_rad_per_s": None if engine.normalised else omega,
+        f"moments_about_{length}": free[0].about,
+        "orders": [
+            {
+                "order": f.force.order,
+                "force": _turning(f.force, force, omega),
+                "moment": _turning(f.moment, moment, omega),
+                f"place_{length}": f.place,
+            }
+            for f in free
+        ],
+        "textbook_sums": {str(k): cylinder_sums(engine, k) for k in (1, 2)} if engine.in_line else None,
+        "balance_shafts": [_shaft(shaft, length, unbalance) for shaft in balancing],
+        "over_a_turn_exact": _exact(engine, left, omega, force, moment),
+        "left_over_a_turn": {
+            "theta_deg": [degrees(angle) for angle in left.theta],
+            **{stage: _left(each, force, moment) for stage, each in left.stages.items()},
+        },
+        "firing": _firing(engine),
+    }
+
+
+def _turning(part: RotatingVector, unit: str, omega: float) -> dict[str, Any]:
+    scale = omega**2
+    return {
+        f"largest_{unit}": scale * part.largest,
+        f"least_{unit}": scale * part.least,
+        "direction_of_largest_deg": degrees(part.direction) % 180.0,
+        "forward": vector(scale * part.forward, unit),
+        "backward": vector(scale * part.backward, unit),
+    }
+
+
+def _shaft(shaft: Shaft, length: str, unbalance: str) -> dict[str, Any]:
+    return {
+        "order": shaft.order,
+        "turns": "forward" if shaft.forward else "backward",
+        "is_crankshaft": shaft.is_crankshaft,
+        "unbalances": [{f"at_{length}": u.at} | vector(u.vector, unbalance) for u in shaft.unbalances],
+    }
+
+
+def _exact(engine: Engine, left: ResidualOverTurn, omega: float, force: str, moment: str) -> dict[str, float]:
+    """Largest values of the exact motion over a turn, all orders together, as the engine is."""
+    rolling, _ = largest_of_series(lambda theta: abs(engine.rolling(theta, omega)))
+    return {
+        f"force_{force}": left.stages["before"].largest_force,
+        f"moment_{moment}": left.stages["before"].largest_moment,
+        f"rolling_moment_{moment.replace('a', 'r')}": rolling,
+    }
+
+
+def _left(left: ResidualForces, force: str, moment: str) -> dict[str, Any]:
+    return {
+        f"largest_force_{force}": left.largest_force,
+        f"largest_moment_{moment}": left.largest_moment,
+        f"force_x_{force}": left.force.real.tolist(),
+        f"force_y_{force}": left.force.imag.tolist(),
+        f"moment_x_{moment}": left.moment.real.tolist(),
+        f"moment_y_{moment}": left.moment.imag.tolist(),
+    }
+
+
+def _firing(engine: Engine) -> dict[str, Any]:
+    fired = firing(engine)
+    return {
+        "strokes": engine.strokes,
+        "order": list(fired.order),
+        "angles_deg": list(fired.angles_deg),
+        "intervals_deg": list(fired.intervals_deg),
+        "even": fired.even,
+        "dead_centres_deg": dead_centres(engine),
+    }

@@ -1,0 +1,99 @@
+"""Force, moment and drive torque of a linkage over time, before and after balancing.
+
+The named methods side by side, as bars drawn from their document.
+
+Potential energy over the workspace, with and without static balance, drawn from its document.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..linkages.printed_tables import COLUMNS
+from ..linkages.verification import Verification
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_LABEL = {
+    "Fx_N": "force FX [N]",
+    "Fy_N": "force FY [N]",
+    "Mz_Nm": "moment M [N m]",
+    "torque_Nm": "drive torque [N m]",
+}
+_STAGE = {
+    "before": ("before", "#555555", "-"),
+    "force": ("counter-masses", "#3b6ea5", "-"),
+    "complete": ("and gears", "#e07a3f", "--"),
+}
+"""Label, colour and line: dashed, as it lies on the one of counter-masses where both are zero."""
+
+
+def draw_stages(check: Verification, title: str = "") -> "Figure":
+    """Time series of all stages, at constant speed on the left and at varying speed on the right."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.0, 8.4), layout="constrained")
+    panels = figure.subplots(len(COLUMNS), 2, sharey="row", sharex="col")
+    for column, (label, run) in enumerate(zip(check.labels, (check.constant, check.varying), strict=True)):
+        for row, quantity in enumerate(COLUMNS):
+            axes = panels[row, column]
+            for stage in run.responses:
+                name, colour, line = _STAGE[stage]
+                axes.plot(run.trajectory.time, run.series(stage)[quantity], line, color=colour, label=name, lw=1.4)
+            axes.grid(alpha=0.25)
+        panels[0, column].set_title(label)
+        panels[-1, column].set_xlabel("time [s]")
+    for row, quantity in enumerate(COLUMNS):
+        panels[row, 0].set_ylabel(_LABEL[quantity])
+    panels[0, 0].legend(fontsize=8)
+    figure.suptitle(f"{title} (simulated)".strip())
+    return figure
+
+
+_NOTHING = 1e-9
+
+
+def draw_methods(document: dict[str, Any]) -> "Figure":
+    """Residual force and moment, largest drive torque, and added mass of each method."""
+    from matplotlib.figure import Figure
+
+    rows = document["methods"][::-1]
+    panels = {
+        "shaking force, RMS [N]": [row["force_rms_N"] for row in rows],
+        "shaking moment, RMS [N m]": [row["moment_rms_Nm"] for row in rows],
+        "largest motor torque, RMS [N m]": [max(row["torque_rms_Nm"].values(), default=0.0) for row in rows],
+        "added mass [kg]": [row["added_mass_kg"] for row in rows],
+    }
+    figure = Figure(figsize=(12, 0.42 * len(rows) + 1.4), layout="constrained")
+    for axes, (label, values) in zip(figure.subplots(1, 4, sharey=True), panels.items(), strict=True):
+        bars = axes.barh([row["method"] for row in rows], values, color="#3b6ea5")
+        axes.bar_label(bars, [f"{value:.3g}" if value > _NOTHING else "0" for value in values], padding=3, fontsize=8)
+        axes.set_title(label, fontsize=10)
+        axes.margins(x=0.22)
+    figure.suptitle(f"{document['mechanism']}, motion {document['motion']}: simulated")
+    return figure
+
+
+def draw_energy(document: dict[str, Any]) -> "Figure":
+    """Energy of weight, of springs, and their sum, at configurations of the workspace ordered by weight."""
+    from matplotlib.figure import Figure
+
+    workspace = {name: np.array(values) for name, values in document["workspace"].items() if values is not None}
+    order = np.argsort(workspace["weight_J"])
+    curves = {
+        "weight": (workspace["weight_J"], "#555555", "-"),
+        "springs": (workspace["springs_J"], "#e07a3f", "-"),
+        "weight and springs": (workspace["weight_J"] + workspace["springs_J"], "#3b6ea5", "-"),
+    }
+    if "with_counter_masses_J" in workspace:
+        curves["with counter-masses"] = (workspace["with_counter_masses_J"], "#2a9d8f", "--")
+    figure = Figure(figsize=(7.5, 4.2), layout="constrained")
+    axes = figure.subplots()
+    for label, (values, colour, style) in curves.items():
+        axes.plot(np.arange(len(order)), (values - values.mean())[order], style, color=colour, label=label, lw=1.6)
+    axes.set(xlabel="configurations of the workspace, by height of weight", ylabel="potential energy less its mean [J]")
+    axes.set_title(f"{document['mechanism']}: static balance, computed")
+    axes.legend()
+    axes.grid(alpha=0.25)
+    return figure

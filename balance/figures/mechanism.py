@@ -1,0 +1,115 @@
+"""A mechanism drawn to scale in its plane x-y, with its counter-masses."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..arrays import Floats
+from ..balancing import CounterMass
+from ..closure import Closure
+from ..errors import DataError
+from ..mechanism import forward_kinematics
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.sparse_components import Vector, dense
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+STEEL_KG_PER_M2 = 7830.0 * 0.10
+"""Counter-masses are drawn as steel discs 100 mm thick: only their area means anything [kg/m2]."""
+LINK, PAYLOAD, COUNTER, GROUND = "#3b6ea5", "#2a9d8f", "#e07a3f", "#555555"
+
+
+def draw_mechanism(
+    mechanism: Mechanism, counter_masses: Sequence[CounterMass] = (), q: Floats | None = None, title: str = ""
+) -> "Figure":
+    """Draw a mechanism at ``q`` (nv,) or its home configuration; discs have the area of the counter-masses."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 4.8), layout="constrained")
+    axes = figure.add_subplot()
+    draw_on(axes, mechanism, counter_masses, Closure(mechanism).home if q is None else q)
+    axes.set_title(title or mechanism.name)
+    axes.set_aspect("equal")
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    axes.grid(alpha=0.25)
+    return figure
+
+
+def draw_on(axes: "Axes", mechanism: Mechanism, counter_masses: Sequence[CounterMass], q: Floats) -> None:
+    """Draw links, pivots, payload and counter-masses on axes of equal scale."""
+    at = forward_kinematics.pose(mechanism.tree, q[:, None])
+    for body, joint in enumerate(mechanism.tree.bodies):
+        colour = PAYLOAD if mechanism.bodies[body] in mechanism.payload_bodies else LINK
+        _draw_link(axes, _corners(mechanism, at, body, joint), mechanism.bodies[body], colour)
+    for joint, elementary in enumerate(mechanism.tree.joints):
+        if elementary.revolute:
+            ground = elementary.parent < 0
+            axes.plot(*_flat(at.position[joint]), "^" if ground else "o", ms=11 if ground else 6, mfc="white",
+                      mec=GROUND, mew=1.6, zorder=5)  # fmt: skip
+    for loop in mechanism.loops:
+        axes.plot(*_flat(at.point(loop.first.joint, loop.first.position)), "o", ms=6, mfc="white", mec=GROUND, mew=1.6,
+                  zorder=5)  # fmt: skip
+    for counter in counter_masses:
+        _draw_counter_mass(axes, mechanism, at, counter)
+
+
+def save(figure: "Figure", path: str | Path) -> None:
+    """Save a figure; the ending says as what. Raises DataError, listing the endings, for an unknown one."""
+    known = figure.canvas.get_supported_filetypes()
+    if Path(path).suffix.lstrip(".").lower() not in known:
+        raise DataError(f"{Path(path).name}: cannot draw this kind of file; endings are {', '.join(sorted(known))}")
+    figure.savefig(path, dpi=160)
+
+
+def _corners(mechanism: Mechanism, at: forward_kinematics.Pose, body: int, joint: int) -> Floats:
+    """Points of a link worth joining: its joint, its children's joints, the sites where loops close, (k, 2) [m]."""
+    points = [_flat(at.position[child]) for child, j in enumerate(mechanism.tree.joints) if j.parent == joint]
+    if mechanism.tree.joints[joint].revolute:
+        points.append(_flat(at.position[joint]))
+    ends = [end for loop in mechanism.loops for end in (loop.first, loop.second) if end.joint == joint]
+    points += [_flat(at.point(end.joint, end.position)) for end in ends]
+    if len(points) < 2:
+        sites = [site for site in mechanism.sites.values() if site.body == body and not site.name.startswith("counter")]
+        points += [_flat(at.point(joint, site.position)) for site in sites]
+    return np.array(points or [_flat(at.position[joint])])
+
+
+def _flat(point: Vector) -> Floats:
+    """In the plane x-y, (2,) [m]."""
+    return dense(point, 1)[:2, 0]
+
+
+def _draw_link(axes: "Axes", points: Floats, name: str, colour: str) -> None:
+    centre = points.mean(axis=0)
+    order = np.argsort(np.arctan2(*(points - centre).T[::-1]))
+    closed = np.vstack([points[order], points[order][:1]])
+    axes.plot(*closed.T, color=colour, lw=4, solid_capstyle="round", alpha=0.9, zorder=3)
+    axes.annotate(
+        name,
+        centre,
+        xytext=(7, 5),
+        textcoords="offset points",
+        color=colour,
+        fontsize=9,
+        zorder=6,
+        bbox={"fc": "white", "ec": "none", "alpha": 0.7, "pad": 1.0},
+    )
+
+
+def _draw_counter_mass(axes: "Axes", mechanism: Mechanism, at: forward_kinematics.Pose, counter: CounterMass) -> None:
+    """A disc, and the stay from the joint to it."""
+    from matplotlib.patches import Circle
+
+    joint = mechanism.tree.bodies[mechanism.site(counter.site).body]
+    pivot, place = _flat(at.position[joint]), _flat(at.point(joint, counter.position))
+    axes.plot(*np.array([pivot, place]).T, color=COUNTER, lw=3, zorder=2)
+    radius = np.sqrt(counter.mass / (np.pi * STEEL_KG_PER_M2))
+    axes.add_patch(Circle((float(place[0]), float(place[1])), radius, color=COUNTER, alpha=0.55, lw=0, zorder=2))
+    axes.annotate(
+        f"{counter.mass:.2f} kg", (float(place[0]), float(place[1])), ha="center", va="center", fontsize=9, zorder=7
+    )

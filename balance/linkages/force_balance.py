@@ -1,0 +1,374 @@
+"""Force balance, leaves to root: every body becomes a point mass at its reduction joint.
+
+With own parts and the point masses received from the bodies that it carries, S = sum(m r) about that joint; its
+counter-masses satisfy sum(m* p) = -S, m* >= 0.
+
+Point masses on a body, and what they leave of it: a counter-massed body stands as point masses at joints.
+
+The two-point alternative: a body shaped so that point masses at two of its joints replace it, and no gear is needed.
+
+m_B = S / L, m_A = m - m_B about joint A; its inertia must be I_cg = m_A m_B L^2 / (m_A + m_B).
+
+The reduction tree: for every body the revolute joint to which its mass is reduced, all leading to the ground.
+
+Bodies that only translate: each is a point mass at its revolute joint.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations, product
+from math import inf, prod
+
+import numpy as np
+
+from ..arrays import Floats
+from ..errors import ModelError, SizingError
+from .body_groups import leaves_first, translating_parts, tree_depth, tree_parents
+from .expressions import Point
+from .linkage import GROUND, Body, Linkage, Place
+
+ROUNDING = 1e-13
+"""A first moment this small beside those that it is the sum of is zero."""
+
+
+@dataclass(frozen=True)
+class EquivalentLoad:
+    """A point mass on a body, or one of its parts."""
+
+    symbols: tuple[str, ...]
+    """Symbols whose sum is its mass, such as m3, m3*."""
+    mass: float
+    """[kg]."""
+    at: Point
+    """From the body's reduction joint, in the body's frame."""
+    source: str = ""
+    """What puts it there: a link, a body received, a gear."""
+
+    @property
+    def text(self) -> str:
+        """Its mass in symbols."""
+        return self.symbols[0] if len(self.symbols) == 1 else f"({' + '.join(self.symbols)})"
+
+
+@dataclass(frozen=True)
+class CounterMass:
+    """A counter-mass: the place, its mass and where it came to lie."""
+
+    place: Place
+    mass: float
+    """[kg]."""
+    position: Floats
+    """From the body's reduction joint, in the body's frame, (2,) [m]."""
+    inertia: float
+    """About its own centre [kg m2]."""
+
+    @property
+    def symbol(self) -> str:
+        """Such as m3*."""
+        return f"m{self.place.name}*"
+
+
+@dataclass(frozen=True)
+class ForceBalance:
+    """A body whose centre of mass, with what it carries, is at its reduction joint."""
+
+    body: str
+    joint: str
+    loads: tuple[EquivalentLoad, ...]
+    counters: tuple[CounterMass, ...]
+    shares: Mapping[str, float]
+    """Point masses that stand for it, by joint: one, or two of a two-point body [kg]."""
+    residual: Floats
+    """First moment left about the reduction joint, (2,) [kg m]."""
+
+    @property
+    def mass(self) -> float:
+        """Of the body with all that it carries [kg]."""
+        return sum(self.shares.values())
+
+    @property
+    def symbols(self) -> tuple[str, ...]:
+        """Symbols whose sum is its mass."""
+        counters = {counter.symbol: counter.symbol for counter in self.counters}
+        found: list[str] = []
+        for load in self.loads:
+            found += load.symbols
+            found += [counters.pop(f"{load.text}*")] if f"{load.text}*" in counters else []
+        return (*found, *counters)
+
+
+def pin_load(linkage: Linkage, joint: str, body: str) -> Point:
+    """A joint's place in a body's frame; the ground's own places need not be known."""
+    point = linkage.joints[joint].end(body).point
+    if point is None:
+        raise ModelError(f"joint {joint} of {linkage.name}: its place on {body} is not given")
+    return point
+
+
+def two_point_balanced(
+    linkage: Linkage,
+    tree: Mapping[str, str],
+    values: Mapping[str, float],
+    body: Body,
+    loads: tuple[EquivalentLoad, ...],
+    places: Sequence[Place],
+    first: Floats,
+    total: float,
+) -> ForceBalance:
+    """Counter-masses that bring the centre of mass onto the line of the two joints, and the two point masses."""
+    joints = linkage.two_point[body.name].joints
+    arm = span_vector(linkage, values, body.name)
+    length = float(np.linalg.norm(arm))
+    across = np.array([-arm[1], arm[0]]) / length
+    origin = pin_load(linkage, tree[body.name], body.name)
+    counters = _onto_line(places, origin, values, across, first, total * length, body.name)
+    first = first + sum((c.mass * c.position for c in counters), np.zeros(2))
+    total += sum(c.mass for c in counters)
+    share = float(first @ arm) / length**2
+    if total and not 0.0 < share < total:
+        raise SizingError(
+            f"two_point of {body.name}: its centre of mass is not between {joints[0]} and {joints[1]}: one of the two "
+            f"point masses would be {min(share, total - share):.4g} kg"
+        )
+    shares = {joints[0]: total - share, joints[1]: share}
+    return ForceBalance(body.name, tree[body.name], loads, counters, shares, np.zeros(2))
+
+
+def span_vector(linkage: Linkage, values: Mapping[str, float], body: str) -> Floats:
+    """From the first to the second of the two joints, (2,) [m]. Raises ModelError where they are none of the body's."""
+    joints = linkage.two_point[body].joints
+    for joint in joints:
+        if not linkage.joints[joint].joins(body) or not linkage.joints[joint].revolute:
+            raise ModelError(f"two_point of {body}: joint {joint} is not a revolute joint of it")
+    arm = pin_load(linkage, joints[1], body).plus(pin_load(linkage, joints[0], body), -1.0).at(values)
+    if not arm.any():
+        raise ModelError(f"two_point of {body}: joints {' and '.join(joints)} lie in one point")
+    return arm
+
+
+def _onto_line(
+    places: Sequence[Place],
+    origin: Point,
+    values: Mapping[str, float],
+    across: Floats,
+    first: Floats,
+    scale: float,
+    body: str,
+) -> tuple[CounterMass, ...]:
+    """The lightest counter-mass against the first moment across the line of the joints."""
+    off = float(across @ first)
+    if abs(off) <= 1e-13 * scale:
+        return ()
+    at = [p.point.plus(origin, -1.0).at(values) if p.point is not None else None for p in places]
+    fit = [
+        (-off / float(across @ x), p, x)
+        for p, x in zip(places, at, strict=True)
+        if x is not None and across @ x * off < 0
+    ]
+    if not fit:
+        raise SizingError(
+            f"two_point of {body}: its centre of mass lies beside the line of the two joints (first moment {off:.4g} "
+            "kg m); two point masses can only stand for a body whose centre is on that line: give a counter_mass place "
+            "on the other side"
+        )
+    mass, place, position = min(fit, key=lambda found: found[0])
+    return (CounterMass(place, mass, position, place.inertia(mass, values)),)
+
+
+def force_balance(linkage: Linkage, tree: Mapping[str, str], values: Mapping[str, float]) -> dict[str, ForceBalance]:
+    """Counter-masses of every body, leaves first. Raises SizingError, naming the body, where its places do not do."""
+    done: dict[str, ForceBalance] = {}
+    still = translating_parts(linkage)
+    for name in leaves_first(linkage, tree):
+        body = linkage.bodies[name]
+        origin = pin_load(linkage, tree[name], name)
+        loads = [
+            EquivalentLoad((part.mass,), values[part.mass], part.centre.plus(origin, -1.0), part.link)
+            for part in body.parts
+        ]
+        loads += received_load(linkage, tree, done, name)
+        done[name] = force_balanced(
+            linkage, tree, values, body, loads, body.places, free=name in still and not body.places
+        )
+    return done
+
+
+def received_load(
+    linkage: Linkage, tree: Mapping[str, str], done: Mapping[str, ForceBalance], body: str, mass: str = "m"
+) -> list[EquivalentLoad]:
+    """Point masses that a body receives from those that it carries; ``mass`` begins the symbols of two-point ones."""
+    origin = pin_load(linkage, tree[body], body)
+    found = []
+    for child, balance in done.items():
+        for joint, parent in tree_parents(linkage, tree, child):
+            if parent == body and balance.shares[joint]:
+                symbols = balance.symbols if len(balance.shares) == 1 else (f"{mass}[{child} at {joint}]",)
+                at = pin_load(linkage, joint, body).plus(origin, -1.0)
+                found.append(EquivalentLoad(symbols, balance.shares[joint], at, child))
+    return found
+
+
+def force_balanced(
+    linkage: Linkage,
+    tree: Mapping[str, str],
+    values: Mapping[str, float],
+    body: Body,
+    loads: Sequence[EquivalentLoad],
+    places: Sequence[Place],
+    free: bool = False,
+) -> ForceBalance:
+    """Counter-masses against the loads of one body; ``free`` of a body that only translates and needs none."""
+    at = np.array([load.at.at(values) for load in loads]).reshape(-1, 2)
+    mass = np.array([load.mass for load in loads])
+    first = mass @ at if len(loads) else np.zeros(2)
+    first[np.abs(first) <= ROUNDING * (np.abs(mass) @ np.abs(at) if len(loads) else np.zeros(2))] = 0.0
+    total = float(mass.sum())
+    if body.name in linkage.two_point:
+        return two_point_balanced(linkage, tree, values, body, tuple(loads), places, first, total)
+    if free:
+        return ForceBalance(body.name, tree[body.name], tuple(loads), (), {tree[body.name]: total}, first)
+    origin = pin_load(linkage, tree[body.name], body.name)
+    counters = solve_force_balance(first, places, origin, values, body.name)
+    total += sum(c.mass for c in counters)
+    residual = first + sum((c.mass * c.position for c in counters), np.zeros(2))
+    return ForceBalance(body.name, tree[body.name], tuple(loads), counters, {tree[body.name]: total}, residual)
+
+
+def solve_force_balance(
+    first: Floats, places: Sequence[Place], origin: Point, values: Mapping[str, float], body: str
+) -> tuple[CounterMass, ...]:
+    """The lightest counter-masses with sum(m* p) = -first: at one place, or at two (no more are ever needed).
+
+    Raises SizingError where no choice of places can do it.
+    """
+    if not first.any():
+        return ()
+    at = [_position(place, origin, first, values) for place in places]
+    best: tuple[float, tuple[int, ...], Floats] | None = None
+    for count in (1, 2):
+        for chosen in combinations(range(len(places)), count):
+            matrix = np.array([at[k] for k in chosen]).T
+            mass = np.linalg.lstsq(matrix, -first, rcond=1e-12)[0]
+            exact = np.abs(matrix @ mass + first).max() <= ROUNDING * 100 * np.abs(first).max()
+            if exact and (mass >= 0).all() and (best is None or mass.sum() < best[0] * (1 - 1e-12)):
+                best = float(mass.sum()), chosen, mass
+    if best is None:
+        raise SizingError(_impossible(first, at, body))
+    return tuple(
+        CounterMass(places[k], float(m), at[k], places[k].inertia(float(m), values))
+        for k, m in zip(best[1], best[2], strict=True)
+        if m > 0
+    )
+
+
+def _position(place: Place, origin: Point, first: Floats, values: Mapping[str, float]) -> Floats:
+    if place.point is not None:
+        return place.point.plus(origin, -1.0).at(values)
+    assert place.radius is not None
+    return -place.radius.at(values) * first / np.linalg.norm(first)
+
+
+def _impossible(first: Floats, at: Sequence[Floats], body: str) -> str:
+    side = np.degrees(np.arctan2(0.0 - first[1], 0.0 - first[0]))
+    places = ", ".join(f"({x:.4g} m, {y:.4g} m)" for x, y in at) or "none"
+    return (
+        f"body {body} needs counter-masses of first moment {np.linalg.norm(first):.4g} kg m about its reduction joint, "
+        f"on the side {side:.4g} deg of its frame; its places, from that joint, are {places}: give a place on that "
+        "side, two places that enclose it, or counter_mass = { radius = '...' }"
+    )
+
+
+MOST_TREES = 20_000
+"""Beyond so many combinations the shortest paths to the ground are taken."""
+
+
+def reduction_tree(linkage: Linkage, values: Mapping[str, float]) -> dict[str, str]:
+    """Reduction joint of every body: as described, and where nothing is, the choice of least counter-mass.
+
+    Raises ModelError, naming the body, where one has no revolute path to the ground.
+    """
+    choices = {body: _choices(linkage, body) for body in linkage.bodies}
+    _check_paths(linkage)
+    if prod(len(joints) for joints in choices.values()) > MOST_TREES:
+        choices = {body: [_shortest(linkage, choices, body)] for body in linkage.bodies}
+    best, least, refusal = None, inf, None
+    for tree in _trees(linkage, choices):
+        try:
+            mass = sum(c.mass for balanced in force_balance(linkage, tree, values).values() for c in balanced.counters)
+        except SizingError as error:
+            refusal = refusal or error
+            continue
+        if best is None or mass < least - 1e-9 * abs(least):
+            best, least = tree, mass
+    if best is None:
+        raise refusal or ModelError(_circle(linkage, choices))
+    return best
+
+
+def _choices(linkage: Linkage, body: str) -> list[str]:
+    own = [joint.name for joint in linkage.joints_of(body)]
+    if body not in linkage.reduction:
+        return own
+    named = linkage.reduction[body]
+    joint = linkage.joints[named]
+    if not joint.joins(body):
+        raise ModelError(f"reduction of {body}: joint {named} is not one of its own: {', '.join(own) or 'none'}")
+    if not joint.revolute:
+        raise ModelError(f"reduction of {body}: mass does not pass through the prismatic joint {named}")
+    return [named]
+
+
+def _check_paths(linkage: Linkage) -> None:
+    """Raise ModelError for a body without a revolute path to the ground."""
+    reached = {GROUND}
+    for _ in linkage.bodies:
+        reached |= {b for b in linkage.bodies if any(joint.other(b) in reached for joint in linkage.joints_of(b))}
+    for body in linkage.bodies:
+        if body not in reached:
+            joints = ", ".join(j.name for kind in (True, False) for j in linkage.joints_of(body, kind)) or "none"
+            raise ModelError(
+                f"{linkage.name}: body {body} has no revolute path to the ground (its joints: {joints}); mass does "
+                "not pass through prismatic joints, so the method cannot balance it"
+            )
+
+
+def _trees(linkage: Linkage, choices: Mapping[str, list[str]]) -> Iterator[dict[str, str]]:
+    for joints in product(*choices.values()):
+        tree = dict(zip(choices, joints, strict=True))
+        if all(tree_depth(linkage, tree, body) < inf for body in tree):
+            yield tree
+
+
+def _circle(linkage: Linkage, choices: Mapping[str, list[str]]) -> str:
+    tree = {body: joints[0] for body, joints in choices.items()}
+    lost = [body for body in tree if tree_depth(linkage, tree, body) == inf]
+    given = [f"{b} at {' and '.join(joint for joint, _ in tree_parents(linkage, tree, b))}" for b in lost]
+    return f"{linkage.name}: the reductions of {', '.join(given)} lead in a circle, not to the ground"
+
+
+def _shortest(linkage: Linkage, choices: Mapping[str, list[str]], body: str) -> str:
+    """The joint that leads to the ground over the fewest joints."""
+    distance = {GROUND: 0.0}
+    for _ in linkage.bodies:
+        for b, joints in choices.items():
+            distance[b] = 1 + min(distance.get(linkage.joints[j].other(b), inf) for j in joints)
+    return min(choices[body], key=lambda joint: distance[linkage.joints[joint].other(body)])
+
+
+def check_point_mass(linkage: Linkage, force: ForceBalance, extra: ForceBalance) -> None:
+    """Raise SizingError where a translating body is no point mass at its joint for the moment too.
+
+    It is one where its centre of mass lies in that joint, or on the line along which that joint slides.
+    """
+    first, mass = force.residual + extra.residual, force.mass + extra.mass
+    off = float(np.linalg.norm(first))
+    scale = mass * max((float(np.linalg.norm(c.position)) for c in force.counters), default=0.0) + off
+    slides = [j for j in linkage.joints_of(force.body, revolute=False) if j.other(force.body) == GROUND]
+    if slides:
+        along = slides[0].end(force.body).along
+        off = abs(float(np.cos(along) * first[1] - np.sin(along) * first[0]))
+    if off > 1e-12 * scale:
+        raise SizingError(
+            f"body {force.body} only translates, and its centre of mass moves {off / mass:.4g} m beside its joint "
+            f"{force.joint}: its moment would remain; give it a counter_mass"
+        )

@@ -1,0 +1,426 @@
+"""A linkage, balanced or not, as a MJCF text that the core, Pinocchio and MuJoCo read alike.
+
+Bodies lie in x-y; a body's frame has the axes of its described frame at angle zero and its origin at its tree joint.
+Counter-gears are bodies of their own; that they are geared stands beside the text, in ``coupling``.
+
+A position of the linkage to start from: every body placed so that all joints close, near the described one.
+
+The spanning tree of joints that a linkage is modelled with, and the pins that close its loops.
+
+Gears as couplings of joint coordinates: a counter-gear's angle is linear in those of the linkage.
+
+Relative to the carrier it turns -(Z/Z*) times as far as the body does; in a plane the angle of a body is the sum of the
+revolute coordinates towards the base, so the coupling holds for velocities and accelerations alike.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+
+from ..arrays import Floats
+from ..closure import Trajectory
+from ..errors import ClosureError, ModelError
+from ..mechanism.mechanism import Mechanism
+from .body_groups import translating_parts, turning_groups
+from .equivalence_method import CompositeBody, LinkageBalance, composite_bodies, merged_body
+from .expressions import ORIGIN
+from .linkage import GROUND, End, Joint, Linkage
+from .moment_balance import GearResult
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """Where the bodies are: origin [m] and angle [rad] of every body's frame in the base."""
+
+    origin: Mapping[str, Floats]
+    angle: Mapping[str, float]
+
+    def point(self, body: str, at: Floats) -> Floats:
+        """A point of a body in the base, (2,) [m]."""
+        return self.origin[body] + rotated(self.angle[body], at)
+
+
+def assemble(linkage: Linkage, values: Mapping[str, float]) -> Assembly:
+    """Close all joints near the angles under [start], the driven body staying as it is said to stand.
+
+    Raises ModelError where a place on the ground or an angle is not given, ClosureError where it cannot be closed.
+    """
+    from scipy.optimize import least_squares
+
+    closing = _Closing(linkage, values)
+    guess = closing.guess()
+    places = np.array([k for k in range(len(guess)) if k % 3 != 2])
+
+    def placed(p: Floats) -> Floats:
+        full = guess.copy()
+        full[places] = p
+        return closing.gaps(full)
+
+    guess[places] = least_squares(placed, guess[places]).x
+    found = least_squares(closing.gaps, guess, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    if not np.abs(found.fun).max() < 1e-7 * closing.size():
+        raise ClosureError(
+            f"{linkage.name} cannot be closed near the angles under [start]: {np.abs(found.fun).max():.3g} m stays open"
+        )
+    return closing.state(found.x)
+
+
+class _Closing:
+    """What all joints leave open, as a function of where the bodies are: x, y and angle of each in turn."""
+
+    def __init__(self, linkage: Linkage, values: Mapping[str, float]) -> None:
+        self.linkage = linkage
+        self.names = list(linkage.bodies)
+        self.pins = {j.name: tuple(_pin(linkage, j, k, values) for k in (0, 1)) for j in linkage.joints.values()}
+        self.angles, self.driven = _angles(linkage), _driven_body(linkage)
+
+    def guess(self) -> Floats:
+        """All bodies at the origin, as they are said to stand, (3 bodies,) [m, rad]."""
+        return np.array([[0.0, 0.0, self.angles[name]] for name in self.names]).ravel()
+
+    def state(self, x: Floats) -> Assembly:
+        """Where the bodies are."""
+        parts = dict(zip(self.names, x.reshape(-1, 3), strict=True))
+        origin = {GROUND: np.zeros(2)} | {name: part[:2] for name, part in parts.items()}
+        return Assembly(origin, {GROUND: 0.0} | {name: float(part[2]) for name, part in parts.items()})
+
+    def gaps(self, x: Floats) -> Floats:
+        """Of all joints [m, -], and how far the driven body is from where it is said to stand [rad]."""
+        at = self.state(x)
+        rows = [row for joint in self.linkage.joints.values() for row in _gaps(joint, at, *self.pins[joint.name])]
+        return np.array([*rows, at.angle[self.driven] - self.angles[self.driven]])
+
+    def size(self) -> float:
+        """Of the linkage [m]."""
+        return max([1e-3, *(float(np.abs(p).max()) for pair in self.pins.values() for p in pair)])
+
+
+def _angles(linkage: Linkage) -> dict[str, float]:
+    """About how every body stands; those that only translate need not be described."""
+    group = turning_groups(linkage)
+    angles = dict(linkage.start)
+    for body in linkage.bodies:
+        if body not in angles:
+            if group[body] != group[GROUND]:
+                raise ModelError(f"{linkage.name}: [start] does not say how body {body} stands: add its angle, about")
+            angles[body] = 0.0
+    return angles
+
+
+def _driven_body(linkage: Linkage) -> str:
+    if linkage.drive is None:
+        raise ModelError(f"{linkage.name} has no driven joint: add drive = 'JOINT'")
+    joint = linkage.joint(linkage.drive)
+    if not joint.revolute or not joint.joins(GROUND):
+        raise ModelError(f"{linkage.name}: the driven joint {joint.name} must be a revolute joint on the ground")
+    return joint.other(GROUND)
+
+
+def _pin(linkage: Linkage, joint: Joint, side: int, values: Mapping[str, float]) -> Floats:
+    end = joint.ends[side]
+    if end.point is None:
+        raise ModelError(f"{linkage.name} cannot be simulated: where joint {joint.name} is on the ground is not given")
+    return end.point.at(values)
+
+
+def _gaps(joint: Joint, at: Assembly, first: Floats, second: Floats) -> list[float]:
+    """What a joint leaves open: two lengths of a pin; across the line and in direction of a slide."""
+    a, b = joint.ends
+    gap = at.point(a.body, first) - at.point(b.body, second)
+    if joint.revolute:
+        return [float(gap[0]), float(gap[1])]
+    direction = at.angle[a.body] + a.along
+    turn = direction - at.angle[b.body] - b.along
+    return [float(np.cos(direction) * gap[1] - np.sin(direction) * gap[0]), float(np.sin(turn))]
+
+
+def rotated(angle: float, at: Floats) -> Floats:
+    """A vector turned by an angle [rad], (2,)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([c * at[0] - s * at[1], s * at[0] + c * at[1]])
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """The spanning tree of joints over the bodies, and the joints that close loops."""
+
+    parent: Mapping[str, Joint]
+    """Joint towards the base, by body."""
+    loops: tuple[Joint, ...]
+
+    def path(self, body: str) -> list[tuple[str, Joint]]:
+        """Bodies and their joints from ``body`` down to the ground."""
+        found = []
+        while body != GROUND:
+            joint = self.parent[body]
+            found.append((body, joint))
+            body = joint.other(body)
+        return found
+
+
+def skeleton(result: LinkageBalance, together: bool = True) -> Skeleton:
+    """The driven joint, all prismatic ones, and where possible those of gears are in the tree; pins close the loops.
+
+    ``together`` makes use of which bodies turn together: a parallelogram is then not singular where it lies flat.
+    Raises ModelError for a loop of slides, or a body that is not connected.
+    """
+    linkage = result.linkage
+    geared = {gear.joint for gear in result.moment.gears.values()} if result.moment else set()
+    joints = [*linkage.joints.values(), *(_sliding(pair) for pair in linkage.turns_with if together)]
+    order = sorted(
+        joints, key=lambda j: (j.name != linkage.drive, j.revolute, j.name not in geared, not j.joins(GROUND))
+    )
+    group = {name: name for name in (GROUND, *linkage.bodies)}
+    edges: list[Joint] = []
+    loops: list[Joint] = []
+    for joint in order:
+        first, second = (group[end.body] for end in joint.ends)
+        (loops if first == second else edges).append(joint)
+        group = {body: first if value == second else value for body, value in group.items()}
+    for joint in loops:
+        if not joint.revolute:
+            raise ModelError(f"{linkage.name}: prismatic joint {joint.name} closes a loop of slides: not supported")
+    if loose := [body for body in linkage.bodies if group[body] != group[GROUND]]:
+        raise ModelError(f"{linkage.name}: body {loose[0]} is not connected to the ground")
+    return Skeleton(_rooted(edges), tuple(loops))
+
+
+def _sliding(pair: tuple[str, str]) -> Joint:
+    """Between bodies that turn together: both directions of sliding, no turn."""
+    first, second = pair
+    return Joint(f"{first}~{second}", False, (End(first, ORIGIN), End(second, ORIGIN)), both=True)
+
+
+def _rooted(edges: list[Joint]) -> dict[str, Joint]:
+    """Joints towards the ground by body."""
+    found: dict[str, Joint] = {}
+    reached = {GROUND}
+    while len(found) < len(edges):
+        for joint in edges:
+            first, second = (end.body for end in joint.ends)
+            if (first in reached) != (second in reached):
+                body = second if first in reached else first
+                found[body] = joint
+                reached.add(body)
+    return found
+
+
+@dataclass(frozen=True)
+class Couplings:
+    """Rates of the counter-gears' joints per rate of the linkage's."""
+
+    rates: Mapping[str, Mapping[str, float]]
+    """By counter-gear joint: factors by joint of the linkage."""
+
+    @classmethod
+    def of(cls, result: LinkageBalance) -> "Couplings":
+        """The couplings of all gears of a balanced linkage."""
+        tree, rates = skeleton(result), {}
+        for name, gear in (result.moment.gears if result.moment else {}).items():
+            relative = dict(_turns(tree, gear.gear.body))
+            for joint, factor in _turns(tree, gear.carrier).items():
+                relative[joint] = relative.get(joint, 0.0) - factor
+            rates[f"{name}*"] = {joint: -gear.gear.ratio * factor for joint, factor in relative.items() if factor}
+        return cls(rates)
+
+    def extend(self, trajectory: Trajectory, linkage: Mechanism, geared: Mechanism) -> Trajectory:
+        """A trajectory of the linkage as one of the same linkage with its counter-gears."""
+        matrix = np.zeros((len(geared.coordinates), len(linkage.coordinates)))
+        for row, name in enumerate(geared.coordinates):
+            for joint, factor in self.rates.get(name, {name: 1.0}).items():
+                matrix[row, linkage.coordinate_index(joint)] = factor
+        return replace(
+            trajectory,
+            mechanism=geared.name,
+            q=_times(trajectory.q, matrix),
+            v=_times(trajectory.v, matrix),
+            a=_times(trajectory.a, matrix),
+            per_drive=np.einsum("ij,njk->nik", matrix, trajectory.per_drive),
+        )
+
+
+def _turns(tree: Skeleton, body: str) -> dict[str, float]:
+    """Revolute coordinates whose sum is the angle of a body."""
+    if body == GROUND:
+        return {}
+    return {joint.name: 1.0 for _, joint in tree.path(body) if joint.revolute}
+
+
+def _times(samples: Floats, matrix: Floats) -> Floats:
+    return np.ascontiguousarray(samples @ matrix.T)
+
+
+Z_AXIS = np.array([0.0, 0.0, 1.0])
+STILL = 1e-6
+"""Square of the radius of gyration of what never turns: any will do [m2]."""
+POINT = 1e-14
+"""And of a point mass that turns: too little to matter, as engines refuse none [m2]."""
+MUJOCO_LEAST = 1e-15
+"""Inertia below which MuJoCo refuses a file (its mjMINVAL) [kg m2]."""
+STANDING = 1.0
+"""Mass in the model of a counter-gear that stands still and has none given: it moves nothing [kg]."""
+
+
+def linkage_mjcf(result: LinkageBalance, stage: str, couplings: bool = False, together: bool = True) -> str:
+    """MJCF text of a stage: ``before``, ``force`` (counter-masses) or ``complete`` (and gears).
+
+    ``couplings`` writes the gear ratios as joint equalities, for MuJoCo; the core refuses them by name.
+    """
+    linkage, values, tree = result.linkage, result.values, skeleton(result, together)
+    start = assemble(linkage, values)
+    writer = _Writer(result, stage, tree, start)
+    root = Element("mujoco", model=linkage.name)
+    SubElement(root, "compiler", angle="radian")
+    SubElement(root, "option", gravity=_text(*linkage.gravity, 0.0))
+    base = SubElement(SubElement(root, "worldbody"), "body", name="base")
+    writer.children(base, GROUND)
+    equality = SubElement(root, "equality")
+    for joint in tree.loops:
+        ends = {f"site{k}": f"{joint.name}.{end.body}" for k, end in enumerate(joint.ends, 1)}
+        SubElement(equality, "connect", {"name": joint.name, **ends})
+    if couplings:
+        writer.couple(root, equality)
+    motor = SubElement(root, "actuator")
+    SubElement(motor, "motor", name=f"motor_{linkage.drive}", joint=str(linkage.drive))
+    SubElement(SubElement(root, "keyframe"), "key", name="start", qpos=_text(*writer.positions))
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+class _Writer:
+    """Writes bodies depth first, and with each joint its position in the start configuration."""
+
+    def __init__(self, result: LinkageBalance, stage: str, tree: Skeleton, start: Assembly) -> None:
+        self.linkage, self.result, self.tree, self.start = result.linkage, result, tree, start
+        self.lumps = composite_bodies(result, stage)
+        self.gears = list(result.moment.gears.values()) if stage == "complete" and result.moment else []
+        self.positions: list[float] = []
+
+    def children(self, element: Element, parent: str) -> None:
+        """Bodies whose tree joint is on ``parent``, its sites, and the counter-gears that it carries."""
+        for joint in self.tree.loops:
+            if joint.joins(parent):
+                at = self._own(parent, joint)
+                SubElement(element, "site", name=f"{joint.name}.{parent}", pos=_text(*at, 0.0))
+        for body, joint in self.tree.parent.items():
+            if joint.other(body) == parent:
+                self._body(element, parent, body, joint)
+        for gear in self.gears:
+            if gear.carrier == parent:
+                self._counter_gear(element, gear)
+
+    def couple(self, root: Element, equality: Element) -> None:
+        """Counter-gears geared to the linkage: q* - sum(rate q) stays as at the start.
+
+        A joint equality where that is one joint; a fixed tendon over all of them, kept at its length, elsewhere.
+        """
+        tendons = None
+        for gear, rates in Couplings.of(self.result).rates.items():
+            offset = -sum(rate * self._start_of(joint) for joint, rate in rates.items())
+            if len(rates) == 1:
+                ((joint, rate),) = rates.items()
+                polynomial = _text(offset, rate, 0, 0, 0)
+                SubElement(equality, "joint", joint1=gear, joint2=joint, polycoef=polynomial)
+                continue
+            tendons = SubElement(root, "tendon") if tendons is None else tendons
+            tendon = SubElement(tendons, "fixed", name=gear)
+            for joint, rate in {gear: -1.0, **rates}.items():
+                SubElement(tendon, "joint", joint=joint, coef=_text(-rate))
+            SubElement(equality, "tendon", tendon1=gear, polycoef=_text(offset, 0, 0, 0, 0))
+
+    def _start_of(self, name: str) -> float:
+        return next(self._position(body, joint) for body, joint in self.tree.parent.items() if joint.name == name)
+
+    def _body(self, element: Element, parent: str, name: str, joint: Joint) -> None:
+        turn = self._turn(name, parent, joint)
+        body = SubElement(element, "body", name=name, pos=_text(*self._own(parent, joint), 0.0))
+        if turn:
+            body.set("quat", _text(np.cos(turn / 2), 0.0, 0.0, np.sin(turn / 2)))
+        for label, axis in _axes(joint, name):
+            kind = "hinge" if joint.revolute else "slide"
+            SubElement(body, "joint", name=label, type=kind, axis=_text(*axis))
+            self.positions.append(self._position(name, joint, axis))
+        least = STILL if name in translating_parts(self.linkage) else POINT
+        self._inertial(body, merged_body(self.lumps[name]), self._origin(name), least)
+        self.children(body, name)
+
+    def _counter_gear(self, element: Element, gear: GearResult) -> None:
+        """A disc that turns about its pivot on its carrier."""
+        at = self._pivot(gear)
+        body = SubElement(element, "body", name=f"{gear.gear.name}*", pos=_text(*at, 0.0))
+        SubElement(body, "joint", name=f"{gear.gear.name}*", type="hinge", axis="0 0 1")
+        self.positions.append(0.0)
+        mass = STANDING if gear.counter_mass is None else gear.counter_mass
+        self._inertial(body, CompositeBody(mass, gear.inertia, np.zeros(2)), np.zeros(2), POINT)
+
+    def _pivot(self, gear: GearResult) -> Floats:
+        """In the carrier's frame; a fixed pair without a described one at the joint of its gear."""
+        name = gear.joint if gear.carrier == GROUND else self.result.tree[gear.carrier]
+        point = gear.gear.pivot or self.linkage.joints[name].end(gear.carrier).point
+        assert point is not None
+        return point.at(self.result.values) - self._origin(gear.carrier)
+
+    def _inertial(self, element: Element, lump: CompositeBody, origin: Floats, least: float) -> None:
+        """A flat body: its inertia about z is the sum of the other two, ``least`` [m2] times its mass or more."""
+        inertia = max(lump.inertia, least * lump.mass, 4 * MUJOCO_LEAST)
+        diagonal = _text(inertia / 2, inertia / 2, inertia)
+        SubElement(
+            element, "inertial", pos=_text(*(lump.at - origin), 0.0), mass=_text(lump.mass), diaginertia=diagonal
+        )
+
+    def _origin(self, body: str) -> Floats:
+        """Origin of a body's model frame in its described frame, (2,) [m]."""
+        if body == GROUND:
+            return np.zeros(2)
+        return self._described(body, self.tree.parent[body])
+
+    def _own(self, body: str, joint: Joint) -> Floats:
+        """A joint's place in a body's model frame, (2,) [m]."""
+        return self._described(body, joint) - self._origin(body)
+
+    def _described(self, body: str, joint: Joint) -> Floats:
+        point = joint.end(body).point
+        assert point is not None
+        return point.at(self.result.values)
+
+    def _turn(self, body: str, parent: str, joint: Joint) -> float:
+        """Fixed angle of a body's frame in its parent's [rad]; a pin starts aligned.
+
+        A line of sliding has no sense: bodies stand along it as they were assembled, or the other way round.
+        """
+        stands = self.start.angle[body] - self.start.angle[parent]
+        if joint.both:
+            return stands
+        if joint.revolute:
+            return 0.0
+        along = joint.end(parent).along - joint.end(body).along
+        return along + np.pi * float(np.rint((stands - along) / np.pi))
+
+    def _position(self, body: str, joint: Joint, axis: Floats = Z_AXIS) -> float:
+        """Joint coordinate in the start configuration [rad, m]; ``axis`` in the body's frame."""
+        parent = joint.other(body)
+        if joint.revolute:
+            return self.start.angle[body] - self.start.angle[parent]
+        places = (self.start.point(name, self._described(name, joint)) for name in (body, parent))
+        gap = next(places) - next(places)
+        return float(rotated(-self.start.angle[body], gap) @ axis[:2])
+
+
+def _axes(joint: Joint, body: str) -> list[tuple[str, Floats]]:
+    """Names and axes, in the body's frame, of what a joint is in the model."""
+    if joint.revolute:
+        return [(joint.name, Z_AXIS)]
+    if joint.both:
+        return [(f"{joint.name}.x", _direction(0.0)), (f"{joint.name}.y", _direction(np.pi / 2).round())]
+    return [(joint.name, _direction(joint.end(body).along))]
+
+
+def _direction(angle: float) -> Floats:
+    return np.array([np.cos(angle), np.sin(angle), 0.0])
+
+
+def _text(*values: float) -> str:
+    return " ".join(f"{float(value):.17g}" for value in values)

@@ -1,0 +1,341 @@
+"""Moment balance: inertias about the reduction joints, and the gears that cancel them, leaves to root.
+
+A gear Z on a body of inertia I about its joint drives a counter-gear of inertia I_z = (Z*/Z) I the other way. On a
+carrier, omega* = (1 + Z/Z*) omega_c - (Z/Z*) omega: the carrier gains I_z (1 + Z/Z*). (Ye and Smith's method; the
+source's equations 3.14 to 3.19.)
+
+Which body's inertia is cancelled by which gear: where gears sit, and what passes through prismatic joints.
+
+Real gears: a disc has the pitch diameter 2 a Z / (Z + Z*), a the distance of the two axes.
+"""
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
+
+import numpy as np
+
+from ..errors import ModelError, SizingError
+from .body_groups import check_inertias, translating_parts, tree_parents, turning_groups
+from .expressions import Point
+from .force_balance import (
+    CounterMass,
+    EquivalentLoad,
+    ForceBalance,
+    check_point_mass,
+    force_balanced,
+    pin_load,
+    received_load,
+    span_vector,
+)
+from .linkage import GROUND, Gear, Linkage
+
+
+@dataclass(frozen=True)
+class Gearing:
+    """Gears by body."""
+
+    own: Mapping[str, Gear]
+    """The gear of every body that has one."""
+    joint: Mapping[str, str]
+    """The joint that every gear sits at."""
+    carrier: Mapping[str, str]
+    """The body that carries every gear pair, or the ground."""
+    passes_to: Mapping[str, str]
+    """Bodies without a gear of their own, and the one that turns with them to which their inertia is added."""
+
+
+def gearing(linkage: Linkage, tree: Mapping[str, str]) -> Gearing:
+    """Assign gears. Raises ModelError, naming the body, where one that turns has none, or two."""
+    check_inertias(linkage)
+    own: dict[str, Gear] = {}
+    joint: dict[str, str] = {}
+    for gear in linkage.gears.values():
+        if gear.body in own:
+            raise ModelError(f"gears {own[gear.body].name} and {gear.name} are both on body {gear.body}: keep one")
+        if gear.body in linkage.two_point:
+            raise ModelError(f"gear {gear.name}: body {gear.body} is two point masses and needs no gear")
+        own[gear.body] = gear
+        joint[gear.name] = _joint_of(linkage, tree, gear)
+    carrier = {name: linkage.joints[joint[name]].other(gear.body) for name, gear in linkage.gears.items()}
+    for gear in linkage.gears.values():
+        _check_pivot(gear, carrier[gear.name])
+    return Gearing(own, joint, carrier, _passes_to(linkage, own, carrier))
+
+
+def _check_pivot(gear: Gear, carrier: str) -> None:
+    """Raise ModelError for a counter-gear that is said to be pivoted on another body than its carrier."""
+    if gear.pivot_on not in (None, carrier):
+        raise ModelError(
+            f"gear {gear.name}: its counter-gear is said to be pivoted on {gear.pivot_on}, but the pair is carried by "
+            f"{carrier}: give its place on {carrier}, or another joint for the gear"
+        )
+
+
+def _joint_of(linkage: Linkage, tree: Mapping[str, str], gear: Gear) -> str:
+    name = gear.joint or tree[gear.body]
+    joint = linkage.joint(name)
+    if not joint.joins(gear.body) or not joint.revolute:
+        raise ModelError(f"gear {gear.name}: joint {name} is not a revolute joint of body {gear.body}")
+    return name
+
+
+def _passes_to(linkage: Linkage, own: Mapping[str, Gear], carrier: Mapping[str, str]) -> dict[str, str]:
+    """Prismatic transport: to the body that turns with it and has a gear, best one pivoted on the ground."""
+    group, still, found = turning_groups(linkage), translating_parts(linkage), {}
+    for body in linkage.bodies:
+        if body in own or body in still or body in linkage.two_point:
+            continue
+        partners = [other for other in own if group[other] == group[body]]
+        if not partners:
+            raise ModelError(
+                f"{linkage.name}: body {body} turns and has no gear, nor has one that always turns with it; add for "
+                f'example [gears.z{body}] with body = "{body}"'
+            )
+        found[body] = min(partners, key=lambda other: carrier[own[other].name] != GROUND)
+    return found
+
+
+def wheel_inertia(
+    linkage: Linkage, tree: Mapping[str, str], values: Mapping[str, float], gear: Gear, joint: str, carrier: str
+) -> tuple[float, float]:
+    """Mass [kg] and inertia [kg m2] of the gear on the body: m d^2 / 8 of a disc; zero where nothing is given."""
+    given = gear.wheel
+    if given is None:
+        return 0.0, 0.0
+    if given.diameter is None:
+        return given.mass, given.inertia
+    diameter = _pitch_diameter(linkage, tree, values, gear, joint, carrier)
+    mass = given.mass * (diameter / given.diameter) ** 2
+    return mass, mass * diameter**2 / 8.0
+
+
+def _pitch_diameter(
+    linkage: Linkage, tree: Mapping[str, str], values: Mapping[str, float], gear: Gear, joint: str, carrier: str
+) -> float:
+    if carrier == GROUND and gear.pivot is None:
+        raise ModelError(
+            f"gear {gear.name}: a disc on the ground needs the pivot of its counter-gear: "
+            "counter = { on = 'ground', at = [...] }"
+        )
+    pivot = gear.pivot if gear.pivot is not None else pin_load(linkage, tree[carrier], carrier)
+    distance = float(np.linalg.norm(pivot.plus(pin_load(linkage, joint, carrier), -1.0).at(values)))
+    if not distance > 0:
+        raise ModelError(f"gear {gear.name}: both gears would sit on one axis: give its counter-gear another pivot")
+    return 2.0 * distance * gear.teeth[0] / sum(gear.teeth)
+
+
+@dataclass(frozen=True)
+class Term:
+    """One term of a body's inertia."""
+
+    text: str
+    """In symbols."""
+    value: float
+    """[kg m2]."""
+
+
+@dataclass(frozen=True)
+class BodyMoment:
+    """What gears put on a body, and its inertia about its reduction joint with everything that it carries."""
+
+    body: str
+    extra: ForceBalance
+    """Masses of gears, its own and received, and the counter-masses against them."""
+    terms: tuple[Term, ...]
+
+    @property
+    def inertia(self) -> float:
+        """About the reduction joint [kg m2]."""
+        return sum(term.value for term in self.terms)
+
+
+@dataclass(frozen=True)
+class GearResult:
+    """A gear pair, sized."""
+
+    gear: Gear
+    joint: str
+    carrier: str
+    inertia: float
+    """Of the counter-gear, I_z = (Z*/Z) I [kg m2]."""
+    wheel_mass: float
+    """Of the real gear on the body [kg]."""
+    wheel_inertia: float
+    """About its own axis [kg m2]."""
+    counter_mass: float | None
+    """Of the counter-gear [kg]; None where it is not given, and stands still."""
+
+
+@dataclass(frozen=True)
+class MomentBalance:
+    """All bodies and gears of a complete balance."""
+
+    bodies: Mapping[str, BodyMoment]
+    gears: Mapping[str, GearResult]
+    reshaped: Mapping[str, float]
+    """Own inertia that a reshaped link of a two-point body must have [kg m2]."""
+
+
+def moment_balance(
+    linkage: Linkage,
+    tree: Mapping[str, str],
+    values: Mapping[str, float],
+    force: Mapping[str, ForceBalance],
+    omit: Mapping[str, Collection[str]],
+) -> MomentBalance:
+    """Size the gears; ``omit`` leaves terms, as they are printed, out of a body's inertia, as a source may have done.
+
+    Raises ModelError or SizingError, naming the body, where the method cannot balance it.
+    """
+    step = _Step(linkage, tree, values, force, omit, gearing(linkage, tree))
+    for body in step.order():
+        step.visit(body)
+    return MomentBalance(step.bodies, step.gears, step.reshaped)
+
+
+class _Step:
+    """Visits bodies one by one, each after all that it depends on."""
+
+    def __init__(
+        self,
+        linkage: Linkage,
+        tree: Mapping[str, str],
+        values: Mapping[str, float],
+        force: Mapping[str, ForceBalance],
+        omit: Mapping[str, Collection[str]],
+        pairs: Gearing,
+    ) -> None:
+        self.linkage, self.tree, self.values, self.force, self.omit, self.pairs = (
+            linkage, tree, values, force, omit, pairs,
+        )  # fmt: skip
+        self.bodies: dict[str, BodyMoment] = {}
+        self.gears: dict[str, GearResult] = {}
+        self.reshaped: dict[str, float] = {}
+        self.still = translating_parts(linkage)
+
+    def order(self) -> Iterable[str]:
+        """Bodies after those that they carry, whose gears they carry, or whose inertia passes to them."""
+        before: dict[str, set[str]] = {body: set() for body in self.linkage.bodies}
+        for body in self.linkage.bodies:
+            for _, parent in tree_parents(self.linkage, self.tree, body):
+                before.get(parent, set()).add(body)
+        for gear in self.linkage.gears.values():
+            before.get(self.pairs.carrier[gear.name], set()).add(gear.body)
+        for body, target in self.pairs.passes_to.items():
+            before[target].add(body)
+        try:
+            return list(TopologicalSorter(before).static_order())
+        except CycleError as error:
+            raise ModelError(
+                f"{self.linkage.name}: bodies {', '.join(error.args[1])} carry each other's gears in a circle: put a "
+                "gear at another joint, or reduce one of them elsewhere"
+            ) from error
+
+    def visit(self, body: str) -> None:
+        """Balance the gear masses on a body, sum its inertia, size its gear."""
+        extra = self._extra(body)
+        if body not in self.still:
+            terms = [term for term in self._terms(body, extra) if term.text not in self.omit.get(body, ())]
+        else:
+            check_point_mass(self.linkage, self.force[body], extra)
+            terms = []
+        self.bodies[body] = BodyMoment(body, extra, tuple(terms))
+        if shaped := self.linkage.two_point.get(body):
+            self.reshaped[shaped.reshaped] = self._reshaped(body, shaped.reshaped, shaped.joints)
+        elif body not in self.still and body not in self.pairs.passes_to:
+            self._size(self.pairs.own[body])
+
+    def _extra(self, body: str) -> ForceBalance:
+        linkage, tree, values = self.linkage, self.tree, self.values
+        extras = {name: done.extra for name, done in self.bodies.items()}
+        loads = [load for load in received_load(linkage, tree, extras, body, "m_z") if load.mass]
+        origin = pin_load(linkage, tree[body], body)
+        for done in self.gears.values():
+            if done.carrier == body:
+                at = pin_load(linkage, done.joint, body).plus(origin, -1.0)
+                loads += self._load(done.gear.name, done.wheel_mass, at)
+                pivot = done.gear.pivot.plus(origin, -1.0) if done.gear.pivot is not None else Point()
+                loads += self._load(f"{done.gear.name}*", self._carried(done, pivot), pivot)
+        places = linkage.bodies[body].gear_places
+        return force_balanced(
+            linkage, tree, values, linkage.bodies[body], loads, places, body in self.still and not places
+        )
+
+    @staticmethod
+    def _load(gear: str, mass: float, at: Point) -> list[EquivalentLoad]:
+        return [EquivalentLoad((f"m_{gear}",), mass, at, gear)] if mass else []
+
+    def _carried(self, done: GearResult, pivot: Point) -> float:
+        """Mass of a counter-gear that rides on a carrier. Raises ModelError where it moves and is not given."""
+        if done.counter_mass is not None:
+            return done.counter_mass
+        rides = GROUND not in (parent for _, parent in tree_parents(self.linkage, self.tree, done.carrier))
+        if rides or not pivot.is_zero:
+            raise ModelError(
+                f"gear {done.gear.name}: its counter-gear rides on {done.carrier}, whose pivot moves: give "
+                "counter = { mass = '...' } or { radius_of_gyration = '...' }"
+            )
+        return 0.0
+
+    def _terms(self, body: str, extra: ForceBalance) -> list[Term]:
+        """I = sum(I_cg + m r^2) + received m r^2 + counter-masses' I* + m* p^2 + gears."""
+        balance, found = self.force[body], []
+        for part in self.linkage.bodies[body].parts:
+            found.append(Term(part.inertia, self.values.get(part.inertia, 0.0)))
+        for load in (*balance.loads, *extra.loads):
+            if not load.at.is_zero:
+                r2 = float(load.at.at(self.values) @ load.at.at(self.values))
+                found.append(Term(f"{load.text} {load.at.squared_text()}", load.mass * r2))
+        for counter in (*balance.counters, *extra.counters):
+            found += self._counter_terms(counter, body)
+        for source, target in self.pairs.passes_to.items():
+            if target == body:
+                found.append(Term(f"I[{source}]", self.bodies[source].inertia))
+        for done in self.gears.values():
+            if done.carrier == body:
+                found.append(Term(f"I_{done.gear.name}", done.inertia))
+                found.append(Term(f"I_{done.gear.name} Z/Z*", done.inertia * done.gear.ratio))
+        own = self.pairs.own.get(body)
+        if own is not None and own.wheel is not None:
+            found.append(Term(f"I_m_{own.name}", self._wheel(own)[1]))
+        return found
+
+    def _counter_terms(self, counter: CounterMass, body: str) -> list[Term]:
+        """Its own inertia, and its mass at its place."""
+        squared = float(counter.position @ counter.position)
+        place = counter.place
+        if place.point is not None:
+            text = place.point.plus(pin_load(self.linkage, self.tree[body], body), -1.0).squared_text()
+        else:
+            assert place.radius is not None
+            text = f"{place.radius.power_text()}^2"
+        own = [Term(f"I{place.name}*", counter.inertia)] if counter.inertia else []
+        return [*own, Term(f"{counter.symbol} {text}", counter.mass * squared)]
+
+    def _size(self, gear: Gear) -> None:
+        """I_z = (Z*/Z) I, and what it weighs."""
+        inertia = self.bodies[gear.body].inertia / gear.ratio
+        mass, own = self._wheel(gear)
+        weight = gear.counter_mass
+        if gear.counter_gyration is not None:
+            weight = inertia / gear.counter_gyration**2
+        joint, carrier = self.pairs.joint[gear.name], self.pairs.carrier[gear.name]
+        self.gears[gear.name] = GearResult(gear, joint, carrier, inertia, mass, own, weight)
+
+    def _wheel(self, gear: Gear) -> tuple[float, float]:
+        joint, carrier = self.pairs.joint[gear.name], self.pairs.carrier[gear.name]
+        return wheel_inertia(self.linkage, self.tree, self.values, gear, joint, carrier)
+
+    def _reshaped(self, body: str, link: str, joints: tuple[str, str]) -> float:
+        """Own inertia of the link that makes the body's I about A equal to m_B L^2."""
+        arm = span_vector(self.linkage, self.values, body)
+        share = self.force[body].shares[joints[1]] + self.bodies[body].extra.shares[joints[1]]
+        others = self.bodies[body].inertia - self.values.get(f"I{link}", 0.0)
+        inertia = share * float(arm @ arm) - others
+        if not inertia > 0:
+            raise SizingError(
+                f"two_point of {body}: link {link} would need an inertia of {inertia:.4g} kg m2: its other parts alone "
+                "have more than two point masses at its joints may"
+            )
+        return inertia

@@ -1,0 +1,116 @@
+"""What a source prints for a linkage, beside what its printed inputs give; a difference is shown with its reason."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from ..errors import DataError
+from .equivalence_method import LinkageBalance, balance_linkage, rounding_intervals
+from .expressions import Symbol, symbol
+from .linkage import Contradiction
+
+COLUMNS = ("Fx_N", "Fy_N", "Mz_Nm", "torque_Nm")
+"""Columns of the printed RMS values."""
+STAGES = ("before", "force", "complete")
+"""Without counter-masses, with them, with them and gears."""
+
+
+@dataclass(frozen=True)
+class PublishedRow:
+    """One printed number beside ours."""
+
+    name: str
+    """Symbol, such as m2* or I_z1."""
+    printed: Symbol
+    computed: float
+    """From the printed inputs [kg, kg m2]."""
+    interval: tuple[float, float]
+    """What the rounding of the printed inputs leaves open [kg, kg m2]."""
+    why: str = ""
+    """Why it differs, where the source contradicts itself or its own equations."""
+    explained: float | None = None
+    """What the method gives with what the source leaves out left out here too [kg, kg m2]."""
+    explained_interval: tuple[float, float] | None = None
+    """And what the rounding of the printed inputs leaves open in that [kg, kg m2]."""
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the printed number, as rounded, is one that the printed inputs, as rounded, can give."""
+        return self._reached(self.interval, 1.0)
+
+    @property
+    def cut(self) -> bool:
+        """Whether it agrees only as a number whose further digits were cut off, not rounded."""
+        return not self.agrees and self._reached(self.interval, 2.0)
+
+    @property
+    def is_explained(self) -> bool:
+        """Whether what the source leaves out accounts for the printed number."""
+        return self.explained_interval is not None and self._reached(self.explained_interval, 1.0)
+
+    @property
+    def verdict(self) -> str:
+        """In a word: agrees, agrees cut off, differs."""
+        return "agrees" if self.agrees else "agrees, cut off" if self.cut else "differs"
+
+    def _reached(self, interval: tuple[float, float], halves: float) -> bool:
+        slack = halves * self.printed.half_unit * (1 + 1e-9)
+        return interval[0] - slack <= self.printed.value <= interval[1] + slack
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All that a source prints for a linkage."""
+
+    rows: tuple[PublishedRow, ...]
+    rms: Mapping[str, Mapping[str, float]]
+    """Printed RMS values by stage and column, [N, N m]."""
+    restored: Mapping[str, str]
+    """What had to be restored in the printed copy."""
+    contradictions: tuple[Contradiction, ...]
+
+
+def compare_published(result: LinkageBalance) -> Comparison | None:
+    """Hold a balance against what its linkage's source prints; None where there is nothing printed."""
+    published = result.linkage.published
+    if published is None:
+        return None
+    bounds, ours = rounding_intervals(result), result.results()
+    reasons = {entry.about: entry for entry in published.contradictions}
+    rows = tuple(_row(result, name, text, ours, bounds, reasons.get(name)) for name, text in published.values.items())
+    rms = {stage: dict(zip(COLUMNS, values, strict=True)) for stage, values in published.rms.items()}
+    return Comparison(rows, rms, published.restored, published.contradictions)
+
+
+def _row(
+    result: LinkageBalance,
+    name: str,
+    text: str,
+    ours: Mapping[str, float],
+    bounds: Mapping[str, tuple[float, float]],
+    reason: Contradiction | None,
+) -> PublishedRow:
+    if name not in ours:
+        raise DataError(f"printed.values: {name!r} is not a result: there are {', '.join(ours)}")
+    number = symbol(text, "mass" if name.startswith("m") else "inertia")
+    row = PublishedRow(name, number, ours[name], bounds[name], reason.why if reason else "")
+    if reason is None or not reason.omit:
+        return row
+    omit = _by_body(result, reason)
+    other = balance_linkage(result.linkage, result.values, omit=omit, tree=result.tree)
+    return replace(row, explained=other.results()[name], explained_interval=rounding_intervals(other, omit)[name])
+
+
+def _by_body(result: LinkageBalance, reason: Contradiction) -> dict[str, Sequence[str]]:
+    """Omitted terms by body. Raises DataError for a term that is not in its sum."""
+    found: dict[str, Sequence[str]] = {}
+    assert result.moment is not None
+    for link, terms in reason.omit.items():
+        body = result.linkage.body(link).name
+        known = [term.text for term in result.moment.bodies[body].terms]
+        for term in terms:
+            if term not in known:
+                raise DataError(
+                    f"contradiction {reason.about}: {term!r} is no term of {body}: there are {', '.join(known)}"
+                )
+        found[body] = terms
+    return found

@@ -1,0 +1,133 @@
+"""Every number of a balanced linkage as plain values for JSON, units in the keys."""
+
+from math import isfinite
+from typing import Any
+
+from .equations import Equation, linkage_equations
+from .equivalence_method import LinkageBalance
+from .printed_tables import Comparison, PublishedRow
+from .verification import SimulatedLinkage, Verification
+
+
+def linkage_document(
+    result: LinkageBalance, check: Verification | None, comparison: Comparison | None
+) -> dict[str, Any]:
+    """The whole balance: tree, counter-masses, gears, equations, dynamics, and what the source prints."""
+    return {
+        "linkage": result.linkage.name,
+        "title": result.linkage.title,
+        "reduction": [
+            {"body": name, "joint": result.tree[name], "mass_kg": balance.mass, "point_masses_kg": dict(balance.shares)}
+            for name, balance in result.force.items()
+        ],
+        "residual_first_moment_kgm": result.residual(),
+        "counter_masses": _counter_masses(result),
+        "gears": _gears(result),
+        "inertias": _inertias(result),
+        "reshaped_inertia_kgm2": dict(result.moment.reshaped) if result.moment else {},
+        "equations": [_equation(equation) for equation in linkage_equations(result)],
+        "simulated": _verification(check) if check else None,
+        "printed": _comparison(comparison) if comparison else None,
+    }
+
+
+def _equation(equation: Equation) -> dict[str, Any]:
+    """Its text, and the value of its left-hand side: masses in kg, inertias in kg m2, none of a condition."""
+    found: dict[str, Any] = {"body": equation.body, "equation": equation.text}
+    if equation.value is not None:
+        found["value_kg" if equation.text.startswith("m") else "value_kgm2"] = equation.value
+    return found
+
+
+def _counter_masses(result: LinkageBalance) -> list[dict[str, Any]]:
+    count = len(result.counters("force"))
+    return [
+        {
+            "symbol": counter.symbol,
+            "body": body,
+            "against": "gears" if k >= count else "links",
+            "mass_kg": counter.mass,
+            "position_from_reduction_joint_m": counter.position.tolist(),
+            "inertia_kgm2": counter.inertia,
+        }
+        for k, (body, counter) in enumerate(result.counters())
+    ]
+
+
+def _gears(result: LinkageBalance) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": name,
+            "body": gear.gear.body,
+            "joint": gear.joint,
+            "carrier": gear.carrier,
+            "teeth": list(gear.gear.teeth),
+            "counter_gear_inertia_kgm2": gear.inertia,
+            "counter_gear_mass_kg": gear.counter_mass,
+            "gear_mass_kg": gear.wheel_mass,
+            "gear_inertia_kgm2": gear.wheel_inertia,
+        }
+        for name, gear in (result.moment.gears.items() if result.moment else ())
+    ]
+
+
+def _inertias(result: LinkageBalance) -> list[dict[str, Any]]:
+    return [
+        {
+            "body": name,
+            "inertia_about_joint_kgm2": body.inertia,
+            "terms": [{"term": term.text, "inertia_kgm2": term.value} for term in body.terms],
+        }
+        for name, body in (result.moment.bodies.items() if result.moment else ())
+        if body.terms
+    ]
+
+
+def _verification(check: Verification) -> dict[str, Any]:
+    stages = list(check.constant.responses)
+    return {
+        "origin": "simulated",
+        "speed_rad_per_s": check.speed,
+        "variation_share_of_speed": check.variation,
+        "swings": check.swings,
+        "constant_speed": _run(check.constant),
+        "varying_speed": _run(check.varying),
+        "moving_mass_kg": dict(check.mass),
+        "multiple_of_before": {stage: check.penalty(stage) for stage in stages},
+    }
+
+
+def _run(run: SimulatedLinkage) -> dict[str, Any]:
+    return {
+        "rms": {stage: run.rms(stage) for stage in run.responses},
+        "share_of_before": {stage: _shares(run, stage) for stage in run.responses},
+        "time_s": run.trajectory.time.tolist(),
+        "series": {stage: {k: v.tolist() for k, v in run.series(stage).items()} for stage in run.responses},
+    }
+
+
+def _shares(run: SimulatedLinkage, stage: str) -> dict[str, float | None]:
+    """What is left as a share of before; None where there was nothing before, and now is."""
+    return {name: share if isfinite(share) else None for name, share in run.residual(stage).items()}
+
+
+def _comparison(comparison: Comparison) -> dict[str, Any]:
+    return {
+        "values": [_row(row) for row in comparison.rows],
+        "rms": {stage: dict(values) for stage, values in comparison.rms.items()},
+        "restored": dict(comparison.restored),
+        "contradictions": [{"about": c.about, "why": c.why} for c in comparison.contradictions],
+    }
+
+
+def _row(row: PublishedRow) -> dict[str, Any]:
+    unit = "kg" if row.name.startswith("m") else "kgm2"
+    return {
+        "symbol": row.name,
+        f"printed_{unit}": row.printed.value,
+        f"computed_{unit}": row.computed,
+        f"rounding_interval_{unit}": list(row.interval),
+        "verdict": row.verdict,
+        "why": row.why or None,
+        f"computed_as_the_source_did_{unit}": row.explained,
+    }

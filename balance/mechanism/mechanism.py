@@ -1,0 +1,165 @@
+"""A mechanism: rigid bodies on a base, joints, loops, and sites where counter-masses may be mounted."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ..arrays import Floats, frozen
+from ..errors import ModelError
+from .joint_tree import Tree
+from .loop_constraints import Loop
+
+HEAVIEST = 1e9
+"""Masses from here on are slips of the pen [kg]."""
+LIMIT_ROUNDING = 1e-9
+"""How far a joint may pass its limit by rounding [rad, m]."""
+PARAMETERS = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+"""Inertial parameters of a body in Pinocchio's order, inertia about the origin of the joint's frame."""
+
+
+@dataclass(frozen=True)
+class Site:
+    """A point of a body where a counter-mass may be mounted, or two links meet."""
+
+    name: str
+    body: int
+    """Index of the body, -1 for the base."""
+    position: Floats
+    """Position in the body's frame, (3,) [m]."""
+    radius_of_gyration: float = 0.0
+    """Of a counter-mass mounted here, about its own centre and the body's z axis [m]."""
+
+    def unit_mass(self) -> Floats:
+        """Parameters of 1 kg mounted here, a disc normal to the body's z axis, (10,)."""
+        x, y, z = self.position
+        k2 = self.radius_of_gyration**2
+        about = [y * y + z * z + k2 / 2, -x * y, x * x + z * z + k2 / 2, -x * z, -y * z, x * x + y * y + k2]
+        return np.array([1.0, x, y, z, *about])
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """A mechanism as read from a file, with the payload and counter-masses that it carries."""
+
+    name: str
+    text: str
+    """The file's text, so that a result can be computed anew from what was stored with it."""
+    tree: Tree
+    loops: tuple[Loop, ...]
+    bodies: tuple[str, ...]
+    coordinates: tuple[str, ...]
+    """Names of the joint coordinates, in the order of q, v and a."""
+    parameters: Floats
+    """Inertial parameters, a body a row, (nb, 10): see PARAMETERS."""
+    own_mass: Mapping[str, tuple[int, Floats]]
+    """For each body of the file, its row in ``parameters`` and the share of that row that is its own, (10,)."""
+    sites: Mapping[str, Site]
+    gravity: Floats
+    """Acceleration of gravity in the base frame, (3,) [m/s2]."""
+    home: Floats
+    """A configuration from which closing the loops starts; it chooses the assembly branch, (nv,) [rad, m]."""
+    branch: str
+    """Name of the keyframe that ``home`` is from."""
+    driven: tuple[str, ...]
+    """Coordinates that a motor drives."""
+    armature: Floats
+    """Inertia of the drive reflected to each joint, (nv,) [kg m2, kg]."""
+    viscous: Floats
+    """Viscous friction of each joint, (nv,) [N m s, N s/m]."""
+    coulomb: Floats
+    """Dry friction of each joint, (nv,) [N m, N]."""
+    payload_bodies: tuple[str, ...]
+    """Bodies that carry the payload when none is named."""
+    limits: Floats
+    """Lower and upper limit of each coordinate that the file states, else infinite, (nv, 2) [rad, m]. Not enforced."""
+
+    def beyond_limits(self, q: Floats) -> dict[str, tuple[float, float]]:
+        """For each joint that leaves its limits at the configurations ``q`` (n, nv), how far it goes [rad, m]."""
+        low, high = q.min(axis=0), q.max(axis=0)
+        out = (low < self.limits[:, 0] - LIMIT_ROUNDING) | (high > self.limits[:, 1] + LIMIT_ROUNDING)
+        return {self.coordinates[i]: (float(low[i]), float(high[i])) for i in np.flatnonzero(out)}
+
+    @cached_property
+    def pi(self) -> Floats:
+        """All inertial parameters in one vector, (10 nb,): what the regressors multiply."""
+        return self.parameters.ravel()
+
+    @property
+    def parameter_names(self) -> list[str]:
+        """Names of ``pi``: ``m[A0A]``, ``mcx[A0A]``, ..."""
+        return [f"{parameter}[{body}]" for body in self.bodies for parameter in PARAMETERS]
+
+    @property
+    def total_mass(self) -> float:
+        """Mass of all moving bodies [kg]."""
+        return float(self.parameters[:, 0].sum())
+
+    @property
+    def counter_sites(self) -> list[str]:
+        """Sites meant for counter-masses: those named ``counter...``."""
+        return [name for name in self.sites if name.startswith("counter")]
+
+    def body_index(self, body: str) -> int:
+        """Row of a body in ``parameters``. Raises ModelError, listing the bodies, if there is none."""
+        if body not in self.own_mass:
+            raise ModelError(f"{self.name} has no moving body {body!r}: there are {', '.join(self.own_mass)}")
+        return self.own_mass[body][0]
+
+    def coordinate_index(self, joint: str) -> int:
+        """Position of a joint in q. Raises ModelError, listing the joints, if there is none."""
+        if joint not in self.coordinates:
+            raise ModelError(f"{self.name} has no joint {joint!r}: there are {', '.join(self.coordinates)}")
+        return self.coordinates.index(joint)
+
+    def site(self, name: str) -> Site:
+        """A site by name. Raises ModelError, listing the sites on moving bodies, if there is none."""
+        if name not in self.sites:
+            known = ", ".join(n for n, site in self.sites.items() if site.body >= 0) or "none"
+            raise ModelError(f"{self.name} has no site {name!r}: there are {known}")
+        return self.sites[name]
+
+    def mass(self, body: str) -> float:
+        """Own mass of a body [kg], without what is mounted on it."""
+        self.body_index(body)
+        return float(self.own_mass[body][1][0])
+
+    def centre(self, body: str) -> Floats:
+        """Own centre of mass of a body in the frame of its joint, (3,) [m]."""
+        self.body_index(body)
+        own = self.own_mass[body][1]
+        if own[0] <= 0.0:
+            raise ModelError(f"body {body!r} of {self.name} has no mass of its own, so no centre")
+        return own[1:4] / own[0]
+
+    def with_payload(self, masses: Mapping[str, float]) -> "Mechanism":
+        """Set the masses of bodies [kg], at their own centres and with their own radii of gyration."""
+        mechanism = self
+        for body, mass in masses.items():
+            mechanism = mechanism._with_body_mass(body, mass)
+        return mechanism
+
+    def _with_body_mass(self, body: str, mass: float) -> "Mechanism":
+        index = self.body_index(body)
+        if not 0.0 < mass < HEAVIEST:
+            raise ModelError(f"payload of body {body!r} is {mass:g} kg: expected a positive mass")
+        own = self.own_mass[body][1]
+        if own[0] <= 0.0:
+            raise ModelError(f"body {body!r} of {self.name} has no mass of its own to set: give it one in the file")
+        changed = own * (mass / own[0])
+        parameters = self.parameters.copy()
+        parameters[index] += changed - own
+        return replace(self, parameters=frozen(parameters), own_mass={**self.own_mass, body: (index, changed)})
+
+    def with_counter_mass(self, masses: Mapping[str, float]) -> "Mechanism":
+        """Mount counter-masses at sites [kg]; zero mounts nothing, what is mounted already stays."""
+        parameters = self.parameters.copy()
+        for name, mass in masses.items():
+            site = self.site(name)
+            if site.body < 0:
+                raise ModelError(f"site {name!r} of {self.name} is on the base: a counter-mass there moves nothing")
+            if not 0.0 <= mass < HEAVIEST:
+                raise ModelError(f"counter-mass at {name!r} is {mass:g} kg: expected zero or a positive mass")
+            parameters[site.body] += mass * site.unit_mass()
+        return replace(self, parameters=frozen(parameters))

@@ -1,0 +1,135 @@
+"""Vectors over many samples by component, where a component that is constant zero or one costs nothing.
+
+In a planar mechanism most components are zero: skipping them makes the general code as quick as a planar one.
+"""
+
+import numpy as np
+
+from ..arrays import Floats
+
+Entry = Floats | float
+"""One component: an array over samples (n,), or a constant."""
+Vector = tuple[Entry, Entry, Entry]
+"""Three components, base axes unless said otherwise."""
+Matrix = tuple[Vector, Vector, Vector]
+"""Three columns."""
+
+Rows = list[list[Entry]]
+"""A matrix of any size, row by row."""
+
+ZERO: Vector = (0.0, 0.0, 0.0)
+IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def vector(values: Floats) -> Vector:
+    """A constant vector (3,) by component."""
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
+def matrix(values: Floats) -> Matrix:
+    """A constant matrix (3, 3) by column."""
+    return vector(values[:, 0]), vector(values[:, 1]), vector(values[:, 2])
+
+
+def mul(a: Entry, b: Entry) -> Entry:
+    """Product of two components."""
+    if isinstance(a, float):
+        if a == 0.0:
+            return 0.0
+        if a == 1.0:
+            return b
+    if isinstance(b, float):
+        if b == 0.0:
+            return 0.0
+        if b == 1.0:
+            return a
+    return a * b
+
+
+def add(a: Entry, b: Entry) -> Entry:
+    """Sum of two components."""
+    if isinstance(a, float) and a == 0.0:
+        return b
+    if isinstance(b, float) and b == 0.0:
+        return a
+    return a + b
+
+
+def sub(a: Entry, b: Entry) -> Entry:
+    """Difference of two components."""
+    if isinstance(b, float) and b == 0.0:
+        return a
+    if isinstance(a, float) and a == 0.0:
+        return -b
+    return a - b
+
+
+def plus(a: Vector, b: Vector) -> Vector:
+    """Sum of two vectors."""
+    return add(a[0], b[0]), add(a[1], b[1]), add(a[2], b[2])
+
+
+def minus(a: Vector, b: Vector) -> Vector:
+    """Difference of two vectors."""
+    return sub(a[0], b[0]), sub(a[1], b[1]), sub(a[2], b[2])
+
+
+def scale(factor: Entry, a: Vector) -> Vector:
+    """A vector times a number a sample."""
+    return mul(factor, a[0]), mul(factor, a[1]), mul(factor, a[2])
+
+
+def dot(a: Vector, b: Vector) -> Entry:
+    """Scalar product of two vectors."""
+    return add(add(mul(a[0], b[0]), mul(a[1], b[1])), mul(a[2], b[2]))
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """Vector product of two vectors."""
+    return (
+        sub(mul(a[1], b[2]), mul(a[2], b[1])),
+        sub(mul(a[2], b[0]), mul(a[0], b[2])),
+        sub(mul(a[0], b[1]), mul(a[1], b[0])),
+    )
+
+
+def apply(m: Matrix, a: Vector) -> Vector:
+    """Matrix times vector: columns times components."""
+    return plus(plus(scale(a[0], m[0]), scale(a[1], m[1])), scale(a[2], m[2]))
+
+
+def apply_transposed(m: Matrix, a: Vector) -> Vector:
+    """Transposed matrix times vector."""
+    return dot(m[0], a), dot(m[1], a), dot(m[2], a)
+
+
+def product(m: Matrix, other: Matrix) -> Matrix:
+    """Product of two matrices."""
+    return apply(m, other[0]), apply(m, other[1]), apply(m, other[2])
+
+
+def fill(out: Floats, a: Vector) -> Floats:
+    """Write a vector into an array (3, n), and return the array."""
+    for row, entry in zip(out, a, strict=True):
+        row[...] = entry
+    return out
+
+
+def dense(a: Vector, count: int) -> Floats:
+    """A vector as an array (3, n)."""
+    return fill(np.empty((3, count)), a)
+
+
+def zeros(rows: int, columns: int) -> Rows:
+    """A matrix of zeros."""
+    return [[0.0] * columns for _ in range(rows)]
+
+
+def dense_rows(rows: Rows, columns: int, count: int) -> Floats:
+    """A matrix as an array (rows, columns, n)."""
+    out = np.empty((len(rows), columns, count))
+    for i, row in enumerate(rows):
+        for j, entry in enumerate(row):
+            out[i, j] = entry
+    return out

@@ -1,1 +1,0 @@
-"""The named ways of balancing, side by side on one motion."""

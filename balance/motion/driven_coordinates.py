@@ -1,0 +1,150 @@
+"""What a motion drives: joints, or a point of a body along axes of the base."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from ..arrays import Floats
+from ..errors import ModelError
+from ..mechanism import forward_kinematics
+from ..mechanism.forward_kinematics import Motion, Pose
+from ..mechanism.joint_tree import Tree
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.sparse_components import Rows, dense, zeros
+
+AXES = {"x": 0, "y": 1, "z": 2}
+
+
+class Drive(Protocol):
+    """Driven coordinates u(q), with their Jacobian and acceleration bias; samples on the last axis."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the driven coordinates."""
+        ...
+
+    @property
+    def size(self) -> int:
+        """Number of driven coordinates."""
+        ...
+
+    def position(self, at: Pose, q: Floats) -> Floats:
+        """Driven coordinates, (size, n) [rad, m]."""
+        ...
+
+    def jacobian(self, tree: Tree, at: Pose) -> Rows:
+        """Their rates per joint rate, (size, nv)."""
+        ...
+
+    def bias(self, at: Pose, moving: Motion) -> Floats:
+        """Their second rates where ``moving`` has zero joint accelerations, (size, n) [rad/s2, m/s2]."""
+        ...
+
+    def scale(self, length: float) -> float:
+        """What a step of one radian amounts to in these coordinates, for a mechanism of ``length`` [rad, m]."""
+        ...
+
+    def value(self, mechanism: Mechanism, q: Floats) -> Floats:
+        """Driven coordinates of one configuration (nv,), (size,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class JointDrive:
+    """Joints that are driven directly."""
+
+    names: tuple[str, ...]
+    indices: tuple[int, ...]
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, joints: tuple[str, ...], sliding: bool | None = None) -> "JointDrive":
+        """Drive joints by name; ``sliding`` says whether they are given in lengths, where that is known.
+
+        Raises ModelError for a joint that the mechanism does not have, or that turns where a length is given.
+        """
+        indices = tuple(mechanism.coordinate_index(joint) for joint in joints)
+        for joint, index in zip(joints, indices, strict=True):
+            if sliding is not None and mechanism.tree.joints[index].revolute == sliding:
+                raise ModelError(
+                    f"joint {joint!r} of {mechanism.name} {'turns' if sliding else 'slides'}, but the motion gives "
+                    f"{'lengths' if sliding else 'angles'}: write it in {'rad or deg' if sliding else 'm or mm'}"
+                )
+        return cls(joints, indices)
+
+    @property
+    def size(self) -> int:
+        """Number of driven joints."""
+        return len(self.indices)
+
+    def position(self, at: Pose, q: Floats) -> Floats:
+        """Joint positions, (size, n)."""
+        return q[list(self.indices)]
+
+    def jacobian(self, tree: Tree, at: Pose) -> Rows:
+        """Rows of the identity, (size, nv)."""
+        return [[float(i == index) for i in range(tree.size)] for index in self.indices]
+
+    def bias(self, at: Pose, moving: Motion) -> Floats:
+        """Zero: joint coordinates are linear."""
+        return np.zeros((self.size, at.count))
+
+    def scale(self, length: float) -> float:
+        """One radian."""
+        return 1.0
+
+    def value(self, mechanism: Mechanism, q: Floats) -> Floats:
+        """Joint positions of one configuration."""
+        return q[list(self.indices)]
+
+
+@dataclass(frozen=True)
+class PointDrive:
+    """A point fixed in a body's frame, driven along axes of the base."""
+
+    names: tuple[str, ...]
+    joint: int
+    offset: Floats
+    axes: tuple[int, ...]
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, place: str, axes: tuple[str, ...]) -> "PointDrive":
+        """Drive a body's own centre of mass, or a site, by name, along ``axes`` such as ("x", "y")."""
+        if place in mechanism.own_mass:
+            body, offset = mechanism.body_index(place), mechanism.centre(place)
+        else:
+            site = mechanism.site(place)
+            if site.body < 0:
+                raise ModelError(f"site {place!r} of {mechanism.name} is on the base: it cannot be driven")
+            body, offset = site.body, site.position
+        names = tuple(f"{place}.{axis}" for axis in axes)
+        return cls(names, mechanism.tree.bodies[body], offset, tuple(AXES[axis] for axis in axes))
+
+    @property
+    def size(self) -> int:
+        """Number of driven axes."""
+        return len(self.axes)
+
+    def position(self, at: Pose, q: Floats) -> Floats:
+        """Base coordinates of the point, (size, n) [m]."""
+        return dense(at.point(self.joint, self.offset), at.count)[list(self.axes)]
+
+    def jacobian(self, tree: Tree, at: Pose) -> Rows:
+        """Rows of the point's Jacobian, (size, nv)."""
+        rows = zeros(3, tree.size)
+        forward_kinematics.add_point_jacobian(tree, at, self.joint, at.point(self.joint, self.offset), rows)
+        return [rows[axis] for axis in self.axes]
+
+    def bias(self, at: Pose, moving: Motion) -> Floats:
+        """Acceleration of the point at zero joint accelerations, (size, n) [m/s2]."""
+        return dense(forward_kinematics.point_acceleration(at, moving, self.joint, self.offset), at.count)[
+            list(self.axes)
+        ]
+
+    def scale(self, length: float) -> float:
+        """A length of the mechanism."""
+        return length
+
+    def value(self, mechanism: Mechanism, q: Floats) -> Floats:
+        """Base coordinates of the point at one configuration."""
+        return self.position(forward_kinematics.pose(mechanism.tree, q[:, None]), q[:, None])[:, 0]

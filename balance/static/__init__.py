@@ -1,1 +1,0 @@
-"""Static balance: potential energy constant over the workspace, by counter-masses or by zero-free-length springs."""

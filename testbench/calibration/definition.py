@@ -1,0 +1,256 @@
+"""A calibration as it stands in a rig or in a record: texts with units, checked, nothing applied yet.
+
+Texts with compound units, such as ``10.2 mV/g`` or ``3.9 pC/N``, in SI base units. In an acceleration g is g0.
+
+The matrix of a multi-axis sensor from a CSV: a row a component, a column a channel, numbers alone.
+"""
+
+import csv
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import date as Date
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+
+from balance.errors import UnitError
+from balance.input_files import Table
+from balance.units import SI_UNITS, parse_unit
+
+from ..errors import RigError
+
+Each = str | dict[str, str]
+"""One text for all channels of a sensor, or one a component."""
+
+
+def _finite(value: float) -> float:
+    if not math.isfinite(value):
+        raise ValueError(f"{value}: expected a finite number")
+    return value
+
+
+def _day(value: object) -> object:
+    """A date of TOML, or text such as 2026-03-31."""
+    try:
+        return value.isoformat() if isinstance(value, Date) else Date.fromisoformat(str(value)).isoformat()
+    except ValueError as error:
+        raise ValueError(f"{value!r}: expected a date such as 2026-03-31") from error
+
+
+Number = Annotated[float, AfterValidator(_finite)]
+Day = Annotated[str, BeforeValidator(_day)]
+
+
+class Polynomial(Table):
+    """c0 + c1 x + c2 x^2 ...: x in ``raw``, the result in ``physical``."""
+
+    coefficients: tuple[Number, ...] = Field(min_length=2)
+    """c0, c1, c2 ..., in these units."""
+    raw: str
+    """Unit of what is written, such as ``V``."""
+    physical: str
+    """Unit of the result, such as ``N``."""
+
+
+class Matrix(Table):
+    """Loads = rows @ (raw - offset): a row a component, a column a channel, in the order of the sensor's channels."""
+
+    rows: tuple[tuple[Number, ...], ...] = Field(min_length=1)
+    """A row a component, a column a channel, in these units."""
+    raw: str
+    """Unit of what is written, such as ``mV/V``."""
+    physical: Each
+    """Unit of the result, for all components or for each."""
+
+
+class Calibration(Table):
+    """What turns a sensor's channels as written into what it measures.
+
+    physical = (raw - offset) / (sensitivity x amplifier), or a polynomial, or a matrix of all channels; or an offset
+    alone, where the log is in physical units already.
+    """
+
+    sensitivity: Each | None = None
+    """Such as ``10.2 mV/g`` or ``3.9 pC/N``; negative where the sensor is mounted or wired the other way round."""
+    amplifier: Each | None = None
+    """Behind the sensor: ``10 mV/pC``, or the other way, ``100 pC/V``, as makers of charge amplifiers print it."""
+    offset: Each | None = None
+    """What the channel shows at zero, in the unit of the log's kind (``2.5 V``) or of the quantity (``-0.6 N``)."""
+    polynomial: Polynomial | dict[str, Polynomial] | None = None
+    """In place of a sensitivity, for all channels or for each."""
+    matrix: Matrix | None = None
+    """In place of a sensitivity, for all channels together."""
+    unit: str | None = None
+    """In which the logger writes, where neither the log nor the sensor's ``unit`` says so."""
+    date: Day | None = None
+    """When it was calibrated."""
+    reference: str = ""
+    """Certificate, laboratory."""
+
+    @model_validator(mode="after")
+    def _one_law(self) -> "Calibration":
+        given = [n for n in ("sensitivity", "polynomial", "matrix") if getattr(self, n) is not None]
+        if len(given) > 1:
+            raise ValueError(f"{given[0]} and {given[1]}: expected one of sensitivity, polynomial, matrix")
+        if not given and self.offset is None:
+            raise ValueError("expected one of sensitivity, polynomial, matrix, offset")
+        if self.amplifier is not None and self.sensitivity is None:
+            raise ValueError("amplifier: goes with a sensitivity, such as '3.9 pC/N'")
+        if self.offset is not None and self.polynomial is not None:
+            raise ValueError("offset: is the first coefficient of a polynomial; expected one of the two")
+        return self
+
+    def document(self) -> dict[str, Any]:
+        """As it is stored; what is not given is left out."""
+        return self.model_dump(exclude_none=True, exclude_defaults=True)
+
+    def __str__(self) -> str:
+        """On one line, as written."""
+        parts = [
+            _each(self.sensitivity, "{}"),
+            _each(self.amplifier, "amplifier {}"),
+            _polynomials(self.polynomial),
+            "" if self.matrix is None else _size(self.matrix),
+            _each(self.offset, "offset {}"),
+            f"calibrated {self.date}" if self.date else "",
+            self.reference,
+        ]
+        return ", ".join(part for part in parts if part)
+
+
+def of_component(each: "Mapping[str, Any] | Any", component: str) -> Any:  # noqa: ANN401
+    """What is given for a component: for all, or by its name, its letter (``F``) or, of a force, its axis."""
+    if not isinstance(each, Mapping):
+        return each
+    for name in names_of(component):
+        if name in each:
+            return each[name]
+    return None
+
+
+def names_of(component: str) -> tuple[str, ...]:
+    """The keys that mean a component: ``Fx`` is also meant by ``F`` and ``x``, ``Mz`` by ``M``."""
+    if len(component) == 2 and component[0] in "FM" and component[1] in "xyz":
+        return (component, component[0], component[1]) if component[0] == "F" else (component, component[0])
+    return (component,)
+
+
+def _each(each: Each | None, form: str) -> str:
+    if each is None:
+        return ""
+    return form.format(each if isinstance(each, str) else ", ".join(f"{name} {text}" for name, text in each.items()))
+
+
+def _polynomials(found: Polynomial | dict[str, Polynomial] | None) -> str:
+    if found is None:
+        return ""
+    by_name = found if isinstance(found, dict) else {"": found}
+    return ", ".join(
+        f"{name} polynomial {' '.join(f'{c:g}' for c in p.coefficients)} ({p.raw} to {p.physical})".strip()
+        for name, p in by_name.items()
+    )
+
+
+def _size(matrix: Matrix) -> str:
+    out = matrix.physical if isinstance(matrix.physical, str) else ", ".join(matrix.physical.values())
+    return f"matrix {len(matrix.rows)} x {len(matrix.rows[0])} ({matrix.raw} to {out})"
+
+
+_AMOUNT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
+_STANDARD_GRAVITY = re.compile(r"(?<![A-Za-z])[gG](?![A-Za-z0-9])")
+_LSB = re.compile(r"(?<![A-Za-z])(?:LSB|digits?)(?![A-Za-z0-9])")
+ELECTRICAL = ("V", "A", "C", "ohm", "V/V", "count")
+"""Units of what a sensor gives uncalibrated: voltage, current, charge, resistance, a ratio, steps of a converter."""
+
+
+@dataclass(frozen=True)
+class Amount:
+    """A value in SI base units, and these."""
+
+    value: float
+    units: Any
+
+    def __mul__(self, other: "Amount") -> "Amount":
+        return Amount(self.value * other.value, self.units * other.units)
+
+    def __truediv__(self, other: "Amount") -> "Amount":
+        return Amount(self.value / other.value, self.units / other.units)
+
+
+@cache
+def unit(text: str, dimensions: tuple[str, ...]) -> Amount:
+    """One ``text`` in SI base units; ``dimensions`` are those of what is measured. Raises UnitError for no unit."""
+    plain = _LSB.sub("count", text.strip())
+    if "acceleration" in dimensions:
+        plain = _STANDARD_GRAVITY.sub("g0", plain)
+    parsed = parse_unit(plain)
+    if parsed is None:
+        raise UnitError(f"{text!r} is not a known unit")
+    base = (1.0 * parsed).to_base_units()
+    return Amount(float(base.magnitude), base.units)
+
+
+def amount(text: str, dimensions: tuple[str, ...]) -> Amount:
+    """A number with a unit in SI base units; finite."""
+    match = _AMOUNT.fullmatch(text)
+    if match is None or not match[2]:
+        raise UnitError(f"{text!r}: expected a number and a unit, such as '10.2 mV/g'")
+    one = unit(match[2], dimensions)
+    value = float(match[1]) * one.value
+    if not math.isfinite(value):
+        raise UnitError(f"{text!r} is beyond all bounds")
+    return Amount(value, one.units)
+
+
+def measures(units: Any, dimensions: tuple[str, ...]) -> bool:  # noqa: ANN401
+    """Whether SI base units are those of one of ``dimensions``."""
+    return any(units == unit(SI_UNITS[d], ()).units for d in dimensions)
+
+
+def electrical_name(units: Any) -> str | None:  # noqa: ANN401
+    """``V``, ``C``, ...: what a sensor gives in these SI base units; None if it is nothing electrical."""
+    return next((known for known in ELECTRICAL if units == unit(known, ()).units), None)
+
+
+def is_electrical(text: str) -> bool:
+    """Whether a unit is one that a sensor writes before it is calibrated, such as V, pC, mV/V or counts."""
+    try:
+        return electrical_name(unit(text, ()).units) is not None
+    except UnitError:
+        return False
+
+
+def read_matrix(path: Path) -> list[list[float]]:
+    """The rows of a matrix. Separated by commas, tabs or, with decimal commas allowed, by semicolons; # is a comment.
+
+    Raises RigError, with the line, for a cell that is no number.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except IsADirectoryError as error:
+        raise RigError(f"{path}: is a folder; expected a CSV file of the matrix, a row a component") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise RigError(f"{path.name}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+    lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
+    separator = ";" if ";" in text else "\t" if "\t" in text else ","
+    rows = [
+        [_number(path, number, cell, separator) for cell in next(csv.reader([line], delimiter=separator))]
+        for number, line in lines
+    ]
+    if not rows:
+        raise RigError(f"{path.name}: holds no row of numbers")
+    return rows
+
+
+def _number(path: Path, line: int, cell: str, separator: str) -> float:
+    text = cell.strip()
+    try:
+        return float(text.replace(",", ".") if separator == ";" else text)
+    except ValueError as error:
+        raise RigError(
+            f"{path.name}, line {line}: {cell!r} is no number: expected a matrix of numbers alone"
+        ) from error

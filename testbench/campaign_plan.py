@@ -1,0 +1,109 @@
+"""A campaign's plan: which runs, with which payload, counter-masses, motion and acceleration (``datasets/plans``)."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+
+from balance import datasets
+from balance.errors import DataError
+from balance.input_files import OneOrMore, Table, load_model, model_from_table, toml_tables
+from balance.units import G0
+
+from .errors import RigError
+from .recording import Conditions
+from .rig import schema
+
+
+@dataclass(frozen=True)
+class PlannedRun:
+    """One run: what a person sets up at the bench, or what is simulated."""
+
+    name: str
+    payload: float
+    """Everything that the platform carries, itself included [kg]."""
+    counter_masses: dict[str, float]
+    """By site [kg]; empty without counter-masses."""
+    motion: str
+    peak_acceleration: float
+    """[m/s2]"""
+    repeat: int
+
+    @property
+    def conditions(self) -> Conditions:
+        """The run's conditions as they are stored with a run."""
+        return Conditions(
+            payload_kg=self.payload,
+            counter_masses=self.counter_masses,
+            motion=self.motion,
+            peak_acceleration_g=round(self.peak_acceleration / G0, 12),
+            repeat=self.repeat,
+        )
+
+
+_ONE_OR_MORE = (OneOrMore, Field(min_length=1))
+
+
+class Condition(Table):
+    """Runs in every combination of what is listed, each also without counter-masses unless the plan says no."""
+
+    payload: Annotated[list[schema.Mass], *_ONE_OR_MORE]
+    """Everything that the platform carries, itself included; one or several [kg]."""
+    counter_masses: dict[str, schema.Mass] = Field(default_factory=dict)
+    """Counter-masses by site [kg]."""
+    motion: Annotated[list[str], *_ONE_OR_MORE]
+    """Names of motions, or files; one or several."""
+    peak_acceleration: Annotated[list[schema.Acceleration], *_ONE_OR_MORE]
+    """Peak acceleration of the motion; one or several [m/s2]."""
+    also_without: bool = True
+    """Whether every run is made without counter-masses too."""
+
+    def combinations(self) -> Iterator[tuple[float, dict[str, float], str, float]]:
+        """Payload [kg], counter-masses [kg], motion, peak acceleration [m/s2]; with counter-masses before without."""
+        sets = [self.counter_masses] + [{}] * (self.also_without and bool(self.counter_masses))
+        for payload, motion, acceleration in product(self.payload, self.motion, self.peak_acceleration):
+            for masses in sets:
+                yield payload, masses, motion, acceleration
+
+
+class Plan(Table):
+    """A campaign of runs of one mechanism."""
+
+    mechanism: str
+    """A shipped mechanism by name, or a file."""
+    payload_body: str | None = None
+    """The body whose mass is the payload, for a reader: it must be the one that the mechanism's file names."""
+    repeats: int = Field(default=1, ge=1, le=1000)
+    """How often every run is made."""
+    seed: int = Field(default=0, ge=0)
+    """Of the noise in simulated logs."""
+    conditions: list[Condition] = Field(min_length=1)
+    """Conditions of the runs."""
+
+    def runs(self) -> list[PlannedRun]:
+        """All runs in order, named ``r001``, ``r002``, ...; what several conditions ask for is run once a repeat."""
+        distinct: dict[object, tuple[float, dict[str, float], str, float]] = {}
+        for condition in self.conditions:
+            for payload, masses, motion, acceleration in condition.combinations():
+                key = (payload, tuple(sorted(masses.items())), motion, acceleration)
+                distinct.setdefault(key, (payload, masses, motion, acceleration))
+        each = [(repeat, run) for run in distinct.values() for repeat in range(1, self.repeats + 1)]
+        digits = max(3, len(str(len(each))))
+        return [PlannedRun(f"r{i:0{digits}d}", *run, repeat) for i, (repeat, run) in enumerate(each, 1)]
+
+
+def load_plan(name: str | Path) -> Plan:
+    """Load a plan: a file, or a shipped one by name. Raises RigError, naming the key that is wrong."""
+    try:
+        path = datasets.find_dataset(name, "plans", ".toml")
+    except DataError as error:
+        raise RigError(str(error)) from error
+    return load_model(Plan, path, RigError)
+
+
+def from_text(text: str, source: str = "plan") -> Plan:
+    """Read a plan from its text; ``source`` is what messages call it."""
+    return model_from_table(Plan, toml_tables(text, source, RigError), source, RigError)

@@ -1,0 +1,118 @@
+"""``testbench info``.
+
+``testbench formats``.
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from balance.cli.framework import EXIT_REFUSED, emit_json, emit_table, json_option
+
+from . import options
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from ..quality.group_checks import GroupCheck
+    from ..quality.log_description import Description
+
+SHOWN_GROUPS, SHOWN_CHANNELS = 50, 500
+"""Groups of a file, and channels of a group, that are printed for people."""
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  testbench info run_001.csv
+  testbench info run_001.csv --stats
+  testbench info olcum.txt --encoding cp1254 --decimal comma --json
+\b
+Exit codes: 0 nothing odd, 3 findings, 1 would be refused or cannot be read."""
+)
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--stats", is_flag=True, help="Also count, min, max, mean, first and last of each channel.")
+@options.text_options
+@json_option
+def info(file: Path, stats: bool, as_json: bool, **text: Any) -> int:  # noqa: ANN401
+    """What a log file holds, and what is odd in it. Reads the whole file, keeps nothing."""
+    from ..quality.log_description import describe_log
+    from ..recording import Refusal
+
+    try:
+        found = describe_log(file, options.read_options(**text))
+    except Refusal as refusal:
+        if as_json:
+            emit_json({"format": None, "groups": [], "findings": [refusal.finding.as_dict()]})
+            click.echo(f"testbench: {options.plain_text(str(refusal))}", err=True)
+            return EXIT_REFUSED
+        raise
+    if as_json:
+        emit_json(found.as_dict(stats))
+    else:
+        _print(found, stats)
+    return options.exit_code(found.findings)
+
+
+def _print(found: "Description", stats: bool) -> None:
+    recording = found.recording
+    marked = " - SIMULATED" if recording.origin == "simulated" else ""
+    click.echo(f"{options.plain_text(recording.path.name)}: {recording.format}{marked}")
+    for check in found.groups[:SHOWN_GROUPS]:
+        header = ["channel", "unit", *(["n", "nan", "min", "max", "mean", "first", "last"] if stats else [])]
+        click.echo(_title(check))
+        emit_table("", header, [_row(check, i, stats) for i in range(min(len(check.stats), SHOWN_CHANNELS))])
+        _say_more(len(check.stats) - SHOWN_CHANNELS, "channels")
+    _say_more(len(found.groups) - SHOWN_GROUPS, "groups")
+    options.print_reading_findings("Findings", found.findings)
+
+
+def _say_more(number: int, of: str) -> None:
+    if number > 0:
+        click.echo(f"and {number} more {of}; --json lists all")
+
+
+def _title(check: "GroupCheck") -> str:
+    from ..quality.log_description import clock
+
+    rate = f", {check.rate_hz:.6g} Hz ({check.rate_source})" if check.rate_hz else ", no rate"
+    return f"{options.plain_text(check.group.name)}: {check.samples} samples{rate}{_span(clock(check) or {})}"
+
+
+def _span(times: "Mapping[str, float | int | None]") -> str:
+    """From when to when, in seconds where the unit of time is known."""
+    for unit in ("_s", ""):
+        if times.get(f"t_last{unit}") is not None:
+            return f", {times[f't_first{unit}']:g} to {times[f't_last{unit}']:g}{unit.replace('_', ' ')}"
+    return ""
+
+
+def _row(check: "GroupCheck", index: int, stats: bool) -> list[str]:
+    channel, numbers = check.group.channels[index], check.stats[index].as_dict()
+    cells = [options.plain_text(channel.name), options.plain_text(channel.unit or "-")]
+    if stats:
+        cells += ["-" if v is None else str(v) if isinstance(v, int) else f"{v:.9g}" for v in numbers.values()]
+    return cells
+
+
+@click.command(
+    epilog="""\b
+Example:
+  testbench formats
+\b
+A package adds a format by an entry point of the group counterpoise.readers."""
+)
+@json_option
+def formats(as_json: bool) -> None:
+    """Which formats can be read, and what each needs installed."""
+    from ..readers import readers
+
+    known = readers()
+    if as_json:
+        emit_json({
+            "formats": [{"name": r.name, "extensions": list(r.extensions), "needs": r.needs or None} for r in known]
+        })  # fmt: skip
+        return
+    rows = [[r.name, " ".join(r.extensions), r.needs or "nothing more"] for r in known]
+    emit_table("Formats", ["format", "extensions", "needs"], rows)

@@ -1,0 +1,322 @@
+"""Options that say how an amplitude is taken, and how reductions are printed.
+
+Which calibrations a command applied: said by every command that computes physical values.
+
+A bar on stderr with rate and time left: only on a terminal, and only where it is worth it.
+
+What the commands that read logs share: their options, findings for people, exit codes.
+
+RUN... on a command line: stored runs, or campaigns of them.
+"""
+
+import re
+import sys
+import unicodedata
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS
+
+if TYPE_CHECKING:
+    from ..readers import ReadOptions
+    from ..recording import Finding
+    from ..runs.calibration_history import CalibrationInForce
+    from ..runs.si_run import SIRun
+    from ..signal.filters import Band
+    from ..store import Run
+    from ..vibration.comparison import Comparison
+    from ..vibration.metrics import Measure
+    from ..vibration.reduction import Analysis, Reduction
+
+F = TypeVar("F", bound=Callable[..., Any])
+_NUMBER = r"(\d+\.?\d*)"
+
+
+class BandText(click.ParamType["Band | None"]):
+    """``LO..HI`` in Hz as a band, ``none`` as None."""
+
+    name = "lo..hi"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> "Band | None":  # noqa: ANN401
+        """Read the text; a wrong one fails as a wrong command line."""
+        from ..errors import AnalysisError
+        from ..signal.filters import Band
+
+        if not isinstance(value, str) or value == "none":
+            return None if value == "none" else value
+        match = re.fullmatch(rf"{_NUMBER}?\s*\.\.\s*{_NUMBER}\s*(?:Hz)?", value.strip())
+        if match is None:
+            self.fail(f"{value!r}: expected two frequencies in Hz such as 1..200, or none", param, ctx)
+        try:
+            return Band(float(match[1] or 0.0), float(match[2]))
+        except AnalysisError as error:
+            self.fail(str(error), param, ctx)
+
+
+def measure_options(command: F) -> F:
+    """Add ``--metric`` and ``--band``."""
+    metric = click.option(
+        "--metric",
+        type=click.Choice(["peak", "peak_to_peak", "rms"]),
+        default="peak_to_peak",
+        show_default=True,
+        help="What an amplitude is.",
+    )
+    band = click.option(
+        "--band",
+        type=BandText(),
+        default="0..200",
+        show_default=True,
+        help="Frequencies that count [Hz], zero-phase Butterworth; none: all.",
+    )
+    return metric(band(command))
+
+
+def measure_option(metric: Any, band: "Band | None") -> "Measure":  # noqa: ANN401
+    """The measure that the options ask for."""
+    from ..vibration.metrics import Measure
+
+    return Measure(metric, band)
+
+
+def per_cent(value: float | None) -> str:
+    """One decimal, or a dash where there is none."""
+    return "-" if value is None else f"{value:.1f}"
+
+
+def reduction_text(reduction: "Reduction") -> str:
+    """``94.2 [93.1, 95.0]``; a lower bound as ``>= 97.2``, with what bounds it."""
+    if reduction.limit == "at_least" and reduction.at_least is not None:
+        return f">= {per_cent(reduction.at_least)} {'< noise' if reduction.below_noise else 'clipped'}"
+    value = per_cent(reduction.percent)
+    if reduction.limit == "at_most":
+        return f"<= {value} clipped"
+    if reduction.interval is None:
+        return value
+    return f"{value} [{', '.join(map(per_cent, reduction.interval))}]"
+
+
+def draw_figures(found: "Analysis | Comparison", file: str) -> None:
+    """Draw the reductions of an analysis, or of a comparison."""
+    from balance.figures.mechanism import save
+
+    from ..figures.reductions import reductions
+
+    save(reductions(found), file)
+
+
+def mounting_text(reductions: Sequence["Reduction"]) -> list[str]:
+    """Counter-masses of each reduction as ``12.5 + 12.9`` [kg], where a condition has several sets; else blanks."""
+    sets: dict[object, set[str]] = {}
+    texts = [" + ".join(f"{mass:g}" for mass in r.counter_masses.values()) for r in reductions]
+    for r, text in zip(reductions, texts, strict=True):
+        sets.setdefault(r.key, set()).add(text)
+    return texts if any(len(several) > 1 for several in sets.values()) else [""] * len(texts)
+
+
+def with_sets(
+    header: list[str], rows: list[list[str]], reductions: Sequence["Reduction"]
+) -> tuple[list[str], list[list[str]]]:
+    """The table with a column of the counter-masses after the acceleration, where they tell rows apart."""
+    sets = mounting_text(reductions)
+    if not any(sets):
+        return header, rows
+    at = header.index("peak g0") + 1
+    wider = [[*row[:at], text, *row[at:]] for row, text in zip(rows, sets, strict=True)]
+    return [*header[:at], "counter-masses kg", *header[at:]], wider
+
+
+def print_findings(findings: Iterable["Finding"]) -> None:
+    """What could not be analysed or is doubtful, a line each."""
+    for finding in findings:
+        click.echo(f"  {finding.code}: {finding.message}")
+
+
+def print_origins(counts: dict[str, int]) -> str:
+    """``52 of 52 runs are simulated``."""
+    total = sum(counts.values())
+    parts: Sequence[str] = [f"{count} of {total} runs are {origin}" for origin, count in counts.items()]
+    return "; ".join(parts) + "."
+
+
+def in_force(runs: "Iterable[Run | SIRun]") -> "list[CalibrationInForce]":
+    """The calibrations in force in runs; none where the logs are in physical units already, or there is no rig."""
+    from ..runs.si_run import SIRun, calibrations_in_force
+
+    bound = (run if isinstance(run, SIRun) else run.rig and SIRun.of(run) for run in runs)
+    return calibrations_in_force(run for run in bound if run)
+
+
+def calibrations_document(runs: "Iterable[Run | SIRun]") -> list[dict[str, Any]]:
+    """The same, for ``--json``."""
+    return [found.as_dict() for found in in_force(runs)]
+
+
+def print_calibrations(runs: "Iterable[Run | SIRun]") -> None:
+    """A line for each calibration, with the runs in which it is in force."""
+    say_each(in_force(runs))
+
+
+def say_each(found: "Sequence[CalibrationInForce]") -> None:
+    """The same of calibrations that are known."""
+    for one in found:
+        runs = ", ".join(one.runs[:4]) + (f" and {len(one.runs) - 4} more" if len(one.runs) > 4 else "")
+        click.echo(f"Calibrated {one}, in {runs}.")
+
+
+WORTH = 20 << 20
+"""Work from which a bar is shown [bytes]."""
+
+
+@contextmanager
+def progress(what: str, total_bytes: int) -> Iterator[Callable[[int], None]]:
+    """A function that takes the bytes that were done since its last call."""
+    if not sys.stderr.isatty() or total_bytes < WORTH:
+        yield lambda count: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn, TransferSpeedColumn
+
+    parts = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
+    with Progress(*parts, TimeRemainingColumn(), console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=total_bytes)
+        yield lambda count: bar.advance(task, count)
+
+
+_DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "bar": "|", "blanks": " "}
+_DECIMALS = {"point": ".", "comma": ","}
+_ORDERS = ("dmy", "mdy", "ymd")
+
+
+def text_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """What a person may say about a text instead of having it detected."""
+    for option in reversed((
+        click.option("--encoding", metavar="NAME", help="Encoding of texts, such as cp1254; else detected."),
+        click.option("--delimiter", type=click.Choice([*_DELIMITERS]), help="Delimiter of texts; else detected."),
+        click.option("--decimal", type=click.Choice([*_DECIMALS]), help="Decimal mark of texts; else detected."),
+        click.option("--header/--no-header", default=None, help="Whether texts begin with names; else detected."),
+        click.option("--date-order", type=click.Choice([*_ORDERS]),
+                     help="Order in dates such as 03/04/2024 or 24/03/04; else as a number above 12 shows."),
+    )):  # fmt: skip
+        command = option(command)
+    return command
+
+
+def read_options(
+    encoding: str | None,
+    delimiter: str | None,
+    decimal: str | None,
+    header: bool | None,
+    date_order: str | None = None,
+) -> "ReadOptions":
+    """The options as the readers take them."""
+    from ..readers import ReadOptions
+
+    return ReadOptions(
+        encoding,
+        None if delimiter is None else _DELIMITERS[delimiter],
+        None if decimal is None else _DECIMALS[decimal],
+        header,
+        date_order,
+    )
+
+
+def refuse_patterns(files: Iterable[Path]) -> None:
+    """Refuse patterns such as ``*.csv`` that the shell handed on because no file matches them."""
+    from ..errors import RecordingError
+    from ..readers.registry import missing
+
+    for file in files:
+        if any(sign in str(file) for sign in "*?") and not file.exists():
+            raise RecordingError(missing(file))
+
+
+def exit_code(findings: Iterable["Finding"], accepted: Iterable[str] = ()) -> int:
+    """0 without findings that matter, 3 with some, 1 with one for which a recording is refused."""
+    from ..recording import Severity, refused, worst
+
+    findings = list(findings)
+    if refused(findings, accepted):
+        return EXIT_REFUSED
+    return EXIT_WITH_FINDINGS if worst(findings) > Severity.NOTE else 0
+
+
+SHOWN_ALIKE = 5
+"""Findings of one code and file that are printed for people."""
+
+
+def print_reading_findings(title: str, findings: Iterable["Finding"]) -> None:
+    """Findings as lines for people, the gravest first; of many alike the first ones, and how many more there are."""
+    ordered = sorted(findings, key=lambda finding: -finding.severity)
+    if ordered:
+        click.echo(plain_text(title))
+    counts = Counter(finding.code for finding in ordered)
+    shown: Counter[str] = Counter()
+    for finding in ordered:
+        shown[finding.code] += 1
+        more = counts[finding.code] - SHOWN_ALIKE
+        if more > 1 and shown[finding.code] > SHOWN_ALIKE:
+            if shown[finding.code] == SHOWN_ALIKE + 1:
+                severity = finding.severity.name.lower()
+                click.echo(f"  {severity:7} {finding.code}: and {more} more like these; --json lists all")
+            continue
+        group = finding.group and f"group {finding.group}"
+        place = ", ".join(filter(None, (finding.channel, group, finding.where)))
+        text = f"{place}: {finding.message}" if place else finding.message
+        click.echo(f"  {finding.severity.name.lower():7} {finding.code}: {plain_text(text)}")
+
+
+def plain_text(text: str) -> str:
+    """Text from a file without what would steer a terminal."""
+    return "".join(c if unicodedata.category(c)[0] != "C" else f"\\x{ord(c):02x}" for c in text)
+
+
+@dataclass(frozen=True)
+class NotOpened:
+    """A run that cannot be opened, and why."""
+
+    name: str
+    message: str
+
+    def as_dict(self) -> dict[str, str]:
+        """As it is printed among the runs."""
+        return {"run": self.name, "status": "refused", "message": self.message}
+
+
+def opened_runs(paths: Sequence[Path]) -> "list[Run]":
+    """The runs that paths name, all of them: each a stored run, or a folder with all the runs in it."""
+    from ..store import open_campaign, open_run
+
+    return [run for path in paths for run in (open_campaign(path).runs if path.is_dir() else (open_run(path),))]
+
+
+def each_run(paths: Sequence[Path]) -> "tuple[list[Run], list[NotOpened]]":
+    """The runs that can be opened, and those that cannot: for commands that do each run by itself."""
+    from ..errors import StoreError
+    from ..store import open_campaign, open_run
+
+    runs, refused = [], []
+    for path in paths:
+        try:
+            files = open_campaign(path).run_paths if path.is_dir() else [path]
+        except StoreError as error:
+            refused.append(NotOpened(path.name, str(error)))
+            continue
+        for file in files:
+            try:
+                runs.append(open_run(file))
+            except StoreError as error:
+                refused.append(NotOpened(file.stem, str(error)))
+    return runs, refused
+
+
+def print_not_opened(refused: Sequence[NotOpened]) -> None:
+    """Print to stderr what could not be opened."""
+    for one in refused:
+        click.echo(f"testbench: {plain_text(one.message)}", err=True)

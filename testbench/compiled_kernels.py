@@ -1,0 +1,136 @@
+"""Compiled loops: kept in the user's cache as machine code, each compiled once in a process of its own.
+
+What is kept is code for this processor and has no link to numba, which need not be imported to run it. A kernel is a
+module that imports numba and gives, by ``compiled()``, its loop as text that LLVM takes. It is compiled by
+``python -m testbench.compiled_kernels MODULE FILE``.
+"""
+
+import ctypes
+import hashlib
+import os
+import sys
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+PLACE, INTEGER, BYTE = ctypes.c_void_p, ctypes.c_int64, ctypes.c_uint8
+"""Types of a loop's arguments: the address of an array, and numbers."""
+_engines: list[Any] = []  # what holds the machine code that is in use
+_one_compiles = threading.Lock()
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """A loop by the module that compiles it, relative to this package, the name of its entry, and its arguments."""
+
+    module: str
+    entry: str
+    arguments: tuple[Any, ...]
+
+    @property
+    def source(self) -> Path:
+        """The file of the module, which is not imported to find it."""
+        return Path(__file__).parent.joinpath(*self.module.split(".")).with_suffix(".py")
+
+    def loop(self, compiling: Callable[[], None] = lambda: None) -> Callable[..., int] | None:
+        """The loop; None if it cannot be had here.
+
+        Where it is not kept, or damaged, it is compiled: some seconds, in another process that gives way to all others;
+        ``compiling`` is called before.
+        """
+        if sys.platform == "win32" or sys.byteorder != "little":
+            return None  # words begin with the lowest byte; LLVM's loader of kept code is not to be had on Windows
+        try:
+            path = folder() / f"{self.entry}-{self._state()}.o"
+            if (kept := self.kept(path)) is not None:
+                return kept
+            compiling()
+            with _one_compiles:  # of several logs that are read at once, all but one find it kept
+                return self.kept(path) or self.compiled(path)
+        except (ImportError, PackageNotFoundError, OSError, RuntimeError, ValueError):
+            return None
+
+    def compiled(self, path: Path) -> Callable[..., int] | None:
+        """The loop compiled anew, and kept at ``path``."""
+        import subprocess
+
+        path.parent.mkdir(parents=True, exist_ok=True)
+        command = [sys.executable, "-m", __name__, f"{__package__}.{self.module}", str(path)]
+        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False)
+        return self.kept(path) if done.returncode == 0 else None
+
+    def kept(self, path: Path) -> Callable[..., int] | None:
+        """The loop that is kept at ``path``; None if there is none, or if it is damaged."""
+        from llvmlite import binding
+
+        if not path.exists():
+            return None
+        content = path.read_bytes()
+        if hashlib.sha256(content[32:]).digest() != content[:32]:
+            return None
+        engine = binding.create_mcjit_compiler(binding.parse_assembly(""), _machine())
+        engine.add_object_file(binding.ObjectFileRef.from_data(content[32:]))
+        engine.finalize_object()
+        _engines.append(engine)
+        return ctypes.CFUNCTYPE(INTEGER, *self.arguments)(engine.get_function_address(self.entry))
+
+    def _state(self) -> str:
+        """What the machine code depends on: its source, what compiles it, and the processor."""
+        from llvmlite import binding
+
+        parts = [binding.get_default_triple(), *_processor(), *(version(name) for name in ("llvmlite", "numba"))]
+        return hashlib.sha256(self.source.read_bytes() + "\0".join(parts).encode()).hexdigest()[:16]
+
+
+def can_compile() -> bool:
+    """Whether numba is installed (the extra ``compiled``); it is not imported."""
+    return find_spec("numba") is not None
+
+
+def folder() -> Path:
+    """Where this user's programs keep what they can make again."""
+    stated = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
+    return (Path(stated) if stated else Path.home() / ".cache") / "counterpoise"
+
+
+def _processor() -> tuple[str, str]:
+    """Name and features of this machine's processor, as LLVM calls them."""
+    from llvmlite import binding
+
+    try:
+        return binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()
+    except RuntimeError:  # LLVM does not know the features
+        return "", ""
+
+
+def _machine() -> Any:  # noqa: ANN401
+    from llvmlite import binding
+
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+    name, features = _processor()
+    return binding.Target.from_default_triple().create_target_machine(name, features, opt=3, jit=True)
+
+
+def keep(path: Path, text: str) -> None:
+    """Compile what numba made of a loop to machine code, and keep it with its digest."""
+    from llvmlite import binding
+
+    with suppress(AttributeError, OSError):
+        os.nice(19)
+    machine, module = _machine(), binding.parse_assembly(text)
+    code = machine.emit_object(module)
+    part = path.with_name(f"{path.name}.{os.getpid()}")
+    part.write_bytes(hashlib.sha256(code).digest() + code)
+    part.replace(path)
+
+
+if __name__ == "__main__":
+    from importlib import import_module
+
+    keep(Path(sys.argv[2]), import_module(sys.argv[1]).compiled())

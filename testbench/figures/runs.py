@@ -1,0 +1,226 @@
+"""Torques of the motors and forces between mechanism and base, with and without counter-masses.
+
+How well the commanded acceleration was reached.
+
+Spectrum of the base's acceleration.
+
+Acceleration of the base, with and without counter-masses.
+"""
+
+from collections.abc import Sequence
+from math import nan
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from balance.mechanism.mechanism import Mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
+from balance.units import G0
+
+from ..errors import AnalysisError
+from ..kinematics.motion_onset import moving_interval
+from ..loads.command_tracking import BANDWIDTH_HZ
+from ..loads.command_tracking import command_performance as performance
+from ..rig import Column
+from ..rig.sensors import Torque
+from ..runs.aligned_run import AlignedRun
+from ..runs.si_run import SIRun
+from ..vibration.channel_levels import channel_levels
+from ..vibration.metrics import DEFAULT_BAND, Measure, base_accelerations
+from ..vibration.reduction import Reduction, reduction_of_pair
+from ..vibration.run_pairs import ConditionKey, Pair
+from . import style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from ..store import Run
+
+_ACROSS = 3
+"""Panels side by side: one for each of x, y, z."""
+
+
+def motor_torques(with_run: "Run", without_run: "Run") -> "Figure":
+    """Torque of each motor as its drive reports it, gravity included; band-limited."""
+    runs = SIRun.of(without_run), SIRun.of(with_run)
+    columns = runs[1].rig.columns_of(Torque)
+    if not columns:
+        raise AnalysisError(f"{with_run.name}: its rig has no sensor of kind torque")
+    with style.styled():
+        figure, panels = style.light_grid(len(columns), 1, 2.0, sharex=True)
+        for axes, column in zip(panels[:, 0], columns, strict=True):
+            peaks = _draw(axes, column, runs)
+            axes.set_ylabel("torque [N m]")
+            axes.set_title(
+                f"{column.sensor}, joint {column.component}: peak {peaks[0]:.1f} N m without, {peaks[1]:.1f} N m with"
+            )
+        _limit(panels[-1], columns, runs[0])
+        style.legend(figure, panels[0, 0])
+        style.figure_title(figure, f"Motor torques, band {DEFAULT_BAND}", runs)
+    return figure
+
+
+def force_sensors(with_run: "Run", without_run: "Run") -> "Figure":
+    """Every force and moment between mechanism and base, band-limited; a sensor's components side by side."""
+    runs = SIRun.of(without_run), SIRun.of(with_run)
+    rows = _rows([list(sensor.columns(name)) for name, sensor in runs[1].rig.supports.items()])
+    if not rows:
+        raise AnalysisError(f"{with_run.name}: its rig has no force sensor between mechanism and base")
+    with style.styled():
+        figure, panels = style.light_grid(len(rows), _ACROSS, 1.6, sharex=True)
+        for row, columns in zip(panels, rows, strict=True):
+            for axes, column in zip(row, columns, strict=False):
+                _draw(axes, column, runs)
+                axes.set_title(f"{column.sensor} {column.component} [{'N' if column.component[0] == 'F' else 'N m'}]")
+            for axes in row[len(columns) :]:
+                axes.set_visible(False)
+        _limit(panels[-1], [column for columns in rows for column in columns], runs[0])
+        style.legend(figure, panels[0, 0])
+        style.figure_title(figure, f"Forces between mechanism and base, band {DEFAULT_BAND}", runs)
+    return figure
+
+
+def _draw(axes: "Axes", column: Column, runs: tuple[SIRun, SIRun]) -> list[float]:
+    """Draw a channel of both runs, the one without counter-masses first; their peaks [SI]."""
+    signals = [(run.instants(column), DEFAULT_BAND.of(*run.signal(column))) for run in runs]
+    style.two_runs(axes, *signals)
+    return [float(np.abs(values).max()) for _, values in signals]
+
+
+def _limit(bottom: "Sequence[Axes]", columns: Sequence[Column], run: SIRun) -> None:
+    """Show the part in which something moves, by the channel that moves most; panels share their axis of time."""
+    strongest = max(columns, key=lambda column: float(np.ptp(run.values(column))))
+    span = moving_interval(*run.signal(strongest))
+    time = run.instants(strongest)[span]
+    bottom[0].set_xlim(time[0], time[-1])
+    for axes in bottom:
+        axes.set_xlabel("time of the logger [s]")
+
+
+def _rows(sensors: Sequence[Sequence[Column]]) -> list[list[Column]]:
+    """Panels by row: three components of a sensor a row, the sensors with one axis together."""
+    several = [s for s in sensors if len(s) > 1]
+    single = [column for s in sensors if len(s) == 1 for column in s]
+    return [list(s[i : i + _ACROSS]) for s in [*several, single] for i in range(0, len(s), _ACROSS)]
+
+
+def command_performance(run: "Run", mechanism: Mechanism | None = None, bandwidth_hz: float = BANDWIDTH_HZ) -> "Figure":
+    """Acceleration of the platform by accelerometer, by encoders and as commanded, and how far both are from it.
+
+    ``mechanism`` turns joint angles into the platform's motion; by default the one that the rig names.
+    """
+    si = SIRun.of(run)
+    shown = performance(AlignedRun(si, mechanism or load_mechanism(si.rig.mechanism)), bandwidth_hz)
+    axes_moved = [axis for axis, values in shown.target.items() if np.ptp(values) > 0.0] or list(shown.target)
+    with style.styled():
+        figure, panels = style.light_grid(2 * len(axes_moved), 1, 1.9, sharex=True)
+        for i, axis in enumerate(axes_moved):
+            above, below = panels[2 * i, 0], panels[2 * i + 1, 0]
+            lines = (
+                (f"accelerometer, below {bandwidth_hz:g} Hz", shown.accelerometer[axis], style.ACCELEROMETER),
+                (f"encoders, differentiated below {bandwidth_hz:g} Hz", shown.encoders[axis], style.ENCODERS),
+            )
+            for label, every, colour in lines:
+                values = np.where(shown.kept, every, np.nan)
+                above.plot(shown.time, values / G0, color=colour, label=label)
+                below.plot(shown.time, (values - shown.target[axis]) / G0, color=colour)
+            target = np.where(shown.kept, shown.target[axis], np.nan)
+            above.plot(shown.time, target / G0, color=style.TARGET, lw=0.9, ls="--", label="target")
+            above.set_ylabel(f"{axis} [g0]")
+            below.set_ylabel(f"{axis} less target [g0]")
+        span = moving_interval(shown.target[axes_moved[0]], 1.0 / float(shown.time[1] - shown.time[0]))
+        panels[-1, 0].set_xlim(shown.time[span][0], shown.time[span][-1])
+        panels[-1, 0].set_xlabel(
+            f"time of the controller [s]; accelerometer shifted by {1e3 * shown.lag_s:.1f} ms, found by correlation"
+        )
+        style.legend(figure, panels[0, 0])
+        style.figure_title(figure, "Acceleration command", [run])
+    return figure
+
+
+LOWEST, HIGHEST = 1.0, 500.0
+"""Frequencies that are shown [Hz]."""
+
+
+def base_spectrum(run: "Run") -> "Figure":
+    """Power spectral density of the base's acceleration along each axis, with the frequencies where it peaks."""
+    si = SIRun.of(run)
+    found = [(level, level.spectrum) for level in channel_levels(si, si.rig.base_columns)]
+    shown = [(level, spectrum) for level, spectrum in found if spectrum is not None]
+    if not shown:
+        raise AnalysisError(f"{run.name}: no accelerometer on the base with a record long enough for a spectrum")
+    with style.styled():
+        figure, panels = style.light_grid(len(shown), 1, 1.7, sharex=True)
+        for axes, (level, spectrum) in zip(panels[:, 0], shown, strict=True):
+            inside = (spectrum.frequency >= LOWEST) & (spectrum.frequency <= HIGHEST)
+            axes.loglog(spectrum.frequency[inside], spectrum.power()[inside], color=style.ANALYSED)
+            for peak in level.peaks():
+                if LOWEST <= peak["frequency_hz"] <= HIGHEST:
+                    axes.plot(peak["frequency_hz"], peak["density_si2_hz"], "v", color=style.WITHOUT, ms=4.0)
+                    axes.annotate(
+                        f"{peak['frequency_hz']:.1f}", (peak["frequency_hz"], peak["density_si2_hz"]), fontsize=7
+                    )
+            axes.set_ylabel(f"{level.column.component} [(m/s2)2/Hz]")
+        panels[-1, 0].set_xlabel("frequency [Hz]")
+        resolution = float(np.diff(shown[0][1].frequency[:2])[0])
+        style.figure_title(
+            figure, f"Spectrum of the base's acceleration, Welch, Hann window, {resolution:.3g} Hz apart", [run]
+        )
+    return figure
+
+
+def base_acceleration(with_run: "Run", without_run: "Run", measure: Measure | None = None) -> "Figure":
+    """Acceleration of the base along each axis, as the reductions are taken of it: mean removed, band-limited.
+
+    The grey band is what noise alone shows.
+    """
+    measure = measure or Measure()
+    runs = SIRun.of(without_run), SIRun.of(with_run)
+    found = [base_accelerations(run) for run in runs]
+    columns = {(c.sensor, c.component): c for c in runs[1].rig.base_columns}
+    fell = {(r.sensor, r.axis): r for r in reduction_of_pair(_pair(with_run, without_run), measure)}
+    with style.styled():
+        figure, panels = style.light_grid(len(columns), 1, 1.7, sharex=True)
+        for axes, (place, column) in zip(panels[:, 0], columns.items(), strict=True):
+            shapes = [measure.shape(*signals[place]) / G0 for signals in found]
+            times = [run.instants(column) for run in runs]
+            style.two_runs(axes, (times[0], shapes[0]), (times[1], shapes[1]))
+            axes.set_ylabel(f"{column.component} [g0]")
+            axes.set_title(f"{place[0]}, {column.component} axis: {_said(fell[place])}")
+            _noise(axes, fell[place])
+        first, column = next(iter(columns.items()))
+        strongest = max(found[0].values(), key=lambda signal: float(abs(measure.shape(*signal)).max()))
+        span = moving_interval(measure.shape(*strongest), strongest[1], margin_s=0.1)
+        time = runs[0].instants(column)[span]
+        panels[-1, 0].set_xlim(time[0], time[-1])
+        panels[-1, 0].set_xlabel(f"time of the logger of {first[0]} [s]")
+        style.legend(figure, panels[0, 0])
+        style.figure_title(figure, f"Acceleration of the base, band {measure.band or 'not limited'}", runs)
+    return figure
+
+
+def _pair(with_run: "Run", without_run: "Run") -> Pair:
+    c = with_run.conditions
+    key = ConditionKey(
+        c.get("payload_kg", nan), c.get("motion", ""), c.get("peak_acceleration_g", nan), with_run.origin
+    )
+    return Pair(key, c.get("counter_masses", {}), (with_run,), (without_run,))
+
+
+def _said(found: Reduction) -> str:
+    """``peak-to-peak falls by 94.2 % [93.1, 95.0]``."""
+    name = found.measure.metric.replace("_", "-")
+    if found.percent is None:
+        return "nothing moves above the noise"
+    if found.at_least is not None:
+        return f"{name} falls by at least {found.at_least:.1f} %"
+    between = f" [{found.interval[0]:.1f}, {found.interval[1]:.1f}]" if found.interval else ""
+    return f"{name} falls by {found.percent:.1f} %{between}"
+
+
+def _noise(axes: "Axes", found: Reduction) -> None:
+    """What the metric shows of noise alone, about zero."""
+    floor = max((f for f in found.noise_floor if f is not None), default=0.0) / G0
+    half = floor / 2.0 if found.measure.metric == "peak_to_peak" else floor
+    axes.axhspan(-half, half, color="#999999", alpha=0.35, lw=0.0)

@@ -1,0 +1,217 @@
+"""A log file on its way into a run: what is read from it, and its digest, computed in a thread meanwhile.
+
+Several logs in one run: groups that are called alike in two files get the name of their file in front.
+
+Logs that are ingested together, each a run of its own: which of them holds what one does not.
+
+Files that are given and yet no log to be stored: stored runs, channels without end, the same bytes twice.
+"""
+
+import threading
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from ..errors import RecordingError
+from ..readers import ReadOptions, open_recording
+from ..recording import Block, Finding, Group, Recording, Refusal, Report
+from ..store import atomic_files, metadata
+from ..store.campaign import KEPT, SUFFIX
+
+_AT_ONCE = 16 << 20
+"""Bytes between two waits for Python's lock, which whoever runs Python holds for milliseconds."""
+
+
+class FileDigest:
+    """The SHA-256 of a file, computed in a thread from now on; and whether the file changes meanwhile."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.sha256 = path, ""
+        self._state = _state(path)
+        self._failed: OSError | None = None
+        self._thread = threading.Thread(target=self._compute, daemon=True)
+        self._thread.start()
+
+    def _compute(self) -> None:
+        try:
+            self.sha256 = atomic_files.sha256_of(self.path, at_once=_AT_ONCE)
+        except OSError as error:
+            self._failed = error
+
+    @property
+    def size(self) -> int:
+        """Size of the file when this began [bytes]."""
+        return self._state[0]
+
+    def result(self) -> str:
+        """The SHA-256. Raises RecordingError if the file has changed since this began."""
+        self._thread.join()
+        if self._failed is not None:
+            raise self._failed
+        if _state(self.path) != self._state:
+            raise RecordingError(f"{self.path.name}: changed while it was read; ingest it when its logger is done")
+        return self.sha256
+
+
+@dataclass
+class Source:
+    """One log file, its recording opened, its digest under way, and the findings so far."""
+
+    path: Path
+    recording: Recording
+    digest: FileDigest
+    findings: list[Finding] = field(default_factory=list)
+
+    @classmethod
+    def opened(cls, path: Path, options: ReadOptions | None) -> "Source":
+        """Open a log file; its digest begins before that, so that no moment of the processors is lost."""
+        if not path.is_file():
+            open_recording(path, options)  # says what is there instead
+        computed = FileDigest(path)
+        return cls(path, open_recording(path, options), computed)
+
+    @property
+    def size(self) -> int:
+        """Size of the file when it was opened [bytes]."""
+        return self.digest.size
+
+    @property
+    def sha256(self) -> str:
+        """The digest, if it is known already; else empty."""
+        return self.digest.sha256
+
+    def digested(self) -> str:
+        """The SHA-256 of the file, which must not have changed since it was opened."""
+        return self.digest.result()
+
+    def provenance(self) -> dict[str, Any]:
+        """What is kept of the source: never its folder, which is no business of those who get the run."""
+        recording = self.recording
+        return {
+            "name": self.path.name,
+            "size_bytes": self.size,
+            "sha256": self.sha256,
+            "format": recording.format,
+            "reader": recording.reader,
+            "origin": recording.origin,
+            "groups": [group.name for group in recording.groups],
+            "settings": dict(recording.settings),
+            "metadata": dict(recording.metadata),
+            "comments": list(recording.comments),
+        }
+
+
+def _state(path: Path) -> tuple[int, int]:
+    stat = path.stat()
+    return stat.st_size, stat.st_mtime_ns
+
+
+def apart(recordings: Sequence[Recording]) -> list[Recording]:
+    """The recordings, with no group's name in two of them."""
+    names = Counter(name for recording in recordings for name in {group.name for group in recording.groups})
+    stems = Counter(recording.path.stem for recording in recordings)
+    found = []
+    for i, recording in enumerate(recordings, 1):
+        stem = recording.path.stem
+        front = stem if stems[stem] == 1 else f"{stem} {i}"
+        shared = any(names[group.name] > 1 for group in recording.groups)
+        found.append(_renamed(recording, front) if shared else recording)
+    return found
+
+
+def _renamed(recording: Recording, front: str) -> Recording:
+    """The recording with ``front`` before the name of each group, also of those that come while it is read."""
+
+    def renamed(group: Group) -> Group:
+        return replace(group, name=f"{front} {group.name}")
+
+    def read(report: Report) -> Iterator[Block]:
+        for block in recording.blocks(report):
+            yield replace(block, group=renamed(block.group))
+
+    return replace(recording, groups=tuple(map(renamed, recording.groups)), read=read)
+
+
+class OtherLogs:
+    """The channels of several logs, by their headers, of which no more are read than are asked for."""
+
+    def __init__(self, files: Sequence[Path], options: ReadOptions | None = None) -> None:
+        self._unread = list(files)
+        self._options = options
+        self._labels: dict[Path, frozenset[str]] = {}
+
+    def changed(self, path: Path) -> None:
+        """A log is there or says something else than before: its header is to be read."""
+        self.gone(path)
+        self._unread.append(path)
+
+    def gone(self, path: Path) -> None:
+        """A log is no longer there."""
+        self._labels.pop(path, None)
+        self._unread = [other for other in self._unread if other != path]
+
+    def holding(self, channels: Collection[str]) -> str | None:
+        """The name of the first log that holds one of ``channels`` (without unit); None if none does."""
+        for path, labels in self._labels.items():
+            if not labels.isdisjoint(channels):
+                return path.name
+        while self._unread:
+            path = self._unread.pop(0)
+            self._labels[path] = labels = self._read(path)
+            if not labels.isdisjoint(channels):
+                return path.name
+        return None
+
+    def _read(self, path: Path) -> frozenset[str]:
+        """What the header of a log names; nothing where it cannot be read, which is said where it is ingested."""
+        try:
+            groups = open_recording(path, self._options).groups
+        except (RecordingError, OSError):
+            return frozenset()
+        return frozenset(channel.label for group in groups for channel in group.channels)
+
+
+MOST_CHANNELS = 30_000
+"""Channels of one log: each takes some 40 KiB of memory and half a millisecond while it is stored."""
+
+
+def own_files(files: Sequence[Path], campaign: Path) -> list[Path]:
+    """Those of ``files`` that the campaign put into its folder: a pattern for logs that lie there names them too.
+
+    A run is known by the digest beside it, so that an HDF5 file of others stays a log; none are named where no file
+    but these is given, for then somebody means them.
+    """
+    if not campaign.is_dir():
+        return []
+    own = [path for path in files if path.parent.resolve() == campaign.resolve() and _belongs(path)]
+    return own if len(own) < len(files) else []
+
+
+def _belongs(path: Path) -> bool:
+    run = path.with_name(path.name.removesuffix(atomic_files.SUFFIX))
+    return path.name in KEPT or (run.suffix == SUFFIX and run.exists() and atomic_files.digest_file(run).exists())
+
+
+def refuse_stored_run(source: Source) -> None:
+    """Raise Refusal for a stored run: stored anew it would lose its conditions, findings and sources."""
+    if metadata.MARK in source.recording.metadata:
+        message = "is a stored run and no log: copy it with its .sha256 into a campaign, or use `testbench archive`"
+        raise Refusal(source.path.name, Finding("stored_run", None, None, message))
+
+
+def refuse_too_many(source: Source, groups: Iterable[Group]) -> None:
+    """Raise Refusal for more channels than memory is for: small files can declare them without end."""
+    if (count := sum(len(group.channels) for group in groups)) > MOST_CHANNELS:
+        message = f"{count} channels; expected no more than {MOST_CHANNELS}: export fewer at a time"
+        raise Refusal(source.path.name, Finding("too_large", None, None, message))
+
+
+def refuse_twice(digests: Sequence[tuple[str, str]]) -> None:
+    """Raise RecordingError where two files of one run, each its SHA-256 and name, hold the same bytes."""
+    seen: dict[str, str] = {}
+    for sha256, name in digests:
+        if sha256 in seen:
+            raise RecordingError(f"{name}: holds the same bytes as {seen[sha256]}: one recording twice in one run")
+        seen[sha256] = name

@@ -1,0 +1,278 @@
+"""The sheet of run conditions, ``runs.csv``: which file was recorded with what.
+
+The rows of the run table, ``runs.csv``: one a log file, checked by line and column.
+"""
+
+import csv
+import io
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePath
+from typing import Annotated, cast
+
+from pydantic import BeforeValidator, Field
+
+from balance.input_files import Table, Text, model_from_table, read_text, suggestion
+
+from ..errors import RigError
+from ..recording import Conditions, Origin
+
+NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+
+
+def _by_site(text: object) -> object:
+    """``SITE=KG;SITE=KG`` as masses by site; nothing: no counter-masses."""
+    masses: dict[str, str] = {}
+    for part in filter(None, (part.strip() for part in str(text).split(";"))):
+        site, equals, mass = (word.strip() for word in part.partition("="))
+        if not site or not equals:
+            raise ValueError(f"{part!r}: expected SITE=KG;SITE=KG")
+        if site in masses:
+            raise ValueError(f"name the site {site!r} twice")
+        masses[site] = mass
+    return masses
+
+
+BySite = Annotated[dict[str, NotNegative], BeforeValidator(_by_site, json_schema_input_type=str)]
+
+
+class RunRow(Table):
+    """A log file, and what its run was made with."""
+
+    file: Text
+    """Name of the log file, or its place beside the table."""
+    run: Text | None = None
+    """Name of the run; files of one run are stored together."""
+    origin: Origin = "unstated"
+    """Where the log is from."""
+    payload_kg: NotNegative | None = None
+    """Everything that the platform carries, itself included [kg]."""
+    counter_masses: BySite | None = None
+    """Counter-masses by site, ``SITE=KG;SITE=KG`` [kg]."""
+    motion: Text | None = None
+    """Name of the motion, or its file."""
+    peak_acceleration_g: NotNegative | None = None
+    """Peak acceleration of the motion, in g0."""
+    repeat: Annotated[int, Field(ge=0)] | None = None
+    """Which repeat of the same conditions it is."""
+
+    @property
+    def conditions(self) -> Conditions:
+        """What the run was made with; what the table leaves empty is absent."""
+        return cast(Conditions, self.model_dump(exclude={"file", "run", "origin"}, exclude_none=True))
+
+
+COLUMNS = tuple(RunRow.model_fields)
+"""Columns of a run table; ``file`` alone must be there."""
+_NUMBERS = ("payload_kg", "counter_masses", "peak_acceleration_g")
+
+
+@dataclass(frozen=True)
+class SheetRow:
+    """One line of the sheet."""
+
+    line: int
+    file: str
+    run: str | None
+    origin: Origin
+    conditions: Conditions
+    marks: frozenset[str] = frozenset()
+    """Decimal marks in its numbers."""
+
+
+def read_run_table(sheet: Path) -> list[SheetRow]:
+    """The rows of a run table. Raises RigError, with line and column, for what it does not understand.
+
+    Commas, tabs or semicolons separate the cells, as the first line shows; with semicolons, as spreadsheets of half of
+    Europe write them, numbers may have decimal commas, all or none.
+    """
+    text = read_text(sheet, RigError).removeprefix("\ufeff")
+    first = text.partition("\n")[0]
+    delimiter = ";" if ";" in first else "\t" if "\t" in first else ","
+    table = csv.DictReader(io.StringIO(text), delimiter=delimiter)
+    columns = [name.strip() for name in table.fieldnames or []]
+    table.fieldnames = columns
+    if "file" not in columns:
+        raise RigError(f"{sheet.name}: no column 'file': expected a run table with {', '.join(COLUMNS)}")
+    if unknown := [name for name in columns if name not in COLUMNS]:
+        hint = suggestion(unknown[0], COLUMNS) or f": expected some of {', '.join(COLUMNS)}"
+        raise RigError(f"{sheet.name}: unknown column {unknown[0]!r}{hint}")
+    try:
+        rows = [_row(sheet.name, table.line_num, cells, delimiter) for cells in table if any(cells.values())]
+    except csv.Error as error:
+        raise RigError(f"{sheet.name}, line {table.line_num}: {error}") from error
+    if not rows:
+        raise RigError(f"{sheet.name}: names no file")
+    _check_rows(sheet, rows)
+    return rows
+
+
+def _check_rows(sheet: Path, rows: Sequence[SheetRow]) -> None:
+    """Each file once, and one decimal mark throughout."""
+    lines: dict[PurePath, int] = {}
+    for row in rows:
+        place = PurePath(row.file)
+        if place in lines:
+            raise RigError(
+                f"{sheet.name}, line {row.line}: names {row.file} a second time, after line {lines[place]}; "
+                "expected each file once: its conditions would be those of either line"
+            )
+        lines[place] = row.line
+    marks = {mark: row.line for row in rows for mark in row.marks}
+    if len(marks) > 1:
+        raise RigError(
+            f"{sheet.name}: decimal commas (line {marks[',']}) and decimal points (line {marks['.']}): expected one of "
+            "the two, lest 1,451 and 1.451 be taken for the same"
+        )
+
+
+def _row(name: str, line: int, cells: Mapping[str | None, str | None], delimiter: str) -> SheetRow:
+    place = f"{name}, line {line}"
+    if None in cells or None in cells.values():
+        hint = "" if delimiter != ";" else "; counter_masses with several sites need quotes in a sheet with semicolons"
+        raise RigError(f"{place}: more or fewer cells than columns{hint}")
+    text = {str(column): (cell or "").strip() for column, cell in cells.items()}
+    marks = frozenset(re.findall(r"(?<=\d)[.,](?=\d)", " ".join(text.get(column, "") for column in _NUMBERS)))
+    if delimiter == ";" and marks == {","}:
+        text |= {column: text[column].replace(",", ".") for column in _NUMBERS if column in text}
+    given = {column: cell for column, cell in text.items() if cell or column == "counter_masses"}
+    row = model_from_table(RunRow, given, place, RigError)
+    return SheetRow(line, row.file, row.run, row.origin, row.conditions, marks)
+
+
+_NAME = re.compile(r"[\w+(#@][\w+()#@,=~ .-]{0,119}")
+
+
+@dataclass(frozen=True)
+class PlannedRun:
+    """A run to be: its name, its log files, and what the sheet says of it (None: there is no sheet).
+
+    ``problem`` is why it cannot be stored under its name; empty if it can.
+    """
+
+    name: str
+    files: tuple[Path, ...]
+    origin: Origin | None = None
+    conditions: Conditions | None = None
+    problem: str = ""
+
+
+def plan_runs(files: Sequence[Path], sheet: Path | None) -> list[PlannedRun]:
+    """Which files make which runs: those that the sheet puts together, else each file its own.
+
+    Raises RigError if files and sheet do not name the same.
+    """
+    if sheet is None:
+        runs = [PlannedRun(path.stem, (path,)) for path in files]
+        problems = _problems(runs)
+        return [replace(run, problem=problems.get(run.name, "")) for run in runs]
+    files = [path for path in files if not same_file(path, sheet)]
+    runs = _from_sheet(read_run_table(sheet), files, sheet)
+    _check_names(runs)
+    return runs
+
+
+@dataclass(frozen=True)
+class Ready:
+    """What a sheet makes of the files that are there so far."""
+
+    runs: tuple[PlannedRun, ...]
+    """Those of which all files are there."""
+    waiting: dict[Path, str]
+    """Files of other runs, and what they wait for."""
+    unnamed: tuple[Path, ...]
+    """Files that the sheet does not name."""
+
+
+def ready(rows: Sequence[SheetRow], files: Sequence[Path], sheet: Path) -> Ready:
+    """The runs of a sheet that are complete, of the files that are there so far.
+
+    Raises RigError if rows of one run differ in their conditions, or runs would have one name.
+    """
+    there = {row.line: path for row in rows for path in files if _means(row, path, sheet)}
+    groups: dict[str, list[SheetRow]] = {}
+    for row in rows:
+        groups.setdefault(row.run or PurePath(row.file).stem, []).append(row)
+    runs, waiting = [], {}
+    for name, together in groups.items():
+        missing = [row.file for row in together if row.line not in there]
+        if not missing:
+            runs.append(_run(name, together, there, sheet))
+            continue
+        for row in together:
+            if row.line in there:
+                waiting[there[row.line]] = f"waits for {', '.join(missing)}, of the same run {name!r}"
+    _check_names(runs)
+    return Ready(tuple(runs), waiting, tuple(path for path in files if path not in there.values()))
+
+
+def _means(row: SheetRow, path: Path, sheet: Path) -> bool:
+    return path.name == row.file or same_file(path, sheet.parent / row.file)
+
+
+def _check_names(runs: Sequence[PlannedRun]) -> None:
+    for problem in _problems(runs).values():
+        raise RigError(problem)
+
+
+def _problems(runs: Sequence[PlannedRun]) -> dict[str, str]:
+    """Why runs of these names cannot be stored, by name."""
+    files: dict[str, list[str]] = {}
+    for run in runs:
+        files.setdefault(run.name, []).append(str(run.files[0]))
+    found = {}
+    for name, same in files.items():
+        if _NAME.fullmatch(name) is None:
+            found[name] = (
+                f"{Path(same[0]).name}: {name!r} is no name for a stored run; expected up to 120 letters, digits, "
+                "blanks and - _ . + , = ~ @ # ( ); rename the file, or name the run by a column 'run' of a sheet"
+            )
+        elif len(same) > 1:
+            found[name] = (
+                f"{', '.join(same)}: would all be stored as run {name!r}; name them apart by a column 'run' of a sheet"
+            )
+    return found
+
+
+def _from_sheet(rows: Sequence[SheetRow], files: Sequence[Path], sheet: Path) -> list[PlannedRun]:
+    """The runs of a sheet, after a check that it names the given files, each once, and no others."""
+    paths = {row.line: _given(row, files, sheet) for row in rows}
+    named = list(paths.values())
+    for row in rows:
+        if named.count(paths[row.line]) > 1:
+            raise RigError(f"{sheet.name}, line {row.line}: names {row.file} a second time")
+    if left := [path.name for path in files if path not in named]:
+        raise RigError(f"{sheet.name}: does not name {', '.join(left)}; add a line for it, or do not give it")
+    runs: dict[str, list[SheetRow]] = {}
+    for row in rows:
+        runs.setdefault(row.run or paths[row.line].stem, []).append(row)
+    return [_run(name, together, paths, sheet) for name, together in runs.items()]
+
+
+def _run(name: str, rows: Sequence[SheetRow], paths: Mapping[int, Path], sheet: Path) -> PlannedRun:
+    first = rows[0]
+    for row in rows[1:]:
+        if row.run is None:
+            raise RigError(
+                f"{sheet.name}, line {row.line}: {row.file} would be stored as {name!r}, as line {first.line}"
+            )
+        if (row.conditions, row.origin) != (first.conditions, first.origin):
+            raise RigError(f"{sheet.name}, line {row.line}: run {name!r} has other conditions in line {first.line}")
+    return PlannedRun(name, tuple(paths[row.line] for row in rows), first.origin, first.conditions)
+
+
+def _given(row: SheetRow, files: Iterable[Path], sheet: Path) -> Path:
+    """The given file that a row means: the one at that place beside the sheet, else the only one of that name."""
+    beside = sheet.parent / row.file
+    exact = [path for path in files if same_file(path, beside)]
+    matches = exact or [path for path in files if path.name == row.file]
+    if len(matches) == 1:
+        return matches[0]
+    problem = "several of the given files have" if matches else "none of the given files has"
+    raise RigError(f"{sheet.name}, line {row.line}: {problem} the name {row.file!r}; give the file, or mend the line")
+
+
+def same_file(one: Path, other: Path) -> bool:
+    """Whether two paths are one file."""
+    return one.resolve() == other.resolve()

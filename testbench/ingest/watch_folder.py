@@ -1,0 +1,223 @@
+"""Logs as they arrive in a folder: each is ingested once it has stopped growing, once, also after a crash.
+
+Nothing is remembered beside the campaign: a log that a stored run was made of is known by its SHA-256.
+
+With a sheet of run conditions, which is read again when it changes, the rule is: a file that the sheet names is
+ingested with its conditions, once all files of its run are there; a file that it does not name waits until it does, or,
+where asked for, is ingested without conditions. While the sheet cannot be read, or is being saved, everything waits.
+
+Without a sheet each log is a run of its own, and what another log in the folder holds is not missing in it.
+
+A sheet of run conditions that a person goes on writing while runs are made.
+"""
+
+import time
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from ..errors import RecordingError, RigError
+from .ingest import Ingest, Outcome
+from .input_files import OtherLogs
+from .run_conditions import PlannedRun, SheetRow, plan_runs, read_run_table, ready, same_file
+
+State = tuple[int, int]
+"""Size [bytes] and time of the last change [ns] of a file."""
+
+
+@dataclass
+class WatchedSheet:
+    """The rows of a sheet, read again whenever it has changed and its saving is done."""
+
+    path: Path
+    settle_s: float
+    """It must not have changed for so long [s]."""
+    rows: list[SheetRow] | None = field(default=None, init=False)
+    """None while it is not there, is being saved, or cannot be read."""
+    _state: State | None = field(default=None, init=False)
+    _since: float = field(default=0.0, init=False)
+    _read: State | None = field(default=None, init=False)
+    _known: dict[str, SheetRow] = field(default_factory=dict, init=False)
+
+    def note(self, now: float) -> None:
+        """Note the state of the file at ``now`` [s], and since when it has been in it."""
+        state = state_of(self.path)
+        if state != self._state:
+            self._state, self._since = state, now
+
+    def look(self, now: float) -> set[str]:
+        """Read what has changed; the files whose rows say something else than before. Raises RigError, once a state."""
+        self.note(now)
+        if self._state is None or now - self._since < self.settle_s:
+            self.rows, self._read = None, None
+            return set()
+        if self._state == self._read:
+            return set()
+        self._read, self.rows = self._state, None
+        try:
+            self.rows = read_run_table(self.path)
+        except OSError as error:
+            raise RigError(f"{self.path.name}: cannot be read: {error.strerror or error}") from error
+        before, self._known = self._known, {row.file: row for row in self.rows}
+        names = before.keys() | self._known.keys()
+        return {Path(name).name for name in names if _says(before.get(name)) != _says(self._known.get(name))}
+
+
+def state_of(path: Path) -> State | None:
+    """Size and time of the last change of a file; None if it is not there."""
+    try:
+        stat = path.stat()
+    except FileNotFoundError:
+        return None
+    return stat.st_size, stat.st_mtime_ns
+
+
+def _says(row: SheetRow | None) -> object:
+    """What a row says; the line where it stands is no part of it."""
+    return None if row is None else (row.run, row.origin, row.conditions)
+
+
+_SKIPPED = (".part", ".tmp", ".crdownload", ".filepart", "~")
+"""Endings of files on their way from elsewhere."""
+
+
+@dataclass
+class Watch:
+    """The files of a folder that became runs, those that were refused, and those that still grow.
+
+    Folders and links in it, and hidden files, are left alone.
+    """
+
+    folder: Path
+    ingest: Ingest
+    settle_s: float = 2.0
+    """A file that did not change for so long has stopped growing [s]."""
+    sheet: WatchedSheet | None = None
+    """The sheet of run conditions; it may lie in the folder."""
+    store_unnamed: bool = False
+    """Whether files that the sheet does not name are ingested without conditions; otherwise they wait."""
+    growing: list[Path] = field(default_factory=list, init=False)
+    """Files that had changed shortly before the last look."""
+    waiting: dict[Path, str] = field(default_factory=dict, init=False)
+    """Files that have stopped growing, and what they wait for."""
+    _done: dict[Path, State] = field(default_factory=dict, init=False)
+    _seen: dict[Path, tuple[State, float]] = field(default_factory=dict, init=False)
+    _others: OtherLogs = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._others = OtherLogs((), self.ingest.options)
+        self.ingest = replace(self.ingest, elsewhere=self._elsewhere)
+
+    def _elsewhere(self, channels: Collection[str]) -> str | None:
+        return self._others.holding(channels) if self.sheet is None else None
+
+    def once(self) -> Iterator[Outcome]:
+        """One pass: what is there and does not grow. Files that still grow are named by ``growing``."""
+        self._look()
+        if any(path not in self._done for path in self._seen) or self.sheet is not None:
+            if self.sheet is not None:
+                self.sheet.note(time.monotonic())
+            time.sleep(self.settle_s)
+        yield from self.look()
+
+    def forever(self, interval_s: float = 1.0) -> Iterator[Outcome]:
+        """Everything that arrives, until the process ends."""
+        while True:
+            yield from self.look()
+            time.sleep(interval_s)
+
+    def look(self) -> Iterator[Outcome]:
+        """Ingest what has not changed for a while. A file that cannot be taken is said once, and the next one comes."""
+        self._look()
+        now = time.monotonic()
+        yield from self._reread(now)
+        pending = sorted((path, *seen) for path, seen in self._seen.items() if path not in self._done)
+        self.growing = [path for path, _, since in pending if now - since < self.settle_s]
+        settled = [path for path, _, _ in pending if path not in self.growing]
+        if self.sheet is None:
+            self.waiting = {}
+            for path in settled:
+                yield from self._one(PlannedRun(path.stem, (path,)))
+        else:
+            yield from self._by_sheet(settled)
+
+    def _reread(self, now: float) -> Iterator[Outcome]:
+        """Read the sheet again if it changed; files whose row changed come again."""
+        if self.sheet is None:
+            return
+        try:
+            changed = self.sheet.look(now)
+        except RigError as error:
+            yield _refused(self.sheet.path, str(error))
+            return
+        for path in [path for path in self._done if path.name in changed]:
+            self._done.pop(path)
+
+    def _by_sheet(self, settled: list[Path]) -> Iterator[Outcome]:
+        """Ingest the runs that are complete; say of the other files, once, what they wait for."""
+        assert self.sheet is not None
+        if self.sheet.rows is None:
+            reason = f"waits for {self.sheet.path.name}, the sheet of run conditions"
+            yield from self._wait(dict.fromkeys(settled, reason))
+            return
+        there = [path for path in self._seen if path not in self.growing]
+        try:
+            found = ready(self.sheet.rows, there, self.sheet.path)
+        except RigError as error:
+            yield from self._wait(dict.fromkeys(settled, f"waits for the sheet to be mended: {error}"))
+            return
+        unnamed = [path for path in found.unnamed if path in settled]
+        runs = [run for run in found.runs if any(path in settled for path in run.files)]
+        if self.store_unnamed:
+            runs += [PlannedRun(path.stem, (path,)) for path in unnamed]
+            unnamed = []
+        reasons = {path: reason for path, reason in found.waiting.items() if path in settled}
+        yield from self._wait(reasons | dict.fromkeys(unnamed, f"waits: {self.sheet.path.name} does not name it"))
+        for run in runs:
+            yield from self._one(run)
+
+    def _wait(self, reasons: dict[Path, str]) -> Iterator[Outcome]:
+        before, self.waiting = self.waiting, reasons
+        for path, reason in reasons.items():
+            if before.get(path) != reason:
+                yield Outcome(None, path.name, None, "unstated", "waiting", (), reason)
+
+    def _one(self, run: PlannedRun) -> list[Outcome]:
+        for path in run.files:
+            self._done[path] = self._seen[path][0]
+        try:
+            if run.conditions is None:
+                (run,) = plan_runs(run.files, None)
+            return self.ingest.run(run)
+        except (RecordingError, RigError, OSError) as error:
+            return [_refused(path, str(error)) for path in run.files]
+
+    def _look(self) -> None:
+        """Note the state of every file, and since when it has been in it."""
+        now, there = time.monotonic(), _files(self.folder)
+        for path in [path for path in there if self.sheet is not None and same_file(path, self.sheet.path)]:
+            there.pop(path)
+        for path in [*self._seen]:
+            if path not in there:
+                self._seen.pop(path)
+                self._done.pop(path, None)
+                self._others.gone(path)
+        for path, state in there.items():
+            if path not in self._seen or self._seen[path][0] != state:
+                self._seen[path] = state, now
+                self._done.pop(path, None)
+                self._others.changed(path)
+
+
+def _refused(path: Path, message: str) -> Outcome:
+    return Outcome(None, path.name, None, "unstated", "refused", (), message)
+
+
+def _files(folder: Path) -> dict[Path, State]:
+    found = {}
+    for path in folder.iterdir():
+        if path.name.startswith(".") or path.name.endswith(_SKIPPED) or path.is_symlink():
+            continue
+        if (state := state_of(path)) is not None and path.is_file():
+            found[path] = state
+    return found

@@ -1,0 +1,82 @@
+"""The motion of a mechanism's joints from the encoders of a run, by its loops."""
+
+from typing import TYPE_CHECKING
+
+from balance.closure import Closure, Trajectory
+from balance.mechanism.mechanism import Mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
+from balance.motion import Samples
+
+from ..errors import AnalysisError
+from ..rig.sensors import Encoder
+from . import smoothing_and_derivatives
+from .gaps import Gaps
+from .smoothing_and_derivatives import HIGHEST_CUTOFF, Grid, grid_of, on_grid
+
+if TYPE_CHECKING:
+    from ..runs.si_run import SIRun
+
+
+def group_of_encoders(run: "SIRun") -> str:
+    """The group that holds all encoders of a run. Raises AnalysisError if there is none, or they are on several."""
+    columns = run.rig.columns_of(Encoder)
+    if not columns:
+        raise AnalysisError(f"{run.name}: its rig has no encoder: nothing says how the mechanism moved")
+    groups = run.groups_of(columns)
+    if len(groups) > 1:
+        raise AnalysisError(f"{run.name}: its encoders are on several loggers, {', '.join(groups)}: expected one")
+    return groups[0]
+
+
+def encoder_gaps(run: "SIRun") -> Gaps:
+    """Where the record of the encoders has gaps, on its clock."""
+    return Gaps.of({group_of_encoders(run): run.instants(run.rig.columns_of(Encoder)[0])})
+
+
+def encoder_trajectory(
+    run: "SIRun", mechanism: Mechanism, bandwidth_hz: float, bridged: bool = True
+) -> tuple[Grid, Trajectory]:
+    """The trajectory on an even grid of the encoders' clock; positions smoothed below ``bandwidth_hz``.
+
+    Gaps are ``bridged`` by straight lines for those who leave them out, or refused; what is between is smoothed apart.
+    Raises AnalysisError where an encoder is missing or on another clock, ClosureError where the loops do not close.
+    """
+    gaps, columns = encoder_gaps(run), run.rig.columns_of(Encoder)
+    time = run.instants(columns[0])
+    grid = grid_of(time, f"{run.name}: encoders", bridged)
+    if bandwidth_hz > HIGHEST_CUTOFF * grid.rate:
+        raise AnalysisError(
+            f"{run.name}: encoders at {grid.rate:.4g} samples per second do not show {bandwidth_hz:g} Hz: expected at "
+            f"most {HIGHEST_CUTOFF * grid.rate:.4g} Hz; ask for a lower --cutoff, or --bandwidth"
+        )
+    position = run.stacked(columns)
+    if bridged:
+        time, position = smoothing_and_derivatives.bridge_gaps(time, position, grid.step)
+    moved = gaps.rates(on_grid(time, position, grid), bandwidth_hz, grid)
+    samples = Samples(grid.time, moved.q, moved.v, moved.a, tuple(column.component for column in columns))
+    return grid, Closure(mechanism).follow(samples)
+
+
+def loaded(run: "SIRun", mechanism: Mechanism) -> Mechanism:
+    """The mechanism with the payload and counter-masses that the run table gives for a run."""
+    conditions = run.conditions
+    if "payload_kg" in conditions:
+        if len(mechanism.payload_bodies) != 1:
+            raise AnalysisError(
+                f"{run.name}: its payload is {conditions['payload_kg']:g} kg, but {mechanism.name} names "
+                f"{len(mechanism.payload_bodies)} payload bodies: expected one"
+            )
+        mechanism = mechanism.with_payload({mechanism.payload_bodies[0]: conditions["payload_kg"]})
+    return mechanism.with_counter_mass(conditions.get("counter_masses", {}))
+
+
+def mechanism_of(run: "SIRun", given: str | None) -> Mechanism:
+    """The mechanism that a person names, else the shipped one that the stored rig names: a stored run opens no file."""
+    from balance import datasets
+
+    named = run.rig.mechanism
+    if given is None and named not in datasets.dataset_names("mechanisms", ".xml"):
+        raise AnalysisError(
+            f"{run.name}: its rig is for {named!r}, which is not shipped: give its file, --mechanism FILE"
+        )
+    return load_mechanism(given or datasets.ROOT / "mechanisms" / f"{named}.xml")

@@ -1,0 +1,123 @@
+"""Positions as recorded -> position, velocity and acceleration on an even grid, with a stated bandwidth.
+
+A recorded clock is not a grid: samples are carried over by a cubic spline through all of them. The low-pass is a
+Butterworth of fourth order run forwards and backwards (no phase, half of the amplitude at the cut-off). Rates are those
+of a spline of fifth degree through the smoothed samples, not differences, which would lose a per cent at a tenth of the
+sampling rate.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from balance.arrays import Floats
+
+from ..errors import AnalysisError
+
+ORDER = 4
+"""Of the low-pass, each way."""
+LARGEST_STEP = 5.0
+"""Longest step between samples, in median steps, that a spline may bridge."""
+HIGHEST_CUTOFF = 0.4
+"""Of a low-pass, as a part of the sampling rate."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Even instants: sample i at ``start + i step`` [s]."""
+
+    start: float
+    step: float
+    count: int
+
+    @property
+    def time(self) -> Floats:
+        """The instants, (count,) [s]."""
+        return self.start + self.step * np.arange(self.count)
+
+    @property
+    def rate(self) -> float:
+        """Samples per second [Hz]."""
+        return 1.0 / self.step
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Smoothed positions with their first and second rates, (n, joints) each [rad, rad/s, rad/s2, or m, ...]."""
+
+    q: Floats
+    v: Floats
+    a: Floats
+
+
+def grid_of(time: Floats, what: str, bridged: bool = False) -> Grid:
+    """The even grid over recorded instants (n,) [s], of their median step; ``what`` is what messages call them.
+
+    Raises AnalysisError where time stands still, runs backwards, or has a gap, unless what lies there is left out later
+    (``bridged``).
+    """
+    if len(time) < 2 or not np.isfinite(time).all():
+        raise AnalysisError(f"{what}: {len(time)} instants, or some that are not numbers: expected a clock")
+    steps = np.diff(time)
+    worst = int(np.argmin(steps))
+    if not steps[worst] > 0.0:
+        raise AnalysisError(f"{what}: time does not increase at sample {worst + 1} ({time[worst + 1]:.9g} s)")
+    median = float(np.median(steps))
+    widest = int(np.argmax(steps))
+    if steps[widest] > LARGEST_STEP * median and not bridged:
+        raise AnalysisError(
+            f"{what}: a gap of {steps[widest]:.6g} s after {time[widest]:.9g} s, where steps are {median:.6g} s: "
+            "nothing may be invented there; cut the log into two runs"
+        )
+    return Grid(float(time[0]), median, int((time[-1] - time[0]) / median + 1e-6) + 1)
+
+
+def on_grid(time: Floats, values: Floats, grid: Grid) -> Floats:
+    """``values`` (n, k) at recorded instants (n,) [s], carried over to a grid by a cubic spline, (count, k)."""
+    from scipy.interpolate import make_interp_spline
+
+    return np.asarray(make_interp_spline(time, values, 3)(grid.time))
+
+
+def bridge_gaps(time: Floats, values: Floats, step: float) -> tuple[Floats, Floats]:
+    """Instants (n,) and values (n, k) with straight lines, of points ``step`` [s] apart, across gaps."""
+    wide = np.flatnonzero(np.diff(time) > LARGEST_STEP * step)
+    added = [np.arange(time[i] + step, time[i + 1] - 0.5 * step, step) for i in wide]
+    whole = np.sort(np.concatenate([time, *added]))
+    return whole, np.column_stack([np.interp(whole, time, v) for v in values.T])
+
+
+def low_pass(values: Floats, cutoff: float, rate: float) -> Floats:
+    """Smooth along the first axis without phase; ``cutoff`` and ``rate`` in Hz."""
+    from scipy.signal import butter, sosfiltfilt
+
+    if not 0.0 < cutoff <= HIGHEST_CUTOFF * rate:
+        raise AnalysisError(
+            f"a low-pass at {cutoff:g} Hz cannot be run at {rate:g} samples per second: "
+            f"expected at most {HIGHEST_CUTOFF * rate:g} Hz"
+        )
+    sections = butter(ORDER, cutoff, fs=rate, output="sos")
+    return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=min(len(values) - 1, int(3.0 * rate / cutoff))))
+
+
+def smoothed_derivatives(position: Floats, cutoff: float, rate: float) -> Rates:
+    """Smooth positions (n, joints) on a grid of ``rate`` [Hz] at ``cutoff`` [Hz], and differentiate them."""
+    from scipy.interpolate import make_interp_spline
+
+    smooth = low_pass(position, cutoff, rate)
+    spline = make_interp_spline(np.arange(len(smooth)) / rate, smooth, 5)
+    first, second = spline.derivative(1), spline.derivative(2)
+    instants = np.arange(len(smooth)) / rate
+    return Rates(smooth, np.asarray(first(instants)), np.asarray(second(instants)))
+
+
+def noise_gain(cutoff: float, rate: float) -> float:
+    """Standard deviation of the acceleration that :func:`rates` makes of white noise of unit deviation [1/s2].
+
+    sigma_a^2 = 2 / rate int_0^(rate/2) (2 pi f)^4 |H|^4 df, the low-pass H run forwards and backwards.
+    """
+    from scipy.signal import butter, sosfreqz
+
+    frequency = np.linspace(0.0, rate / 2.0, 20_001)
+    response = np.abs(sosfreqz(butter(ORDER, cutoff, fs=rate, output="sos"), frequency, fs=rate)[1])
+    return float(np.sqrt(2.0 / rate * np.trapezoid((2.0 * np.pi * frequency) ** 4 * response**4, frequency)))

@@ -1,0 +1,219 @@
+"""How well a commanded acceleration is reached: target, accelerometer, and encoders differentiated."""
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from balance.arrays import Floats
+from balance.dynamics.moving_base import acceleration_in_body
+
+from ..errors import AnalysisError
+from ..kinematics.gaps import longest_segment, reach_of
+from ..kinematics.motion_onset import moving_interval
+from ..kinematics.smoothing_and_derivatives import grid_of, noise_gain
+from ..rig.sensors import Accelerometer, Encoder, Target
+from ..signal.filters import Band, lag
+
+if TYPE_CHECKING:
+    from ..rig import Column
+    from ..runs.aligned_run import AlignedRun
+    from ..runs.si_run import SIRun
+
+NEAR_S = 0.02
+"""How far a correlation may be led by a gap [s]."""
+BANDWIDTH_HZ = 80.0
+"""Of the accelerations [Hz]: twice what the moves need, and little of the encoders' steps."""
+
+
+DEFINITIONS = {
+    "peak": "largest absolute value over the record",
+    "rms": "root mean square from the first to the last movement that is commanded along the axis",
+    "error_rms": "of what is shown less the target, over the same span, no delay taken off",
+    "delay_s": "by which what is shown follows the target, by correlation",
+    "accelerometer_shifted_s": "by which the accelerometer's record is shifted to correlate best with the target",
+    "encoder_noise": "standard deviation that the encoders' steps alone give an acceleration of their joint [rad/s2]",
+    "left_out_s": "of the controller's clock, where gaps of its record touch it: in no other number",
+    "bandwidth_hz": "of the zero-phase low-pass of what is measured; the target is not filtered",
+}
+"""What each number is."""
+
+
+@dataclass(frozen=True)
+class CommandPerformance:
+    """Acceleration of a body by axis, (n,) [m/s2], on the controller's clock; what was measured is band-limited."""
+
+    time: Floats
+    """(n,) [s]"""
+    target: dict[str, Floats]
+    accelerometer: dict[str, Floats]
+    encoders: dict[str, Floats]
+    bandwidth_hz: float
+    lag_s: float
+    """By how much the accelerometer's logger was started earlier than the controller's, found by correlation [s]."""
+    kept: NDArray[np.bool_]
+    """Which instants no gap touches, (n,); at the others nothing counts."""
+    group: str = ""
+    """The group of the accelerometer."""
+    first: float = 0.0
+    """Its first instant on its own clock [s]."""
+    encoder_noise: dict[str, float] = field(default_factory=dict)
+    """What the steps of the encoders alone make of an acceleration of a joint, by joint [rad/s2, m/s2]."""
+
+    @property
+    def left_out_s(self) -> float:
+        """How much gaps touch [s]."""
+        return float(np.mean(~self.kept) * (self.time[-1] - self.time[0]))
+
+    def reached(self) -> list["ReachedValue"]:
+        """How well the command was reached, by axis and by what shows it."""
+        rate = (len(self.time) - 1) / float(self.time[-1] - self.time[0])
+        shown = {"encoders": self.encoders, "accelerometer": self.accelerometer}
+        return [
+            ReachedValue.of(axis, by, self.target[axis], values[axis], rate, self.kept)
+            for axis in self.target
+            for by, values in shown.items()
+            if axis in values
+        ]
+
+
+@dataclass(frozen=True)
+class ReachedValue:
+    """One axis of what was commanded beside what one source shows, in m/s2."""
+
+    axis: str
+    by: str
+    """``encoders`` or ``accelerometer``."""
+    target_peak: float
+    """Largest absolute value."""
+    peak: float
+    target_rms: float
+    """Over the span in which the command of any size moves this axis; zero where it never does."""
+    error_rms: float
+    """Of what is shown less the target, over the same span."""
+    delay_s: float | None
+    """By which what is shown follows the target, by correlation. None for the accelerometer, whose clock is set by it,
+    and where nothing is commanded."""
+
+    @classmethod
+    def of(
+        cls, axis: str, by: str, target: Floats, shown: Floats, rate_hz: float, kept: NDArray[np.bool_]
+    ) -> "ReachedValue":
+        """Compare two signals (n,) of one clock where they are ``kept``; where nothing is commanded, over all of it."""
+        moved, even = bool(np.ptp(target) > 0.0), longest_segment(kept)
+        span = np.zeros(len(target), dtype=bool)
+        span[moving_interval(target, rate_hz) if moved else slice(None)] = True
+        span &= kept
+        error = shown[span] - target[span]
+        timed = by == "encoders" and bool(np.ptp(target[even]) > 0.0)
+        return cls(
+            axis,
+            by,
+            float(np.abs(target[kept]).max()),
+            float(np.abs(shown[kept]).max()),
+            float(np.sqrt(np.mean(target[span] ** 2))),
+            float(np.sqrt(np.mean(error**2))),
+            lag(shown[even], target[even], rate_hz) if timed else None,
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """As it is printed."""
+        return {
+            "axis": self.axis,
+            "by": self.by,
+            "target_peak_m_s2": self.target_peak,
+            "peak_m_s2": self.peak,
+            "target_rms_m_s2": self.target_rms,
+            "error_rms_m_s2": self.error_rms,
+            "delay_s": self.delay_s,
+        }
+
+
+def command_performance(aligned: "AlignedRun", bandwidth_hz: float = BANDWIDTH_HZ) -> CommandPerformance:
+    """Target, accelerometer and encoders of a run on one clock. Raises AnalysisError if the rig lacks one of them.
+
+    What gaps of that clock touch does not count.
+    """
+    run = aligned.run
+    columns = _columns(run, Target)
+    wanted = {column.component: run.values(column) for column in columns}
+    time, rate = run.instants(columns[0]), run.rate(columns[0])
+    name, sensor = _moving_accelerometer(run)
+    sensor_columns, band = list(sensor.columns(name)), Band(0.0, bandwidth_hz)
+    felt = {c.component: (band.of(*run.signal(c)), run.instants(c)) for c in sensor_columns}
+    encoders = _columns(run, Encoder)
+    if run.group_of(columns[0]) != aligned.reference:
+        raise AnalysisError(f"{run.name}: encoders and target are on two loggers, whose clocks are not in line")
+    target, kept = dict(wanted), np.ones(len(time), dtype=bool)
+    if gaps := aligned.gaps():
+        even = grid_of(time, f"{run.name}: target", bridged=True)
+        target = {axis: np.interp(even.time, time, values) for axis, values in target.items()}
+        time, kept = even.time, gaps.sound(even, reach_of(bandwidth_hz))
+        if not kept.any():
+            raise AnalysisError(f"{run.name}: {'; '.join(gaps.described)}: nothing is left")
+    late = _lag(target, felt, rate, kept)
+    grid, moved = encoder_acceleration(aligned, sensor, bandwidth_hz)
+    gain = noise_gain(bandwidth_hz, (len(grid) - 1) / float(grid[-1] - grid[0]))
+    return CommandPerformance(
+        time,
+        target,
+        {axis: np.interp(time - time[0] + late, t - t[0], values) for axis, (values, t) in felt.items()},
+        {axis: np.interp(time, grid, moved[:, "xyz".index(axis)]) for axis in target},
+        bandwidth_hz,
+        late,
+        kept,
+        run.group_of(sensor_columns[0]),
+        float(run.instants(sensor_columns[0])[0]),
+        {c.component: c.resolution / np.sqrt(12.0) * gain for c in encoders},
+    )
+
+
+def encoder_acceleration(run: "AlignedRun", sensor: Accelerometer, bandwidth_hz: float) -> tuple[Floats, Floats]:
+    """Instants (n,) [s], and the acceleration of the point where ``sensor`` sits, body axes, (n, 3) [m/s2].
+
+    By the encoders, differentiated below ``bandwidth_hz``, and by the loops of the mechanism; in gaps no measurement.
+    """
+    trajectory = run.trajectory(bandwidth_hz)
+    still, point = np.zeros((run.grid.count, 6)), np.array(sensor.position)
+    return run.grid.time, acceleration_in_body(run.unloaded, trajectory, still, sensor.attached_to, point)
+
+
+def _columns(run: "SIRun", kind: type[Target] | type[Encoder]) -> "list[Column]":
+    """The channels of all sensors of a kind, of which there must be one."""
+    found = run.rig.columns_of(kind)
+    if not found:
+        raise AnalysisError(f"{run.name}: its rig has no sensor of kind {kind.__name__.lower()}")
+    return found
+
+
+def _moving_accelerometer(run: "SIRun") -> tuple[str, Accelerometer]:
+    for name, sensor in run.rig.of_kind(Accelerometer).items():
+        if sensor.attached_to != "base":
+            return name, sensor
+    raise AnalysisError(f"{run.name}: its rig has no accelerometer on a body that moves")
+
+
+def _lag(
+    wanted: dict[str, Floats], felt: dict[str, tuple[Floats, Floats]], rate_hz: float, kept: NDArray[np.bool_]
+) -> float:
+    """Lag of the accelerometer's record behind the target's, along the axis that moves most [s]."""
+    shared = [axis for axis in wanted if axis in felt]
+    if not shared:
+        raise AnalysisError("target and accelerometer share no axis")
+    axis = max(shared, key=lambda a: float(np.ptp(wanted[a])))
+    values, time = felt[axis]
+    regular = np.arange(0.0, float(time[-1] - time[0]), 1.0 / rate_hz)
+    late = lag(np.interp(regular, time - time[0], values), wanted[axis] * kept, rate_hz)
+    return late if kept.all() else _nearest(late, time - time[0], values, wanted[axis], rate_hz, kept)
+
+
+def _nearest(late: float, time: Floats, felt: Floats, wanted: Floats, rate_hz: float, kept: NDArray[np.bool_]) -> float:
+    """The lag within NEAR_S of one at which what was felt differs least from the target where it is known [s].
+
+    A correlation with a gap in it favours what lies beside the gap.
+    """
+    shifts = late + np.arange(-NEAR_S, NEAR_S, 0.1 / rate_hz)
+    own = np.flatnonzero(kept) / rate_hz
+    left = [float(np.sum((np.interp(own + shift, time, felt) - wanted[kept]) ** 2)) for shift in shifts]
+    return float(shifts[int(np.argmin(left))])

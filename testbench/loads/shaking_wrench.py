@@ -1,0 +1,217 @@
+"""Shaking force and moment at a point, from the force sensors that the mechanism stands on.
+
+F = sum F_i, M = sum M_i + (p_i - P) x F_i over all supports. A component is given where every term of it is measured,
+or the rig says that a support does not carry it; otherwise it is None, with the reason. A channel that shows one value
+all the time measures nothing. Where a sensor is at the end of its range, what rests on it is no number. Nothing is
+guessed.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from balance.arrays import Floats
+from balance.dynamics.moving_base import skew
+
+from ..errors import AnalysisError
+from ..kinematics.motion_onset import moving_interval
+from ..recording import Finding
+from ..runs.si_run import SIRun
+
+if TYPE_CHECKING:
+    from ..rig import Column
+    from ..rig.sensors import Support
+
+COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+LEAST_REST_S = 0.02
+"""Of rest before or after the motion, from which a preload is taken [s]."""
+
+
+@dataclass(frozen=True)
+class MeasuredWrench:
+    """What the mechanism exerts on the base, base axes, moments about ``point``."""
+
+    group: str
+    """The group whose clock ``time`` is of."""
+    time: Floats
+    """(n,) [s]"""
+    rate: float
+    """[Hz]"""
+    point: tuple[float, float, float]
+    """In the base frame [m]."""
+    values: Mapping[str, Floats | None]
+    """By component, (n,) [N, N m]; None where the set of sensors does not determine it."""
+    reasons: Mapping[str, str]
+    """Why a component is None."""
+    findings: tuple[Finding, ...]
+    """Sensors at the end of their range, and dead ones."""
+    tare: str = ""
+    """What was taken off as preload and drift."""
+    clipped: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
+    """By component, stretches in which a sensor that it rests on was at the end of its range [s]: no numbers there."""
+
+    def determined(self, components: Sequence[str]) -> list[str]:
+        """Those of the components that are given."""
+        return [c for c in components if self.values[c] is not None]
+
+
+def shaking_wrench(
+    run: SIRun, point: tuple[float, float, float] = (0.0, 0.0, 0.0), preload: bool = False
+) -> MeasuredWrench:
+    """The wrench of a run about a point of the base [m]; ``preload`` keeps what the sensors show at rest.
+
+    Raises AnalysisError if the rig has no force sensors, or they are on several loggers.
+    """
+    supports = run.rig.supports
+    if not supports:
+        raise AnalysisError(
+            f"{run.name}: its rig has no force sensors (kind wrench or force): nothing measures a shaking force"
+        )
+    columns = {name: list(support.columns(name)) for name, support in supports.items()}
+    group = _group(run, [column for some in columns.values() for column in some])
+    first = next(iter(columns.values()))[0]
+    time, rate = run.instants(first), run.rate(first)
+    loads, findings, full, dead = {}, [], {}, {}
+    for name, support in supports.items():
+        readings, has_matrix = run.stacked(columns[name]), run.has_matrix(columns[name][0])
+        mixed = support.crosstalk is not None or has_matrix
+        dead[name] = _dead(run, support, columns[name], mixed)
+        findings += [_of_dead(run, channel, readings) for channel in dict.fromkeys(dead[name].values())]
+        findings += [f for column in columns[name] if (f := run.saturation(column)) is not None]
+        full[name] = np.column_stack([run.clipped(column) for column in columns[name]])
+        if mixed:
+            full[name][:] = full[name].any(axis=1, keepdims=True)
+        loads[name] = readings if has_matrix else _uncrossed(support, readings)
+    tare = "nothing is taken off: what the sensors show at rest is in it"
+    if not preload:
+        still = _at_rest(np.hstack(list(loads.values())), rate)
+        loads, tare = {name: without_preload(values, still) for name, values in loads.items()}, _tare(still, rate)
+    loads = {name: np.where(full[name], np.nan, values) for name, values in loads.items()}
+    values, reasons = _total(supports, loads, np.array(point), dead)
+    clipped = {n: found for n, v in values.items() if v is not None and (found := _stretches(np.isnan(v), time))}
+    return MeasuredWrench(group, time, rate, point, values, reasons, tuple(findings), tare, clipped)
+
+
+def refuse_saturation(run: SIRun, wrench: MeasuredWrench) -> None:
+    """Raise AnalysisError where a force sensor or an accelerometer on the base is at the end of its range."""
+    for finding in wrench.findings:
+        if finding.code != "constant_channel":
+            raise AnalysisError(f"{finding.message}: a clipped force cannot tell what is missing; use gentler runs")
+    refuse_clipped_base(run)
+
+
+def refuse_clipped_base(run: SIRun) -> None:
+    """Raise AnalysisError where an accelerometer on the base is at the end of its range."""
+    for column in run.rig.base_columns:
+        if column.range is not None and run.holds(column) and (full := run.at_range(column)).any():
+            raise AnalysisError(f"{run.name}: {column.channel}: {int(full.sum())} samples at the end of its range")
+
+
+def without_preload(values: Floats, rest: "tuple[slice, slice]") -> Floats:
+    """Values (n, k) less the line through their means at rest before and after: preload, and drift of a piezo sensor.
+
+    Where only one of the two rests is long enough, less its mean.
+    """
+    ends = [(0.5 * (part.start + part.stop - 1), values[part].mean(axis=0)) for part in rest if part.stop > part.start]
+    if not ends:
+        return values - np.median(values, axis=0)
+    if len(ends) == 1:
+        return values - ends[0][1]
+    (a, before), (b, after) = ends
+    slope = (after - before) / (b - a)
+    return values - before - (np.arange(len(values))[:, None] - a) * slope
+
+
+def _tare(rest: "tuple[slice, slice]", rate: float) -> str:
+    """What :func:`without_preload` does with these rests."""
+    before, after = ((part.stop - part.start) / rate for part in rest)
+    if before and after:
+        return (
+            f"less the line through the means at rest, {before:.3f} s before and {after:.3f} s after: preload and drift"
+        )
+    if before or after:
+        return (
+            f"less the mean at rest, {before or after:.3f} s {'before' if before else 'after'}: preload; drift is in it"
+        )
+    return "less the median of the record, which holds no rest: preload is a guess, drift is in it"
+
+
+def _stretches(odd: NDArray[np.bool_], time: Floats) -> tuple[tuple[float, float], ...]:
+    """Where something is, from its first to its last sample [s]."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], odd, [False]])))
+    return tuple((float(time[a]), float(time[b - 1])) for a, b in edges.reshape(-1, 2))
+
+
+def _group(run: SIRun, columns: "list[Column]") -> str:
+    groups = run.groups_of(columns)
+    if len(groups) > 1:
+        raise AnalysisError(
+            f"{run.name}: its force sensors are on several loggers, {', '.join(groups)}: expected one clock"
+        )
+    return groups[0]
+
+
+def _dead(run: SIRun, support: "Support", columns: "list[Column]", mixed: bool) -> dict[str, str]:
+    """The channel that shows one value only, by each component that rests on it: all of a sensor that is ``mixed``."""
+    dead = {m: c.channel for m, c in zip(support.measured, columns, strict=True) if run.is_dead(c)}
+    return dict.fromkeys(support.measured, next(iter(dead.values()))) if dead and mixed else dead
+
+
+def _of_dead(run: SIRun, channel: str, readings: Floats) -> Finding:
+    message = f"all {len(readings)} samples are one value: dead, stuck or unplugged"
+    return Finding("constant_channel", channel, run.name, f"{run.name}: {channel}: {message}")
+
+
+def _uncrossed(support: "Support", readings: Floats) -> Floats:
+    """Loads (n, k) from readings: readings = crosstalk @ loads."""
+    if support.crosstalk is None:
+        return readings
+    return np.asarray(np.linalg.solve(np.array(support.crosstalk), readings.T).T)
+
+
+def _at_rest(values: Floats, rate: float) -> "tuple[slice, slice]":
+    """Samples before the first and after the last movement of the channels that rest on both sides; empty if none do.
+
+    A channel that drifts seems to move all the time: the others say when it rests.
+    """
+    count, least = len(values), int(np.ceil(LEAST_REST_S * rate))
+    spans = [s for s in (moving_interval(v, rate) for v in values.T) if s.start >= least and count - s.stop >= least]
+    if not spans:
+        return slice(0, 0), slice(count, count)
+    return slice(0, min(s.start for s in spans)), slice(max(s.stop for s in spans), count)
+
+
+def _total(
+    supports: "Mapping[str, Support]", loads: Mapping[str, Floats], point: Floats, dead: Mapping[str, dict[str, str]]
+) -> tuple[dict[str, Floats | None], dict[str, str]]:
+    """The sum over the supports, component by component."""
+    count = len(next(iter(loads.values())))
+    values: dict[str, Floats | None] = {}
+    reasons: dict[str, str] = {}
+    for i, component in enumerate(COMPONENTS):
+        total = np.zeros(count)
+        for name, support in supports.items():
+            for j, other in enumerate(COMPONENTS):
+                lever = _levers(np.array(support.position) - point)[i, j]
+                if lever == 0.0 or not support.carries(other):
+                    continue
+                if other not in support.measured:
+                    reasons.setdefault(
+                        component,
+                        f"{name} does not measure {other}, and the rig does not say that it carries none (unloaded)",
+                    )
+                    continue
+                if channel := dead[name].get(other):
+                    reasons.setdefault(component, f"{name}: {channel} shows one value only: dead, stuck or unplugged")
+                    continue
+                total = total + lever * loads[name][:, support.measured.index(other)]
+        values[component] = None if component in reasons else total
+    return values, reasons
+
+
+def _levers(arm: Floats) -> Floats:
+    """The matrix that turns (F, M) at the end of an arm into that at its beginning, (6, 6)."""
+    return np.block([[np.eye(3), np.zeros((3, 3))], [skew(arm), np.eye(3)]])

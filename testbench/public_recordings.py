@@ -1,0 +1,203 @@
+"""Public recordings of other people, found by name: in a folder of the user's, in the cache, or else fetched.
+
+Nothing of them is shipped. ``datasets/recordings.toml`` says where each lies, under which licence, with which SHA-256;
+a file that has another digest is refused, wherever it came from.
+"""
+
+import hashlib
+import http.client
+import io
+import os
+import sys
+import tempfile
+import tomllib
+import urllib.error
+import urllib.parse
+import urllib.request
+import zipfile
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import IO
+
+from balance import datasets
+
+from .errors import RecordingError
+
+FOLDER_VARIABLE = "COUNTERPOISE_RECORDINGS"
+"""Environment variable: a folder that holds the recordings and takes the place of the network."""
+RAW = "https://raw.githubusercontent.com"
+"""Where a public repository's files are had, as ``RAW/owner/name/commit/path``."""
+TIMEOUT_S = 30.0
+
+
+@dataclass(frozen=True)
+class PublicRecording:
+    """One file of a public repository at one commit."""
+
+    file: str
+    what: str
+    repository: str
+    """``owner/name`` on github.com."""
+    path: str
+    commit: str
+    licence: str
+    licence_file: str
+    sha256: str
+    """Of the file; where ``member`` is given, of that member of the archive at ``path``."""
+    bytes: int
+    member: str | None = None
+
+    @property
+    def url(self) -> str:
+        """Where the file is fetched from."""
+        return f"{RAW}/{self.repository}/{self.commit}/{urllib.parse.quote(self.path)}"
+
+    @property
+    def credit(self) -> str:
+        """Source and licence, to be shown with the data."""
+        inside = f" ({self.member})" if self.member else ""
+        return f"github.com/{self.repository}: {self.path}{inside} at {self.commit[:12]}, {self.licence}"
+
+
+@cache
+def registry() -> dict[str, PublicRecording]:
+    """The known recordings by file name."""
+    table = tomllib.loads((datasets.ROOT / "recordings.toml").read_text(encoding="utf-8"))
+    return {row["file"]: PublicRecording(**row) for row in table["recording"]}
+
+
+def named(name: str) -> PublicRecording:
+    """The recording of this file name, or the only one whose name starts so. Raises RecordingError, listing them."""
+    known = registry()
+    starting = [name] if name in known else [file for file in known if name and file.startswith(name)]
+    if len(starting) != 1:
+        raise RecordingError(f"{name!r} names no public recording, or several: there are {', '.join(known)}")
+    return known[starting[0]]
+
+
+def at_hand(name: str) -> Path | None:
+    """A recording's file if it can be had without the network, else None."""
+    recording = named(name)
+    path = folder() / recording.file
+    return checked(path, recording) if path.is_file() else None
+
+
+def find_recording(name: str) -> Path:
+    """A recording's file, fetched if it is neither in the folder of ``COUNTERPOISE_RECORDINGS`` nor in the cache.
+
+    Raises RecordingError if it cannot be had, or is not the file that the registry describes.
+    """
+    found = at_hand(name)
+    return found if found is not None else fetch(named(name))
+
+
+def checked(path: Path, recording: PublicRecording) -> Path:
+    """``path``, if its content is the recording's. Raises RecordingError otherwise."""
+    with path.open("rb") as stream:
+        _check(_at_most(stream, recording.bytes), recording, str(path))
+    return path
+
+
+def fetch(recording: PublicRecording, into: Path | None = None) -> Path:
+    """Get a recording into a folder, or the cache: from its source, or the folder of ``COUNTERPOISE_RECORDINGS``.
+
+    Raises RecordingError, saying how else to provide it; nothing is written unless the content is the recording's.
+    """
+    own = _own_folder()
+    content = _downloaded(recording) if own is None else _copied(recording, own)
+    _check(content, recording, recording.url if own is None else str(own / recording.file))
+    return _kept(content, (into or cache_folder()) / recording.file)
+
+
+def folder() -> Path:
+    """Where recordings are looked for: the folder of ``COUNTERPOISE_RECORDINGS``, else the cache."""
+    return _own_folder() or cache_folder()
+
+
+def cache_folder() -> Path:
+    """Where fetched recordings are kept, by the custom of the operating system."""
+    home = Path.home()
+    usual = {"win32": home / "AppData" / "Local", "darwin": home / "Library" / "Caches"}
+    chosen = os.environ.get("LOCALAPPDATA" if sys.platform == "win32" else "XDG_CACHE_HOME")
+    return (Path(chosen) if chosen else usual.get(sys.platform, home / ".cache")) / "counterpoise" / "recordings"
+
+
+class _OnlyHttps(urllib.request.HTTPRedirectHandler):
+    """Follows redirections to https alone."""
+
+    def redirect_request(
+        self,
+        req: urllib.request.Request,
+        fp: IO[bytes],
+        code: int,
+        msg: str,
+        headers: http.client.HTTPMessage,
+        newurl: str,
+    ) -> urllib.request.Request | None:
+        if not newurl.startswith("https://"):
+            raise urllib.error.URLError(f"redirected to {newurl}, which is not https")
+        return super().redirect_request(req, fp, code, msg, headers, newurl)
+
+
+def _own_folder() -> Path | None:
+    folder = os.environ.get(FOLDER_VARIABLE)
+    if not folder:
+        return None
+    if not Path(folder).is_dir():
+        raise RecordingError(f"{FOLDER_VARIABLE} names {folder}, which is no folder")
+    return Path(folder)
+
+
+def _copied(recording: PublicRecording, folder: Path) -> bytes:
+    if not (folder / recording.file).is_file():
+        raise RecordingError(
+            f"{recording.file}: not in {folder} ({FOLDER_VARIABLE}); put it there, or unset the variable to fetch it "
+            f"from {recording.credit}"
+        )
+    with (folder / recording.file).open("rb") as stream:
+        return _at_most(stream, recording.bytes)
+
+
+def _downloaded(recording: PublicRecording) -> bytes:
+    try:
+        with urllib.request.build_opener(_OnlyHttps()).open(recording.url, timeout=TIMEOUT_S) as answer:
+            content = _at_most(answer, recording.bytes)
+    except (urllib.error.URLError, http.client.HTTPException, TimeoutError, ConnectionError) as error:
+        raise RecordingError(
+            f"{recording.file}: cannot be fetched from {recording.url}: {error}; or name a folder that holds it in "
+            f"{FOLDER_VARIABLE}"
+        ) from error
+    return content if recording.member is None else _unzipped(content, recording)
+
+
+def _unzipped(archive: bytes, recording: PublicRecording) -> bytes:
+    try:
+        with zipfile.ZipFile(io.BytesIO(archive)) as files, files.open(recording.member or "") as stream:
+            return _at_most(stream, recording.bytes)
+    except (zipfile.BadZipFile, KeyError, RuntimeError) as error:  # RuntimeError: encrypted, or an unknown packing
+        raise RecordingError(f"{recording.url}: not a zip archive that holds {recording.member}: {error}") from error
+
+
+def _at_most(stream: IO[bytes], expected: int) -> bytes:
+    """No more than one byte above what is expected, so that no answer, however long, fills the memory."""
+    return stream.read(expected + 1)
+
+
+def _check(content: bytes, recording: PublicRecording, where: str) -> None:
+    digest = hashlib.sha256(content).hexdigest()
+    if digest != recording.sha256:
+        size = f"{len(content)}" if len(content) <= recording.bytes else f"more than {recording.bytes}"
+        raise RecordingError(
+            f"{where}: not {recording.file}: {size} bytes with SHA-256 {digest[:12]}..., expected {recording.bytes} "
+            f"with {recording.sha256[:12]}... (from {recording.credit})"
+        )
+
+
+def _kept(content: bytes, path: Path) -> Path:
+    """Write beside and rename, so that nobody finds half a file."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as part:
+        part.write(content)
+    Path(part.name).replace(path)
+    return path

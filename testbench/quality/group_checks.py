@@ -1,0 +1,220 @@
+"""All checks of a group of channels, and of a whole recording.
+
+Numbers of a channel, gathered block by block.
+"""
+
+import math
+import re
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from .. import units
+from ..readers import header_claims
+from ..recording import Block, Channel, Finding, Group, Recording, Samples, SensorRange, TimeColumn, UniformClock
+from . import time_column
+from .clipping import Clipping
+from .time_steps import ClockStats
+
+
+@dataclass
+class ChannelStats:
+    """Counts and values of one channel, in its unit. ``mean``, ``min`` and ``max`` are of the finite samples."""
+
+    n: int = 0
+    not_finite: int = 0
+    min: float = math.inf
+    max: float = -math.inf
+    first: float = math.nan
+    last: float = math.nan
+    total: float = 0.0
+
+    @property
+    def mean(self) -> float:
+        """Mean of the finite samples; NaN if there are none."""
+        finite = self.n - self.not_finite
+        return self.total / finite if finite else math.nan
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether all samples are one finite value."""
+        return self.n > 1 and self.not_finite == 0 and self.min == self.max
+
+    def update(self, samples: Samples) -> tuple[float, float] | None:
+        """Take in the next samples; the least and the largest of them if all are finite."""
+        if not self.n:
+            self.first = float(samples[0])
+        self.last = float(samples[-1])
+        self.n += len(samples)
+        with np.errstate(over="ignore", invalid="ignore"):
+            total = float(samples.sum())
+        finite = samples
+        if not math.isfinite(total):  # a sample is not finite, or the sum overflows
+            finite = samples[np.isfinite(samples)]
+            self.not_finite += len(samples) - len(finite)
+            total = _sum(finite)
+        if not len(finite):
+            return None
+        least, most = float(finite.min()), float(finite.max())
+        self.min, self.max = min(self.min, least), max(self.max, most)
+        self.total += total
+        return (least, most) if len(finite) == len(samples) else None
+
+    def as_dict(self) -> dict[str, float | int | None]:
+        """The numbers as they are printed; what is not finite is None."""
+        values = {"min": self.min, "max": self.max, "mean": self.mean, "first": self.first, "last": self.last}
+        finite = {key: value if math.isfinite(value) else None for key, value in values.items()}
+        return {"n": self.n, "nan": self.not_finite, **finite}
+
+
+def _sum(samples: Samples) -> float:
+    try:
+        return math.fsum(samples)
+    except OverflowError:
+        return math.inf
+
+
+_OTHER_AXES = re.compile(r"(?:.*[./ ])?(?:freq\w*|frekans|frequenz|order|nodes?)", re.IGNORECASE)
+
+
+@dataclass
+class GroupCheck:
+    """Numbers and findings of one group, gathered block by block."""
+
+    group: Group
+    ranges: Sequence[SensorRange] = ()
+    stated_rate_hz: float | None = None
+    channel_ranges: Mapping[str, SensorRange] = field(default_factory=dict)
+    samples: int = 0
+    stats: list[ChannelStats] = field(init=False)
+    clock: ClockStats = field(default_factory=ClockStats)
+    _clipping: dict[int, Clipping] = field(init=False)
+
+    def __post_init__(self) -> None:
+        clock = self.group.clock
+        time = clock.index if isinstance(clock, TimeColumn) else None
+        self.stats = [ChannelStats() for _ in self.group.channels]
+        self._clipping = {i: Clipping(self._range(c)) for i, c in enumerate(self.group.channels) if i != time}
+
+    def _range(self, channel: Channel) -> SensorRange | None:
+        """The range that holds for a channel: the rig's, else the only one that the log states in its unit."""
+        if (known := self.channel_ranges.get(channel.label)) is not None:
+            return known
+        stated = [r for r in self.ranges if units.same(r.unit, channel.unit)]
+        return stated[0] if len(stated) == 1 else None
+
+    def update(self, block: Block) -> None:
+        """Take in the next block."""
+        self.samples += len(block)
+        extremes = [stats.update(column) for stats, column in zip(self.stats, block.columns, strict=True)]
+        for i, clipping in self._clipping.items():
+            clipping.update(block.columns[i], extremes[i])
+        if isinstance(self.group.clock, TimeColumn):
+            index = self.group.clock.index
+            self.clock.update(block, block.columns[index], all_finite=extremes[index] is not None)
+
+    @property
+    def rate_hz(self) -> float | None:
+        """The sampling rate [Hz]: declared, or that of the steps; None if there is none."""
+        if isinstance(self.group.clock, UniformClock):
+            return self.group.clock.rate_hz
+        return None if self.group.clock is None else time_column.rate_hz(self.group, self.clock, self.stated_rate_hz)
+
+    @property
+    def rate_source(self) -> str | None:
+        """Where the rate comes from."""
+        if isinstance(self.group.clock, TimeColumn):
+            found = time_column.time_column_sampling(self.group, self.clock, self.stated_rate_hz)
+            return None if found is None else found.source
+        return None if self.rate_hz is None else "declared"
+
+    def findings(self) -> list[Finding]:
+        """What the data of the group show."""
+        if not self.samples:
+            return [Finding("no_data", None, None, f"group {self.group.name!r} holds no sample")]
+        found = []
+        if _needs_clock(self.group, self.samples):
+            message = f"group {self.group.name!r} has neither a time column nor a declared rate: no time"
+            found.append(Finding("no_clock", None, None, message))
+        if isinstance(self.group.clock, TimeColumn):
+            found += time_column.time_findings(self.group, self.clock, self.stated_rate_hz)
+        for i, channel in enumerate(self.group.channels):
+            if self.stats[i].is_constant:
+                message = f"all {self.samples} samples are {self.stats[i].first:g}: dead, stuck or unused"
+                found.append(Finding("constant_channel", channel.name, None, message))
+            elif i in self._clipping and (text := self._clipping[i].message(channel.unit)) is not None:
+                code = "clipping" if self._clipping[i].limit else "clipping_suspected"
+                found.append(Finding(code, channel.name, None, text))
+        return found
+
+
+@dataclass
+class RecordingCheck:
+    """Checks of every group of a recording, those that come to light while it is read included."""
+
+    recording: Recording
+    channel_ranges: Mapping[str, SensorRange] = field(default_factory=dict)
+    groups: dict[str, GroupCheck] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for group in self.recording.groups:
+            self._add(group)
+
+    def _add(self, group: Group) -> GroupCheck:
+        check = GroupCheck(group, self.recording.ranges, self.recording.stated_rate_hz, self.channel_ranges)
+        self.groups[group.name] = check
+        return check
+
+    def update(self, block: Block) -> None:
+        """Take in the next block."""
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is counted, not warned of
+            (self.groups.get(block.group.name) or self._add(block.group)).update(block)
+
+    def findings(self) -> list[Finding]:
+        """What the header and the data show."""
+        said = {f.channel for f in self.recording.findings if f.code == "unit_unknown"}
+        found = [replace(f, group=group.name) for group in self.recording.groups for f in header_findings(group, said)]
+        if self.recording.origin == "simulated":
+            found.append(Finding("simulated", None, None, "the log says that it is simulated, and not measured"))
+        return found + [replace(f, group=name) for name, check in self.groups.items() for f in check.findings()]
+
+
+def header_findings(group: Group, said: Collection[str | None] = ()) -> list[Finding]:
+    """What the names and units of a group show, but missing units of channels of which they are ``said``."""
+    names = Counter(channel.name for channel in group.channels)
+    found = [
+        Finding("duplicate_names", name, None, f"{count} channels have this name")
+        for name, count in names.items()
+        if count > 1
+    ]
+    without = [
+        c.name for i, c in enumerate(group.channels) if c.unit is None and c.name not in said and not _is_time(group, i)
+    ]
+    if without:
+        shown = ", ".join(without[:8]) + (f" and {len(without) - 8} more" if len(without) > 8 else "")
+        one = without[0] if len(without) == 1 else None
+        found.append(Finding("unit_missing", one, None, f"no unit is written for {shown}"))
+    for channel in group.channels:
+        if channel.unit is not None and not units.is_unit(channel.unit) and not _is_date(channel.unit):
+            message = f"{channel.unit!r} is no unit that is known; it is kept as written"
+            found.append(Finding("unit_unknown", channel.name, None, message))
+    found += header_claims.units_of(group.channels)
+    return found
+
+
+def _is_date(unit: str) -> bool:
+    """Whether a unit is time since a date, as netCDF writes it."""
+    return " since " in unit and units.seconds_per(unit.split(" since ")[0]) is not None
+
+
+def _needs_clock(group: Group, samples: int) -> bool:
+    """Whether the samples ought to follow time: not single numbers, nor values over frequency, order or node."""
+    first = group.channels[0]
+    hertz = any(units.same(first.unit, unit) for unit in ("Hz", "kHz"))
+    return group.clock is None and samples > 1 and not hertz and _OTHER_AXES.fullmatch(first.label) is None
+
+
+def _is_time(group: Group, index: int) -> bool:
+    return isinstance(group.clock, TimeColumn) and group.clock.index == index

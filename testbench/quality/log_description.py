@@ -1,0 +1,71 @@
+"""What a log file holds: its groups, clocks and channels in numbers, and what is odd in it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..readers import ReadOptions, open_recording
+from ..recording import Finding, Recording, UniformClock, placed
+from . import time_column
+from .group_checks import GroupCheck, RecordingCheck
+
+
+@dataclass(frozen=True)
+class Description:
+    """A recording read to its end."""
+
+    recording: Recording
+    groups: tuple[GroupCheck, ...]
+    findings: tuple[Finding, ...]
+
+    def as_dict(self, stats: bool = False) -> dict[str, Any]:
+        """The description as it is printed; with ``stats`` the numbers of each channel too."""
+        return {
+            "format": self.recording.format,
+            "groups": [_group(check, stats) for check in self.groups],
+            "findings": [finding.as_dict() for finding in self.findings],
+        }
+
+
+def describe_log(path: str | Path, options: ReadOptions | None = None) -> Description:
+    """Read a log file to its end, keeping its numbers only."""
+    recording = open_recording(path, options)
+    check = RecordingCheck(recording)
+    findings = list(recording.findings)
+    for block in recording.blocks(findings.append):
+        check.update(block)
+    groups = [one.group for one in check.groups.values()]
+    found = placed([*findings, *check.findings()], groups, len(groups) > 1)
+    return Description(recording, tuple(check.groups.values()), tuple(found))
+
+
+def _group(check: GroupCheck, stats: bool) -> dict[str, Any]:
+    return {
+        "name": check.group.name,
+        "samples": check.samples,
+        "rate_hz": check.rate_hz,
+        "rate_source": check.rate_source,
+        "clock": clock(check),
+        "channels": [
+            {"name": channel.name, "unit": channel.unit, **(numbers.as_dict() if stats else {})}
+            for channel, numbers in zip(check.group.channels, check.stats, strict=True)
+        ],
+    }
+
+
+def clock(check: GroupCheck) -> dict[str, float | int | None] | None:
+    """First and last time and the steps between [s]; None without a clock."""
+    declared = check.group.clock
+    if declared is None:
+        return None
+    if not isinstance(declared, UniformClock):
+        return time_column.time_in_seconds(check.group, check.clock)
+    step = 1.0 / declared.rate_hz if check.samples > 1 else None
+    return {
+        "t_first_s": declared.start_s,
+        "t_last_s": declared.start_s + (check.samples - 1) / declared.rate_hz,
+        "dt_min_s": step,
+        "dt_median_s": step,
+        "dt_max_s": step,
+        "non_increasing": 0,
+    }

@@ -1,0 +1,166 @@
+"""A rig against the logs: channels that are missing, units and rates that differ, the ranges of the sensors."""
+
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from .. import units
+from ..recording import Channel, Finding, Recording, SensorRange
+from .group_checks import GroupCheck
+from .timestamp_quantization import RATE_TOLERANCE
+
+if TYPE_CHECKING:
+    from ..rig import Column, Rig
+
+_CODE = "rig_contradiction"
+_FLAT = {"clipping_suspected", "constant_channel"}
+
+
+def range_findings(rig: "Rig | None") -> dict[str, SensorRange]:
+    """The range of each channel that the rig states, in the unit of the log."""
+    columns = () if rig is None else rig.columns()
+    limits = ((column, column.written_range()) for column in columns)
+    return {column.channel: SensorRange(limit, column.unit) for column, limit in limits if limit is not None}
+
+
+def without_commanded(rig: "Rig | None", recording: Recording, found: Iterable[Finding]) -> list[Finding]:
+    """Findings less those of a flat signal in channels that the rig calls commanded: a target may rest and hold."""
+    labels = {c.channel for c in (() if rig is None else rig.columns()) if c.commanded}
+    names = {c.name for g in recording.groups for c in g.channels if c.label in labels}
+    return [f for f in found if not (f.channel in names and f.code in _FLAT)]
+
+
+def rate_findings(rig: "Rig | None", groups: Iterable[GroupCheck]) -> list[Finding]:
+    """Rates of the logs that are not those which the rig states for their loggers."""
+    found = []
+    for check in groups if rig is not None else ():
+        labels = {channel.label for channel in check.group.channels}
+        for name, logger in rig.loggers.items() if rig is not None else ():
+            stated = logger.rate if "rate" in logger.model_fields_set else None
+            if stated is None or check.rate_hz is None or abs(check.rate_hz / stated - 1.0) <= RATE_TOLERANCE:
+                continue
+            if rig is not None and any(column.channel in labels for column in rig.columns(name)):
+                message = f"loggers.{name}: rate {stated:g} Hz in the rig, {check.rate_hz:.6g} Hz in the log"
+                found.append(Finding("rate_contradicts_rig", None, None, f"{message}, which is taken"))
+    return found
+
+
+def of_conditions(rig: "Rig", conditions: Mapping[str, Any]) -> list[Finding]:
+    """Counter-masses that the sheet puts on sites which the rig's mechanism does not have."""
+    if rig.names is None:
+        return []
+    wrong = [rig.names.unknown("site", site) for site in conditions.get("counter_masses", {})]
+    return [Finding("unknown_site", None, None, f"the sheet's counter_masses: {text}") for text in wrong if text]
+
+
+def rig_findings(
+    rig: "Rig",
+    recordings: Iterable[Recording],
+    elsewhere: Callable[[Collection[str]], str | None] = lambda channels: None,
+) -> list[Finding]:
+    """Where the rig and the logs of one run differ. A logger of which the run holds no channel is not in the run.
+
+    A rig describes a whole bench: what any log of the run holds is recorded, and what none holds is said, with the
+    logs that were looked at. ``elsewhere`` names a log outside the run that holds one of these channels.
+    """
+    recordings = list(recordings)
+    channels = {c.label: c for r in recordings for g in r.groups for c in g.channels}
+    found: list[Finding] = []
+    absent: list[Finding] = []
+    for logger in rig.loggers:
+        columns = list(rig.columns(logger))
+        present = [column for column in columns if column.channel in channels]
+        if present:
+            found += [_missing(column, channels) for column in columns if column.channel not in channels]
+        elif columns:
+            other = elsewhere({column.channel for column in columns})
+            logs = [recording.path.name for recording in recordings]
+            absent.append(_absent(logger, columns, logs) if other is None else _apart(logger, columns, other))
+        found += _units(present, channels)
+    if len(absent) == sum(any(rig.columns(logger)) for logger in rig.loggers):
+        message = f"none of the rig's channels is in the log, which holds {_listed(channels)}"
+        return [*found, Finding(_CODE, None, None, message)]
+    return found + absent
+
+
+def _missing(column: "Column", channels: Iterable[str]) -> Finding:
+    message = f"the rig names it in sensors.{column.sensor} (logger {column.logger}); the log holds {_listed(channels)}"
+    return Finding(_CODE, column.channel, None, message)
+
+
+def _absent(logger: str, columns: "Iterable[Column]", logs: Sequence[str]) -> Finding:
+    names = ", ".join(dict.fromkeys(column.sensor for column in columns))
+    own = logs[0] if len(logs) == 1 else f"any of {_listed(logs)}"
+    message = (
+        f"nothing is recorded of sensors {names} (logger {logger}): no channel of theirs is in {own}, of which the run "
+        "is made; a log that holds them is joined to the run by a sheet (--runs)"
+    )
+    return Finding("sensor_not_recorded", None, None, message)
+
+
+def _apart(logger: str, columns: "Iterable[Column]", other: str) -> Finding:
+    names = ", ".join(dict.fromkeys(column.sensor for column in columns))
+    message = (
+        f"sensors {names} (logger {logger}) are in {other}, a run of its own; where both are of one test, as "
+        "`testbench align` takes them, a sheet (--runs) joins them"
+    )
+    return Finding("sensor_elsewhere", None, None, message)
+
+
+def _units(present: "Iterable[Column]", channels: Mapping[str, Channel]) -> list[Finding]:
+    """Units that the rig and the log give, and where a calibration leads from there."""
+    found: list[Finding] = []
+    calibrated = set()
+    for column in present:
+        if column.calibration is None:
+            found += _unit(column, channels[column.channel])
+        elif column.sensor not in calibrated and all(s.channel in channels for s in column.siblings):
+            calibrated.add(column.sensor)
+            found += _calibrated(column, channels)
+    return found
+
+
+def _calibrated(column: "Column", channels: Mapping[str, Channel]) -> list[Finding]:
+    from balance.errors import UnitError
+
+    from ..calibration.evaluation import bind_sensor
+
+    assert column.calibration is not None
+    try:
+        bind_sensor(column.calibration, column.siblings, [channels[s.channel].unit for s in column.siblings])
+    except UnitError as error:
+        message = f"sensors.{column.sensor}.calibration: {error}"
+        return [Finding("calibration_contradiction", channels[column.channel].name, None, message)]
+    return []
+
+
+def _unit(column: "Column", channel: Channel) -> list[Finding]:
+    """The unit that the rig states against the one that the log writes, and both against what is measured."""
+    if channel.unit and column.unit and column.stated and not units.same(channel.unit, column.unit):
+        message = f"sensors.{column.sensor}: unit {column.unit!r} in the rig, {channel.unit!r} in the log"
+        return [Finding(_CODE, channel.name, None, message)]
+    unit = channel.unit or column.unit
+    if not unit or _measures(unit, column.dimensions):
+        return []
+    from ..calibration.definition import is_electrical
+
+    if is_electrical(unit):
+        message = f"is in {unit!r}, and sensors.{column.sensor} has no calibration: testbench calibrate adds one"
+        return [Finding("uncalibrated", channel.name, None, message)]
+    message = f"sensors.{column.sensor}: {unit!r} in the log is no {' or '.join(column.dimensions)}"
+    return [Finding(_CODE, channel.name, None, message)]
+
+
+def _measures(unit: str, dimensions: tuple[str, ...]) -> bool:
+    from balance.errors import UnitError
+    from balance.units import factor_to_si
+
+    try:
+        factor_to_si(unit, *dimensions)
+    except UnitError:
+        return False
+    return True
+
+
+def _listed(channels: Iterable[str]) -> str:
+    names = list(channels)
+    return ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "")

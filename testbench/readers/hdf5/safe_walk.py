@@ -1,0 +1,189 @@
+"""All objects of a file, each once, without following a link out of it, to nowhere, or round in a circle.
+
+Whether a dataset can be read: nothing of it elsewhere, nothing unknown, no more declared than is there.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import h5py
+
+from ...recording import Finding
+
+_DEEPEST, _MOST = 64, 200_000
+_NAMED = 8
+"""Links of one fault that are findings each; more of them are one finding, with how many there are."""
+
+
+class TooMuch(Exception):
+    """More objects, or deeper ones, than a log has."""
+
+
+@dataclass
+class Walk:
+    """Goes through the objects of ``file``; what it does not follow are findings."""
+
+    file: h5py.File
+    seen: int = 0
+    _links: dict[str, list[Finding]] = field(default_factory=dict)
+    _done: set[int] = field(default_factory=set)
+
+    @property
+    def findings(self) -> list[Finding]:
+        """What was not followed: a web of thousands of links alike is one finding with their number."""
+        return [finding for alike in self._links.values() for finding in _counted(alike)]
+
+    def datasets(self) -> Iterator[tuple[str, h5py.Dataset]]:
+        """Each dataset with its path, in the order of the file."""
+        yield from self._below(self.file["/"], "", (_address(self.file["/"]),))
+
+    def _below(self, group: h5py.Group, path: str, above: tuple[int, ...]) -> Iterator[tuple[str, h5py.Dataset]]:
+        if len(above) > _DEEPEST:
+            raise TooMuch(f"{path}: groups nested more than {_DEEPEST} deep")
+        for key in group:
+            self.seen += 1
+            if self.seen > _MOST:
+                raise TooMuch(f"more than {_MOST} objects")
+            here = f"{path}/{plain(key)}"
+            if self._is_own(group, key, here):
+                yield from self._object(group, key, here, above)
+
+    def _object(
+        self, group: h5py.Group, key: str, path: str, above: tuple[int, ...]
+    ) -> Iterator[tuple[str, h5py.Dataset]]:
+        node = group[key]
+        if not isinstance(node, h5py.Group | h5py.Dataset):
+            return
+        address = _address(node)
+        if address in above:
+            self._found("cyclic_link", path, "leads back to a group that holds it; it is left out")
+        elif address not in self._done:
+            self._done.add(address)
+            if isinstance(node, h5py.Dataset):
+                yield path, node
+            else:
+                yield from self._below(node, path, (*above, address))
+
+    def _is_own(self, group: h5py.Group, key: str, path: str) -> bool:
+        """Whether the link leads to an object here; soft links are names of objects that are met anyhow."""
+        link = group.get(key, getlink=True)
+        if isinstance(link, h5py.HardLink):
+            return True
+        if isinstance(link, h5py.ExternalLink):
+            target = f"{plain(link.filename)}:{plain(link.path)}"
+            self._found("outside_reference", path, f"is a link to {target} in another file; it is never opened")
+        elif isinstance(link, h5py.SoftLink):
+            self._judge_soft(group, plain(link.path), path)
+        else:
+            self._found("outside_reference", path, "is a link of a kind that is not known; it is never followed")
+        return False
+
+    def _judge_soft(self, group: h5py.Group, target: str, path: str) -> None:
+        """A soft link that leads nowhere, or back to where it comes from."""
+        absolute = target if target.startswith("/") else f"{path.rpartition('/')[0]}/{target}"
+        end = _resolved(self.file, absolute)
+        if end is None:
+            self._found("broken_link", path, f"is a link to {target}, which is not there")
+        elif end == "outside":
+            self._found("outside_reference", path, f"is a link by {target} out of the file; it is never followed")
+        elif end == "circle" or f"{path}/".startswith(f"{end.rstrip('/')}/"):
+            self._found("cyclic_link", path, f"is a link to {target}, which holds it; it is left out")
+
+    def _found(self, code: str, path: str, message: str) -> None:
+        self._links.setdefault(code, []).append(Finding(code, path, None, message))
+
+
+def _counted(alike: list[Finding]) -> list[Finding]:
+    """Findings of one code: each while they are few, else the first one with how many there are."""
+    if len(alike) <= _NAMED:
+        return alike
+    others = ", ".join(str(finding.channel) for finding in alike[1:4])
+    message = f"{alike[0].message}; and {len(alike) - 1} more links like it, such as {others}"
+    return [Finding(alike[0].code, alike[0].channel, None, message)]
+
+
+def _resolved(file: h5py.File, path: str) -> str | None:
+    """Where an absolute path of links ends; None nowhere, or ``outside`` or ``circle``."""
+    parts, done = [part for part in path.split("/") if part not in ("", ".")], ""
+    for _ in range(1000):
+        if not parts:
+            return done or "/"
+        node = file[done or "/"]
+        link = node.get(parts[0], getlink=True) if isinstance(node, h5py.Group) else None
+        if link is None:
+            return None
+        if isinstance(link, h5py.SoftLink):
+            target = plain(link.path)
+            onward = [part for part in target.split("/") if part not in ("", ".")]
+            done, parts = ("" if target.startswith("/") else done), onward + parts[1:]
+        elif isinstance(link, h5py.HardLink):
+            done, parts = f"{done}/{parts[0]}", parts[1:]
+        else:
+            return "outside"
+    return "circle"
+
+
+def _address(node: h5py.Group | h5py.Dataset) -> int:
+    return int(h5py.h5o.get_info(node.id).addr)
+
+
+def plain(name: str | bytes) -> str:
+    """A name that can be printed and stored: bytes that are no UTF-8 become question marks."""
+    if isinstance(name, bytes):
+        return name.decode("utf-8", "replace")
+    return name.encode("utf-8", "replace").decode("utf-8")
+
+
+_LARGEST_CHUNK = 256 << 20
+_MOST_RATIO, _ALWAYS_ALLOWED = 200, 64 << 20
+_OWN_FILTERS = frozenset((h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32,
+                          h5py.h5z.FILTER_NBIT, h5py.h5z.FILTER_SCALEOFFSET, h5py.h5z.FILTER_SZIP,
+                          h5py.h5z.FILTER_LZF))  # fmt: skip
+
+
+def refusal(path: str, dataset: h5py.Dataset) -> Finding | None:
+    """Why a dataset is not read; None if it is."""
+    plist = dataset.id.get_create_plist()
+    for judged in (_elsewhere, _declares_too_much, _unknown_filter):
+        if (found := judged(path, dataset, plist)) is not None:
+            return found
+    return None
+
+
+def _elsewhere(path: str, dataset: h5py.Dataset, plist: h5py.h5p.PropDCID) -> Finding | None:
+    if plist.get_layout() == h5py.h5d.VIRTUAL:
+        sources = sorted({plain(source.file_name) for source in dataset.virtual_sources()})
+        message = f"is virtual, of {', '.join(sources) or 'other datasets'}; they are never opened"
+        return Finding("outside_reference", path, None, message)
+    if count := plist.get_external_count():
+        names = sorted({plain(plist.get_external(i)[0]) for i in range(min(count, 100))})
+        message = f"lies in {', '.join(names)}, another file, which is never opened"
+        return Finding("outside_reference", path, None, message)
+    return None
+
+
+def _declares_too_much(path: str, dataset: h5py.Dataset, plist: h5py.h5p.PropDCID) -> Finding | None:
+    """Sizes that are not there: never written, unpacking to far more than is stored, or in giant chunks."""
+    if dataset.shape is None:  # a dataset without a value, which is whole as it is
+        return None
+    there, layout, item = int(dataset.id.get_storage_size()), plist.get_layout(), int(dataset.dtype.itemsize)
+    declared = math.prod(map(int, dataset.shape or ())) * item
+    chunk = math.prod(map(int, plist.get_chunk())) * item if layout == h5py.h5d.CHUNKED else 0
+    if layout == h5py.h5d.CONTIGUOUS and there < declared:
+        message = f"declares {declared} bytes and holds {there}: it was never written whole"
+        return Finding("cut_file", path, None, message)
+    if chunk > _LARGEST_CHUNK or declared > max(_ALWAYS_ALLOWED, _MOST_RATIO * there):
+        message = f"declares {declared} bytes in chunks of {chunk}, and holds {there}"
+        return Finding("too_large", path, None, message)
+    return None
+
+
+def _unknown_filter(path: str, dataset: h5py.Dataset, plist: h5py.h5p.PropDCID) -> Finding | None:
+    """Filters that come with HDF5; others would load a plugin that the file names."""
+    for i in range(plist.get_nfilters()):
+        code, _, _, name = plist.get_filter(i)
+        if code not in _OWN_FILTERS:
+            message = f"is packed with filter {code} ({plain(name) or 'without a name'}), which HDF5 lacks"
+            return Finding("left_out", path, None, message)
+    return None

@@ -1,0 +1,194 @@
+"""MDF version 3 (and 2): blocks with 32-bit links."""
+
+import math
+import struct
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from ...recording import Finding
+from ..byte_source import BLOCK_BYTES, ByteSource, damaged
+from . import conversions
+from .data_model import DataGroup, File, Law, Member, Records
+from .records import fits
+
+_MOST = 1_000_000
+_TEXT_TYPES = (7, 8)
+_KINDS: tuple[Literal["u", "i", "f"], ...] = ("u", "i", "f", "f")
+_LINEAR, _TABLE, _STEPS, _POLYNOMIAL, _EXPONENTIAL, _LOGARITHMIC = 0, 1, 2, 6, 7, 8
+_RATIONAL, _FORMULA, _TEXTS, _NONE = 9, 10, (11, 12), 0xFFFF
+
+
+class Walk:
+    """Reads the blocks of one file; ``order`` is its byte order."""
+
+    def __init__(self, source: ByteSource, unfinished: bool) -> None:
+        self.source, self.unfinished = source, unfinished
+        (little,) = struct.unpack("<H", source.read(24, 2, "the byte order"))
+        self.order: Literal["<", ">"] = ">" if little else "<"
+        self.file = File(source.read(8, 8, "the version").decode("latin-1").strip(" \0"))
+
+    def block(self, address: int, kind: bytes) -> bytes:
+        """The block at ``address``."""
+        mark, size = struct.unpack(f"{self.order}2sH", self.source.read(address, 4, "a block"))
+        if mark != kind or size < 4:
+            message = f"byte {address}: {mark!r} of {size} bytes; expected a block {kind.decode()}"
+            raise damaged(self.source.path, message)
+        return self.source.read(address, size, f"the block {kind.decode()}")
+
+    def take(self, form: str, raw: bytes, at: int) -> tuple[int, ...]:
+        """Values of a ``struct`` format."""
+        try:
+            return struct.unpack_from(self.order + form, raw, at)
+        except struct.error as error:
+            raise damaged(self.source.path, f"a block {raw[:2]!r} of {len(raw)} bytes is too short") from error
+
+    def chain(self, address: int, kind: bytes) -> Iterator[bytes]:
+        """The blocks of a list, each linking to the next."""
+        seen: set[int] = set()
+        while address:
+            if address in seen or len(seen) > _MOST:
+                raise damaged(self.source.path, f"the list of blocks {kind.decode()} comes back to byte {address}")
+            seen.add(address)
+            raw = self.block(address, kind)
+            yield raw
+            (address,) = self.take("I", raw, 4)
+
+    def text(self, address: int) -> str:
+        """The text of a TX block; empty if there is none."""
+        return _text(self.block(address, b"TX")[4:]) if address else ""
+
+
+def read_version3(source: ByteSource, unfinished: bool) -> File:
+    """All blocks of the file but its samples."""
+    walk = Walk(source, unfinished)
+    header = walk.block(64, b"HD")
+    first, comment = walk.take("II", header, 4)
+    if text := walk.text(comment):
+        walk.file.metadata["comment"] = text
+    walk.file.metadata["start"] = f"{_text(header[18:28])} {_text(header[28:36])}"
+    for name, at in (("author", 36), ("organisation", 68), ("project", 100), ("subject", 132)):
+        if text := _text(header[at : at + 32]):
+            walk.file.metadata[name] = text
+    for i, raw in enumerate(walk.chain(first, b"DG"), 1):
+        _data_group(walk, raw, i)
+    return walk.file
+
+
+def _data_group(walk: Walk, raw: bytes, number: int) -> None:
+    first, _, begin = walk.take("III", raw, 8)
+    _, identifiers = walk.take("HH", raw, 20)
+    if identifiers > 2:
+        raise damaged(walk.source.path, f"data group {number}: {identifiers} identifiers a record")
+    records = tuple(_records(walk, group, number, i) for i, group in enumerate(walk.chain(first, b"CG"), 1))
+    if not records or not any(r.members for r in records):
+        return
+    size = sum((records_.size or 0) + identifiers for records_ in records[:1])
+    total = sum(((r.size or 0) + identifiers) * (r.declared or 0) for r in records)
+    there = max(0, min(total, walk.source.size - begin)) if begin else 0
+    if walk.unfinished:
+        there = max(0, walk.source.size - begin)
+    elif there < total:
+        message = f"the file is cut: {total - there} of {total} bytes of data group {number} are missing"
+        if len(records) == 1:
+            message += f"; {there // max(size, 1)} of {records[0].declared} samples are there"
+        walk.file.findings.append(Finding("cut_file", None, f"byte {begin}", message))
+    pieces = partial(_pieces, walk.source.path, begin, begin + there)
+    identifier_size = 1 if identifiers else 0
+    walk.file.groups.append(DataGroup(identifier_size, identifiers == 2, walk.order, records, pieces, there))
+
+
+def _pieces(path: Path, begin: int, end: int) -> Iterator[bytes]:
+    with ByteSource(path) as source:
+        for at in range(begin, end, BLOCK_BYTES):
+            yield source.read(at, min(BLOCK_BYTES, end - at), "samples")
+
+
+def _records(walk: Walk, raw: bytes, number: int, i: int) -> Records:
+    first, comment = walk.take("II", raw, 8)
+    identifier, _, size, declared = walk.take("HHHI", raw, 16)
+    name = walk.text(comment) or f"group {number}" + (f".{i}" if i > 1 else "")
+    members = [m for block in walk.chain(first, b"CN") if (m := _member(walk, block, size)) is not None]
+    return Records(name, identifier, size, size, declared, tuple(members))
+
+
+def _member(walk: Walk, raw: bytes, size: int) -> Member | None:
+    conversion, _, _, _ = walk.take("4I", raw, 8)
+    kind, start, bits, form = walk.take("H", raw, 24) + walk.take("3H", raw, 186)
+    long_name = walk.take("I", raw, 218)[0] if len(raw) >= 222 else 0
+    extra = walk.take("H", raw, 226)[0] if len(raw) >= 228 else 0
+    name = walk.text(long_name) or _text(raw[26:58])
+    if form in _TEXT_TYPES:
+        walk.file.texts.append(name)
+        return None
+    known = _form(form, walk.order)
+    if known is None:
+        walk.file.left_out.append(f"{name} (of data type {form})")
+        return None
+    law, unit = _law(walk, conversion, name)
+    member = Member(name, unit, known[0], known[1], extra + start // 8, start % 8, bits, law, kind == 1)
+    if not fits(member, size):
+        message = f"channel {name!r}: {bits} bits from bit {start} of {size} bytes a record"
+        raise damaged(walk.source.path, message)
+    return member
+
+
+def _form(form: int, order: Literal["<", ">"]) -> tuple[Literal["u", "i", "f"], Literal["<", ">"]] | None:
+    """Kind and byte order of a data type: 0 to 3 in the file's order, 9 to 12 big-endian, 13 to 16 little-endian."""
+    for base, own in ((0, order), (9, ">"), (13, "<")):
+        if base <= form <= base + 3:
+            return _KINDS[form - base], own
+    return None
+
+
+def _law(walk: Walk, address: int, name: str) -> tuple[Law | None, str | None]:
+    """The conversion of a channel and its unit."""
+    if not address:
+        return None, None
+    raw = walk.block(address, b"CC")
+    unit = _text(raw[22:42]) or None
+    kind, count = walk.take("HH", raw, 42)
+    if kind in _TEXTS or kind == _NONE:
+        return None, unit
+    try:
+        if kind == _FORMULA:
+            law: Law | None = conversions.formula(_text(raw[46:]))
+        else:
+            values = [float(v) for v in walk.take(f"{_count(kind, count)}d", raw, 46)]
+            law = _numeric(kind, values)
+    except ValueError as error:
+        raise damaged(walk.source.path, f"channel {name!r}: its conversion of type {kind}: {error}") from error
+    walk.file.converted += law is not None
+    return law, unit
+
+
+def _count(kind: int, count: int) -> int:
+    """Numbers that a conversion holds."""
+    sizes = {_LINEAR: 2, _TABLE: 2 * count, _STEPS: 2 * count, _POLYNOMIAL: 6, _EXPONENTIAL: 7, _LOGARITHMIC: 7}
+    sizes[_RATIONAL] = 6
+    if kind not in sizes or sizes[kind] < 2:
+        raise ValueError(f"{count} values; it is not known, or empty")
+    return sizes[kind]
+
+
+def _numeric(kind: int, p: list[float]) -> Law | None:
+    if kind == _LINEAR:
+        return conversions.linear(p[0], p[1])
+    if kind in (_TABLE, _STEPS):
+        return conversions.table(p[::2], p[1::2], kind == _TABLE)
+    if kind == _RATIONAL:
+        return conversions.rational(p)
+    if kind == _POLYNOMIAL:
+        return (
+            None
+            if p == [0.0, -1.0, -1.0, 0.0, 0.0, 0.0] or not all(map(math.isfinite, p))
+            else conversions.polynomial(p)
+        )
+    return conversions.logarithmic(p, np.log if kind == _EXPONENTIAL else np.exp)
+
+
+def _text(raw: bytes) -> str:
+    return raw.split(b"\0")[0].decode("latin-1").strip()

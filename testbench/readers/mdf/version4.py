@@ -1,0 +1,219 @@
+"""MDF version 4: data groups, channel groups, channels and their conversions."""
+
+import struct
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Literal
+
+from ...recording import Finding
+from ..byte_source import ByteSource, damaged
+from . import conversions
+from . import records as columns
+from . import version4_blocks as blocks
+from .data_model import DataGroup, File, Law, Member, Records
+from .records import fits
+from .version4_blocks import Block, block_text, chain, data, head
+
+_VLSD, _REMOTE_MASTER = 1, 8
+_FIXED, _MASTER, _VIRTUAL_MASTER, _SYNC, _VIRTUAL = 0, 2, 3, 4, 6
+_TIME, _INDEX = 1, 4
+_TEXTS = (6, 7, 8, 9, 17)
+_INVALID_ALL, _INVALID_BIT = 1, 2
+_TO_TEXT = (7, 8, 9, 10, 11)
+_DEEPEST = 16
+
+
+def read_version4(source: ByteSource, unfinished: bool) -> File:
+    """All blocks of the file but its samples."""
+    file = File(source.read(8, 8, "the version").decode("latin-1").strip(" \0"))
+    header = head(source, 64, "HD")
+    if len(header.links) < 6:
+        raise damaged(source.path, "the header has less than six links")
+    (start,) = struct.unpack_from("<Q", data(source, header).ljust(8, b"\0"))
+    file.metadata["start_time_ns"] = str(start)
+    if comment := block_text(source, header.links[5]):
+        file.metadata["comment"] = comment
+    for group in chain(source, header.links[0], "DG"):
+        _data_group(source, group, file, unfinished)
+    return file
+
+
+def _data_group(source: ByteSource, block: Block, file: File, unfinished: bool) -> None:
+    if len(block.links) < 4:
+        raise damaged(source.path, f"byte {block.address}: a data group with {len(block.links)} links")
+    identifier_size = data(source, block)[:1] or b"\0"
+    records = tuple(_records(source, group, file) for group in chain(source, block.links[1], "CG"))
+    if not records or identifier_size[0] not in (0, 1, 2, 4, 8):
+        if records:
+            raise damaged(source.path, f"byte {block.address}: identifiers of {identifier_size[0]} bytes")
+        return
+    stretches, missing = blocks.stored(source, block.links[2], unfinished)
+    blocks.refuse_bombs(source, stretches)
+    if columns.is_by_column(source, block.links[2]):
+        records = tuple(columns.records(each, stretches) for each in records)
+    widths = records[0].data, (records[0].size or 0) - records[0].data
+    group = DataGroup(
+        identifier_size[0], False, "<", records, partial(_pieces, source.path, stretches, widths),
+        sum(stretch.unpacked + (stretch.beside.unpacked if stretch.beside else 0) for stretch in stretches),
+    )  # fmt: skip
+    if missing:
+        there = _there(group)
+        file.findings.append(Finding("cut_file", None, None, f"the file is cut: missing are {missing}{there}"))
+    elif not identifier_size[0] and records[0].size and not unfinished:
+        _count(group, records[0], file)
+    file.groups.append(group)
+
+
+def _there(group: DataGroup) -> str:
+    """How many samples there are of how many, where that can be told without reading them."""
+    records = group.records[0]
+    if group.identifier_size or not records.size:
+        return ""
+    return f"; {group.bytes // records.size} of {records.declared} samples of group {records.name!r} are there"
+
+
+def _count(group: DataGroup, records: Records, file: File) -> None:
+    """Declared samples against those that the bytes hold."""
+    assert records.size
+    found = group.bytes // records.size
+    if found != records.declared or group.bytes % records.size:
+        message = f"group {records.name!r} declares {records.declared} samples, its {group.bytes} bytes hold {found}"
+        file.findings.append(Finding("count_contradiction", None, None, message))
+
+
+def _pieces(path: Path, stretches: list[blocks.Stored], widths: tuple[int, int]) -> Iterator[bytes]:
+    with ByteSource(path) as source:
+        if any(stretch.beside for stretch in stretches):
+            yield from columns.pieces(source, stretches, *widths)
+        else:
+            yield from blocks.pieces(source, stretches)
+
+
+def _records(source: ByteSource, block: Block, file: File) -> Records:
+    raw = data(source, block)
+    if len(block.links) < 6 or len(raw) < 32:
+        raise damaged(source.path, f"byte {block.address}: a channel group of {len(raw)} bytes")
+    identifier, declared, flags, _, size, invalidation = struct.unpack_from("<QQHH4xII", raw)
+    name = block_text(source, block.links[2]) or block_text(source, block.links[5])
+    if flags & _VLSD:
+        return Records(name, identifier, None, 0, declared, ())
+    master = block.links[6] if flags & _REMOTE_MASTER and len(block.links) > 6 else 0
+    if flags & _REMOTE_MASTER and not master:
+        raise damaged(source.path, f"channel group {name!r}: its time lies in another group, which is not named")
+    members = tuple(_members(source, block.links[1], file, size, ""))
+    return Records(name, identifier, size + invalidation, size, declared, members, block.address, master)
+
+
+def _members(source: ByteSource, address: int, file: File, size: int, prefix: str, depth: int = 0) -> Iterator[Member]:
+    """The channels of a list, and those that they are composed of."""
+    if depth > _DEEPEST:
+        raise damaged(source.path, f"channels within channels, {depth} deep")
+    for block in chain(source, address, "CN"):
+        if len(block.links) < 8:
+            raise damaged(source.path, f"byte {block.address}: a channel with {len(block.links)} links")
+        name = prefix + block_text(source, block.links[2])
+        composed = block.links[1]
+        if composed and source.read(composed, 4, "a composition") == b"##CN":
+            yield from _members(source, composed, file, size, f"{name}.", depth + 1)
+            continue
+        if composed:
+            file.left_out.append(f"{name} (an array)")
+            continue
+        if (member := _member(source, block, file, size, name)) is not None:
+            yield member
+
+
+def _member(source: ByteSource, block: Block, file: File, size: int, name: str) -> Member | None:
+    raw = data(source, block)
+    if len(raw) < 24:
+        raise damaged(source.path, f"channel {name!r}: its block has {len(raw)} bytes of data")
+    kind, sync, form, bit, byte, bits, flags, invalid = struct.unpack_from("<BBBBIIII", raw)
+    if form in _TEXTS or kind == 1:
+        file.texts.append(name)
+        return None
+    virtual = kind in (_VIRTUAL_MASTER, _VIRTUAL)
+    if not virtual and form > 5:
+        file.left_out.append(f"{name} (of data type {form})")
+        return None
+    law, unit_of_law = _law(source, block.links[4], file, name, not virtual and form > 3)
+    member = Member(
+        name=name,
+        unit=(block_text(source, block.links[6]) or unit_of_law) or None,
+        kind="index" if virtual else _kind(form),
+        order=">" if form in (1, 3, 5) else "<",
+        byte=byte,
+        bit=bit,
+        bits=bits,
+        law=law,
+        is_time=kind in (_MASTER, _VIRTUAL_MASTER) and sync == _TIME,
+        invalid_bit=-1 if flags & _INVALID_ALL else invalid if flags & _INVALID_BIT else None,
+    )
+    if not fits(member, size):
+        raise damaged(
+            source.path, f"channel {name!r}: {bits} bits from byte {byte}, bit {bit} of {size} bytes a record"
+        )
+    return member
+
+
+def _kind(form: int) -> Literal["u", "i", "f"]:
+    return "u" if form < 2 else "i" if form < 4 else "f"
+
+
+def _law(source: ByteSource, address: int, file: File, name: str, is_float: bool) -> tuple[Law | None, str]:
+    """The conversion of a channel and the unit that it states; a table of texts is kept beside, not applied."""
+    if not address:
+        return None, ""
+    block = head(source, address, "CC")
+    raw = data(source, block)
+    if len(block.links) < 4 or len(raw) < 24:
+        raise damaged(source.path, f"channel {name!r}: its conversion has {len(raw)} bytes")
+    kind, _, _, references, count = struct.unpack_from("<BBHHH", raw)
+    if len(raw) < 24 + 8 * count or len(block.links) < 4 + references:
+        raise damaged(source.path, f"channel {name!r}: its conversion declares {count} values")
+    values = struct.unpack_from(f"<{count}d", raw, 24)
+    unit = block_text(source, block.links[1])
+    if kind in _TO_TEXT:
+        _keep_texts(source, block.links[4:], values, file, name, kind)
+        return None, unit
+    try:
+        law = _numeric(source, kind, values, block.links[4:], is_float)
+    except (ValueError, IndexError) as error:
+        raise damaged(source.path, f"channel {name!r}: its conversion of type {kind}: {error}") from error
+    file.converted += law is not None
+    return law, unit
+
+
+def _numeric(
+    source: ByteSource, kind: int, values: Sequence[float], references: Sequence[int], is_float: bool
+) -> Law | None:
+    if kind == 0:
+        return None
+    if kind == 1:
+        return conversions.linear(values[0], values[1])
+    if kind == 2:
+        if len(values) < 6:
+            raise ValueError(f"{len(values)} values, expected 6")
+        return conversions.rational(values)
+    if kind == 3:
+        return conversions.formula(block_text(source, references[0]))
+    if kind in (4, 5):
+        if len(values) < 2:
+            raise ValueError("an empty table")
+        return conversions.table(values[::2], values[1::2], kind == 4)
+    if kind == 6:
+        triples = values[: len(values) // 3 * 3]
+        return conversions.ranges(triples[::3], triples[1::3], triples[2::3], values[-1], ends_belong=not is_float)
+    raise ValueError("it is not known")
+
+
+def _keep_texts(
+    source: ByteSource, links: Sequence[int], values: Sequence[float], file: File, name: str, kind: int
+) -> None:
+    """What the numbers of a status channel mean, as far as they are plain texts."""
+    if kind == 7:
+        said = []
+        for value, link in zip(values[:64], links, strict=False):
+            if link and source.read(link, 4, "a text") == b"##TX":
+                said.append(f"{value:g} = {block_text(source, link)}")
+        file.metadata[f"{name}: meaning"] = "; ".join(said)

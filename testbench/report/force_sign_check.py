@@ -1,0 +1,160 @@
+"""Force channels whose sign goes against the load that the motion makes their sensor carry, by the model.
+
+The shaking wrench of the mechanism as mounted, along the motion that the encoders show, is shared among the supports as
+their stiffnesses have it. A channel that is turned, or exchanged with one that is loaded the other way, follows its
+load with a correlation near -1. Told only where the loads are large and explain the readings, so that size and time
+leave no doubt: what a balanced mechanism leaves, and what the base's motion adds, follows no model here.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from balance.arrays import Floats
+from balance.dynamics.inverse_dynamics import simulate
+from balance.errors import CounterpoiseError
+
+from ..kinematics.smoothing_and_derivatives import low_pass
+from ..loads.shaking_wrench import COMPONENTS
+from ..recording import Finding
+from ..rig.support_loads import shares
+from ..runs.aligned_run import AlignedRun, recorded_clocks
+
+if TYPE_CHECKING:
+    from ..kinematics.smoothing_and_derivatives import Grid
+    from ..rig import Column
+    from ..runs.si_run import SIRun
+
+CODE = "force_sign"
+BANDWIDTH_HZ = 40.0
+"""Of loads and readings alike: most of what the moves excite lies below."""
+LARGE = 0.1
+"""Of the largest expected load, of forces and of moments each, from which a channel is looked at."""
+AGAINST = -0.8
+"""Correlation below which a channel goes against its load."""
+LEAST_FOLLOWED = 0.8
+"""Mean square of the correlations, whatever their signs, from which the model explains the readings at all."""
+OF_A_SIZE = 2.0
+"""Up to this factor, either way, readings are of the size of their load."""
+
+
+@dataclass(frozen=True)
+class _Loaded:
+    """A channel with a large load."""
+
+    column: "Column"
+    expected: Floats
+    """By the model, less its mean, zero where gaps touch, (n,) [N, N m]."""
+    seen: Floats
+    """Readings on the same grid, less their mean, (m,) [N, N m]."""
+
+
+def reversed_polarity(run: "SIRun", aligned: Callable[[], AlignedRun]) -> list[Finding]:
+    """A finding for each force channel that goes against its load; none where signs cannot be told.
+
+    ``aligned`` gives the run with its mechanism.
+    """
+    if not run.rig.supports:
+        return []
+    try:
+        channels, clock = _channels(aligned())
+    except CounterpoiseError:
+        return []
+    lag = clock if clock is not None else _lag(channels)
+    if lag is None:
+        return []
+    every = [(one, *_followed(one, lag)) for one in channels]
+    found = [each for each in every if 1.0 / OF_A_SIZE < each[2] < OF_A_SIZE]
+    if not found or np.mean([correlation**2 for _, correlation, _ in found]) < LEAST_FOLLOWED:
+        return []
+    return [_finding(run, *each) for each in found if each[1] < AGAINST]
+
+
+def _channels(run: AlignedRun) -> tuple[list[_Loaded], int | None]:
+    """The channels with large loads, and the samples by which readings are late, where that is known."""
+    grid, rig = run.grid, run.run.rig
+    made = simulate(run.mechanism, run.trajectory(2.0 * BANDWIDTH_HZ))
+    wrench = np.hstack([made.force, made.moment])
+    kept = run.valid_samples(BANDWIDTH_HZ)
+    found: list[_Loaded] = []
+    for name, share in shares(rig.supports).items():
+        support, columns = rig.supports[name], list(rig.supports[name].columns(name))
+        loads = (wrench @ share.T)[:, [COMPONENTS.index(m) for m in support.measured]]
+        if support.crosstalk is not None and not run.run.has_matrix(columns[0]):
+            loads = loads @ np.array(support.crosstalk).T
+        smooth = low_pass(loads, BANDWIDTH_HZ, grid.rate)
+        found += [_of(run.run, c, grid, load, kept) for c, load in zip(columns, smooth.T, strict=True)]
+    return _large(found), _known_lag(run)
+
+
+def _of(run: "SIRun", column: "Column", grid: "Grid", load: Floats, kept: NDArray[np.bool_]) -> _Loaded:
+    values, rate = run.signal(column)
+    time = run.instants(column)
+    even = np.arange(float(time[0]), float(time[-1]), grid.step)
+    seen = np.interp(even, time, low_pass(values, BANDWIDTH_HZ, rate))
+    return _Loaded(column, (load - load[kept].mean()) * kept, seen - np.median(seen))
+
+
+def _large(channels: list[_Loaded]) -> list[_Loaded]:
+    """Those whose load is large, among forces and among moments."""
+    found = []
+    for kind in "FM":
+        alike = [one for one in channels if (one.column.component or "F")[0] == kind]
+        largest = max((float(one.expected.std()) for one in alike), default=0.0)
+        found += [one for one in alike if one.expected.std() > LARGE * largest > 0.0]
+    return found
+
+
+def _known_lag(aligned: AlignedRun) -> int | None:
+    """By the clocks that the campaign holds, samples from the readings' first to the encoders' first; None: unknown."""
+    run, grid = aligned.run, aligned.grid
+    name, support = next(iter(run.rig.supports.items()))
+    column = next(iter(support.columns(name)))
+    group, first = run.group_of(column), run.instants(column)[:1]
+    if group != aligned.reference:
+        maps = recorded_clocks(run)
+        if group not in maps:
+            return None
+        first = maps[group].to_reference(first)
+    return round((grid.start - float(first[0])) / grid.step)
+
+
+def _lag(channels: list[_Loaded]) -> int | None:
+    """The samples by which readings are late, at which they follow their loads most, whatever the signs."""
+    if not channels:
+        return None
+    follows = np.sum([_correlations(one) ** 2 for one in channels], axis=0)
+    return int(np.argmax(follows)) - (len(channels[0].expected) - 1)
+
+
+def _correlations(one: _Loaded) -> Floats:
+    """Of readings with their load at each lag."""
+    from scipy.signal import correlate
+
+    both = correlate(one.seen, one.expected, method="fft")
+    return np.asarray(both / max(float(np.linalg.norm(one.seen) * np.linalg.norm(one.expected)), 1e-300))
+
+
+def _followed(one: _Loaded, lag: int) -> tuple[float, float]:
+    """Correlation of the readings with their load, and how many times as large they are, where both are known."""
+    place = np.arange(len(one.expected)) + lag
+    used = (place >= 0) & (place < len(one.seen)) & (one.expected != 0.0)
+    load, seen = one.expected[used], one.seen[place[used]]
+    if load.size < 2 or not load.std() > 0.0 or not seen.std() > 0.0:
+        return 0.0, 0.0
+    return float(np.corrcoef(load, seen)[0, 1]), float(seen.std() / load.std())
+
+
+def _finding(run: "SIRun", one: _Loaded, correlation: float, ratio: float) -> Finding:
+    column = one.column
+    return Finding(
+        CODE,
+        column.channel,
+        run.name,
+        f"{run.name}: {column.channel}: goes against the load {column.component} that the motion makes {column.sensor} "
+        f"carry: correlation {correlation:.2f}, {ratio:.2f} times its size, expected near 1; is its sign turned in the "
+        "rig or the wiring, or is the channel exchanged with another?",
+    )

@@ -1,0 +1,262 @@
+"""What the base's acceleration has in step with the shaking force, and whether it follows the moment as well.
+
+In one motion force and moment come together: a run is too short to tell their responses apart line by line. So the
+gain is that of the force alone (H1), and each line names the other components that explain more of the acceleration
+than the force does: where there are some, their effect is in the gain, which is then no property of the base.
+
+A part of a report: what was found, or why nothing was.
+
+Base vibration, and its modes from the decay after the motion.
+
+Shaking force and moment at a point, and torques of the drives.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from balance.arrays import Floats
+from balance.errors import CounterpoiseError
+from balance.estimation.estimate import coverage_factor
+
+from ..errors import AnalysisError
+from ..loads import drive_torque
+from ..runs.aligned_run import recorded_clocks
+from ..signal.filters import Band
+from ..signal.free_decay_modes import modes
+from ..signal.frequency_response import FrequencyResponse, conditioned_response, frequency_response
+from ..vibration.channel_levels import channel_levels, definitions
+from ..vibration.metrics import METRICS
+
+if TYPE_CHECKING:
+    from ..kinematics.motion_recognition import RecognizedMotion, Source
+    from ..loads.command_tracking import CommandPerformance
+    from ..loads.shaking_wrench import MeasuredWrench
+    from ..rig import Column
+    from ..runs.aligned_run import AlignedRun
+    from ..runs.si_run import SIRun
+
+Part = dict[str, Any]
+
+
+def attempt_part(work: Callable[[], Part]) -> Part:
+    """The part, or ``{"reason": ...}`` where the run does not tell."""
+    try:
+        return work()
+    except CounterpoiseError as error:
+        return {"reason": str(error)}
+
+
+HIGHEST_HZ = 100.0
+"""Of the modes that are looked for [Hz]: a base on its mounts, and what a motion excites."""
+SETTLED_S = 0.02
+"""After the end of the motion from which on the base rings freely; the zero-phase band smears as far [s]."""
+
+
+def base_columns(run: "SIRun") -> "list[Column]":
+    """The channels of the accelerometers on the base. Raises AnalysisError if there is none."""
+    columns = run.rig.base_columns
+    if not columns:
+        raise AnalysisError(f"{run.name}: its rig has no accelerometer that is attached_to the base")
+    return columns
+
+
+def base_levels(run: "SIRun", band: Band | None) -> Part:
+    """Every metric of every axis, and where its spectrum peaks."""
+    found = channel_levels(run, base_columns(run), band)
+    return {"axes": [level.as_dict() for level in found], "definitions": definitions(band)}
+
+
+def base_modes(run: "SIRun", moved: tuple[float, float]) -> Part:
+    """Modes from what rings after the motion ``moved``, on the clock of the accelerometers on the base [s]."""
+    start, end = moved
+    columns = base_columns(run)
+    group = run.group_of(columns[0])
+    columns = [c for c in columns if run.group_of(c) == group]
+    time, rate = run.instants(columns[0]), run.rate(columns[0])
+    band = Band(0.0, min(HIGHEST_HZ, 0.2 * rate))
+    values = np.column_stack([band.of(*run.signal(c)) for c in columns])
+    after = time > end + SETTLED_S
+    found = modes(values[after], rate, band.high_hz, ambient=values[time < start - SETTLED_S])
+    return {
+        "modes": [_named(mode.as_dict()) for mode in found],
+        "channels": [c.channel for c in columns],
+        "from_s": end + SETTLED_S,
+        "to_s": float(time[-1]),
+        "group": group,
+        "band_hz": [band.low_hz, band.high_hz],
+        "definition": "free decay after the motion as damped sines that all channels share; intervals of 95 %, in them "
+        "what shakes the base before the motion",
+    }
+
+
+def _named(mode: Part) -> Part:
+    return {"amplitudes_m_s2" if name == "amplitudes" else name: value for name, value in mode.items()}
+
+
+def motion_on_base_clock(
+    run: "SIRun", found: "Mapping[Source, list[RecognizedMotion]]", shown: "CommandPerformance | None"
+) -> tuple[float, float]:
+    """When the first motion began and the last ended, on the clock of the base's accelerometers [s].
+
+    Raises AnalysisError where no source of motions tells it on that clock.
+    """
+    group = run.group_of(base_columns(run)[0])
+    for motions in found.values():
+        if motions and motions[-1].group == group and motions[-1].source != "acceleration":
+            return motions[0].start, motions[-1].end
+    if shown is not None and shown.group == group and found.get("command"):
+        shift = shown.lag_s + shown.first - float(shown.time[0])
+        return found["command"][0].start + shift, found["command"][-1].end + shift
+    if (felt := found.get("acceleration")) and felt[-1].group == group:
+        return felt[0].start, felt[-1].end
+    raise AnalysisError(
+        f"{run.name}: no source of motions shares the clock of the base's accelerometers, {group}: nothing says when "
+        "the base rings freely"
+    )
+
+
+SEGMENT_S = 0.25
+"""Of the response's segments [s]: several in a motion of a second, 4 Hz apart."""
+STANDS_OUT = 3.0
+"""How many times its scatter in the quietest twentieth of the record a component must scatter in all of it to count."""
+
+
+def base_response(run: "SIRun", wrench: "MeasuredWrench", highest_hz: float = HIGHEST_HZ) -> Part:
+    """Acceleration of the base along each axis per shaking force along it, where the coherence is significant."""
+    pushes = _pushes(wrench)
+    rows: list[Part] = []
+    for column in base_columns(run):
+        if (along := f"F{column.component}") in pushes:
+            answer = _beside(run, wrench, column)
+            rows += _rows(column, along, pushes, answer, wrench.rate, highest_hz)
+    return {
+        "rows": rows,
+        "definition": "acceleration of the base per shaking force along the same axis (H1), where coherence is over "
+        f"what 95 of 100 records of noise show; segments of {SEGMENT_S:g} s smear narrower resonances; what follows "
+        "the components named in also_follows is in the gain, moments about the point",
+        "point_m": list(wrench.point),
+        "of_the_force_alone": not any(row["also_follows"] for row in rows),
+    }
+
+
+def _pushes(wrench: "MeasuredWrench") -> dict[str, Floats]:
+    """The components that are determined throughout and stand out of their noise."""
+    found = {}
+    for name, values in wrench.values.items():
+        if values is not None and not np.isnan(values).any():
+            quiet = min(float(part.std()) for part in np.array_split(values, 20))
+            if values.std() > STANDS_OUT * quiet:
+                found[name] = values
+    return found
+
+
+def _rows(
+    column: "Column", along: str, pushes: dict[str, Floats], answer: Floats, rate: float, highest_hz: float
+) -> list[Part]:
+    """The lines of one channel."""
+    segment = 2 * round(0.5 * SEGMENT_S * rate)
+    told = frequency_response(pushes[along], answer, rate, segment)
+    kept = told.significant & (told.frequency > 0.0) & (told.frequency <= highest_hz)
+    beside = {name: _explains(pushes[along], pushes[name], answer, rate, segment) for name in pushes if name != along}
+    return [
+        _row(column, told, int(i)) | {"also_follows": [name for name, more in beside.items() if more[i]]}
+        for i in np.flatnonzero(kept)
+    ]
+
+
+def _explains(force: Floats, other: Floats, answer: Floats, rate: float, segment: int) -> Floats:
+    """Whether another component explains, line by line, what the force leaves of the acceleration."""
+    return np.asarray(conditioned_response([force, other], answer, rate, segment).significant[1])
+
+
+def _row(column: "Column", told: FrequencyResponse, i: int) -> Part:
+    gain, share = float(np.abs(told.response[i])), coverage_factor() * float(told.relative_deviation[i])
+    return {
+        "sensor": column.sensor, "axis": column.component, "frequency_hz": float(told.frequency[i]),
+        "gain_1_kg": gain, "gain_interval_1_kg": [gain * max(1.0 - share, 0.0), gain * (1.0 + share)],
+        "phase_rad": float(np.angle(told.response[i])), "coherence": float(told.coherence[i]),
+    }  # fmt: skip
+
+
+def _beside(run: "SIRun", wrench: "MeasuredWrench", column: "Column") -> Floats:
+    """A channel at the instants of the forces, (n,). Raises AnalysisError where their clocks are not in line."""
+    group, time = run.group_of(column), run.instants(column)
+    values, at = run.values(column), wrench.time
+    if group != wrench.group:
+        maps = recorded_clocks(run)
+        if missing := [name for name in (group, wrench.group) if name not in maps]:
+            raise AnalysisError(
+                f"{run.name}: the clock of {', '.join(missing)} is not aligned: testbench align {run.path} first"
+            )
+        time, at = maps[group].to_reference(time), maps[wrench.group].to_reference(at)
+    return np.interp(at, time, values)
+
+
+LEAST_GAP_S = 1e-6
+"""What is left out of a record, beyond rounding [s]."""
+
+
+def wrench_part(wrench: "MeasuredWrench", band: Band | None) -> Part:
+    """Every metric of every component; null with the reason where the sensors do not determine it."""
+    components: dict[str, dict[str, float] | None] = {}
+    reasons = dict(wrench.reasons)
+    for name, values in wrench.values.items():
+        if values is None:
+            components[name] = None
+        elif stretches := wrench.clipped.get(name):
+            components[name] = None
+            where = ", ".join(f"{a:.4f}..{b:.4f} s" for a, b in stretches[:5]) + (" ..." if len(stretches) > 5 else "")
+            reasons[name] = f"a sensor that it rests on is at the end of its range in {where}"
+        else:
+            shape = values - values.mean()
+            shape = band.of(shape, wrench.rate) if band else shape
+            unit = "N" if name[0] == "F" else "Nm"
+            components[name] = {f"{metric}_{unit}": measure(shape) for metric, (_, measure) in METRICS.items()}
+    return {
+        "point_m": list(wrench.point),
+        "components": components,
+        "reasons": reasons,
+        "clipped_s": {name: [list(ends) for ends in stretches] for name, stretches in wrench.clipped.items()},
+        "tare": wrench.tare,
+        "band_hz": [band.low_hz, band.high_hz] if band else None,
+        "definition": "what the mechanism exerts on the base, base axes, moments about the point; mean removed, "
+        f"band {band or 'not limited'}",
+        "group": wrench.group,
+    }
+
+
+def torque_part(run: "AlignedRun", bandwidth_hz: float) -> Part:
+    """Each drive against the model."""
+    drives = drive_torque.against_model(run, bandwidth_hz)
+    return {"drives": [drive.as_dict() for drive in drives], "definitions": drive_torque.DEFINITIONS}
+
+
+def _gapped(part: Part) -> bool:
+    return any(drive["left_out_s"] > LEAST_GAP_S for drive in part.get("drives", []))
+
+
+def fallen_loads(balanced: list[Part], unbalanced: list[Part]) -> list[Part]:
+    """How torques changed with counter-masses: root mean square, measured and by the model, means of repeats.
+
+    Of parts by :func:`torque_part`; drives that are not in all of them are left out, and so are runs with a gap, whose
+    root mean square is of another span.
+    """
+    sides = [
+        [{d["joint"]: d for d in part.get("drives", [])} for part in some if not _gapped(part)]
+        for some in (balanced, unbalanced)
+    ]
+    if not all(sides):
+        return []
+    joints = [j for j in sides[0][0] if all(j in drives for some in sides for drives in some)]
+    rows = []
+    for joint in joints:
+        row: Part = {"joint": joint}
+        unit = "Nm" if "measured_rms_Nm" in sides[0][0][joint] else "N"
+        for kind in ("measured", "model"):
+            means = [float(np.mean([drives[joint][f"{kind}_rms_{unit}"] for drives in some])) for some in sides]
+            row |= {f"{kind}_rms_{unit}": {"with": means[0], "without": means[1]},
+                    f"{kind}_times": means[0] / means[1] if means[1] > 0.0 else None}  # fmt: skip
+        rows.append(row)
+    return rows

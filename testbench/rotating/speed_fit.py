@@ -1,0 +1,374 @@
+"""The steady turn behind a log: time over angle as a straight line and a few harmonics, by least squares.
+
+t(phi) = t0 + P phi / (2 pi) + sum_h a_h cos(h phi) + b_h sin(h phi) is linear in what is sought, so jitter of the
+instants does not push the largest speed up and the smallest down, as it does with differences of single edges; the
+speed is 1 / (dt/dphi). Harmonics are as many as the record supports.
+
+Least squares of time over angle: rows, how many harmonics a record supports, which turns are steady.
+
+What changes from turn to turn beyond jitter: the shape of a turn, as loads make it, and its duration.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from balance.arrays import Floats, Indices
+from balance.estimation.estimate import chi_square_tail, coverage_factor
+
+from ..errors import AnalysisError
+from .encoder_edges import Edges, refuse_other_turn
+
+
+def time_rows(phi: Floats, harmonics: int) -> Floats:
+    """Rows that take t0 and the coefficients to instants, (n, 2 harmonics + 2)."""
+    h = np.arange(1, harmonics + 1)
+    waves = np.stack([np.cos(np.outer(phi, h)), np.sin(np.outer(phi, h))], axis=2)
+    line = np.stack([np.ones_like(phi), phi / (2.0 * np.pi)], axis=1)
+    return np.hstack([line, waves.reshape(len(phi), 2 * harmonics)])
+
+
+def fit_speed(edges: Edges, harmonics: int) -> tuple[Floats, Floats]:
+    """t0 and the coefficients (2 harmonics + 2,), and what is left over (n,) [s]."""
+    rows = time_rows(edges.angle, harmonics)
+    start = edges.time[0]
+    solved = np.linalg.lstsq(rows, edges.time - start, rcond=None)[0]
+    residual = edges.time - start - rows @ solved
+    solved[0] += start
+    return solved, residual
+
+
+def supported(edges: Edges, most: int) -> int:
+    """Harmonics that the record supports: least n log(RSS / n) + k log n, RSS of the turn averaged over turns.
+
+    Averaged, what repeats in every turn and is no low harmonic (errors of the disc) counts as noise, once.
+    """
+    count = edges.disc.whole or int(edges.disc.per_turn)
+    most = max(1, min(most, (count - 3) // 2))
+    solved, residual = fit_speed(edges, most)
+    power = 0.5 * (solved[2::2] ** 2 + solved[3::2] ** 2)
+    rest = float(np.mean(_average_turn(edges, residual, count) ** 2))
+    left = rest + np.array([power[h:].sum() for h in range(most + 1)]) + 1e-40
+    cost = count * np.log(left) + (2 * np.arange(most + 1) + 2) * np.log(count)
+    return max(1, int(np.argmin(cost)))
+
+
+def _average_turn(edges: Edges, values: Floats, count: int) -> Floats:
+    """Values at edges averaged over the turns, by place in the turn, places without an edge left out."""
+    place = np.rint(edges.angle / (2.0 * np.pi) * count).astype(int) % count
+    have = np.bincount(place, minlength=count)
+    mean: Floats = (np.bincount(place, values, count) / np.maximum(have, 1))[have > 0]
+    return mean
+
+
+def by_place(edges: Edges, residual: Floats, sought: int, turns: int) -> tuple[float, float] | None:
+    """Standard deviation of what repeats every turn, and of what does not [s]; None where nothing can repeat."""
+    whole = edges.disc.whole
+    if whole is None or turns < 2:
+        return None
+    slot = edges.pulse % whole
+    have = np.bincount(slot, minlength=whole)
+    mean = np.bincount(slot, residual, whole) / np.maximum(have, 1)
+    used = int((have > 0).sum())
+    apart = float(((residual - mean[slot]) ** 2).sum() / max(len(slot) - used, 1))
+    return float(np.sqrt((mean**2).sum() / max(used - sought, 1))), float(np.sqrt(apart))
+
+
+def fit_covariance(edges: Edges, rows: Floats, residual: Floats, places: tuple[float, float] | None) -> Floats:
+    """Of t0 and the coefficients, from jitter of each instant and from what repeats in each place of the turn [s2].
+
+    A place's error is one error for all turns: what the solution takes from its instants is summed before squaring.
+    """
+    inverse = np.linalg.inv(rows.T @ rows)
+    whole = edges.disc.whole
+    if places is None or whole is None:
+        found: Floats = float((residual**2).sum() / max(len(residual) - rows.shape[1], 1)) * inverse
+        return found
+    pattern, jitter = places
+    turns = len(residual) / whole
+    taken = inverse @ rows.T
+    summed = np.stack([np.bincount(edges.pulse % whole, row, whole) for row in taken])
+    repeated = max(0.0, pattern**2 - jitter**2 / turns)
+    both: Floats = jitter**2 * inverse + repeated * (summed @ summed.T)
+    return both
+
+
+def steady_turns(edges: Edges, within: float) -> tuple[int, int, int]:
+    """First steady turn, the one after the last, and how many whole turns the log has."""
+    whole = int(np.floor(edges.angle[-1] / (2.0 * np.pi) + 1e-9))
+    if whole < 2:
+        raise AnalysisError(
+            f"{edges.name}: {edges.angle[-1] / (2 * np.pi):.2f} turns of the crank; expected two or more"
+        )
+    ends = np.interp(2.0 * np.pi * np.arange(whole + 1), edges.angle, edges.time)
+    duration = np.diff(ends)
+    usual = float(np.median(duration[whole // 2 :]))
+    steady = np.abs(duration - usual) <= within * usual
+    first, last = _longest_run(steady)
+    if last - first < 2:
+        spread = 100.0 * np.ptp(duration[whole // 2 :]) / usual
+        raise AnalysisError(
+            f"{edges.name}: no two turns in a row are steady: the later ones differ by {spread:.2g} % in duration; "
+            f"allow more with --steady-within, or look at the speed edge by edge"
+        )
+    return first, last, whole
+
+
+def _longest_run(flags: Indices) -> tuple[int, int]:
+    """Begin and end of the longest run of True; the later of equals."""
+    best, begin = (0, 0), 0
+    for k, flag in enumerate([*flags, False]):
+        if not flag:
+            best = (begin, k) if k - begin >= best[1] - best[0] else best
+            begin = k + 1
+    return best
+
+
+_DOUBT = 0.01
+"""Probability below which changes are no jitter."""
+
+
+@dataclass(frozen=True)
+class Changes:
+    """Turns held against the steady turn."""
+
+    shape: Floats
+    """Harmonics of each turn less those of all, (turns, 2 harmonics) [s]."""
+    is_told: bool
+    """Whether they differ by more than jitter explains."""
+    wander: float
+    """Variance of the duration of turns beyond jitter [s2]; zero where jitter explains them."""
+
+
+def of_turns(edges: Edges, residual: Floats, harmonics: int, jitter: float) -> Changes:
+    """Changes in what a fit of steady turns leaves over, (n,) [s]; ``jitter`` is the deviation of an instant [s]."""
+    number = np.floor(edges.angle / (2.0 * np.pi) + 1e-9).astype(int)
+    offsets, shapes, share, size = [], [], [], 0.0
+    for k in np.unique(number):
+        here = np.flatnonzero(number == k)
+        if len(here) <= 2 * harmonics + 4:
+            continue
+        rows = np.delete(time_rows(edges.angle[here], harmonics), 1, axis=1)
+        inverse = np.linalg.inv(rows.T @ rows)
+        solved = inverse @ (rows.T @ residual[here])
+        offsets.append(solved[0])
+        shapes.append(solved[1:])
+        share.append(float(inverse[0, 0]))
+        size += float(solved[1:] @ np.linalg.solve(inverse[1:, 1:], solved[1:]))
+    shape, turns = np.array(shapes).reshape(len(shapes), 2 * harmonics), len(shapes)
+    is_told = turns > 2 and _beyond(size, jitter, (turns - 1) * 2 * harmonics)
+    return Changes(shape, is_told, _wander(np.array(offsets), jitter**2 * float(np.mean(share or [0.0])), jitter))
+
+
+def _beyond(squares: float, jitter: float, freedom: int) -> bool:
+    return chi_square_tail(squares / max(jitter**2, 1e-40), freedom) < _DOUBT
+
+
+def _wander(offsets: Floats, variance: float, jitter: float) -> float:
+    """Variance of the steps between the offsets of turns beyond that of the offsets themselves [s2]."""
+    if len(offsets) < 4 or variance == 0.0:
+        return 0.0
+    off = offsets - offsets.mean()
+    if not _beyond(float((off**2).sum()) * jitter**2 / variance, jitter, len(offsets) - 2):
+        return 0.0
+    return max(0.0, float(np.var(np.diff(offsets), ddof=1)) - 2.0 * variance)
+
+
+STEADY = 1e-3
+"""Share by which the duration of a turn may differ from the median of the later half."""
+MOST_HARMONICS = 40
+_GRID = 1440
+_DITHERED = 0.4
+"""Jitter, of the clock's step, above which the rounding of each edge is its own; rounding alone is 0.29."""
+
+
+@dataclass(frozen=True)
+class SpeedEstimate:
+    """A value with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+    def holds(self, value: float) -> bool:
+        """Whether the interval holds a value."""
+        return self.low <= value <= self.high
+
+
+@dataclass(frozen=True)
+class SteadySpeedFit:
+    """A steady turn of the crank, estimated from edges."""
+
+    edges: Edges
+    """Those that were used."""
+    turns: int
+    """Whole turns used."""
+    left_out: int
+    """Whole turns of the log that were not yet, or no longer, steady."""
+    coefficients: Floats
+    """P, then a_h, b_h for h = 1, 2, ..., (2 harmonics + 1,) [s]."""
+    covariance: Floats
+    """Of the coefficients, from what the harmonics leave over: jitter and pitch errors, [s2]."""
+    places: tuple[float, float] | None
+    """Standard deviation of what repeats every turn, and of what does not [s]; None where nothing can repeat."""
+    residual: Floats
+    """What is left over of each instant, (n,) [s]."""
+    finer: tuple["SteadySpeedFit", ...] = ()
+    """The same with one and two harmonics more: intervals hold these answers too."""
+
+    @property
+    def harmonics(self) -> int:
+        """Harmonics of time over angle."""
+        return (len(self.coefficients) - 1) // 2
+
+    def slope(self, phi: Floats, coefficients: Floats | None = None) -> Floats:
+        """dt/dphi at angles from the first edge [s/rad]."""
+        rows: Floats = slope_rows(phi, self.harmonics) @ (self.coefficients if coefficients is None else coefficients)
+        return rows
+
+    def speed(self, phi: Floats) -> Floats:
+        """Speed of the crank at angles from the first edge [rad/s]."""
+        return 1.0 / self.slope(phi)
+
+    def speed_error(self, phi: Floats) -> Floats:
+        """Half width of the 95 % interval of that speed: dn = n^2 d(dt/dphi) [rad/s]."""
+        return self.speed(phi) ** 2 * self._half_width(slope_rows(phi, self.harmonics))
+
+    @cached_property
+    def fastest_at(self) -> float:
+        """Angle from the first edge where the crank is fastest [rad]."""
+        return self._least(1.0)
+
+    @cached_property
+    def slowest_at(self) -> float:
+        """Angle from the first edge where the crank is slowest [rad]."""
+        return self._least(-1.0)
+
+    def _least(self, sign: float) -> float:
+        """Angle where the slope, or its opposite, is least: the best of a grid, then the parabola about it [rad]."""
+        step = 2.0 * np.pi / _GRID
+        values = sign * self.slope(step * np.arange(_GRID))
+        k = int(np.argmin(values))
+        before, least, after = values[k - 1], values[k], values[(k + 1) % _GRID]
+        bend = float(before - 2.0 * least + after)
+        return float(step * (k + (0.5 * (before - after) / bend if bend > 0.0 else 0.0)) % (2.0 * np.pi))
+
+    @property
+    def fastest(self) -> SpeedEstimate:
+        """Largest speed of the turn [rad/s]."""
+        return self._widened(self._speed_at(self.fastest_at), [t.fastest.value for t in self.finer])
+
+    @property
+    def slowest(self) -> SpeedEstimate:
+        """Smallest speed of the turn [rad/s]."""
+        return self._widened(self._speed_at(self.slowest_at), [t.slowest.value for t in self.finer])
+
+    @property
+    def mean(self) -> SpeedEstimate:
+        """Mean speed over time, 2 pi / P [rad/s]."""
+        period = self.coefficients[0]
+        variance = self.covariance[0, 0] + self._changes.wander / self.turns + self._rounding
+        half = coverage_factor() * float(np.sqrt(variance))
+        return _about(2.0 * np.pi / period, half * 2.0 * np.pi / period**2)
+
+    def fluctuation(self, nominal: float | None = None) -> SpeedEstimate:
+        """Coefficient of speed fluctuation, (n_max - n_min) / n, n the nominal or else the mean speed [rad/s]."""
+        rows = slope_rows(np.array([self.fastest_at, self.slowest_at]), self.harmonics)
+        fast, slow = 1.0 / (rows @ self.coefficients)
+        base = nominal or 2.0 * np.pi / self.coefficients[0]
+        gradient = (-(fast**2) * rows[0] + slow**2 * rows[1]) / base
+        if nominal is None:
+            gradient[0] += (fast - slow) / (2.0 * np.pi)
+        found = _about(float((fast - slow) / base), float(self._half_width(gradient[None])[0]))
+        return self._widened(found, [t.fluctuation(nominal).value for t in self.finer])
+
+    @property
+    def jitter(self) -> float:
+        """Standard deviation of a single instant, what repeats every turn left out [s]."""
+        return self.places[1] if self.places else float(np.std(self.residual))
+
+    @property
+    def _rounding(self) -> float:
+        """Variance of P by the clock's step, where jitter is too small to make rounding random [s2]."""
+        step = self.edges.clock_step or 0.0
+        return step**2 / 6.0 / self.turns**2 if self.jitter < _DITHERED * step else 0.0
+
+    @cached_property
+    def _changes(self) -> Changes:
+        return of_turns(self.edges, self.residual, self.harmonics, self.jitter)
+
+    @property
+    def repeated(self) -> float:
+        """Standard deviation of what repeats every turn and is no low harmonic, in shares of the pitch of the disc.
+
+        Zero where jitter alone explains it. Slow errors of the disc, such as an eccentric one's, do not show here.
+        """
+        if self.places is None:
+            return 0.0
+        pattern, jitter = self.places
+        expected = jitter / np.sqrt(self.turns)
+        step = self.edges.clock_step or 0.0
+        if pattern <= max(2.0 * expected, 0.6 * step):
+            return 0.0
+        return float(np.sqrt(pattern**2 - expected**2)) * self.edges.disc.per_turn / float(self.coefficients[0])
+
+    def _speed_at(self, phi: float) -> SpeedEstimate:
+        at = np.array([phi])
+        return _about(float(self.speed(at)[0]), float(self.speed_error(at)[0]))
+
+    @staticmethod
+    def _widened(found: SpeedEstimate, others: list[float]) -> SpeedEstimate:
+        """The interval, moved out as far as the answers with more harmonics."""
+        off = [value - found.value for value in others]
+        return SpeedEstimate(found.value, found.low + min([0.0, *off]), found.high + max([0.0, *off]))
+
+    def _half_width(self, rows: Floats) -> Floats:
+        """Half widths of 95 % intervals of ``rows @ coefficients``: by what is left over, or from turn to turn.
+
+        Pitch errors repeat and do not show from turn to turn; where turns change by more than jitter, as with changes
+        of load, the wider of the two.
+        """
+        spare = max(len(np.unique(np.round(self.edges.angle % (2 * np.pi), 9))) - len(self.coefficients) - 1, 1)
+        left_over = coverage_factor(spare) * np.sqrt(np.einsum("ki,ij,kj->k", rows, self.covariance, rows))
+        if not self._changes.is_told:
+            return left_over
+        each = self._changes.shape @ rows[:, 1:].T
+        between = coverage_factor(self.turns - 1) * each.std(axis=0, ddof=1) / np.sqrt(self.turns)
+        return np.maximum(left_over, between)
+
+
+def periodic_turn(edges: Edges, harmonics: int | None = None, steady_within: float = STEADY) -> SteadySpeedFit:
+    """The steady turn of a log; harmonics are chosen by the Bayesian information criterion unless given.
+
+    Raises AnalysisError where fewer than two whole turns are steady, RecordingError where edges a turn are not so many.
+    """
+    refuse_other_turn(edges)
+    first, last, whole = steady_turns(edges, steady_within)
+    in_turn = np.floor(edges.angle / (2.0 * np.pi) + 1e-9).astype(int)
+    used = edges.part(np.flatnonzero((in_turn >= first) & (in_turn < last)))
+    most = min(MOST_HARMONICS, int(edges.disc.per_turn // 4))
+    chosen = harmonics if harmonics is not None else supported(used, most)
+    if not 1 <= chosen <= int(edges.disc.per_turn // 2 - 1):
+        raise AnalysisError(f"{edges.name}: {chosen} harmonics asked of {edges.disc.per_turn:g} edges a turn: too many")
+    finer = tuple(_turn(used, chosen + more, first, last, whole) for more in (1, 2) if chosen + more <= most)
+    return replace(_turn(used, chosen, first, last, whole), finer=finer)
+
+
+def _turn(used: Edges, harmonics: int, first: int, last: int, whole: int) -> SteadySpeedFit:
+    solved, residual = fit_speed(used, harmonics)
+    rows = time_rows(used.angle, harmonics)
+    places = by_place(used, residual, 2 * harmonics + 1, last - first)
+    covariance = fit_covariance(used, rows, residual, places)[1:, 1:]
+    return SteadySpeedFit(used, last - first, whole - (last - first), solved[1:], covariance, places, residual)
+
+
+def slope_rows(phi: Floats, harmonics: int) -> Floats:
+    """Rows that take the coefficients to dt/dphi, (n, 2 harmonics + 1) [1/rad]."""
+    h = np.arange(1, harmonics + 1)
+    waves = np.stack([-h * np.sin(np.outer(phi, h)), h * np.cos(np.outer(phi, h))], axis=2)
+    return np.hstack([np.full((len(phi), 1), 0.5 / np.pi), waves.reshape(len(phi), 2 * harmonics)])
+
+
+def _about(value: float, half: float) -> SpeedEstimate:
+    return SpeedEstimate(value, value - half, value + half)

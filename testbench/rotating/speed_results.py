@@ -1,0 +1,293 @@
+"""What a log of encoder edges has to say, as one document with units in the keys.
+
+Speed edge by edge along a whole log, start-up included: local cubics of time over pulses.
+
+A measured turn or start held against the machine's equation of motion.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from balance.arrays import Floats, Indices
+from balance.estimation.estimate import coverage_factor
+
+from ..errors import AnalysisError
+from .encoder_edges import Edges, repetition
+from .pitch_error import Pitch
+from .speed_fit import SpeedEstimate, SteadySpeedFit
+
+if TYPE_CHECKING:
+    from balance.drives.harmonic_balance import SteadyRotation
+    from balance.drives.machine import Machine
+    from balance.drives.time_integration import StartUp
+
+HALF_WIDTH = 4
+"""Edges on each side of a local cubic, unless asked otherwise."""
+
+
+@dataclass(frozen=True)
+class SpeedHistory:
+    """Speed of the crank at edges; the ends of the log and the edges beside gaps are left out."""
+
+    time: Floats
+    """(n,) [s]"""
+    angle: Floats
+    """Angle of the crank from the first edge, (n,) [rad]."""
+    speed: Floats
+    """(n,) [rad/s]"""
+    error: Floats
+    """Half width of its 95 % interval, from what the local cubics leave over, (n,) [rad/s]."""
+
+
+def speed_course(edges: Edges, half_width: int = HALF_WIDTH) -> SpeedHistory:
+    """Speed wherever ``2 half_width + 1`` edges in a row have no gap; the disc is taken as even."""
+    slope, rest = _cubic(half_width)
+    pieces = [piece for piece in _pieces(edges) if len(piece) > 2 * half_width]
+    middle = np.concatenate([piece[half_width:-half_width] for piece in pieces] or [np.empty(0, dtype=int)])
+    per_pulse, left = _weighted(edges, pieces, slope), _weighted(edges, pieces, rest)
+    per_edge = 2.0 * np.pi / edges.disc.per_turn
+    noise = float(np.median(np.abs(left))) / 0.6745 / float(np.linalg.norm(rest)) if len(left) else 0.0
+    speed = per_edge / per_pulse
+    error = coverage_factor() * noise * float(np.linalg.norm(slope)) * speed**2 / per_edge
+    return SpeedHistory(edges.time[middle], edges.angle[middle], speed, error)
+
+
+def _weighted(edges: Edges, pieces: list[Indices], weights: Floats) -> Floats:
+    """Weighted sums of neighbouring instants, piece by piece."""
+    sums = [np.convolve(edges.time[piece], weights[::-1], "valid") for piece in pieces]
+    return np.concatenate(sums) if sums else np.empty(0)
+
+
+def _pieces(edges: Edges) -> list[Indices]:
+    """Indices of edges between gaps."""
+    return np.split(np.arange(len(edges.time)), np.flatnonzero(np.diff(edges.pulse) > 1) + 1)
+
+
+def _cubic(half_width: int) -> tuple[Floats, Floats]:
+    """Weights that give the slope in the middle, and what is left over in the middle, (2 half_width + 1,)."""
+    k = np.arange(-half_width, half_width + 1.0)
+    inverse = np.linalg.pinv(np.vander(k, 4, increasing=True))
+    rest = -inverse[0]
+    rest[half_width] += 1.0
+    return inverse[1], rest
+
+
+_GRID = 720
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """A measured steady turn beside the computed one."""
+
+    turn: SteadySpeedFit
+    solution: "SteadyRotation"
+    first_edge: float
+    """Angle of the crank at the first edge [rad]."""
+    aligned: bool
+    """Whether that angle was found by laying the curves over each other; else it was given."""
+
+    def computed(self, phi: Floats) -> Floats:
+        """Computed speed at angles from the first edge [rad/s]."""
+        return self.solution.rate(self.solution.machine.reduced.direction * self.first_edge + phi)
+
+    def rms_difference(self) -> float:
+        """Root mean square of measured less computed speed over a turn [rad/s]."""
+        phi = 2.0 * np.pi * np.arange(_GRID) / _GRID
+        return float(np.sqrt(np.mean((self.turn.speed(phi) - self.computed(phi)) ** 2)))
+
+
+def machine_of(name: str, nominal: float, reading: str | None) -> "Machine":
+    """The machine of a drive file at a nominal speed of its motor [rad/s].
+
+    Raises AnalysisError where the file leaves open how the gearbox's torque is read and nothing is said of it.
+    """
+    from balance.drives.drive_files import load_drive
+
+    drive = load_drive(name)
+    if reading is None and drive.reading is None:
+        raise AnalysisError(
+            f"{drive.name} leaves open how the gearbox's torque is read: say --reading geared or ungeared"
+        )
+    drive = replace(drive, speeds=(nominal,), reading=reading or drive.reading)
+    return drive.machines(drive.load_mechanism())[0]
+
+
+def joint_fit(turn: SteadySpeedFit, machine: "Machine", first_edge: float | None = None) -> JointFit:
+    """The measured turn beside the machine's steady rotation; without ``first_edge`` [rad] the curves are aligned."""
+    from balance.drives.harmonic_balance import steady_rotation
+
+    solution = steady_rotation(machine)
+    aligned = first_edge is None
+    angle = _alignment(turn, solution) if first_edge is None else first_edge
+    return JointFit(turn, solution, angle, aligned)
+
+
+def start_beside(machine: "Machine", turns: int, start: float) -> "StartUp":
+    """The machine's computed start from standstill at a crank angle [rad]."""
+    from balance.drives.time_integration import start_up
+
+    return start_up(machine, turns, machine.reduced.direction * start)
+
+
+def delay(measured: SpeedHistory, computed: "StartUp") -> float:
+    """Time to add to the computed start so that both end their first turn together [s]."""
+    turn = computed.travel[0] + 2.0 * np.pi
+    theirs = float(np.interp(turn, computed.travel, computed.time))
+    return float(np.interp(2.0 * np.pi, measured.angle, measured.time)) - theirs
+
+
+def _alignment(turn: SteadySpeedFit, solution: "SteadyRotation") -> float:
+    """Angle of the first edge for which the curves differ least, by correlation over a turn [rad]."""
+    phi = 2.0 * np.pi * np.arange(_GRID) / _GRID
+    measured, computed = turn.speed(phi), solution.rate(phi)
+    lag = np.fft.irfft(np.fft.rfft(computed) * np.conj(np.fft.rfft(measured)), _GRID)
+    travel = float(phi[int(np.argmax(lag))])
+    return float(np.mod(solution.machine.reduced.direction * travel, 2.0 * np.pi))
+
+
+RPM = math.pi / 30.0
+"""One revolution per minute [rad/s]."""
+_DEGREES = np.arange(361.0)
+FAR_FROM_NOMINAL = 1.5
+"""Factor between mean and nominal speed above which it is said: slip of a motor is less, a gearbox left out is more."""
+COARSE_CLOCK = 0.01
+"""Share of an interval between edges above which a clock step is named."""
+
+
+def edges_document(record: Edges) -> dict[str, Any]:
+    """The log itself: edges, clock, gaps."""
+    step = record.clock_step
+    return {
+        "log": record.name,
+        "edges": len(record.time),
+        "pulses_per_disc_turn": record.disc.pulses,
+        "disc_turns_per_crank_turn": record.disc.ratio,
+        "crank_turns": float(record.angle[-1] / (2.0 * np.pi)),
+        "motion_repeats_every_edges": repetition(record),
+        "clock_step_us": None if step is None else step * 1e6,
+        "lost_edges": [
+            {"after_edge": g.after, "time_s": g.time, "missing": g.missing, "interval_ratio": g.ratio}
+            for g in record.gaps
+        ],
+    }
+
+
+def turn_document(found: SteadySpeedFit, nominal: float | None) -> dict[str, Any]:
+    """The steady turn with its 95 % intervals."""
+    phi = np.radians(_DEGREES)
+    return {
+        "turns_used": found.turns,
+        "turns_left_out": found.left_out,
+        "harmonics": found.harmonics,
+        "jitter_us": found.jitter * 1e6,
+        "repeated_percent_of_pitch": 100.0 * found.repeated,
+        "nominal_rpm": None if nominal is None else nominal / RPM,
+        "fastest_rpm": _interval(found.fastest, RPM),
+        "fastest_at_deg_from_first_edge": math.degrees(found.fastest_at),
+        "slowest_rpm": _interval(found.slowest, RPM),
+        "slowest_at_deg_from_first_edge": math.degrees(found.slowest_at),
+        "mean_rpm": _interval(found.mean, RPM),
+        "fluctuation": _interval(found.fluctuation(nominal), 1.0),
+        "fluctuation_by": "mean speed over time" if nominal is None else "nominal speed",
+        "turn": {
+            "angle_deg_from_first_edge": _DEGREES.tolist(),
+            "speed_rpm": (found.speed(phi) / RPM).tolist(),
+            "half_width_rpm": (found.speed_error(phi) / RPM).tolist(),
+        },
+    }
+
+
+def model_document(held: JointFit, nominal: float) -> dict[str, Any]:
+    """The measured turn beside the computed one."""
+    solution, found = held.solution, held.turn
+    return {
+        "mechanism": solution.machine.reduced.mechanism.name,
+        "reading": solution.machine.reading,
+        "motor_nominal_rpm": solution.machine.nominal / RPM,
+        "first_edge_at_deg": math.degrees(held.first_edge),
+        "first_edge_found_by_alignment": held.aligned,
+        "fluctuation": solution.fluctuation(),
+        "fluctuation_in_interval": found.fluctuation(nominal).holds(solution.fluctuation()),
+        "fastest_rpm": solution.fastest[1] / RPM,
+        "slowest_rpm": solution.slowest[1] / RPM,
+        "mean_rpm": solution.mean_speed / RPM,
+        "rms_difference_rpm": held.rms_difference() / RPM,
+        "turn": {
+            "angle_deg_from_first_edge": _DEGREES.tolist(),
+            "speed_rpm": (held.computed(np.radians(_DEGREES)) / RPM).tolist(),
+        },
+    }
+
+
+def speed_course_document(found: SpeedHistory) -> dict[str, Any]:
+    """Speed edge by edge."""
+    return {
+        "time_s": found.time.tolist(),
+        "angle_deg_from_first_edge": np.degrees(found.angle).tolist(),
+        "speed_rpm": (found.speed / RPM).tolist(),
+        "half_width_rpm": (found.error / RPM).tolist(),
+    }
+
+
+def start_up_document(computed: "StartUp", later: float) -> dict[str, Any]:
+    """The computed start, moved in time so that its first turn ends with the measured one."""
+    thin = slice(None, None, 6)
+    return {
+        "moved_by_s": later,
+        "time_s": (computed.time[thin] + later).tolist(),
+        "speed_rpm": (computed.speed[thin] / RPM).tolist(),
+        "turns": [
+            {"turn": t.number, "end_s": t.end + later, "fastest_rpm": t.fastest / RPM, "slowest_rpm": t.slowest / RPM}
+            for t in computed.turns
+        ],
+    }
+
+
+def pitch_document(found: Pitch) -> dict[str, Any]:
+    """Errors of the disc."""
+    return {
+        "rms_percent_of_pitch": 100.0 * found.rms,
+        "ahead_deg": np.degrees(found.ahead).tolist(),
+        "half_width_deg": np.degrees(found.error).tolist(),
+    }
+
+
+def speed_findings(record: Edges, found: SteadySpeedFit | None) -> list[str]:
+    """What is odd in a log; nothing where all is well."""
+    odd = [f"lost edges bridged: {gap.text()}" for gap in record.gaps]
+    interval, step = float(np.median(np.diff(record.time))), record.clock_step
+    if step is not None and step > COARSE_CLOCK * interval:
+        odd.append(
+            f"the clock's step of {step * 1e6:g} us is {100 * step / interval:.1f} % of an interval between edges"
+        )
+    again = repetition(record) if found is not None else None
+    if again is not None and (times := round(record.disc.per_turn / again)) > 1:
+        odd.append(
+            f"the motion repeats every {again} edges already, {times} times a turn of {record.disc.per_turn:g}: so it "
+            f"does where the disc has {record.disc.pulses / times:g} edges a turn, not {record.disc.pulses}; all "
+            f"speeds are then {times} times as high"
+        )
+    if found is not None and found.repeated > 0.0:
+        odd.append(
+            f"slots of the disc are {100 * found.repeated:.2g} % of the pitch out of place: edge by edge that shows as "
+            "fluctuation of speed, the harmonics hold it down; --pitch takes a calibration"
+        )
+    return odd
+
+
+def off_nominal(found: SteadySpeedFit, nominal: float | None) -> list[str]:
+    """That the mean speed is far from the ``nominal`` one [rad/s], to which the fluctuation is related."""
+    times = 1.0 if nominal is None else found.mean.value / nominal
+    if nominal is None or 1.0 / FAR_FROM_NOMINAL <= times <= FAR_FROM_NOMINAL:
+        return []
+    return [
+        f"the mean speed of {found.mean.value / RPM:.4g} rpm is {times:.3g} times the nominal {nominal / RPM:.4g} rpm: "
+        "is that the crank's, not the motor's? the fluctuation is related to it; see --nominal, --ratio, --pulses"
+    ]
+
+
+def _interval(estimate: SpeedEstimate, unit: float) -> dict[str, float]:
+    return {"value": estimate.value / unit, "low": estimate.low / unit, "high": estimate.high / unit}

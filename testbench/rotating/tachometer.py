@@ -1,0 +1,271 @@
+"""A tachometer's pulses, one a turn: their instants, and whether the speed between them is steady.
+
+Where steep pulses lie between the samples that saw them, and what the samples leave open of it.
+
+A pulse that rises within one step is known to lie between two samples. Where its places within a step cover it evenly,
+the errors average out; where sampling keeps step with the rotor, all pulses are early or late alike. Instants are
+taken as an even motion with normal scatter, seen in steps; what every scatter and motion leaves likely is the answer.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from balance.arrays import Floats
+from balance.estimation.estimate import LEVEL, coverage_factor, log_normal_probability
+
+from ..errors import AnalysisError
+from .encoder_edges import Gap, lost_edges, spurious_edges
+
+DITHERED = 0.6
+"""Scatter of instants, in steps, above which each is off on its own: two neighbouring samples explain at most 0.5."""
+_DEGREE = 3
+_MOST_PULSES = 400
+_SHARPNESS = (0.2, 100.0)
+"""One over the scatter of single pulses, in steps: a hundredth is always allowed for."""
+_LIKELY = coverage_factor() ** 2
+"""Twice the logarithm of likelihood, below its largest, that an interval of 95 % reaches down to (chi2, one)."""
+_PLACES = np.linspace(-1.0, 1.0, 81)
+_ROUNDS, _HALVINGS, _ENOUGH = 40, 6, 1e-3
+
+
+def open_offset(before: Floats, after: Floats, found: Floats) -> tuple[float, float]:
+    """How much later all of ``found`` (n,) lie, and half the interval of that, in the unit of the samples' instants.
+
+    ``before`` and ``after`` (n,) are the samples on both sides of each pulse. Scatter of single pulses about an even
+    motion is not in the interval. Zero, zero where it is large enough to cover the steps.
+    """
+    step = float(np.median(after - before))
+    if len(found) > _MOST_PULSES:
+        chosen = np.linspace(0, len(found) - 1, _MOST_PULSES).astype(int)
+        before, after, found = before[chosen], after[chosen], found[chosen]
+    number = np.linspace(-1.0, 1.0, len(found))
+    motion = np.polynomial.Polynomial.fit(number, found, _DEGREE)(number)
+    scatter = float(np.std(found - motion)) / step
+    if scatter > DITHERED:
+        return 0.0, 0.0
+    off = motion - motion.mean() + found.mean()
+    low, high = _likely(_shapes(number), (before - off) / step, (after - off) / step)
+    own = coverage_factor() * scatter / np.sqrt(len(found))
+    left = float(np.sqrt(max(0.0, (0.5 * (high - low)) ** 2 - own**2)))
+    return 0.5 * (low + high) * step, left * step
+
+
+def _shapes(number: Floats) -> Floats:
+    """Changes of an even motion that leave its mean alone, (n, degree)."""
+    shapes = np.polynomial.legendre.legvander(number, _DEGREE)[:, 1:]
+    return shapes - shapes.mean(axis=0)
+
+
+def _likely(shapes: Floats, low: Floats, high: Floats) -> tuple[float, float]:
+    """Ends of the likely places of the mean, in steps from the mean of what was found."""
+    profile = _profile(_PLACES[:, None], shapes, low, high)
+    likely = _PLACES[profile >= profile.max() - 0.5 * _LIKELY]
+    half = 0.5 * (_PLACES[1] - _PLACES[0])
+    return float(likely[0]) - half, float(likely[-1]) + half
+
+
+def _profile(place: Floats, shapes: Floats, low: Floats, high: Floats) -> Floats:
+    """Largest logarithm of likelihood at each place (places, 1), by Newton's method.
+
+    It is concave in the shape over the scatter and in one over the scatter.
+    """
+    columns = [np.stack([np.broadcast_to(-shape, (len(place), len(low))) for shape in shapes.T], axis=2)] * 2
+    ends = [np.concatenate([c, (end - place)[..., None]], axis=2) for c, end in zip(columns, (low, high), strict=True)]
+    x = np.tile(np.r_[np.zeros(shapes.shape[1]), 4.0], (len(place), 1))
+    best = _log_between(*(_times(end, x) for end in ends))[0].sum(axis=1)
+    for _ in range(_ROUNDS):
+        step = _newton(x, ends)
+        moved = np.zeros(len(place), dtype=bool)
+        for share in 0.5 ** np.arange(_HALVINGS):
+            tried = x + share * step
+            tried[:, -1] = tried[:, -1].clip(*_SHARPNESS)
+            value = _log_between(*(_times(end, tried) for end in ends))[0].sum(axis=1)
+            better = (value > best + _ENOUGH) & ~moved
+            x[better], best[better] = tried[better], value[better]
+            moved |= better
+        if not moved.any():
+            break
+    return best
+
+
+def _times(end: Floats, x: Floats) -> Floats:
+    return np.einsum("pnk,pk->pn", end, x)
+
+
+def _newton(x: Floats, ends: list[Floats]) -> Floats:
+    """Newton's step, (places, parameters); the sharpness rests where it would leave its bounds."""
+    at = [_times(end, x) for end in ends]
+    slopes = _log_between(*at)[1]
+    gradient = sum(np.einsum("pn,pnk->pk", s, end) for s, end in zip(slopes, ends, strict=True))
+    curve = np.zeros((*x.shape, x.shape[1]))
+    for i in (0, 1):
+        for j in (0, 1):
+            second = -slopes[i] * slopes[j] - (at[i] * slopes[i] if i == j else 0.0)
+            curve += np.einsum("pn,pnk,pnl->pkl", second, ends[i], ends[j])
+    sharp = x[:, -1]
+    rests = ((sharp <= _SHARPNESS[0]) & (gradient[:, -1] < 0)) | ((sharp >= _SHARPNESS[1]) & (gradient[:, -1] > 0))
+    gradient[rests, -1] = 0.0
+    curve[rests, -1, :] = curve[rests, :, -1] = 0.0
+    ridge = 1e-9 * (1.0 + np.abs(curve).max(axis=(1, 2)))[:, None, None] * np.eye(x.shape[1])
+    curve[rests, -1, -1] = -1.0
+    return np.linalg.solve(ridge - curve, gradient[..., None])[..., 0]
+
+
+def _log_between(low: Floats, high: Floats) -> tuple[Floats, tuple[Floats, Floats]]:
+    """log(Phi(high) - Phi(low)) of the normal distribution, and its derivatives by low and high."""
+    flip = low + high > 0.0  # the lower tail is the one that floating point resolves
+    a, b = log_normal_probability(np.where(flip, -high, low)), log_normal_probability(np.where(flip, -low, high))
+    log = b + np.log1p(-np.exp(np.minimum(a - b, -1e-12)))
+    slopes = [np.exp(-0.5 * end**2 - 0.5 * np.log(2.0 * np.pi) - log) for end in (low, high)]
+    return log, (-slopes[0], slopes[1])
+
+
+LEAST_TURNS = 10
+"""Turns below which no interval can be given."""
+STEADY_WITHIN = 0.01
+"""Largest change of speed in a record, of its mean, that counts as steady."""
+_REARM = 0.2
+"""The signal must fall so far below the level, of its whole swing, before the next pulse counts."""
+_BLOCKS = 8
+_UNIFORM = coverage_factor() / (LEVEL * np.sqrt(3.0))
+"""Twice the deviation of a uniform error, of the half width that holds 95 % of it."""
+_IN_STEP = 0.1
+"""How early or late steep pulses may be alike, in samples, from which it is said that the sampling keeps step."""
+_STEEP = 0.3
+"""Share of the swing within one sample above which the crossing between the samples cannot be told."""
+
+
+@dataclass(frozen=True)
+class Turns:
+    """Whole turns between pulses."""
+
+    pulses: Floats
+    """Instants of the pulses, (turns + 1,) [s]."""
+    resolution: float
+    """Step of the samples that the pulses were timed with [s]."""
+    timing: float = 0.0
+    """How early or late all pulses may be alike, half a 95 % interval [s]."""
+    steep: bool = False
+    """Whether pulses rise within a sample, so that their places between two samples are not seen."""
+
+    @property
+    def timing_within(self) -> float:
+        """Half a 95 % interval of a normal error of the same standard deviation: what sums of such errors need [s]."""
+        return self.timing * (_UNIFORM if self.steep else 1.0)
+
+    @property
+    def keeps_step(self) -> bool:
+        """Whether the sampling keeps step with the rotor, so that the pulses' places in a sample do not average out."""
+        return self.steep and self.timing > _IN_STEP * self.resolution
+
+    @property
+    def count(self) -> int:
+        """Number of whole turns."""
+        return len(self.pulses) - 1
+
+    @property
+    def speed(self) -> float:
+        """Mean speed [turns/s]."""
+        return self.count / float(self.pulses[-1] - self.pulses[0])
+
+    @property
+    def change(self) -> float:
+        """Largest less smallest speed, of the mean: of blocks of turns, and of single turns beyond what timing blurs.
+
+        A pulse is timed to a sample, so the time of one turn is blurred by up to two.
+        """
+        edges = np.linspace(0, self.count, min(_BLOCKS, self.count // 2) + 1).astype(int)
+        blocks = np.diff(edges) / np.diff(self.pulses[edges])
+        blur = 2.0 * self.resolution * self.speed
+        return float(max(np.ptp(blocks), np.ptp(1.0 / np.diff(self.pulses)) - blur * self.speed) / self.speed)
+
+    def angle(self, time: Floats) -> Floats:
+        """Angle of the rotor since the first pulse, in turns: even between pulses, (n,)."""
+        return np.interp(time, self.pulses, np.arange(len(self.pulses), dtype=float))
+
+
+def tacho_pulses(time: Floats, signal: Floats, level: float | None = None, falling: bool = False) -> Floats:
+    """Instants at which ``signal`` (n,) rises (falls) through ``level``, by default half its swing, (pulses,) [s]."""
+    level = half_swing(time, signal, falling)[0] if level is None else level
+    return _crossings(time, signal, level, falling)
+
+
+def half_swing(time: Floats, signal: Floats, falling: bool = False) -> tuple[float, float]:
+    """Midway between largest and smallest value of a turn, the mean of all turns, and its standard error.
+
+    Of the whole record the extremes lie as far apart as noise has it. Without turns: its middle, no error.
+    """
+    middle = 0.5 * float(signal.min() + signal.max())
+    begins = np.searchsorted(time, _crossings(time, signal, middle, falling))
+    if len(begins) < 3:
+        return middle, 0.0
+    inside, starts = signal[begins[0] : begins[-1]], begins[:-1] - begins[0]
+    each = 0.5 * (np.maximum.reduceat(inside, starts) + np.minimum.reduceat(inside, starts))
+    return float(each.mean()), float(each.std(ddof=1) / np.sqrt(len(each)))
+
+
+def _crossings(time: Floats, signal: Floats, level: float, falling: bool) -> Floats:
+    rising = level - signal if falling else signal - level
+    above, below = rising > 0.0, rising < -_REARM * float(np.ptp(signal))
+    known = above | below
+    last = np.maximum.accumulate(np.where(known, np.arange(len(signal)), 0))
+    state = above[last]
+    at = np.flatnonzero(state[1:] & ~state[:-1])
+    share = rising[at] / (rising[at] - rising[at + 1])
+    return time[at] + share * (time[at + 1] - time[at])
+
+
+def steady_turns(name: str, time: Floats, signal: Floats, level: float | None, falling: bool, within: float) -> Turns:
+    """Turns of a record at steady speed.
+
+    Raises AnalysisError for a signal without pulses, too few turns, lost or spurious pulses, a speed that changes by
+    more than ``within`` of its mean.
+    """
+    guessed, found = level is None, tacho_pulses(time, signal, level, falling)
+    if len(found) < LEAST_TURNS + 1:
+        raise AnalysisError(
+            f"{name}: {len(found)} pulses in {time[-1] - time[0]:.3g} s, values {signal.min():g} to {signal.max():g}: "
+            f"expected at least {LEAST_TURNS + 1}, one a turn; another channel, --level, or a longer record"
+        )
+    _refuse_gaps(name, found)
+    turns = _timed(time, signal, found, half_swing(time, signal, falling)[1] if guessed else 0.0)
+    if turns.change > within:
+        raise AnalysisError(
+            f"{name}: the speed changes by {100 * turns.change:.2g} % of its mean {60 * turns.speed:.5g} rpm; expected "
+            f"at most {100 * within:g} %: amplitude and phase belong to one speed; cut a steady part, or state "
+            "--steady-within"
+        )
+    return turns
+
+
+def _timed(time: Floats, signal: Floats, found: Floats, level_error: float) -> Turns:
+    """Pulses with how early or late all may be alike: slow ones by the level's error, steep ones by the samples."""
+    step = float(np.median(np.diff(time)))
+    after = np.searchsorted(time, found, side="right").clip(1, len(time) - 1)
+    rise = float(np.median(np.abs(signal[after] - signal[after - 1])))
+    if rise <= _STEEP * float(np.ptp(signal)):
+        return Turns(found, step, coverage_factor() * level_error / rise * step)
+    later, within = open_offset(time[after - 1], time[after], found)
+    return Turns(found + later, step, within, steep=True)
+
+
+def _count(gaps: list[Gap]) -> str:
+    lost_ones = sum(gap.missing for gap in gaps)
+    return f"{lost_ones} pulse{'s' * (lost_ones > 1)}"
+
+
+def _refuse_gaps(name: str, found: Floats) -> None:
+    never_again = len(found)  # no slot of a disc explains an odd interval: there is one pulse a turn
+    if gaps := lost_edges(found, never_again):
+        places = "; ".join(gap.text().replace("edge", "pulse") for gap in gaps[:8])
+        raise AnalysisError(
+            f"{name}: {_count(gaps)} lost: {places}. Turns counted through a gap would be "
+            "wrong: check --level and the sensor's distance, or cut the record"
+        )
+    if extra := spurious_edges(found, never_again):
+        places = ", ".join(f"{found[k]:.6f} s" for k in extra[:8])
+        raise AnalysisError(
+            f"{name}: {len(extra)} pulse{'s' * (len(extra) > 1)} too many, at {places}: expected one a turn; check "
+            "--level"
+        )

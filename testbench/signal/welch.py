@@ -1,0 +1,141 @@
+"""Power and cross spectral densities by Welch's method, in blocks that stay in the processor's cache.
+
+Segments that overlap by half, each less its own mean, a Hann window: to rounding what ``scipy.signal.welch`` and
+``csd`` give. They lay all segments of a record out in memory several times over; here a block of segments is windowed,
+transformed and added up before the next one is touched, and each thread works at blocks of its own.
+"""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from balance.arrays import Floats
+
+from ..compiled_kernels import can_compile
+from ..errors import AnalysisError
+
+SEGMENT = 4096
+"""Samples of a segment where none is asked for."""
+BLOCK = 1 << 15
+"""Samples that are transformed at once: with their spectrum half a megabyte."""
+WORTH = 1 << 17
+"""Samples of all segments from which on compiled loops pay for their import."""
+WORTH_A_THREAD = 1 << 20
+"""The same of a second thread."""
+Matrix = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class Spectra:
+    """One-sided densities of channels that were sampled together."""
+
+    frequency: Floats
+    """(m,) [Hz]"""
+    density: Matrix
+    """(k, k, m) [unit unit/Hz]: mean of conj(X_i) X_j; on the diagonal the power spectral densities, real."""
+    segments: int
+    """How many were averaged; those that overlap share what they tell."""
+
+    def power(self, channel: int = 0) -> Floats:
+        """Power spectral density of a channel, (m,) [unit^2/Hz]."""
+        return np.ascontiguousarray(self.density[channel, channel].real)
+
+    @property
+    def independent(self) -> float:
+        """Segments that would tell as much if none overlapped: with a Hann window and half overlap 18/19 of them.
+
+        P. D. Welch, IEEE Trans. Audio Electroacoust. AU-15, 70 (1967): variance by (1 + 2 rho (K - 1) / K) / K, where
+        rho = (sum w(i) w(i + n/2) / sum w^2)^2 = 1/36.
+        """
+        return self.segments / (1.0 + (self.segments - 1.0) / (18.0 * self.segments))
+
+
+def welch(channels: Sequence[Floats], rate_hz: float, segment: int = SEGMENT) -> Spectra:
+    """Densities of channels of one length (n,) each, sampled together; ``segment`` in samples, even.
+
+    Raises AnalysisError where the channels differ in length or are shorter than a segment.
+    """
+    lengths = sorted({len(values) for values in channels})
+    if len(lengths) != 1 or segment < 4 or segment % 2 or lengths[0] < segment:
+        raise AnalysisError(
+            f"spectrum of channels of {lengths} samples in segments of {segment}: expected one length, of an even "
+            "segment or more"
+        )
+    window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(segment) / segment)
+    values = [np.ascontiguousarray(v, dtype=np.float64) for v in channels]
+    count = (lengths[0] - segment) // (segment // 2) + 1
+    total = _summed(values, window, count)
+    scale = np.full(segment // 2 + 1, 2.0 / (rate_hz * float(window @ window) * count))
+    scale[[0, -1]] /= 2.0
+    return Spectra(np.fft.rfftfreq(segment, 1.0 / rate_hz), total * scale, count)
+
+
+def _summed(channels: Sequence[Floats], window: Floats, count: int) -> Matrix:
+    """Sum over ``count`` segments of conj(X_i) X_j, (k, k, m)."""
+    step = max(1, BLOCK // len(window))
+    parts = [range(i, min(i + step, count)) for i in range(0, count, step)]
+    size = count * len(window) * len(channels)
+    compiled = can_compile()
+    if size < WORTH_A_THREAD:
+        return _Share(channels, window, step, compiled and size >= WORTH).over(parts)
+    with ThreadPoolExecutor(2) as pool:
+        shares = [pool.submit(_Share(channels, window, step, compiled).over, parts[i::2]) for i in range(2)]
+        return np.asarray(shares[0].result() + shares[1].result())
+
+
+class _Share:
+    """What one thread adds up, in buffers of its own."""
+
+    def __init__(self, channels: Sequence[Floats], window: Floats, step: int, compiled: bool) -> None:
+        self.channels, self.window, self.compiled = channels, window, compiled
+        self.blocks = np.empty((step, len(window)))
+        self.power = np.zeros((len(channels), len(window) // 2 + 1))
+        self.cross = {
+            (i, j): np.zeros(len(window) // 2 + 1, np.complex128) for i in range(len(channels)) for j in range(i)
+        }
+
+    def over(self, parts: Sequence[range]) -> Matrix:
+        """The sums over blocks of segments."""
+        for part in parts:
+            spectra = [self._transformed(values, part) for values in self.channels]
+            for i, spectrum in enumerate(spectra):
+                self._add(spectrum, self.power[i])
+                for j in range(i):
+                    self.cross[i, j] += np.einsum("ij,ij->j", spectrum.conj(), spectra[j])
+        return self._matrix()
+
+    def _transformed(self, values: Floats, part: range) -> NDArray[Any]:
+        from scipy.fft import rfft
+
+        block, half = self.blocks[: len(part)], len(self.window) // 2
+        if self.compiled:
+            from .compiled_loops import windowed
+
+            windowed(values, part.start * half, self.window, block)
+        else:
+            segments = sliding_window_view(values[part.start * half :], 2 * half)[::half][: len(part)]
+            np.subtract(segments, segments.mean(axis=1, keepdims=True), out=block)
+            block *= self.window
+        return np.asarray(rfft(block, axis=1))
+
+    def _add(self, spectrum: NDArray[Any], power: Floats) -> None:
+        if self.compiled:
+            from .compiled_loops import add_power
+
+            add_power(spectrum, power)
+        else:
+            power += (spectrum.real**2 + spectrum.imag**2).sum(axis=0)
+
+    def _matrix(self) -> Matrix:
+        k, m = len(self.channels), len(self.window) // 2 + 1
+        found = np.zeros((k, k, m), np.complex128)
+        for i in range(k):
+            found[i, i] = self.power[i]
+        for (i, j), values in self.cross.items():
+            found[i, j], found[j, i] = values, values.conj()
+        return found

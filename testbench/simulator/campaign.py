@@ -1,0 +1,175 @@
+"""What really happened in a simulated campaign, for tests and for judging an analysis; the analysis never reads it.
+
+A Parquet file a run: noise-free time series, those of base and drives in single precision; one JSON document: what was
+drawn, and what is true of each run.
+
+Logs as text: comments that say what they are, a header with units, fixed decimals in the logger's own marks.
+
+A simulated campaign: a folder of logs as loggers would write them, the sheet of runs, and the truth apart.
+"""
+
+import csv
+import json
+import shutil
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from balance.balancing import conditions
+from balance.mechanism.mechanism import Mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
+from balance.table_files import write_csv, write_parquet
+
+from ..campaign_plan import Plan, PlannedRun
+from ..errors import RigError
+from ..rig import Column, Rig
+from ..rig.bench import Logger
+from . import simulated_logs
+from .loggers import Log, is_irregular
+from .run import payload_body
+from .sensors import base_acceleration, draw_transducer
+from .simulated_logs import SimulatedRun
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from balance.arrays import Floats
+    from balance.balancing.conditions import Conditions
+
+    from .run import BenchRun
+
+FOLDER = "truth"
+_WRENCH = ("Fx_N", "Fy_N", "Fz_N", "Mx_Nm", "My_Nm", "Mz_Nm")
+_DISPLACEMENT = ("base_x_m", "base_y_m", "base_z_m", "base_phi_x_rad", "base_phi_y_rad", "base_phi_z_rad")
+_ACCELERATION = tuple(
+    f"base_{name}_acceleration_{unit}"
+    for names, unit in ((("x", "y", "z"), "m_s2"), (("phi_x", "phi_y", "phi_z"), "rad_s2"))
+    for name in names
+)
+
+
+def write_run(folder: Path, rig: "Rig", run: "SimulatedRun", balance: "Conditions") -> dict[str, Any]:
+    """Write a run's time series, SI; returns what else is true of it. ``balance`` are the mechanism's conditions."""
+    write_parquet(folder / f"{run.planned.name}.parquet", time_series(rig, run.bench))
+    for name, log in run.logs.items():
+        if is_irregular(rig.loggers[name]):
+            instants = {"logged_s": log.time, "true_s": log.true}
+            write_parquet(folder / f"{run.planned.name}_{name}.instants.parquet", instants)
+    return {
+        "run": run.planned.name,
+        **run.planned.conditions,
+        "base_frequencies_hz": run.bench.base.frequencies_hz.tolist(),
+        "first_moment_residual_kg_m": balance.values(run.bench.mechanism).tolist(),
+        "clocks": {
+            name: {
+                "start_s": logger.start,
+                "drift_ppm": logger.drift_ppm,
+                "filter_delay_s": logger.delay,
+                "lost_samples": run.logs[name].lost,
+            }
+            for name, logger in run.loggers.items()
+            if name in run.logs
+        },
+    }
+
+
+def time_series(rig: "Rig", run: "BenchRun") -> "dict[str, Floats | NDArray[np.float32]]":
+    """Shaking wrench, base motion, drive torques, and what accelerometers on the base are exposed to, (n,) each."""
+    columns = {"time_s": run.time} | dict(zip(_WRENCH, run.wrench.T, strict=True))
+    for name, sensor in rig.base_accelerometers.items():
+        seen = base_acceleration(sensor, run)
+        columns |= {f"{column.channel}_m_s2": seen[column.component] for column in sensor.columns(name)}
+    moved = dict(zip(_DISPLACEMENT, run.motion.displacement.T, strict=True))
+    moved |= dict(zip(_ACCELERATION, run.motion.acceleration.T, strict=True))
+    moved |= {f"torque_{joint}_Nm": torque for joint, torque in run.torque.items()}
+    return columns | {name: values.astype(np.float32) for name, values in moved.items()}
+
+
+def write_campaign(folder: Path, rig: "Rig", seed: int, runs: list[dict[str, Any]]) -> None:
+    """Write what is true of the whole campaign: seed, clocks as the rig has them, sensors, runs."""
+    clocks = {name: {"start_s": logger.start, "drift_ppm": logger.drift_ppm} for name, logger in rig.loggers.items()}
+    sensors = {name: sensor.truth for name, sensor in draw_transducer(rig, seed).items()}
+    document = {"origin": "simulated", "seed": seed, "clocks": clocks, "sensors": sensors, "runs": runs}
+    (folder / "truth.json").write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+
+
+def write_log(path: Path, logger: Logger, columns: Sequence[Column], log: Log, about: Mapping[str, str]) -> None:
+    """Write a log as CSV; ``about`` goes into comments. Marked as simulated, whatever ``about`` says."""
+    timed = logger.clock == "recorded"
+    if not timed:
+        about = {**about, "rate": f"{logger.rate:g} Hz"}
+    comments = "".join(f"# {key}: {value}\n" for key, value in {"origin": "simulated", **about}.items())
+    names = ["Time (s)"] * timed + [f"{column.channel} ({column.unit})" for column in columns]
+    table = [*([log.time] if timed else []), *log.columns.values()]
+    with path.open("wb") as file:
+        file.write((comments + logger.delimiter.join(names) + "\n").encode("utf-8"))
+        write_csv(file, table, logger.delimiter, logger.decimals, decimal_comma=logger.decimal == ",")
+
+
+SHEET = "runs.csv"
+_COLUMNS = ("run", "file", "origin", "payload_kg", "counter_masses", "motion", "peak_acceleration_g", "repeat")
+
+
+def simulate_campaign(
+    plan: Plan, rig: Rig, folder: Path, progress: Callable[[int, int], None] | None = None
+) -> list[Path]:
+    """Simulate all runs of a plan into ``folder``, which must be new or empty; returns the logs.
+
+    The logs are made beside and moved there at the end: a failure leaves nothing behind.
+    """
+    if plan.mechanism != rig.mechanism:
+        raise RigError(
+            f"the plan is for {plan.mechanism!r}, the rig for {rig.mechanism!r}: expected the same mechanism"
+        )
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise RigError(f"{folder}: exists and is not empty; name a new folder")
+    mechanism = load_mechanism(rig.mechanism)
+    payload_body(mechanism, plan.payload_body)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as beside:
+        made = Path(beside) / "logs"
+        names = _write_all(plan, rig, mechanism, made, progress)
+        if folder.exists():
+            folder.rmdir()
+        shutil.move(made, folder)
+    return [folder / name for name in names]
+
+
+def _write_all(
+    plan: Plan, rig: Rig, mechanism: Mechanism, folder: Path, progress: Callable[[int, int], None] | None
+) -> list[str]:
+    (folder / FOLDER).mkdir(parents=True)
+    total, sheet, facts = len(plan.runs()), [], []
+    balance = conditions.balance_conditions(mechanism)
+    for number, run in enumerate(simulated_logs.simulate_logs(plan, rig), 1):
+        names = _write_logs(folder, rig, run)
+        sheet += [_row(run.planned, name) for name in names]
+        facts.append(write_run(folder / FOLDER, rig, run, balance))
+        if progress:
+            progress(number, total)
+    write_campaign(folder / FOLDER, rig, plan.seed, facts)
+    with (folder / SHEET).open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, _COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(sheet)
+    return [row["file"] for row in sheet]
+
+
+def _write_logs(folder: Path, rig: Rig, run: SimulatedRun) -> list[str]:
+    names = []
+    for name, log in run.logs.items():
+        names.append(f"{run.planned.name}_{name}.csv")
+        about = {"rig": rig.name or rig.mechanism, "run": run.planned.name, "logger": name}
+        write_log(folder / names[-1], rig.loggers[name], list(rig.columns(name)), log, about)
+    return names
+
+
+def _row(planned: PlannedRun, file: str) -> dict[str, str]:
+    """A line of the sheet, as a person at the bench would keep it."""
+    masses = ";".join(f"{site}={mass:.12g}" for site, mass in planned.counter_masses.items())
+    acceleration = f"{planned.conditions['peak_acceleration_g']:.12g}"
+    cells = (planned.name, file, "simulated", f"{planned.payload:.12g}", masses, planned.motion, acceleration)
+    return dict(zip(_COLUMNS, (*cells, str(planned.repeat)), strict=True))

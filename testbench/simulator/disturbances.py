@@ -1,0 +1,115 @@
+"""What shakes the bench besides the motion: its floor through the mounts, and the roughness of drives and joints.
+
+Random signals of a stated power spectral density, and the vibration that floors may have.
+
+All densities are one-sided; a signal is one period of a stationary Gaussian process, made on its Fourier lines.
+
+Streams of random numbers, one for each thing that is drawn: what is drawn of one does not depend on the others.
+"""
+
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from balance.arrays import Floats
+from balance.dynamics.moving_base import BaseMotion, ElasticBase
+
+if TYPE_CHECKING:
+    from ..rig.bench import Bench
+
+FLOOR_VELOCITY = {
+    "workshop": 800e-6, "office": 400e-6, "residential": 200e-6, "operating theatre": 100e-6,
+    "VC-A": 50e-6, "VC-B": 25e-6, "VC-C": 12.5e-6, "VC-D": 6.25e-6, "VC-E": 3.12e-6,
+}  # fmt: skip
+"""Root mean square in each third-octave band from 8 to 80 Hz [m/s]: generic vibration criteria, Amick et al., "Evolving
+criteria for research facilities", Proc. SPIE 5933 (2005), table 1."""
+FLOOR_BAND = (4.0, 8.0, 80.0)
+"""Below the second, the curves down to VC-B allow the acceleration at it; outside, nothing is added [Hz]."""
+THIRD_OCTAVE = 2.0 ** (1.0 / 6.0) - 2.0 ** (-1.0 / 6.0)
+"""Width of a third-octave band, per its centre."""
+
+
+def fourier_lines(density: Floats, rng: np.random.Generator, count: int, step: float) -> np.ndarray:
+    """Fourier lines, as irfft takes them, of ``count`` samples every ``step`` [s]; ``density`` [unit2/Hz] a line."""
+    normal = rng.normal(size=(*density.shape, 2))
+    return np.sqrt(density * count / (4.0 * step)) * (normal[..., 0] + 1j * normal[..., 1])
+
+
+def floor_density(level: str, frequency: Floats) -> Floats:
+    """Displacement of the floor that fills a curve in every band, one axis [m2/Hz]: v^2 / (0.23 f) / (2 pi f)^2."""
+    low, corner, high = FLOOR_BAND
+    inside = (frequency >= low) & (frequency <= high)
+    f = np.where(inside, frequency, corner)
+    falling = level in {"VC-C", "VC-D", "VC-E"}
+    velocity = FLOOR_VELOCITY[level] * (1.0 if falling else np.maximum(1.0, corner / f))
+    return np.where(inside, velocity**2 / (THIRD_OCTAVE * f) / (2.0 * np.pi * f) ** 2, 0.0)
+
+
+def flat_density(rms: float, band: tuple[float, float], frequency: Floats) -> Floats:
+    """A flat density within a band, of a signal of root mean square ``rms``."""
+    inside = (frequency >= band[0]) & (frequency <= band[1])
+    return np.where(inside, rms**2 / (band[1] - band[0]), 0.0)
+
+
+def random_stream(*key: int | str) -> np.random.Generator:
+    """The generator of a key of numbers and words, the same each time."""
+    return np.random.default_rng([zlib.crc32(part.encode()) if isinstance(part, str) else part for part in key])
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """A stationary vibration of the base, on top of what the motion does to it."""
+
+    motion: BaseMotion
+    wrench: Floats
+    """What the mechanism exerts on the base beyond its shaking wrench, about the origin, (n, 6) [N, N m]."""
+
+
+def draw_disturbance(
+    bench: "Bench", base: ElasticBase, count: int, step: float, seed: tuple[int, int]
+) -> Disturbance | None:
+    """``count`` samples every ``step`` [s] of all that the bench states; None where it states nothing.
+
+    On each Fourier line x = (K - w^2 M + i w C)^-1 (W + (K + i w C) x_floor): stationary from the first sample.
+    """
+    if not is_disturbed(bench):
+        return None
+    frequency = np.fft.rfftfreq(count, step)
+    rough = np.stack(list(_roughness(bench, frequency, count, step, seed)), axis=1)
+    ground = np.stack(list(_floor(bench, frequency, count, step, seed)), axis=1)
+    used = np.any(rough != 0.0, axis=1) | np.any(ground != 0.0, axis=1)
+    i_omega = 2j * np.pi * frequency[used, None, None]
+    mounts = base.stiffness + i_omega * base.damping
+    driven = rough[used] + np.matmul(mounts, ground[used, :, None])[:, :, 0]
+    x = np.zeros_like(rough)
+    x[used] = np.linalg.solve(mounts + i_omega**2 * base.mass, driven[:, :, None])[:, :, 0]
+    rate = 2j * np.pi * frequency[:, None]
+    moved = BaseMotion(*(np.fft.irfft(spectrum, count, axis=0) for spectrum in (x, rate * x, rate**2 * x)))
+    return Disturbance(moved, np.fft.irfft(rough, count, axis=0))
+
+
+def is_disturbed(bench: "Bench") -> bool:
+    """Whether anything shakes the bench besides the motion."""
+    return bench.floor is not None or bench.roughness is not None
+
+
+def _roughness(bench: "Bench", frequency: Floats, count: int, step: float, seed: tuple[int, int]) -> Iterator[Floats]:
+    """Fourier lines of the wrench, component by component."""
+    rough = bench.roughness
+    force, moment = (
+        ((0.0,) * 3, (0.0,) * 3) if rough is None else (rough.force or (0.0,) * 3, rough.moment or (0.0,) * 3)
+    )
+    for i, rms in enumerate((*force, *moment)):
+        density = np.zeros_like(frequency) if rough is None else flat_density(rms, rough.band, frequency)
+        yield fourier_lines(density, random_stream("roughness", *seed, i), count, step)
+
+
+def _floor(bench: "Bench", frequency: Floats, count: int, step: float, seed: tuple[int, int]) -> Iterator[Floats]:
+    """Fourier lines of the floor's displacement, component by component; it does not turn."""
+    for i in range(6):
+        quiet = bench.floor is None or i > 2
+        density = np.zeros_like(frequency) if quiet else floor_density(str(bench.floor), frequency)
+        yield fourier_lines(density, random_stream("floor", *seed, i), count, step)

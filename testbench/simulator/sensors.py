@@ -1,0 +1,184 @@
+"""What sensors make of what they are exposed to: true and unknown sensitivities, cross-talk, offset, drift, coupling.
+
+A sensor that sees s shows H(A s) + b + d t: A its sensitivity matrix, near one; H its high pass; b its offset and d t
+its drift from the reset before the motion. A, b and d are drawn once a campaign, from the scatter that the rig states.
+
+What each sensor of a rig sees of a run, without noise: one law a kind.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from balance.arrays import Floats
+from balance.dynamics.moving_base import acceleration_in_body, displacement_at, times
+from balance.errors import ModelError
+
+from ..errors import RigError
+from ..rig import Rig
+from ..rig import sensors as kinds
+from ..rig.bench import SensorErrors
+from ..rig.sensor_channels import range_of, scatter
+from ..rig.sensors import Accelerometer
+from ..rig.support_loads import shares
+from .disturbances import random_stream
+from .loggers import high_pass
+from .run import BenchRun
+
+if TYPE_CHECKING:
+    from ..rig import Column
+
+
+@dataclass(frozen=True)
+class Transducer:
+    """One sensor as it is."""
+
+    channels: tuple[str, ...]
+    sensitivity: Floats
+    """A, in SI, (k, k)."""
+    offset: Floats
+    """b, (k,) [SI]."""
+    drift: Floats
+    """d, (k,) [SI/s]."""
+    corner: float | None
+    """Of the high pass [Hz]."""
+
+    def shown(self, seen: Floats, time: Floats) -> Floats:
+        """What it shows, (k, n) [SI], of ``seen`` (k, n) at ``time`` (n,) [s], reset at the first instant."""
+        values: Floats = self.sensitivity @ seen
+        if self.corner is not None:
+            values = high_pass(values.T, self.corner, float(time[1] - time[0])).T
+        return values + self.offset[:, None] + self.drift[:, None] * (time - time[0])
+
+    @property
+    def truth(self) -> dict[str, Any]:
+        """As the truth file has it."""
+        return {
+            "channels": list(self.channels),
+            "sensitivity_si": self.sensitivity.tolist(),
+            "offset_si": self.offset.tolist(),
+            "drift_si_per_s": self.drift.tolist(),
+            "high_pass_hz": self.corner,
+        }
+
+
+def draw_transducer(rig: "Rig", seed: int) -> dict[str, Transducer]:
+    """The sensors of a campaign for which the rig states errors or a lower corner.
+
+    Raises RigError for errors of a sensor that it does not have.
+    """
+    if strange := [name for name in rig.bench.errors if name not in rig.sensors]:
+        raise RigError(f"bench.errors: no sensor {strange[0]!r}: there are {', '.join(rig.sensors)}")
+    return {
+        name: _drawn(name, list(rig.sensors[name].columns(name)), errors, random_stream("sensor", seed, name))
+        for name, errors in _with_corners(rig).items()
+    }
+
+
+def _with_corners(rig: "Rig") -> dict[str, SensorErrors]:
+    """Errors by sensor; the corner that a sensor's data sheet states holds where its errors name none."""
+    found = dict(rig.bench.errors)
+    for name, sensor in rig.of_kind(Accelerometer).items():
+        errors = found.get(name, SensorErrors())
+        if sensor.high_pass is not None and errors.high_pass is None:
+            found[name] = errors.model_copy(update={"high_pass": sensor.high_pass})
+    return found
+
+
+def sensor_reading(
+    transducers: Mapping[str, Transducer], seen: Mapping[str, Floats], time: Floats
+) -> dict[str, Floats]:
+    """The signals of all channels, (n,) [SI], from what their sensors are exposed to."""
+    found = dict(seen)
+    for sensor in transducers.values():
+        values = sensor.shown(np.array([seen[channel] for channel in sensor.channels]), time)
+        found |= dict(zip(sensor.channels, values, strict=True))
+    return found
+
+
+def _drawn(name: str, columns: "Sequence[Column]", errors: "SensorErrors", rng: np.random.Generator) -> Transducer:
+    count = len(columns)
+    gain, cross, zero, drift = rng.normal(size=count), rng.normal(size=(count, count)), *rng.normal(size=(2, count))
+    sensitivity = np.eye(count) + scatter(name, columns, errors) * np.where(np.eye(count), np.diag(gain), cross)
+    ranges = np.zeros(count)
+    if errors.offset or errors.drift_per_minute:
+        ranges = np.array([range_of(name, column) for column in columns])
+    return Transducer(
+        tuple(column.channel for column in columns),
+        sensitivity,
+        errors.offset * ranges * zero,
+        errors.drift_per_minute / 60.0 * ranges * drift,
+        errors.high_pass,
+    )
+
+
+_WRENCH = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+
+
+def signals(rig: Rig, run: BenchRun) -> dict[str, Floats]:
+    """The signal of every channel, (n,) [SI], at the run's instants."""
+    found = support_signals(rig, run)
+    for name, sensor in rig.sensors.items():
+        if (law := _LAWS.get(type(sensor))) is None:
+            continue
+        try:
+            values = law(sensor, run)
+        except ModelError as error:
+            raise RigError(f"sensors.{name}: {error}") from error
+        found |= {column.channel: values[column.component] for column in sensor.columns(name)}
+    return found
+
+
+def base_acceleration(sensor: kinds.Accelerometer, run: BenchRun) -> dict[str, Floats]:
+    """Acceleration of a point of the base as a sensor there feels it, by axis, (n,) [m/s2]."""
+    values = times(displacement_at(np.array(sensor.position)), run.felt) + run.elastic.get(sensor.position, 0.0)
+    return dict(zip(kinds.AXES, values.T, strict=True))
+
+
+def support_signals(rig: Rig, run: BenchRun) -> dict[str, Floats]:
+    """Forces [N] and moments [N m] of all supports' channels, tared at rest, with the cross-talk of the rig."""
+    found: dict[str, Floats] = {}
+    for name, share in shares(rig.supports).items():
+        load = dict(zip(_WRENCH, times(share, run.transmitted).T, strict=True))
+        support = rig.supports[name]
+        carried = [load[component] for component in support.measured]
+        read = carried if support.crosstalk is None else np.array(support.crosstalk) @ np.array(carried)
+        found |= {column.channel: values for column, values in zip(support.columns(name), read, strict=True)}
+    return found
+
+
+def _accelerometer(sensor: kinds.Accelerometer, run: BenchRun) -> dict[str, Floats]:
+    if sensor.attached_to == "base":
+        return base_acceleration(sensor, run)
+    values = acceleration_in_body(
+        run.mechanism, run.trajectory, run.felt, sensor.attached_to, np.array(sensor.position)
+    )
+    return dict(zip(kinds.AXES, values.T, strict=True))
+
+
+def _encoder(sensor: kinds.Encoder, run: BenchRun) -> dict[str, Floats]:
+    return {sensor.joint: run.trajectory.q[:, run.mechanism.coordinate_index(sensor.joint)]}
+
+
+def _torque(sensor: kinds.Torque, run: BenchRun) -> dict[str, Floats]:
+    torque = run.torque
+    if sensor.joint not in torque:
+        raise ModelError(f"joint {sensor.joint!r} is not driven: expected {', '.join(torque) or 'one that is'}")
+    return {sensor.joint: torque[sensor.joint]}
+
+
+def _target(sensor: kinds.Target, run: BenchRun) -> dict[str, Floats]:
+    if run.command.joints:
+        raise ModelError("a target acceleration along axes, but the motion drives joints")
+    driven = dict(zip(run.command.axes, run.command.acceleration.T, strict=True))
+    return {axis: driven.get(axis, np.zeros_like(run.time)) for axis in sensor.channels}
+
+
+_LAWS: dict[type, Callable[[Any, BenchRun], dict[str, Floats]]] = {
+    kinds.Accelerometer: _accelerometer,
+    kinds.Encoder: _encoder,
+    kinds.Torque: _torque,
+    kinds.Target: _target,
+}

@@ -1,5 +1,0 @@
-"""Spectra of long records in blocks: densities, coherence, transmissibility, modes of the base."""
-
-from .densities import Spectra, welch
-
-__all__ = ["Spectra", "welch"]

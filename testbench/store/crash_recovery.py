@@ -1,0 +1,145 @@
+"""What a stopped ingest leaves in a campaign: found, finished if it was whole, saved as far as it was acknowledged."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import StoreError
+from . import archive, atomic_files, fletcher32, journal
+from .atomic_files import place_with_digest, unfinished
+from .journal import Journal, Kept, Leftover, leftovers
+from .run import Run, open_run
+
+MARK = ".recovered"
+"""At the end of a recovered run's name: the name of the run itself stays free for the whole log."""
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """What became of a leftover: ``recovered``, ``completed``, ``superseded``, ``empty``, ``running`` or ``failed``."""
+
+    run: str
+    status: str
+    message: str
+    file: str | None = None
+    samples: dict[str, int] = field(default_factory=dict)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The recovery as it is printed."""
+        return asdict(self)
+
+
+Save = Callable[[Leftover, Journal], Recovery]
+"""How acknowledged samples become a run."""
+
+
+def finish(left: Leftover, save: Save) -> Recovery | None:
+    """Finish or save what is here, then remove it; what cannot be read stays. None: it was stopped before it began.
+
+    A journal says what is meant before anything else is made: without that there is no run, unless the machine
+    itself lost what was noted.
+    """
+    try:
+        with left.journal.open("rb") as stream:
+            if not atomic_files.hold_lock(stream) or (
+                atomic_files.fcntl is None and atomic_files.is_held(left.journal)
+            ):
+                return Recovery(left.run, "running", "an ingest is writing it at this moment; left alone")
+            found = _recovered(left, save)
+    except FileNotFoundError:
+        return Recovery(left.run, "superseded", "another process has taken care of it")
+    except (StoreError, OSError) as error:
+        return Recovery(left.run, "failed", f"{error}; {left.part.name} and its journal stay where they are")
+    left.part.unlink(missing_ok=True)
+    left.journal.unlink(missing_ok=True)
+    return found
+
+
+def _recovered(left: Leftover, save: Save) -> Recovery | None:
+    known = journal.read_journal(left.journal)
+    if not known.intent:
+        if left.part.exists():
+            raise StoreError(f"{left.journal.name}: is empty, as after a loss of power; ingest the log again")
+        return None
+    if _complete(left, known.sealed):
+        return Recovery(left.run, "completed", "was written whole; nothing is lost", left.target.name)
+    if archive.INTENT in known.intent:
+        message = f"the archive of {known.intent[archive.INTENT]} was not finished; that run is whole: archive it again"
+        return Recovery(left.run, "superseded", message)
+    if not any(kept.samples for kept in known.groups):
+        return Recovery(left.run, "empty", "no sample had been acknowledged; ingest the log again")
+    if (stored := _superseded(left, known)) is not None:
+        return Recovery(left.run, "superseded", f"the campaign holds all of it as {stored}; nothing is lost", stored)
+    return save(left, known)
+
+
+def _complete(left: Leftover, sealed: str | None) -> bool:
+    """Whether the run was written to its end and is in its place, where it is put if it is not."""
+    if sealed is None:
+        return False
+    if not left.part.exists():
+        return left.target.exists()  # the part goes only after the run is there
+    if atomic_files.sha256_of(left.part) != sealed:
+        return False
+    beside = atomic_files.digest_file(left.target)
+    if left.target.exists():
+        return beside.exists() and atomic_files.recorded_digest(left.target) == sealed
+    if beside.exists() and atomic_files.recorded_digest(left.target) == sealed:
+        beside.unlink()
+    place_with_digest(left.part, left.target, atomic_files.line_for(left.target.name, sealed))
+    return True
+
+
+def _superseded(left: Leftover, known: Journal) -> str | None:
+    """The stored run that holds every acknowledged sample, if there is one."""
+    if not left.target.exists():
+        return None
+    run = open_run(left.target)
+    whole = all(_holds(run, kept, left.part) for kept in known.groups if kept.samples)
+    return left.target.name if whole else None
+
+
+def orphans(campaign: Path) -> list[Path]:
+    """Unfinished files without a journal: digests whose ingest was killed, and what nobody can read."""
+    there = [(path, named.tag) for path in sorted(campaign.iterdir()) if (named := unfinished(path)) is not None]
+    with_journal = {left.tag for left in leftovers(campaign)}
+    return [path for path, tag in there if tag not in with_journal]
+
+
+def is_digest(orphan: Path) -> bool:
+    """Whether an unfinished file is a digest on its way, and no run."""
+    named = unfinished(orphan)
+    return named is not None and named.name.endswith(f".h5{atomic_files.SUFFIX}")
+
+
+def blocks(part: Path, kept: Kept) -> Iterator[tuple[NDArray[np.float64], ...]]:
+    """The acknowledged samples of a group, chunk by chunk. Raises StoreError if one is not as it was written."""
+    with part.open("rb") as stream:
+        for row in zip(*kept.pieces, strict=True):
+            columns = []
+            for piece in row:
+                stream.seek(piece.at)
+                chunk = np.frombuffer(stream.read(piece.size), dtype=np.uint8)
+                if len(chunk) != piece.size or not fletcher32.is_intact(chunk):
+                    raise StoreError(f"{part.name}: damaged at byte {piece.at}; its checksum does not match")
+                columns.append(chunk[:-4].view(np.float64)[: piece.count])
+            yield tuple(columns)
+
+
+def _holds(run: Run, kept: Kept, part: Path) -> bool:
+    """Whether a stored run begins with the acknowledged samples of a group."""
+    names = [group.name for group in run.groups]
+    if kept.group.name not in names or run.group(kept.group.name).channels != kept.group.channels:
+        return False
+    stored = [run.channel_at(kept.group.name, i) for i in range(len(kept.group.channels))]
+    start = 0
+    for columns in blocks(part, kept):
+        stop = start + len(columns[0])
+        if any(s[start:stop].tobytes() != c.tobytes() for s, c in zip(stored, columns, strict=True)):
+            return False
+        start = stop
+    return True

@@ -1,0 +1,134 @@
+"""What is known of a run, as one JSON text in it: all that our own reader needs beside the samples.
+
+The attributes say the same to other people's tools. They are not read here: HDF5 keeps texts of varying length in a
+heap, and one flipped bit there makes it search without end.
+
+Names inside a run's HDF5 file, in one place for writing and reading.
+"""
+
+import json
+import re
+import unicodedata
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from ..errors import StoreError
+from ..recording import Channel, Clock, Conditions, Origin, TimeColumn, UniformClock
+from . import encodings, safe_hdf5
+from .encodings import Decimals, Form
+
+if TYPE_CHECKING:
+    import h5py
+
+    from .group_writer import GroupWriter
+
+LAYOUT = 1
+"""Version of this layout."""
+MARK = "counterpoise_layout"
+"""The attribute of the file that holds it, by which a stored run is known."""
+
+ENTRY = "entry"
+CONDITIONS = f"{ENTRY}/conditions"
+COUNTER_MASSES = f"{CONDITIONS}/counter_masses"
+PROVENANCE = f"{ENTRY}/provenance"
+NOTES = f"{ENTRY}/notes"
+DESCRIPTION = f"{NOTES}/description"
+FINDINGS = f"{NOTES}/findings"
+RIG = f"{NOTES}/rig"
+MINUS = f"{NOTES}/negative_zeros"
+"""Of channels kept as whole numbers: a bit for each zero with a minus sign."""
+TIME = "time"
+"""The dataset of time in each group that has one."""
+SAMPLE = "sample"
+"""The dimension of a group without time."""
+
+_MEANT = re.compile(r"title|(?:.*_)?errors")
+"""What NeXus means by a name beside a signal: a heading, and how unsure the values are. A channel is neither."""
+_LETTERS = str.maketrans({"ı": "i", "ß": "ss", "ø": "o", "Ø": "O", "æ": "ae", "µ": "u", "μ": "u", "°": "deg"})
+
+
+def safe_name(written: str, taken: set[str]) -> str:
+    """An HDF5 name that NeXus allows, near to ``written``, not among ``taken``; it is added there."""
+    plain = unicodedata.normalize("NFKD", written.translate(_LETTERS))
+    plain = "".join(c for c in plain if not unicodedata.combining(c))
+    base = re.sub(r"[^A-Za-z0-9]+", "_", plain).strip("_")[:60] or "channel"
+    if _MEANT.fullmatch(base):
+        base = f"{base}_channel"
+    name, n = base, 1
+    while name in taken:
+        n += 1
+        name = f"{base}_{n}"
+    taken.add(name)
+    return name
+
+
+LARGEST = 64 << 20
+"""Texts longer than this that their file does not hold as they are, but deflated, are none of ours [bytes]."""
+
+
+def description_text(
+    origin: Origin, conditions: Conditions, provenance: Mapping[str, Any], groups: Iterable["GroupWriter"]
+) -> str:
+    """The description of a run."""
+    document = {
+        "layout": LAYOUT,
+        "origin": origin,
+        "conditions": conditions,
+        "provenance": provenance,
+        "groups": [_group(writer) for writer in groups],
+    }
+    return json.dumps(document, ensure_ascii=False)
+
+
+def read_description(file: "h5py.File") -> dict[str, Any]:
+    """The description of a stored run. Raises StoreError if there is none that we know."""
+    known = None
+    if safe_hdf5.has(file, DESCRIPTION):
+        known = json.loads(safe_hdf5.texts(file, DESCRIPTION, LARGEST)[0])
+    if not isinstance(known, dict) or known.get("layout") != LAYOUT:
+        raise StoreError(f"{file.filename}: not a run stored by this version (layout {LAYOUT})")
+    return known
+
+
+def _group(writer: "GroupWriter") -> dict[str, Any]:
+    return {
+        "key": writer.key,
+        "name": writer.group.name,
+        "samples": writer.samples,
+        "rate_hz": writer.rate_hz,
+        "rate_source": writer.rate_source,
+        "clock": _clock(writer.group.clock),
+        "channels": [
+            {"key": key, "name": channel.name, "label": channel.label, "unit": channel.unit, **_form(form)}
+            for key, channel, form in zip(writer.keys, writer.group.channels, writer.forms, strict=True)
+        ],
+    }
+
+
+def _form(form: Form) -> dict[str, Any]:
+    return {"whole": form.as_dict()} if isinstance(form, Decimals) else {}
+
+
+def _clock(clock: Clock | None) -> dict[str, Any] | None:
+    if isinstance(clock, UniformClock):
+        return {"rate_hz": clock.rate_hz, "start_s": clock.start_s}
+    if clock is None:
+        return None
+    return {"index": clock.index, "seconds_per_unit": clock.seconds_per_unit, "assumed": clock.assumed}
+
+
+def clock(document: Mapping[str, Any] | None) -> Clock | None:
+    """The clock of a group, from its part of the description."""
+    if document is None:
+        return None
+    return UniformClock(**document) if "rate_hz" in document else TimeColumn(**document)
+
+
+def channels(document: Iterable[Mapping[str, Any]]) -> tuple[Channel, ...]:
+    """The channels of a group, from its part of the description."""
+    return tuple(Channel(str(c["name"]), c["unit"], str(c["label"])) for c in document)
+
+
+def whole_numbers(document: Iterable[Mapping[str, Any]]) -> tuple[Decimals | None, ...]:
+    """How channels are kept as whole numbers; None for each that is float64."""
+    return tuple(encodings.from_dict(channel.get("whole")) for channel in document)

@@ -1,0 +1,136 @@
+"""Opening HDF5 without letting the file make us open another one, loop, or read what was never written."""
+
+import math
+import os
+from collections.abc import Iterator, Set
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import StoreError
+from . import atomic_files, chunk_io
+
+if TYPE_CHECKING:
+    import h5py
+
+_DEFLATE, _SHUFFLE, _FLETCHER32 = 1, 2, 3
+_FILTERS = frozenset({_DEFLATE, _SHUFFLE, _FLETCHER32})
+"""Numbers of the filters that every HDF5 library has."""
+_CHECKSUM = 4
+"""Bytes that Fletcher-32 adds to a chunk."""
+_LARGEST_RATIO = 1040
+"""Times that deflated values may be larger than what holds them: no such stream grows by more than 1032."""
+
+
+@contextmanager
+def open_for_reading(path: Path) -> Iterator["h5py.File"]:
+    """The HDF5 file at ``path``; whatever HDF5 finds wrong in it becomes a StoreError."""
+    import h5py
+
+    if path.is_dir():
+        raise StoreError(f"{path}: is a folder; expected one stored run (.h5), such as a campaign holds")
+    if not path.is_file():
+        what = "is no file but a device or a broken link" if path.exists() or path.is_symlink() else "no such file"
+        raise StoreError(f"{path}: {what}; expected a stored run (.h5)")
+    if not os.access(path, os.R_OK):
+        raise StoreError(f"{path}: cannot be read: no permission; ask its owner, or make it readable")
+    if not h5py.is_hdf5(path):
+        if atomic_files.digest_file(path).exists():
+            raise StoreError(f"{path.name}: damaged: no HDF5 file, but a digest is beside it: testbench verify")
+        raise StoreError(
+            f"{path.name}: not a stored run, or damaged: no HDF5 file; a log is stored first: testbench ingest"
+        )
+    try:
+        with h5py.File(path, "r") as file:
+            yield file
+    except (OSError, RuntimeError, LookupError, ValueError, TypeError, AttributeError, ArithmeticError) as error:
+        raise StoreError(f"{path.name}: not a stored run, or damaged: {error}") from error
+    except MemoryError as error:
+        raise StoreError(f"{path.name}: does not fit into this machine's memory ({error or 'none is left'})") from error
+
+
+def member(group: "h5py.Group", path: str) -> Any:  # noqa: ANN401
+    """The object at ``path`` below ``group``; links to elsewhere on the way are refused by name."""
+    import h5py
+
+    node = group
+    for name in path.split("/"):
+        link = node.get(name, getlink=True)
+        if link is None:
+            raise StoreError(f"{group.file.filename}: holds no {path}; it is not a stored run, or damaged")
+        if not isinstance(link, h5py.HardLink):
+            raise StoreError(f"{group.file.filename}: {node.name}/{name} is a link to elsewhere, which is refused")
+        node = node[name]
+    if isinstance(node, h5py.Dataset):
+        _refuse_outside(node)
+    return node
+
+
+def texts(group: "h5py.Group", path: str, largest: int) -> list[str]:
+    """The texts of a dataset, of fixed length each; of no more than ``largest`` bytes together if they are deflated."""
+    dataset = member(group, path)
+    if dataset.dtype.kind != "S" or dataset.nbytes > max(largest, dataset.id.get_storage_size()):
+        raise StoreError(f"{group.file.filename}: {path} does not hold texts as we store them")
+    return [bytes(text).decode("utf-8") for text in dataset[()]]
+
+
+def numbers(group: "h5py.Group", path: str, begin: int = 0, end: int | None = None) -> NDArray[np.float64]:
+    """The samples of a dataset of numbers, from ``begin`` to ``end``."""
+    dataset = member(group, path)
+    if dataset.dtype.kind not in "fiu" or dataset.ndim != 1:
+        raise StoreError(f"{group.file.filename}: {path} does not hold one number a sample")
+    whole = begin == 0 and end is None
+    values = chunk_io.read_chunks(dataset) if whole and chunk_io.is_possible(dataset) else dataset[begin:end]
+    return np.asarray(values, dtype=np.float64)
+
+
+def whole_numbers(group: "h5py.Group", path: str, kind: str, begin: int = 0, end: int | None = None) -> NDArray[Any]:
+    """What a dataset of whole numbers of this kind holds from ``begin`` to ``end``, all of it there."""
+    dataset = member(group, path)
+    if dataset.dtype != np.dtype(kind) or dataset.ndim != 1 or (end or 0) > len(dataset):
+        raise StoreError(f"{group.file.filename}: {path} does not hold the numbers that its description declares")
+    return np.asarray(dataset[begin:end])
+
+
+def stored_bytes(group: "h5py.Group", path: str) -> int:
+    """What the values of a dataset take in the file [bytes]."""
+    return int(member(group, path).id.get_storage_size())
+
+
+def has(group: "h5py.Group", path: str) -> bool:
+    """Whether there is an object at ``path`` below ``group``, without following any link to find out."""
+    import h5py
+
+    node: Any = group
+    for name in path.split("/"):
+        if not isinstance(node, h5py.Group) or not isinstance(node.get(name, getlink=True), h5py.HardLink):
+            return False
+        node = node[name]
+    return True
+
+
+def _refuse_outside(dataset: "h5py.Dataset") -> None:
+    """Refuse data that lie in another file, that need a foreign filter, or that were never written."""
+    plist = dataset.id.get_create_plist()
+    if dataset.is_virtual or plist.get_external_count():
+        raise StoreError(f"{dataset.file.filename}: {dataset.name} lies in another file, which is refused")
+    filters = {plist.get_filter(n)[0] for n in range(plist.get_nfilters())}
+    if not filters <= _FILTERS:
+        raise StoreError(f"{dataset.file.filename}: {dataset.name} needs a filter that is not a standard one")
+    ratio = _LARGEST_RATIO if _DEFLATE in filters else 1
+    if dataset.nbytes > ratio * dataset.id.get_storage_size() or _has_holes(dataset, filters):
+        raise StoreError(f"{dataset.file.filename}: {dataset.name} declares more values than the file holds")
+
+
+def _has_holes(dataset: "h5py.Dataset", filters: Set[int]) -> bool:
+    """Whether a chunk was never written: HDF5 would make up its values. Chunks are of one size unless deflated."""
+    if not dataset.chunks:
+        return False
+    count = math.prod(-(-length // size) for length, size in zip(dataset.shape, dataset.chunks, strict=True))
+    if _DEFLATE in filters:
+        return int(dataset.id.get_num_chunks()) < count
+    size = math.prod(dataset.chunks) * dataset.dtype.itemsize + (_CHECKSUM if _FLETCHER32 in filters else 0)
+    return int(dataset.id.get_storage_size()) < count * size

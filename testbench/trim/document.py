@@ -1,0 +1,66 @@
+"""What is missing on each arm, by each source, and what the plates leave."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ..figures import style
+from .result import Missing, Trim
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_ORIGIN = {"measured": "", "simulated": "Simulated: ", "unstated": "Origin unstated: "}
+_COLOURS = {
+    "wrench": style.WITH, "torque": style.ENCODERS, "vibration": style.ACCELEROMETER, "trials": style.ACCELEROMETER,
+}  # fmt: skip
+
+
+def draw(result: Trim) -> "Figure":
+    """A panel a site: first moments [kg m] with their intervals, the plates as an arrow from before to after."""
+    with style.styled():
+        figure, panels = style.light_grid(1, len(result.missing), 3.0, sharey=True)
+        for k, axes in enumerate(panels[0]):
+            _site(axes, result, k)
+        panels[0, 0].set_ylabel("missing first moment [kg m]")
+        runs = ", ".join(result.runs[:4]) + (f" and {len(result.runs) - 4} more" if len(result.runs) > 4 else "")
+        style.headline(
+            figure,
+            f"{_ORIGIN[result.origin]}{result.mechanism.name}, {runs}\n"
+            f"{_level(result)}; residual predicted {result.predicted_residual:.4f} kg m",
+        )
+    return figure
+
+
+def _level(result: Trim) -> str:
+    return "intervals of 95 %" if result.interval_level else "intervals, not of 95 %"
+
+
+def _site(axes: "Axes", result: Trim, k: int) -> None:
+    before, after = result.missing[k], result.left()[k]
+    shown: list[tuple[str, Missing, str]] = [(s.source, s.missing[k], _COLOURS[s.source]) for s in result.shares]
+    if len(result.shares) > 1:
+        shown.append(("all", before, style.TARGET))
+    shown.append(("with what is added", after, style.WITHOUT))
+    _bars(axes, shown)
+    axes.axhline(0.0, color="k", lw=0.8)
+    added = next((c for c in result.addition.counter_masses if c.site == before.site), None)
+    plates = f"add {added.mass:.3f} kg" if added is not None and added.mass > 0.0 else "add nothing"
+    if added is not None and added.plates:
+        plates += f" ({' + '.join(added.plates)})"
+    axes.set_title(f"{before.site}: {plates}")
+
+
+def _bars(axes: "Axes", shown: Sequence[tuple[str, Missing, str]]) -> None:
+    for place, (_, one, colour) in enumerate(shown):
+        low, high = one.interval
+        axes.errorbar(
+            place,
+            one.first_moment,
+            [[one.first_moment - low], [high - one.first_moment]],
+            fmt="o",
+            capsize=5,
+            color=colour,
+        )
+    axes.set_xticks(range(len(shown)), [name for name, *_ in shown])
+    axes.set_xlim(-0.6, len(shown) - 0.4)

@@ -1,0 +1,149 @@
+"""How strong every channel of a run is: each metric in a band, the spectrum, and where the spectrum peaks."""
+
+from collections import defaultdict, deque
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from balance.arrays import Floats
+
+from ..runs.si_run import SIRun
+from ..signal import Spectra, welch
+from ..signal.filters import LANES
+from ..signal.welch import SEGMENT
+from .metrics import DEFAULT_BAND, METRICS
+
+if TYPE_CHECKING:
+    from ..rig import Column
+    from ..signal.filters import Band
+    from ..store import Run
+
+AT_ONCE = LANES
+"""Channels of one rate that are held in memory together."""
+AT_A_TIME = 2
+"""Runs that are analysed side by side."""
+_UNITS = {"acceleration": "m_s2", "force": "N", "moment": "Nm", "angle": "rad", "length": "m"}
+NEAR = 0.1
+"""Share of its frequency within which a peak has no weaker one beside it."""
+SHORTEST = 256
+"""Segment of a short record below which there is no spectrum [samples]."""
+LEAST_PEAK = 10.0
+"""How far a peak of a spectrum must stand above the median of the two octaves around it [times]."""
+
+
+@dataclass(frozen=True)
+class ChannelLevels:
+    """One channel, in SI."""
+
+    column: "Column"
+    rate_hz: float
+    mean: float
+    band: "Band | None"
+    metrics: dict[str, float]
+    """``peak``, ``peak_to_peak``, ``rms``; mean over the record removed, then the band."""
+    spectrum: Spectra | None
+    """Of the whole record without a band; None where it is shorter than a few short segments."""
+
+    @property
+    def unit(self) -> str:
+        """Of the channel, as it stands in keys."""
+        return _UNITS[self.column.dimensions[0]]
+
+    def peaks(self, most: int = 5) -> list[dict[str, float]]:
+        """The strongest peaks of the spectrum: frequency [Hz], density [SI2/Hz], strongest first."""
+        if self.spectrum is None:
+            return []
+        power, frequency = self.spectrum.power(), self.spectrum.frequency
+        tops = [
+            i for i in range(2, len(power) - 1)
+            if power[i - 1] < power[i] >= power[i + 1] and power[i] > LEAST_PEAK * np.median(power[i // 2 : 2 * i + 1])
+        ]  # fmt: skip
+        tops.sort(key=lambda i: -power[i])
+        apart: list[int] = []
+        for i in tops:
+            if all(abs(i - j) > NEAR * j for j in apart):
+                apart.append(i)
+        return [{"frequency_hz": float(frequency[i]), "density_si2_hz": float(power[i])} for i in apart[:most]]
+
+    def as_dict(self) -> dict[str, Any]:
+        """The level as it is printed, its definitions with it."""
+        return {
+            "sensor": self.column.sensor,
+            "component": self.column.component,
+            "channel": self.column.channel,
+            f"mean_{self.unit}": self.mean,
+            **{f"{name}_{self.unit}": value for name, value in self.metrics.items()},
+            "band_hz": [self.band.low_hz, self.band.high_hz] if self.band else None,
+            "spectrum_peaks": self.peaks(),
+            "resolution_hz": float(self.spectrum.frequency[1]) if self.spectrum else None,
+        }
+
+
+def definitions(band: "Band | None") -> dict[str, str]:
+    """What each number of a level is."""
+    shared = f"mean over the record removed, band {band or 'not limited'}"
+    return {name: f"{words}, {shared}" for name, (words, _) in METRICS.items()} | {
+        "spectrum": "one-sided power spectral density by Welch, Hann window, half overlap, mean of each segment removed"
+    }
+
+
+def channel_levels(
+    run: SIRun, columns: "Iterable[Column]", band: "Band | None" = DEFAULT_BAND, segment: int = SEGMENT
+) -> list[ChannelLevels]:
+    """Levels of channels of a run, a few at a time. Raises AnalysisError as the channels and the band do."""
+    wanted = list(columns)
+    run = run.preloaded(wanted)
+    together: dict[tuple[float, int], list[tuple[Column, Floats]]] = defaultdict(list)
+    found: list[ChannelLevels] = []
+    for column in wanted:
+        values, rate = run.signal(column)
+        waiting = together[rate, len(values)]
+        waiting.append((column, values))
+        if len(waiting) == AT_ONCE:
+            found += _of(waiting, rate, band, segment)
+            waiting.clear()
+    for (rate, _), waiting in together.items():
+        if waiting:
+            found += _of(waiting, rate, band, segment)
+    return found
+
+
+def _segment(count: int, wanted: int) -> int:
+    """The segment that is wanted, or a shorter one of which the record holds two; zero where that is too short."""
+    whole = min(wanted, 1 << max(count // 2, 1).bit_length() - 1)
+    return whole if whole >= min(SHORTEST, wanted) else 0
+
+
+def of_runs(
+    runs: "Iterable[Run]", band: "Band | None" = DEFAULT_BAND, segment: int = SEGMENT
+) -> "Iterator[tuple[Run, list[ChannelLevels]]]":
+    """Levels of all channels that the rig of each run names, in the order of the runs; two runs in memory at a time."""
+    waiting: deque[tuple[Run, Future[list[ChannelLevels]]]] = deque()
+    with ThreadPoolExecutor(AT_A_TIME) as pool:
+        for run in runs:
+            si = SIRun.of(run)
+            waiting.append((run, pool.submit(channel_levels, si, si.rig.columns(), band, segment)))
+            if len(waiting) > AT_A_TIME:
+                done, found = waiting.popleft()
+                yield done, found.result()
+        for done, found in waiting:
+            yield done, found.result()
+
+
+def _of(
+    some: "Sequence[tuple[Column, Floats]]", rate: float, band: "Band | None", segment: int
+) -> Iterator[ChannelLevels]:
+    means = [float(v.mean()) for _, v in some]
+    shaped: Floats = np.empty((len(some), len(some[0][1])))
+    for (_, values), mean, shape in zip(some, means, shaped, strict=True):
+        np.subtract(values, mean, out=shape)
+    if band:
+        shaped = band.of(shaped, rate, in_place=True)
+    whole = _segment(shaped.shape[1], segment)
+    for (column, recorded), mean, shape in zip(some, means, shaped, strict=True):
+        spectrum = welch([recorded], rate, whole) if whole else None
+        metrics: dict[str, float] = {name: measure(shape) for name, (_, measure) in METRICS.items()}
+        yield ChannelLevels(column, rate, mean, band, metrics, spectrum)

@@ -1,0 +1,63 @@
+"""Amplitudes of the base's vibration in a stored run, in m/s2: every one names its metric and band."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from balance.arrays import Floats
+
+from ..errors import AnalysisError
+from ..signal.filters import Band, without_offset
+
+if TYPE_CHECKING:
+    from ..runs.si_run import SIRun
+
+Metric = Literal["peak", "peak_to_peak", "rms"]
+METRICS: dict[Metric, tuple[str, Callable[[Floats], float]]] = {
+    "peak": ("largest absolute value", lambda a: float(np.abs(a).max())),
+    "peak_to_peak": ("largest value less smallest", lambda a: float(np.ptp(a))),
+    "rms": ("root mean square over the whole record", lambda a: float(np.sqrt(np.mean(a**2)))),
+}
+"""What each metric is, of a record whose mean was removed and whose band was cut out."""
+DEFAULT_METRIC: Metric = "peak_to_peak"
+"""It does not depend on what counts as zero."""
+DEFAULT_BAND = Band(0.0, 200.0)
+"""Holds the motion (below 60 Hz) and the base's modes; above lies the noise of the accelerometer."""
+
+
+@dataclass(frozen=True)
+class Measure:
+    """How an amplitude is taken: mean over the record removed, then the band, then the metric."""
+
+    metric: Metric = DEFAULT_METRIC
+    band: Band | None = DEFAULT_BAND
+
+    def __str__(self) -> str:
+        return f"{self.metric} ({METRICS[self.metric][0]}), mean removed, band {self.band or 'not limited'}"
+
+    @property
+    def band_hz(self) -> list[float] | None:
+        """The band as it is printed."""
+        return [self.band.low_hz, self.band.high_hz] if self.band else None
+
+    def of(self, values: Floats, rate_hz: float) -> float:
+        """Amplitude of a signal (n,), in the signal's unit."""
+        return METRICS[self.metric][1](self.shape(values, rate_hz))
+
+    def shape(self, values: Floats, rate_hz: float) -> Floats:
+        """The signal (n,) of which the metric is taken."""
+        values = without_offset(values)
+        return self.band.of(values, rate_hz) if self.band else values
+
+
+def base_accelerations(run: "SIRun") -> dict[tuple[str, str], tuple[Floats, float]]:
+    """Acceleration (n,) [m/s2] and rate [Hz] of each axis of each accelerometer on the base, by (sensor, axis)."""
+    columns = run.rig.base_columns
+    if not columns:
+        raise AnalysisError(
+            f"{run.name}: its rig has no accelerometer that is attached_to the base: there is no base vibration to "
+            "judge; add the sensor to the rig and ingest again"
+        )
+    return {(column.sensor, column.component): run.signal(column) for column in columns}

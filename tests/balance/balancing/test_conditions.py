@@ -1,0 +1,258 @@
+"""Balance conditions found from the model equal the printed ones; ranks as the theory has them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from balance.balancing import closed_forms
+from balance.balancing.conditions import Conditions, balance_conditions, reduced_row_echelon, row_space
+from balance.closure import Closure
+from balance.dynamics.inverse_dynamics import momentum
+from balance.dynamics.regressor import momentum_regressor
+from balance.errors import ClosureError, ModelError
+
+from .. import models
+
+R = 0.15
+
+
+def rows_of(conditions: Conditions, printed: list[dict[str, float]]) -> np.ndarray:
+    """Printed conditions as rows over the mechanism's parameters."""
+    names = conditions.mechanism.parameter_names
+    rows = np.zeros((len(printed), len(names)))
+    for row, coefficients in zip(rows, printed, strict=True):
+        for name, value in coefficients.items():
+            row[names.index(name)] = value
+    return rows
+
+
+def projector(rows: np.ndarray) -> np.ndarray:
+    """Orthogonal projector onto a row space: two row spaces are one where it is equal."""
+    _, size, directions = np.linalg.svd(rows, full_matrices=False)
+    basis = directions[size > 1e-10 * size[0]]
+    return basis.T @ basis
+
+
+PRINTED = {
+    "serial-1r": closed_forms.serial_chain([0.3]),
+    "serial-2r": closed_forms.serial_chain([0.3, 0.25]),
+    "serial-3r": closed_forms.serial_chain([0.3, 0.25, 0.2]),
+    "four-bar": closed_forms.four_bar_loop_closure(0.1, 0.26, 0.2),
+    "parallelogram-6bar": [
+        {"mcx[A0A]": 1.0, "mcx[BD]": 1.0, "m[AC]": R, "m[platform]": R},
+        {"mcx[B0B]": 1.0, "mcx[AC]": 1.0, "m[BD]": R, "m[platform]": R},
+        {"mcy[A0A]": 1.0, "mcy[BD]": 1.0},
+        {"mcy[B0B]": 1.0, "mcy[AC]": 1.0},
+    ],
+}
+
+
+@pytest.mark.parametrize("name", PRINTED)
+def test_conditions_are_the_printed_ones(name: str) -> None:
+    """Same number, and the same row space to 1e-12, as the printed conditions of each mechanism."""
+    found, printed = balance_conditions(models.load(name)), PRINTED[name]
+    assert found.rank == len(printed)
+    np.testing.assert_allclose(projector(found.matrix), projector(rows_of(found, printed)), atol=1e-12)
+
+
+def test_manipulator_conditions_read_as_the_theory_writes_them() -> None:
+    """Reduced echelon form with pivots on first moments gives the manipulator's conditions term by term."""
+    found = balance_conditions(models.load("parallelogram-6bar"))
+    mine = [found.coefficients(i) for i in range(found.rank)]
+    a0, ac = {"mcx[A0A]": 1.0, "mcx[BD]": 1.0}, {"mcx[AC]": 1.0, "mcx[B0B]": 1.0}
+    expected = [
+        a0 | {"m[AC]": R, "m[platform]": R},
+        {"mcy[A0A]": 1.0, "mcy[BD]": 1.0},
+        ac | {"m[BD]": R, "m[platform]": R},
+        {"mcy[AC]": 1.0, "mcy[B0B]": 1.0},
+    ]
+    assert mine == [pytest.approx(row, abs=1e-12) for row in expected]
+
+
+def test_printed_manipulator_condition_is_the_symmetric_case() -> None:
+    """With both arms alike each condition is m1 p1 + (m2 + m5) r + m2 p2, plus the counter-mass."""
+    mechanism = models.load("parallelogram-6bar").with_payload({"platform": 3.4116})
+    first = closed_forms.manipulator_first_moment(1.04642, 0.05943, 0.58909, 0.0187, R, 3.4116)
+    np.testing.assert_allclose(balance_conditions(mechanism).values(), [first, 0.0, first, 0.0], atol=1e-12)
+
+
+def test_side_links_lumped_half_and_half_leave_linear_momentum_alone() -> None:
+    """The complete manipulator has 4 conditions over 11 links, and the same values as the reduced one."""
+    whole, reduced = (balance_conditions(models.load(name)) for name in reversed(models.MANIPULATORS))
+    assert (whole.rank, whole.dof) == (reduced.rank, reduced.dof) == (4, 2)
+    np.testing.assert_allclose(whole.values(), reduced.values(), atol=1e-12)
+    assert whole.coefficients(0) == pytest.approx(
+        {"mcx[A0A]": 1, "mcx[K0K]": 1, "mcx[BD]": 1, "mcx[HJ]": 1}
+        | dict.fromkeys(["m[AC]", "m[AK]", "m[KL]", "m[platform]"], R),
+        abs=1e-12,
+    )
+
+
+RANKS = {
+    ("serial-1r", "linear"): 2,
+    ("serial-2r", "linear"): 4,
+    ("serial-3r", "linear"): 6,
+    ("serial-1r", "planar"): 3,
+    ("four-bar", "linear"): 4,
+    ("parallelogram-6bar", "linear"): 4,
+    ("parallelogram-6bar-full", "linear"): 4,
+    ("parallelogram-6bar-full", "planar"): 12,
+    ("parallelogram-6bar", "planar"): 11,
+}
+
+
+@pytest.mark.parametrize(("name", "kind"), RANKS)
+def test_ranks(name: str, kind: str) -> None:
+    """Ranks of linear, and of linear with planar angular momentum, with a gap that leaves no doubt."""
+    found = balance_conditions(models.load(name), kind)
+    kept, dropped = found.singular_values
+    assert found.rank == RANKS[name, kind]
+    assert kept > 1e-3
+    assert dropped < 1e-12
+
+
+def planar_conditions_of_the_reduced_manipulator(a: float = 0.24) -> list[dict[str, float]]:
+    """Coefficients of the 12 independent functions of the motion in L and Hz, written out by hand; r = R.
+
+    A0A and BD turn by t1, AC and B0B by t2; A0 lies at x = -a/2, B0 at a/2; the platform translates.
+    L: d(e1)/dt and d(e2)/dt, two components each. Hz: t1', t2', cos t1 t1', cos t2 t2', sin t1 t1', sin t2 t2',
+    and cos(t1 - t2) (t1' + t2'), sin(t1 - t2) (t1' + t2').
+    """
+    h = a / 2
+    return [
+        *PRINTED["parallelogram-6bar"],
+        {"Izz[A0A]": 1, "Izz[BD]": 1, "m[AC]": R**2, "m[platform]": R**2},
+        {"Izz[B0B]": 1, "Izz[AC]": 1, "m[BD]": R**2, "m[platform]": R**2},
+        {"mcx[A0A]": -h, "m[AC]": -h * R, "mcx[BD]": h, "mcx[platform]": R},
+        {"mcx[B0B]": h, "m[BD]": h * R, "mcx[AC]": -h, "mcx[platform]": R},
+        {"mcy[A0A]": h, "mcy[BD]": -h, "mcy[platform]": R},
+        {"mcy[B0B]": -h, "mcy[AC]": h, "mcy[platform]": R},
+        {"mcx[AC]": 1, "mcx[BD]": 1, "m[platform]": R},
+        {"mcy[AC]": 1, "mcy[BD]": -1},
+    ]
+
+
+def test_planar_rank_of_the_reduced_manipulator_is_eleven() -> None:
+    """Of the 12 planar conditions the reduced model makes one dependent, so its rank is 11.
+
+    Every link hangs on A0 or B0, at x = -a/2 and a/2. With L1, L2 the conditions on Lx and c1, c2 those on
+    cos t1 t1' and cos t2 t2', a/2 L1 + c1 = a mcx[BD] + a/2 r m[platform] + r mcx[platform] and a/2 L2 - c2 =
+    a mcx[AC] + a/2 r m[platform] - r mcx[platform]: their sum is a times the condition on cos(t1 - t2). In the
+    complete model links hang on K0 and H0 too, at other x: no such sum, rank 12.
+    """
+    found = balance_conditions(models.load("parallelogram-6bar"), "planar")
+    twelve = rows_of(found, planar_conditions_of_the_reduced_manipulator())
+    assert np.linalg.matrix_rank(twelve) == found.rank == 11
+    np.testing.assert_allclose(projector(found.matrix), projector(twelve), atol=1e-10)
+    first, second, c1, c2, mixed = (twelve[k] for k in (0, 1, 6, 7, 10))
+    np.testing.assert_allclose((first + second) / 2 + (c1 - c2) / 0.24, mixed, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", models.MANIPULATORS)
+def test_angular_momentum_cannot_be_balanced_by_masses_alone(name: str) -> None:
+    """One condition on angular momentum has only masses and moments of inertia, all with the same sign."""
+    found = balance_conditions(models.load(name), "planar")
+    side = {"Izz[K0K]": 1, "Izz[HJ]": 1, "m[KL]": R**2, "m[AK]": R**2} if name.endswith("full") else {}
+    bodies = {"Izz[A0A]": 1, "Izz[BD]": 1, "m[AC]": R**2, "m[platform]": R**2}
+    row = rows_of(found, [bodies | side])
+    np.testing.assert_allclose(row @ projector(found.matrix), row, atol=1e-10)
+
+
+FOUR_BARS = {
+    "general": (models.four_bar(0.3, 0.12, 0.31, 0.24, 1.0), 4),
+    "parallelogram": (models.four_bar(0.3, 0.2, 0.3, 0.2, 1.0), 2),
+    "kite": (models.four_bar(0.2, 0.2, 0.35, 0.35, 1.2), 4),
+    "crank and coupler alike": (models.four_bar(0.3, 0.2, 0.2, 0.3, 1.0), 4),
+}
+
+
+@pytest.mark.parametrize("name", FOUR_BARS)
+def test_special_four_bars(name: str) -> None:
+    """A parallelogram needs 2 conditions, weaker than the 4 printed ones; a kite needs all 4."""
+    text, rank = FOUR_BARS[name]
+    found = balance_conditions(models.model(text))
+    assert (found.dof, found.rank) == (1, rank)
+
+
+def test_the_parallelogram_conditions_are_implied_by_the_printed_ones() -> None:
+    """For the parallelogram four-bar the printed four are sufficient, not necessary: its two lie in their span."""
+    text = FOUR_BARS["parallelogram"][0].replace("crank", "A0A").replace("coupler", "AB").replace("rocker", "B0B")
+    found = balance_conditions(models.model(text))
+    printed = rows_of(found, closed_forms.four_bar_loop_closure(0.2, 0.3, 0.2))
+    np.testing.assert_allclose(found.matrix @ projector(printed), found.matrix, atol=1e-12)
+    assert np.linalg.matrix_rank(printed) == 4
+
+
+def test_spatial_conditions_hold_exactly_where_momentum_vanishes() -> None:
+    """For a spatial linkage, parameters in the null space of the conditions carry no linear momentum in any motion."""
+    mechanism = models.model(models.spatial_four_bar())
+    found, closure = balance_conditions(mechanism), Closure(mechanism)
+    q = closure.states(12, seed=99)
+    w = momentum_regressor(mechanism, q, closure.velocities(q, seed=5))[:, :3].reshape(-1, found.matrix.shape[1])
+    np.testing.assert_allclose(w @ projector(found.matrix), w, atol=1e-9)
+    allowed = np.linalg.svd(found.matrix)[2][found.rank :]
+    assert np.abs(w @ allowed.T).max() < 1e-9
+
+
+def test_a_mechanism_balanced_by_construction() -> None:
+    """Two equal bars turning on one axis, each balanced by its twin on the same link, meet every condition."""
+    text = models.load("serial-1r").text.replace('pos="0.14 0 0" mass="1.2"', 'pos="0 0 0" mass="1.2"')
+    found = balance_conditions(models.model(text))
+    assert found.residual() == 0.0
+    assert found.is_balanced(0.0)
+    assert not balance_conditions(models.load("serial-1r")).is_balanced(0.1)
+
+
+@pytest.mark.parametrize("name", models.BUILT_IN)
+def test_conditions_decide_momentum(name: str) -> None:
+    """Parameters moved along a condition raise momentum, moved across all conditions leave it as it is."""
+    mechanism = models.load(name)
+    found, closure = balance_conditions(mechanism), Closure(mechanism)
+    q = closure.states(8, seed=4)
+    v = closure.velocities(q, seed=4)
+    across = np.random.default_rng(0).normal(size=found.matrix.shape[1])
+    across -= projector(found.matrix) @ across
+    moved = replace(mechanism, parameters=mechanism.parameters + across.reshape(mechanism.parameters.shape))
+    np.testing.assert_allclose(momentum(moved, q, v)[:, :3], momentum(mechanism, q, v)[:, :3], atol=1e-11)
+    np.testing.assert_allclose(found.values(moved), found.values(), atol=1e-11)
+
+
+def test_values_are_for_the_mechanism_asked() -> None:
+    """Conditions found once hold for other masses: payload and counter-masses change the values, not the rows."""
+    plain = models.load("parallelogram-6bar")
+    found = balance_conditions(plain)
+    other = balance_conditions(models.loaded("parallelogram-6bar"))
+    np.testing.assert_allclose(found.matrix, other.matrix, atol=1e-12)
+    np.testing.assert_allclose(found.values(models.loaded("parallelogram-6bar")), other.values(), atol=1e-12)
+    assert found.text(1) == "mcy[A0A] + mcy[BD] = 0"
+
+
+def test_echelon_keeps_the_row_space() -> None:
+    """Reduced row echelon form: unit pivots, nothing else in their columns, the same space."""
+    rows = np.random.default_rng(3).normal(size=(3, 7))
+    form = reduced_row_echelon(rows, [4, 2, 0, 1, 3, 5, 6])
+    np.testing.assert_allclose(form[:, [4, 2, 0]], np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(projector(form), projector(rows), atol=1e-12)
+
+
+def test_an_undecided_rank_is_refused() -> None:
+    """Singular values that fall without a gap decide nothing: refused, not guessed."""
+    graded = np.diag(10.0 ** -np.arange(0.0, 15.0, 1.5))
+    with pytest.raises(ModelError, match="rank"):
+        row_space(graded, "graded")
+
+
+def test_no_momentum_at_all_has_no_conditions() -> None:
+    """A zero matrix has an empty row space."""
+    basis, _ = row_space(np.zeros((5, 4)), "none")
+    assert basis.shape == (0, 4)
+
+
+def test_what_cannot_close_has_no_conditions() -> None:
+    """A mechanism whose links do not reach each other is refused by name."""
+    text = models.load("four-bar").text.replace(
+        '<site name="B_B0B" pos="0.2 0 0"/>', '<site name="B_B0B" pos="9 0 0"/>'
+    )
+    with pytest.raises(ClosureError, match=r"four-bar.*cannot be closed.*B"):
+        balance_conditions(models.model(text, "four-bar"))

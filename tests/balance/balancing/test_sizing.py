@@ -1,0 +1,310 @@
+"""Counter-masses: the printed ones, their residuals, limits, choices, and stock against all combinations."""
+
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+
+from balance import balancing
+from balance.balancing import stock_plates
+from balance.balancing.conditions import Conditions, balance_conditions
+from balance.balancing.stock_plates import Plate
+from balance.balancing.stock_sizing import best_sets
+from balance.errors import SizingError
+from balance.mechanism.mechanism import Mechanism
+
+from .. import models
+
+M1, M2, M3, M4 = 5.02746, 5.06421, 7.01882, 7.15208
+SITES = ("counter_A0A", "counter_B0B")
+
+
+def carrying(payload: float) -> tuple[Conditions, Mechanism]:
+    """The manipulator with a payload, and its conditions."""
+    mechanism = models.load("parallelogram-6bar").with_payload({"platform": payload})
+    return balance_conditions(mechanism), mechanism
+
+
+EXACT = {1.451: 10.099021, 3.4116: 17.930978, 5.0: 24.276118}
+
+
+@pytest.mark.parametrize("name", models.MANIPULATORS)
+@pytest.mark.parametrize("payload", EXACT)
+def test_exact_counter_masses(name: str, payload: float) -> None:
+    """Found from the model, both models: 10.099021, 17.930978 and 24.276118 kg on each arm; nothing is left."""
+    mechanism = models.load(name).with_payload({"platform": payload})
+    sized = balancing.exact_sizing(balance_conditions(mechanism), mechanism)
+    assert [c.site for c in sized.counter_masses] == list(SITES)
+    assert [c.mass for c in sized.counter_masses] == pytest.approx([EXACT[payload]] * 2, abs=1e-6)
+    assert sized.residual() < 1e-12
+    assert sized.is_balanced(1e-12)
+    assert sized.balanced_payloads()["platform"] == pytest.approx(payload, abs=1e-9)
+
+
+BUILT = {
+    1.451: ((M1, M2), 2.760e-4, 0.073),
+    3.4116: ((M1, M2, M3), 3.081e-2, 4.576),
+    5.0: ((M1, M2, M3, M4), 5.086e-4, 0.056),
+}
+
+
+@pytest.mark.parametrize("payload", BUILT)
+def test_built_sets(payload: float) -> None:
+    """What the sets that were built leave: kg m, and per cent of what there was without."""
+    plates, residual, per_cent = BUILT[payload]
+    found, mechanism = carrying(payload)
+    left = balancing.sizing_of_given(found, mechanism, dict.fromkeys(SITES, sum(plates)))
+    assert left.residual() == pytest.approx(residual, rel=5e-4)
+    assert left.residual_percent() == pytest.approx(per_cent, abs=5e-4)
+
+
+def test_the_built_and_the_printed_set_for_3_4116_kg_balance_less() -> None:
+    """17.1105 kg built and 17.1064 kg printed balance 3.206 and 3.205 kg."""
+    found, mechanism = carrying(3.4116)
+    for counter, payload in ((M1 + M2 + M3, 3.2062), (17.1064, 3.2052)):
+        left = balancing.sizing_of_given(found, mechanism, dict.fromkeys(SITES, counter))
+        assert balancing.balanced_payload(found, left.after, "platform") == pytest.approx(payload, abs=5e-5)
+
+
+def test_best_stock_for_3_4116_kg() -> None:
+    """M1 + M2 + M4 = 17.24375 kg on each arm leaves 0.02581 kg m: better than the set that was built."""
+    found, mechanism = carrying(3.4116)
+    best = balancing.size_from_stock(found, mechanism, stock_plates.load_stock("kiper2019"))
+    assert [c.plates for c in best.counter_masses] == [("M1", "M2", "M4")] * 2
+    assert best.counter_masses[0].mass == pytest.approx(17.24375, abs=1e-9)
+    assert best.residual() == pytest.approx(0.02581, abs=5e-6)
+
+
+@pytest.mark.parametrize("payload", BUILT)
+def test_best_stock_is_no_worse_than_what_was_built(payload: float) -> None:
+    """For 1.451 and 5 kg the best set is the built one."""
+    found, mechanism = carrying(payload)
+    best = balancing.size_from_stock(found, mechanism, stock_plates.load_stock("kiper2019"))
+    built = balancing.sizing_of_given(found, mechanism, dict.fromkeys(SITES, sum(BUILT[payload][0])))
+    assert best.residual() <= built.residual() + 1e-12
+    if payload != 3.4116:
+        assert best.residual() == pytest.approx(built.residual())
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_stock_is_the_best_of_all_combinations(seed: int) -> None:
+    """Random plates and quantities, unequal arms: no other choice leaves less, and none as good is lighter."""
+    rng = np.random.default_rng(seed)
+    text = models.load("parallelogram-6bar").text.replace('mass="1.04642"', f'mass="{rng.uniform(0.5, 3.0)}"', 1)
+    mechanism = models.model(text).with_payload({"platform": float(rng.uniform(1.0, 3.0))})
+    found = balance_conditions(mechanism)
+    plates = [Plate(f"P{i}", round(float(rng.uniform(1.0, 9.0)), 3), int(rng.integers(1, 4))) for i in range(3)]
+    best = balancing.size_from_stock(found, mechanism, plates)
+    counts = [range(p.quantity + 1) for p in plates]
+    results = []
+    for first, second in product(product(*counts), repeat=2):
+        if all(a + b <= p.quantity for a, b, p in zip(first, second, plates, strict=True)):
+            masses = [sum(n * p.mass for n, p in zip(row, plates, strict=True)) for row in (first, second)]
+            left = balancing.sizing_of_given(found, mechanism, dict(zip(SITES, masses, strict=True)))
+            results.append((left.residual(), left.added_mass))
+    least = min(residual for residual, _ in results)
+    assert best.residual() == pytest.approx(least, abs=1e-9)
+    assert best.added_mass == pytest.approx(min(m for r, m in results if r < least + 1e-9), abs=1e-9)
+    for plate in plates:
+        assert sum(c.plates.count(plate.name) for c in best.counter_masses) <= plate.quantity
+
+
+def test_nothing_in_stock_mounts_nothing() -> None:
+    """Plates of which there are none: no counter-mass, all of the unbalance left."""
+    found, mechanism = carrying(1.451)
+    none = balancing.size_from_stock(found, mechanism, [Plate("M1", 5.0, 0)])
+    assert none.added_mass == 0.0
+    assert none.residual_percent() == pytest.approx(100.0)
+
+
+def test_a_limit_holds_and_the_rest_is_best() -> None:
+    """One arm limited to 5 kg: it takes all 5, the other its exact mass."""
+    found, mechanism = carrying(1.451)
+    sized = balancing.exact_sizing(found, mechanism, limits={"counter_A0A": 5.0})
+    assert [c.mass for c in sized.counter_masses] == pytest.approx([5.0, 10.099021], abs=1e-6)
+    assert sized.residual() == pytest.approx((10.099021 - 5.0) * 0.03755, abs=1e-7)
+
+
+def test_a_limit_of_nothing_and_impossible_limits() -> None:
+    """A site limited to zero gets none, the other its exact mass; a negative limit, or none of a number, is refused."""
+    found, mechanism = carrying(1.451)
+    sized = balancing.exact_sizing(found, mechanism, limits={"counter_A0A": 0.0})
+    assert [c.mass for c in sized.counter_masses] == pytest.approx([0.0, 10.099021], abs=1e-6)
+    for limit in (-1.0, float("nan")):
+        with pytest.raises(SizingError, match=rf"limit at 'counter_B0B' is {limit:g} kg: expected zero or more"):
+            balancing.exact_sizing(found, mechanism, limits={"counter_B0B": limit})
+    with pytest.raises(SizingError, match="the limit at 'C_AC' limits nothing: counter-masses go to counter_A0A"):
+        balancing.exact_sizing(found, mechanism, limits={"C_AC": 1.0})
+
+
+def test_what_pulls_the_wrong_way_gets_nothing() -> None:
+    """A site ahead of the pivot would need a negative mass: it gets none."""
+    text = models.load("serial-1r").text.replace('name="counter_link_1" pos="-0.1', 'name="counter_link_1" pos="0.1')
+    mechanism = models.model(text)
+    sized = balancing.exact_sizing(balance_conditions(mechanism), mechanism)
+    assert sized.counter_masses[0].mass == 0.0
+    assert sized.residual_percent() == pytest.approx(100.0)
+
+
+def test_of_redundant_sites_the_lightest_choice() -> None:
+    """Two sites on one line: the further one does it with less, so it takes all; equal arms would need the same."""
+    near, far = (f'<site name="counter_{n}" pos="-{d} 0 0"/>' for n, d in (("near", 0.05), ("far", 0.2)))
+    text = models.load("serial-1r").text.replace('<site name="counter_link_1" pos="-0.1 0 0"/>', near + far)
+    mechanism = models.model(text)
+    masses = {c.site: c.mass for c in balancing.exact_sizing(balance_conditions(mechanism), mechanism).counter_masses}
+    assert masses == pytest.approx({"counter_near": 0.0, "counter_far": 1.2 * 0.14 / 0.2}, abs=1e-9)
+    limited = balancing.exact_sizing(balance_conditions(mechanism), mechanism, limits={"counter_far": 0.5})
+    assert {c.site: c.mass for c in limited.counter_masses} == pytest.approx(
+        {"counter_far": 0.5, "counter_near": (1.2 * 0.14 - 0.5 * 0.2) / 0.05}, abs=1e-9
+    )
+
+
+def test_serial_chain_by_the_printed_rule() -> None:
+    """Each link of a 2R carries the outer ones: the printed rule link by link, from the tip inwards."""
+    mechanism = models.load("serial-2r")
+    sized = balancing.exact_sizing(balance_conditions(mechanism), mechanism)
+    outer = 0.9 * 0.11 / 0.1
+    inner = (1.2 * 0.14 + (0.9 + outer) * 0.3) / 0.1
+    assert [c.mass for c in sized.counter_masses] == pytest.approx([inner, outer], abs=1e-9)
+    assert sized.residual() < 1e-12
+
+
+def test_four_bar_by_loop_closure() -> None:
+    """Crank and rocker counter-masses of the four-bar from the printed conditions."""
+    mechanism = models.load("four-bar")
+    sized = balancing.exact_sizing(balance_conditions(mechanism), mechanism)
+    crank = (0.4 * 0.04 + 0.7 * (1 - 0.12 / 0.26) * 0.1) / 0.05
+    rocker = (0.5 * 0.09 + 0.7 * (0.12 / 0.26) * 0.2) / 0.08
+    assert [c.mass for c in sized.counter_masses] == pytest.approx([crank, rocker], abs=1e-9)
+
+
+def test_inertia_added_is_about_the_joints() -> None:
+    """m (p2 + k2) of each counter-mass, k its own radius of gyration."""
+    found, mechanism = carrying(5.0)
+    sized = balancing.sizing_of_given(found, mechanism, {"counter_A0A": 3.0, "counter_B0B": 1.0})
+    assert sized.added_inertia == pytest.approx(4.0 * (0.03755**2 + 0.06**2))
+    assert sized.added_mass == 4.0
+    np.testing.assert_allclose(sized.counter_masses[0].first_moment, [-3.0 * 0.03755, 0.0, 0.0])
+
+
+def test_nothing_to_balance_has_no_per_cent() -> None:
+    """Where the mechanism is balanced already, per cent of nothing is no number."""
+    text = models.load("serial-1r").text.replace('pos="0.14 0 0"', 'pos="0 0 0"')
+    mechanism = models.model(text)
+    assert balancing.exact_sizing(balance_conditions(mechanism), mechanism).residual_percent() is None
+
+
+def test_a_body_that_no_payload_balances() -> None:
+    """A mass on the axis of its joint moves nothing: no payload there balances anything."""
+    text = models.load("serial-1r").text.replace('pos="0.14 0 0"', 'pos="0 0 0"')
+    mechanism = models.model(text)
+    assert balancing.balanced_payload(balance_conditions(mechanism), mechanism, "link_1") is None
+
+
+def test_sites_can_be_chosen() -> None:
+    """Any site of a moving body will do; without one named counter... they must be named."""
+    text = models.load("serial-1r").text.replace("counter_link_1", "tail")
+    mechanism = models.model(text)
+    found = balance_conditions(mechanism)
+    with pytest.raises(SizingError, match=r"no site named counter\.\.\.: name the sites.*tail, tip"):
+        balancing.exact_sizing(found, mechanism)
+    assert balancing.exact_sizing(found, mechanism, ["tail"]).counter_masses[0].mass == pytest.approx(1.2 * 0.14 / 0.1)
+    with pytest.raises(SizingError, match="no site named counter"):
+        balancing.size_from_stock(found, mechanism, [Plate("M1", 5.0, 1)])
+
+
+def test_payloads_of_other_bodies() -> None:
+    """Asked for two bodies, each has its own balanced payload."""
+    found, mechanism = carrying(5.0)
+    sized = balancing.exact_sizing(found, mechanism)
+    payload = balancing.balanced_payload(found, sized.after, "AC")
+    assert payload == pytest.approx(0.58909, abs=1e-9)
+
+
+def test_sets_that_grow_for_the_payloads_of_the_source() -> None:
+    """M1 + M2, + M4, + M3: as the built sets at 1.451 and 5 kg, better than the built one between."""
+    found, _ = carrying(1.451)
+    sets = balancing.nested_size_from_stock(
+        found, [carrying(p)[1] for p in BUILT], stock_plates.load_stock("kiper2019")
+    )
+    assert [c.counter_masses[0].plates for c in sets] == [
+        ("M1", "M2"),
+        ("M1", "M2", "M4"),
+        ("M1", "M2", "M3", "M4"),
+    ]
+    for left, (_, built, _) in zip(sets, BUILT.values(), strict=True):
+        assert left.residual() <= built + 5e-7
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_growing_sets_are_the_best_of_all(seed: int) -> None:
+    """Every chain of sets, two sites and random plates: none has a less largest residual, then sum, then mass."""
+    rng = np.random.default_rng(seed)
+    columns = np.diag(rng.uniform(0.5, 2.0, 2)) if seed % 2 else rng.uniform(-1.0, 2.0, (2, 2))
+    targets = np.cumsum(rng.uniform(-1.0, 6.0, (3, 2)), axis=0)
+    masses, quantities = rng.uniform(1.0, 5.0, 2), rng.integers(1, 4, 2)
+    found = best_sets(columns, targets, masses, quantities.astype(float))
+    assert (np.diff(found, axis=0) >= 0).all()
+    assert (found[-1].sum(axis=0) <= quantities).all()
+    kinds = [[(a, b) for a, b in product(range(q + 1), repeat=2) if a + b <= q] for q in quantities]
+    states = [np.array(state).T for state in product(*kinds)]
+    left = np.array([[np.abs(columns @ (s @ masses) - t).max() for s in states] for t in targets])
+    above = np.array([[(b >= a).all() for b in states] for a in states])
+    chains = ((i, j, k) for i in range(len(states)) for j in np.flatnonzero(above[i]) for k in np.flatnonzero(above[j]))
+    scores = np.array(
+        [
+            (max(r), sum(r), sum((states[m] @ masses).sum() for m in chain))
+            for chain in chains
+            for r in [[left[k, m] for k, m in enumerate(chain)]]
+        ]
+    )
+    score = scores[np.lexsort(np.round(scores, 6).T[::-1])[0]]
+    ours = [np.abs(columns @ (s @ masses) - t).max() for s, t in zip(found, targets, strict=True)]
+    assert (max(ours), sum(ours), (found @ masses).sum()) == pytest.approx(tuple(score), abs=1e-5)
+
+
+def test_exact_sets_that_grow() -> None:
+    """Any mass: each payload's own exact counter-mass, the order of payloads rising; nothing is left."""
+    found, _ = carrying(1.451)
+    sets = balancing.nested_exact_sizing(found, [carrying(p)[1] for p in EXACT])
+    assert [s.counter_masses[1].mass for s in sets] == pytest.approx(list(EXACT.values()), abs=1e-6)
+    for less, more in pairwise(sets):
+        assert more.added_mass > less.added_mass
+        assert more.residual() < 1e-12
+
+
+def test_exact_sets_that_would_shrink_are_refused() -> None:
+    """Payloads that fall ask for counter-masses that shrink: named, with the site."""
+    found, _ = carrying(1.451)
+    with pytest.raises(SizingError, match=r"counter_A0A' would have to shrink from 24\.2761 to 10\.0990 kg"):
+        balancing.nested_exact_sizing(found, [carrying(5.0)[1], carrying(1.451)[1]])
+
+
+def test_plates_as_drawn_bring_their_own_inertia() -> None:
+    """The mechanism as made has m p2 + the plates' own inertia, not that of the site's assumed radius of gyration."""
+    found, mechanism = carrying(1.451)
+    drawn = [Plate("A", 10.0, 2, 0.05), Plate("B", 0.1, 2)]
+    sized = balancing.size_from_stock(found, mechanism, drawn)
+    assert [c.plates for c in sized.counter_masses] == [("A", "B")] * 2
+    own = 0.05 + 0.1 * 0.06**2
+    assert [c.inertia for c in sized.counter_masses] == pytest.approx([own] * 2)
+    assert sized.added_inertia == pytest.approx(2 * (10.1 * 0.03755**2 + own))
+    row, izz = mechanism.body_index("A0A"), 9
+    gained = sized.after.parameters[row, izz] - mechanism.parameters[row, izz]
+    assert gained == pytest.approx(10.1 * 0.03755**2 + own)
+
+
+def test_a_search_that_is_not_proven_in_time_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stock too large to be searched through ends in a message, not in a wait without end."""
+    monkeypatch.setattr("balance.balancing.stock_sizing.TIME_LIMIT_S", 0.2)
+    plates = [Plate(f"P{i}", 1.0 + 0.0137 * i**1.5, 20) for i in range(8)]
+    conditions, mechanism = carrying(5.0)
+    with pytest.raises(SizingError, match=r"proven to be the best within 0\.2 s: give fewer"):
+        balancing.size_from_stock(conditions, mechanism, plates)
+
+
+def test_no_payload_is_balanced_by_unequal_counter_masses() -> None:
+    """With 1 kg on one arm and 10.099 kg on the other no payload is balanced: none is named."""
+    conditions, mechanism = carrying(0.3121)
+    result = balancing.sizing_of_given(conditions, mechanism, dict(zip(SITES, (1.0, 10.099), strict=True)))
+    assert result.balanced_payloads() == {"platform": None}

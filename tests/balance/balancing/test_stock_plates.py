@@ -1,0 +1,128 @@
+"""Stock plates from CSV; wrong rows are named."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from balance.balancing import stock_plates
+from balance.errors import DataError
+
+
+def test_shipped_stock() -> None:
+    """Four plates, two of each."""
+    plates = stock_plates.load_stock("kiper2019")
+    assert plates[0] == stock_plates.Plate("M1", 5.02746, 2)
+    assert len(plates) == 4
+    assert stock_plates.mass_of(["M1", "M2", "M4"], plates) == pytest.approx(17.24375)
+
+
+def test_a_file_as_spreadsheets_write_it(tmp_path: Path) -> None:
+    """A byte-order mark, CRLF and blanks do not matter; the columns may stand in any order."""
+    path = tmp_path / "plates.csv"
+    path.write_bytes("\ufeffquantity,name,mass_kg\r\n3, small ,0.5\r\n".encode())
+    assert stock_plates.load_stock(path) == [stock_plates.Plate("small", 0.5, 3)]
+
+
+WRONG = {
+    "no rows": ("name,mass_kg,quantity\n", "at least one plate"),
+    "other columns": ("name,mass,quantity\nM1,5,2\n", "expected the columns name,mass_kg,quantity"),
+    "semicolons": ("name;mass_kg;quantity\nM1;5;2\n", "expected the columns"),
+    "empty": ("", "expected the columns"),
+    "decimal comma": ('name,mass_kg,quantity\nM1,"5,02",2\n', "plate 1: expected a name, a mass in kg"),
+    "half a plate": ("name,mass_kg,quantity\nM1,5,2\nM2,5,1.5\n", "plate 2: expected a name, a mass in kg and a whole"),
+    "negative mass": ("name,mass_kg,quantity\nM1,-5,2\n", "a mass above zero"),
+    "no mass": ("name,mass_kg,quantity\nM1,nan,2\n", "a mass above zero"),
+    "grams": ("name,mass_kg,quantity\nM1,5027 g,2\n", "a mass in kg"),
+    "negative quantity": ("name,mass_kg,quantity\nM1,5,-2\n", "a quantity of zero or more"),
+    "nameless": ("name,mass_kg,quantity\n ,5,2\n", "expected a name"),
+    "short row": ("name,mass_kg,quantity\nM1,5\n", "plate 1"),
+    "long row": ("name,mass_kg,quantity\nM1,5,2,7\n", "plate 1"),
+    "long second row": ("name,mass_kg,quantity\nM1,5,2\nM2,6,2,7\n", "plate 2: more cells than columns"),
+    "twice": ("name,mass_kg,quantity\nM1,5,2\nM1,6,2\n", "two plates have the same name"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_stock_is_refused(tmp_path: Path, case: str) -> None:
+    """File, row, what was found and what was expected."""
+    content, message = WRONG[case]
+    (tmp_path / "plates.csv").write_text(content, encoding="utf-8")
+    with pytest.raises(DataError, match=rf"plates\.csv.*{message}"):
+        stock_plates.load_stock(tmp_path / "plates.csv")
+
+
+def test_not_text_and_not_there(tmp_path: Path) -> None:
+    """A file in another encoding, and a stock that is not shipped."""
+    (tmp_path / "plates.csv").write_bytes("name,mass_kg,quantity\nÇelik,5,2\n".encode("cp1254"))
+    with pytest.raises(DataError, match=r"plates\.csv: not a CSV file in UTF-8"):
+        stock_plates.load_stock(tmp_path / "plates.csv")
+    with pytest.raises(DataError, match=r"shelf: no such file.*kiper2019"):
+        stock_plates.load_stock("shelf")
+
+
+def test_unknown_plates_are_listed() -> None:
+    """A plate that is not in stock."""
+    with pytest.raises(DataError, match="no plate 'M9' in stock: there are M1, M2, M3, M4"):
+        stock_plates.mass_of(["M1", "M9"], stock_plates.load_stock("kiper2019"))
+
+
+HEADER = "name,quantity,shape,material,thickness_mm,length_mm,width_mm,diameter_mm,bore_mm,holes_mm\n"
+
+
+def test_plates_as_drawn(tmp_path: Path) -> None:
+    """A steel block of 160 x 100 x 40 mm weighs 5.0112 kg; a ring is a disc less its bore; columns not needed go."""
+    (tmp_path / "drawn.csv").write_text(
+        HEADER + "block,2,rectangle,steel,40,160,100,,,\nring,1,ring,7075 aluminium,10,,,100,60,\n", encoding="utf-8"
+    )
+    block, ring = stock_plates.load_stock(tmp_path / "drawn.csv")
+    assert (block.mass, block.quantity) == (pytest.approx(5.0112), 2)
+    assert block.inertia == pytest.approx(5.0112 * (0.16**2 + 0.1**2) / 12)
+    assert ring.mass == pytest.approx(2810 * 0.01 * math.pi * (0.05**2 - 0.03**2))
+    assert ring.inertia == pytest.approx(ring.mass * (0.05**2 + 0.03**2) / 2)
+    (tmp_path / "discs.csv").write_text(
+        "name,quantity,shape,material,thickness_mm,diameter_mm\nd,1,disc,5000 aluminium,10,100\n", encoding="utf-8"
+    )
+    assert stock_plates.load_stock(tmp_path / "discs.csv")[0].mass == pytest.approx(2647.27 * 0.01 * math.pi * 0.05**2)
+
+
+def test_the_shipped_example_can_be_read() -> None:
+    """Every plate of it has mass and inertia."""
+    plates = stock_plates.load_stock("example-plates")
+    assert len(plates) == 4
+    assert all(plate.inertia is not None and plate.inertia > 0.0 for plate in plates)
+
+
+DRAWN_WRONG = {
+    "shape": ("p,1,hexagon,steel,10,,,50,,", "shape 'hexagon': expected rectangle, disc, ring"),
+    "material": ("p,1,disc,gold,10,,,50,,", "material 'gold': expected 7075 aluminium, steel"),
+    "size missing": ("p,1,rectangle,steel,10,50,,,,", "width_mm is empty: expected millimetres above zero"),
+    "size for another shape": ("p,1,disc,steel,10,50,,50,,", "a disc has no length_mm"),
+    "bore too wide": ("p,1,ring,steel,10,,,50,50,", "bore_mm is not smaller"),
+    "no thickness": ("p,1,disc,steel,0,,,50,,", "thickness_mm is 0"),
+    "not a number": ("p,1,disc,steel,10,,,5O,,", "diameter_mm is 5O"),
+    "hole outside": ("p,1,disc,steel,10,,,50,,22 0 8", "hole 1 leaves the plate"),
+    "holes that meet": ("p,1,disc,steel,10,,,50,,0 0 8; 5 0 8", "holes 1 and 2 meet"),
+    "hole in the bore": ("p,1,ring,steel,10,,,50,20,11 0 8", "hole 1 leaves the plate"),
+    "half a hole": ("p,1,disc,steel,10,,,50,,5 0", "holes_mm '5 0': expected 'x y diameter"),
+    "a hole of nothing": ("p,1,disc,steel,10,,,50,,5 0 0", "a diameter above zero"),
+    "quantity": ("p,half,disc,steel,10,,,50,,", "a whole quantity"),
+}
+
+
+@pytest.mark.parametrize("case", DRAWN_WRONG)
+def test_wrong_plates_as_drawn_are_refused(tmp_path: Path, case: str) -> None:
+    """File, row, what was found and what was expected."""
+    row, message = DRAWN_WRONG[case]
+    (tmp_path / "drawn.csv").write_text(f"{HEADER}{row}\n", encoding="utf-8")
+    with pytest.raises(DataError, match=rf"drawn\.csv, plate 1: .*{message}"):
+        stock_plates.load_stock(tmp_path / "drawn.csv")
+
+
+def test_a_stock_has_masses_or_drawings_not_both(tmp_path: Path) -> None:
+    """A mass beside a drawing could contradict it."""
+    (tmp_path / "both.csv").write_text(HEADER.strip() + ",mass_kg\n", encoding="utf-8")
+    with pytest.raises(
+        DataError, match=r"both\.csv: expected the columns name,mass_kg,quantity and at least one plate"
+    ):
+        stock_plates.load_stock(tmp_path / "both.csv")

@@ -1,0 +1,170 @@
+"""Both commands at the face: exit codes, one message each, no traceback ever, quick help."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from .. import models
+
+OPEN_RING = models.load("four-bar").text.replace('site name="B_B0B" pos="0.2 0 0"', 'site name="B_B0B" pos="9 0 0"')
+FILES = {
+    "open.xml": OPEN_RING,
+    "flat.xml": models.four_bar(0.3, 0.2, 0.3, 0.2, 1.0).replace("qpos=", "ctrl="),
+    "geared.xml": models.mjcf(
+        models.link("", "a") + models.link("", "b"), '<equality><joint name="gear" joint1="a" joint2="b"/></equality>'
+    ),
+    "broken.xml": "<mujoco><worldbody>",
+    "arm.urdf": "<robot/>",
+    "motion.toml": 'start = ["0 m", "9 m"]\npeak_acceleration = "1 g0"\nmoves = [ { axis = "x", to = ["1 mm"] } ]\n',
+    "samples.toml": 'samples = "."\n',
+    "typo.toml": 'drven = "platform"\n',
+    "plates.csv": "name;mass_kg;quantity\nM1;5;2\n",
+    "joints.toml": 'driven = "joints"\njoints = ["A9"]\nstart = ["1 rad"]\npeak_acceleration = "1 rad/s^2"\n'
+                   'moves = [ { joint = "A9", to = ["1 rad"] } ]\n',
+}  # fmt: skip
+MECH, X = "parallelogram-6bar", ("--motion", "x")
+
+REFUSED = {
+    "a folder for a mechanism": (("conditions", "."), "is a folder; expected a file"),
+    "a folder for samples": (("simulate", MECH, "--motion", "samples.toml"), "is a folder; expected a file"),
+    "a speed beyond all numbers": (
+        ("rotor", "correct", "three-masses", "--bearing=-100mm", "--bearing=900mm", "--speed", "1e200rpm", "--json"),
+        "a result is no finite number",
+    ),
+    "unknown mechanism": (("conditions", "five-bar"), "five-bar: no such file"),
+    "unknown body": (("size", MECH, "-p", "crate=1kg"), "no moving body 'crate'"),
+    "unknown site": (("check", MECH, "-c", "nowhere=1kg"), "no site 'nowhere'"),
+    "unknown site to size": (("size", MECH, "--site", "nowhere"), "no site 'nowhere'"),
+    "site that is limited in vain": (("size", MECH, "--limit", "C_AC=1kg"), "C_AC"),
+    "impossible payload": (("conditions", MECH, "-p", "platform=-5kg"), "expected a positive mass"),
+    "no payload": (("conditions", MECH, "-p", "platform=0kg"), "expected a positive mass"),
+    "negative counter-mass": (("check", MECH, "-c", "counter_A0A=-1kg"), "expected zero or a positive mass"),
+    "does not close": (("conditions", "open.xml"), "cannot be closed from 'home': the loops (B)"),
+    "singular start": (("conditions", "flat.xml"), "singular at 'zero configuration'"),
+    "gears": (("conditions", "geared.xml"), "gear"),
+    "broken file": (("size", "broken.xml"), "not well-formed XML"),
+    "broken urdf": (("size", "arm.urdf"), "arm.urdf"),
+    "out of reach": (("simulate", MECH, "--motion", "motion.toml"), "cannot be closed at platform.x = 0"),
+    "typo in a motion": (("simulate", MECH, "--motion", "typo.toml"), "typo.toml: unknown key 'drven'"),
+    "joint of a motion": (("simulate", MECH, "--motion", "joints.toml"), "no joint 'A9'"),
+    "unknown motion": (("simulate", MECH, "--motion", "spiral"), "spiral: no such file"),
+    "motion of a chain": (("simulate", "serial-3r", *X), "serial-3r"),
+    "too fast": (("simulate", MECH, *X, "--rate", "1e15 Hz"), "expected fewer than"),
+    "no stock": (("size", MECH, "--stock", "shelf"), "shelf: no such file"),
+    "wrong stock": (("size", MECH, "--stock", "plates.csv"), "expected the columns name,mass_kg,quantity"),
+    "no sites": (("size", "geared.xml"), "gear"),
+    "folder that is not there": (("simulate", MECH, *X, "--rate", "500 Hz", "--csv", "no/such/run.csv"), "run.csv"),
+    "parquet into nowhere": (("simulate", MECH, *X, "--rate", "500 Hz", "--parquet", "no/such/run.pq"), "run.pq"),
+}  # fmt: skip
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A working folder with files that cannot be used."""
+    for name, text in FILES.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_refused_is_one_message_and_exit_1(balance, folder, case):
+    """Something read cannot be used: one line on stderr that names it, nothing on stdout, nothing written."""
+    arguments, message = REFUSED[case]
+    before = sorted(folder.rglob("*"))
+    for extra in ((), ("--json",)):
+        code, out, err = balance(*arguments, *extra)
+        assert (code, out) == (1, "")
+        assert message in err
+        assert len(err.splitlines()) == 1
+        assert "Traceback" not in err
+    assert sorted(folder.rglob("*")) == before
+
+
+WRONG = {
+    "no mass": (("size", MECH, "-p", "platform"), "expected BODY=5kg"),
+    "no unit": (("size", MECH, "-p", "platform=5"), "platform: '5' has no unit"),
+    "wrong unit": (("size", MECH, "-p", "platform=5 m"), "platform: 'm' is not a unit of mass"),
+    "unknown unit": (("check", MECH, "-c", "counter_A0A=5 stones9"), "not a known unit"),
+    "hostile unit": (("check", MECH, "-c", "counter_A0A=1 kg^9^9^9^9"), "not a known unit"),
+    "twice": (("check", MECH, "-c", "tip=5kg", "-p", "platform=5kg", "-p", "platform=6kg"), "'platform' twice"),
+    "no mechanism": (("conditions",), "Missing argument"),
+    "unknown option": (("conditions", MECH, "--colour", "red"), "No such option"),
+    "unknown command": (("balence",), "No such command"),
+    "unknown momentum": (("conditions", MECH, "--momentum", "spin"), "spin"),
+    "no motion": (("simulate", MECH), "--motion"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_wrong_command_line_is_exit_2(balance, case):
+    """The command line itself is wrong: usage and the reason, nothing on stdout."""
+    arguments, message = WRONG[case]
+    code, out, err = balance(*arguments)
+    assert (code, out) == (2, "")
+    assert message in err
+    assert "Traceback" not in err
+
+
+@pytest.mark.parametrize("command", ["conditions", "size", "check", "simulate"])
+def test_help_has_examples(balance, command):
+    """Help of each command shows how it is called."""
+    code, out, _ = balance(command, "--help")
+    assert code == 0
+    assert f"balance {command} " in out.split("Examples:")[1]
+
+
+def test_a_closed_pipe_is_no_error():
+    """``balance conditions ... | head -1`` ends quietly."""
+    command = f"{sys.executable} -c 'from balance.cli import main; main()' conditions parallelogram-6bar-full --json"
+    shown = subprocess.run(f"{command} | head -1", shell=True, capture_output=True, text=True, check=False)
+    assert shown.stdout.strip() == "{"
+    assert shown.stderr == ""
+
+
+def seconds(*arguments: str) -> float:
+    """Time of a call of Python."""
+    start = time.perf_counter()
+    subprocess.run([sys.executable, *arguments], capture_output=True, check=True)
+    return time.perf_counter() - start
+
+
+@pytest.mark.parametrize("package", ["balance", "testbench"])
+def test_help_takes_at_most_four_times_bare_python(package):
+    """``--help`` imports nothing heavy; in turn with bare Python, the least of each, whatever else the machine does."""
+    call = (
+        f"import sys; sys.argv = ['{package}', '--help']\nfrom {package}.cli import main\n"
+        "try: main()\nexcept SystemExit as end: assert not end.code"
+    )
+    bare, shown = zip(*((seconds("-c", "pass"), seconds("-c", call)) for _ in range(5)), strict=True)
+    assert min(shown) < 4 * min(bare)
+
+
+def test_linear_algebra_keeps_to_one_thread(balance, monkeypatch):
+    """Unless the environment asks for more."""
+    for given, expected in (({}, "1"), ({"OPENBLAS_NUM_THREADS": "3"}, "3")):
+        monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+        for name, value in given.items():
+            monkeypatch.setenv(name, value)
+        balance("--version")
+        assert os.environ["OPENBLAS_NUM_THREADS"] == expected
+
+
+@pytest.mark.parametrize(
+    "module", ["balance.balancing.closed_forms", "balance.cli", "balance.units", "balance.balancing.conditions"]
+)
+def test_modules_import_without_pinocchio(module):
+    """Only reading a mechanism needs Pinocchio."""
+    code = f"import sys; sys.modules['pinocchio'] = None; import {module}"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_numbers_of_the_json_are_finite(balance):
+    """One document that any JSON reader takes: no NaN, no Infinity."""
+    out = balance("size", "serial-3r", "--json").out
+    json.loads(out, parse_constant=lambda text: pytest.fail(f"{text} in the JSON"))

@@ -1,0 +1,49 @@
+"""Newton's method on loops and driven coordinates, and continuation between two of their positions."""
+
+import numpy as np
+import pytest
+
+from balance.closure import Closure
+from balance.closure.newton import LoopSystem
+from balance.errors import ClosureError
+from balance.motion.driven_coordinates import JointDrive
+
+from .. import models
+
+
+@pytest.fixture(scope="module")
+def system() -> LoopSystem:
+    """The four-bar driven by its crank."""
+    closure = Closure(models.load("four-bar"))
+    return LoopSystem(closure.mechanism, closure.rows, closure.length, JointDrive.of(closure.mechanism, ("A0",)))
+
+
+def test_newton_closes_many_samples_at_once(system: LoopSystem) -> None:
+    """From one guess for all, cranks a few degrees apart: loops and drive to rounding."""
+    target = 1.0 + np.linspace(-0.3, 0.3, 50)[None]
+    guess = np.repeat(system.mechanism.home[:, None], 50, axis=1)
+    _, loops, driven = system.evaluate(system.newton(guess, target), target)
+    assert max(np.abs(loops).max(), np.abs(driven).max()) < 1e-14
+
+
+def test_the_inverse_gives_the_rates(system: LoopSystem) -> None:
+    """Rates per rate of the crank: those of the closed configurations differenced."""
+    home, step = system.mechanism.home, 1e-5
+    rates = system.rates_at(home, 0.0)
+    q = [system.newton(home[:, None], np.array([[1.0 + s]])) for s in (-step, step)]
+    np.testing.assert_allclose(rates, (q[1] - q[0]) / (2 * step), atol=1e-9)
+
+
+def test_marching_goes_round_on_one_branch(system: LoopSystem) -> None:
+    """From the crank at 1 rad to one turn further, in steps that the method chooses: back at the start."""
+    q = system.march(system.mechanism.home, np.array([1.0]), np.array([1.0 + 2 * np.pi]), 0.0)
+    np.testing.assert_allclose(q - system.mechanism.home, [2 * np.pi, -2 * np.pi, 0.0], atol=1e-12)
+
+
+def test_marching_out_of_reach_says_how_far_it_got() -> None:
+    """Driven by the rocker beyond its dead point: the asked and the reached position, the time and the branch."""
+    closure = Closure(models.load("four-bar"))
+    system = LoopSystem(closure.mechanism, closure.rows, closure.length, JointDrive.of(closure.mechanism, ("B0",)))
+    start = closure.home[2:]
+    with pytest.raises(ClosureError, match=r"at B0 = 0\.5 \(t = 0\.25 s\): it gets as far as 1\.29.*branch of 'home'"):
+        system.march(closure.home, start, np.array([0.5]), 0.25)

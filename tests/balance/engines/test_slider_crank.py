@@ -1,0 +1,109 @@
+"""One slider-crank: its exact force, moment and torque against independent dynamics."""
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from balance.closure import Closure
+from balance.dynamics.inverse_dynamics import simulate
+from balance.engines.engine import Cylinder, Engine
+from balance.engines.engine_files import mjcf
+from balance.engines.slider_crank import SliderCrank, replacements
+from balance.errors import DataError
+from balance.mechanism.mjcf_parser import mechanism_from_text
+from balance.motion import Samples
+
+OWN = SliderCrank(0.05, 0.2, 1.0, 0.025, 0.002, 1.2, 0.06, 0.0101, 0.8)
+TIME = np.linspace(0.0, 2.0, 200)
+THETA, OMEGA, ALPHA = 40 * TIME + np.sin(9 * TIME), 40 + 9 * np.cos(9 * TIME), -81 * np.sin(9 * TIME)
+
+
+def _simulated(engine):
+    model = mechanism_from_text(mjcf(engine), "engine")
+    turning = Samples(TIME, THETA[:, None], OMEGA[:, None], ALPHA[:, None], joints=("crankshaft",))
+    return simulate(model, Closure(model).follow(turning))
+
+
+@settings(max_examples=12, deadline=None)
+@given(
+    st.floats(0.02, 0.3), st.floats(0.05, 0.75), st.floats(-0.15, 0.15), st.floats(-0.8, 0.8), st.floats(0.1, 0.9),
+    st.floats(0.1, 3.0),
+)  # fmt: skip
+def test_force_moment_and_torque_at_varying_speed(radius, ratio, offset, crank_centre, rod_centre, mass):
+    """Any slider-crank, offset or not, at varying speed: the dynamics of its mechanism file to 1e-10."""
+    rod = radius / ratio
+    crank = SliderCrank(radius, rod, 1.3 * mass, crank_centre * radius, 0.4 * mass * radius**2, mass, rod_centre * rod,
+                        0.09 * mass * rod**2, 0.7 * mass, offset * (rod - radius))  # fmt: skip
+    response = _simulated(Engine("one", (Cylinder(0.0, 0.0, 0.0, crank),)))
+    force, moment = crank.force(THETA, OMEGA, ALPHA), crank.moment(THETA, OMEGA, ALPHA)
+    size = np.abs(force).max()
+    np.testing.assert_allclose(response.force[:, 0] + 1j * response.force[:, 1], force, atol=1e-10 * size)
+    np.testing.assert_allclose(response.moment[:, 2], moment, atol=1e-10 * np.abs(moment).max())
+    torque = crank.torque(THETA, OMEGA, ALPHA)
+    np.testing.assert_allclose(response.torque["crankshaft"], torque, atol=1e-10 * np.abs(torque).max())
+
+
+def test_mujoco_as_referee():
+    """MuJoCo's momentum of the same mechanism file, differentiated in time, gives the same force."""
+    model = mujoco.MjModel.from_xml_string(mjcf(Engine("one", (Cylinder(0.0, 0.0, 0.0, OWN),))))
+    data, step, found = mujoco.MjData(model), 1e-6, []
+    for theta in (0.3, 1.7, 4.4):
+        momenta = []
+        for angle in (theta - step, theta + step):
+            place, first, _ = OWN._slide(np.array([angle]))
+            lean = -np.arcsin(OWN.radius * np.sin(angle) / OWN.rod_length)
+            data.qpos[:] = [angle, lean - angle, place[0]]
+            data.qvel[:] = [1.0, OWN._lean(np.array([angle]))[0][0] - 1.0, first[0]]
+            mujoco.mj_forward(model, data)
+            mujoco.mj_subtreeVel(model, data)
+            momenta.append(data.subtree_linvel[1] * model.body_subtreemass[1])
+        found.append(-(momenta[1] - momenta[0])[:2] / (2 * step))
+    expected = OWN.force(np.array([0.3, 1.7, 4.4]), 1.0)
+    np.testing.assert_allclose(np.array(found), np.c_[expected.real, expected.imag], rtol=1e-6)
+
+
+def test_rotating_and_reciprocating_parts():
+    """1.34 kg rotates at the crank radius, 1.16 kg reciprocates; two point masses give the true force."""
+    crank = SliderCrank(0.05, 0.2, 1.0, 0.025, 0.0, 1.2, 0.06, 0.0101, 0.8)
+    assert crank.rotating / crank.radius == pytest.approx(1.34)
+    assert crank.reciprocating_mass == pytest.approx(1.16)
+    inline = crank.reciprocating_mass * crank.radius * crank.reciprocation(THETA)
+    np.testing.assert_allclose(crank.force(THETA, 1.0), inline + crank.rotating * np.exp(1j * THETA), rtol=1e-12)
+
+
+def test_rod_as_point_masses():
+    """Masses at the pins leave the inertia I - m l_B l_C; the other replacements keep all three conditions."""
+    pins, percussion, three = replacements(OWN)
+    assert [m.mass for m in pins.masses] == pytest.approx([0.84, 0.36])
+    assert pins.missing_inertia == pytest.approx(2e-5, rel=1e-6)
+    for exact in (percussion, three):
+        assert sum(m.mass for m in exact.masses) == pytest.approx(OWN.rod_mass)
+        assert sum(m.mass * m.at for m in exact.masses) == pytest.approx(OWN.rod_mass * OWN.rod_centre)
+        assert exact.missing_inertia == pytest.approx(0.0, abs=1e-16)
+
+
+def test_two_masses_give_the_true_force_but_not_the_moment():
+    """A rod whose inertia is m l_B l_C is two masses; with another the moment is off by -dI chi''."""
+    two = SliderCrank(0.05, 0.2, 1.0, 0.025, 0.002, 1.2, 0.06, 1.2 * 0.06 * 0.14, 0.8)
+    np.testing.assert_allclose(two.force(THETA, OMEGA, ALPHA), OWN.force(THETA, OMEGA, ALPHA), rtol=1e-12)
+    off = OWN.moment(THETA, OMEGA, ALPHA) - two.moment(THETA, OMEGA, ALPHA)
+    lean = np.gradient(np.gradient(-np.arcsin(0.25 * np.sin(THETA)), TIME, edge_order=2), TIME, edge_order=2)
+    np.testing.assert_allclose(off[3:-3], -replacements(OWN)[0].missing_inertia * lean[3:-3], atol=2e-3)
+    assert np.abs(off).max() > 1e-3
+
+
+def test_torque_is_the_rate_of_energy():
+    """Over a whole turn at constant speed the torque does no work."""
+    theta = 2 * np.pi * np.arange(4096) / 4096
+    torque = OWN.torque(theta, 100.0)
+    assert abs(torque.mean()) < 1e-12 * np.abs(torque).max()
+
+
+def test_what_cannot_turn_is_refused():
+    """A rod not longer than crank and offset together locks."""
+    with pytest.raises(DataError, match="cannot turn right round"):
+        SliderCrank(0.05, 0.06, offset=0.02)
+    with pytest.raises(DataError, match="between the two pins"):
+        replacements(SliderCrank(0.05, 0.2, rod_mass=1.0, rod_centre=0.3, piston_mass=1.0))

@@ -1,0 +1,50 @@
+"""The drawing of a mechanism is to scale, and holds what it should."""
+
+import numpy as np
+import pytest
+from matplotlib.patches import Circle
+
+from balance.balancing import CounterMass
+from balance.errors import DataError
+from balance.figures.mechanism import STEEL_KG_PER_M2, draw_mechanism, save
+
+from .. import models
+
+
+def test_pivots_are_where_the_mechanism_has_them():
+    """Pivots on the ground at x = -0.12 and 0.12 m; the loops' joints where the keyframe closes them."""
+    axes = draw_mechanism(models.load("parallelogram-6bar")).axes[0]
+    ground = [line.get_xydata()[0] for line in axes.lines if line.get_marker() == "^"]
+    np.testing.assert_allclose(sorted(map(tuple, ground)), [(-0.12, 0.0), (0.12, 0.0)], atol=1e-12)
+    assert axes.get_aspect() == 1.0
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [m]", "y [m]")
+
+
+def test_discs_have_the_area_of_their_mass():
+    """A counter-mass of 24.28 kg is a disc of that mass at its site; twice the mass, twice the area."""
+    mechanism = models.load("parallelogram-6bar")
+    site = mechanism.site("counter_A0A").position
+    areas = []
+    for mass in (12.0, 24.0):
+        axes = draw_mechanism(mechanism, [CounterMass("counter_A0A", mass, site)]).axes[0]
+        (disc,) = [patch for patch in axes.patches if isinstance(patch, Circle)]
+        areas.append(np.pi * disc.radius**2)
+        np.testing.assert_allclose(disc.center, [-0.12 + 0.03755 / np.sqrt(2), -0.03755 / np.sqrt(2)], atol=1e-9)
+    assert areas[0] == pytest.approx(12.0 / STEEL_KG_PER_M2)
+    assert areas[1] == pytest.approx(2 * areas[0])
+
+
+@pytest.mark.parametrize("name", models.BUILT_IN)
+@pytest.mark.parametrize("ending", ["svg", "png", "pdf"])
+def test_every_mechanism_can_be_drawn_and_saved(name, ending, tmp_path):
+    """In each format that is offered."""
+    path = tmp_path / f"{name}.{ending}"
+    save(draw_mechanism(models.load(name)), path)
+    assert path.stat().st_size > 2000
+
+
+def test_other_formats_are_refused(tmp_path):
+    """An ending that is no picture's: the endings are listed, nothing is written."""
+    with pytest.raises(DataError, match=r"a\.doc: cannot draw.*png"):
+        save(draw_mechanism(models.load("serial-1r")), tmp_path / "a.doc")
+    assert not list(tmp_path.iterdir())

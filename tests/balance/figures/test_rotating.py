@@ -1,0 +1,52 @@
+"""Polygons, polar diagrams and order plots: names and legends lie on nothing, what is drawn is what was found."""
+
+import numpy as np
+import pytest
+
+from balance.engines import balance_shafts, free_forces
+from balance.engines.engine_files import load_layout
+from balance.figures.rotating import draw_orders, draw_polygons, draw_readings
+from balance.rotors import correction_planes
+from balance.rotors.rotor import Plane, Unbalance
+from balance.rotors.trial_run_files import load_trial_runs
+
+
+def test_names_of_a_polygon_stand_outside_it():
+    """Of a convex one each name is farther from the middle than its side; of a short side too."""
+    unbalances = [Unbalance("a", 3.0, 0.1), Unbalance("b", 2.0j, 0.1), Unbalance("c", -0.1 + 0.05j, 0.1)]
+    found = correction_planes.correct_planes(unbalances, [Plane("left", 0.0), Plane("right", 0.4)])
+    drawn = [p for p in correction_planes.polygons(found) if "Unbalances" in p.title]
+    figure = draw_polygons(drawn)
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    names = {text.get_text(): text for text in axes.texts if text.get_text()}
+    corners = axes.transData.transform([(1e3 * v.real, 1e3 * v.imag) for v in drawn[0].vertices])
+    middle = corners.mean(axis=0)
+    for name, start, end in zip([*drawn[0].names], corners, corners[1:], strict=False):
+        box = names[name].get_window_extent()
+        at = np.array([0.5 * (box.x0 + box.x1), 0.5 * (box.y0 + box.y1)])
+        assert np.linalg.norm(at - middle) > np.linalg.norm(0.5 * (start + end) - middle)
+
+
+@pytest.mark.parametrize("name", ["in-line-3", "v8-90-crossplane"])
+def test_legends_of_order_plots_lie_above_the_bars(name):
+    """The highest bar ends below the legend."""
+    engine = load_layout(name)
+    free = free_forces.free_forces(engine, 8)
+    turn = balance_shafts.over_a_turn(engine, balance_shafts.shafts(free[:2], 0.0, 3.0), 1.0, engine.middle)
+    figure = draw_orders(free, engine.name, 1.0, ("m r omega^2", "m r omega^2 a"), turn)
+    figure.draw_without_rendering()
+    for axes in figure.axes[:2]:
+        tops = [patch.get_window_extent().y1 for patch in axes.patches if patch.get_height() > 0.0]
+        assert max(tops) < axes.get_legend().get_window_extent().y0
+        assert "ω²" in axes.get_ylabel()
+
+
+@pytest.mark.parametrize("name", ["feese-2004", "two-plane-maker", "goodman-1964"])
+def test_tips_of_vectors_lie_within_the_frame(name):
+    """All readings and weights, with room for their names."""
+    sheet = load_trial_runs(name)
+    solution = sheet.solve("least-squares")
+    readings, weights = draw_readings(sheet, solution).axes
+    assert readings.get_rmax() > 1.05 * np.abs(solution.coefficients.initial).max()
+    assert weights.get_rmax() > 1.05 * np.abs(solution.weights).max()

@@ -1,0 +1,185 @@
+"""Mechanisms from files: shipped by name, MJCF, URDF; what is neither is refused."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from balance import datasets
+from balance.balancing.conditions import balance_conditions
+from balance.closure import Closure
+from balance.errors import DataError, ModelError
+from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text, pinocchio_model
+
+from .. import models, referees
+
+URDF = """<?xml version="1.0"?>
+<robot name="arm">
+  <link name="ground"/>
+  <link name="upper"><inertial><origin xyz="0.14 0 0"/><mass value="1.2"/>
+    <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.009" iyz="0" izz="0.009"/></inertial></link>
+  <link name="fore"><inertial><origin xyz="0.11 0 0"/><mass value="0.9"/>
+    <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.005" iyz="0" izz="0.005"/></inertial></link>
+  <joint name="shoulder" type="revolute"><parent link="ground"/><child link="upper"/><axis xyz="0 0 1"/>
+    <limit lower="-3" upper="3" effort="10" velocity="10"/><dynamics damping="0.2" friction="0.1"/></joint>
+  <joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/><origin xyz="0.3 0 0"/>
+    <axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="10" velocity="10"/></joint>
+</robot>
+"""
+
+
+@pytest.mark.parametrize("name", models.BUILT_IN)
+def test_shipped_mechanisms_load_by_name(name: str) -> None:
+    """Every shipped mechanism loads, closes at its keyframe, and is found by name as by path."""
+    mechanism = models.load(name)
+    assert mechanism.name == name
+    assert Closure(mechanism).residual(mechanism.home[None]).max() < 1e-14
+    by_path = load_mechanism(datasets.ROOT / "mechanisms" / f"{name}.xml")
+    np.testing.assert_array_equal(by_path.parameters, mechanism.parameters)
+
+
+def test_every_shipped_mechanism_says_where_it_is_from() -> None:
+    """Each file begins with a comment on its geometry, its source or what is assumed, and its units."""
+    for name in datasets.dataset_names("mechanisms", ".xml"):
+        text = (datasets.ROOT / "mechanisms" / f"{name}.xml").read_text(encoding="utf-8")
+        assert text.startswith("<!--")
+        assert len(text.split("-->")[0]) > 100
+
+
+def test_text_and_file_are_the_same_mechanism() -> None:
+    """A result can be computed anew from the text that was stored with it."""
+    stored = models.load("four-bar")
+    again = mechanism_from_text(stored.text, stored.name)
+    assert (again.name, again.bodies, again.driven) == (stored.name, stored.bodies, stored.driven)
+    np.testing.assert_array_equal(again.pi, stored.pi)
+
+
+def test_printed_masses_are_in_the_manipulator() -> None:
+    """Sheet A: 1.04642 kg at 59.43 mm, 0.58909 kg at 18.70 mm, 1.451 kg of platform; both models weigh the same."""
+    reduced, whole = (models.load(name) for name in models.MANIPULATORS)
+    assert (reduced.mass("A0A"), reduced.mass("AC"), reduced.mass("platform")) == (1.04642, 0.58909, 1.451)
+    np.testing.assert_allclose(reduced.centre("A0A"), [0.05943, 0.0, 0.0])
+    assert whole.total_mass == pytest.approx(reduced.total_mass, abs=1e-12)
+
+
+def test_urdf_loads_with_every_joint_driven(tmp_path: Path) -> None:
+    """A 2R arm as URDF: gravity along -z, friction and damping read, the printed conditions found."""
+    (tmp_path / "arm.urdf").write_text(URDF, encoding="utf-8")
+    arm = load_mechanism(tmp_path / "arm.urdf")
+    assert (arm.bodies, arm.coordinates) == (("upper", "fore"), ("shoulder", "elbow"))
+    np.testing.assert_array_equal(arm.gravity, [0.0, 0.0, -9.81])
+    assert (arm.viscous[0], arm.coulomb[0]) == (0.2, 0.1)
+    found = balance_conditions(arm)
+    assert found.rank == 4
+    assert found.coefficients(0) == pytest.approx({"mcx[upper]": 1.0, "m[fore]": 0.3})
+    np.testing.assert_allclose(found.values()[0], 1.2 * 0.14 + 0.9 * 0.3)
+
+
+def test_urdf_goes_back_to_pinocchio(tmp_path: Path) -> None:
+    """The Pinocchio model of a URDF mechanism carries its payload."""
+    (tmp_path / "arm.urdf").write_text(URDF, encoding="utf-8")
+    arm = load_mechanism(tmp_path / "arm.urdf").with_payload({"fore": 2.0})
+    assert pinocchio_model(arm).inertias[2].mass == pytest.approx(2.0)
+
+
+def test_urdf_continuous_joints_turn(tmp_path: Path) -> None:
+    """A continuous joint is a hinge without limits: same conditions as the limited one."""
+    text = URDF.replace('name="elbow" type="revolute"', 'name="elbow" type="continuous"')
+    (tmp_path / "arm.urdf").write_text(text, encoding="utf-8")
+    assert balance_conditions(load_mechanism(tmp_path / "arm.urdf")).rank == 4
+
+
+def test_urdf_mimic_joints_are_refused(tmp_path: Path) -> None:
+    """A joint that mimics another is a gear: refused by name."""
+    elbow = '<joint name="elbow" type="revolute">'
+    text = URDF.replace(elbow, elbow + '<mimic joint="shoulder" multiplier="2"/>')
+    (tmp_path / "arm.urdf").write_text(text, encoding="utf-8")
+    with pytest.raises(ModelError, match=r"arm\.urdf: joint 'elbow' mimics 'shoulder'"):
+        load_mechanism(tmp_path / "arm.urdf")
+
+
+@pytest.mark.parametrize("text", ["", "<robot/>", "<robot><link/>", "no xml", "<mujoco/>"])
+def test_broken_urdf_is_refused(tmp_path: Path, text: str) -> None:
+    """One message that names the file."""
+    (tmp_path / "broken.urdf").write_text(text, encoding="utf-8")
+    with pytest.raises(ModelError, match=r"^broken\.urdf"):
+        load_mechanism(tmp_path / "broken.urdf")
+
+
+def test_sdf_loads_or_says_that_it_cannot(tmp_path: Path) -> None:
+    """Where Pinocchio was built without SDF, the message says so and what to do."""
+    import pinocchio
+
+    (tmp_path / "arm.sdf").write_text("<sdf version='1.7'/>", encoding="utf-8")
+    expected = "arm.sdf" if hasattr(pinocchio, "buildModelFromSdf") else "built without SDF; convert the file"
+    with pytest.raises(ModelError, match=expected):
+        load_mechanism(tmp_path / "arm.sdf")
+
+
+def test_other_files_are_refused(tmp_path: Path) -> None:
+    """An ending that is no mechanism's, and a name that is neither shipped nor a file."""
+    (tmp_path / "arm.step").write_text("solid", encoding="utf-8")
+    with pytest.raises(ModelError, match=r"arm\.step: expected a MJCF \(\.xml, \.mjcf\), URDF"):
+        load_mechanism(tmp_path / "arm.step")
+    with pytest.raises(DataError, match=r"five-bar: no such file.*four-bar.*serial-1r"):
+        load_mechanism("five-bar")
+
+
+def test_a_file_in_another_encoding(tmp_path: Path) -> None:
+    """A file that is not UTF-8 is refused with its name."""
+    text = models.load("serial-1r").text.replace("All values assumed", "Tüm değerler varsayılmış")
+    (tmp_path / "arm.xml").write_bytes(text.encode("cp1254"))
+    with pytest.raises(ModelError, match=r"arm\.xml: not in UTF-8"):
+        load_mechanism(tmp_path / "arm.xml")
+
+
+def test_a_body_fixed_to_another_has_its_own_mass() -> None:
+    """A payload set on a fixed part changes that part, not the body that carries it."""
+    arm = models.model(models.skew_arm())
+    assert (arm.mass("hand"), arm.mass("tool")) == (pytest.approx(1.3), pytest.approx(0.4))
+    heavier = arm.with_payload({"tool": 1.4})
+    assert heavier.total_mass - arm.total_mass == pytest.approx(1.0)
+    text = models.skew_arm()
+    by_file = text.replace(models.inertial(0.4), models.inertial(0.4).replace(
+        'mass="0.4" fullinertia="0.02 0.03 0.04 0.001 0.002 0.003"',
+        'mass="1.4" fullinertia="0.07 0.105 0.14 0.0035 0.007 0.0105"',
+    ))  # fmt: skip
+    np.testing.assert_allclose(heavier.parameters, models.model(by_file).parameters, atol=1e-12)
+
+
+def test_the_pinocchio_model_carries_the_loads() -> None:
+    """Going on with Pinocchio: total mass and gravity are those of the mechanism with its loads."""
+    import pinocchio
+
+    mechanism = models.loaded("parallelogram-6bar")
+    model = pinocchio_model(mechanism)
+    assert pinocchio.computeTotalMass(model) == pytest.approx(mechanism.total_mass)
+    np.testing.assert_array_equal(model.gravity.linear, mechanism.gravity)
+
+
+def test_without_pinocchio_the_message_says_how_to_get_it() -> None:
+    """Pinocchio hidden: one message, pip and conda named."""
+    code = (
+        "import sys; sys.modules['pinocchio'] = None\n"
+        "from balance.mechanism.mjcf_parser import load_mechanism\nfrom balance.errors import ModelError\n"
+        "try: load_mechanism('four-bar')\n"
+        "except ModelError as error: print(error)\n"
+    )
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert "'pin' with pip" in shown
+    assert "conda-forge" in shown
+
+
+def test_joint_references_and_degrees_agree_with_mujoco() -> None:
+    """Angles in degrees, a reference position, bodies turned by axis and angle: the same motion as MuJoCo's."""
+    from ..dynamics.test_inverse_dynamics import assert_mujoco_agrees
+
+    text = models.skew_arm().replace('<compiler angle="radian"/>', "")
+    text = text.replace('euler="0.3 -0.5 0.2"', 'axisangle="0.6 0 0.8 40"').replace(
+        'euler="0.1 0.4 -0.6"', 'euler="6 23 -34"'
+    )
+    text = text.replace('name="turn"', 'name="turn" ref="20"')
+    assert_mujoco_agrees(models.model(text), text)
+    assert referees.random_motion(models.model(text)).residual == 0.0

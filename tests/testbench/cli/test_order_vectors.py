@@ -1,0 +1,197 @@
+"""``testbench vectors``, and from logs to correction weights."""
+
+import json
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from testbench.cli.order_vectors import vectors
+from testbench.errors import AnalysisError, StoreError
+from testbench.figures.rotating import draw_vectors
+from testbench.ingest import Ingest
+from testbench.ingest.run_conditions import PlannedRun
+
+from ..rotating.machine import UNBALANCE, Rotor
+
+OWN = 50.137
+"""Turns a second of which no samples keep step."""
+
+
+def stored(folder: Path, name: str, rotor: Rotor) -> str:
+    """The rotor's log as a stored run."""
+    log, campaign = folder / f"{name}.csv", folder / "campaign"
+    log.write_text(rotor.csv(), encoding="utf-8")
+    campaign.mkdir(exist_ok=True)
+    (outcome,) = Ingest(campaign).run(PlannedRun(name, (log,)))
+    assert outcome.status == "stored", outcome.message
+    return str(campaign / str(outcome.file))
+
+
+def run(*arguments: str) -> tuple[int, str]:
+    """Exit code and output of the command."""
+    result = CliRunner().invoke(vectors, arguments, standalone_mode=False, catch_exceptions=False)
+    return result.return_value, result.output
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A stored run as found."""
+    return stored(tmp_path_factory.mktemp("rotor"), "found", Rotor(seconds=2.0, speed=OWN))
+
+
+@pytest.fixture(scope="module")
+def in_step(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A stored run that was sampled in step with its speed."""
+    return stored(tmp_path_factory.mktemp("rotor"), "in-step", Rotor(seconds=1.0))
+
+
+def test_json_holds_the_truth_with_intervals(found: str) -> None:
+    """Both sensors, amplitude in SI, lead and lag opposite, peak to peak twice the peak."""
+    code, output = run(found, "--json")
+    lead = json.loads(output)
+    assert code == 0
+    assert lead["speed_rpm"] == pytest.approx(60 * OWN, rel=1e-4)
+    for row, truth in zip(lead["vectors"], Rotor().truth(), strict=True):
+        assert abs(row["amplitude_m_s2"] - abs(truth)) < 2 * row["amplitude_m_s2_within"]
+        assert row["phase_deg"] == pytest.approx(np.degrees(np.angle(truth)), abs=2 * row["phase_deg_within"] + 0.5)
+    lag = json.loads(run(found, "--json", "--phase", "lag", "--amplitude", "peak_to_peak")[1])
+    for one, other in zip(lead["vectors"], lag["vectors"], strict=True):
+        assert other["phase_deg"] == pytest.approx(-one["phase_deg"])
+        assert other["amplitude_m_s2"] == pytest.approx(2 * one["amplitude_m_s2"])
+
+
+def test_table(found: str) -> None:
+    """Sensor, amplitude with interval, phase and its sense, speed."""
+    code, output = run(found, "--sensor", "B")
+    assert code == 0
+    assert "lead of the pulse" in output
+    assert "turns at 3008" in output
+
+
+def test_sampling_in_step_is_a_finding_and_in_every_interval(in_step: str) -> None:
+    """Half of one of 200 samples a turn, 0.9 deg, in text, document and sheet, whose interval it is."""
+    code, output = run(in_step)
+    assert code == 3
+    assert "Finding: the sampling keeps step with the speed (200 samples a turn)" in " ".join(output.split())
+    document = json.loads(run(in_step, "--json")[1])
+    assert document["phases_off_alike_deg_within"] == pytest.approx(0.9, abs=0.06)
+    assert all(row["phase_deg_within"] > 0.8 for row in document["vectors"])
+    sheet = run(in_step, "--speed", "3000rpm", "--toml", "found")[1]
+    (written,) = tomllib.loads(sheet)["runs"]
+    shared, own = float(written["phases_alike"]["3000rpm"].removesuffix("deg")), written["readings"]["3000rpm"]
+    assert shared == pytest.approx(1.96 * 1.8 / np.sqrt(12.0), rel=0.08)
+    for row, text in zip(document["vectors"], own.values(), strict=True):
+        alone = float(text.split("±")[-1].removesuffix("deg"))
+        assert np.hypot(alone, document["phases_off_alike_deg_within"]) == pytest.approx(
+            row["phase_deg_within"], rel=0.01
+        )
+    assert "# finding: the sampling keeps step" in sheet
+
+
+def test_figure(found: str, tmp_path: Path) -> None:
+    """A vector for each sensor, its tip at amplitude and phase of the document, its field as wide as the intervals."""
+    code, _ = run(found, "--figure", str(tmp_path / "vectors.svg"))
+    assert code == 0
+    assert "origin unstated" in (tmp_path / "vectors.svg").read_text(encoding="utf-8")
+    document = json.loads(run(found, "--json")[1])
+    (axes,) = draw_vectors(document).axes
+    for row, line, field in zip(document["vectors"], axes.lines, axes.patches, strict=True):
+        assert line.get_xdata()[1] == pytest.approx(np.radians(row["phase_deg"]))
+        assert line.get_ydata()[1] == pytest.approx(row["amplitude_m_s2"])
+        assert field.get_height() == pytest.approx(2 * row["amplitude_m_s2_within"])
+        assert field.get_width() == pytest.approx(2 * np.radians(row["phase_deg_within"]))
+    document["vectors"][0] |= {"told": False, "phase_deg_within": 180.0}
+    (axes,) = draw_vectors(document).axes
+    assert axes.patches[0].get_y() == 0.0
+    assert axes.patches[0].get_width() == pytest.approx(2 * np.pi)
+
+
+def test_refusals(found: str) -> None:
+    """No tachometer, another speed, an order beyond the samples, a sensor that is none."""
+    with pytest.raises(StoreError, match=r"no channel 'keyphasor'.*'tacho"):
+        run(found, "--tacho", "keyphasor")
+    with pytest.raises(AnalysisError, match="not at 3600rpm within 1 %"):
+        run(found, "--speed", "3600rpm")
+    with pytest.raises(AnalysisError, match="do not resolve order 90"):
+        run(found, "--order", "90")
+    with pytest.raises(AnalysisError, match=r"'tacho.* is in V: expected one of length"):
+        run(found, "--sensor", "tacho")
+
+
+def test_a_sensor_that_does_not_move_is_named(tmp_path: Path) -> None:
+    """Rounding errors of a constant are no vibration: refused with the channel and its value; the others are given."""
+    log, campaign = tmp_path / "dead.csv", tmp_path / "campaign"
+    head, *rows = Rotor(seconds=1.0, speed=OWN).csv().splitlines()
+    text = [f"{row.rpartition(',')[0]},2.5" for row in rows]  # B is the last column
+    log.write_text("\n".join([head, *text]) + "\n", encoding="utf-8")
+    campaign.mkdir()
+    (outcome,) = Ingest(campaign).run(PlannedRun("dead", (log,)))
+    stored_run = str(campaign / str(outcome.file))
+    with pytest.raises(AnalysisError, match=r"channel 'B.* is 2.5 m/s\^2 throughout: dead"):
+        run(stored_run)
+    assert run(stored_run, "--sensor", "A")[0] == 0
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--toml", "x"),
+        ("--toml", "x", "--speed", "3000rpm", "--json"),
+        ("--weight", "a=1 g @ 0 deg", "--came-off"),
+        ("--toml", "x", "--speed", "3000rpm", "--weight", "a=1 g @ 0 deg"),
+        ("--toml", "x", "--speed", "3000rpm", "--stayed-on"),
+        ("--toml", "x", "--speed", "3000rpm", "--weight", "a=1 g", "--came-off"),
+        ("--toml", "x", "--speed", "3000rpm", "--order", "2"),
+        ("--sensor", "B", "--sensor", "B"),
+        ("--level", "nan"),
+    ],
+)
+def test_options_that_do_not_go_together(found: str, options: tuple[str, ...]) -> None:
+    """A wrong command line, exit 2."""
+    result = CliRunner().invoke(vectors, [found, *options])
+    assert result.exit_code == 2
+    assert "--" in result.output
+
+
+@pytest.mark.parametrize("phase", ["lead", "lag"])
+def test_from_logs_to_correction_weights(tmp_path: Path, phase: str) -> None:
+    """As found and two trial runs, logged, stored, reduced; the weights of the sheet leave 2 % of the vibration."""
+    sense = 1.0 if phase == "lead" else -1.0
+    angles = "with rotation" if phase == "lead" else "against rotation"
+    sheet = [f'phase = "{phase}"', f'angles = "{angles}"', 'amplitude = "peak"']
+    sheet += ["", "[[planes]]", 'name = "1"', "", "[[planes]]", 'name = "2"', ""]
+    trials = {"as found": (None, 0j), "trial 1": ("1", 1.2 * np.exp(0.5j)), "trial 2": ("2", 1.0 * np.exp(2.0j))}
+    for seed, (name, (plane, weight)) in enumerate(trials.items()):
+        on = np.array([weight if plane == p else 0.0 for p in ("1", "2")])
+        file = stored(tmp_path, f"run-{seed}", Rotor(weights=on, seed=seed, seconds=2.0))
+        arguments = [file, "--speed", "3000 rpm", "--phase", phase, "--toml", name]
+        if plane:
+            angle = sense * np.degrees(np.angle(weight))
+            arguments += ["--weight", f"{plane}={abs(weight):.6f} g @ {angle:.4f} deg", "--came-off"]
+        sheet.append(run(*arguments)[1])
+    (tmp_path / "runs.toml").write_text("\n".join(sheet), encoding="utf-8")
+    correction = _weights(tmp_path / "runs.toml", sense)
+    np.testing.assert_allclose(correction, -UNBALANCE, atol=0.03)
+    left = np.abs(Rotor(weights=correction).truth()) / np.abs(Rotor().truth())
+    assert left.max() < 0.03
+
+
+def _weights(sheet: Path, sense: float) -> np.ndarray:
+    """Correction weights of ``balance rotor influence``, with the rotation whatever the sheet counts [g]."""
+    code = f"import sys; sys.argv = ['balance', 'rotor', 'influence', {str(sheet)!r}, '--json']\n"
+    code += "from balance.cli import main\nmain()"
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert shown.returncode == 0, shown.stderr
+    found = json.loads(shown.stdout)
+    assert found["intervals"]["from"] == "stated"
+    totals = [plane["total"] for plane in found["planes"]]
+    assert all(
+        abs(t["magnitude_g"] - abs(u)) < 2 * t["magnitude_g_within"] for t, u in zip(totals, UNBALANCE, strict=True)
+    )
+    assert all(0.002 < t["magnitude_g_within"] < 0.1 for t in totals)
+    return np.array([complex(total["x_g"], sense * total["y_g"]) for total in totals])

@@ -1,0 +1,210 @@
+"""A watched folder: each log once, when it has stopped growing, also after a crash."""
+
+import json
+import subprocess
+import sys
+import time
+
+import click
+import pytest
+
+from testbench.cli.ingest import watch as command
+from testbench.errors import RecordingError
+from testbench.ingest import Ingest
+from testbench.ingest.watch_folder import Watch, WatchedSheet
+from testbench.store import open_campaign
+
+HEADER = "Time (s),AccX (g)\n"
+
+
+def log(path, rows=200, first=0.0):
+    """A small log."""
+    path.write_text(HEADER + "".join(f"{i / 100:.2f},{first + i % 7:.3f}\n" for i in range(rows)))
+
+
+@pytest.fixture
+def watching(tmp_path):
+    """A watched folder with two logs, a campaign beside."""
+    (tmp_path / "in").mkdir()
+    log(tmp_path / "in" / "a.csv")
+    log(tmp_path / "in" / "b.csv", first=1.0)
+    return Watch(tmp_path / "in", Ingest(tmp_path / "c"), settle_s=0.05)
+
+
+def told(outcomes):
+    """What became of each file."""
+    return {outcome.source: outcome.status for outcome in outcomes}
+
+
+def test_each_log_once(watching, tmp_path):
+    """What is there becomes runs; a second pass and a process that begins anew store nothing twice."""
+    assert told(watching.once()) == {"a.csv": "stored", "b.csv": "stored"}
+    assert told(watching.once()) == {}
+    anew = Watch(tmp_path / "in", Ingest(tmp_path / "c"), settle_s=0.05)
+    assert told(anew.once()) == {"a.csv": "already_stored", "b.csv": "already_stored"}
+    assert len(open_campaign(tmp_path / "c").runs) == 2
+
+
+def test_a_file_that_grows_waits(watching, tmp_path):
+    """A log is taken when it has not changed for a while, and then whole."""
+    path = tmp_path / "in" / "b.csv"
+    list(watching.look())
+    time.sleep(0.06)
+    with path.open("a") as stream:
+        stream.write("2.00,5.000\n")
+    assert told(watching.look()) == {"a.csv": "stored"}
+    assert [p.name for p in watching.growing] == ["b.csv"]
+    time.sleep(0.06)
+    assert told(watching.look()) == {"b.csv": "stored"}
+    assert open_campaign(tmp_path / "c").runs[1].group().samples == 201
+
+
+def test_what_is_refused_is_said_once_and_the_rest_goes_on(watching, tmp_path):
+    """A picture, an empty log, another log of a stored name: each refused once; tried again when it changes."""
+    (tmp_path / "in" / "0.png").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(99))
+    (tmp_path / "in" / "empty.csv").write_text("")
+    found = told(watching.once())
+    assert found == {"0.png": "refused", "a.csv": "stored", "b.csv": "stored", "empty.csv": "refused"}
+    assert told(watching.once()) == {}
+    log(tmp_path / "in" / "empty.csv", first=3.0)
+    log(tmp_path / "in" / "a.csv", first=4.0)
+    (outcomes) = list(watching.once())
+    assert told(outcomes) == {"empty.csv": "stored", "a.csv": "refused"}
+    assert "stored runs never change" in outcomes[0].message
+
+
+def test_hidden_files_folders_and_links_are_left_alone(watching, tmp_path):
+    """No link is followed, no folder entered, nothing half-copied taken."""
+    log(tmp_path / "elsewhere.csv", first=9.0)
+    (tmp_path / "in" / "link.csv").symlink_to(tmp_path / "elsewhere.csv")
+    (tmp_path / "in" / "folder").mkdir()
+    log(tmp_path / "in" / ".hidden.csv")
+    log(tmp_path / "in" / "c.csv.part")
+    assert set(told(watching.once())) == {"a.csv", "b.csv"}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a killed process keeps its files open for a while")
+def test_once_each_after_a_crash(watching, tmp_path):
+    """Killed while it ingests: begun anew, every log is stored once, none is lost."""
+    for number in range(6):
+        log(tmp_path / "in" / f"r{number}.csv", rows=3000, first=float(number + 10))
+    code = "from testbench.cli import main; main()"
+    words = ["watch", tmp_path / "in", "-o", tmp_path / "c", "--settle", "10ms"]
+    child = subprocess.Popen([sys.executable, "-c", code, *words], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    child.stdout.readline()
+    child.kill()
+    child.communicate()
+    assert set(told(watching.once()).values()) <= {"stored", "already_stored"}
+    runs = open_campaign(tmp_path / "c").runs
+    assert sorted(run.provenance["sources"][0]["name"] for run in runs) == sorted(
+        ["a.csv", "b.csv", *(f"r{number}.csv" for number in range(6))]
+    )
+
+
+def test_the_command(watching, tmp_path, capsys):
+    """--once prints one document; --json needs it; a folder that is none is refused."""
+    words = [str(tmp_path / "in"), "-o", str(tmp_path / "c"), "--settle", "10ms"]
+    assert command.main([*words, "--once", "--json"], standalone_mode=False) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert [run["status"] for run in document["runs"]] == ["stored", "stored"]
+    assert document["growing"] == []
+    (tmp_path / "in" / "empty.csv").write_text("")
+    assert command.main([*words, "--once"], standalone_mode=False) == 1
+    assert "a.csv: already stored as a.h5" in capsys.readouterr().out
+    with pytest.raises(click.UsageError, match="needs --once"):
+        command.main([*words, "--json"], standalone_mode=False)
+    with pytest.raises(RecordingError, match="no such folder"):
+        command.main([str(tmp_path / "x"), *words[1:], "--once"], standalone_mode=False)
+
+
+def sheet_of(path, *rows):
+    """Write a sheet of run conditions."""
+    path.write_text("file,run,payload_kg\n" + "".join(f"{row}\n" for row in rows))
+
+
+@pytest.fixture
+def sheeted(watching, tmp_path):
+    """The watched folder with a sheet in it, which names the first log."""
+    sheet_of(tmp_path / "in" / "runs.csv", "a.csv,ra,5")
+    watching.sheet = WatchedSheet(tmp_path / "in" / "runs.csv", watching.settle_s)
+    return watching
+
+
+def test_conditions_of_a_sheet_that_goes_on(sheeted, tmp_path):
+    """What the sheet names gets its conditions; the other log waits, said once, until a line is added for it."""
+    assert told(sheeted.once()) == {"a.csv": "stored", "b.csv": "waiting"}
+    assert told(sheeted.once()) == {}
+    assert {path.name: reason for path, reason in sheeted.waiting.items()} == {
+        "b.csv": "waits: runs.csv does not name it"
+    }
+    sheet_of(tmp_path / "in" / "runs.csv", "a.csv,ra,5", "b.csv,rb,3")
+    assert told(sheeted.once()) == {"b.csv": "stored"}
+    assert not sheeted.waiting
+    assert [(r.name, r.conditions) for r in open_campaign(tmp_path / "c").runs] == [
+        ("ra", {"payload_kg": 5.0}), ("rb", {"payload_kg": 3.0}),
+    ]  # fmt: skip
+
+
+def test_a_run_waits_for_all_its_files(sheeted, tmp_path):
+    """Two loggers, one run: stored once both are there."""
+    sheet_of(tmp_path / "in" / "runs.csv", "a.csv,r1,5", "c.csv,r1,5")
+    found = {o.source: o.message for o in sheeted.once()}
+    assert found == {"a.csv": "waits for c.csv, of the same run 'r1'", "b.csv": "waits: runs.csv does not name it"}
+    log(tmp_path / "in" / "c.csv", first=9.0)
+    assert told(sheeted.once()) == {"a.csv": "stored", "c.csv": "stored"}
+    (run,) = open_campaign(tmp_path / "c").runs
+    assert len(run.groups) == 2
+
+
+def test_a_sheet_that_cannot_be_read_holds_everything(sheeted, tmp_path):
+    """No log is taken with conditions of yesterday: the sheet is refused once, and all wait until it is mended."""
+    (tmp_path / "in" / "runs.csv").write_text("file,paylod\na.csv,5\n")
+    assert told(sheeted.once()) == {"runs.csv": "refused", "a.csv": "waiting", "b.csv": "waiting"}
+    assert told(sheeted.once()) == {}
+    sheet_of(tmp_path / "in" / "runs.csv", "a.csv,ra,5", "b.csv,rb,3")
+    assert told(sheeted.once()) == {"a.csv": "stored", "b.csv": "stored"}
+    (tmp_path / "in" / "runs.csv").unlink()
+    log(tmp_path / "in" / "c.csv", first=9.0)
+    assert told(sheeted.once()) == {"c.csv": "waiting"}
+
+
+def test_a_line_that_changes_after_its_run_was_stored(sheeted, tmp_path):
+    """The stored run stays, and the contradiction is said."""
+    sheet_of(tmp_path / "in" / "runs.csv", "a.csv,ra,5", "b.csv,rb,3")
+    list(sheeted.once())
+    sheet_of(tmp_path / "in" / "runs.csv", "b.csv,rb,3", "a.csv,ra,7")
+    (outcome,) = sheeted.once()
+    assert (outcome.source, outcome.status) == ("a.csv", "already_stored")
+    assert [f.message for f in outcome.findings if f.code == "conditions_differ"] == [
+        "payload_kg is 7.0 in the sheet, 5.0 in the stored ra.h5; stored runs never change"
+    ]
+
+
+def test_files_without_a_line_may_be_stored(sheeted, tmp_path):
+    """Where asked for: without conditions, which nothing invents."""
+    sheeted.store_unnamed = True
+    assert told(sheeted.once()) == {"a.csv": "stored", "b.csv": "stored"}
+    assert [run.conditions for run in open_campaign(tmp_path / "c").runs] == [{}, {"payload_kg": 5.0}]
+
+
+def test_the_command_with_a_sheet(watching, tmp_path, capsys):
+    """Who waits, and for what, is in the document; the exit code says that something is left."""
+    sheet_of(tmp_path / "runs.csv", "a.csv,ra,5")
+    words = [str(tmp_path / "in"), "-o", str(tmp_path / "c"), "--settle", "20ms", "--once"]
+    words += ["--runs", str(tmp_path / "runs.csv")]
+    assert command.main([*words, "--json"], standalone_mode=False) == 3
+    document = json.loads(capsys.readouterr().out)
+    assert [(run["source"], run["file"]) for run in document["runs"]] == [("a.csv", "ra.h5")]
+    assert document["waiting"] == [{"file": "b.csv", "reason": "waits: runs.csv does not name it"}]
+    assert command.main([*words, "--unnamed", "store"], standalone_mode=False) == 0
+    assert len(open_campaign(tmp_path / "c").runs) == 2
+
+
+def test_the_folder_of_the_campaign_itself(tmp_path, monkeypatch):
+    """Runs would arrive as logs: refused before anything is read."""
+    (tmp_path / "log.csv").write_text("t (s),F (N)\n0,1\n1,2\n")
+    words = ["watch", str(tmp_path), "-o", f"{tmp_path}/.", "--once"]
+    done = subprocess.run([sys.executable, "-c", "from testbench.cli import main; main()", *words], capture_output=True)
+    assert done.returncode == 1
+    assert b"is the campaign's folder too" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]

@@ -1,0 +1,43 @@
+"""A rig against the logs: what a commanded channel may do."""
+
+from pathlib import Path
+
+from testbench import rig
+from testbench.quality import rig_checks
+from testbench.recording import Channel, Finding, Group, Recording
+
+
+def test_a_commanded_channel_may_rest_and_hold() -> None:
+    """A target that stays at zero, or at its plateau, is no dead channel and no clipping; a sensor's is."""
+    channels = (Channel("TargetX (m/s^2)", "m/s^2", "TargetX"), Channel("AccX (g)", "g", "AccX"))
+    recording = Recording(Path("r.csv"), "CSV", "csv", (Group("r", channels),), lambda report: iter(()))
+    found = [Finding(code, c.name, None, "") for c in channels for code in ("constant_channel", "clipping_suspected")]
+    found.append(Finding("not_a_number", "TargetX (m/s^2)", None, ""))
+    left = rig_checks.without_commanded(rig.load_rig("parallelogram-6bar"), recording, found)
+    assert [(f.code, f.channel) for f in left] == [
+        ("constant_channel", "AccX (g)"), ("clipping_suspected", "AccX (g)"), ("not_a_number", "TargetX (m/s^2)")
+    ]  # fmt: skip
+    assert rig_checks.without_commanded(None, recording, found) == found
+
+
+def test_loggers_that_no_log_of_the_run_holds() -> None:
+    """A rig of the whole bench: what another log of the run holds is no finding; what none holds is, with the logs."""
+    bench = rig.load_rig("parallelogram-6bar")
+    logs = [
+        Recording(
+            Path(f"lab/r1_{logger}.csv"),
+            "CSV",
+            "csv",
+            (Group(logger, tuple(Channel(c.channel, c.unit) for c in bench.columns(logger))),),
+            lambda report: iter(()),
+        )
+        for logger in bench.loggers
+    ]
+    assert not rig_checks.rig_findings(bench, logs)
+    forces, controller = rig_checks.rig_findings(bench, logs[:1])
+    assert {f.code for f in (forces, controller)} == {"sensor_not_recorded"}
+    assert "sensors k6d40, kistler, futek_1, futek_2 (logger forces)" in forces.message
+    assert "is in r1_daq.csv, of which the run is made" in forces.message
+    (controller,) = rig_checks.rig_findings(bench, logs[:2])
+    assert "(logger controller): no channel of theirs is in any of r1_daq.csv, r1_forces.csv" in controller.message
+    assert "by a sheet (--runs)" in controller.message

@@ -1,0 +1,199 @@
+"""Order vectors of simulated rotors whose truth is known."""
+
+import numpy as np
+import pytest
+from scipy.stats import binomtest
+
+from testbench.errors import AnalysisError
+from testbench.rotating.order_tracking import OrderVector, order_vector
+from testbench.rotating.tachometer import Turns, steady_turns, tacho_pulses
+
+from .machine import Rotor
+
+
+def turns_of(rotor: Rotor, within: float = 0.01) -> Turns:
+    """The turns of its tachometer."""
+    time, tacho, _ = rotor.record()
+    return steady_turns("run", time, tacho, None, False, within)
+
+
+def vectors_of(rotor: Rotor, order: int = 1) -> list[OrderVector]:
+    """The vector of each sensor."""
+    time, tacho, signals = rotor.record()
+    turns = steady_turns("run", time, tacho, None, False, 0.01)
+    return [order_vector("A", "acceleration", x, turns, time, order, 8) for x in signals]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_pulses_that_move_on_by_a_sample_are_no_tone(seed: int) -> None:
+    """Sampling nearly in step: the jump of the phase is not fitted beside the order, where it took 5 % off it."""
+    rng, rate, speed, truth = np.random.default_rng(seed), 2500.0, 50.003, 4.0 * np.exp(0.7j)
+    time = np.arange(int(61.2 / speed * rate)) / rate
+    turned = rng.uniform() + speed * time
+    tacho = np.where(turned % 1.0 < 0.06, 5.0, 0.0) + rng.normal(0.0, 1e-3, len(time))
+    signal = np.real(truth * np.exp(2j * np.pi * turned)) + rng.normal(0.0, 0.05, len(time))
+    found = order_vector("A", "acceleration", signal, steady_turns("run", time, tacho, None, False, 0.01), time, 1, 8)
+    assert found.tones == ()
+    assert abs(abs(found.value) - abs(truth)) < found.amplitude_within < 0.004 * abs(truth)
+
+
+def test_a_tone_stronger_than_jumps_of_the_phase_is_fitted() -> None:
+    """Steep pulses hide tones only up to half a step of their phase, here 1.8 % of the order."""
+    vector = vectors_of(Rotor(speed=58.37, seconds=2.0, tone=0.8, noise=0.05))[0]
+    assert vector.tones == pytest.approx([61.3], abs=0.05)
+
+
+def test_without_noise_the_vector_is_the_truth() -> None:
+    """Amplitude and phase of lead to what the timing of a pulse allows; order 2 and 3 do not leak into them."""
+    rotor = Rotor(noise=0.0, tone=0.0)
+    for vector, truth in zip(vectors_of(rotor), rotor.truth(), strict=True):
+        assert abs(vector.value) == pytest.approx(abs(truth), rel=1e-3)
+        assert abs(np.angle(vector.value / truth)) < 2 * np.pi * 50.0 / 10_000.0 / 2
+        assert vector.coherence > 0.999
+    assert vectors_of(rotor, order=2)[0].value == pytest.approx(0.8 * np.exp(0.3j), abs=0.03)
+
+
+def test_weights_turned_with_the_rotation_raise_the_phase_alike() -> None:
+    """The convention: unbalance turned on by 40 degrees with the rotation raises the lead by 40 degrees."""
+    from .machine import UNBALANCE
+
+    here = vectors_of(Rotor(noise=0.0, tone=0.0))
+    there = vectors_of(Rotor(noise=0.0, tone=0.0, weights=UNBALANCE * (np.exp(1j * np.radians(40.0)) - 1.0)))
+    for a, b in zip(here, there, strict=True):
+        assert np.degrees(np.angle(b.value / a.value)) == pytest.approx(40.0, abs=0.5)
+
+
+def coverage(seeds: int, **given: float | bool) -> tuple[int, int, int, float]:
+    """Runs of two sensors: how often the interval holds amplitude, and phase; tries; half width over theory's."""
+    amplitude, phase, widths = 0, 0, []
+    for seed in range(seeds):
+        rotor = Rotor(seed=seed, **(SHORT | given))  # type: ignore[arg-type]
+        for vector, truth in zip(vectors_of(rotor), rotor.truth(), strict=True):
+            amplitude += abs(abs(vector.value) - abs(truth)) < vector.amplitude_within
+            phase += abs(np.angle(vector.value / truth)) < vector.phase_within
+            widths.append(vector.amplitude_within)
+    samples = SHORT["seconds"] * SHORT["rate"]
+    return amplitude, phase, 2 * seeds, float(np.median(widths)) / (1.96 * rotor.noise * (2.0 / samples) ** 0.5)
+
+
+SHORT = {"seconds": 1.2, "rate": 2500.0, "noise": 0.4, "tone": 0.0, "smooth": True}
+
+
+@pytest.mark.parametrize("tone", [0.0, 0.8, 4.0])
+def test_intervals_hold_95_percent_with_a_foreign_tone(tone: float) -> None:
+    """8 runs of two sensors, binomial at 0.1 %; no wider for a tone ten times the noise: a window costs 1.22."""
+    amplitude, phase, tries, width = coverage(8, tone=tone)
+    assert binomtest(amplitude, tries, 0.95).pvalue > 1e-3
+    assert binomtest(phase, tries, 0.95).pvalue > 1e-3
+    assert 1.1 < width < 1.5
+
+
+def test_a_tone_in_little_noise() -> None:
+    """A tone of 0.8 and 160 times less noise: its leakage does not make the interval dishonest."""
+    amplitude, phase, tries, _ = coverage(8, tone=0.8, noise=0.005)
+    assert binomtest(amplitude, tries, 0.95).pvalue > 1e-3
+    assert binomtest(phase, tries, 0.95).pvalue > 1e-3
+
+
+def test_foreign_tones_are_found_and_named() -> None:
+    """At 61.3 Hz, 17 lines from 50 turns a second; none where there is none."""
+    (tone,) = vectors_of(Rotor(seed=1, tone=0.8, seconds=1.5))[0].tones
+    assert tone == pytest.approx(61.3, abs=0.05)
+    assert sum(len(vectors_of(Rotor(seed=seed, tone=0.0, seconds=1.0))[0].tones) for seed in range(8)) <= 1
+
+
+@pytest.mark.parametrize(("speed", "in_step"), [(50.0, True), (49.37, False)])
+def test_steep_pulses_are_off_alike_or_each_on_its_own(speed: float, in_step: bool) -> None:
+    """Sampling that keeps step with the speed leaves half a sample of doubt in all pulses, else far less."""
+    turns = turns_of(Rotor(speed=speed))
+    assert turns.keeps_step == in_step
+    assert 0.45e-4 < turns.timing <= 0.5e-4 if in_step else turns.timing < 1e-5
+    amplitude, phase, tries, _ = coverage(6, smooth=False, speed=speed)
+    assert min(amplitude, phase) >= tries - 2
+
+
+@pytest.mark.parametrize("flips", [0, 3])
+def test_sampling_in_step_at_any_place_within_a_sample(flips: int) -> None:
+    """100 samples a turn exactly, pulses 0.47 samples late alike, some of them seen a sample later: truth is held."""
+    rate, speed, late = 5000.0, 50.0, 0.97
+    time = np.arange(7500) / rate
+    turned = speed * time - 0.25 - late * speed / rate
+    tacho = np.where((turned + 1e-9) % 1.0 < 0.06, 5.0, 0.0)
+    for k in (10, 31, 52)[:flips]:
+        tacho[np.flatnonzero((tacho[1:] > 0) & (tacho[:-1] == 0))[k] + 1] = 0.0
+    signal = 4.0 * np.cos(2 * np.pi * turned + 0.7) + np.random.default_rng(1).normal(0.0, 0.01, len(time))
+    turns = steady_turns("run", time, tacho, None, False, 0.01)
+    vector = order_vector("A", "acceleration", signal, turns, time, 1, 8)
+    off = np.angle(vector.value / np.exp(0.7j))
+    assert turns.keeps_step
+    assert abs(off) < vector.phase_within < 2 * np.pi * 0.6 / 100.0
+    assert abs(off) > 2 * np.pi * 0.2 / 100.0
+
+
+def test_a_rotor_without_unbalance_has_no_phase() -> None:
+    """Noise alone: amplitude within its interval, the phase said to mean nothing, coherence low."""
+    from .machine import UNBALANCE
+
+    told = [vector for seed in range(5) for vector in vectors_of(Rotor(seed=seed, weights=-UNBALANCE))]
+    assert sum(vector.is_told for vector in told) <= 2
+    quiet = [vector for vector in told if not vector.is_told]
+    assert all(vector.phase_within == np.pi for vector in quiet)
+    assert np.median([vector.coherence for vector in told]) < 0.4
+
+
+def test_pulses_between_samples() -> None:
+    """A sine's rising and falling zeros, at any phase, to a thousandth of a sample."""
+    time = np.arange(2000) / 1000.0
+    signal = np.sin(2 * np.pi * 7.0 * time - 0.8)
+    expected = (0.8 / (2 * np.pi) + np.arange(14)) / 7.0
+    np.testing.assert_allclose(tacho_pulses(time, signal), expected, atol=1e-6)
+    np.testing.assert_allclose(tacho_pulses(time, signal, falling=True)[:12], expected[:12] + 0.5 / 7.0, atol=1e-6)
+
+
+def test_a_noisy_edge_is_one_pulse() -> None:
+    """Noise of a tenth of the swing on slow edges makes no extra pulses."""
+    rng = np.random.default_rng(0)
+    time = np.arange(20_000) / 10_000.0
+    signal = np.sin(2 * np.pi * 10.0 * time) + rng.normal(0.0, 0.05, len(time))
+    assert len(tacho_pulses(time, signal)) == 20
+
+
+@pytest.mark.parametrize("drop", [[60], [60, 61], [60, 62], [10, 100]])
+def test_lost_pulses_are_named(drop: list[int]) -> None:
+    """Not averaged through: how many, and where."""
+    with pytest.raises(AnalysisError, match=rf"{len(drop)} pulses? lost: .* after pulse"):
+        turns_of(Rotor(drop=drop))
+
+
+def test_a_pulse_too_many_is_named() -> None:
+    """A second mark in one turn."""
+    time, tacho, _ = Rotor().record()
+    tacho[(time > 1.0009) & (time < 1.0019)] = 5.0
+    first = steady_turns("run", *Rotor().record()[:2], None, False, 0.01).pulses
+    assert np.abs(first - 1.0014).min() > 0.0015
+    with pytest.raises(AnalysisError, match=r"pulses? too many, at 1\.00"):
+        steady_turns("run", time, tacho, None, False, 0.01)
+
+
+def test_speed_that_is_not_steady_says_how_much() -> None:
+    """A drift of 5 %: refused with its size; half a per cent passes."""
+    with pytest.raises(AnalysisError, match=r"changes by 4\.\d % of its mean [23]\d{3}"):
+        turns_of(Rotor(drift=0.05))
+    assert 0.003 < turns_of(Rotor(drift=0.005)).change < 0.006
+    assert turns_of(Rotor(drift=0.05), within=0.1).change == pytest.approx(0.05, rel=0.2)
+
+
+def test_timing_to_a_sample_is_no_unsteady_speed() -> None:
+    """Steady at 40 samples a turn, where one sample is 2.5 %: steady, and its mean right."""
+    turns = turns_of(Rotor(rate=2000.0))
+    assert turns.change < 0.005
+    assert turns.speed == pytest.approx(50.0, rel=1e-3)
+
+
+def test_no_pulses_and_too_few_turns() -> None:
+    """A flat channel, and a record of five turns."""
+    time = np.arange(1000) / 1000.0
+    with pytest.raises(AnalysisError, match=r"0 pulses in 0\.999 s, values 5 to 5: expected at least 11"):
+        steady_turns("run", time, np.full(1000, 5.0), None, False, 0.01)
+    with pytest.raises(AnalysisError, match=r"[56] pulses in 0\.0999 s"):
+        turns_of(Rotor(seconds=0.1))

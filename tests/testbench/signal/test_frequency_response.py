@@ -1,0 +1,66 @@
+"""Response to several inputs against systems whose responses are known."""
+
+import numpy as np
+import pytest
+from scipy.signal import butter, freqz, lfilter
+
+from testbench.errors import AnalysisError
+from testbench.signal.frequency_response import conditioned_response, frequency_response
+
+RATE = 1000.0
+
+
+@pytest.fixture(scope="module")
+def noise():
+    """Two records of noise that share half of their power, and one of its own."""
+    first, other, own = np.random.default_rng(5).normal(size=(3, 100_000))
+    return first, (first + other) / np.sqrt(2.0), own
+
+
+def test_each_response_is_its_own(noise):
+    """Two inputs that go together in part: each gain is that of its filter, where one input alone errs."""
+    first, second, own = noise
+    low, high = butter(2, 100.0, fs=RATE), butter(2, 60.0, "high", fs=RATE)
+    answer = lfilter(*low, first) + 2.0 * lfilter(*high, second) + 0.3 * own
+    found = conditioned_response([first, second], answer, RATE, 512)
+    band = (found.frequency > 80.0) & (found.frequency < 200.0)
+    for row, (taps, size) in enumerate(((low, 1.0), (high, 2.0))):
+        true = size * freqz(*taps, found.frequency, fs=RATE)[1]
+        off = np.abs(found.response[row] - true)[band] / np.abs(true[band])
+        assert np.mean(off < 4.0 * found.relative_deviation[row][band]) > 0.97
+    alone = frequency_response(first, answer, RATE, 512).response[band]
+    true = freqz(*low, found.frequency, fs=RATE)[1][band]
+    assert np.median(np.abs(alone - true) / np.abs(true)) > 0.5
+    assert (found.multiple[band] > 0.8).all()
+
+
+def test_one_input_is_the_plain_transfer(noise):
+    """With one input response, coherence and deviation are those of H1."""
+    first, _, own = noise
+    answer = lfilter(*butter(2, 100.0, fs=RATE), first) + own
+    plain, found = frequency_response(first, answer, RATE, 512), conditioned_response([first], answer, RATE, 512)
+    assert found.response[0] == pytest.approx(plain.response)
+    assert found.partial[0] == pytest.approx(plain.coherence, abs=1e-9)
+    assert found.relative_deviation[0][1:] == pytest.approx(plain.relative_deviation[1:], rel=1e-6)
+
+
+def test_an_input_that_explains_nothing_more_is_rarely_significant(noise):
+    """Five of 100 frequencies at most, about, though it goes with the one that explains the answer."""
+    first, second, own = noise
+    found = conditioned_response([first, second], first + own, RATE, 256)
+    assert np.mean(found.significant[1]) < 0.1
+    assert found.significant[0].all()
+
+
+def test_inputs_that_are_one_are_not_told_apart(noise):
+    """The same input twice: neither has anything of its own, and no response is made up."""
+    first, _, own = noise
+    found = conditioned_response([first, 3.0 * first], first + own, RATE, 256)
+    assert not found.response.any()
+    assert not found.significant.any()
+
+
+def test_too_few_segments_for_so_many_inputs():
+    """Each input takes a segment: refused, with how many are needed."""
+    with pytest.raises(AnalysisError, match="for 3 inputs"):
+        conditioned_response(list(np.random.default_rng(0).normal(size=(3, 1500))), np.ones(1500), RATE, 512)

@@ -1,0 +1,291 @@
+"""Stopped ingests: what was acknowledged survives kill -9, what was not is said to be lost."""
+
+import json
+import random
+import sys
+
+import numpy as np
+import pytest
+
+from studies import store_faults as faults
+from testbench.cli.campaign import recover as command
+from testbench.errors import StoreError
+from testbench.ingest import Ingest
+from testbench.ingest.recovered_runs import recover
+from testbench.ingest.run_conditions import plan_runs
+from testbench.recording import Channel, Group, TimeColumn, UniformClock
+from testbench.store import atomic_files, group_writer, open_campaign, open_run
+from testbench.store.archive import archive
+from testbench.store.journal import JournalWriter
+from testbench.store.writer import RunWriter
+
+INTENT = {
+    "origin": "simulated", "conditions": {"payload_kg": 5.0}, "rig": "a = 1\n",
+    "sources": [{"name": "log.csv", "size_bytes": 9}],
+}  # fmt: skip
+GROUP = Group("log", (Channel("Time (s)", "s", "Time"), Channel("AccX (g)", "g", "AccX")), TimeColumn(0))
+COLUMNS = [
+    np.arange(group_writer.GATHERED + 5000) / 1000.0,
+    np.random.default_rng(3).normal(size=group_writer.GATHERED + 5000),
+]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a killed process keeps its files open for a while")
+def test_killed_at_random_moments(tmp_path):
+    """6 ingests killed at random: all that they had acknowledged is there, and no half file has a final name."""
+    columns = faults.write_log(tmp_path / "log.csv")
+    whole = faults.duration(tmp_path / "log.csv", tmp_path / "whole")
+    chance = random.Random(20)
+    for number in range(6):
+        campaign = tmp_path / f"c{number}"
+        acknowledged = faults.kill(tmp_path / "log.csv", campaign, chance, whole)
+        campaign.mkdir(exist_ok=True)
+        code = faults.recovered(campaign, acknowledged, columns)
+        assert code in ({0, 3} if acknowledged else {0, 1})
+        assert faults.recovered(campaign, acknowledged, columns) == 0  # nothing is left to do
+
+
+def stopped(folder, monkeypatch, finish=False, seal=False, commit=False):
+    """What a killed process leaves: nothing is tidied up."""
+    with monkeypatch.context() as patch:
+        patch.setattr(RunWriter, "__exit__", lambda *_: None)
+        with RunWriter(folder, "r001", INTENT) as run:
+            run.group(GROUP).append(COLUMNS)
+            if finish:
+                run.group(GROUP).finish(1000.0, "median_step")
+                run.describe("simulated", {}, [], {"sources": []}, None)
+            if seal:
+                run.seal()
+            if commit:
+                patch.setattr(JournalWriter, "remove", lambda _: None)
+                run.commit()
+    if run._file is not None:
+        run._file.close()
+    run._journal._stream.close()
+
+
+def test_what_was_acknowledged_becomes_a_marked_run(tmp_path, monkeypatch):
+    """Samples to the bit; conditions, rig and origin as they were meant; the loss in a finding."""
+    stopped(tmp_path, monkeypatch)
+    (found,) = recover(tmp_path)
+    assert (found.status, found.file) == ("recovered", "r001.recovered.h5")
+    run = open_run(tmp_path / found.file)
+    assert run.group().samples == group_writer.GATHERED == found.samples["log"]
+    assert run.channel("AccX").tobytes() == COLUMNS[1][: group_writer.GATHERED].tobytes()
+    assert run.rate_hz == pytest.approx(1000.0)
+    assert (run.origin, run.conditions, run.rig) == ("simulated", {"payload_kg": 5.0}, "a = 1\n")
+    assert "interrupted" in {finding.code for finding in run.findings}
+    assert recover(tmp_path) == []
+    assert {state.status for state in open_campaign(tmp_path).verify()} == {"intact"}
+
+
+@pytest.mark.parametrize("commit", [False, True])
+def test_a_run_that_was_written_whole_is_put_in_its_place(tmp_path, monkeypatch, commit):
+    """Stopped between the last byte and the last name: the run itself is there, and nothing is lost."""
+    stopped(tmp_path, monkeypatch, finish=True, seal=True, commit=commit)
+    (found,) = recover(tmp_path)
+    assert (found.status, found.file) == ("completed", "r001.h5")
+    assert open_run(tmp_path / "r001.h5").channel("AccX").tobytes() == COLUMNS[1].tobytes()
+    assert [p.name for p in sorted(tmp_path.iterdir())] == ["r001.h5", "r001.h5.sha256"]
+    assert atomic_files.recorded_digest(tmp_path / "r001.h5") == atomic_files.sha256_of(tmp_path / "r001.h5")
+
+
+def test_stopped_between_digest_and_run(tmp_path, monkeypatch):
+    """The digest has its name, the run not yet: it gets it."""
+    stopped(tmp_path, monkeypatch, finish=True, seal=True)
+    (part,) = tmp_path.glob("*.part")
+    atomic_files.digest_file(tmp_path / "r001.h5").write_text(
+        atomic_files.line_for("r001.h5", atomic_files.sha256_of(part))
+    )
+    assert [found.status for found in recover(tmp_path)] == ["completed"]
+    assert {state.status for state in open_campaign(tmp_path).verify()} == {"intact"}
+
+
+def test_the_whole_log_makes_what_was_saved_unnecessary(tmp_path, monkeypatch):
+    """If the log was ingested again before, the leftover only goes; another run of the name stays as it is."""
+    stopped(tmp_path, monkeypatch)
+    with RunWriter(tmp_path, "r001") as run:
+        run.group(GROUP).append(COLUMNS)
+        run.group(GROUP).finish(None, None)
+        run.describe("simulated", {}, [], {"sources": []}, None)
+        run.commit()
+    before = (tmp_path / "r001.h5").read_bytes()
+    assert [found.status for found in recover(tmp_path)] == ["superseded"]
+    stopped_again = COLUMNS[1][7]
+    COLUMNS[1][7] += 1.0
+    try:
+        with monkeypatch.context() as patch:
+            patch.setattr("pathlib.Path.exists", lambda path: False)  # the run came meanwhile
+            stopped(tmp_path, patch)
+    finally:
+        COLUMNS[1][7] = stopped_again
+    assert [found.file for found in recover(tmp_path)] == ["r001.recovered.h5"]
+    assert (tmp_path / "r001.h5").read_bytes() == before
+
+
+def test_damage_is_not_saved(tmp_path, monkeypatch):
+    """A flipped bit in an acknowledged chunk or in the journal: refused, and what is there stays."""
+    for ending in (".part", ".journal"):
+        stopped(tmp_path, monkeypatch)
+        (path,) = tmp_path.glob(f"*{ending}")
+        content = bytearray(path.read_bytes())
+        content[len(content) // 2] ^= 1
+        path.write_bytes(content)
+        before = {p.name for p in tmp_path.iterdir()}
+        assert [found.status for found in recover(tmp_path)] == ["failed"]
+        assert {p.name for p in tmp_path.iterdir()} == before
+        for left in tmp_path.iterdir():
+            left.unlink()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="locks of another kind")
+def test_a_running_ingest_is_left_alone(tmp_path):
+    """Recover does not touch what a living process writes; verify says so; the ingest ends well."""
+    with RunWriter(tmp_path, "r001", INTENT) as run:
+        run.group(GROUP).append(COLUMNS)
+        assert [found.status for found in recover(tmp_path)] == ["running"]
+        (state,) = [s for s in open_campaign_states(tmp_path) if s.status == "unfinished"]
+        assert "at this moment" in state.message
+        run.group(GROUP).finish(None, None)
+        run.describe("simulated", {}, [], {"sources": []}, None)
+        run.commit()
+    assert recover(tmp_path) == []
+
+
+def open_campaign_states(folder):
+    """What verify says of a folder that may hold no run yet."""
+    from testbench.store import Campaign
+
+    return Campaign(folder).verify()
+
+
+@pytest.mark.parametrize("clock", [TimeColumn(0), UniformClock(100.0, 0.5), None])
+def test_clocks_survive(tmp_path, monkeypatch, clock):
+    """Recorded, uniform or none: the group is what it was."""
+    monkeypatch.setitem(globals(), "GROUP", Group("log", GROUP.channels, clock))
+    stopped(tmp_path, monkeypatch, finish=True)
+    recover(tmp_path)
+    group = open_run(tmp_path / "r001.recovered.h5").group()
+    assert (group.clock, group.channels, group.samples) == (clock, GROUP.channels, len(COLUMNS[0]))
+
+
+def test_the_command_says_what_is_lost(tmp_path, monkeypatch, capsys):
+    """0 nothing to do, 3 with losses, 1 if nothing could be saved; a folder that is none is refused."""
+    assert command.main([str(tmp_path)], standalone_mode=False) == 0
+    stopped(tmp_path, monkeypatch)
+    capsys.readouterr()
+    assert command.main([str(tmp_path), "--json"], standalone_mode=False) == 3
+    (found,) = json.loads(capsys.readouterr().out)["recovered"]
+    assert "lost unless the log is at hand" in found["message"]
+    monkeypatch.setitem(globals(), "COLUMNS", [column[:100] for column in COLUMNS])
+    stopped(tmp_path, monkeypatch)
+    assert command.main([str(tmp_path)], standalone_mode=False) == 1
+    assert command.main([str(tmp_path)], standalone_mode=False) == 0
+    with pytest.raises(StoreError, match="no such folder"):
+        command.main([str(tmp_path / "nowhere")], standalone_mode=False)
+
+
+def test_a_random_bit_or_cut_is_found(tmp_path):
+    """60 flipped bits of runs and digests, 60 cuts: each is named by verify, and no cut run gives fewer samples.
+
+    So it is of an archive.
+    """
+    faults.write_log(tmp_path / "log.csv", 3000)
+    Ingest(tmp_path / "c").run(plan_runs([tmp_path / "log.csv"], None)[0])
+    chance = random.Random(21)
+    run = tmp_path / "c" / "log.h5"
+    for stored in (run, archive(open_run(run), tmp_path / "a").file):
+        assert all(faults.flipped(stored, chance) for _ in range(60))
+        assert all(faults.cut(stored, chance) for _ in range(60))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a killed process keeps its files open for a while")
+def test_archives_killed_at_random_moments(tmp_path):
+    """Two killed archives: the run is whole, nothing half has a name, and the archive is made again."""
+    faults.write_log(tmp_path / "log.csv", 100_000)
+    Ingest(tmp_path / "c").run(plan_runs([tmp_path / "log.csv"], None)[0])
+    run = tmp_path / "c" / "log.h5"
+    whole = faults.duration(run, tmp_path / "a", faults.ARCHIVING)
+    chance = random.Random(22)
+    for number in range(2):
+        assert faults.kill_archive(run, tmp_path / f"a{number}", chance, whole) == 0
+
+
+def test_a_campaign_of_nothing_but_leftovers(tmp_path, monkeypatch):
+    """Commands that need a run say what is there and how to save it."""
+    stopped(tmp_path, monkeypatch)
+    with pytest.raises(
+        StoreError, match=r"holds no run \(\*\.h5\), only what a stopped ingest left: `testbench recover"
+    ):
+        open_campaign(tmp_path)
+    with RunWriter(tmp_path, "other"), pytest.raises(StoreError, match="at this moment"):
+        open_campaign(tmp_path)
+
+
+def test_files_of_others_are_left_alone(tmp_path):
+    """Files of a person that end like ours are neither leftovers nor removed, empty ones included."""
+    mine = {"lab.journal": b"notes of the day", "lab.part": b"2 of 3", "empty.journal": b"", "empty.part": b"x",
+            "other.h5.sha256.part": b"y", ".hidden.journal": b"", ".hidden.part": b"z"}  # fmt: skip
+    for name, content in mine.items():
+        (tmp_path / name).write_bytes(content)
+    assert recover(tmp_path) == []
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == mine
+    assert {state.status for state in open_campaign_states(tmp_path)} == {"extra"}
+
+
+@pytest.mark.parametrize("name", ["my.journal", "a.journal.b", "r001.part", "a.h5.sha256.b"])
+def test_runs_whose_names_look_like_endings(tmp_path, monkeypatch, name):
+    """What is saved has the name of its run, where everybody finds it."""
+    real = RunWriter.__init__
+    with monkeypatch.context() as patch:
+        patch.setattr(RunWriter, "__init__", lambda self, folder, _, intent: real(self, folder, name, intent))
+        stopped(tmp_path, patch)
+    assert [(found.run, found.file) for found in recover(tmp_path)] == [(name, f"{name}.recovered.h5")]
+    (run,) = open_campaign(tmp_path).runs
+    assert run.channel("AccX").tobytes() == COLUMNS[1][: run.group().samples].tobytes()
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_recovery_that_was_stopped_before_it_tidied_up(tmp_path, monkeypatch):
+    """The run is saved once: a second one of the same samples would count as a repeat."""
+    stopped(tmp_path, monkeypatch)
+    left = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    assert [found.status for found in recover(tmp_path)] == ["recovered"]
+    for path, content in left.items():
+        path.write_bytes(content)
+    assert [(found.status, found.file) for found in recover(tmp_path)] == [("superseded", "r001.recovered.h5")]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["r001.recovered.h5", "r001.recovered.h5.sha256"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="locks of another kind")
+def test_the_digest_of_a_running_ingest_is_left_alone(tmp_path, monkeypatch):
+    """A recovery at the moment in which an ingest names its digest takes nothing away."""
+    real, found = atomic_files.take_name, []
+
+    def amid(part, target):
+        found.append(recover(tmp_path))
+        real(part, target)
+
+    monkeypatch.setattr(atomic_files, "take_name", amid)
+    with RunWriter(tmp_path, "r001", INTENT) as run:
+        run.group(GROUP).append(COLUMNS)
+        run.group(GROUP).finish(None, None)
+        run.describe("simulated", {}, [], {"sources": []}, None)
+        run.commit()
+    assert [[one.status for one in each] for each in found] == [["running"], ["running"]]
+    assert {state.status for state in open_campaign(tmp_path).verify()} == {"intact"}
+
+
+@pytest.mark.parametrize("ending", [".journal", ".journal.new"])
+def test_stopped_before_it_began(tmp_path, ending):
+    """An empty journal alone is nothing; beside an unfinished run it was lost with the machine, and the run stays."""
+    journal, part = tmp_path / f".r001.0123456789ab{ending}", tmp_path / ".r001.0123456789ab.part"
+    journal.touch()
+    assert recover(tmp_path) == []
+    assert not list(tmp_path.iterdir())
+    journal.touch()
+    part.write_bytes(b"samples")
+    (found,) = recover(tmp_path)
+    assert (found.status, found.run) == ("failed", "r001")
+    assert "loss of power" in found.message
+    assert part.read_bytes() == b"samples"

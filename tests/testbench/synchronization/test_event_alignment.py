@@ -1,0 +1,83 @@
+"""Alignment by trigger edges and by taps."""
+
+import numpy as np
+import pytest
+
+from testbench.errors import AnalysisError
+from testbench.synchronization.event_alignment import by_taps, by_trigger
+from testbench.synchronization.signal_preparation import Shared
+
+from ..coverage import assert_holds
+
+OFFSET, DRIFT = -0.37, -45e-6
+
+
+def pulses(instants, seed=0, rates=(1000.0, 2000.0), seconds=12.0):
+    """A trigger high for 20 ms from each instant [s] of the reference's time, on two loggers."""
+    phase = np.random.default_rng(seed).random(2)
+    there, here = (np.arange(int(seconds * r)) / r + p / r for r, p in zip(rates, phase, strict=True))
+    level = lambda t: 5.0 * np.any((t[:, None] >= instants) & (t[:, None] < instants + 0.02), axis=1)  # noqa: E731
+    seen = level(OFFSET + (1 + DRIFT) * here)
+    return Shared("sync", there, (level(there)[:, None],), here, seen[:, None])
+
+
+def test_edges():
+    """Edges at uneven intervals give offset and drift within the sampling; intervals hold over seeds."""
+    hits = []
+    for seed in range(40):
+        instants = np.sort(np.random.default_rng([seed, 5]).uniform(0.5, 11.0, 6))
+        clock = by_trigger(pulses(instants, seed)).clock
+        low, high = clock.offset_interval
+        hits.append(low <= OFFSET <= high)
+        assert clock.offset == pytest.approx(OFFSET, abs=1.5e-3)
+    assert_holds(sum(hits), len(hits))
+
+
+def test_one_edge():
+    """A single edge tells no drift; the offset alone is known to about a sample."""
+    one = pulses(np.array([4.0]))
+    with pytest.raises(AnalysisError, match="no drift"):
+        by_trigger(one)
+    clock = by_trigger(one, drift=False).clock
+    assert abs(float(clock.to_reference(np.array([4.37]))[0]) - (OFFSET + (1 + DRIFT) * 4.37)) < clock.half_width(4.37)
+
+
+def test_a_periodic_trigger_is_ambiguous():
+    """A pulse a second, from before both records to after them, fits at every second."""
+    with pytest.raises(AnalysisError, match="ambiguous"):
+        by_trigger(pulses(np.arange(-1.5, 14.0)))
+
+
+def test_a_quiet_line_holds_no_trigger():
+    """A line that never changes is refused."""
+    with pytest.raises(AnalysisError, match=r"never changes|rising edges"):
+        by_trigger(pulses(np.array([])))
+
+
+def taps(seed, instants, noise=0.02):
+    """Ringing shocks at the instants [s] of the reference's time, and motions of each side's own between them."""
+    rng = np.random.default_rng(seed)
+    there, here = np.arange(0.0, 12.0, 1 / 2000.0), np.arange(0.0, 12.0, 1 / 1600.0)
+
+    def ring(t):
+        since = t[:, None] - instants
+        return np.sum(np.where(since > 0, np.exp(-since.clip(0) / 0.01) * np.sin(2 * np.pi * 90 * since), 0.0), axis=1)
+
+    one = ring(there) + 0.01 * np.sin(2 * np.pi * 1.7 * there) + noise * rng.normal(size=len(there))
+    other = (
+        ring(OFFSET + (1 + DRIFT) * here) + 0.01 * np.sin(2 * np.pi * 2.3 * here) + noise * rng.normal(size=len(here))
+    )
+    return Shared("taps", there, (one[:, None],), here, other[:, None])
+
+
+def test_taps():
+    """Three taps align two loggers far better than a sample, whatever else moved; intervals hold over seeds."""
+    clocks = [by_taps(taps(seed, np.array([1.3, 4.0, 9.7]))).clock for seed in range(6)]
+    assert max(abs(c.offset - OFFSET) for c in clocks) < 1e-4
+    assert_holds(sum(c.offset_interval[0] <= OFFSET <= c.offset_interval[1] for c in clocks), len(clocks))
+
+
+def test_no_tap():
+    """Noise without a shock is refused."""
+    with pytest.raises(AnalysisError, match="no tap stands out"):
+        by_taps(taps(0, np.array([]), 1.0))

@@ -1,0 +1,54 @@
+"""Printed tables, as printed."""
+
+import json
+
+import pytest
+
+from balance import datasets
+from testbench.errors import AnalysisError
+from testbench.published_tables import load_published
+
+
+def test_every_number():
+    """All 78 printed numbers are found under their conditions."""
+    table, found = load_published("kiper2019"), 0
+    source = json.loads(datasets.find_dataset("kiper2019", "published", ".json").read_text("utf-8"))
+    for payload, motion, acceleration, *percents in source["acceleration_amplitude_reduction_percent"]["rows"]:
+        assert [table.reduction(payload, motion, acceleration, axis) for axis in "xyz"] == percents
+        found += len(percents)
+    assert found == 78
+
+
+@pytest.mark.parametrize(("payload", "printed"), [(1.451, 40.77), (3.4116, 72.37), (5.0, 62.76)])
+def test_payloads_have_the_label_they_round_to(payload, printed):
+    """A payload has the label that it rounds to: 1.451 kg is printed as 1.45."""
+    assert load_published("kiper2019").reduction(payload, "x", 3.0, "x") == printed
+
+
+@pytest.mark.parametrize(
+    ("payload", "motion", "acceleration", "axis"),
+    [(1.46, "x", 3.0, "x"), (5.0, "triangle", 3.0, "x"), (5.0, "x", 3.5, "x"), (5.0, "x", 3.0, "w")],
+)
+def test_what_is_not_printed(payload, motion, acceleration, axis):
+    """What is not printed is None, not a neighbour."""
+    assert load_published("kiper2019").reduction(payload, motion, acceleration, axis) is None
+
+
+def test_no_table(tmp_path):
+    """Another name lists the shipped tables; another file is refused."""
+    with pytest.raises(AnalysisError, match="kiper2019"):
+        load_published("kiper2020")
+    other = tmp_path / "other.json"
+    other.write_text('{"source": 1}', encoding="utf-8")
+    with pytest.raises(AnalysisError, match="not a table"):
+        load_published(str(other))
+
+
+def test_what_is_no_number_is_refused(tmp_path):
+    """A number that is none is named with its condition, not carried into a mean."""
+    document = json.loads(datasets.find_dataset("kiper2019", "published", ".json").read_text("utf-8"))
+    document["acceleration_amplitude_reduction_percent"]["rows"][5][4] = float("nan")
+    other = tmp_path / "other.json"
+    other.write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(AnalysisError, match=r"1\.45, 'y', 2"):
+        load_published(str(other))

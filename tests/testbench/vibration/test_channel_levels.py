@@ -1,0 +1,49 @@
+"""Levels of a run's channels: all metrics and the spectrum, the same alone and in company."""
+
+import numpy as np
+import pytest
+
+from studies import simulated_runs as memory
+from testbench.runs.si_run import SIRun
+from testbench.store import open_campaign
+from testbench.vibration.channel_levels import channel_levels, definitions, of_runs
+from testbench.vibration.metrics import METRICS, Measure
+
+
+@pytest.fixture(scope="module")
+def runs(brief):
+    """Two stored runs."""
+    return open_campaign(brief.campaign).runs[:2]
+
+
+def test_metrics_are_those_of_the_reductions(runs):
+    """Peak, peak to peak and RMS of the base are what a reduction takes of it, to rounding."""
+    rig = SIRun.of(runs[0]).rig
+    for level in channel_levels(SIRun.of(runs[0]), rig.sensors["base_acc"].columns("base_acc")):
+        for metric in METRICS:
+            assert level.metrics[metric] == pytest.approx(
+                Measure(metric).of(*SIRun.of(runs[0]).signal(level.column)), rel=1e-12
+            )
+        assert level.metrics.keys() <= definitions(level.band).keys()
+
+
+def test_many_runs_are_each_as_alone(runs):
+    """Side by side, in the order of the runs, with the same numbers to the bit."""
+    found = list(of_runs(runs))
+    assert [run.name for run, _ in found] == [run.name for run in runs]
+    for run, some in found:
+        alone = channel_levels(SIRun.of(run), SIRun.of(run).rig.columns())
+        assert [one.as_dict() for one in some] == [one.as_dict() for one in alone]
+
+
+def test_a_line_in_the_noise_is_found():
+    """A 63 Hz line of 0.1 m/s2 that is put into the base's record stands first among the peaks, others are not seen."""
+    run = memory.scene("x", payload=5.0, masses={}).run(0)
+    column = next(SIRun.of(run).rig.sensors["base_acc"].columns("base_acc"))
+    time = np.arange(60_000) / 5000.0
+    quiet = np.random.default_rng(2).normal(0.0, 0.001, len(time))
+    line = memory.with_values(run, "AccX", quiet + np.sin(2 * np.pi * 63.0 * time) / 98.1)
+    (level,) = channel_levels(SIRun.of(line), [column])
+    assert [peak["frequency_hz"] for peak in level.peaks()] == [pytest.approx(63.0, abs=5000.0 / 4096.0)]
+    (nothing,) = channel_levels(SIRun.of(memory.with_values(run, "AccX", quiet)), [column])
+    assert nothing.peaks() == []

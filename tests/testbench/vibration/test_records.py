@@ -1,0 +1,187 @@
+"""Reductions of records that are not as one would wish: clipped, without rest, with a short one, in motion at once."""
+
+import re
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from studies import simulated_runs as memory
+from studies.simulated_runs import stored
+from testbench import campaign_plan as plans
+from testbench.rig import load_rig
+from testbench.signal.filters import Band
+from testbench.simulator import simulated_logs
+from testbench.store import open_campaign
+from testbench.vibration.metrics import METRICS, Measure
+from testbench.vibration.reduction import analyze
+
+from ..conftest import simulated
+from ..coverage import assert_holds
+
+BAND = Band(0.0, 200.0)
+SHIPPED = load_rig("parallelogram-6bar")
+PLAN = """
+mechanism = "parallelogram-6bar"
+[[conditions]]
+payload = "3.4116 kg"
+counter_masses = { counter_A0A = "17.1105 kg", counter_B0B = "17.1105 kg" }
+motion = "x"
+peak_acceleration = "3 g0"
+"""
+
+
+@cache
+def scenes() -> tuple[memory.Scene, memory.Scene]:
+    """The same motion with counter-masses and without."""
+    return memory.scene("x"), memory.scene("x", masses={})
+
+
+def cut(run: memory.MemoryRun, seconds: float) -> memory.MemoryRun:
+    """The run, as if its logger of accelerations had started later."""
+    group = run.groups[0]
+    lost = round(seconds * group.rate_hz)
+    prefix = f"{group.path}/"
+    data = {k: v[lost:] if k.startswith(prefix) else v for k, v in run.provenance["data"].items()}
+    return replace(
+        run, groups=(replace(group, samples=group.samples - lost), *run.groups[1:]), provenance={"data": data}
+    )
+
+
+def rests(scene: memory.Scene, seed: int) -> float:
+    """How long the accelerometers' logger of a run is at rest [s]."""
+    return -scene.starts(seed)["daq"]["start"]
+
+
+def pair(rest_s: tuple[float, float], seed: int = 0) -> list[memory.MemoryRun]:
+    """Runs with and without counter-masses, with so much rest [s] left of them; below zero they start in motion."""
+    return [
+        cut(scene.run(seed * 2 + k), rests(scene, seed * 2 + k) - rest)
+        for k, (scene, rest) in enumerate(zip(scenes(), rest_s, strict=True))
+    ]
+
+
+@pytest.mark.parametrize("start", [0.2, 0.4])
+def test_no_rest(start):
+    """In motion at once, of a sensor whose noise nobody states: what was read, without an interval, and a finding."""
+    measure = Measure("rms", BAND)
+    runs = [replace(run, rig=re.sub(r"(?m)^noise = .*$", "", run.rig)) for run in pair((-start, -start))]
+    analysis = analyze(runs, measure)
+    assert {f.code for f in analysis.findings} == {"no_noise_floor"}
+    for reduction in analysis.reductions:
+        assert (reduction.interval, reduction.method, reduction.noise_floor) == (None, None, (None, None))
+    assert analysis.reductions[0].percent == pytest.approx(_true(runs, "x", measure, start), abs=0.5)
+
+
+def test_the_noise_that_the_rig_states():
+    """In motion at once the noise is the rig's, about that of a rest; a finding says so, and the intervals hold."""
+    measure, held = Measure("rms", BAND), 0
+    for seed in range(4):
+        analysis = analyze(pair((-0.2, -0.2), seed), measure)
+        assert {f.code for f in analysis.findings} == {"noise_stated"}
+        rested = analyze(pair((0.1, 0.1), seed), measure).reductions
+        for reduction, known in zip(analysis.reductions, rested, strict=True):
+            assert reduction.noise_stated
+            assert not known.noise_stated
+            assert reduction.noise_floor == pytest.approx(known.noise_floor, rel=0.35)
+            low, high = reduction.interval
+            held += low <= _true(pair((-0.2, -0.2), seed), reduction.axis, measure, 0.2) <= high
+    assert_holds(held, 12)
+
+
+@pytest.mark.parametrize("metric", METRICS)
+def test_rest_of_one_run(metric):
+    """The noise of one run is that of the other too, whose record is in motion at once: the same channel."""
+    for reduction in analyze(pair((0.1, -0.25)), Measure(metric, BAND)).reductions:
+        low, high = reduction.interval
+        assert low < reduction.percent < high
+        assert reduction.noise_floor[0] == pytest.approx(reduction.noise_floor[1], rel=0.1)
+
+
+@pytest.mark.parametrize("metric", ["rms", "peak"])
+def test_short_rest(metric):
+    """The 50 ms before a late logger sees anything move know the noise to a third; the intervals still hold."""
+    measure, held = Measure(metric, BAND), 0
+    for seed in range(4):
+        runs = pair((-0.08, -0.08), seed)
+        for reduction in analyze(runs, measure).reductions:
+            low, high = reduction.interval
+            held += low <= _true(runs, reduction.axis, measure, 0.08) <= high
+    assert_holds(held, 12)
+
+
+def _true(runs: list[memory.MemoryRun], axis: str, measure: Measure, start: float) -> float:
+    """Reduction without noise [%] over the spans of runs that begin ``start`` [s] into the motion."""
+    amplitudes = []
+    for scene, run in zip(scenes(), runs, strict=True):
+        group = run.groups[0]
+        signal = scene.seen[scene.rig.sensors["base_acc"].channels[axis]]
+        instants = start + np.arange(group.samples) / group.rate_hz
+        amplitudes.append(measure.of(np.interp(instants, scene.bench.time, signal, left=0.0), group.rate_hz))
+    return 100.0 * (1.0 - amplitudes[0] / amplitudes[1])
+
+
+@pytest.mark.parametrize(("limit_g", "limit"), [(0.15, "at_least"), (0.05, None)])
+def test_clipping(tmp_path, limit_g, limit):
+    """A sensor at its range saw at least so much: clipped without counter-masses alone, a lower bound."""
+    measure = Measure("peak", BAND)
+    made = simulated(tmp_path, PLAN, SHIPPED.text.replace('range = "50 g"', f'range = "{limit_g} g"', 1))
+    analysis = analyze(open_campaign(made.campaign).runs, measure)
+    found = next(r for r in analysis.reductions if r.axis == "x")
+    assert "clipping" in {f.code for f in analysis.findings}
+    assert found.limit == limit
+    if limit is None:
+        assert found.interval is None
+        return
+    assert found.interval[1] == 100.0
+    assert 0.0 < found.at_least < found.percent < _true(pair((0.2, 0.2)), "x", measure, -0.2)
+
+
+@pytest.mark.parametrize("metric", METRICS)
+def test_files_and_memory(brief, metric):
+    """What the files give is what the loggers recorded: the same numbers, to the last digit."""
+    made = simulated_logs.simulate_logs(plans.load_plan("kiper2019-brief"), SHIPPED)
+    alone = analyze([stored(run, SHIPPED) for run in made], Measure(metric, BAND)).reductions
+    filed = analyze(open_campaign(brief.campaign).runs, Measure(metric, BAND)).reductions
+    assert [replace(r, runs=()) for r in alone] == [replace(r, runs=()) for r in filed]
+
+
+@cache
+def repeated() -> tuple[memory.MemoryRun, ...]:
+    """Two repeats a side of three conditions."""
+    runs = []
+    for number, acceleration in enumerate((1.0, 2.0, 3.0)):
+        for side, masses in enumerate(({}, memory.BUILT)):
+            seen = memory.scene("x", acceleration, masses)
+            runs += [seen.run(100 * number + 10 * side + k) for k in range(2)]
+    return tuple(runs)
+
+
+def test_repeats_of_other_conditions():
+    """An interval of two repeats a side is narrower where other conditions were repeated too, and holds the truth."""
+    measure = Measure("rms", BAND)
+    pooled = [r for r in analyze(repeated(), measure).reductions if r.key.peak_acceleration_g == 3.0]
+    alone = analyze(repeated()[-4:], measure).reductions
+    assert [(r.axis, r.method, r.n) for r in pooled] == [(axis, "repeats", (2, 2)) for axis in "xyz"]
+    widths = [np.median([r.interval[1] - r.interval[0] for r in some]) for some in (pooled, alone)]
+    assert widths[0] < 0.8 * widths[1]
+    for reduction in pooled:
+        assert reduction.interval[0] < reduction.percent < reduction.interval[1]
+
+
+def test_repeats_that_differ():
+    """Repeats that differ far more than all others are said, and widen no other condition's interval."""
+    measure, runs = Measure("rms", BAND), list(repeated())
+    group, index = runs[0].find("AccX")
+    runs[0] = memory.with_values(runs[0], "AccX", 1.8 * runs[0].provenance["data"][f"{group.path}/{group.keys[index]}"])
+    analysis = analyze(runs, measure)
+    assert {f.code for f in analysis.findings} >= {"repeats_differ"}
+    said = [f.message for f in analysis.findings if f.code == "repeats_differ"]
+    assert len(said) == 1
+    assert "1 g0, base_acc along x" in said[0]
+    assert f"({runs[0].name} {runs[1].name})" in said[0]
+    before = analyze(repeated(), measure).reductions
+    for new, old in zip(analysis.reductions, before, strict=True):
+        if new.axis == "x" and new.key.peak_acceleration_g > 1.0:
+            assert np.diff(new.interval) < 2.0 * np.diff(old.interval)

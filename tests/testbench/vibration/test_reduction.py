@@ -1,0 +1,148 @@
+"""Reductions: closed forms, intervals that hold what they promise, and the known truth of a simulated campaign."""
+
+import shutil
+
+import numpy as np
+import polars
+import pytest
+
+from testbench.errors import AnalysisError
+from testbench.signal.filters import Band
+from testbench.store import open_campaign
+from testbench.vibration.metrics import Measure
+from testbench.vibration.reduction import analyze, percent
+
+
+def test_percent():
+    """From 4 to 1 is a reduction of 75 %, from 1 to 1 none, from 1 to 2 an increase; of nothing there is none."""
+    assert percent([1.0], [4.0]) == pytest.approx(75.0)
+    assert percent([1.0], [1.0]) == pytest.approx(0.0)
+    assert percent([2.0], [1.0]) == pytest.approx(-100.0)
+    assert percent([0.0], [1.0]) == 100.0
+    assert percent([0.0], [0.0]) is None
+
+
+def test_percent_of_repeats():
+    """Repeats are averaged by their logarithms: the order of averaging and dividing does not matter."""
+    assert percent([1.0, 4.0], [8.0, 8.0]) == pytest.approx(75.0)
+
+
+@pytest.mark.parametrize("metric", ["peak", "peak_to_peak", "rms"])
+def test_known_truth(brief, metric):
+    """Through the files, too, the intervals hold the truth: 12 of 95 % miss it more than 3 times once in 450.
+
+    And no value is further off than noise of some standard deviations on both amplitudes makes it.
+    """
+    noise = {"peak": 5.0, "peak_to_peak": 10.0, "rms": 1.2}[metric] * 0.002 * 9.81 * np.sqrt(200.0 / 2500.0)
+    measure = Measure(metric, Band(0.0, 200.0))
+    analysis = analyze(open_campaign(brief.campaign).runs, measure)
+    assert len(analysis.reductions) == 12
+    held = 0
+    for reduction in analysis.reductions:
+        balanced, unbalanced = (_true_amplitude(brief.logs, run, reduction.axis, measure) for run in reduction.runs)
+        low, high = reduction.interval
+        true = 100.0 * (1.0 - balanced / unbalanced)
+        held += low <= true <= high
+        assert abs(reduction.percent - true) < 100.0 * 1.1 * noise / unbalanced * (1.0 + balanced / unbalanced)
+        assert reduction.method == "propagation"
+        assert reduction.n == (1, 1)
+        assert reduction.resolution == pytest.approx(0.0005 * 9.81)
+    assert held >= 9
+
+
+def test_noise_floor(brief):
+    """At rest the sensor's noise in the band is known: 0.002 g white over 2500 Hz, of which 200 Hz count."""
+    expected = 0.002 * 9.81 * np.sqrt(200.0 / 2500.0)
+    for reduction in analyze(open_campaign(brief.campaign).runs, Measure("rms")).reductions:
+        assert reduction.noise_floor == pytest.approx((expected, expected), rel=0.35)
+
+
+def test_below_noise(brief):
+    """What sinks into the noise is a lower bound that says so: along y force alone acts, and nearly none is left.
+
+    What is left is less than twice what noise alone reads.
+    """
+    analysis = analyze(open_campaign(brief.campaign).runs, Measure("peak"))
+    sunk = [r for r in analysis.reductions if r.below_noise]
+    assert {(r.key.motion, r.axis) for r in sunk} >= {("y", "x"), ("y", "z")}
+    for r in sunk:
+        assert r.limit == "at_least"
+        assert r.interval[1] == 100.0
+        assert r.as_dict()["at_least_percent"] == r.interval[0]
+        assert r.interval[0] > 100.0 * (1.0 - 2.0 * r.noise_floor[0] / r.amplitudes[1])
+    assert {f.code for f in analysis.findings} == {"below_noise"}
+    assert not [r for r in analysis.reductions if r.key.motion == "x" and r.limit]
+
+
+def _true_amplitude(logs, run: str, axis: str, measure: Measure) -> float:
+    """Amplitude of the base without noise, over the span that the logger recorded [m/s2]."""
+    table = polars.read_parquet(logs / "truth" / f"{run}.parquet")
+    resting = np.zeros(2370)
+    signal = np.concatenate([resting, table[f"Acc{axis.upper()}_m_s2"].to_numpy()])
+    return measure.of(signal, 10_000.0)
+
+
+def test_truth_is_not_read(brief, tmp_path):
+    """Analysis needs neither the logs nor the truth: only the stored runs."""
+    shutil.copytree(brief.campaign, tmp_path / "alone")
+    alone = analyze(open_campaign(tmp_path / "alone").runs, Measure())
+    assert alone.reductions == analyze(open_campaign(brief.campaign).runs, Measure()).reductions
+
+
+def test_nothing_of_the_analysis_imports_the_truth():
+    """No module but those that make a campaign knows of the truth."""
+    from pathlib import Path
+
+    import testbench
+
+    root = Path(testbench.__file__).parent
+    knowing = {p.relative_to(root).as_posix() for p in root.rglob("*.py") if "truth" in _imports(p)}
+    assert knowing == {"bench/campaign.py"}
+
+
+def _imports(path) -> set[str]:
+    """Last parts of everything that a module imports."""
+    import ast
+
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            module = getattr(node, "module", None) or ""
+            names |= {part for alias in node.names for part in f"{module}.{alias.name}".split(".")}
+    return names
+
+
+def test_no_two_runs(brief):
+    """A campaign without a pair is refused, and each run is named with what it lacks."""
+    runs = [run for run in open_campaign(brief.campaign).runs if run.conditions["counter_masses"]]
+    with pytest.raises(AnalysisError, match=r"(?s)no two runs.*r001: no simulated run without.*r007"):
+        analyze(runs, Measure())
+
+
+def test_originals_are_not_available(brief):
+    """Wherever simulated runs of the manipulator are reduced it is said that its own logs are not at hand."""
+    analysis = analyze(open_campaign(brief.campaign).runs, Measure())
+    assert any("original logs" in note and "not available" in note for note in analysis.notes)
+
+
+def test_repeats_give_intervals(tmp_path):
+    """With two repeats on both sides every reduction has an interval, and it holds the reduction."""
+    from ..conftest import simulated
+
+    plan = """
+mechanism = "parallelogram-6bar"
+repeats = 2
+[[conditions]]
+payload = "5 kg"
+counter_masses = { counter_A0A = "24.2626 kg", counter_B0B = "24.2626 kg" }
+motion = "x"
+peak_acceleration = "4 g0"
+"""
+    made = simulated(tmp_path, plan)
+    reductions = analyze(open_campaign(made.campaign).runs, Measure()).reductions
+    assert [reduction.axis for reduction in reductions] == ["x", "y", "z"]
+    for reduction in reductions:
+        low, high = reduction.interval
+        assert low < reduction.percent < high
+        assert (reduction.method, reduction.n) == ("repeats", (2, 2))
+        assert len(reduction.runs) == 4
