@@ -55,7 +55,8 @@ def column(unit: str) -> Column:
 def signal(run: Run, column: Column) -> tuple[np.ndarray, float]:
     """The channel in SI, of a rig that knows no other."""
     rig = rigs.rig_from_text('mechanism = "none"\n[loggers.daq]\n[sensors.acc]\nkind = "accelerometer"\n'
-                             'logger = "daq"\nchannels = { x = "AccX" }\nposition = ["0 m", "0 m", "0 m"]\n')  # fmt: skip
+                             'logger = "daq"\nchannels = { x = "AccX" }\n'
+                             'position = ["0 m", "0 m", "0 m"]\n')  # fmt: skip
     return SIRun.of(run, rig).signal(column)
 
 
