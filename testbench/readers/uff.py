@@ -561,8 +561,8 @@ def _of_set(source: ByteSource, each: _Set) -> Iterator[Block]:
     readers = [pieces(source, f, samples) for f in each.functions]
     has_axis = len(each.group.channels) > sum(len(_channels(f)) for f in each.functions)
     start = 0
-    for pieces in zip(*readers, strict=True):
-        columns: list[Samples] = [row for piece in pieces for row in piece]
+    for parts in zip(*readers, strict=True):
+        columns: list[Samples] = [row for part in parts for row in part]
         if has_axis and first.even:
             with np.errstate(all="ignore"):
                 index = np.arange(start, start + len(columns[0]), dtype=np.float64)

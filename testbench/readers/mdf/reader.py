@@ -15,9 +15,10 @@ from ...recording import Block, Channel, Finding, Group, Recording, Refusal, Rep
 from ...units import seconds_per
 from ..byte_source import ByteSource, block_samples, damaged, watch_nonfinite
 from ..registry import ReadOptions
-from . import version3, version4
 from .data_model import DataGroup, File, Member, Records
 from .records import Bytes, Torn, column, invalid, may_be_rounded, record_parts
+from .version3 import read_version3
+from .version4 import read_version4
 
 _NONE: Bytes = np.empty((0, 0), dtype=np.uint8)
 
@@ -105,7 +106,7 @@ def open_mdf(path: Path, options: ReadOptions) -> Recording:
         head = source.read(0, 64, "the identification")
         (version,) = struct.unpack_from("<H", head, 28)
         unfinished = head[:8] == _MARKS[1]
-        file = (version4 if version >= 400 else version3).read(source, unfinished)
+        file = (read_version4 if version >= 400 else read_version3)(source, unfinished)
     sets, lost = joined(file)
     if lost:
         raise damaged(path, f"channel group {lost!r}: its time lies in another group, which cannot be read beside it")
