@@ -19,7 +19,7 @@ from .columns import sep005
 __all__ = ["TARGETS", "Exported", "export", "sep005"]
 
 TARGETS = {"csv": ".csv", "parquet": ".parquet", "mat": ".mat", "uff": ".uff"}
-"""Files that runs become, and their endings; each is a module here with ``write``."""
+"""Files that runs become, and their endings; each is written by ``tables.export_TARGET``."""
 PER_GROUP = frozenset({"csv", "parquet"})
 """Targets that hold one table a file."""
 Progress = Callable[[int], None]
@@ -57,7 +57,7 @@ def write_export(run: Run, groups: list[str], to: str, target: Path) -> Exported
         raise _taken(target)
     part = target.with_name(f".{uuid4().hex[:12]}{TARGETS[to]}")
     try:
-        losses = import_module(f".{to}", __package__).write(run, groups, part)
+        losses = getattr(import_module(".tables", __package__), f"export_{to}")(run, groups, part)
         take_name(part, target)
     except FileExistsError as error:
         raise _taken(target) from error
