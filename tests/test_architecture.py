@@ -32,7 +32,7 @@ LAYERS: tuple[str, ...] = (
     "balance.figures",
     "balance",
     "balance.cli",
-    "testbench.errors testbench.units testbench.compiled_kernels",
+    "testbench.errors testbench.units testbench.compiled_kernels testbench.figures.style",
     "testbench.recording testbench.public_recordings",
     "testbench.calibration testbench.readers testbench.store",
     "testbench.rig testbench.export",
