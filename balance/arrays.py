@@ -1,9 +1,4 @@
-"""The array types that annotations name, and arrays that are handed out frozen.
-
-Work on many samples in blocks that stay in the processor's cache, on all its cores.
-
-Keeping standard output clean while a solver runs.
-"""
+"""Arrays and how they are worked on: types for annotations, read-only arrays, blocks in parallel, silent solvers."""
 
 import os
 import sys
@@ -16,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.floating[Any]]
-"""Array of real numbers, double precision; its shape and unit stand in the docstring."""
+"""Array of real numbers, double precision; shape and unit are in the docstring."""
 Complexes = NDArray[np.complexfloating]
 """Array of complex numbers."""
 Indices = NDArray[np.intp]
@@ -24,19 +19,19 @@ Indices = NDArray[np.intp]
 
 
 def frozen(array: Floats) -> Floats:
-    """The same array, read-only from now on."""
+    """The same array (...,), in any unit [SI], read-only from now on."""
     array.setflags(write=False)
     return array
 
 
 BLOCK = 4096
-"""Samples worked on at once."""
+"""Samples in a block: so few that they stay in the processor's cache."""
 
 T = TypeVar("T")
 
 
-def in_blocks(count: int, work: Callable[[slice], T]) -> Iterator[T]:
-    """Call ``work`` on each block of samples, results in order; NumPy lets go of the interpreter's lock."""
+def parallel_blocks(count: int, work: Callable[[slice], T]) -> Iterator[T]:
+    """Call ``work`` on each block of samples, on all cores at once (NumPy releases the lock); results in order."""
     parts = [slice(start, min(start + BLOCK, count)) for start in range(0, count, BLOCK)]
     if len(parts) < 2:
         yield from map(work, parts)
@@ -47,17 +42,17 @@ def in_blocks(count: int, work: Callable[[slice], T]) -> Iterator[T]:
 
 @contextmanager
 def stdout_discarded() -> Iterator[None]:
-    """Discard what compiled code writes to standard output: HiGHS prints there even when told to be silent.
+    """Discard what compiled code writes to standard output: HiGHS writes there even when set to be silent.
 
     A command with ``--json`` prints one document on standard output and nothing else.
     """
     sys.stdout.flush()
-    kept = os.dup(1)
+    stdout = os.dup(1)
     nowhere = os.open(os.devnull, os.O_WRONLY)
     try:
         os.dup2(nowhere, 1)
         yield
     finally:
-        os.dup2(kept, 1)
-        os.close(kept)
+        os.dup2(stdout, 1)
+        os.close(stdout)
         os.close(nowhere)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Floats
-from ..mechanism.joint_tree import Joint
+from ..mechanism.forward_kinematics import Joint
 from ..mechanism.mechanism import Mechanism
 from .conditions import Conditions
 

@@ -23,7 +23,11 @@ HOME_LIMIT = 0.2
 
 
 class Closure:
-    """Closes a mechanism's loops; knows its degrees of freedom and independent constraint rows."""
+    """Closes a mechanism's loops.
+
+    ``home`` (nv,) [rad, m] is the closed configuration at its keyframe, ``rows`` the independent constraint rows,
+    ``dof`` the degrees of freedom, ``length`` [m] a length of the mechanism.
+    """
 
     def __init__(self, mechanism: Mechanism) -> None:
         """Close the home configuration. Raises ClosureError if that cannot be done, or if it is singular."""
@@ -32,13 +36,13 @@ class Closure:
         self.home = self._closed(mechanism.home)
         self.rows = independent_rows(self._jacobian(self.home))
         self.dof = mechanism.tree.size - len(self.rows)
-        self._refuse_a_doubtful_home()
+        self._refuse_uncertain_home()
 
     def follow(self, samples: Samples, drive: Drive | None = None, near: Trajectory | None = None) -> Trajectory:
         """Close the mechanism at every sample of a motion of its driven coordinates.
 
         ``near`` is a trajectory of as many samples close by, from which each is closed at once, without continuation.
-        Raises ClosureError, naming the time, where it cannot be closed, is singular, or leaves its branch.
+        Raises ClosureError, naming the time, where it cannot be closed, is singular, or changes its branch.
         """
         samples.check()
         drive = drive or samples.drive(self.mechanism)
@@ -63,10 +67,10 @@ class Closure:
     def states(self, count: int, seed: int = 0, step: float = 0.15) -> Floats:
         """Closed configurations of the home branch, well apart from singular ones, (count, nv) [rad, m].
 
-        A walk over the loops that keeps its heading: tangent steps, each projected back, refused near a singularity.
+        A random walk that keeps its heading: tangent steps, each projected back, refused near a singularity.
         """
         rng = np.random.default_rng(seed)
-        reach = self._room(self.home)
+        reach = self._distance_to_singularity(self.home)
         q, found, heading = self.home, [self.home], np.zeros_like(self.home)
         for _ in range(40 * count):
             if len(found) == count:
@@ -74,15 +78,15 @@ class Closure:
             tangent = _null_space(self._jacobian(q)[self.rows])
             heading = tangent @ (tangent.T @ heading + 0.5 * rng.normal(size=tangent.shape[1]))
             heading /= max(float(np.linalg.norm(heading)), 1e-12)
-            trial = self._walked(q, step * heading)
-            if trial is None or self._room(trial) < 0.2 * reach:
+            trial = self._stepped(q, step * heading)
+            if trial is None or self._distance_to_singularity(trial) < 0.2 * reach:
                 heading = -heading
                 continue
             q = trial
             found.append(q)
         raise ClosureError(f"{self.mechanism.name} has no room to move about {self.mechanism.branch!r}")
 
-    def _walked(self, q: Floats, step: Floats) -> Floats | None:
+    def _stepped(self, q: Floats, step: Floats) -> Floats | None:
         try:
             trial = self._closed(q + step)
         except ClosureError:
@@ -96,21 +100,21 @@ class Closure:
         return np.array([space @ rng.normal(size=space.shape[1]) for space in spaces])
 
     def residual(self, q: Floats) -> Floats:
-        """Largest loop residual, all rows, at each of the configurations ``q`` (n, nv), (n,) [m, rad]."""
+        """Largest loop residual over all rows, (n,) [m, rad], at the configurations ``q`` (n, nv) [rad, m]."""
         at = forward_kinematics.pose(self.mechanism.tree, np.ascontiguousarray(q.T))
         return np.abs(loop_constraints.constraint_residual(self.mechanism.loops, at)).max(axis=0, initial=0.0)
 
-    def _refuse_a_doubtful_home(self) -> None:
+    def _refuse_uncertain_home(self) -> None:
         """Home must be about where the file has it, and have as many independent rows as its neighbours."""
         name, branch = self.mechanism.name, self.mechanism.branch
         far = float(np.abs(self.home - self.mechanism.home).max(initial=0.0))
         if far > HOME_LIMIT:
             raise ClosureError(
                 f"{name}: {branch!r} is not closed: the nearest closed configuration lies {far:.3g} rad or m from it, "
-                "on a branch that is not sure; give a closed one as <keyframe><key name='home' qpos='...'/>"
+                "whose assembly branch is uncertain; give a closed one as <keyframe><key name='home' qpos='...'/>"
             )
         free = _null_space(self._jacobian(self.home)[self.rows])
-        near = self._walked(self.home, 0.02 * free @ np.random.default_rng(0).normal(size=free.shape[1]))
+        near = self._stepped(self.home, 0.02 * free @ np.random.default_rng(0).normal(size=free.shape[1]))
         if near is not None and len(independent_rows(self._jacobian(near))) > len(self.rows):
             raise ClosureError(
                 f"{name} is singular at {branch!r}: its branches meet there; give another closed configuration as "
@@ -121,8 +125,8 @@ class Closure:
         at = forward_kinematics.pose(self.mechanism.tree, q[:, None])
         return loop_constraints.loop_jacobian(self.mechanism.loops, self.mechanism.tree, at)[:, :, 0]
 
-    def _room(self, q: Floats) -> float:
-        """Smallest singular value of the independent rows: the distance to a singular configuration."""
+    def _distance_to_singularity(self, q: Floats) -> float:
+        """Smallest singular value of the independent rows; zero at a singular configuration."""
         rows = self._jacobian(q)[self.rows]
         return float(np.linalg.svd(rows, compute_uv=False)[-1]) if len(rows) else np.inf
 
@@ -144,7 +148,7 @@ class Closure:
 
 
 def independent_rows(matrix: Floats) -> Indices:
-    """Indices of a largest set of independent rows, found by pivoted QR."""
+    """Indices (rank,) of a largest set of independent rows of ``matrix`` (rows, nv) [-, m], by pivoted QR."""
     if not matrix.size:
         return np.empty(0, dtype=np.intp)
     _, triangle, order = qr(matrix.T, mode="economic", pivoting=True)

@@ -31,7 +31,10 @@ class LoopSystem:
     drive: Drive
 
     def evaluate(self, q: Floats, target: Floats) -> tuple[Pose, Floats, Floats]:
-        """Pose, residual of the loops (rows, n) and of the driven coordinates (dof, n)."""
+        """Pose, residual of the loops (rows, n) and of the driven coordinates (dof, n) [m, rad].
+
+        ``q`` (nv, n) [rad, m]; ``target`` (dof, n) are the driven coordinates asked for.
+        """
         at = forward_kinematics.pose(self.mechanism.tree, q)
         return at, loop_constraints.constraint_residual(self.mechanism.loops, at), self.drive.position(at, q) - target
 
@@ -41,27 +44,27 @@ class LoopSystem:
         return loop_constraints.constraint_jacobian(self.mechanism.loops, tree, at) + self.drive.jacobian(tree, at)
 
     def matrix(self, at: Pose) -> Floats:
-        """Jacobian of independent loop rows and driven coordinates, (n, nv, nv)."""
+        """Jacobian of independent loop rows and driven coordinates, (n, nv, nv) [-, m]."""
         rows = self.equations(at)
-        kept = [rows[i] for i in self.rows] + rows[len(rows) - self.drive.size :]
-        return np.ascontiguousarray(dense_rows(kept, self.mechanism.tree.size, at.count).transpose(2, 0, 1))
+        independent = [rows[i] for i in self.rows] + rows[len(rows) - self.drive.size :]
+        return np.ascontiguousarray(dense_rows(independent, self.mechanism.tree.size, at.count).transpose(2, 0, 1))
 
     def order(self, q: Floats) -> Order:
-        """Pivots that serve at configurations ``q`` (nv, n), judged on a few of them."""
+        """Pivots for the configurations ``q`` (nv, n) [rad, m], chosen on nine of them."""
         few = q[:, np.unique(np.linspace(0, q.shape[1] - 1, 9).astype(int))]
         rows = self.equations(forward_kinematics.pose(self.mechanism.tree, few))
         return pivot_order(dense_rows(rows, self.mechanism.tree.size, few.shape[1]).transpose(2, 0, 1))
 
-    def newton_from_near(self, q: Floats, target: Floats, order: Order) -> Floats:
-        """Newton's method on many samples from good guesses; what does not converge is left for the check.
+    def newton_from_guesses(self, q: Floats, target: Floats, order: Order) -> Floats:
+        """Newton's method on many samples from good guesses ``q`` to ``target`` (dof, n), (nv, n) [rad, m]; unchecked.
 
-        Factors serve on while the steps are small: the next error is then the product of the last two.
+        Factors are used again while the steps are small: the next error is then the product of the last two.
         """
         before = np.inf
         for _ in range(ITERATIONS):
             at, loops, driven = self.evaluate(q, target)
             if before > 1e-3:
-                factors = SparseLU.of(self.equations(at), order)
+                factors = SparseLU.factorise(self.equations(at), order)
             step = dense_columns(factors.solve([*loops, *driven]), q.shape[1])
             q, size = q - step, float(np.abs(step).max())
             if not size * min(before, 1.0) > 1e-15:
@@ -69,45 +72,38 @@ class LoopSystem:
             before = size
         return q
 
-    @property
-    def redundant(self) -> bool:
-        """Whether rows are left out."""
-        return len(self.rows) < sum(loop.size for loop in self.mechanism.loops)
-
     def with_all_rows(self) -> "LoopSystem":
-        """The same with no row left out: more equations than unknowns, met all the same where the loops are closed."""
+        """The same with the redundant rows too: more equations than unknowns, all of them met where the loops close."""
         return replace(self, rows=np.arange(sum(loop.size for loop in self.mechanism.loops)))
 
     def matrix_at(self, q: Floats) -> Floats:
-        """The matrix at one configuration (nv,)."""
+        """The matrix (nv, nv) [-, m] at one configuration ``q`` (nv,) [rad, m]."""
         return self.matrix(forward_kinematics.pose(self.mechanism.tree, q[:, None]))[0]
 
-    def side(self, q: Floats) -> float:
-        """Sign of the determinant at one configuration: it changes where the mechanism passes a singular position."""
+    def determinant_sign(self, q: Floats) -> float:
+        """Sign of the determinant at ``q`` (nv,) [rad, m]; it changes where a singular position is passed."""
         return float(np.linalg.slogdet(self.matrix_at(q))[0])
 
-    def rates_at(self, q: Floats, time: float) -> Floats:
-        """Rates of all coordinates per rate of the driven ones at one configuration (nv,), (nv, dof)."""
+    def rates_per_drive(self, q: Floats, time: float) -> Floats:
+        """Rates of all coordinates per rate of the driven ones, (nv, dof) [-, 1/m, m], at ``q`` (nv,) [rad, m].
+
+        Raises ClosureError, naming ``time`` [s], at a singular configuration.
+        """
         try:
-            return inverse_of(self.matrix_at(q)[None])[0, :, -self.drive.size :]
+            return pseudo_inverse(self.matrix_at(q)[None])[0, :, -self.drive.size :]
         except np.linalg.LinAlgError as error:
             raise ClosureError(
                 f"{self.mechanism.name} is singular at t = {time:.6g} s of this motion: {', '.join(self.drive.names)} "
                 "do not determine it there"
             ) from error
 
-    @property
-    def limit(self) -> float:
-        """Residual that is rounding [m, rad]."""
-        return 1e-14 * self.length
-
     def newton(self, q: Floats, target: Floats) -> Floats:
-        """Iterate to rounding error on all samples at once; what does not converge is left for the check."""
+        """Iterate from ``q`` (nv, n) to ``target`` (dof, n) on all samples at once, (nv, n) [rad, m]; unchecked."""
         for _ in range(ITERATIONS):
             at, loops, driven = self.evaluate(q, target)
             residual = np.concatenate([loops[self.rows], driven])
             size = np.abs(residual).max()
-            if not size > self.limit:
+            if not size > 1e-14 * self.length:
                 break
             change = _solution(self.matrix(at), residual.T[:, :, None])[:, :, 0].T
             q = q - change
@@ -115,8 +111,11 @@ class LoopSystem:
                 break  # quadratic convergence: the next change is below rounding
         return q
 
-    def march(self, q: Floats, start: Floats, target: Floats, time: float) -> Floats:
-        """Continuation of one configuration from one driven position to another, in steps halved as needed."""
+    def continue_to(self, q: Floats, start: Floats, target: Floats, time: float) -> Floats:
+        """Continuation of ``q`` (nv,) from driven position ``start`` (dof,) to ``target``, (nv,) [rad, m].
+
+        Steps are halved as needed. Raises ClosureError, naming ``time`` [s] and how far it got, where it is stuck.
+        """
         done, step = 0.0, 1.0
         while done < 1.0:
             step = min(step, 1.0 - done)
@@ -136,12 +135,9 @@ class LoopSystem:
         except np.linalg.LinAlgError:
             return None
         gap = max(np.abs(loops).max(initial=0.0), np.abs(driven).max(initial=0.0))
-        if not gap < RESIDUAL_LIMIT * self.length or np.abs(trial - q).max() > self._reach():
+        if not gap < RESIDUAL_LIMIT * self.length or np.abs(trial - q).max() > 0.5 * max(1.0, self.length):
             return None
         return trial
-
-    def _reach(self) -> float:
-        return 0.5 * max(1.0, self.length)
 
     def _stuck(self, reached: Floats, target: Floats, time: float) -> ClosureError:
         at = ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.drive.names, target, strict=True))
@@ -152,15 +148,15 @@ class LoopSystem:
         )
 
 
-def inverse_of(matrix: Floats) -> Floats:
-    """Inverse of each square matrix (n, nv, nv); of least squares where there are more rows than columns."""
+def pseudo_inverse(matrix: Floats) -> Floats:
+    """Inverse (n, nv, rows) of each matrix (n, rows, nv) [-, m]; of least squares where rows > nv."""
     if matrix.shape[1] == matrix.shape[2]:
         return np.linalg.inv(matrix)
-    left, size, right = np.linalg.svd(matrix, full_matrices=False)
-    return (right.transpose(0, 2, 1) / np.maximum(size, 1e-300)[:, None, :]) @ left.transpose(0, 2, 1)
+    u, size, vt = np.linalg.svd(matrix, full_matrices=False)
+    return (vt.transpose(0, 2, 1) / np.maximum(size, 1e-300)[:, None, :]) @ u.transpose(0, 2, 1)
 
 
 def _solution(matrix: Floats, right: Floats) -> Floats:
     if matrix.shape[1] == matrix.shape[2]:
         return np.linalg.solve(matrix, right)
-    return inverse_of(matrix) @ right
+    return pseudo_inverse(matrix) @ right

@@ -1,9 +1,7 @@
-"""Continuation along a coarse set of a trajectory's samples, and the guesses between them.
+"""A whole trajectory closed at once, on the assembly branch of the home configuration.
 
-A whole trajectory closed at once.
-
-It is first closed by continuation on a coarse set of its samples, starting from the home configuration, then everywhere
-at once from guesses of third order between them: that keeps every sample on the home configuration's assembly branch.
+Continuation from home closes a coarse set of its samples. All samples are then solved by Newton's method from guesses
+of third order between the coarse ones, which keeps each on the branch; rates and accelerations follow from the factors.
 """
 
 from collections.abc import Callable
@@ -11,13 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Floats, Indices, in_blocks
+from ..arrays import Floats, Indices, parallel_blocks
 from ..errors import ClosureError
 from ..mechanism import forward_kinematics, loop_constraints
 from ..mechanism.sparse_components import Entry, Rows
 from ..motion import Samples
 from .newton import RESIDUAL_LIMIT, LoopSystem
-from .sparse_lu import SparseLU, at_samples, dense_columns
+from .sparse_lu import SparseLU, dense_at_samples, dense_columns
 
 COARSE_STEP = 0.1
 """Travel of the driven coordinates between two steps of continuation [rad, or lengths of the mechanism]."""
@@ -41,24 +39,24 @@ class Continuation:
 
     @classmethod
     def closed(cls, system: LoopSystem, home: Floats, samples: Samples) -> "Continuation":
-        """Close coarse samples one after the other, the first from the closed configuration ``home`` (nv,).
+        """Close coarse samples one after the other, the first from the closed configuration ``home`` (nv,) [rad, m].
 
         Raises ClosureError, naming the time, where that is not possible or a singular position is passed.
         """
         nodes = _nodes(samples.position, COARSE_STEP * system.drive.scale(system.length))
         targets = np.concatenate([system.drive.value(system.mechanism, home)[None], samples.position[nodes]])
-        q, side, solved, rates = home, system.side(home), [], []
+        q, side, solved, rates = home, system.determinant_sign(home), [], []
         for previous, target, node in zip(targets, targets[1:], nodes, strict=False):
-            before, q = q, system.march(q, previous, target, float(samples.time[node]))
-            if system.side(q) != side:
+            before, q = q, system.continue_to(q, previous, target, float(samples.time[node]))
+            if system.determinant_sign(q) != side:
                 _refuse_singular_between(system, before, previous, target, float(samples.time[node]))
-                side = system.side(q)
+                side = system.determinant_sign(q)
             solved.append(q)
-            rates.append(system.rates_at(q, float(samples.time[node])))
+            rates.append(system.rates_per_drive(q, float(samples.time[node])))
         return cls(nodes, samples.position[nodes], np.array(solved), np.array(rates))
 
     def guess(self, u: Floats, part: slice) -> Floats:
-        """Configurations at samples ``part`` whose driven coordinates are ``u`` (n, dof), to third order, (nv, n).
+        """Configurations (nv, n) [rad, m] at samples ``part`` with driven coordinates ``u`` (n, dof), to third order.
 
         The mean of the chord and of the two tangents: their errors, +h2 t (1 - t) / 2 of the second derivative, cancel.
         """
@@ -97,14 +95,14 @@ def _nodes(position: Floats, step: float) -> Indices:
 def _refuse_singular_between(system: LoopSystem, q: Floats, start: Floats, end: Floats, time: float) -> None:
     """Raise ClosureError if the mechanism is singular between two driven positions: branches may meet there.
 
-    The determinant changed its sign. Where rows are left out it may be these alone that depended on each other, so
-    the place is sought by bisection and judged by all rows.
+    The determinant changed its sign. Among redundant rows it may be only the chosen ones that depend on each other, so
+    bisection finds the place, and all rows decide.
     """
-    whole, side = system.with_all_rows() if system.redundant else system, system.side(q)
+    whole, side = system.with_all_rows(), system.determinant_sign(q)
     for _ in range(_BISECTIONS):
         middle = 0.5 * (start + end)
-        trial = whole.march(q, start, middle, time)
-        if system.side(trial) == side:
+        trial = whole.continue_to(q, start, middle, time)
+        if system.determinant_sign(trial) == side:
             q, start = trial, middle
         else:
             end = middle
@@ -113,7 +111,7 @@ def _refuse_singular_between(system: LoopSystem, q: Floats, start: Floats, end: 
         at = ", ".join(f"{name} = {value:.6g}" for name, value in zip(system.drive.names, start, strict=True))
         raise ClosureError(
             f"{system.mechanism.name} passes a singular position at {at}, shortly before t = {time:.6g} s: the driven "
-            "coordinates do not say on which branch it goes on"
+            "coordinates do not determine on which branch it continues"
         )
 
 
@@ -121,7 +119,7 @@ SINGULAR_LIMIT = 1e6
 """Condition number of loops and driven coordinates above which a state counts as singular: rates lose as many of their
 16 digits as it has, accelerations twice as many."""
 POOR_LIMIT = 1e4
-"""Growth of elimination above which a block of samples is halved: its order of pivots serves some of it badly."""
+"""Growth of elimination above which a block of samples is halved: its order of pivots is poor for some of it."""
 BRANCH_LIMIT = 0.1
 """How far a configuration may lie from its guess between coarse samples [rad, m]."""
 
@@ -157,9 +155,9 @@ class Trajectory:
 
 
 def follow(system: LoopSystem, home: Floats, samples: Samples, near: Trajectory | None = None) -> Trajectory:
-    """Close the mechanism at every sample, on the branch of the closed configuration ``home`` (nv,), or of ``near``.
+    """Close the mechanism at every sample, on the branch of the configuration ``home`` (nv,) [rad, m] or of ``near``.
 
-    Raises ClosureError, naming the time, where it cannot be closed, is singular, or leaves its branch.
+    Raises ClosureError, naming the time, where it cannot be closed, is singular, or changes its branch.
     """
     guess_of = _guesses(system, home, samples, near)
     count, size, dof = len(samples.time), system.mechanism.tree.size, system.drive.size
@@ -171,14 +169,14 @@ def follow(system: LoopSystem, home: Floats, samples: Samples, near: Trajectory 
         q[part], v[part], a[part], per_drive[part], gap, number = _solve_block(system, samples, part, guess)
         return gap, number
 
-    found = list(in_blocks(count, close))
+    found = list(parallel_blocks(count, close))
     worst, condition = (max(values) for values in zip(*found, strict=True))
     name, branch = system.mechanism.name, system.mechanism.branch
     return Trajectory(name, samples.time, q, v, a, per_drive, worst, condition, branch)
 
 
 def _guesses(system: LoopSystem, home: Floats, samples: Samples, near: Trajectory | None) -> Callable[[slice], Floats]:
-    """Where Newton's method starts, (nv, n) [rad, m]: from a trajectory near by, else from coarse samples."""
+    """Where Newton's method starts, (nv, n) [rad, m]: on a trajectory close by, else between coarse samples."""
     if near is not None:
         return lambda part: np.ascontiguousarray(near.q[part].T)
     coarse = Continuation.closed(system, home, samples)
@@ -186,19 +184,19 @@ def _guesses(system: LoopSystem, home: Floats, samples: Samples, near: Trajector
 
 
 def _solve_block(system: LoopSystem, samples: Samples, part: slice, guess: Floats) -> _Closed:
-    """Close a block of samples in one order of pivots; where that serves badly, its halves each in their own."""
+    """Close a block of samples in one order of pivots; where that is poor for some, halve the block."""
     order = system.order(guess)
     target, rate, rate_of_rate = (x[part].T for x in (samples.position, samples.velocity, samples.acceleration))
-    with np.errstate(all="ignore"):  # a pivot may vanish: what comes of it is not finite, and told by the checks
-        q = system.newton_from_near(guess, target, order)
+    with np.errstate(all="ignore"):  # a pivot may vanish: the checks below find the infinite values
+        q = system.newton_from_guesses(guess, target, order)
         at, loops, driven = system.evaluate(q, target)
         rows = system.equations(at)
-        factors = SparseLU.of(rows, order)
+        factors = SparseLU.factorise(rows, order)
         growth = factors.growth(at.count)
     if at.count > 1 and not growth.max() < POOR_LIMIT:
         return _solve_halves(system, samples, part, guess)
-    worst = _checked(system, samples, part, loops, driven)
-    _same_branch(system, samples, part, q - guess)
+    worst = _largest_residual(system, samples, part, loops, driven)
+    _refuse_other_branch(system, samples, part, q - guess)
     condition = _condition(system, samples, part, rows, int(np.argmax(growth)))
     per_drive = _rates(factors, len(rows), system.drive.size, at.count)
     v = np.einsum("jin,jn->in", per_drive, rate)
@@ -225,7 +223,7 @@ def _rates(factors: SparseLU, rows: int, dof: int, count: int) -> Floats:
     return np.stack([dense_columns(column, count) for column in columns])
 
 
-def _checked(system: LoopSystem, samples: Samples, part: slice, loops: Floats, driven: Floats) -> float:
+def _largest_residual(system: LoopSystem, samples: Samples, part: slice, loops: Floats, driven: Floats) -> float:
     """Largest residual over all rows, the redundant ones too. Raises ClosureError where one stays open."""
     gap = np.maximum(np.abs(loops).max(axis=0, initial=0.0), np.abs(driven).max(axis=0, initial=0.0))
     worst = float(np.max(gap))
@@ -237,7 +235,7 @@ def _checked(system: LoopSystem, samples: Samples, part: slice, loops: Floats, d
     return worst
 
 
-def _same_branch(system: LoopSystem, samples: Samples, part: slice, moved: Floats) -> None:
+def _refuse_other_branch(system: LoopSystem, samples: Samples, part: slice, moved: Floats) -> None:
     """Raise ClosureError where Newton's method went far from its guess: another branch, or a singularity near by."""
     far = np.abs(moved).max(axis=0)
     if not far.max() < BRANCH_LIMIT * max(1.0, system.length):
@@ -249,7 +247,7 @@ def _same_branch(system: LoopSystem, samples: Samples, part: slice, moved: Float
 
 def _condition(system: LoopSystem, samples: Samples, part: slice, rows: Rows, worst: int) -> float:
     """Condition number where elimination did worst. Raises ClosureError if the state is singular there."""
-    size = np.linalg.svd(at_samples(rows, np.array([worst]))[0], compute_uv=False)
+    size = np.linalg.svd(dense_at_samples(rows, np.array([worst]))[0], compute_uv=False)
     number = float(size[0] / max(float(size[-1]), 1e-300))
     if not number < SINGULAR_LIMIT:
         raise ClosureError(

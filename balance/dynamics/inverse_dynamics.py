@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Floats, in_blocks
+from ..arrays import Floats, parallel_blocks
 from ..closure import Closure, Trajectory
 from ..errors import ClosureError, ModelError
 from ..mechanism import forward_kinematics
@@ -162,7 +162,7 @@ def simulate(mechanism: Mechanism, trajectory: Trajectory) -> Response:
         for column, entry in zip(joint_torque[part].T, torques, strict=True):
             column[...] = entry
 
-    for _ in in_blocks(count, load):
+    for _ in parallel_blocks(count, load):
         pass
     torque = _drive_torque(mechanism, trajectory, joint_torque)
     joints = mechanism.tree.joints
@@ -260,7 +260,7 @@ def shaking_force_per_acceleration(mechanism: Mechanism, body: str) -> float | N
     None where the position of that body does not determine the mechanism, so that there is no such number.
     """
     closure = Closure(mechanism)
-    drive = PointDrive.of(mechanism, body, ("x", "y"))
+    drive = PointDrive.from_place(mechanism, body, ("x", "y"))
     if drive.size != closure.dof:
         return None
     at = drive.value(mechanism, closure.home)

@@ -1,11 +1,14 @@
-"""Positions, velocities and accelerations of all bodies for many states at once, in the base frame."""
+"""Forward kinematics of a tree of joints for many samples at once, in the base frame.
+
+A tree consists of elementary joints, revolute or prismatic about one axis, in Pinocchio's frames. A joint of several
+axes (two slides on a body) is several elementary joints with massless bodies between them.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..arrays import Floats
-from .joint_tree import Joint, Tree
 from .sparse_components import (
     IDENTITY,
     ZERO,
@@ -27,29 +30,66 @@ from .sparse_components import (
 
 
 @dataclass(frozen=True)
+class Joint:
+    """One revolute or prismatic axis between a parent joint's frame and its own."""
+
+    parent: int
+    """Index of the parent elementary joint, -1 for the base."""
+    rotation: Floats
+    """Rotation of the joint frame in the parent's frame at zero, (3, 3)."""
+    position: Floats
+    """Origin of the joint frame in the parent's frame at zero, (3,) [m]."""
+    axis: Floats
+    """Unit axis in the joint's frame, (3,)."""
+    revolute: bool
+
+
+@dataclass(frozen=True)
+class Tree:
+    """Elementary joints in depth-first order, one velocity each, and which of them carries which body."""
+
+    joints: tuple[Joint, ...]
+    bodies: tuple[int, ...]
+    """For each body, the elementary joint whose frame is the body's frame."""
+
+    @property
+    def size(self) -> int:
+        """Number of elementary joints, which is the number of velocities."""
+        return len(self.joints)
+
+    def path(self, joint: int) -> list[int]:
+        """Elementary joints from the base to ``joint``, which is the last."""
+        found: list[int] = []
+        while joint >= 0:
+            found.append(joint)
+            joint = self.joints[joint].parent
+        return found[::-1]
+
+
+@dataclass(frozen=True)
 class Pose:
-    """Where every elementary joint's frame is, at ``count`` samples."""
+    """Pose of every elementary joint's frame in the base frame, at ``count`` samples."""
 
     count: int
     rotation: list[Matrix]
     """Rotation from each joint's frame to the base."""
     position: list[Vector]
-    """Origin of each joint's frame [m]."""
+    """Origin of each joint's frame in the base frame [m]."""
     axis: list[Vector]
-    """Unit axis of each joint."""
+    """Unit axis of each joint in the base frame."""
 
     def arm(self, joint: int, offset: Floats) -> Vector:
-        """A vector fixed in a joint's frame (the base for joint -1), given there as (3,)."""
+        """Base components of a vector ``offset`` (3,) [m] fixed in a joint's frame (the base for joint -1)."""
         return apply(self.rotation[joint], vector(offset)) if joint >= 0 else vector(offset)
 
     def point(self, joint: int, offset: Floats) -> Vector:
-        """A point fixed in a joint's frame (the base for joint -1), given there as (3,) [m]."""
+        """Base coordinates of a point at ``offset`` (3,) [m] in a joint's frame (the base for joint -1)."""
         return plus(self.position[joint], self.arm(joint, offset)) if joint >= 0 else vector(offset)
 
 
 @dataclass(frozen=True)
 class Motion:
-    """How every elementary joint's frame moves: angular velocity [rad/s], its origin's [m/s], and the rates of both."""
+    """Angular velocity [rad/s] and origin's velocity [m/s] of every joint's frame, base axes, and the rates of both."""
 
     omega: list[Vector]
     velocity: list[Vector]
@@ -66,13 +106,13 @@ def pose(tree: Tree, q: Floats) -> Pose:
         origin = at.point(joint.parent, joint.position)
         axis = apply(frame, vector(joint.axis))
         at.axis.append(axis)
-        at.rotation.append(_spun(frame, joint.axis, q[i]) if joint.revolute else frame)
+        at.rotation.append(_rotated(frame, joint.axis, q[i]) if joint.revolute else frame)
         at.position.append(origin if joint.revolute else plus(origin, scale(q[i], axis)))
     return at
 
 
-def _spun(frame: Matrix, axis: Floats, angle: Floats) -> Matrix:
-    """Rotation times a turn about ``axis``. Rodrigues: R + R K sin + R K K (1 - cos); short for a z axis."""
+def _rotated(frame: Matrix, axis: Floats, angle: Floats) -> Matrix:
+    """``frame`` turned by ``angle`` (n,) [rad] about its ``axis``. Rodrigues: R + R K sin + R K K (1 - cos)."""
     c, s = np.cos(angle), np.sin(angle)
     if axis[2] == 1.0:
         return plus(scale(c, frame[0]), scale(s, frame[1])), minus(scale(c, frame[1]), scale(s, frame[0])), frame[2]
@@ -99,7 +139,7 @@ def motion(tree: Tree, at: Pose, v: Floats, a: Floats | None = None) -> Motion:
 def _step(
     joint: Joint, at: Pose, i: int, moving: Motion, rate: Entry, rate_of_rate: Entry
 ) -> tuple[Vector, Vector, Vector, Vector]:
-    """One joint outwards. Rigid body: v = v0 + w x d, a = a0 + al x d + w x (w x d), plus what the joint adds."""
+    """A joint's frame from its parent's: v = v0 + w x d, a = a0 + al x d + w x (w x d), plus the joint's rates."""
     p, axis = joint.parent, at.axis[i]
     omega, alpha, velocity, acceleration = ZERO, ZERO, ZERO, ZERO
     if p >= 0:
@@ -116,7 +156,7 @@ def _step(
 
 
 def point_acceleration(at: Pose, moving: Motion, joint: int, offset: Floats) -> Vector:
-    """Acceleration of a point fixed in a joint's frame [m/s2]; zero on the base."""
+    """Acceleration [m/s2] of a point at ``offset`` (3,) [m] in a joint's frame; zero on the base."""
     if joint < 0:
         return ZERO
     arm, omega = at.arm(joint, offset), moving.omega[joint]

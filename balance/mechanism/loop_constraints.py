@@ -1,4 +1,8 @@
-"""Loop constraints between two frames: residual, Jacobian and acceleration bias, for many states at once."""
+"""Loop constraints between two frames: residual, Jacobian and acceleration bias, for many states at once.
+
+A loop closes where the residual r(q) vanishes: J q' = 0, J q'' = -bias. Rows are of the base axes; n is the number of
+samples, nv that of the joint coordinates.
+"""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -7,8 +11,7 @@ import numpy as np
 
 from ..arrays import Floats
 from . import forward_kinematics
-from .forward_kinematics import Motion, Pose
-from .joint_tree import Tree
+from .forward_kinematics import Motion, Pose, Tree
 from .sparse_components import (
     ZERO,
     Matrix,
@@ -40,7 +43,7 @@ class Anchor:
     """Origin of the anchor in the joint's frame, (3,) [m]."""
 
     @classmethod
-    def of(cls, joint: int, placement: "pinocchio.SE3") -> "Anchor":
+    def from_placement(cls, joint: int, placement: "pinocchio.SE3") -> "Anchor":
         """The anchor at a Pinocchio placement."""
         return cls(joint, placement.rotation.copy(), placement.translation.copy())
 
@@ -55,12 +58,12 @@ class Loop:
     weld: bool
 
     def residual(self, at: Pose) -> Floats:
-        """First minus second: origins [m], for a weld also orientation [rad], (3 or 6, n)."""
+        """First anchor less the second: origins [m], for a weld also orientation [rad], (3, n) or (6, n)."""
         gap = minus(at.point(self.first.joint, self.first.position), at.point(self.second.joint, self.second.position))
-        return self._rows(at, gap, self._turn(at) if self.weld else ZERO)
+        return self._rows(at, gap, self._small_rotation(at) if self.weld else ZERO)
 
     def jacobian(self, tree: Tree, at: Pose) -> Rows:
-        """Rate of the residual per joint rate, (3 or 6, nv)."""
+        """Rate of the residual per joint rate, (3, nv) or (6, nv)."""
         rows = zeros(self.size, tree.size)
         for end, sign in ((self.first, 1.0), (self.second, -1.0)):
             point = at.point(end.joint, end.position)
@@ -70,7 +73,7 @@ class Loop:
         return rows
 
     def bias(self, at: Pose, moving: Motion) -> Floats:
-        """Second rate of the residual where ``moving`` has zero joint accelerations, (3 or 6, n) [m/s2, rad/s2]."""
+        """Second rate of the residual at zero joint accelerations (``moving``), (3, n) or (6, n) [m/s2, rad/s2]."""
         ends = [
             forward_kinematics.point_acceleration(at, moving, end.joint, end.position)
             for end in (self.first, self.second)
@@ -87,7 +90,7 @@ class Loop:
         parts = [gap, turn] if self.weld else [gap]
         return np.concatenate([dense(part, at.count) for part in parts])
 
-    def _turn(self, at: Pose) -> Vector:
+    def _small_rotation(self, at: Pose) -> Vector:
         """Small rotation from the second anchor to the first: half the sum of second x first over the axes."""
         axes = zip(self._axes(at, self.second), self._axes(at, self.first), strict=True)
         x, y, z = (cross(second, first) for second, first in axes)
@@ -105,12 +108,12 @@ def constraint_residual(loops: tuple[Loop, ...], at: Pose) -> Floats:
 
 
 def constraint_jacobian(loops: tuple[Loop, ...], tree: Tree, at: Pose) -> Rows:
-    """Jacobians of all loops stacked, (rows, nv)."""
+    """Jacobians of all loops stacked, by component, (rows, nv)."""
     return [row for loop in loops for row in loop.jacobian(tree, at)]
 
 
 def loop_jacobian(loops: tuple[Loop, ...], tree: Tree, at: Pose) -> Floats:
-    """Jacobians of all loops stacked, as an array (rows, nv, n)."""
+    """Jacobians of all loops stacked as an array, (rows, nv, n) [-, m]."""
     return dense_rows(constraint_jacobian(loops, tree, at), tree.size, at.count)
 
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from ..arrays import Floats, frozen
 from ..errors import ModelError
-from .joint_tree import Tree
+from .forward_kinematics import Tree
 from .loop_constraints import Loop
 
-HEAVIEST = 1e9
-"""Masses from here on are slips of the pen [kg]."""
+MASS_LIMIT = 1e9
+"""A mass from here on is taken for a slip [kg]."""
 LIMIT_ROUNDING = 1e-9
 """How far a joint may pass its limit by rounding [rad, m]."""
 PARAMETERS = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
@@ -32,7 +32,7 @@ class Site:
     """Of a counter-mass mounted here, about its own centre and the body's z axis [m]."""
 
     def unit_mass(self) -> Floats:
-        """Parameters of 1 kg mounted here, a disc normal to the body's z axis, (10,)."""
+        """PARAMETERS of 1 kg mounted here, a disc normal to the body's z axis, (10,) [-, m, m2]."""
         x, y, z = self.position
         k2 = self.radius_of_gyration**2
         about = [y * y + z * z + k2 / 2, -x * y, x * x + z * z + k2 / 2, -x * z, -y * z, x * x + y * y + k2]
@@ -52,7 +52,7 @@ class Mechanism:
     coordinates: tuple[str, ...]
     """Names of the joint coordinates, in the order of q, v and a."""
     parameters: Floats
-    """Inertial parameters, a body a row, (nb, 10): see PARAMETERS."""
+    """Inertial parameters, a body a row, (nb, 10) [kg, kg m, kg m2]: see PARAMETERS."""
     own_mass: Mapping[str, tuple[int, Floats]]
     """For each body of the file, its row in ``parameters`` and the share of that row that is its own, (10,)."""
     sites: Mapping[str, Site]
@@ -76,14 +76,14 @@ class Mechanism:
     """Lower and upper limit of each coordinate that the file states, else infinite, (nv, 2) [rad, m]. Not enforced."""
 
     def beyond_limits(self, q: Floats) -> dict[str, tuple[float, float]]:
-        """For each joint that leaves its limits at the configurations ``q`` (n, nv), how far it goes [rad, m]."""
+        """For each joint beyond its limits at the configurations ``q`` (n, nv): its least and largest [rad, m]."""
         low, high = q.min(axis=0), q.max(axis=0)
         out = (low < self.limits[:, 0] - LIMIT_ROUNDING) | (high > self.limits[:, 1] + LIMIT_ROUNDING)
         return {self.coordinates[i]: (float(low[i]), float(high[i])) for i in np.flatnonzero(out)}
 
     @cached_property
     def pi(self) -> Floats:
-        """All inertial parameters in one vector, (10 nb,): what the regressors multiply."""
+        """All inertial parameters in one vector, (nb * 10,) [kg, kg m, kg m2]: what the regressors multiply."""
         return self.parameters.ravel()
 
     @property
@@ -142,7 +142,7 @@ class Mechanism:
 
     def _with_body_mass(self, body: str, mass: float) -> "Mechanism":
         index = self.body_index(body)
-        if not 0.0 < mass < HEAVIEST:
+        if not 0.0 < mass < MASS_LIMIT:
             raise ModelError(f"payload of body {body!r} is {mass:g} kg: expected a positive mass")
         own = self.own_mass[body][1]
         if own[0] <= 0.0:
@@ -159,7 +159,7 @@ class Mechanism:
             site = self.site(name)
             if site.body < 0:
                 raise ModelError(f"site {name!r} of {self.name} is on the base: a counter-mass there moves nothing")
-            if not 0.0 <= mass < HEAVIEST:
+            if not 0.0 <= mass < MASS_LIMIT:
                 raise ModelError(f"counter-mass at {name!r} is {mass:g} kg: expected zero or a positive mass")
             parameters[site.body] += mass * site.unit_mass()
         return replace(self, parameters=frozen(parameters))

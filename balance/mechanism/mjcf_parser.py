@@ -1,6 +1,7 @@
 """From MJCF, URDF and SDF files to a Mechanism, through Pinocchio's readers.
 
-What a MJCF file says beyond the tree that Pinocchio reads: loops, motors, names; and what must be refused.
+Pinocchio gives the tree, the inertias and the frames of the loops; gravity, loop names, motors, keyframe and payload
+are taken from the MJCF file itself.
 """
 
 import os
@@ -17,18 +18,18 @@ import numpy as np
 from .. import datasets
 from ..arrays import Floats, frozen
 from ..errors import ModelError
-from .joint_tree import tree_of
+from .forward_kinematics import Joint, Tree
 from .loop_constraints import Anchor, Loop
 from .mechanism import Mechanism, Site
-from .mjcf_validation import parse_numbers, refuse_impossible, refuse_mimics, refuse_unsupported
+from .mjcf_validation import parse_numbers, refuse_impossible_inertias, refuse_mimic_joints, refuse_unsupported
 
 if TYPE_CHECKING:
     import pinocchio
 
 
 @dataclass(frozen=True)
-class Extras:
-    """What ``balance`` takes from the file itself, beside Pinocchio's model."""
+class MjcfExtras:
+    """What is taken from the MJCF file itself, because Pinocchio's model does not have it."""
 
     gravity: tuple[float, float, float]
     """Gravity from ``<option>``, MuJoCo's default where absent, (3,) [m/s2]."""
@@ -48,8 +49,8 @@ class Extras:
     """The file as Pinocchio is to read it."""
 
 
-def read_extras(path: Path) -> Extras:
-    """Read what Pinocchio leaves out, and refuse by name what would change the motion and is not understood."""
+def read_mjcf_extras(path: Path) -> MjcfExtras:
+    """Read what Pinocchio's model lacks. Raises ModelError, naming the element, for what is not understood."""
     try:
         root = ElementTree.parse(path).getroot()
     except ElementTree.ParseError as error:
@@ -59,7 +60,7 @@ def read_extras(path: Path) -> Extras:
     refuse_unsupported(root, path.name)
     options = root.findall("option[@gravity]")
     gravity = _numbers(options[-1].get("gravity", ""), 3, path, "gravity") if options else (0.0, 0.0, -9.81)
-    return Extras(
+    return MjcfExtras(
         gravity=(gravity[0], gravity[1], gravity[2]),
         loops=[_loop_name(e) for kind in ("connect", "weld") for e in root.iterfind(f"equality/{kind}")],
         driven=tuple(dict.fromkeys(e.get("joint", "") for e in root.iterfind("actuator/*") if e.get("joint"))),
@@ -109,19 +110,19 @@ def _keyframe(root: ElementTree.Element, path: Path) -> str | None:
 
 
 def _prepared(root: ElementTree.Element) -> str:
-    """The file with two bodies round the world's, for Pinocchio leaves out the pose and the sites of the outermost.
+    """The file with two bodies round those of the world: Pinocchio drops the pose and the sites of the outermost.
 
     Loops get names that sort in the order of the file: Pinocchio returns them by name.
     """
     world = root.find("worldbody")
-    assert world is not None  # refuse() has seen the tree in it
-    held = list(world)
-    for child in held:
+    assert world is not None  # refuse_unsupported() found the tree in it
+    children = list(world)
+    for child in children:
         world.remove(child)
     inner = ElementTree.SubElement(
         ElementTree.SubElement(world, "body", name="world_frame"), "body", name="world_sites"
     )
-    inner.extend(held)
+    inner.extend(children)
     for number, loop in enumerate(root.iterfind("equality/*")):
         loop.set("name", f"{number:06d}")
     return ElementTree.tostring(root, encoding="unicode")
@@ -156,14 +157,14 @@ def load_mechanism(name: str | Path) -> Mechanism:
 
 def mechanism_from_text(text: str, name: str) -> Mechanism:
     """Load a mechanism from the text of a MJCF, URDF or SDF file, such as one stored with a run."""
-    with _written(text, name) as path:
+    with _temporary_file(text, name) as path:
         return load_mechanism(path)
 
 
 def pinocchio_model(mechanism: Mechanism) -> "pinocchio.Model":
     """The Pinocchio model of a mechanism with its present masses, for whoever wants to go on with Pinocchio."""
     pin = _pinocchio()
-    with _written(mechanism.text, mechanism.name) as path:
+    with _temporary_file(mechanism.text, mechanism.name) as path:
         model = _read(path)[0]
     for i, row in enumerate(mechanism.parameters):
         model.inertias[i + 1] = pin.Inertia.FromDynamicParameters(row)
@@ -172,7 +173,7 @@ def pinocchio_model(mechanism: Mechanism) -> "pinocchio.Model":
 
 
 @contextmanager
-def _written(text: str, name: str) -> Iterator[Path]:
+def _temporary_file(text: str, name: str) -> Iterator[Path]:
     """A file of this text for as long as it is read, with the ending that its root element asks for."""
     ending = ".urdf" if "<robot" in text else ".sdf" if "<sdf" in text else ".xml"
     with tempfile.TemporaryDirectory() as folder:
@@ -192,30 +193,30 @@ def _pinocchio() -> "Any":  # noqa: ANN401
     return pinocchio
 
 
-def _read(path: Path) -> "tuple[pinocchio.Model, _Constraints, Extras]":
+def _read(path: Path) -> "tuple[pinocchio.Model, _Constraints, MjcfExtras]":
     pin = _pinocchio()
     none: _Constraints = ([], [])
     if path.suffix.lower() == ".urdf":
-        refuse_mimics(path)
-        return _quietly(pin.buildModelFromUrdf, path), none, _bare(path)
+        refuse_mimic_joints(path)
+        return _read_with_pinocchio(pin.buildModelFromUrdf, path), none, _default_extras(path)
     if path.suffix.lower() == ".sdf":
         if not hasattr(pin, "buildModelFromSdf"):
             raise ModelError(f"{path.name}: this Pinocchio was built without SDF; convert the file to MJCF or URDF")
-        model, *_ = _quietly(pin.buildModelFromSdf, path, True)
-        return model, none, _bare(path)
-    extras = read_extras(path)
-    with _written(extras.prepared, path.stem) as prepared:
-        model, connects, welds = _quietly(pin.buildModelAndConstraintsFromMJCF, prepared)
+        model, *_ = _read_with_pinocchio(pin.buildModelFromSdf, path, True)
+        return model, none, _default_extras(path)
+    extras = read_mjcf_extras(path)
+    with _temporary_file(extras.prepared, path.stem) as prepared:
+        model, connects, welds = _read_with_pinocchio(pin.buildModelAndConstraintsFromMJCF, prepared)
     return model, (list(connects), list(welds)), extras
 
 
-def _bare(path: Path) -> Extras:
-    """URDF and SDF say nothing of gravity here, nor of motors: gravity along -z, every joint driven."""
-    return Extras((0.0, 0.0, -9.81), [], (), ())
+def _default_extras(path: Path) -> MjcfExtras:
+    """URDF and SDF state neither gravity nor motors: gravity along -z, every joint driven."""
+    return MjcfExtras((0.0, 0.0, -9.81), [], (), ())
 
 
-def _quietly(reader: object, path: Path, *args: object) -> "pinocchio.Model":
-    """Call a reader of Pinocchio; what it throws becomes one message that names the file."""
+def _read_with_pinocchio(reader: object, path: Path, *args: object) -> "pinocchio.Model":
+    """Call a reader of Pinocchio. Raises ModelError, naming the file, for what it raises."""
     try:
         return reader(os.fspath(path), *args)  # type: ignore[operator]
     except (ValueError, RuntimeError, TypeError, IndexError) as error:
@@ -223,19 +224,21 @@ def _quietly(reader: object, path: Path, *args: object) -> "pinocchio.Model":
         raise ModelError(f"{path.name}: Pinocchio cannot read this mechanism: {what}") from error
 
 
-def _mechanism(path: Path, text: str, model: "pinocchio.Model", constraints: _Constraints, extras: Extras) -> Mechanism:
-    tree = tree_of(model, path.name)
+def _mechanism(
+    path: Path, text: str, model: "pinocchio.Model", constraints: _Constraints, extras: MjcfExtras
+) -> Mechanism:
+    tree = _tree(model, path.name)
     if not tree.joints:
         raise ModelError(f"{path.name}: no moving body; joints belong to the bodies under the base")
     coordinates = _coordinates(model, extras)
     bodies = _bodies(model)
     parameters = np.array([model.inertias[i].toDynamicParameters() for i in range(1, model.njoints)])
-    refuse_impossible(path.name, bodies, parameters)
+    refuse_impossible_inertias(path.name, bodies, parameters)
     home, branch = _home(model, extras)
     sites, own_mass = _sites(model, extras), _own_masses(model, bodies, parameters)
-    _known(path, "<actuator> drives joint", extras.driven, coordinates)
-    _known(path, "<text name='payload'> names body", extras.payload_bodies, own_mass)
-    _known(path, "<numeric name='....radius_of_gyration'> names site", extras.radius_of_gyration, sites)
+    _refuse_unknown(path, "<actuator> drives joint", extras.driven, coordinates)
+    _refuse_unknown(path, "<text name='payload'> names body", extras.payload_bodies, own_mass)
+    _refuse_unknown(path, "<numeric name='....radius_of_gyration'> names site", extras.radius_of_gyration, sites)
     return Mechanism(
         name=path.stem,
         text=text,
@@ -258,7 +261,7 @@ def _mechanism(path: Path, text: str, model: "pinocchio.Model", constraints: _Co
     )
 
 
-def _known(path: Path, what: str, names: Iterable[str], known: Collection[str]) -> None:
+def _refuse_unknown(path: Path, what: str, names: Iterable[str], known: Collection[str]) -> None:
     """Raise ModelError for the first of ``names`` that is not among the known."""
     for name in names:
         if name not in known:
@@ -270,7 +273,7 @@ def _dry_friction(model: "pinocchio.Model") -> Floats:
     return np.zeros(model.nv) if upper is None else np.array(upper)
 
 
-def _coordinates(model: "pinocchio.Model", extras: Extras) -> tuple[str, ...]:
+def _coordinates(model: "pinocchio.Model", extras: MjcfExtras) -> tuple[str, ...]:
     """Names of coordinates. Pinocchio keeps one name for a composite joint: the file has the others."""
     names: list[str] = []
     for i in range(1, model.njoints):
@@ -295,7 +298,7 @@ def _bodies(model: "pinocchio.Model") -> tuple[str, ...]:
 
 
 def _own_masses(model: "pinocchio.Model", bodies: tuple[str, ...], parameters: Floats) -> dict[str, tuple[int, Floats]]:
-    """Rows of the bodies that carry a joint, and of those fixed to them, each with its own share of the row."""
+    """For each body, also those fixed to another: its row in ``parameters`` and its own share of that row, (10,)."""
     import pinocchio
 
     own = {name: (i, parameters[i].copy()) for i, name in enumerate(bodies)}
@@ -309,7 +312,7 @@ def _own_masses(model: "pinocchio.Model", bodies: tuple[str, ...], parameters: F
     return own
 
 
-def _sites(model: "pinocchio.Model", extras: Extras) -> dict[str, Site]:
+def _sites(model: "pinocchio.Model", extras: MjcfExtras) -> dict[str, Site]:
     import pinocchio
 
     return {
@@ -324,14 +327,14 @@ def _sites(model: "pinocchio.Model", extras: Extras) -> dict[str, Site]:
     }
 
 
-def _home(model: "pinocchio.Model", extras: Extras) -> tuple[Floats, str]:
+def _home(model: "pinocchio.Model", extras: MjcfExtras) -> tuple[Floats, str]:
     configurations = {entry.key(): np.array(entry.data()) for entry in model.referenceConfigurations}
     if extras.keyframe is not None:
         return configurations[extras.keyframe], extras.keyframe
     return configurations.get("qpos0", np.zeros(model.nv)), "zero configuration"
 
 
-def _loops(constraints: _Constraints, bodies: tuple[int, ...], extras: Extras) -> tuple[Loop, ...]:
+def _loops(constraints: _Constraints, bodies: tuple[int, ...], extras: MjcfExtras) -> tuple[Loop, ...]:
     connects, welds = constraints
     models = [(c, False) for c in connects] + [(c, True) for c in welds]
     if len(models) != len(extras.loops):
@@ -339,13 +342,53 @@ def _loops(constraints: _Constraints, bodies: tuple[int, ...], extras: Extras) -
     return tuple(
         Loop(
             name,
-            Anchor.of(_elementary(c.joint1_id, bodies), c.joint1_placement),
-            Anchor.of(_elementary(c.joint2_id, bodies), c.joint2_placement),
+            Anchor.from_placement(_elementary_joint(c.joint1_id, bodies), c.joint1_placement),
+            Anchor.from_placement(_elementary_joint(c.joint2_id, bodies), c.joint2_placement),
             weld,
         )
         for name, (c, weld) in zip(extras.loops, models, strict=True)
     )
 
 
-def _elementary(joint: int, bodies: tuple[int, ...]) -> int:
+def _elementary_joint(joint: int, bodies: tuple[int, ...]) -> int:
     return -1 if joint == 0 else bodies[joint - 1]
+
+
+def _tree(model: "pinocchio.Model", name: str) -> Tree:
+    """The elementary joints of a Pinocchio model. Raises ModelError for a joint of another kind."""
+    joints: list[Joint] = []
+    last: dict[int, int] = {0: -1}
+    for i in range(1, model.njoints):
+        placement = model.jointPlacements[i]
+        parent = last[model.parents[i]]
+        for kind, offset in _parts_of(model.joints[i].extract()):
+            revolute, axis = _kind_and_axis(kind, model.names[i], name)
+            frame = placement * offset
+            joints.append(Joint(parent, frame.rotation.copy(), frame.translation.copy(), axis, revolute))
+            parent, placement = len(joints) - 1, frame.Identity()
+        last[i] = parent
+    return Tree(tuple(joints), tuple(last[i] for i in range(1, model.njoints)))
+
+
+def _parts_of(joint: object) -> list[tuple[object, "pinocchio.SE3"]]:
+    import pinocchio
+
+    if isinstance(joint, pinocchio.JointModelComposite):
+        return [
+            (part.extract(), placement) for part, placement in zip(joint.joints, joint.jointPlacements, strict=True)
+        ]
+    return [(joint, pinocchio.SE3.Identity())]
+
+
+def _kind_and_axis(joint: object, label: str, name: str) -> tuple[bool, Floats]:
+    """Kind and axis of a joint, from Pinocchio's class names: RX, RY, RZ, PX, ..., or with an axis of its own.
+
+    A joint without limits (RUB..., URDF's continuous) is a revolute one: its angle is the coordinate here.
+    """
+    kind = type(joint).__name__.removeprefix("JointModel").replace("RUB", "R").replace("Unbounded", "")
+    letters = {"X": 0, "Y": 1, "Z": 2}
+    if kind in {"RX", "RY", "RZ", "PX", "PY", "PZ"}:
+        return kind[0] == "R", np.eye(3)[letters[kind[1]]]
+    if kind in {"RevoluteUnaligned", "PrismaticUnaligned"}:
+        return kind.startswith("R"), np.asarray(joint.axis, dtype=np.float64)  # type: ignore[attr-defined]
+    raise ModelError(f"{name}: joint {label!r} is of kind {kind}; supported are revolute and prismatic joints")

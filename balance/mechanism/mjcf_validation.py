@@ -1,9 +1,7 @@
-"""What a MJCF file may not hold: what would change the motion and is not understood, or is read wrongly in silence.
+"""What is refused in a MJCF or URDF file: what would change the motion unseen, and inertias of no rigid body.
 
 Pinocchio 4.1 skips a second body of the same name, takes a text that is no number for zero, and reads beyond its arrays
-for a site that does not exist: all of it without an error. So the file is checked before Pinocchio sees it.
-
-What no rigid body has: a negative mass, principal inertias of which one exceeds the sum of the others.
+for a site that does not exist, all of it without an error. So the file is checked before Pinocchio reads it.
 """
 
 import math
@@ -53,12 +51,12 @@ def refuse_unsupported(root: Element, name: str) -> None:
     _refuse_numbers(root, name)
     _refuse_names(root, name)
     _refuse_settings(root, name)
-    for loop in (e for e in root.iterfind("equality/*")):
+    for loop in root.iterfind("equality/*"):
         _refuse_loop(root, loop, name)
 
 
-def refuse_mimics(path: Path) -> None:
-    """Raise ModelError for a URDF joint that follows another one: Pinocchio would leave it free."""
+def refuse_mimic_joints(path: Path) -> None:
+    """Raise ModelError for a URDF joint that follows another one: Pinocchio would take it for free."""
     try:
         root = ElementTree.parse(path).getroot()
     except ElementTree.ParseError as error:
@@ -72,7 +70,7 @@ def refuse_mimics(path: Path) -> None:
 
 
 def element_label(element: Element) -> str:
-    """An element as it stands in the file, cut short."""
+    """An element as written in the file, cut at 120 characters."""
     return f"<{' '.join([element.tag, *(f'{k}={v!r}' for k, v in element.attrib.items())])[:120]}>"
 
 
@@ -180,12 +178,12 @@ ROUNDING = 1e-6
 """Of inertias in a file: what they may miss the triangle inequality by, relative to those about the joint."""
 
 
-def refuse_impossible(name: str, bodies: Sequence[str], parameters: Floats) -> None:
+def refuse_impossible_inertias(name: str, bodies: Sequence[str], parameters: Floats) -> None:
     """Raise ModelError, naming the file and the body, if ``parameters`` (bodies, 10) [SI] are of no rigid body.
 
-    A body that moves in a plane only may have any inertias about the other axes, but no file says so: they are refused
-    alike, as MuJoCo does. With the inertia tensor I_c about the centre of mass, positive definite
-    Sigma = tr(I_c)/2 1 - I_c is the condition (Wensing, Kim, Slotine 2018).
+    A body that only moves in a plane could have any inertias about the other axes, but no file states that: they are
+    refused too, as MuJoCo does. With the inertia tensor I_c about the centre of mass, the condition
+    is a positive definite Sigma = tr(I_c)/2 1 - I_c (Wensing, Kim, Slotine 2018).
     """
     if not np.any(parameters[:, 0] > 0.0):
         raise ModelError(f"{name}: no moving body has mass; give each an <inertial>, or geometry with a density")
@@ -200,7 +198,7 @@ def refuse_impossible(name: str, bodies: Sequence[str], parameters: Floats) -> N
 
 
 def principal_inertias(row: Floats) -> Floats:
-    """Principal moments of inertia about the centre of mass of a body's ten parameters, rising, (3,) [kg m2]."""
+    """Principal inertias about the centre of mass, rising, (3,) [kg m2], of a body's PARAMETERS ``row`` (10,)."""
     mass, first = row[0], row[1:4]
     xx, xy, yy, xz, yz, zz = row[4:]
     about_origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

@@ -10,7 +10,7 @@ from ..arrays import Floats
 Entry = Floats | float
 """One component: an array over samples (n,), or a constant."""
 Vector = tuple[Entry, Entry, Entry]
-"""Three components, base axes unless said otherwise."""
+"""Three components, base axes unless stated otherwise."""
 Matrix = tuple[Vector, Vector, Vector]
 """Three columns."""
 
@@ -22,13 +22,13 @@ IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def vector(values: Floats) -> Vector:
-    """A constant vector (3,) by component."""
+    """Components of a constant vector (3,) in SI."""
     x, y, z = (float(value) for value in values)
     return x, y, z
 
 
 def matrix(values: Floats) -> Matrix:
-    """A constant matrix (3, 3) by column."""
+    """Columns of a constant matrix (3, 3) in SI."""
     return vector(values[:, 0]), vector(values[:, 1]), vector(values[:, 2])
 
 
@@ -110,14 +110,14 @@ def product(m: Matrix, other: Matrix) -> Matrix:
 
 
 def fill(out: Floats, a: Vector) -> Floats:
-    """Write a vector into an array (3, n), and return the array."""
+    """Write a vector into the array ``out`` (3, n), in SI as the vector, and return it."""
     for row, entry in zip(out, a, strict=True):
         row[...] = entry
     return out
 
 
 def dense(a: Vector, count: int) -> Floats:
-    """A vector as an array (3, n)."""
+    """A vector at ``count`` samples as an array (3, n), in SI as the vector."""
     return fill(np.empty((3, count)), a)
 
 
@@ -127,7 +127,7 @@ def zeros(rows: int, columns: int) -> Rows:
 
 
 def dense_rows(rows: Rows, columns: int, count: int) -> Floats:
-    """A matrix as an array (rows, columns, n)."""
+    """A matrix at ``count`` samples as an array (rows, columns, n), in SI as the matrix."""
     out = np.empty((len(rows), columns, count))
     for i, row in enumerate(rows):
         for j, entry in enumerate(row):

@@ -8,8 +8,7 @@ import numpy as np
 from ..arrays import Floats
 from ..errors import ModelError
 from ..mechanism import forward_kinematics
-from ..mechanism.forward_kinematics import Motion, Pose
-from ..mechanism.joint_tree import Tree
+from ..mechanism.forward_kinematics import Motion, Pose, Tree
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.sparse_components import Rows, dense, zeros
 
@@ -46,7 +45,7 @@ class Drive(Protocol):
         ...
 
     def value(self, mechanism: Mechanism, q: Floats) -> Floats:
-        """Driven coordinates of one configuration (nv,), (size,)."""
+        """Driven coordinates (size,) [rad, m] of one configuration ``q`` (nv,)."""
         ...
 
 
@@ -58,8 +57,8 @@ class JointDrive:
     indices: tuple[int, ...]
 
     @classmethod
-    def of(cls, mechanism: Mechanism, joints: tuple[str, ...], sliding: bool | None = None) -> "JointDrive":
-        """Drive joints by name; ``sliding`` says whether they are given in lengths, where that is known.
+    def from_names(cls, mechanism: Mechanism, joints: tuple[str, ...], sliding: bool | None = None) -> "JointDrive":
+        """Drive joints by name; ``sliding``, where known: whether they are given in lengths, not angles.
 
         Raises ModelError for a joint that the mechanism does not have, or that turns where a length is given.
         """
@@ -78,7 +77,7 @@ class JointDrive:
         return len(self.indices)
 
     def position(self, at: Pose, q: Floats) -> Floats:
-        """Joint positions, (size, n)."""
+        """Joint positions, (size, n) [rad, m], of ``q`` (nv, n)."""
         return q[list(self.indices)]
 
     def jacobian(self, tree: Tree, at: Pose) -> Rows:
@@ -86,7 +85,7 @@ class JointDrive:
         return [[float(i == index) for i in range(tree.size)] for index in self.indices]
 
     def bias(self, at: Pose, moving: Motion) -> Floats:
-        """Zero: joint coordinates are linear."""
+        """Zero, (size, n) [rad/s2, m/s2]: joint coordinates are linear."""
         return np.zeros((self.size, at.count))
 
     def scale(self, length: float) -> float:
@@ -94,7 +93,7 @@ class JointDrive:
         return 1.0
 
     def value(self, mechanism: Mechanism, q: Floats) -> Floats:
-        """Joint positions of one configuration."""
+        """Joint positions (size,) [rad, m] of one configuration ``q`` (nv,)."""
         return q[list(self.indices)]
 
 
@@ -108,7 +107,7 @@ class PointDrive:
     axes: tuple[int, ...]
 
     @classmethod
-    def of(cls, mechanism: Mechanism, place: str, axes: tuple[str, ...]) -> "PointDrive":
+    def from_place(cls, mechanism: Mechanism, place: str, axes: tuple[str, ...]) -> "PointDrive":
         """Drive a body's own centre of mass, or a site, by name, along ``axes`` such as ("x", "y")."""
         if place in mechanism.own_mass:
             body, offset = mechanism.body_index(place), mechanism.centre(place)
@@ -137,14 +136,13 @@ class PointDrive:
 
     def bias(self, at: Pose, moving: Motion) -> Floats:
         """Acceleration of the point at zero joint accelerations, (size, n) [m/s2]."""
-        return dense(forward_kinematics.point_acceleration(at, moving, self.joint, self.offset), at.count)[
-            list(self.axes)
-        ]
+        acceleration = forward_kinematics.point_acceleration(at, moving, self.joint, self.offset)
+        return dense(acceleration, at.count)[list(self.axes)]
 
     def scale(self, length: float) -> float:
         """A length of the mechanism."""
         return length
 
     def value(self, mechanism: Mechanism, q: Floats) -> Floats:
-        """Base coordinates of the point at one configuration."""
+        """Base coordinates (size,) [m] of the point at one configuration ``q`` (nv,)."""
         return self.position(forward_kinematics.pose(mechanism.tree, q[:, None]), q[:, None])[:, 0]

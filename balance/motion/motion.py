@@ -34,7 +34,7 @@ class Samples:
     axes: tuple[str, ...] = ("x", "y")
     """Axes of the base along which the point is driven."""
     sliding: bool | None = None
-    """Whether driven joints are given in lengths, not angles; None where it is not said."""
+    """Whether driven joints are given in lengths, not angles; None where the motion does not state it."""
 
     def check(self) -> None:
         """Raise DataError for a motion without samples, of unequal shapes, or with values that are not finite."""
@@ -52,12 +52,9 @@ class Samples:
     def drive(self, mechanism: Mechanism) -> Drive:
         """The driven coordinates as functions of a mechanism's joints. Raises ModelError for an unknown name."""
         if self.joints:
-            return JointDrive.of(mechanism, self.joints, self.sliding)
-        return PointDrive.of(mechanism, self.point or _platform(mechanism), self.axes)
-
-
-def _platform(mechanism: Mechanism) -> str:
-    return mechanism.payload_bodies[0] if mechanism.payload_bodies else "platform"
+            return JointDrive.from_names(mechanism, self.joints, self.sliding)
+        place = self.point or next(iter(mechanism.payload_bodies), "platform")
+        return PointDrive.from_place(mechanism, place, self.axes)
 
 
 @dataclass(frozen=True)
@@ -88,7 +85,9 @@ class Motion:
     def with_peak_acceleration(self, acceleration: float) -> "Motion":
         """The same path with another peak acceleration [m/s2 or rad/s2]."""
         if self.recorded is not None:
-            raise DataError("a motion of recorded samples has the acceleration that it has: it cannot be set")
+            raise DataError(
+                "recorded samples have a peak acceleration of their own: give a motion with moves to set it"
+            )
         if not acceleration > 0:
             raise DataError(f"peak acceleration is {acceleration:g}: expected a positive one")
         return replace(self, peak_acceleration=acceleration)

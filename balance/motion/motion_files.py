@@ -71,19 +71,17 @@ class MotionTable(Table):
     driven: Literal["platform", "joints"] = "platform"
     """What is driven: a point of the mechanism, or joints."""
     point: Text | None = None
-    """Driven body or site; the payload's body where it is left out."""
+    """Driven body or site; by default the payload's body."""
     axes: Annotated[list[Literal["x", "y", "z"]], Field(min_length=1)] | None = None
-    """Axes of the base along which the point moves; x and y where they are left out."""
+    """Axes of the base along which the point moves; by default x and y."""
     joints: Annotated[list[Text], Field(min_length=1)] | None = None
     """Driven joints."""
     start: list[Place] | None = None
     """Start of each driven coordinate [m or rad]."""
-    peak_acceleration: (
-        Annotated[Measured[float], Quantity("acceleration", "angular acceleration", above=0.0)] | None
-    ) = None
+    peak_acceleration: Acceleration | None = None
     """Along each leg [m/s2 or rad/s2]."""
     ramp: Annotated[float, Field(strict=True, ge=0.0, le=0.5)] | None = None
-    """Share of each acceleration pulse spent in each of its two ramps; 0.25 where it is left out."""
+    """Share of each acceleration pulse spent in each of its two ramps; by default 0.25."""
     rest: Annotated[float, Quantity("time", at_least=0.0)] | None = None
     """Rest before the first leg and after each [s]."""
     moves: (
@@ -102,7 +100,7 @@ class MotionTable(Table):
     ) = None
     """Moves in turn."""
     samples: Text | None = None
-    """In place of start and moves a CSV beside this file: ``time (s)`` and ``x (m)``, ``A0 (rad)`` or ``slide (m)``."""
+    """Instead of start and moves: a CSV in this folder, ``time (s)`` and ``x (m)``, ``A0 (rad)`` or ``slide (m)``."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -110,13 +108,13 @@ class MotionTable(Table):
         return tuple(self.joints or self.axes or ("x", "y"))
 
     def _check(self) -> None:
-        _refuse_idle(self, ("point", "axes") if self.driven == "joints" else ("joints",), f"driven = {self.driven!r}")
+        _refuse_unused(self, ("point", "axes") if self.driven == "joints" else ("joints",), f"driven = {self.driven!r}")
         if self.driven == "joints" and self.joints is None:
             raise DataError("joints: missing: expected the names of the driven joints")
         if len(set(self.names)) < len(self.names):
             raise DataError(f"{'joints' if self.joints else 'axes'}: {list(self.names)}: expected each once")
         if self.samples is not None:
-            _refuse_idle(self, ("start", "peak_acceleration", "ramp", "rest", "moves"), "samples")
+            _refuse_unused(self, ("start", "peak_acceleration", "ramp", "rest", "moves"), "samples")
             return
         for key in ("start", "peak_acceleration", "moves"):
             if getattr(self, key) is None:
@@ -150,7 +148,7 @@ def motion_from_table(content: Mapping[str, Any], folder: Path = Path(), source:
         assert table.peak_acceleration is not None
         kind = table.start[0].dimension if joints else "length"
         wanted = "acceleration" if kind == "length" else "angular acceleration"
-        peak = _of_kind(table.peak_acceleration, wanted, "peak_acceleration")
+        peak = _value_of(table.peak_acceleration, wanted, "peak_acceleration")
         points = _waypoints(table, kind)
     sliding = kind == "length" if joints else None
     ramp = 0.25 if table.ramp is None else table.ramp
@@ -165,10 +163,10 @@ def _samples(path: Path, joints: tuple[str, ...], point: str | None, axes: tuple
     columns = csv_columns(path, {"time": ("time",)} | dict.fromkeys(joints or axes, possible))
     time, *coordinates = (np.array(column.value) for column in columns.values())
     if len(time) < _LEAST_SAMPLES or not (np.diff(time) > 0).all():
-        raise DataError(f"{path.name} must hold at least {_LEAST_SAMPLES} rows with increasing time")
+        raise DataError(f"{path.name}: expected at least {_LEAST_SAMPLES} rows with increasing time")
     kinds = {columns[name].dimension for name in joints}
     if len(kinds) > 1:
-        raise DataError(f"{path.name} gives angles and lengths: joints that one motion drives are of one kind")
+        raise DataError(f"{path.name}: gives angles and lengths: expected one kind for all joints of a motion")
     position = np.column_stack(coordinates)
     spline = make_interp_spline(time, position, k=5)
     sliding = kinds == {"length"} if joints else None
@@ -177,16 +175,16 @@ def _samples(path: Path, joints: tuple[str, ...], point: str | None, axes: tuple
 
 def _waypoints(table: MotionTable, kind: str) -> Floats:
     """Start and ends of the legs, (k, d) [m or rad]."""
-    start = np.array([_of_kind(place, kind, f"start[{i}]") for i, place in enumerate(table.start or ())])
+    start = np.array([_value_of(place, kind, f"start[{i}]") for i, place in enumerate(table.start or ())])
     points = [start]
     for i, move in enumerate(table.moves or ()):
         with in_file(f"moves[{i}]"):
             steps = _leg(move, table, kind) if isinstance(move, MoveTable) else _polygon(move, table.names, kind)
         points.extend(start + step for step in steps)
-    kept = [points[0], *(b for a, b in zip(points, points[1:], strict=False) if not np.array_equal(a, b))]
-    if len(kept) < 2:
-        raise DataError("moves: nothing moves")
-    return np.array(kept)
+    distinct = [points[0], *(b for a, b in zip(points, points[1:], strict=False) if not np.array_equal(a, b))]
+    if len(distinct) < 2:
+        raise DataError("moves: nothing moves: expected an end that differs from the start")
+    return np.array(distinct)
 
 
 def _leg(move: MoveTable, table: MotionTable, kind: str) -> list[Floats]:
@@ -197,24 +195,24 @@ def _leg(move: MoveTable, table: MotionTable, kind: str) -> list[Floats]:
     if (name := getattr(move, key)) not in table.names:
         raise DataError(f"{key}: {name!r}: expected one of {', '.join(table.names)}")
     unit = np.eye(len(table.names))[table.names.index(name)]
-    return [_of_kind(place, kind, f"to[{i}]") * unit for i, place in enumerate(move.to)]
+    return [_value_of(place, kind, f"to[{i}]") * unit for i, place in enumerate(move.to)]
 
 
 def _polygon(move: TriangleTable | PolygonTable, names: tuple[str, ...], kind: str) -> list[Floats]:
     """Corners in turn, closed, and back to the start."""
     if len(names) != 2:
         raise DataError(f"polygon: a corner has two coordinates, but the motion drives {', '.join(names)}")
-    at = [np.array([_of_kind(place, kind, "polygon") for place in corner]) for corner in move.corners]
+    at = [np.array([_value_of(place, kind, "polygon") for place in corner]) for corner in move.corners]
     return [*at, at[0], np.zeros(2)]
 
 
-def _of_kind(measured: Measured[float], dimension: str, key: str) -> float:
+def _value_of(measured: Measured[float], dimension: str, key: str) -> float:
     """A value of the one dimension of the motion. Raises DataError for another."""
     if measured.dimension != dimension:
-        raise DataError(f"{key}: is {measured.dimension}: expected {dimension}, as the start of what is driven has it")
+        raise DataError(f"{key}: is {measured.dimension}: expected {dimension}, as in start")
     return measured.value
 
 
-def _refuse_idle(table: MotionTable, keys: tuple[str, ...], other: str) -> None:
+def _refuse_unused(table: MotionTable, keys: tuple[str, ...], other: str) -> None:
     if idle := [key for key in keys if getattr(table, key) is not None]:
-        raise DataError(f"{idle[0]}: means nothing with {other}: take one of them out")
+        raise DataError(f"{idle[0]}: has no effect with {other}: remove one of them")

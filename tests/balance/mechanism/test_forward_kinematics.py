@@ -1,4 +1,4 @@
-"""Poses, velocities and accelerations against finite differences and Pinocchio."""
+"""Elementary joints and their poses, velocities and accelerations, against Pinocchio and differences."""
 
 import numpy as np
 import pinocchio
@@ -88,3 +88,28 @@ def test_the_base_does_not_move() -> None:
     moving = forward_kinematics.motion(mechanism.tree, at, np.ones((1, 2)))
     assert at.point(-1, np.array([1.0, 2.0, 3.0])) == (1.0, 2.0, 3.0)
     assert forward_kinematics.point_acceleration(at, moving, -1, np.ones(3)) == (0.0, 0.0, 0.0)
+
+
+def test_composite_joints_become_elementary_ones() -> None:
+    """The platform's two slides: two prismatic joints, the body on the second."""
+    tree = models.load("parallelogram-6bar").tree
+    slides = [joint for joint in tree.joints if not joint.revolute]
+    assert [joint.axis.tolist() for joint in slides] == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
+    assert tree.bodies == (0, 1, 2, 3, 5)
+    assert tree.path(5) == [4, 5]
+
+
+def test_parents_come_first() -> None:
+    """Every joint stands after its parent, its axis has length one."""
+    for name in models.BUILT_IN:
+        for i, joint in enumerate(models.load(name).tree.joints):
+            assert joint.parent < i
+            assert np.linalg.norm(joint.axis) == 1.0
+
+
+def test_paths_lead_from_the_base() -> None:
+    """Joints from the base to the platform of the complete manipulator: A0, A, C."""
+    mechanism = models.load("parallelogram-6bar-full")
+    path = mechanism.tree.path(mechanism.coordinate_index("C"))
+    assert [mechanism.coordinates[i] for i in path] == ["A0", "A", "C"]
+    assert mechanism.tree.path(-1) == []

@@ -12,8 +12,8 @@ from .. import models
 
 ARM = models.model(models.skew_arm())
 DRIVES = {
-    "joints": JointDrive.of(ARM, ("w1", "turn")),
-    "centre of a body": PointDrive.of(ARM, "tool", ("z", "x")),
+    "joints": JointDrive.from_names(ARM, ("w1", "turn")),
+    "centre of a body": PointDrive.from_place(ARM, "tool", ("z", "x")),
 }
 
 
@@ -40,7 +40,7 @@ def test_jacobian_and_bias(name: str) -> None:
 def test_a_body_is_driven_at_its_own_centre() -> None:
     """The manipulator's platform at home is where its keyframe puts it, a counter-mass elsewhere changes nothing."""
     mechanism = models.loaded("parallelogram-6bar")
-    drive = PointDrive.of(mechanism, "platform", ("x", "y"))
+    drive = PointDrive.from_place(mechanism, "platform", ("x", "y"))
     assert drive.names == ("platform.x", "platform.y")
     np.testing.assert_allclose(drive.value(mechanism, mechanism.home), [0.0, 0.3 * np.sin(np.pi / 4)], atol=1e-15)
 
@@ -48,16 +48,16 @@ def test_a_body_is_driven_at_its_own_centre() -> None:
 def test_a_site_is_driven_where_it_is() -> None:
     """The tip of the 2R arm by the printed trigonometry."""
     mechanism = models.load("serial-2r")
-    x, y = PointDrive.of(mechanism, "tip", ("x", "y")).value(mechanism, np.array([0.4, 0.9]))
+    x, y = PointDrive.from_place(mechanism, "tip", ("x", "y")).value(mechanism, np.array([0.4, 0.9]))
     assert complex(x, y) == pytest.approx(0.3 * np.exp(0.4j) + 0.25 * np.exp(1.3j))
 
 
 def test_unknown_names_are_refused() -> None:
     """A joint or a place that is not there: refused with what there is."""
     with pytest.raises(ModelError, match=r"no joint 'A9': there are A0, A, B0"):
-        JointDrive.of(models.load("four-bar"), ("A9",))
+        JointDrive.from_names(models.load("four-bar"), ("A9",))
     with pytest.raises(ModelError, match="no site 'nowhere'"):
-        PointDrive.of(models.load("four-bar"), "nowhere", ("x",))
+        PointDrive.from_place(models.load("four-bar"), "nowhere", ("x",))
     floor = models.model(models.mjcf('<site name="floor"/>' + models.link("", "a")))
     with pytest.raises(ModelError, match="'floor' of test is on the base"):
-        PointDrive.of(floor, "floor", ("x",))
+        PointDrive.from_place(floor, "floor", ("x",))

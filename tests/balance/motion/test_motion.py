@@ -213,8 +213,8 @@ WRONG = {
     "flat polygon": ({"moves": [{"polygon": [["0 m", "0 m"]]}]}, r"moves\[0\]\.polygon: has 1 values"),
     "joint for a platform": ({"moves": [{"joint": "J1", "to": ["1 rad"]}]}, r"moves\[0\]: joint: .*: expected axis"),
     "point of a number": ({"point": 3}, "point: 3: expected a text"),
-    "samples and moves": ({"samples": "path.csv"}, "start: means nothing with samples"),
-    "joints for a platform": ({"joints": ["J1"]}, "joints: means nothing with driven = 'platform'"),
+    "samples and moves": ({"samples": "path.csv"}, "start: has no effect with samples"),
+    "joints for a platform": ({"joints": ["J1"]}, "joints: has no effect with driven = 'platform'"),
 }  # fmt: skip
 
 
@@ -230,7 +230,7 @@ WRONG_JOINTS = {
     "joints missing": ({"joints": None}, "joints: missing"),
     "joints of text": ({"joints": "J1"}, "joints: 'J1': expected a list"),
     "joint twice": ({"joints": ["J1", "J1"]}, r"joints: \['J1', 'J1'\]: expected each once"),
-    "point for joints": ({"point": "tip"}, "point: means nothing with driven = 'joints'"),
+    "point for joints": ({"point": "tip"}, "point: has no effect with driven = 'joints'"),
     "move of another": (
         {"moves": [{"joint": "J9", "to": ["1 rad"]}]},
         r"moves\[0\]: joint: 'J9': expected one of J1",
