@@ -1,14 +1,6 @@
-"""``balance engine free``.
+"""``balance engine``: shaking forces of slider-cranks and engines, and what balances them."""
 
-``balance engine``: slider-cranks and engines.
-
-``balance engine mechanism``.
-
-``balance engine single``.
-
-``balance engine table``.
-"""
-
+from collections.abc import Callable
 from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from . import options
-from .framework import LazyGroup, emit_json, emit_table, json_option
+from .framework import emit_json, emit_table, json_option
 from .options import Quantity, speed_option
 
 if TYPE_CHECKING:
@@ -24,18 +16,153 @@ if TYPE_CHECKING:
     from ..engines.engine import Engine
     from ..engines.free_forces import FreeForces
 
-_SHOWN = 2
-"""Highest order for which shafts are printed: higher ones are not built."""
+_BUILT_ORDERS = 2
+"""Highest order whose balance shafts are shown: those of higher orders are not built."""
 
 
-@click.command(
+@click.group()
+def engine() -> None:
+    """Shaking forces and moments of slider-cranks and engines, and what balances them."""
+
+
+@engine.command(
+    short_help="One slider-crank: rod as point masses, shaking force exact and by orders, partial balance.",
+    epilog="""\b
+Examples:
+  balance engine single single
+  balance engine single single --speed 3000rpm --fraction 0.6 --radius 60mm --figure polar.png
+\b
+An engine file (TOML): throws = ["0 deg"], speed = "1000 rpm" and
+  [slider_crank]
+  crank_radius = "50 mm"
+  rod_length = "200 mm"
+  crank_mass = "1 kg"           # optional, with crank_centre along the throw and crank_inertia
+  crank_centre = "25 mm"
+  rod_mass = "1.2 kg"           # optional, with rod_centre from the crank pin and rod_inertia about the centre
+  rod_centre = "60 mm"
+  rod_inertia = "0.0101 kg m^2"
+  piston_mass = "0.8 kg"
+  offset = "0 mm"               # of the cylinder's axis (optional)""",
+)
+@click.argument("engine", metavar="ENGINE")
+@speed_option
+@click.option(
+    "--fraction",
+    "fractions",
+    type=click.FloatRange(-1e3, 1e3),
+    multiple=True,
+    help="Balance also this fraction of the reciprocating.",
+)
+@click.option("--radius", type=Quantity("length", positive=True), metavar="R", help="Choose r_b: the mass follows.")
+@click.option("--mass", type=Quantity("mass", positive=True), metavar="M", help="Choose m_b: the radius follows.")
+@options.figure_option
+@json_option
+def single(
+    engine: str,
+    speed: float | None,
+    fractions: tuple[float, ...],
+    radius: float | None,
+    mass: float | None,
+    figure: str | None,
+    as_json: bool,
+) -> None:
+    """The slider-crank of ENGINE, a file (TOML) or a shipped one: rod, shaking force, partial balance.
+
+    x is along the cylinder's axis away from the crank, y a quarter turn on; the force is what the machine exerts on its
+    base, weight excluded. Fraction: of the reciprocating mass, balanced on the crank together with all that rotates.
+    """
+    from ..engines import partial_balance
+    from ..engines.engine_files import load_engine
+    from ..engines.results import cylinder_document
+
+    if radius is not None and mass is not None:
+        raise click.UsageError("give either --radius or --mass: m_b r_b is fixed")
+    model = load_engine(engine)
+    if model.normalised:
+        raise click.UsageError(f"{model.name} is a layout without sizes: its file needs [slider_crank]")
+    if any(isnan(fraction) for fraction in fractions):
+        raise click.UsageError("--fraction: expected a number")
+    omega = speed if speed is not None else model.speed
+    if omega is None:
+        raise click.UsageError("the forces need --speed (or speed in the file)")
+    crank = model.cylinders[0].crank
+    best = partial_balance.best_fraction(crank)
+    cases: dict[str, float] = {"unbalanced": 0.0, "rotating only": crank.rotating_unbalance}
+    named = {"1/2": 0.5, "2/3": 2 / 3, "best": best.fraction} | {f"{f:g}": f for f in fractions}
+    cases |= {name: partial_balance.counterweight(crank, fraction) for name, fraction in named.items()}
+    if figure:
+        from ..figures.mechanism import save
+        from ..figures.rotating import draw_polar
+
+        save(draw_polar(crank, cases, omega), figure)
+    document = cylinder_document(model, cases, omega, radius, mass)
+    if as_json:
+        emit_json(document)
+    else:
+        _print_single(document)
+        if model.counterweights:
+            names = ", ".join(weight.name for weight in model.counterweights)
+            click.echo(f"The file's own counterweights ({names}) are not included here: see balance engine free.")
+
+
+def _print_single(document: dict[str, Any]) -> None:
+    rows = [
+        [r["replacement"], "; ".join(f"{m['mass_kg']:.5g} kg at {m['at_mm']:.5g} mm" for m in r["masses"]),
+         f"{r['missing_inertia_kgm2']:+.4g}"]
+        for r in document["rod"]
+    ]  # fmt: skip
+    if rows:
+        note = "places from the crank pin; with no inertia missing (third condition) force and moment are both true"
+        emit_table("Connecting rod as point masses", ["replacement", "masses", "missing inertia [kg m2]"], rows, note)
+    click.echo(
+        f"Rotating {document['rotating_mass_at_r_kg']:.5g} kg at the crank radius, reciprocating "
+        f"{document['reciprocating_mass_kg']:.5g} kg; at {document['speed_rad_per_s']:.5g} rad/s: rotating "
+        f"{document['rotating_force_N']:.5g} N, first order {document['first_order_force_N']:.5g} N, second order "
+        f"{document['second_order_force_N']:.5g} N.\n"
+    )
+    one = f", one of its {document['cylinders']} cylinders" if document["cylinders"] > 1 else ""
+    rows = [[name, *(cell(case) for cell in _CASE.values())] for name, case in document["cases"].items()]
+    emit_table(f"Shaking force of {document['engine']}{one}", ["counterweight", *_CASE], rows)
+    best = document["best_fraction"]
+    click.echo(
+        f"Least largest force: fraction {best['exact']['fraction']:.6f} of the reciprocating mass (exact), "
+        f"{best['order2']['fraction']:.6f} (orders 1 and 2), {best['order1']['fraction']:.6f} (order 1); least RMS: "
+        f"{document['least_rms_fraction']:.6f}."
+    )
+    click.echo(
+        f"Orders 1 and 2 are off the exact force by at most {document['second_order_error_largest_N']:.4g} N, "
+        f"{document['second_order_error_of_first_order_percent']:.3g} % of m r omega^2."
+    )
+
+
+_CASE: dict[str, Callable[[dict[str, Any]], str]] = {
+    "m_b r_b [kg mm]": lambda case: f"{1e3 * case['counterweight_kgm']:.5g}",
+    "m_b [kg]": lambda case: _number(case["counterweight_mass_kg"]),
+    "r_b [mm]": lambda case: _number(case["counterweight_radius_mm"]),
+    "F max, order 1 [N]": lambda case: f"{case['order1']['F_max_N']:.5g}",
+    "orders 1+2 [N]": lambda case: f"{case['order2']['F_max_N']:.5g}",
+    "exact [N]": lambda case: f"{case['exact']['F_max_N']:.5g}",
+    "F min [N]": lambda case: f"{case['exact']['F_min_N'] if case['exact']['F_min_N'] > 1e-9 else 0.0:.4g}",
+    "F RMS [N]": lambda case: f"{case['exact']['F_rms_N']:.5g}",
+    "|Fx| max [N]": lambda case: f"{max(map(abs, case['exact']['Fx_N'])):.5g}",
+    "|Fy| max [N]": lambda case: f"{max(map(abs, case['exact']['Fy_N'])):.5g}",
+}
+"""Columns of a counterweight and of its residual force."""
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.5g}"
+
+
+@engine.command(
+    short_help="Free forces and moments of an engine by orders, place of the resultant, balance shafts, firing.",
     epilog="""\b
 Examples:
   balance engine free in-line-4
   balance engine free v8-90-crossplane --ratio 0.3 --figure orders.png
   balance engine free v4-72-offset --orders 6 --json
 \b
-An engine sheet (TOML); angles in the sense of rotation, banks from upright:
+An engine file (TOML); angles in the sense of rotation, banks from upright:
   throws = ["0 deg", "180 deg", "180 deg", "0 deg"]
   banks = ["0 deg", "0 deg", "0 deg", "0 deg"]     # optional: all upright
   at = [0, 1, 2, 3]                                # optional: places in spacings
@@ -46,7 +173,7 @@ An engine sheet (TOML); angles in the sense of rotation, banks from upright:
   [[counterweights]]                               # optional, on the crankshaft; at in spacings
   name = "front"
   unbalance = "30 kg mm @ 180 deg"
-  at = 0"""
+  at = 0""",
 )
 @click.argument("engine", metavar="ENGINE")
 @speed_option
@@ -73,329 +200,122 @@ def free(
     figure: str | None,
     as_json: bool,
 ) -> None:
-    """Free forces and moments of ENGINE, a sheet (TOML) or a shipped one, by orders of its crankshaft's speed.
+    """Free forces and moments of ENGINE, a file (TOML) or a shipped one, by orders of its crankshaft's speed.
 
     Forward is the part that turns with the crankshaft: at first order its counterweights remove it. The force of an
     order swings between the half-axes of an ellipse. Moments are force times distance along the crankshaft, in the
     direction of the force.
     """
-    from ..engines import free_forces as free_orders
-    from ..engines.balance_shafts import over_a_turn, shafts
+    from ..engines.balance_shafts import balance_shafts, residual_over_turn
     from ..engines.engine_files import DEFAULT_RATIO, load_engine
+    from ..engines.free_forces import free_forces
     from ..engines.results import engine_document
 
     model = load_engine(engine, DEFAULT_RATIO if ratio is None else ratio)
-    _refuse_unused(model, speed, ratio)
+    if model.normalised and speed is not None:
+        raise click.UsageError(f"--speed: {model.name} has no sizes, so its forces are in m r omega^2 at any speed")
+    if not model.normalised and ratio is not None:
+        raise click.UsageError(f"--ratio: {model.name} has sizes, r / l = {model.cylinders[0].crank.ratio:.5g}")
     omega = 1.0 if model.normalised else speed if speed is not None else model.speed
     if omega is None:
-        raise click.UsageError("the forces need --speed (or speed in the sheet)")
-    found = free_orders.free_forces(model, orders, "second-order" if second_order else "exact", about)
+        raise click.UsageError("the forces need --speed (or speed in the file)")
+    by_order = free_forces(model, orders, "second-order" if second_order else "exact", about)
     places = [c.at for c in model.cylinders]
-    balancing = shafts(found, min(places), max(places))
-    left = over_a_turn(model, [s for s in balancing if s.order <= _SHOWN], omega, found[0].about)
+    shafts = balance_shafts(by_order, min(places), max(places))
+    built = [shaft for shaft in shafts if shaft.order <= _BUILT_ORDERS]
+    residual = residual_over_turn(model, built, omega, by_order[0].about)
     units = ("m r omega^2", "m r omega^2 a") if model.normalised else ("N", "N m")
     if figure:
         from ..figures.mechanism import save
         from ..figures.rotating import draw_orders
 
-        save(draw_orders(found, model.name, omega**2, units, left), figure)
+        save(draw_orders(by_order, model.name, omega**2, units, residual), figure)
     if as_json:
-        emit_json(engine_document(model, found, balancing, left, omega))
+        emit_json(engine_document(model, by_order, shafts, residual, omega))
     else:
-        _print_free(model, found, balancing, left, omega, units)
-
-
-def _refuse_unused(engine: "Engine", speed: float | None, ratio: float | None) -> None:
-    """Refuse options that an engine has no use for: nothing typed is ignored."""
-    if engine.normalised and speed is not None:
-        raise click.UsageError(f"--speed: {engine.name} has no sizes, so its forces are in m r omega^2 at any speed")
-    if not engine.normalised and ratio is not None:
-        raise click.UsageError(f"--ratio: {engine.name} has sizes, r / l = {engine.cylinders[0].crank.ratio:.5g}")
+        _print_free(model, by_order, built, residual, omega, units)
 
 
 def _print_free(
     engine: "Engine",
     free: "list[FreeForces]",
-    balancing: "list[Shaft]",
-    left: "ResidualOverTurn",
+    built: "list[Shaft]",
+    residual: "ResidualOverTurn",
     omega: float,
     units: tuple[str, str],
 ) -> None:
-    _orders(engine, free, omega, units)
-    _shafts(engine, balancing)
-    _left(left, units)
-    _sums(engine)
-    _firing(engine)
-    if engine.source:
-        click.echo(f"Source: {engine.source}.")
+    from ..engines.balance_shafts import STAGES
+    from ..engines.engine import firing
+    from ..engines.free_forces import cylinder_sums
+    from ..rotors.rotor import polar_form
 
-
-def _length(engine: "Engine") -> tuple[float, str]:
-    """Factor and unit of lengths along the crankshaft."""
-    return (1.0, "a") if engine.normalised else (1e3, "mm")
-
-
-def _orders(engine: "Engine", free: "list[FreeForces]", omega: float, units: tuple[str, str]) -> None:
-    scale, (factor, length) = omega**2, _length(engine)
-    rows = [
-        [
-            str(f.force.order),
-            *(f"{scale * v:.5g}" for v in (f.force.largest, abs(f.force.forward), abs(f.force.backward))),
-            *(f"{scale * v:.5g}" for v in (f.moment.largest, abs(f.moment.forward), abs(f.moment.backward))),
-            "-" if f.place is None else f"{factor * f.place:.5g}",
-        ]
-        for f in free
-        if f.force.largest or f.moment.largest
-    ]
+    factor, length = (1.0, "a") if engine.normalised else (1e3, "mm")
+    rows = []
+    for f in free:
+        if f.force.largest or f.moment.largest:
+            values = [v for part in (f.force, f.moment) for v in (part.largest, abs(part.forward), abs(part.backward))]
+            place = None if f.place is None else factor * f.place
+            rows.append([str(f.force.order), *(f"{omega**2 * v:.5g}" for v in values), _number(place)])
     header = ["order", f"force [{units[0]}]", "forward", "backward", f"moment [{units[1]}]", "forward", "backward"]
     note = f"moments about {factor * free[0].about:.5g} {length}; forward turns with the crankshaft"
     note += "" if engine.normalised else f"; at {omega:.5g} rad/s"
     emit_table(f"Free forces and moments of {engine.name}", [*header, f"place [{length}]"], rows, note)
     if not rows:
         click.echo("No free forces and moments: every order computed is balanced.")
-
-
-def _shafts(engine: "Engine", balancing: "list[Shaft]") -> None:
-    from ..rotors.rotor import polar_form
-
-    rows, (factor, length) = [], _length(engine)
-    for shaft in (s for s in balancing if s.order <= _SHOWN):
+    rows = []
+    for shaft in built:
         what = "crankshaft" if shaft.is_crankshaft else f"shaft {'with' if shaft.forward else 'against'} the crankshaft"
         for u in shaft.unbalances:
             rows.append([str(shaft.order), what, f"{factor * u.at:.5g}", polar_form(u.vector, factor)])
     if rows:
         header = ["order", "on", f"at [{length}]", f"unbalance [{'m r' if engine.normalised else 'kg mm'}]"]
         note = "angles when the crankshaft's mark is at x; equal shafts that turn against each other at equal height; "
-        note += f"orders above {_SHOWN} with --json"
+        note += f"orders above {_BUILT_ORDERS} with --json"
         emit_table("What would balance them", header, rows, note)
-
-
-def _left(left: "ResidualOverTurn", units: tuple[str, str]) -> None:
-    from ..engines.balance_shafts import STAGES
-
     rows = [
         [STAGES[stage], f"{each.largest_force:.5g}", f"{each.largest_moment:.5g}"]
-        for stage, each in left.stages.items()
+        for stage, each in residual.stages.items()
     ]
-    header = ["engine", f"force [{units[0]}]", f"moment [{units[1]}]"]
-    emit_table(f"Largest over a turn, exact; shafts of orders up to {_SHOWN}", header, rows)
-
-
-def _sums(engine: "Engine") -> None:
-    from ..engines.free_forces import cylinder_sums
-
-    factor, length = _length(engine)
+    title = f"Largest over a turn, exact; shafts of orders up to {_BUILT_ORDERS}"
+    emit_table(title, ["engine", f"force [{units[0]}]", f"moment [{units[1]}]"], rows)
     for k in (1, 2) if engine.in_line else ():
-        (fc, fs), (mc, ms) = cylinder_sums(engine, k)["force"], cylinder_sums(engine, k)["moment"]
+        (fc, fs), (mc, ms) = cylinder_sums(engine, k).values()
         click.echo(
             f"Sums of order {k}: cos {fc:+.5g}, sin {fs:+.5g}; times z from cylinder 1: {factor * mc:+.5g}, "
             f"{factor * ms:+.5g} {length}"
         )
-
-
-def _firing(engine: "Engine") -> None:
-    from ..engines.engine import firing
-
     fired = firing(engine)
     click.echo(
         f"Fires {'-'.join(map(str, fired.order))}, {engine.strokes}-stroke, at intervals of "
         f"{', '.join(f'{i:g}' for i in fired.intervals_deg)} deg: {'even' if fired.even else 'uneven'}."
     )
+    if engine.source:
+        click.echo(f"Source: {engine.source}.")
 
 
-COMMANDS = {
-    "single": ("engine", "One slider-crank: rod as point masses, shaking force exact and by orders, partial balance."),
-    "free": (
-        "engine",
-        "Free forces and moments of an engine by orders, place of the resultant, balance shafts, firing.",
-    ),
-    "table": ("engine", "The common engines side by side."),
-    "mechanism": ("engine", "Write an engine as a mechanism file (MJCF)."),
-}
-
-engine = LazyGroup(
-    "engine",
-    package="balance.cli",
-    lazy=COMMANDS,
-    help="Shaking forces and moments of slider-cranks and engines, and what balances them.",
-)
-
-
-@click.command(
-    epilog="""\b
-Examples:
-  balance engine mechanism v4-72-offset -o v4.xml
-  balance conditions v4.xml"""
-)
-@click.argument("engine", metavar="ENGINE")
-@click.option("-o", "--output", type=click.Path(dir_okay=False), metavar="FILE", help="Write here [default: stdout].")
-def mechanism(engine: str, output: str | None) -> None:
-    """Write ENGINE, a sheet with sizes, as a mechanism file (MJCF) for the other commands, Pinocchio and MuJoCo."""
-    from ..engines.engine_files import load_engine, mjcf
-
-    text = mjcf(load_engine(engine))
-    if output is None:
-        click.echo(text, nl=False)
-    else:
-        Path(output).write_text(text, encoding="utf-8")
-
-
-@click.command(
-    epilog="""\b
-Examples:
-  balance engine single single
-  balance engine single single --speed 3000rpm --fraction 0.6 --radius 60mm --figure polar.png
-\b
-An engine sheet (TOML): throws = ["0 deg"], speed = "1000 rpm" and
-  [slider_crank]
-  crank_radius = "50 mm"
-  rod_length = "200 mm"
-  crank_mass = "1 kg"           # optional, with crank_centre along the throw and crank_inertia
-  crank_centre = "25 mm"
-  rod_mass = "1.2 kg"           # optional, with rod_centre from the crank pin and rod_inertia about the centre
-  rod_centre = "60 mm"
-  rod_inertia = "0.0101 kg m^2"
-  piston_mass = "0.8 kg"
-  offset = "0 mm"               # of the cylinder's axis (optional)"""
-)
-@click.argument("engine", metavar="ENGINE")
-@speed_option
-@click.option(
-    "--fraction",
-    "fractions",
-    type=click.FloatRange(-1e3, 1e3),
-    multiple=True,
-    help="Balance also this fraction of the reciprocating.",
-)
-@click.option("--radius", type=Quantity("length", positive=True), metavar="R", help="Choose r_b: the mass follows.")
-@click.option("--mass", type=Quantity("mass", positive=True), metavar="M", help="Choose m_b: the radius follows.")
-@options.figure_option
-@json_option
-def single(
-    engine: str,
-    speed: float | None,
-    fractions: tuple[float, ...],
-    radius: float | None,
-    mass: float | None,
-    figure: str | None,
-    as_json: bool,
-) -> None:
-    """The slider-crank of ENGINE, a sheet (TOML) or a shipped one: rod, shaking force, partial balance.
-
-    x is along the cylinder's axis away from the crank, y a quarter turn on; the force is what the machine exerts on its
-    base, weight excluded. Fraction: of the reciprocating mass, on the crank beside all that rotates.
-    """
-    from ..engines import partial_balance
-    from ..engines.engine_files import load_engine
-    from ..engines.results import cylinder_document
-
-    if radius is not None and mass is not None:
-        raise click.UsageError("give either --radius or --mass: m_b r_b is fixed")
-    model = load_engine(engine)
-    if model.normalised:
-        raise click.UsageError(f"{model.name} is a layout without sizes: its sheet needs [slider_crank]")
-    if any(isnan(fraction) for fraction in fractions):
-        raise click.UsageError("--fraction: expected a number")
-    omega = speed if speed is not None else model.speed
-    if omega is None:
-        raise click.UsageError("the forces need --speed (or speed in the sheet)")
-    crank = model.cylinders[0].crank
-    best = partial_balance.best_fraction(crank)
-    cases: dict[str, float] = {"unbalanced": 0.0, "rotating only": crank.rotating}
-    wanted = {"1/2": 0.5, "2/3": 2 / 3, "best": best.fraction} | {f"{f:g}": f for f in fractions}
-    cases |= {name: partial_balance.counterweight(crank, fraction) for name, fraction in wanted.items()}
-    if figure:
-        from ..figures.mechanism import save
-        from ..figures.rotating import draw_polar
-
-        save(draw_polar(crank, cases, omega), figure)
-    found = cylinder_document(model, cases, omega, radius, mass)
-    if as_json:
-        emit_json(found)
-    else:
-        _print_single(found)
-        if model.counterweights:
-            names = ", ".join(weight.name for weight in model.counterweights)
-            click.echo(f"The sheet's own counterweights ({names}) are left aside here: see balance engine free.")
-
-
-def _print_single(document: dict[str, Any]) -> None:
-    _rod(document)
-    click.echo(
-        f"Rotating {document['rotating_mass_at_r_kg']:.5g} kg at the crank radius, reciprocating "
-        f"{document['reciprocating_mass_kg']:.5g} kg; at {document['speed_rad_per_s']:.5g} rad/s: rotating "
-        f"{document['rotating_force_N']:.5g} N, first order {document['first_order_force_N']:.5g} N, second order "
-        f"{document['second_order_force_N']:.5g} N.\n"
-    )
-    header = ["counterweight", "m_b r_b [kg mm]", "m_b [kg]", "r_b [mm]", "F max, order 1 [N]", "orders 1+2 [N]"]
-    header += ["exact [N]", "F min [N]", "F RMS [N]", "|Fx| max [N]", "|Fy| max [N]"]
-    one = f", one of its {document['cylinders']} cylinders" if document["cylinders"] > 1 else ""
-    rows = [_single_row(name, case) for name, case in document["cases"].items()]
-    emit_table(f"Shaking force of {document['engine']}{one}", header, rows)
-    best = document["best_fraction"]
-    click.echo(
-        f"Least largest force: fraction {best['exact']['fraction']:.6f} of the reciprocating mass (exact), "
-        f"{best['order2']['fraction']:.6f} (orders 1 and 2), {best['order1']['fraction']:.6f} (order 1); least RMS: "
-        f"{document['least_rms_fraction']:.6f}."
-    )
-    click.echo(
-        f"Orders 1 and 2 are off the exact force by at most {document['second_order_error_largest_N']:.4g} N, "
-        f"{document['second_order_error_of_first_order_percent']:.3g} % of m r omega^2."
-    )
-
-
-def _rod(document: dict[str, Any]) -> None:
-    rows = [
-        [r["replacement"], "; ".join(f"{m['mass_kg']:.5g} kg at {m['at_mm']:.5g} mm" for m in r["masses"]),
-         f"{r['missing_inertia_kgm2']:+.4g}"]
-        for r in document["rod"]
-    ]  # fmt: skip
-    if rows:
-        note = (
-            "places from the crank pin; an inertia of zero keeps the third condition, so force and moment are both true"
-        )
-        emit_table("Connecting rod as point masses", ["replacement", "masses", "inertia left out [kg m2]"], rows, note)
-
-
-def _single_row(name: str, case: dict[str, Any]) -> list[str]:
-    """One counterweight, and the force that it leaves."""
-    exact, mass, radius = case["exact"], case["counterweight_mass_kg"], case["counterweight_radius_mm"]
-    return [
-        name,
-        f"{1e3 * case['counterweight_kgm']:.5g}",
-        "-" if mass is None else f"{mass:.5g}",
-        "-" if radius is None else f"{radius:.5g}",
-        f"{case['order1']['F_max_N']:.5g}",
-        f"{case['order2']['F_max_N']:.5g}",
-        f"{exact['F_max_N']:.5g}",
-        f"{exact['F_min_N'] if exact['F_min_N'] > 1e-9 else 0.0:.4g}",
-        f"{exact['F_rms_N']:.5g}",
-        f"{max(map(abs, exact['Fx_N'])):.5g}",
-        f"{max(map(abs, exact['Fy_N'])):.5g}",
-    ]
-
-
-@click.command(
+@engine.command(
+    short_help="The common engines side by side.",
     epilog="""\b
 Examples:
   balance engine table
   balance engine table --ratio 0.3 --json
-  balance engine table own.toml in-line-4"""
+  balance engine table own.toml in-line-4""",
 )
 @click.argument("engines", nargs=-1, metavar="[ENGINE]...")
 @click.option("--ratio", type=float, default=0.25, show_default=True, help="r / l of all engines.")
 @json_option
 def table(engines: tuple[str, ...], ratio: float, as_json: bool) -> None:
-    """The common engines side by side: first and second order forces and moments, and what counterweights leave.
+    """The common engines side by side: first and second order forces and moments, and the residual with counterweights.
 
     Forces in m r omega^2, moments in m r omega^2 a, with m the reciprocating mass of one cylinder, a the spacing;
     rotating masses balanced, second order with its exact coefficient.
     """
     from .. import datasets
     from ..engines.engine_files import has_sizes, load_layout
+    from ..engines.results import comparison_row
 
     names = list(engines) or [name for name in datasets.dataset_names("engines", ".toml") if not has_sizes(name)]
-    rows = [_engine_row(load_layout(name, ratio)) for name in names]
+    rows = [comparison_row(load_layout(name, ratio)) for name in names]
     if as_json:
         emit_json({"ratio_r_over_l": ratio, "engines": rows})
         return
@@ -412,30 +332,29 @@ def table(engines: tuple[str, ...], ratio: float, as_json: bool) -> None:
          "even" if row["firing_even"] else " ".join(f"{i:g}" for i in row["firing_intervals_deg"])]
         for row in rows
     ]  # fmt: skip
-    header = ["engine", "F1", "F1 left*", "M1", "M1 left*", "F2", "M2", "fires", "intervals"]
+    header = ["engine", "F1", "F1*", "M1", "M1*", "F2", "M2", "fires", "intervals"]
     note = (
         f"Forces in m r omega^2, moments about the middle in m r omega^2 a; r / l = {ratio:g}. *: with the best "
-        "counterweights on the crankshaft, which remove what turns with it; the rest needs balance shafts."
+        "counterweights on the crankshaft, which remove what turns with it; the residual needs balance shafts."
     )
     emit_table("Engines", header, cells, note)
 
 
-def _engine_row(engine: "Engine") -> dict[str, Any]:
-    from ..engines.engine import firing
-    from ..engines.free_forces import free_forces
+@engine.command(
+    short_help="Write an engine as a mechanism file (MJCF).",
+    epilog="""\b
+Examples:
+  balance engine mechanism v4-72-offset -o v4.xml
+  balance conditions v4.xml""",
+)
+@click.argument("engine", metavar="ENGINE")
+@click.option("-o", "--output", type=click.Path(dir_okay=False), metavar="FILE", help="Write here [default: stdout].")
+def mechanism(engine: str, output: str | None) -> None:
+    """Write ENGINE, a file with sizes, as a mechanism file (MJCF) for the other commands, Pinocchio and MuJoCo."""
+    from ..engines.engine_files import load_engine, mjcf
 
-    first, second = free_forces(engine, 2)
-    fired = firing(engine)
-    return {
-        "engine": engine.name,
-        "F1_mrw2": first.force.largest,
-        "F1_with_counterweights_mrw2": abs(first.force.backward),
-        "M1_mrw2a": first.moment.largest,
-        "M1_with_counterweights_mrw2a": abs(first.moment.backward),
-        "F2_mrw2": second.force.largest,
-        "M2_mrw2a": second.moment.largest,
-        "place_of_F2_a": second.place,
-        "firing_order": list(fired.order),
-        "firing_intervals_deg": list(fired.intervals_deg),
-        "firing_even": fired.even,
-    }
+    text = mjcf(load_engine(engine))
+    if output is None:
+        click.echo(text, nl=False)
+    else:
+        Path(output).write_text(text, encoding="utf-8")

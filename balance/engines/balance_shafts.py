@@ -1,10 +1,8 @@
-"""What is left of an engine's exact force and moment, once its counterweights and balance shafts turn with it.
+"""Balance shafts: the unbalances that remove an order of an engine's force and moment, and what remains with them.
 
-Balance shafts: the unbalances that remove an order of an engine's force and moment.
-
-A vector of order k that turns forward is removed by a shaft that turns forward at k omega with unbalance
--P / k^2, and so backward. Forward at first order that shaft is the crankshaft itself. Force and moment together need
-two unbalances a shaft; a force with a fixed place, or a couple alone, fewer.
+A vector of order k that turns forward is removed by a shaft that turns forward at k omega with unbalance -P / k^2; one
+that turns backward by a shaft that turns backward. Forward at first order that shaft is the crankshaft itself. Force
+and moment together need two unbalances a shaft; a force with a fixed place, or a couple alone, fewer.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -12,13 +10,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Complexes, Floats
 from ..rotors.correction_planes import correct_planes
 from ..rotors.rotor import Plane, Unbalance
 from .engine import Engine
-from .free_forces import FreeForces, scale
-from .partial_balance import crank_angles, largest_of_series
-from .slider_crank import Complexes
+from .free_forces import FreeForces, force_scale
+from .partial_balance import crank_angles, largest_over_turn
+
+STAGES = {
+    "before": "as described",
+    "counterweights": "with the crankshaft's counterweights",
+    "shafts": "and the balance shafts",
+}
+"""The engine as it is; with the unbalances that belong on the crankshaft; and with the balance shafts."""
+_SAMPLES = 360
+"""Crank angles of a turn that are kept."""
+_ROUNDING = 1e-13
+"""Share of its terms' size below which a sum is rounding error."""
 
 
 @dataclass(frozen=True)
@@ -37,20 +45,20 @@ class Shaft:
         return self.forward and self.order == 1
 
 
-def shafts(free: Sequence[FreeForces], first: float, last: float) -> list[Shaft]:
+def balance_shafts(free: Sequence[FreeForces], first: float, last: float) -> list[Shaft]:
     """Shafts that remove the given orders, each with unbalances at ``first`` and ``last`` [m].
 
-    Where one unbalance does it, it stands in the place of the resultant. A pair of equal shafts that turn against each
-    other must stand at equal height on both sides, or they add a moment about the crankshaft's axis.
+    Where one unbalance is enough, it is in the place of the resultant. Two equal shafts that turn against each other
+    must be at equal height on both sides, or they add a moment about the crankshaft's axis.
     """
-    found = []
+    needed = []
     for order in free:
         for forward in (True, False):
             force = order.force.forward if forward else order.force.backward
             moment = order.moment.forward if forward else order.moment.backward
             if force or moment:
-                found.append(_shaft(order, forward, (force, moment), (first, last)))
-    return found
+                needed.append(_shaft(order, forward, (force, moment), (first, last)))
+    return needed
 
 
 def _shaft(order: FreeForces, forward: bool, parts: tuple[complex, complex], ends: tuple[float, float]) -> Shaft:
@@ -65,24 +73,6 @@ def _shaft(order: FreeForces, forward: bool, parts: tuple[complex, complex], end
     correction = correct_planes(pair, [Plane("1", ends[0]), Plane("2", ends[1])])
     planes = zip(correction.planes, correction.vectors, strict=True)
     return Shaft(k, forward, tuple(Unbalance(p.name, v / k**2, p.at) for p, v in planes))
-
-
-def removed_by_shafts(free: FreeForces, shaft: Shaft) -> tuple[complex, complex]:
-    """What a shaft adds to the force and to the moment of its own sense of its order, per omega^2 [kg m, kg m2]."""
-    k = shaft.order
-    force = sum((k**2 * u.vector for u in shaft.unbalances), 0j)
-    return force, sum((k**2 * u.vector * (u.at - free.about) for u in shaft.unbalances), 0j)
-
-
-STAGES = {
-    "before": "as described",
-    "counterweights": "with the crankshaft's counterweights",
-    "shafts": "and the balance shafts",
-}
-"""As it is; with the unbalances that belong on the crankshaft; and with the balance shafts."""
-_SAMPLES = 360
-ROUNDING = 1e-13
-"""A sum this small beside those that it is the sum of is zero."""
 
 
 @dataclass(frozen=True)
@@ -108,35 +98,37 @@ class ResidualOverTurn:
     stages: Mapping[str, ResidualForces]
 
 
-def over_a_turn(engine: Engine, shafts: Sequence[Shaft], omega: float, about: float) -> ResidualOverTurn:
+def residual_over_turn(engine: Engine, shafts: Sequence[Shaft], omega: float, about: float) -> ResidualOverTurn:
     """Exact force and moment about a place [m] at constant speed [rad/s], by stage."""
     theta = np.append(crank_angles(_SAMPLES), 2 * np.pi)
     on_crank = [shaft for shaft in shafts if shaft.is_crankshaft]
-    added: dict[str, Sequence[Shaft]] = {"before": (), "counterweights": on_crank, "shafts": shafts}
-    return ResidualOverTurn(theta, {stage: _left(engine, added[stage], theta, omega, about) for stage in STAGES})
+    mounted: dict[str, Sequence[Shaft]] = {"before": (), "counterweights": on_crank, "shafts": shafts}
+    return ResidualOverTurn(theta, {stage: _residual(engine, mounted[stage], theta, omega, about) for stage in STAGES})
 
 
-def _left(engine: Engine, shafts: Sequence[Shaft], theta: Floats, omega: float, about: float) -> ResidualForces:
+def _residual(engine: Engine, shafts: Sequence[Shaft], theta: Floats, omega: float, about: float) -> ResidualForces:
     def force(at: Floats) -> Complexes:
-        return engine.force(at, omega) + omega**2 * _turning(shafts, at, None)
+        return engine.force(at, omega) + omega**2 * shaft_vectors(shafts, at)
 
     def moment(at: Floats) -> Complexes:
-        return engine.tilting(at, omega, about=about) + omega**2 * _turning(shafts, at, about)
+        return engine.tilting(at, omega, about=about) + omega**2 * shaft_vectors(shafts, at, about)
 
-    size, length = scale(engine, about)
-    return ResidualForces(
-        *_over(force, theta, ROUNDING * size * omega**2), *_over(moment, theta, ROUNDING * size * length * omega**2)
-    )
+    size, length = force_scale(engine, about)
+    least = _ROUNDING * size * omega**2
+    return ResidualForces(*_over(force, theta, least), *_over(moment, theta, least * length))
 
 
 def _over(vector: Callable[[Floats], Complexes], theta: Floats, least: float) -> tuple[Complexes, float]:
-    """Values over a turn and the largest size; what is rounding error of the cylinders' sum is zero."""
-    values, (top, _) = vector(theta), largest_of_series(lambda at: np.abs(vector(at)))
+    """Values over a turn and the largest modulus; what is rounding error of the cylinders' sum is zero."""
+    values, (top, _) = vector(theta), largest_over_turn(lambda at: np.abs(vector(at)))
     return np.where(np.abs(values) > least, values, 0.0), top if top > least else 0.0
 
 
-def _turning(shafts: Sequence[Shaft], theta: Floats, about: float | None) -> Complexes:
-    """k^2 U e^(+-i k theta) of all unbalances, per omega^2; times z - about where that is given."""
+def shaft_vectors(shafts: Sequence[Shaft], theta: Floats, about: float | None = None) -> Complexes:
+    """Sum of k^2 U e^(+-i k theta) over all unbalances at crank angles (n,) [rad], per omega^2, (n,) [kg m].
+
+    With ``about`` [m] each is times its distance from there, (n,) [kg m2].
+    """
     total: Complexes = np.zeros(np.shape(theta), dtype=complex)
     for shaft in shafts:
         turned = shaft.order**2 * np.exp((1j if shaft.forward else -1j) * shaft.order * np.asarray(theta))

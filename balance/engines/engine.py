@@ -1,21 +1,23 @@
-"""An engine: cylinders of any bank angle and throw along one crankshaft.
+"""An engine: cylinders of any bank angle and throw along one crankshaft; its exact forces, and when it fires.
 
-The crankshaft is the z axis, x up, angles in the sense of rotation, from x to y. Throw i stands at theta + phi_i, the
-axis of cylinder i at beta_i; its own crank angle, from its own top dead centre, is theta + phi_i - beta_i.
-
-When the cylinders fire, and whether at equal distance.
+The crankshaft is the z axis, x up, angles in the sense of rotation, from x to y. Throw i is at theta + phi_i, the axis
+of cylinder i at beta_i; its own crank angle, from its own top dead centre, is theta + phi_i - beta_i.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Complexes, Floats
 from ..errors import DataError
 from ..rotors.rotor import Unbalance
-from .slider_crank import Complexes, SliderCrank
+from .slider_crank import SliderCrank
+
+_TURN = 360.0
+_MOST_CYLINDERS = 16
+"""Whose firing angles are searched for."""
 
 
 @dataclass(frozen=True)
@@ -42,22 +44,22 @@ class Engine:
     strokes: int = 4
     """Strokes of a working cycle, 4 or 2."""
     firing_order: tuple[int, ...] = ()
-    """Cylinders, counted from 1, in the order in which they fire; empty where that is not given."""
+    """Cylinders, counted from 1, in the order in which they fire; empty where it is not given."""
     speed: float | None = None
     """Speed of the crankshaft [rad/s]."""
     normalised: bool = False
-    """Whether m r = 1 kg m and the spacing 1 m stand for sizes that are not given."""
+    """Whether sizes are not given: then m r = 1 kg m and the spacing is 1 m."""
     source: str = ""
 
     @property
     def middle(self) -> float:
-        """Middle of the cylinders along the crankshaft [m]: moments are about it unless said otherwise."""
+        """Middle of the cylinders along the crankshaft [m]: moments are about it by default."""
         places = [cylinder.at for cylinder in self.cylinders]
         return 0.5 * (min(places) + max(places))
 
     @property
     def in_line(self) -> bool:
-        """Whether all cylinders stand in one plane with the crankshaft, on one side."""
+        """Whether all cylinders are in one plane with the crankshaft, on one side of it."""
         return len({round(cylinder.bank % (2 * np.pi), 9) for cylinder in self.cylinders}) == 1
 
     @property
@@ -66,7 +68,7 @@ class Engine:
         return sum(abs(weight.vector) for weight in self.counterweights) * self.cylinders[0].crank.radius
 
     def force(self, theta: Floats, omega: float | Floats, alpha: float | Floats = 0.0) -> Complexes:
-        """Exact shaking force at crank angles (n,) [rad], any speed [rad/s] and acceleration [rad/s2], (n,) [N]."""
+        """Exact shaking force at crank angles (n,) [rad], speed [rad/s] and acceleration [rad/s2], (n,) [N]."""
         total: Complexes = np.zeros(np.shape(theta), dtype=complex)
         for _, force in self._forces(theta, omega, alpha):
             total = total + force
@@ -77,7 +79,8 @@ class Engine:
     ) -> Complexes:
         """Exact sum of force times distance along the crankshaft from ``about`` [m], (n,) [N m].
 
-        Its direction is that of the forces; the moment vector is a quarter turn ahead, M = e_z x this, as (-y, x).
+        At crank angles (n,) [rad], speed [rad/s] and acceleration [rad/s2]. Its direction is that of the forces; the
+        moment vector is a quarter turn ahead, M = e_z x this, as (-y, x).
         """
         total: Complexes = np.zeros(np.shape(theta), dtype=complex)
         for at, force in self._forces(theta, omega, alpha):
@@ -85,14 +88,14 @@ class Engine:
         return total
 
     def rolling(self, theta: Floats, omega: float | Floats, alpha: float | Floats = 0.0) -> Floats:
-        """Exact shaking moment about the crankshaft's axis, in the sense of rotation, (n,) [N m]."""
+        """Exact shaking moment about the crankshaft's axis, in the sense of rotation, (n,) [N m]; see ``force``."""
         total = np.zeros(np.shape(theta)) - self.counterweight_inertia * np.asarray(alpha)
         for cylinder in self.cylinders:
             total = total + cylinder.crank.moment(theta + cylinder.throw - cylinder.bank, omega, alpha)
         return total
 
     def torque(self, theta: Floats, omega: float | Floats, alpha: float | Floats = 0.0) -> Floats:
-        """Torque on the crankshaft that the motion takes, without weight and gas, (n,) [N m]."""
+        """Torque on the crankshaft that the motion needs, without weight and gas, (n,) [N m]; see ``force``."""
         total = np.zeros(np.shape(theta)) + self.counterweight_inertia * np.asarray(alpha)
         for cylinder in self.cylinders:
             total = total + cylinder.crank.torque(theta + cylinder.throw - cylinder.bank, omega, alpha)
@@ -100,18 +103,14 @@ class Engine:
 
     def _forces(self, theta: Floats, omega: float | Floats, alpha: float | Floats) -> list[tuple[float, Complexes]]:
         """Places along the crankshaft and the exact forces there."""
-        found = []
+        forces = []
         for cylinder in self.cylinders:
             own = cylinder.crank.force(theta + cylinder.throw - cylinder.bank, omega, alpha)
-            found.append((cylinder.at, own * np.exp(1j * cylinder.bank)))
+            forces.append((cylinder.at, own * np.exp(1j * cylinder.bank)))
         for weight in self.counterweights:
             turned = weight.vector * np.exp(1j * np.asarray(theta))
-            found.append((weight.at, turned * (omega**2 - 1j * np.asarray(alpha))))
-        return found
-
-
-_TURN = 360.0
-_MOST_CYLINDERS = 16
+            forces.append((weight.at, turned * (omega**2 - 1j * np.asarray(alpha))))
+        return forces
 
 
 @dataclass(frozen=True)
@@ -147,27 +146,25 @@ def firing(engine: Engine) -> Firing:
     if len(dead) > _MOST_CYLINDERS:
         raise DataError(f"{engine.name}: {len(dead)} cylinders: firing angles are found for up to {_MOST_CYLINDERS}")
     cycle = _TURN * (2 if doubled else 1)
-    first = engine.firing_order[0] - 1 if engine.firing_order else 0
+    order = engine.firing_order
+    first = order[0] - 1 if order else 0
     turns = product((0.0, _TURN) if doubled else (0.0,), repeat=len(dead) - 1)
     choices = (_in_turn(dead, (*turn[:first], 0.0, *turn[first:]), first, cycle) for turn in turns)
-    fitting = [choice for choice in choices if not engine.firing_order or _fires_in(choice, engine.firing_order)]
-    if not fitting:
+    if order:
+        choices = (Firing(order, c.angles_deg, c.intervals_deg) for c in choices if _fires_in(c, order))
+    best = min(choices, key=lambda choice: round(float(np.std(choice.intervals_deg)), 6), default=None)
+    if best is None:
         raise DataError(
-            f"{engine.name}: firing order {'-'.join(map(str, engine.firing_order))} does not fit into one cycle of "
-            f"{cycle:g} deg: these throws and banks cannot fire so"
+            f"{engine.name}: firing order {'-'.join(map(str, order))} does not fit into one cycle of {cycle:g} deg: "
+            "these throws and banks cannot fire in that order; correct firing_order, throws or banks"
         )
-    best = min(fitting, key=_unevenness)
-    return _reordered(best, engine.firing_order) if engine.firing_order else best
+    return best
 
 
 def _fires_in(choice: Firing, order: Sequence[int]) -> bool:
     """Whether the cylinders fire in this order, those that fire at once in any."""
     angle = dict(zip(choice.order, choice.angles_deg, strict=True))
-    return all(angle[a] <= angle[b] + 1e-6 for a, b in zip(order, order[1:], strict=False))
-
-
-def _reordered(choice: Firing, order: tuple[int, ...]) -> Firing:
-    return Firing(order, choice.angles_deg, choice.intervals_deg)
+    return all(angle[a] <= angle[b] + 1e-6 for a, b in pairwise(order))
 
 
 def _in_turn(dead: Sequence[float], turn: Sequence[float], first: int, cycle: float) -> Firing:
@@ -175,14 +172,6 @@ def _in_turn(dead: Sequence[float], turn: Sequence[float], first: int, cycle: fl
     angles = [(d + t - dead[first]) % cycle for d, t in zip(dead, turn, strict=True)]
     angles = [0.0 if cycle - angle < 1e-6 else angle for angle in angles]
     order = sorted(range(len(angles)), key=lambda i: (round(angles[i], 6), i))
-    return _firing(tuple(i + 1 for i in order), [angles[i] for i in order], cycle)
-
-
-def _unevenness(firing: Firing) -> float:
-    return round(float(np.std(firing.intervals_deg)), 6)
-
-
-def _firing(order: tuple[int, ...], angles: Sequence[float], cycle: float) -> Firing:
-    following = [*angles[1:], angles[0] + cycle]
-    intervals = tuple(b - a for a, b in zip(angles, following, strict=True))
-    return Firing(order, tuple(a - angles[0] for a in angles), intervals)
+    rising = [angles[i] - angles[order[0]] for i in order]
+    intervals = tuple(b - a for a, b in pairwise([*rising, cycle]))
+    return Firing(tuple(i + 1 for i in order), tuple(rising), intervals)

@@ -15,8 +15,6 @@ from .slider_crank import SliderCrank
 
 DEFAULT_RATIO = 0.25
 """Crank radius over rod length where a file gives no sizes."""
-_LAYOUT_SPACING = 1.0
-"""Of the cylinders of an engine without sizes [m]."""
 _SMALL = 1e-9
 """Inertia given to a body that has none, which the mechanism file does not allow [kg m2]."""
 Length = Annotated[float, Quantity("length")]
@@ -128,7 +126,7 @@ def load_engine(name: str | Path, ratio: float = DEFAULT_RATIO) -> Engine:
 
 
 def load_layout(name: str | Path, ratio: float = DEFAULT_RATIO) -> Engine:
-    """Load an engine as a layout, its sizes left aside, for comparing engines."""
+    """Load an engine as a layout, without its sizes, for comparing engines."""
     return _layout(*_table(name), ratio)
 
 
@@ -145,7 +143,7 @@ def _table(name: str | Path) -> tuple[EngineTable, str]:
 def _layout(table: EngineTable, stem: str, ratio: float) -> Engine:
     if not 0.0 < ratio < 1.0:
         raise DataError(f"ratio r / l is {ratio:g}: expected more than 0 and less than 1")
-    return _engine(table, stem, SliderCrank(1.0, 1.0 / ratio, piston_mass=1.0), _LAYOUT_SPACING, None)
+    return _engine(table, stem, SliderCrank(1.0, 1.0 / ratio, piston_mass=1.0), 1.0, None)
 
 
 def _engine(
@@ -177,9 +175,12 @@ def mjcf(engine: Engine, gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)) 
     """
     rods = [(i, c) for i, c in enumerate(engine.cylinders, 1) if c.crank.rod_mass > 0.0]
     if len(rods) < len(engine.cylinders) or any(c.crank.piston_mass <= 0.0 for c in engine.cylinders):
-        raise DataError(f"{engine.name}: a mechanism file needs rods and pistons with mass")
+        raise DataError(
+            f"{engine.name}: a mechanism file needs rods and pistons with mass: give rod_mass and piston_mass"
+        )
+    name = "".join(letter if letter.isalnum() else "-" for letter in engine.name)
     lines = [
-        f'<mujoco model="{_name(engine.name)}">',
+        f'<mujoco model="{name}">',
         '  <compiler angle="radian"/>',
         f'  <option gravity="{_vector(*gravity)}"/>',
         "  <worldbody>",
@@ -197,10 +198,6 @@ def mjcf(engine: Engine, gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)) 
     lines += [f'    <connect name="pin_{i}" site1="rod_{i}_end" site2="piston_{i}_pin"/>' for i, _ in rods]
     lines += ["  </equality>", "  <actuator>", '    <motor name="starter" joint="crankshaft"/>', "  </actuator>"]
     return "\n".join([*lines, *_keyframe(engine), "</mujoco>", ""])
-
-
-def _name(text: str) -> str:
-    return "".join(letter if letter.isalnum() else "-" for letter in text)
 
 
 def _vector(*values: float) -> str:
@@ -221,8 +218,7 @@ def _crank_inertia(engine: Engine) -> list[str]:
     mass = sum(p[0] for p in points)
     if mass <= 0.0:
         raise DataError(f"{engine.name}: a mechanism file needs a crankshaft with mass: give crank_mass")
-    places = np.array([p[1:4] for p in points])
-    masses = np.array([p[0] for p in points])
+    masses, places = np.array([p[0] for p in points]), np.array([p[1:4] for p in points])
     centre = masses @ places / mass
     inertia = np.eye(3) * sum(p[4] for p in points)
     for m, place in zip(masses, places - centre, strict=True):

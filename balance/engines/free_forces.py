@@ -1,7 +1,7 @@
 """Free forces and moments of an engine by orders, as vectors that turn with and against the crankshaft.
 
 The force of order k along a cylinder at beta is the real part of a turning vector; it is half of it turning forward
-and half backward. Per omega^2, with a = m r c_k (see ``series``):
+and half backward. Per omega^2, with a = m r c_k (see ``slider_crank``):
 forward P_k = 1/2 sum a e^(i (k phi - (k - 1) beta)), backward N_k = 1/2 sum conj(a) e^(-i (k phi - (k + 1) beta)),
 F_k = omega^2 (P_k e^(i k theta) + N_k e^(-i k theta)): an ellipse of half-axes |P| + |N| and ||P| - |N||. What turns
 with the crankshaft (rotating masses, counterweights) is in P_1. Moments are the same sums times z.
@@ -12,10 +12,9 @@ from typing import Literal
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Complexes, Floats
 from . import slider_crank
 from .engine import Cylinder, Engine
-from .slider_crank import Complexes
 
 Series = Literal["second-order", "exact"]
 
@@ -46,7 +45,7 @@ class RotatingVector:
         return float(np.angle(self.forward) + np.angle(self.backward)) / 2.0
 
     def at(self, theta: Floats) -> Complexes:
-        """Value at crank angles [rad], per omega^2, (n,)."""
+        """Value at crank angles (n,) [rad], per omega^2, (n,) [kg m] or [kg m2]."""
         return self.forward * np.exp(1j * self.order * theta) + self.backward * np.exp(-1j * self.order * theta)
 
 
@@ -62,7 +61,7 @@ class FreeForces:
 
     @property
     def place(self) -> float | None:
-        """Where the resultant acts along the crankshaft, z = M / F [m]; None for a couple or a wandering one.
+        """Where the resultant acts along the crankshaft, z = M / F [m]; None for a couple, or where it moves.
 
         The place is fixed where forward and backward part act at one z.
         """
@@ -84,22 +83,22 @@ class FreeForces:
 def free_forces(
     engine: Engine, orders: int = 8, kind: Series = "exact", about: float | None = None
 ) -> list[FreeForces]:
-    """Free forces and moments of orders 1 to ``orders`` about a place [m], the middle where none is given.
+    """Free forces and moments of orders 1 to ``orders`` about a place [m], by default the middle.
 
-    ``kind`` is the exact motion or its usual approximation by first and second order.
+    ``kind``: the exact motion, or its usual approximation by first and second order.
     """
     point = engine.middle if about is None else about
-    size, length = scale(engine, point)
-    found = []
+    size, length = force_scale(engine, point)
+    free = []
     for k in range(1, (2 if kind == "second-order" else orders) + 1):
         force, moment = _sums(engine, k, kind, point)
-        found.append(FreeForces(_clean(k, force, size), _clean(k, moment, size * length), point))
-    return found
+        free.append(FreeForces(_clean(k, force, size), _clean(k, moment, size * length), point))
+    return free
 
 
-def scale(engine: Engine, about: float) -> tuple[float, float]:
-    """What all cylinders would make together if they acted alike [kg m], and the longest arm about a place [m]."""
-    size = sum(c.crank.reciprocating_mass * c.crank.radius + abs(c.crank.rotating) for c in engine.cylinders)
+def force_scale(engine: Engine, about: float) -> tuple[float, float]:
+    """Unbalance of all cylinders if they acted in phase [kg m], and the longest arm about a place [m]."""
+    size = sum(c.crank.reciprocating_mass * c.crank.radius + abs(c.crank.rotating_unbalance) for c in engine.cylinders)
     return size, max((abs(c.at - about) for c in engine.cylinders), default=0.0)
 
 
@@ -121,7 +120,7 @@ def _parts(cylinder: Cylinder, k: int, kind: Series) -> tuple[complex, complex]:
     a = crank.reciprocating_mass * crank.radius * coefficients[k]
     forward = 0.5 * a * np.exp(1j * (k * phi - (k - 1) * beta))
     if k == 1:
-        forward = forward + crank.rotating * np.exp(1j * phi)
+        forward = forward + crank.rotating_unbalance * np.exp(1j * phi)
     return complex(forward), complex(0.5 * a.conjugate() * np.exp(-1j * (k * phi - (k + 1) * beta)))
 
 

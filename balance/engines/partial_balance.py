@@ -1,11 +1,7 @@
 """Partial balance of one slider-crank by a counterweight on the crank.
 
 The counterweight m_b r_b opposite the pin balances the rotating unbalance and a fraction c of the reciprocating one:
-m_b r_b = (rotating) + c m r. What is left is m r omega^2 (f(theta) - c e^(i theta)), f the reciprocating force.
-
-Where a function of the crank angle is largest over a turn.
-
-Extremes of a shaking force over a turn, and what a counterweight leaves of it.
+m_b r_b = (rotating) + c m r. The residual force is m r omega^2 (f(theta) - c e^(i theta)), f the reciprocating force.
 """
 
 from collections.abc import Callable
@@ -14,15 +10,24 @@ from typing import Literal
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Complexes, Floats
 from . import slider_crank
-from .slider_crank import Complexes, SliderCrank
+from .slider_crank import SliderCrank
 
 _GRID = 3600
+"""Crank angles at which an extreme is first looked for."""
+_SAMPLES = 7200
+"""Crank angles of a mean square."""
+Model = Literal["order1", "order2", "exact"]
+MODELS: tuple[Model, ...] = ("order1", "order2", "exact")
+"""First order alone; first and second; the exact motion."""
 
 
-def largest_of_series(function: Callable[[Floats], Floats]) -> tuple[float, float]:
-    """Largest value of ``function`` of crank angles (n,) [rad] over a turn, and where [rad]: ever finer grids."""
+def largest_over_turn(function: Callable[[Floats], Floats]) -> tuple[float, float]:
+    """Largest value over a turn of a ``function`` of crank angles (n,) [rad], in its unit, and its angle [rad].
+
+    Searched on ever finer grids.
+    """
     theta, step = crank_angles(_GRID), 2 * np.pi / _GRID
     best = float(theta[int(np.argmax(function(theta)))])
     for _ in range(9):
@@ -33,17 +38,12 @@ def largest_of_series(function: Callable[[Floats], Floats]) -> tuple[float, floa
 
 
 def crank_angles(count: int) -> Floats:
-    """``count`` crank angles over one turn [rad]."""
+    """So many crank angles over one turn, its end excluded, (count,) [rad]."""
     return 2 * np.pi * np.arange(count) / count
 
 
-Model = Literal["order1", "order2", "exact"]
-MODELS: tuple[Model, ...] = ("order1", "order2", "exact")
-"""First order alone; first and second; the exact motion."""
-
-
 def reciprocating_force(crank: SliderCrank, theta: Floats, model: Model) -> Floats:
-    """Reciprocating force for m r omega^2 = 1, (n,)."""
+    """Reciprocating force by m r omega^2 at crank angles (n,) [rad], (n,) [-]."""
     if model == "exact":
         return crank.reciprocation(theta)
     orders = {k: c for k, c in slider_crank.second_order(crank).items() if model == "order2" or k == 1}
@@ -53,14 +53,17 @@ def reciprocating_force(crank: SliderCrank, theta: Floats, model: Model) -> Floa
 def residual_force(
     crank: SliderCrank, counterweight: float, theta: Floats, omega: float, model: Model = "exact"
 ) -> Complexes:
-    """Shaking force at constant speed with a counterweight m_b r_b [kg m] opposite the pin, (n,) [N]."""
+    """Shaking force at crank angles (n,) [rad] and constant speed [rad/s], (n,) [N].
+
+    The ``counterweight`` m_b r_b [kg m] is opposite the pin.
+    """
     inline = crank.reciprocating_mass * crank.radius * reciprocating_force(crank, theta, model)
-    return omega**2 * (inline + (crank.rotating - counterweight) * np.exp(1j * np.asarray(theta)))
+    return omega**2 * (inline + (crank.rotating_unbalance - counterweight) * np.exp(1j * np.asarray(theta)))
 
 
 def counterweight(crank: SliderCrank, fraction: float) -> float:
     """m_b r_b for the rotating unbalance and a fraction of the reciprocating one [kg m]."""
-    return crank.rotating + fraction * crank.reciprocating_mass * crank.radius
+    return crank.rotating_unbalance + fraction * crank.reciprocating_mass * crank.radius
 
 
 @dataclass(frozen=True)
@@ -74,7 +77,7 @@ class BestCounterweight:
     """Slopes of the largest force just below and above: of opposite sign at the least."""
 
     def is_optimal(self, tol: float) -> bool:
-        """Whether the largest force falls before the fraction and rises behind it."""
+        """Whether the largest force decreases below the fraction and increases above it."""
         return self.slopes[0] <= tol and self.slopes[1] >= -tol
 
 
@@ -108,20 +111,17 @@ def _slope(crank: SliderCrank, fraction: float, model: Model) -> float:
 
 def _largest(crank: SliderCrank, fraction: float, model: Model) -> tuple[float, float]:
     """Largest |f - c e^(i theta)|^2 and where [rad]."""
-    return largest_of_series(lambda theta: _square(crank, fraction, theta, model))
 
+    def square(theta: Floats) -> Floats:
+        f = reciprocating_force(crank, theta, model)
+        return np.asarray(f**2 - 2.0 * fraction * f * np.cos(theta) + fraction**2)
 
-def _square(crank: SliderCrank, fraction: float, theta: Floats, model: Model) -> Floats:
-    f = reciprocating_force(crank, theta, model)
-    return np.asarray(f**2 - 2.0 * fraction * f * np.cos(theta) + fraction**2)
-
-
-_SAMPLES = 7200
+    return largest_over_turn(square)
 
 
 @dataclass(frozen=True)
 class Extremes:
-    """Over one turn [N]."""
+    """Of a shaking force over one turn [N]."""
 
     largest: float
     at_deg: float
@@ -134,11 +134,15 @@ class Extremes:
     """Least and largest component across."""
 
 
-def extremes(force: Callable[[Floats], Complexes]) -> Extremes:
-    """Extremes over a turn of a force, given as a function of crank angles (n,) [rad]."""
+def residual_extremes(crank: SliderCrank, counterweight: float, omega: float, model: Model) -> Extremes:
+    """Extremes of the residual force with a counterweight m_b r_b [kg m] at constant speed [rad/s]."""
+
+    def force(theta: Floats) -> Complexes:
+        return residual_force(crank, counterweight, theta, omega, model)
+
     values = force(crank_angles(_SAMPLES))
-    top, at = largest_of_series(lambda theta: np.abs(force(theta)))
-    low, _ = largest_of_series(lambda theta: -np.abs(force(theta)))
+    top, at = largest_over_turn(lambda theta: np.abs(force(theta)))
+    low, _ = largest_over_turn(lambda theta: -np.abs(force(theta)))
     return Extremes(
         top,
         float(np.degrees(at)) % 360.0,
@@ -147,8 +151,3 @@ def extremes(force: Callable[[Floats], Complexes]) -> Extremes:
         (float(values.real.min()), float(values.real.max())),
         (float(values.imag.min()), float(values.imag.max())),
     )
-
-
-def over_a_turn(crank: SliderCrank, counterweight: float, omega: float, model: Model) -> Extremes:
-    """Extremes of what a counterweight m_b r_b [kg m] leaves at constant speed [rad/s]."""
-    return extremes(lambda theta: residual_force(crank, counterweight, theta, omega, model))

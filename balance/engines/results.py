@@ -1,7 +1,4 @@
-"""One cylinder of an engine as plain values for JSON, units in the keys: rod, forces, partial balance.
-
-Free forces and moments of an engine as plain values for JSON, units in the keys.
-"""
+"""Results of engines as plain values for JSON, units in the keys: one cylinder, and a whole engine by orders."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -10,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from ..rotors.rotor import vector_document as vector
+from ..rotors.rotor import vector_document
 from . import partial_balance, slider_crank
 from .balance_shafts import ResidualForces, ResidualOverTurn, Shaft
 from .engine import Engine, dead_centres, firing
-from .free_forces import FreeForces, RotatingVector, cylinder_sums
-from .partial_balance import largest_of_series
+from .free_forces import FreeForces, RotatingVector, cylinder_sums, free_forces
+from .partial_balance import largest_over_turn
 from .slider_crank import SliderCrank, replacements
 
 _POLAR = 24
@@ -32,16 +29,19 @@ def cylinder_document(
     crank = engine.cylinders[0].crank
     inline = crank.reciprocating_mass * crank.radius * omega**2
     best = {model: partial_balance.best_fraction(crank, model) for model in partial_balance.MODELS}
+    theta = partial_balance.crank_angles(3600)
+    exact, rough = (partial_balance.reciprocating_force(crank, theta, model) for model in ("exact", "order2"))
+    error = float(np.abs(exact - rough).max())
     return {
         "engine": engine.name,
         "cylinders": len(engine.cylinders),
         "speed_rad_per_s": omega,
         "ratio_r_over_l": crank.ratio,
         "slider_crank": {f"{key}_{_unit(key)}": value for key, value in asdict(crank).items()},
-        "rotating_mass_at_r_kg": crank.rotating / crank.radius,
-        "rotating_unbalance_kgm": crank.rotating,
+        "rotating_mass_at_r_kg": crank.rotating_unbalance / crank.radius,
+        "rotating_unbalance_kgm": crank.rotating_unbalance,
         "reciprocating_mass_kg": crank.reciprocating_mass,
-        "rotating_force_N": crank.rotating * omega**2,
+        "rotating_force_N": crank.rotating_unbalance * omega**2,
         "first_order_force_N": inline * abs(slider_crank.second_order(crank)[1]),
         "second_order_force_N": inline * abs(slider_crank.second_order(crank)[2]),
         "exact_orders_of_reciprocating_force": {
@@ -53,8 +53,8 @@ def cylinder_document(
             model: {"fraction": b.fraction, "largest_force_N": b.largest * inline} for model, b in best.items()
         },
         "least_rms_fraction": partial_balance.least_rms_fraction(crank),
-        "second_order_error_largest_N": _truncation(crank) * inline,
-        "second_order_error_of_first_order_percent": 100.0 * _truncation(crank),
+        "second_order_error_largest_N": error * inline,
+        "second_order_error_of_first_order_percent": 100.0 * error,
     }
 
 
@@ -83,7 +83,7 @@ def _case(crank: SliderCrank, weight: float, omega: float, radius: float | None,
         "counterweight_radius_mm": 1e3 * radius if radius else 1e3 * weight / mass if mass and weight else None,
     }
     for model in partial_balance.MODELS:
-        turn = partial_balance.over_a_turn(crank, weight, omega, model)
+        turn = partial_balance.residual_extremes(crank, weight, omega, model)
         found[model] = {
             "F_max_N": turn.largest,
             "F_max_at_deg": turn.at_deg,
@@ -103,21 +103,14 @@ def _case(crank: SliderCrank, weight: float, omega: float, radius: float | None,
     return found
 
 
-def _truncation(crank: SliderCrank) -> float:
-    """Largest difference of the exact motion and first with second order, of m r omega^2."""
-    theta = partial_balance.crank_angles(3600)
-    difference = partial_balance.reciprocating_force(crank, theta, "exact") - partial_balance.reciprocating_force(
-        crank, theta, "order2"
-    )
-    return float(np.abs(difference).max())
-
-
 def engine_document(
-    engine: Engine, free: Sequence[FreeForces], balancing: Sequence[Shaft], left: ResidualOverTurn, omega: float
+    engine: Engine, free: Sequence[FreeForces], balancing: Sequence[Shaft], residual: ResidualOverTurn, omega: float
 ) -> dict[str, Any]:
-    """Orders, balance shafts, what is left over a turn, firing; of a layout in m r omega^2 and m r omega^2 a."""
+    """Orders, balance shafts, residual forces over a turn, firing; of a layout in m r omega^2 and m r omega^2 a."""
     force, moment = ("mrw2", "mrw2a") if engine.normalised else ("N", "Nm")
     length, unbalance = ("a", "mr") if engine.normalised else ("m", "kgm")
+    rolling, _ = largest_over_turn(lambda theta: abs(engine.rolling(theta, omega)))
+    fired = firing(engine)
     return {
         "engine": engine.name,
         "source": engine.source or None,
@@ -128,31 +121,42 @@ def engine_document(
         "orders": [
             {
                 "order": f.force.order,
-                "force": _turning(f.force, force, omega),
-                "moment": _turning(f.moment, moment, omega),
+                "force": _rotating(f.force, force, omega),
+                "moment": _rotating(f.moment, moment, omega),
                 f"place_{length}": f.place,
             }
             for f in free
         ],
         "textbook_sums": {str(k): cylinder_sums(engine, k) for k in (1, 2)} if engine.in_line else None,
         "balance_shafts": [_shaft(shaft, length, unbalance) for shaft in balancing],
-        "over_a_turn_exact": _exact(engine, left, omega, force, moment),
-        "left_over_a_turn": {
-            "theta_deg": [degrees(angle) for angle in left.theta],
-            **{stage: _left(each, force, moment) for stage, each in left.stages.items()},
+        "over_a_turn_exact": {
+            f"force_{force}": residual.stages["before"].largest_force,
+            f"moment_{moment}": residual.stages["before"].largest_moment,
+            f"rolling_moment_{moment.replace('a', 'r')}": rolling,
         },
-        "firing": _firing(engine),
+        "left_over_a_turn": {
+            "theta_deg": [degrees(angle) for angle in residual.theta],
+            **{stage: _residual(each, force, moment) for stage, each in residual.stages.items()},
+        },
+        "firing": {
+            "strokes": engine.strokes,
+            "order": list(fired.order),
+            "angles_deg": list(fired.angles_deg),
+            "intervals_deg": list(fired.intervals_deg),
+            "even": fired.even,
+            "dead_centres_deg": dead_centres(engine),
+        },
     }
 
 
-def _turning(part: RotatingVector, unit: str, omega: float) -> dict[str, Any]:
+def _rotating(part: RotatingVector, unit: str, omega: float) -> dict[str, Any]:
     scale = omega**2
     return {
         f"largest_{unit}": scale * part.largest,
         f"least_{unit}": scale * part.least,
         "direction_of_largest_deg": degrees(part.direction) % 180.0,
-        "forward": vector(scale * part.forward, unit),
-        "backward": vector(scale * part.backward, unit),
+        "forward": vector_document(scale * part.forward, unit),
+        "backward": vector_document(scale * part.backward, unit),
     }
 
 
@@ -161,38 +165,35 @@ def _shaft(shaft: Shaft, length: str, unbalance: str) -> dict[str, Any]:
         "order": shaft.order,
         "turns": "forward" if shaft.forward else "backward",
         "is_crankshaft": shaft.is_crankshaft,
-        "unbalances": [{f"at_{length}": u.at} | vector(u.vector, unbalance) for u in shaft.unbalances],
+        "unbalances": [{f"at_{length}": u.at} | vector_document(u.vector, unbalance) for u in shaft.unbalances],
     }
 
 
-def _exact(engine: Engine, left: ResidualOverTurn, omega: float, force: str, moment: str) -> dict[str, float]:
-    """Largest values of the exact motion over a turn, all orders together, as the engine is."""
-    rolling, _ = largest_of_series(lambda theta: abs(engine.rolling(theta, omega)))
+def _residual(residual: ResidualForces, force: str, moment: str) -> dict[str, Any]:
     return {
-        f"force_{force}": left.stages["before"].largest_force,
-        f"moment_{moment}": left.stages["before"].largest_moment,
-        f"rolling_moment_{moment.replace('a', 'r')}": rolling,
+        f"largest_force_{force}": residual.largest_force,
+        f"largest_moment_{moment}": residual.largest_moment,
+        f"force_x_{force}": residual.force.real.tolist(),
+        f"force_y_{force}": residual.force.imag.tolist(),
+        f"moment_x_{moment}": residual.moment.real.tolist(),
+        f"moment_y_{moment}": residual.moment.imag.tolist(),
     }
 
 
-def _left(left: ResidualForces, force: str, moment: str) -> dict[str, Any]:
-    return {
-        f"largest_force_{force}": left.largest_force,
-        f"largest_moment_{moment}": left.largest_moment,
-        f"force_x_{force}": left.force.real.tolist(),
-        f"force_y_{force}": left.force.imag.tolist(),
-        f"moment_x_{moment}": left.moment.real.tolist(),
-        f"moment_y_{moment}": left.moment.imag.tolist(),
-    }
-
-
-def _firing(engine: Engine) -> dict[str, Any]:
+def comparison_row(engine: Engine) -> dict[str, Any]:
+    """First and second order of a layout, in m r omega^2 and m r omega^2 a, and how it fires."""
+    first, second = free_forces(engine, 2)
     fired = firing(engine)
     return {
-        "strokes": engine.strokes,
-        "order": list(fired.order),
-        "angles_deg": list(fired.angles_deg),
-        "intervals_deg": list(fired.intervals_deg),
-        "even": fired.even,
-        "dead_centres_deg": dead_centres(engine),
+        "engine": engine.name,
+        "F1_mrw2": first.force.largest,
+        "F1_with_counterweights_mrw2": abs(first.force.backward),
+        "M1_mrw2a": first.moment.largest,
+        "M1_with_counterweights_mrw2a": abs(first.moment.backward),
+        "F2_mrw2": second.force.largest,
+        "M2_mrw2a": second.moment.largest,
+        "place_of_F2_a": second.place,
+        "firing_order": list(fired.order),
+        "firing_intervals_deg": list(fired.intervals_deg),
+        "firing_even": fired.even,
     }

@@ -3,26 +3,22 @@
 Plane of the cylinder: x along the cylinder's axis away from the crank, y a quarter turn on in the sense of rotation;
 vectors are complex numbers x + iy. theta = 0 is the crank along x, the top dead centre of a cylinder without offset.
 Pin B = r e^(i theta), piston C = s + i e with s = r cos theta + sqrt(l^2 - w^2), w = r sin theta - e; the rod leans by
--asin(w / l). Shaking force F = -sum m d2p/dt2, moment M = -dL/dt about the crank's axis, weight excluded.
+chi = -asin(w / l). Shaking force F = -sum m d2p/dt2, moment M = -dL/dt about the crank's axis, weight excluded. The
+reciprocating force by orders is -s'' / r = Re sum_k c_k e^(i k theta).
 
-The connecting rod as point masses: what each replacement keeps.
-
-Equal to the rod are masses with the same mass, the same centre of mass, and (third condition) the same inertia. Two
+Point masses replace the rod exactly if they have its mass, its centre of mass and (third condition) its inertia. Two
 masses at the pins keep the first two: the shaking force is true, the moment is off by the couple -dI chi''.
-
-Orders of the reciprocating force: -s'' / r = Re sum_k c_k e^(i k theta).
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ..arrays import Complexes, Floats
 from ..errors import DataError
 
-Complexes = NDArray[np.complexfloating]
-"""Array of vectors as complex numbers."""
+_SAMPLES = 8192
+"""Of a turn, for the discrete Fourier transform."""
 
 
 @dataclass(frozen=True)
@@ -51,11 +47,11 @@ class SliderCrank:
     """Distance e of the cylinder's axis from the crank's, towards y [m]."""
 
     def __post_init__(self) -> None:
-        """Refuse what cannot turn right round."""
+        """Refuse a crank that cannot make a full turn."""
         if not self.radius > 0.0 or not self.rod_length > self.radius + abs(self.offset):
             raise DataError(
                 f"crank {self.radius:g} m, rod {self.rod_length:g} m, offset {self.offset:g} m: expected a rod longer "
-                "than crank and offset together, or the crank cannot turn right round"
+                "than crank and offset together, or the crank cannot make a full turn"
             )
 
     @property
@@ -64,8 +60,8 @@ class SliderCrank:
         return self.radius / self.rod_length
 
     @property
-    def rotating(self) -> float:
-        """Rotating unbalance: crank, and the rod's mass at the pin m l_C / l, times their radii [kg m]."""
+    def rotating_unbalance(self) -> float:
+        """Crank, and the rod's mass at the pin m l_C / l, times their radii [kg m]."""
         at_pin = self.rod_mass * (self.rod_length - self.rod_centre) / self.rod_length
         return self.crank_mass * self.crank_centre + at_pin * self.radius
 
@@ -76,35 +72,37 @@ class SliderCrank:
 
     def force(self, theta: Floats, omega: float | Floats, alpha: float | Floats = 0.0) -> Complexes:
         """Shaking force at crank angles (n,) [rad], speed [rad/s] and acceleration [rad/s2], (n,) [N]."""
-        points = self._points(theta)
-        rate: Complexes = np.zeros(np.shape(theta), dtype=complex)
-        for mass, _, first, second in points:
-            rate = rate + mass * (first * alpha + second * omega**2)
-        return -rate
+        force: Complexes = np.zeros(np.shape(theta), dtype=complex)
+        for mass, _, first, second in self._points(theta):
+            force = force - mass * (first * alpha + second * omega**2)
+        return force
 
     def moment(self, theta: Floats, omega: float | Floats, alpha: float | Floats = 0.0) -> Floats:
         """Shaking moment about the crank's axis, in the sense of rotation, (n,) [N m].
 
         M = -sum m Im(conj(p) d2p/dt2) - I chi'' of the rod - I alpha of the crank; the rod's true inertia is in it.
         """
-        found = -self.crank_inertia * np.asarray(alpha) - self.rod_inertia * self._rod_angular(theta, omega, alpha)
+        lean, lean_rate = self._lean(theta)
+        moment = -self.crank_inertia * np.asarray(alpha) - self.rod_inertia * (lean * alpha + lean_rate * omega**2)
         for mass, place, first, second in self._points(theta):
-            found = found - mass * (place.conj() * (first * alpha + second * omega**2)).imag
-        return np.asarray(found)
+            moment = moment - mass * (place.conj() * (first * alpha + second * omega**2)).imag
+        return np.asarray(moment)
 
     def torque(self, theta: Floats, omega: float | Floats, alpha: float | Floats = 0.0) -> Floats:
-        """Torque on the crank that this motion takes, without weight and gas, (n,) [N m].
+        """Torque on the crank that this motion needs, without weight and gas, (n,) [N m].
 
         Q = J alpha + 1/2 dJ/dtheta omega^2 with J = sum m |dp/dtheta|^2 + I (dchi/dtheta)^2.
         """
         lean, lean_rate = self._lean(theta)
-        found = self.crank_inertia * np.asarray(alpha) + self.rod_inertia * lean * (lean * alpha + lean_rate * omega**2)
+        torque = self.crank_inertia * np.asarray(alpha) + self.rod_inertia * lean * (
+            lean * alpha + lean_rate * omega**2
+        )
         for mass, _, first, second in self._points(theta):
-            found = found + mass * (first.conj() * (first * alpha + second * omega**2)).real
-        return np.asarray(found)
+            torque = torque + mass * (first.conj() * (first * alpha + second * omega**2)).real
+        return np.asarray(torque)
 
     def reciprocation(self, theta: Floats) -> Floats:
-        """Exact -s'' / r: the reciprocating force for m r omega^2 = 1 at constant speed, (n,)."""
+        """Exact -s'' / r at crank angles (n,) [rad]: reciprocating force by m r omega^2 at constant speed, (n,) [-]."""
         return -self._slide(theta)[2] / self.radius
 
     def _slide(self, theta: Floats) -> tuple[Floats, Floats, Floats]:
@@ -120,10 +118,6 @@ class SliderCrank:
         w = sine - self.offset
         q = np.sqrt(self.rod_length**2 - w**2)
         return -cosine / q, sine / q - w * cosine**2 / q**3
-
-    def _rod_angular(self, theta: Floats, omega: float | Floats, alpha: float | Floats) -> Floats:
-        lean, lean_rate = self._lean(theta)
-        return np.asarray(lean * alpha + lean_rate * omega**2)
 
     def _points(self, theta: Floats) -> list[tuple[float, Complexes, Complexes, Complexes]]:
         """Mass, place and its derivatives by theta of the three centres of mass: crank, rod, piston."""
@@ -173,55 +167,36 @@ def replacements(crank: SliderCrank) -> list[Replacement]:
         raise DataError(
             f"centre of the rod at {crank.rod_centre:g} m of {crank.rod_length:g} m: expected it between the two pins"
         )
-    return [_at_pins(crank), _percussion(crank), _three(crank)]
-
-
-def _at_pins(crank: SliderCrank) -> Replacement:
+    mass, inertia, length = crank.rod_mass, crank.rod_inertia, crank.rod_length
     l_b, l_c = crank.rod_centre, crank.rod_length - crank.rod_centre
-    masses = (
-        PointMass("crank pin", crank.rod_mass * l_c / crank.rod_length, 0.0),
-        PointMass("piston pin", crank.rod_mass * l_b / crank.rod_length, crank.rod_length),
-    )
-    return _replacement("two masses at the pins", crank, masses)
-
-
-def _percussion(crank: SliderCrank) -> Replacement:
-    beyond = crank.rod_inertia / (crank.rod_mass * crank.rod_centre)
-    whole = crank.rod_centre + beyond
-    masses = (
-        PointMass("crank pin", crank.rod_mass * beyond / whole, 0.0),
-        PointMass("centre of percussion", crank.rod_mass * crank.rod_centre / whole, whole),
-    )
-    return _replacement("two masses, one at the centre of percussion", crank, masses)
-
-
-def _three(crank: SliderCrank) -> Replacement:
-    l_b, l_c, length = crank.rod_centre, crank.rod_length - crank.rod_centre, crank.rod_length
-    first, last = crank.rod_inertia / (l_b * length), crank.rod_inertia / (l_c * length)
-    masses = (
-        PointMass("crank pin", first, 0.0),
-        PointMass("centre of mass", crank.rod_mass - first - last, l_b),
-        PointMass("piston pin", last, length),
-    )
-    return _replacement("three masses", crank, masses)
-
-
-def _replacement(name: str, crank: SliderCrank, masses: tuple[PointMass, ...]) -> Replacement:
-    inertia = sum(m.mass * (m.at - crank.rod_centre) ** 2 for m in masses)
-    missing = crank.rod_inertia - inertia
-    return Replacement(name, masses, missing if abs(missing) > 1e-12 * crank.rod_inertia else 0.0)
-
-
-_SAMPLES = 8192
+    beyond = inertia / (mass * l_b)
+    first, last = inertia / (l_b * length), inertia / (l_c * length)
+    at_pins = [("crank pin", mass * l_c / length, 0.0), ("piston pin", mass * l_b / length, length)]
+    percussion = [
+        ("crank pin", mass * beyond / (l_b + beyond), 0.0),
+        ("centre of percussion", mass * l_b / (l_b + beyond), l_b + beyond),
+    ]
+    three = [("crank pin", first, 0.0), ("centre of mass", mass - first - last, l_b), ("piston pin", last, length)]
+    named = {
+        "two masses at the pins": at_pins,
+        "two masses, one at the centre of percussion": percussion,
+        "three masses": three,
+    }
+    replaced = []
+    for name, masses in named.items():
+        missing = inertia - sum(m * (at - l_b) ** 2 for _, m, at in masses)
+        missing = missing if abs(missing) > 1e-12 * inertia else 0.0
+        replaced.append(Replacement(name, tuple(PointMass(*each) for each in masses), missing))
+    return replaced
 
 
 def exact_series(crank: SliderCrank, orders: int = 8) -> dict[int, complex]:
-    """Coefficients c_1 ... of the exact motion, by the discrete Fourier transform of a whole turn."""
+    """Coefficients c_k of the exact motion by order k = 1, 2, ... [-]."""
     theta = 2 * np.pi * np.arange(_SAMPLES) / _SAMPLES
     spectrum = np.fft.rfft(crank.reciprocation(theta)) * 2.0 / _SAMPLES
     return {k: complex(spectrum[k]) for k in range(1, orders + 1)}
 
 
 def second_order(crank: SliderCrank) -> dict[int, complex]:
-    """The usual approximation: c_1 = 1 - i e / l, c_2 = r / l, from s = r cos theta + l - w^2 / (2 l)."""
+    """The usual approximation, c_1 = 1 - i e / l and c_2 = r / l [-], from s = r cos theta + l - w^2 / (2 l)."""
     return {1: 1.0 - 1j * crank.offset / crank.rod_length, 2: complex(crank.ratio)}

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arrays import Complexes
 from ..engines import partial_balance
 from ..engines.balance_shafts import STAGES, ResidualOverTurn
 from ..engines.free_forces import FreeForces, RotatingVector
-from ..engines.slider_crank import Complexes, SliderCrank
+from ..engines.slider_crank import SliderCrank
 from ..rotors.correction_planes import Polygon
 
 if TYPE_CHECKING:

@@ -76,11 +76,11 @@ def test_half_axes_are_the_extremes(seed):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_shafts_remove_every_order(seed):
-    """With the shafts mounted neither force nor moment of the orders is left, about any place."""
+    """Shafts make the opposite of force and moment of their order, about any place."""
     found = free_forces.free_forces(_random(seed), 4)
-    for shaft in balance_shafts.shafts(found, -0.2, 0.3):
+    for shaft in balance_shafts.balance_shafts(found, -0.2, 0.3):
         free = found[shaft.order - 1]
-        force, moment = balance_shafts.removed_by_shafts(free, shaft)
+        force, moment = (balance_shafts.shaft_vectors([shaft], 0.0, about) for about in (None, free.about))
         own = (
             (free.force.forward, free.moment.forward) if shaft.forward else (free.force.backward, free.moment.backward)
         )
@@ -127,7 +127,7 @@ def test_counterweights_alone_balance_first_order(name):
 
 
 def test_in_line_four_of_the_source():
-    """Only the first-order moment is left; its sums are -3 a and -a about cylinder 1, its amplitude sqrt(10)."""
+    """Only the first-order moment remains; its sums are -3 a and -a about cylinder 1, its amplitude sqrt(10)."""
     engine = load_engine("in-line-4-two-stroke")
     sums = {k: free_forces.cylinder_sums(engine, k) for k in (1, 2)}
     assert sums[1] == {"force": (0.0, 0.0), "moment": (pytest.approx(-3.0), pytest.approx(-1.0))}
@@ -156,7 +156,7 @@ def test_place_of_the_resultant():
 def test_lanchester_shafts_of_an_in_line_four(name):
     """Second order of any layout: each shaft's unbalance is the turning part over 4, m r lambda / 2 in the four."""
     second = free_forces.free_forces(load_layout(name), kind="second-order")[1]
-    found = [s for s in balance_shafts.shafts([second], 0.0, 3.0) if len(s.unbalances) == 1]
+    found = [s for s in balance_shafts.balance_shafts([second], 0.0, 3.0) if len(s.unbalances) == 1]
     for shaft in found:
         part = second.force.forward if shaft.forward else second.force.backward
         assert shaft.unbalances[0].vector == pytest.approx(-part / 4)
@@ -217,7 +217,7 @@ def test_impossible_firing_orders_are_refused(tmp_path):
         ),
     ],
 )
-def test_wrong_sheets_are_named(tmp_path, text, message):
+def test_wrong_files_are_named(tmp_path, text, message):
     """What is missing, unknown or of the wrong number is refused by key."""
     path = tmp_path / "engine.toml"
     path.write_text(text, encoding="utf-8")

@@ -50,14 +50,14 @@ def test_second_order_is_the_limit_of_long_rods(offset):
 )
 def test_exact_force_with_counterweights(weight, largest, least, rms):
     """Extremes over a turn, unbalanced and with counterweights m_b at the crank radius."""
-    found = partial_balance.over_a_turn(CRANK, weight * CRANK.radius, OMEGA, "exact")
+    found = partial_balance.residual_extremes(CRANK, weight * CRANK.radius, OMEGA, "exact")
     assert found.largest == pytest.approx(largest, rel=1e-6)
     assert found.least == pytest.approx(least, rel=1e-6, abs=1e-6)
     assert found.rms == pytest.approx(rms, rel=1e-6)
 
 
 def test_polar_diagram_of_second_order():
-    """Points of the printed kind of diagram: 1529.8 N at 0 deg, 878.62 N at 46.40 deg for theta = 60 deg."""
+    """Points of the published kind of diagram: 1529.8 N at 0 deg, 878.62 N at 46.40 deg for theta = 60 deg."""
     force = partial_balance.residual_force(CRANK, 0.0, np.radians([0.0, 60.0, 180.0]), OMEGA, "order2")
     assert np.abs(force) == pytest.approx([1529.7887, 878.62083, 1211.7681], rel=1e-6)
     assert np.degrees(np.angle(force[1])) == pytest.approx(46.402706, abs=1e-5)

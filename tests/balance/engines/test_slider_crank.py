@@ -67,14 +67,16 @@ def test_mujoco_as_referee():
 def test_rotating_and_reciprocating_parts():
     """1.34 kg rotates at the crank radius, 1.16 kg reciprocates; two point masses give the true force."""
     crank = SliderCrank(0.05, 0.2, 1.0, 0.025, 0.0, 1.2, 0.06, 0.0101, 0.8)
-    assert crank.rotating / crank.radius == pytest.approx(1.34)
+    assert crank.rotating_unbalance / crank.radius == pytest.approx(1.34)
     assert crank.reciprocating_mass == pytest.approx(1.16)
     inline = crank.reciprocating_mass * crank.radius * crank.reciprocation(THETA)
-    np.testing.assert_allclose(crank.force(THETA, 1.0), inline + crank.rotating * np.exp(1j * THETA), rtol=1e-12)
+    np.testing.assert_allclose(
+        crank.force(THETA, 1.0), inline + crank.rotating_unbalance * np.exp(1j * THETA), rtol=1e-12
+    )
 
 
 def test_rod_as_point_masses():
-    """Masses at the pins leave the inertia I - m l_B l_C; the other replacements keep all three conditions."""
+    """Masses at the pins miss the inertia I - m l_B l_C; the other replacements keep all three conditions."""
     pins, percussion, three = replacements(OWN)
     assert [m.mass for m in pins.masses] == pytest.approx([0.84, 0.36])
     assert pins.missing_inertia == pytest.approx(2e-5, rel=1e-6)
@@ -103,7 +105,7 @@ def test_torque_is_the_rate_of_energy():
 
 def test_what_cannot_turn_is_refused():
     """A rod not longer than crank and offset together locks."""
-    with pytest.raises(DataError, match="cannot turn right round"):
+    with pytest.raises(DataError, match="cannot make a full turn"):
         SliderCrank(0.05, 0.06, offset=0.02)
     with pytest.raises(DataError, match="between the two pins"):
         replacements(SliderCrank(0.05, 0.2, rod_mass=1.0, rod_centre=0.3, piston_mass=1.0))

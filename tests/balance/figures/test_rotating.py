@@ -33,7 +33,9 @@ def test_legends_of_order_plots_lie_above_the_bars(name):
     """The highest bar ends below the legend."""
     engine = load_layout(name)
     free = free_forces.free_forces(engine, 8)
-    turn = balance_shafts.over_a_turn(engine, balance_shafts.shafts(free[:2], 0.0, 3.0), 1.0, engine.middle)
+    turn = balance_shafts.residual_over_turn(
+        engine, balance_shafts.balance_shafts(free[:2], 0.0, 3.0), 1.0, engine.middle
+    )
     figure = draw_orders(free, engine.name, 1.0, ("m r omega^2", "m r omega^2 a"), turn)
     figure.draw_without_rendering()
     for axes in figure.axes[:2]:

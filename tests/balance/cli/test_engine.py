@@ -1,4 +1,4 @@
-"""``balance engine`` at its face."""
+"""``balance engine``: documents, tables, refusals."""
 
 import json
 import re
@@ -36,7 +36,7 @@ def test_single(tmp_path):
 
 
 def test_free(tmp_path):
-    """Orders, place, shafts and firing of a layout in m r omega^2, of a sheet in newtons."""
+    """Orders, place, shafts and firing of a layout in m r omega^2, of a file with sizes in newtons."""
     found = _json("free", "in-line-4", "--orders", "4", "--figure", str(tmp_path / "orders.png"))
     second = found["orders"][1]
     assert second["force"]["largest_mrw2"] == pytest.approx(4 * 0.25402504)
@@ -49,7 +49,7 @@ def test_free(tmp_path):
 
 
 def test_table():
-    """A row an engine; an own sheet may stand beside the shipped ones."""
+    """A row an engine; an own file may be compared with the shipped ones."""
     rows = {row["engine"]: row for row in _json("table")["engines"]}
     assert rows["in-line 3"]["M1_mrw2a"] == pytest.approx(3**0.5)
     assert rows["V2, 90 deg"]["F1_with_counterweights_mrw2"] == pytest.approx(0.0, abs=1e-12)
@@ -81,7 +81,7 @@ def test_wrong_command_lines(arguments, message):
     assert re.search(message, result.output)
 
 
-SHEET = """
+ENGINE = """
 name = "odd V3"
 throws = ["0 deg", "130 deg", "-77 deg"]
 banks = ["-31 deg", "44 deg", "90 deg"]
@@ -102,10 +102,10 @@ at = 0.2
 """
 
 
-def test_what_counterweights_and_shafts_leave_over_a_turn(tmp_path):
+def test_residual_with_counterweights_and_shafts_over_a_turn(tmp_path):
     """An odd engine: orders 1 and 2 are gone from the exact force and moment, by their Fourier coefficients."""
     path, picture = tmp_path / "odd.toml", tmp_path / "odd.png"
-    path.write_text(SHEET, encoding="utf-8")
+    path.write_text(ENGINE, encoding="utf-8")
     left = _json("free", str(path), "--figure", str(picture))["left_over_a_turn"]
     assert picture.stat().st_size > 10_000
     orders = {}
@@ -143,18 +143,18 @@ def test_what_counterweights_and_shafts_leave_over_a_turn(tmp_path):
         ),
     ],
 )
-def test_a_wrong_sheet_is_named(tmp_path, old, new, message):
+def test_a_wrong_file_is_named(tmp_path, old, new, message):
     """With the key."""
     path = tmp_path / "odd.toml"
-    path.write_text(SHEET.replace(old, new, 1), encoding="utf-8")
+    path.write_text(ENGINE.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(DataError, match=message):
         CliRunner().invoke(engine, ["free", str(path)], catch_exceptions=False)
 
 
 def test_one_cylinder_of_many_is_called_so(tmp_path):
-    """And the sheet's own counterweights, which are left aside, are named."""
+    """And the counterweights of the file, which are not included, are named."""
     path = tmp_path / "odd.toml"
-    path.write_text(SHEET, encoding="utf-8")
+    path.write_text(ENGINE, encoding="utf-8")
     output = CliRunner().invoke(engine, ["single", str(path)], catch_exceptions=False).output
     assert "one of its 3 cylinders" in output
-    assert "own counterweights (front) are left aside" in output
+    assert "own counterweights (front) are not included" in output
