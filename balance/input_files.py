@@ -223,6 +223,8 @@ def read_text(path: Path, error: type[CounterpoiseError] = DataError) -> str:
         return path.read_text(encoding="utf-8")
     except FileNotFoundError as missing:
         raise error(f"no such file {path.name!r}") from missing
+    except IsADirectoryError as folder:
+        raise error(f"{path}: is a folder; expected a file") from folder
     except OSError as trouble:
         raise error(f"{path.name}: cannot be read: {trouble.strerror}") from trouble
     except UnicodeDecodeError as wrong:

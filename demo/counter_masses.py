@@ -46,7 +46,7 @@ def _payload_rows(conditions: Conditions, sheet: dict, payload: str) -> list[lis
     variants = {
         "exact": balancing.exact_sizing(conditions, mechanism),
         "best from stock": balancing.size_from_stock(conditions, mechanism, plates),
-        f"built ({' + '.join(built)})": _given(conditions, mechanism, stock_plates.mass_of(built, plates)),
+        f"built ({' + '.join(built)})": _given(conditions, mechanism, stock_plates.plates_mass(built, plates)),
         "printed": _given(conditions, mechanism, sheet["printed_counter_mass_kg_per_arm"][payload]),
     }
     return [_row(f"{payload} kg" if name == "exact" else "", name, result) for name, result in variants.items()]

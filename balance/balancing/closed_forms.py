@@ -1,21 +1,28 @@
-"""Printed conditions of the sources, held against those derived from the model.
+"""Published closed forms and balance conditions, and their comparison with the conditions derived from the model.
 
-Source: G. Kiper, "Dinamik Dengeleme Calismalari", slides, METU Mechanical Engineering, Ankara, 20-21 November 2019.
-
-Printed closed forms. The oracle of the tests, and the only sizing where Pinocchio cannot be installed.
-
+The closed forms are the tests' oracle, and the only sizing where Pinocchio cannot be installed.
 Source: G. Kiper, "Dinamik Dengeleme Calismalari", slides, METU Mechanical Engineering, Ankara, 20-21 November 2019.
 """
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from .. import datasets
 from ..arrays import Floats
 from ..mechanism.forward_kinematics import Joint
 from ..mechanism.mechanism import Mechanism
 from .conditions import Conditions
+
+
+def published_sizing() -> dict[str, Any]:
+    """Inputs and results of the source's sizing of its manipulator as built, units in the keys."""
+    text = datasets.find_dataset("kiper2019", "published", ".json").read_text(encoding="utf-8")
+    sizing: dict[str, Any] = json.loads(text)["sizing_sheet_A_as_built"]
+    return sizing
 
 
 def manipulator_first_moment(m1: float, p1: float, m2: float, p2: float, r: float, payload: float) -> float:
@@ -55,7 +62,7 @@ def serial_chain(lengths: Sequence[float]) -> list[dict[str, float]]:
 def four_bar_loop_closure(l1: float, l2: float, l3: float) -> list[dict[str, float]]:
     """Conditions of the four-bar A0-A-B-B0 by loop closure, bodies ``A0A``, ``AB``, ``B0B`` of lengths l1, l2, l3 [m].
 
-    Printed with link 3 measured from B: m1 e1 + m2 (1 - e2/l2) l1 = 0, m1 f1 - m2 (f2/l2) l1 = 0,
+    Published with link 3 measured from B: m1 e1 + m2 (1 - e2/l2) l1 = 0, m1 f1 - m2 (f2/l2) l1 = 0,
     m3 (l3 - e3) + m2 (e2/l2) l3 = 0, m3 f3 - m2 (f2/l2) l3 = 0; here link 3 is measured from B0, turned by 180 degrees.
     """
     return [
@@ -73,28 +80,28 @@ Row = dict[str, float]
 
 @dataclass(frozen=True)
 class ConditionComparison:
-    """A printed method beside the derived conditions."""
+    """Published conditions compared with the derived ones, as spaces of rows."""
 
     method: str
-    printed: tuple[Row, ...]
-    """Conditions as printed, by parameter name."""
+    published: tuple[Row, ...]
+    """Published conditions, by parameter name."""
     given: tuple[Row, ...]
-    """What must hold beforehand for the printed conditions to say all; none where nothing must."""
+    """Conditions under which the published ones are also necessary; none where nothing more is needed."""
     rank: tuple[int, int]
-    """Of the printed and of the derived conditions."""
+    """Ranks of the published and of the derived conditions."""
     sufficient: float
-    """Largest distance of a derived condition from what the printed ones span: zero where they are sufficient."""
+    """Largest distance of a derived condition from the published span [-]: zero where these are sufficient."""
     necessary: float
-    """Largest distance of a printed condition from what the derived ones span: zero where they are necessary."""
+    """Largest distance of a published condition from the derived span [-]: zero where these are necessary."""
     equal_given: float | None
     """The larger of both distances once ``given`` is added to the derived conditions; None without ``given``."""
 
     def is_equal(self, tol: float = TOLERANCE) -> bool:
-        """Whether printed and derived conditions say the same."""
+        """Whether published and derived conditions span one space to ``tol`` [-]."""
         return max(self.sufficient, self.necessary) <= tol
 
     def verdict(self, tol: float = TOLERANCE) -> str:
-        """In words."""
+        """How published and derived conditions compare, in words."""
         if self.is_equal(tol):
             return "equal to the derived conditions"
         if self.sufficient <= tol:
@@ -106,18 +113,18 @@ class ConditionComparison:
 
 
 def compare_conditions(conditions: Conditions) -> list[ConditionComparison]:
-    """Every printed method for a mechanism's kind: serial chains of n revolute joints, four-bars. Else none."""
+    """Every published method for a mechanism's kind: serial chains of n revolute joints, four-bars. Else none."""
     mechanism = conditions.mechanism
     if (lengths := serial_lengths(mechanism)) is not None:
         rows = _renamed(serial_chain(lengths), {f"link_{k}": b for k, b in enumerate(mechanism.bodies, 1)})
-        return [held_against(f"serial chain, {len(lengths)}R", rows, conditions)]
+        return [compare_spans(f"serial chain, {len(lengths)}R", rows, conditions)]
     if (shape := four_bar_lengths(mechanism)) is not None:
         (crank, coupler, rocker), sides = shape
         names = {"A0A": crank, "AB": coupler, "B0B": rocker}
         split, centred = _renamed(split_coupler(*sides), names), _renamed([{"mcy[AB]": 1.0}], names)
         return [
-            held_against("four-bar, the coupler's mass split between two chains", split, conditions, centred),
-            held_against("four-bar, loop closure", _renamed(four_bar_loop_closure(*sides), names), conditions),
+            compare_spans("four-bar, the coupler's mass split between two chains", split, conditions, centred),
+            compare_spans("four-bar, loop closure", _renamed(four_bar_loop_closure(*sides), names), conditions),
         ]
     return []
 
@@ -126,7 +133,7 @@ def split_coupler(l1: float, l2: float, l3: float) -> list[Row]:
     """Method 1: the coupler's mass m2 = m2a + m2b split freely between the serial chains A0-A and B0-B.
 
     Each chain is 2R: m1 e1 + m2a l1 = 0, m1 f1 = 0, m3 e3 + m2b l3 = 0 (from B0), m3 f3 = 0, the centre of part a at A
-    and of part b at B, so m2 e2 = m2b l2 and m2 f2 = 0. Here m2b is eliminated: whatever the split, these must hold.
+    and of part b at B, so m2 e2 = m2b l2 and m2 f2 = 0. Here m2b is eliminated: whatever the split, these remain.
     """
     return [
         {"mcx[A0A]": 1.0, "m[AB]": l1, "mcx[AB]": -l1 / l2},
@@ -137,18 +144,18 @@ def split_coupler(l1: float, l2: float, l3: float) -> list[Row]:
     ]
 
 
-def held_against(
-    method: str, printed: Sequence[Row], conditions: Conditions, given: Sequence[Row] = ()
+def compare_spans(
+    method: str, published: Sequence[Row], conditions: Conditions, given: Sequence[Row] = ()
 ) -> ConditionComparison:
-    """Hold printed rows against derived conditions, as spaces of rows."""
+    """Compare published conditions with the derived ones, as spaces of rows."""
     names = conditions.mechanism.parameter_names
-    rows, derived = _basis(_matrix(printed, names)), _basis(conditions.matrix)
+    rows, derived = _basis(_matrix(published, names)), _basis(conditions.matrix)
     equal_given = None
     if given:
         more = _basis(np.vstack([conditions.matrix, _matrix(given, names)]))
         equal_given = max(_distance(more, rows), _distance(rows, more))
     return ConditionComparison(
-        method, tuple(printed), tuple(given), (len(rows), len(derived)), _distance(derived, rows),
+        method, tuple(published), tuple(given), (len(rows), len(derived)), _distance(derived, rows),
         _distance(rows, derived), equal_given,
     )  # fmt: skip
 
@@ -187,7 +194,7 @@ def four_bar_lengths(mechanism: Mechanism) -> tuple[tuple[str, str, str], tuple[
 
 
 def _flat(joint: Joint) -> bool:
-    """Whether a joint turns about z and its frame is turned about z only by nothing."""
+    """Whether a joint turns about z and its frame is parallel to its parent's."""
     return joint.revolute and bool(np.allclose(joint.axis, (0, 0, 1)) and np.allclose(joint.rotation, np.eye(3)))
 
 

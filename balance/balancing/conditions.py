@@ -2,8 +2,6 @@
 
 Linear momentum is ``W(q, v) @ pi``. Over loop-consistent states the rows of W span a space; the mechanism is balanced
 when pi is orthogonal to it. The conditions are that space's reduced row echelon form, pivots on first moments.
-
-Linear combinations of inertial parameters: the space that rows span, its reduced row echelon form, as text.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,15 +16,15 @@ from ..errors import ModelError
 from ..mechanism.mechanism import Mechanism
 
 GAP = 1e6
-"""Ratio between the smallest kept and the largest dropped singular value that decides a rank."""
+"""Least ratio between the smallest kept and the largest dropped singular value that decides a rank."""
 _ZERO = 1e-9
 """Coefficients below this are rounding of the elimination [m, or none]."""
 
 
 def row_space(matrix: Floats, name: str) -> tuple[Floats, tuple[float, float]]:
-    """Orthonormal basis of the row space, and the singular values next to where it was cut.
+    """Orthonormal basis (rank, k) [-] of the row space of ``matrix`` (m, k), in SI, and the singular values at the cut.
 
-    Raises ModelError if no gap of at least GAP tells the kept from the dropped.
+    Raises ModelError if no ratio of at least GAP separates the kept from the dropped singular values.
     """
     _, values, rows = np.linalg.svd(matrix, full_matrices=False)
     values = values / np.sqrt(len(matrix))
@@ -41,7 +39,7 @@ def row_space(matrix: Floats, name: str) -> tuple[Floats, tuple[float, float]]:
 
 
 def reduced_row_echelon(basis: Floats, order: Sequence[int]) -> Floats:
-    """Reduced row echelon form of ``basis`` with pivots taken in the given order of columns."""
+    """Reduced row echelon form of ``basis`` (rank, k) [-], in the same shape; pivots in the given order of columns."""
     matrix, row = basis.copy(), 0
     for column in order:
         if row == len(matrix):
@@ -79,7 +77,7 @@ class Conditions:
     mechanism: Mechanism
     dof: int
     matrix: Floats
-    """A condition a row, in reduced row echelon form: pivots 1 on first moments, masses in m, (rank, 10 nb)."""
+    """A condition a row, in reduced row echelon form: pivots 1 on first moments, masses in m, (rank, 10 nb) [-, m]."""
     singular_values: tuple[float, float]
     """Smallest kept and largest dropped singular value of the stacked momentum regressor."""
 
@@ -101,7 +99,7 @@ class Conditions:
         return self.residual(mechanism) <= tol
 
     def coefficients(self, row: int) -> dict[str, float]:
-        """Coefficients of one condition by parameter name, zeros left out."""
+        """Coefficients of one condition by parameter name, without zeros."""
         names = self.mechanism.parameter_names
         return {names[k]: float(self.matrix[row, k]) for k in np.flatnonzero(self.matrix[row])}
 

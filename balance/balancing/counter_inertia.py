@@ -1,10 +1,8 @@
-"""Counter-inertia: wheels on the base that turn against bodies and take up the angular momentum.
+"""Counter-inertias: wheels on the base that turn against bodies and take up the angular momentum.
 
 A serial chain or four-bar balanced in force has L = sum_b J_b omega_b with constant J_b, the four-bar if its coupler's
-centre lies on its line; where J_b are not constant, wheels leave a rest, which is said. A wheel of inertia J_b / k
-geared to turn at -k omega_b takes its share up; it asks k J_b of the motors.
-
-How the bodies of a planar mechanism turn in the base frame, along a trajectory and per motor.
+centre is on its line; elsewhere J_b are not constant, and wheels leave a stated residual. A wheel of inertia J_b / k
+geared to turn at -k omega_b takes up its share; the motors then drive k J_b more.
 """
 
 from collections.abc import Sequence
@@ -14,15 +12,14 @@ import numpy as np
 
 from ..arrays import Floats
 from ..closure import Closure, Trajectory
-from ..dynamics.inverse_dynamics import driven_rates, momentum, simulate
+from ..dynamics.inverse_dynamics import driven_rates, momentum
 from ..mechanism import forward_kinematics
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.sparse_components import dense
-from .outcome import Outcome
 
 
 @dataclass(frozen=True)
-class Rotation:
+class BodyRotation:
     """Rotation of every body about the base's z axis."""
 
     omega: Floats
@@ -30,24 +27,24 @@ class Rotation:
     alpha: Floats
     """Angular acceleration, (n, bodies) [rad/s2]."""
     per_motor: Floats
-    """Angular velocity per motor speed, (n, bodies, motors)."""
+    """Angular velocity per motor speed, (n, bodies, motors) [-, 1/m]."""
 
 
 def angular_velocity(mechanism: Mechanism, q: Floats, v: Floats) -> Floats:
     """Angular velocity of the bodies about z at (n, nv) states, (n, bodies) [rad/s]."""
-    return _turning(mechanism, q, v, np.zeros_like(v))[0]
+    return _rates_about_z(mechanism, q, v, np.zeros_like(v))[0]
 
 
-def rotation(mechanism: Mechanism, trajectory: Trajectory) -> Rotation:
+def body_rotation(mechanism: Mechanism, trajectory: Trajectory) -> BodyRotation:
     """Rotation of the bodies along a trajectory."""
-    omega, alpha = _turning(mechanism, trajectory.q, trajectory.v, trajectory.a)
+    omega, alpha = _rates_about_z(mechanism, trajectory.q, trajectory.v, trajectory.a)
     motors = mechanism.driven or mechanism.coordinates
     rates = driven_rates(mechanism, trajectory.per_drive, motors)
     each = [angular_velocity(mechanism, trajectory.q, rates[:, :, k]) for k in range(rates.shape[2])]
-    return Rotation(omega, alpha, np.stack(each, axis=2))
+    return BodyRotation(omega, alpha, np.stack(each, axis=2))
 
 
-def _turning(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> tuple[Floats, Floats]:
+def _rates_about_z(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> tuple[Floats, Floats]:
     q, v, a = (np.ascontiguousarray(x.T) for x in (q, v, a))
     at = forward_kinematics.pose(mechanism.tree, q)
     moving = forward_kinematics.motion(mechanism.tree, at, v, a)
@@ -59,7 +56,7 @@ def _turning(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> tuple[Flo
 
 _STATES = 60
 COMPLETE = 1e-9
-"""Share of the angular momentum left over below which wheels are called complete."""
+"""Residual share of the angular momentum up to which wheels count as complete."""
 
 
 @dataclass(frozen=True)
@@ -74,19 +71,19 @@ class Wheel:
 
 @dataclass(frozen=True)
 class Wheels:
-    """Wheels for a mechanism, and the share of its angular momentum that they leave."""
+    """Wheels for a mechanism, and the residual share of its angular momentum."""
 
     wheels: tuple[Wheel, ...]
-    left_over: float
-    """Largest angular momentum left over the largest without wheels, at other states than those of the fit."""
+    residual_share: float
+    """Largest residual angular momentum over the largest without wheels, at other states than those of the fit [-]."""
 
     def is_complete(self, tol: float = COMPLETE) -> bool:
-        """Whether nothing is left over in any motion."""
-        return self.left_over <= tol
+        """Whether the residual share is at most ``tol`` [-]."""
+        return self.residual_share <= tol
 
 
 def fit_wheels(mechanism: Mechanism) -> Wheels:
-    """Wheels that leave the least angular momentum about z, on bodies pivoted on the base if those are enough."""
+    """Wheels of least residual angular momentum about z, against bodies pivoted on the base if those are enough."""
     closure = Closure(mechanism)
     ground = [b for b, j in enumerate(mechanism.tree.bodies) if _on_the_base(mechanism, j)]
     turning = [b for b in range(len(mechanism.bodies)) if _turns(mechanism, b)]
@@ -94,45 +91,7 @@ def fit_wheels(mechanism: Mechanism) -> Wheels:
     if best.is_complete() or set(turning) <= set(ground):
         return best
     everywhere = _fitted(mechanism, closure, [*ground, *(b for b in turning if b not in ground)])
-    return everywhere if everywhere.left_over < best.left_over else best
-
-
-def counter_inertia_outcome(
-    mechanism: Mechanism, trajectory: Trajectory, ratio: float, radius: float, before: float
-) -> Outcome:
-    """The outcome of wheels that turn ``ratio`` times as fast as the bodies, discs of ``radius`` [m].
-
-    ``mechanism`` has its counter-masses; ``before`` is their mass [kg].
-    """
-    found, response, turning = fit_wheels(mechanism), simulate(mechanism, trajectory), rotation(mechanism, trajectory)
-    moment = response.moment.copy()
-    torque = {joint: values.copy() for joint, values in response.torque.items()}
-    inertia = 0.0
-    for wheel in found.wheels:
-        taken = wheel.momentum * turning.alpha[:, wheel.body]
-        moment[:, 2] += taken
-        inertia += abs(wheel.momentum) / ratio
-        for k, joint in enumerate(torque):
-            asked = abs(wheel.momentum) * ratio * turning.alpha[:, wheel.body]
-            torque[joint] += asked * turning.per_motor[:, wheel.body, k]
-    needs = {
-        f"wheel_{mechanism.bodies[w.body]}_kgm2": abs(w.momentum) / ratio * (1.0 if w.momentum > 0.0 else -1.0)
-        for w in found.wheels
-    }
-    return Outcome(
-        "counter-inertia", response.force, moment, torque, before + 2.0 * inertia / radius**2, inertia,
-        needs | {"wheel_speed_ratio": ratio, "angular_momentum_left_percent": 100.0 * found.left_over},
-        _note(found),
-    )  # fmt: skip
-
-
-def _note(found: Wheels) -> str:
-    if found.is_complete():
-        return "with the counter-masses; wheels on the base, geared against the bodies' rotation: complete"
-    return (
-        "with the counter-masses; wheels on the base: the angular momentum is no constant mixture of the bodies' "
-        f"rotations, up to {100 * found.left_over:.2g} % of it is left"
-    )
+    return everywhere if everywhere.residual_share < best.residual_share else best
 
 
 def _fitted(mechanism: Mechanism, closure: Closure, bodies: Sequence[int]) -> Wheels:
@@ -141,9 +100,9 @@ def _fitted(mechanism: Mechanism, closure: Closure, bodies: Sequence[int]) -> Wh
     solved = np.linalg.lstsq(rows[:, columns], target, rcond=None)[0] if columns else np.empty(0)
     rows, target = _states(mechanism, closure, 1)
     size = float(np.abs(target).max()) or 1.0
-    left = float(np.abs(target - rows[:, columns] @ solved).max()) / size
+    residual = float(np.abs(target - rows[:, columns] @ solved).max()) / size
     wheels = [Wheel(b, float(j)) for b, j in zip(columns, solved, strict=True) if abs(j) > 1e-12 * np.abs(solved).max()]
-    return Wheels(tuple(wheels), left)
+    return Wheels(tuple(wheels), residual)
 
 
 def _states(mechanism: Mechanism, closure: Closure, seed: int) -> tuple[Floats, Floats]:
@@ -154,7 +113,7 @@ def _states(mechanism: Mechanism, closure: Closure, seed: int) -> tuple[Floats, 
 
 
 def _independent(rows: Floats, bodies: Sequence[int]) -> list[int]:
-    """Bodies, in order, that do not turn as others before them do together."""
+    """Bodies, in order, whose rotation is no combination of that of those before them."""
     chosen: list[int] = []
     for body in bodies:
         trial = rows[:, [*chosen, body]]

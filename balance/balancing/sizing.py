@@ -1,12 +1,6 @@
-"""Counter-masses, and what they leave.
+"""Counter-masses of any mass within limits, and the first-moment residual of any counter-masses.
 
-Counter-masses as a document, units in the keys.
-
-The conditions as equations for counter-masses: a mass at a site adds so many times a constant column.
-
-``A pi + B m = 0``, m >= 0.
-
-Counter-masses of any mass, within limits: least squares on the conditions.
+A mass m at a site adds m times a constant column to the conditions: ``A pi + B m = 0``, m >= 0, in least squares.
 """
 
 from collections.abc import Mapping, Sequence
@@ -52,7 +46,7 @@ class CounterMass:
 
 @dataclass(frozen=True)
 class Sizing:
-    """Counter-masses for a mechanism, and what they leave."""
+    """Counter-masses for a mechanism, and their residual."""
 
     conditions: Conditions
     before: Mechanism
@@ -112,33 +106,33 @@ def balanced_payload(conditions: Conditions, mechanism: Mechanism, body: str) ->
         return None
     without = conditions.values(mechanism) - per_kilogram * mechanism.mass(body)
     mass = -float(per_kilogram @ without / (per_kilogram @ per_kilogram))
-    left = float(np.abs(without + per_kilogram * mass).max())
-    return mass if mass > 0.0 and left <= BALANCES * float(np.abs(per_kilogram).max()) * mass else None
+    residual = float(np.abs(without + per_kilogram * mass).max())
+    return mass if mass > 0.0 and residual <= BALANCES * float(np.abs(per_kilogram).max()) * mass else None
 
 
 def sizing_of_given(conditions: Conditions, mechanism: Mechanism, masses: Mapping[str, float]) -> Sizing:
-    """What counter-masses that are given leave; ``mechanism`` is the one without them [kg]."""
+    """The sizing of given counter-masses [kg] by site; ``mechanism`` is the one without them."""
     return sizing_result(conditions, mechanism, masses, {})
 
 
 def sizing_result(
     conditions: Conditions, mechanism: Mechanism, masses: Mapping[str, float], plates: Mapping[str, Sequence[Plate]]
 ) -> Sizing:
-    """What counter-masses [kg] and the plates that they are made of, by site, leave on ``mechanism`` without them."""
+    """The sizing of counter-masses [kg] by site and the plates of each, on ``mechanism`` without them."""
     found = []
     for name, mass in masses.items():
-        site, pile = mechanism.site(name), plates.get(name, ())
-        made_of = tuple(plate.name for plate in pile)
-        found.append(CounterMass(name, float(mass), site.position, made_of, _inertia_of(pile, site)))
+        site, stack = mechanism.site(name), plates.get(name, ())
+        names = tuple(plate.name for plate in stack)
+        found.append(CounterMass(name, float(mass), site.position, names, _inertia_of_stack(stack, site)))
     return Sizing(conditions, mechanism, tuple(found), mechanism.payload_bodies)
 
 
-def _inertia_of(pile: Sequence[Plate], site: Site) -> float | None:
+def _inertia_of_stack(stack: Sequence[Plate], site: Site) -> float | None:
     """Plates on one axis, their centres at the site; one that is not drawn has the site's radius of gyration."""
-    if all(plate.inertia is None for plate in pile):
+    if all(plate.inertia is None for plate in stack):
         return None
     square = site.radius_of_gyration**2
-    return sum(plate.mass * square if plate.inertia is None else plate.inertia for plate in pile)
+    return sum(plate.mass * square if plate.inertia is None else plate.inertia for plate in stack)
 
 
 def _inertia_about_joint(mechanism: Mechanism, name: str) -> float:
@@ -149,7 +143,7 @@ def _inertia_about_joint(mechanism: Mechanism, name: str) -> float:
 
 
 def sizing_document(result: Sizing) -> dict[str, Any]:
-    """Counter-masses and what they leave, for JSON."""
+    """Counter-masses and their residual, for JSON: units in the keys."""
     return {
         "mechanism": result.before.name,
         "counter_masses": [
@@ -171,9 +165,9 @@ def sizing_document(result: Sizing) -> dict[str, Any]:
 
 
 _DEPENDENT = 1e-12
-"""Singular value of the sites' columns, relative to the largest, below which sites do the same."""
+"""Singular value of the sites' columns, relative to the largest, below which sites are equivalent."""
 _TIES = 1e-5
-"""Weight of squares beside masses: sites whose levers differ by more are not alike."""
+"""Weight of squares relative to masses: sites whose levers differ by more are not equivalent."""
 
 
 def chosen_sites(mechanism: Mechanism, sites: Sequence[str]) -> list[str]:
@@ -195,7 +189,7 @@ def sizing_system(conditions: Conditions, mechanism: Mechanism, names: Sequence[
 
 
 def site_columns(conditions: Conditions, mechanism: Mechanism, names: Sequence[str]) -> Floats:
-    """What a kilogram at each site adds to the value of each condition, (rank, sites) [m]."""
+    """Change of each condition per kilogram at each site, (rank, sites) [m]."""
     added = [mechanism.with_counter_mass({name: 1.0}).pi - mechanism.pi for name in names]
     return np.array([conditions.matrix @ one for one in added]).T
 
@@ -274,7 +268,7 @@ def _lightest(columns: Floats, made: Floats, least: Floats, most: Floats) -> Flo
     solver = clarabel.DefaultSolver(cost, np.ones(2 * count), sparse.csc_matrix(sides), right, cones, settings)
     solution = solver.solve()
     if str(solution.status) not in {"Solved", "AlmostSolved"}:
-        raise SizingError(f"counter-masses did not converge: the conic solver says {solution.status}")
+        raise SizingError(f"counter-masses did not converge: the conic solver stopped at {solution.status}")
     parts = np.asarray(solution.x)
     masses = size * (parts[:count] - parts[count:])
     near = 1e-6 * max(float(np.abs(masses).max(initial=0.0)), size)
@@ -285,14 +279,14 @@ def _lightest(columns: Floats, made: Floats, least: Floats, most: Floats) -> Flo
 def exact_sizing(
     conditions: Conditions, mechanism: Mechanism, sites: Sequence[str] = (), limits: Mapping[str, float] | None = None
 ) -> Sizing:
-    """Counter-masses of any mass at ``sites`` (default: those named counter...) that leave the least residual.
+    """Counter-masses of any mass at ``sites`` (default: those named counter...) of least residual.
 
     Least squares over the conditions, each mass between zero and its limit [kg]; of equals the lightest, then least
     squares of the masses. Raises SizingError if there is no site or the solver does not converge.
     """
     names = chosen_sites(mechanism, sites)
     if unused := [name for name in limits or {} if name not in names]:
-        raise SizingError(f"the limit at {unused[0]!r} limits nothing: counter-masses go to {', '.join(names)}")
+        raise SizingError(f"the limit at {unused[0]!r} has no effect: counter-masses are sized at {', '.join(names)}")
     columns, target = sizing_system(conditions, mechanism, names)
     upper = np.array([(limits or {}).get(name, np.inf) for name in names])
     for name, limit in zip(names, upper, strict=True):

@@ -1,11 +1,20 @@
-"""Springs of zero free length: force in proportion to length, energy k |a - b|^2 / 2, linear in the stiffness."""
+"""Springs of zero free length: force in proportion to length, energy k |a - b|^2 / 2, linear in the stiffness k.
+
+A spring file (``datasets/springs``) has their places in the bodies' frames, and stiffnesses unless these are sought.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
+from .. import datasets
 from ..arrays import Floats
+from ..errors import DataError
+from ..input_files import Distinct, Quantity, Table, Text, in_file, load_model
 from ..mechanism import forward_kinematics
 from ..mechanism.forward_kinematics import Pose
 from ..mechanism.mechanism import Mechanism
@@ -25,8 +34,8 @@ class End:
         """Elementary joint whose frame it is fixed in, -1 for the base."""
         return -1 if self.body < 0 else mechanism.tree.bodies[self.body]
 
-    def at(self, mechanism: Mechanism, at: Pose) -> Floats:
-        """Place in the base frame, (3, n) [m]."""
+    def base_position(self, mechanism: Mechanism, at: Pose) -> Floats:
+        """Position in the base frame, (3, n) [m]."""
         return dense(at.point(self.joint(mechanism), self.position), at.count)
 
     def text(self, mechanism: Mechanism) -> str:
@@ -46,6 +55,10 @@ class Spring:
     """[N/m]"""
     name: str = ""
 
+    def gap(self, mechanism: Mechanism, at: Pose) -> Floats:
+        """From the second end to the first, base axes, (3, n) [m]."""
+        return self.first.base_position(mechanism, at) - self.second.base_position(mechanism, at)
+
 
 def spring_lengths(mechanism: Mechanism, springs: Sequence[Spring], q: Floats) -> Floats:
     """Lengths at (n, nv) states, (n, springs) [m]."""
@@ -55,7 +68,7 @@ def spring_lengths(mechanism: Mechanism, springs: Sequence[Spring], q: Floats) -
 def unit_energies(mechanism: Mechanism, springs: Sequence[Spring], q: Floats) -> Floats:
     """Energies per stiffness, |a - b|^2 / 2, at (n, nv) states, (n, springs) [m2]."""
     at = forward_kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
-    gaps = [spring.first.at(mechanism, at) - spring.second.at(mechanism, at) for spring in springs]
+    gaps = [spring.gap(mechanism, at) for spring in springs]
     return np.array([0.5 * (gap**2).sum(axis=0) for gap in gaps]).reshape(len(springs), len(q)).T
 
 
@@ -73,6 +86,62 @@ def joint_torques(mechanism: Mechanism, springs: Sequence[Spring], q: Floats) ->
         for end, sign in ((spring.first, 1.0), (spring.second, -1.0)):
             joint = end.joint(mechanism)
             forward_kinematics.add_point_jacobian(mechanism.tree, at, joint, at.point(joint, end.position), rows, sign)
-        gap = spring.first.at(mechanism, at) - spring.second.at(mechanism, at)
+        gap = spring.gap(mechanism, at)
         total += spring.stiffness * np.einsum("in,ijn->nj", gap, dense_rows(rows, mechanism.tree.size, at.count))
     return total
+
+
+Length = Annotated[float, Quantity("length")]
+
+
+class EndTable(Table):
+    """An end of a spring, such as ``{ body = 'base', at = ['0 m', '0.1 m', '0 m'] }``."""
+
+    body: Text
+    """Body that it is fixed in, or ``base``."""
+    at: tuple[Length, Length, Length] = (0.0, 0.0, 0.0)
+    """Place in the body's frame [m]."""
+
+    def end(self, mechanism: Mechanism) -> End:
+        """The end. Raises ModelError for a body that the mechanism does not have."""
+        return End(-1 if self.body == "base" else mechanism.body_index(self.body), np.array(self.at))
+
+
+class SpringTable(Table):
+    """A spring of zero free length between two ends."""
+
+    name: Text | None = None
+    """Name of it."""
+    first: EndTable
+    """One end."""
+    second: EndTable
+    """The other end."""
+    stiffness: Annotated[float, Quantity("stiffness", above=0.0)] | None = None
+    """Stiffness, for all springs or for none: it is then found [N/m]."""
+
+
+class SpringsTable(Table):
+    """Springs that balance the weight of a mechanism."""
+
+    spring: Annotated[list[SpringTable], Field(min_length=1), Distinct]
+    """Springs."""
+
+    def _check(self) -> None:
+        given = [spring.stiffness is not None for spring in self.spring]
+        if any(given) and not all(given):
+            raise DataError(f"spring[{given.index(False)}] has no stiffness: give all or none")
+
+
+def load_springs(name: str | Path, mechanism: Mechanism) -> tuple[list[Spring], bool]:
+    """Springs of a file, and whether it gives their stiffnesses; otherwise they are 1 N/m, to be found.
+
+    Raises DataError, naming the spring and key that is wrong.
+    """
+    path = datasets.find_dataset(name, "springs", ".toml")
+    table = load_model(SpringsTable, path)
+    springs = []
+    for i, each in enumerate(table.spring):
+        called = each.name or f"spring {i + 1}"
+        with in_file(path.name, f"spring[{i}] ({called})"):
+            springs.append(Spring(each.first.end(mechanism), each.second.end(mechanism), each.stiffness or 1.0, called))
+    return springs, table.spring[0].stiffness is not None

@@ -1,10 +1,7 @@
-"""Springs that make the potential energy constant: the softest set among candidate places, by linear programming.
+"""Static balancing: potential energy constant over the workspace, by counter-masses or by springs of zero free length.
 
-Static balance: potential energy constant over the workspace, by counter-masses or by zero-free-length springs.
-
-Conditions of static balance, found from the model: what keeps the potential energy of weight constant.
-
-What static balance has to say, as one document: every number of its tables and figure, units in the keys.
+Conditions on the inertial parameters are found from the model, as those of momentum. Springs are the softest set among
+candidate places, by linear programming; they are evaluated at other configurations than those they were found from.
 """
 
 from collections.abc import Sequence
@@ -28,11 +25,10 @@ from .springs import End, Spring, joint_torques, spring_energy, spring_lengths, 
 
 _STATES, _SEED = 120, 11
 _CHECK_SEED = 12
-"""Springs are judged at other configurations than those that they were found from."""
 _LEVEL = 1e-12
 """Swing of potential energy, relative to the weight times the mechanism's length, that is rounding."""
 _BETWEEN_LINKS = 2.0
-"""What a stiffness between two links costs, one to the base being 1: springs to the base are simpler."""
+"""Cost of a stiffness between two links, that of one to the base being 1: springs to the base are simpler."""
 
 
 @dataclass(frozen=True)
@@ -42,23 +38,23 @@ class Springs:
     mechanism: Mechanism
     springs: tuple[Spring, ...]
     q: Floats
-    """Configurations of the workspace at which they are judged, (n, nv)."""
+    """Configurations of the workspace at which they are evaluated, (n, nv) [rad, m]."""
 
-    def weight(self) -> Floats:
+    def weight_energy(self) -> Floats:
         """Potential energy of weight, (n,) [J]."""
         return potential(self.mechanism, self.q)
 
-    def spring(self) -> Floats:
+    def energy(self) -> Floats:
         """Energy of the springs, (n,) [J]."""
         return spring_energy(self.mechanism, self.springs, self.q)
 
     def swing(self) -> float:
         """Largest less smallest potential energy without springs [J]."""
-        return float(np.ptp(self.weight()))
+        return float(np.ptp(self.weight_energy()))
 
     def residual(self) -> float:
         """Largest less smallest potential energy with springs [J]."""
-        return float(np.ptp(self.weight() + self.spring()))
+        return float(np.ptp(self.weight_energy() + self.energy()))
 
     def is_balanced(self, tol: float = 1e-12) -> bool:
         """Whether the potential energy is constant to ``tol`` of its swing without springs."""
@@ -84,15 +80,15 @@ def design_springs(
     columns, target = columns - columns.mean(axis=0), -potential(mechanism, q)
     target = target - target.mean()
     if np.abs(target).max() < _LEVEL * mechanism.total_mass * np.linalg.norm(mechanism.gravity) * length:
-        return judged_springs(mechanism, ())
+        return evaluate_springs(mechanism, ())
     cost = np.array([1.0 if min(s.first.body, s.second.body) < 0 else _BETWEEN_LINKS for s in candidates])
     stiffness = _softest(mechanism, columns, target, cost)
     springs = tuple(replace(s, stiffness=float(k)) for s, k in zip(candidates, stiffness, strict=True) if k > 0.0)
-    return judged_springs(mechanism, springs)
+    return evaluate_springs(mechanism, springs)
 
 
-def judged_springs(mechanism: Mechanism, springs: Sequence[Spring], count: int = 200) -> Springs:
-    """Springs as they are, at configurations of the workspace."""
+def evaluate_springs(mechanism: Mechanism, springs: Sequence[Spring], count: int = 200) -> Springs:
+    """Given springs, at ``count`` configurations of the workspace."""
     return Springs(mechanism, tuple(springs), Closure(mechanism).states(count, _CHECK_SEED))
 
 
@@ -112,17 +108,17 @@ def spring_layout(mechanism: Mechanism, reach: float, height: float) -> list[Spr
 
 def _softest(mechanism: Mechanism, columns: Floats, target: Floats, cost: Floats) -> Floats:
     """Stiffnesses k >= 0 of least cost with ``columns @ k = target``, to rounding error."""
-    left, size, _ = np.linalg.svd(columns, full_matrices=False)
-    keep = left[:, size > 1e-10 * size[0]].T
+    u, size, _ = np.linalg.svd(columns, full_matrices=False)
+    basis = u[:, size > 1e-10 * size[0]].T
     scale = float(np.abs(target).max()) or 1.0
-    missed = target - keep.T @ (keep @ target)
+    missed = target - basis.T @ (basis @ target)
     if np.abs(missed).max() > 1e-9 * scale:
         raise SizingError(f"{mechanism.name}: springs at these places cannot balance it, whatever their stiffness")
-    found = linprog(cost, A_eq=keep @ columns, b_eq=keep @ target, bounds=(0.0, None), method="highs-ds")
+    found = linprog(cost, A_eq=basis @ columns, b_eq=basis @ target, bounds=(0.0, None), method="highs-ds")
     if not found.success:
         raise SizingError(
             f"{mechanism.name}: no springs that only pull balance it from these places: {found.message.split('.')[0]}; "
-            "try another reach or height, or say where springs may go"
+            "try another --reach or --height, or give their places with --springs"
         )
     rough = np.asarray(found.x)
     used = rough > 1e-7 * rough.max(initial=0.0)
@@ -151,7 +147,7 @@ def static_conditions(mechanism: Mechanism) -> Conditions:
 def static_document(found: Conditions, counter: Sizing | None, springs: Springs) -> dict[str, Any]:
     """Conditions; the mechanism as it is, with counter-masses (None: no place for any), and with springs."""
     mechanism, q = springs.mechanism, springs.q
-    weight = springs.weight()
+    weight = springs.weight_energy()
     balanced = None if counter is None else potential(counter.after, q)
     return {
         "mechanism": mechanism.name,
@@ -162,11 +158,11 @@ def static_document(found: Conditions, counter: Sizing | None, springs: Springs)
         ],
         "as_it_is": _balance(weight, weight, _holding(mechanism, q, None)),
         "counter_masses": None if counter is None or balanced is None else _counter(counter, balanced, weight, q),
-        "springs": _balance(weight + springs.spring(), weight, _holding(mechanism, q, springs))
+        "springs": _balance(weight + springs.energy(), weight, _holding(mechanism, q, springs))
         | {"springs": _springs(springs)},
         "workspace": {
             "weight_J": weight.tolist(),
-            "springs_J": springs.spring().tolist(),
+            "springs_J": springs.energy().tolist(),
             "with_counter_masses_J": None if balanced is None else balanced.tolist(),
         },
     }
@@ -209,9 +205,9 @@ def _holding(mechanism: Mechanism, q: Floats, springs: Springs | None) -> dict[s
     closure, motors = Closure(mechanism), mechanism.driven or mechanism.coordinates
     if len(motors) != closure.dof:
         return {}
-    place = q[:, [mechanism.coordinate_index(joint) for joint in motors]]
-    rest = np.zeros_like(place)
-    at = closure.follow(Samples(np.arange(float(len(q))), place, rest, rest, joints=motors))
+    position = q[:, [mechanism.coordinate_index(joint) for joint in motors]]
+    rest = np.zeros_like(position)
+    at = closure.follow(Samples(np.arange(float(len(q))), position, rest, rest, joints=motors))
     torque = dict(simulate(mechanism, at).torque)
     if springs is not None:
         needed = joint_torques(mechanism, springs.springs, at.q)

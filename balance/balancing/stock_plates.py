@@ -1,10 +1,9 @@
-"""Stock plates: what is on the shelf to make counter-masses of.
+"""Stock plates to make counter-masses of: weighed, or drawn with shape, material, thickness and holes.
 
-Stock plates: weighed, or drawn with shape and material.
-
-A plate as a row of a stock draws it: shape, material, dimensions in millimetres, holes.
-
-Materials and their densities, from a small TOML file.
+Mass and inertia of a drawn plate follow from areas A in place of masses, holes counted negative (polar second moment J
+about an area's own centre):
+A = A_outline - sum A_i,  c = -sum A_i r_i / A,  J = J_outline - sum (J_i + A_i r_i^2) - A c^2,
+m = density thickness A,  I = density thickness J  about the centre of mass.
 """
 
 import math
@@ -18,7 +17,115 @@ from pydantic import Field
 from .. import datasets
 from ..errors import DataError
 from ..input_files import Positive, Table, load_model
-from .plate_geometry import Hole, Rectangle, Ring, plate_section
+
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class Hole:
+    """A round hole through a plate."""
+
+    x: float
+    """Position of its centre, from the centre of the outline [m]."""
+    y: float
+    diameter: float
+    """[m]"""
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A plane figure about its own centre."""
+
+    area: float
+    """[m2]"""
+    polar: float
+    """Polar second moment of area about its centre [m4]."""
+
+
+@dataclass(frozen=True)
+class Section:
+    """Mass, inertia and centre of mass of a plate."""
+
+    mass: float
+    """[kg]"""
+    inertia: float
+    """About the axis through its centre of mass, normal to the plate [kg m2]."""
+    centre: tuple[float, float]
+    """Centre of mass from the centre of the outline [m]."""
+
+    @property
+    def radius_of_gyration(self) -> float:
+        """About the axis through its centre of mass, normal to the plate [m]."""
+        return math.sqrt(self.inertia / self.mass)
+
+
+@dataclass(frozen=True)
+class Rectangle:
+    """A rectangular outline."""
+
+    length: float
+    """Along x [m]."""
+    width: float
+    """Along y [m]."""
+
+    def outline(self) -> Outline:
+        """A = a b,  J = a b (a^2 + b^2) / 12."""
+        area = self.length * self.width
+        return Outline(area, area * (self.length**2 + self.width**2) / 12.0)
+
+    def clearance(self, hole: Hole) -> float:
+        """Least distance of a hole's rim from the outline; negative outside [m]."""
+        along, across = self.length / 2 - abs(hole.x), self.width / 2 - abs(hole.y)
+        return min(along, across) - hole.diameter / 2
+
+
+@dataclass(frozen=True)
+class Ring:
+    """A round outline, with a bore or without."""
+
+    diameter: float
+    """[m]"""
+    bore: float = 0.0
+    """Diameter of the bore, zero for a disc [m]."""
+
+    def outline(self) -> Outline:
+        """A = pi (D^2 - d^2) / 4,  J = pi (D^4 - d^4) / 32."""
+        return Outline(
+            math.pi * (self.diameter**2 - self.bore**2) / 4.0, math.pi * (self.diameter**4 - self.bore**4) / 32.0
+        )
+
+    def clearance(self, hole: Hole) -> float:
+        """Least distance of a hole's rim from the rims; negative outside [m]."""
+        radius = math.hypot(hole.x, hole.y)
+        outside = self.diameter / 2 - radius
+        return (min(outside, radius - self.bore / 2) if self.bore else outside) - hole.diameter / 2
+
+
+def plate_section(shape: Rectangle | Ring, thickness: float, density: float, holes: Sequence[Hole] = ()) -> Section:
+    """Mass, inertia and centre of a plate of ``thickness`` [m] and ``density`` [kg/m3].
+
+    Raises DataError for a hole beyond the outline or overlapping another: its area would count twice.
+    """
+    _check(shape, holes)
+    outline = shape.outline()
+    areas = [math.pi * hole.diameter**2 / 4.0 for hole in holes]
+    area = outline.area - sum(areas)
+    x = -sum(a * hole.x for a, hole in zip(areas, holes, strict=True)) / area
+    y = -sum(a * hole.y for a, hole in zip(areas, holes, strict=True)) / area
+    removed = sum(a * (hole.diameter**2 / 8.0 + hole.x**2 + hole.y**2) for a, hole in zip(areas, holes, strict=True))
+    polar = outline.polar - removed - area * (x**2 + y**2)
+    return Section(density * thickness * area, density * thickness * polar, (x, y))
+
+
+def _check(shape: Rectangle | Ring, holes: Sequence[Hole]) -> None:
+    for i, hole in enumerate(holes, 1):
+        if shape.clearance(hole) < -_ROUNDING:
+            raise DataError(f"hole {i} is not within the plate: expected holes inside the outline that do not overlap")
+        for j, other in enumerate(holes[: i - 1], 1):
+            distance = math.hypot(hole.x - other.x, hole.y - other.y)
+            if distance < (hole.diameter + other.diameter) / 2 - _ROUNDING:
+                raise DataError(f"holes {j} and {i} overlap: expected holes apart from each other")
+
 
 WEIGHED = ("name", "mass_kg", "quantity")
 """Columns of a stock that was weighed."""
@@ -26,12 +133,12 @@ DRAWN = (
     "name", "quantity", "shape", "material", "thickness_mm", "length_mm", "width_mm", "diameter_mm", "bore_mm",
     "holes_mm",
 )  # fmt: skip
-"""Columns of a stock as drawn; those that none of its shapes needs may be left out."""
+"""Columns of a stock as drawn; those that none of its shapes needs may be absent."""
 
 
 @dataclass(frozen=True)
 class Plate:
-    """Plates of one mass."""
+    """A kind of plate in stock."""
 
     name: str
     mass: float
@@ -56,9 +163,7 @@ def load_stock(name: str | Path) -> list[Plate]:
             f"{path.name}: expected the columns {','.join(WEIGHED)} and at least one plate, or of plates as drawn "
             f"{','.join(DRAWN)}"
         )
-    densities: Mapping[str, float] = {}
-    if drawn:
-        densities = load_densities()
+    densities: Mapping[str, float] = load_densities() if drawn else {}
     plates = [_plate(row, f"{path.name}, plate {i}", densities) for i, row in enumerate(rows, 1)]
     if len({plate.name for plate in plates}) < len(plates):
         raise DataError(f"{path.name}: two plates have the same name; give one row with a quantity")
@@ -76,7 +181,7 @@ def _rows(path: Path) -> list[dict[str, str]]:
 
 
 def _plate(row: dict[str, str], where: str, densities: Mapping[str, float]) -> Plate:
-    if None in row:  # what csv makes of cells beyond the last column
+    if None in row:  # the csv module's key of cells beyond the last column
         raise DataError(f"{where}: more cells than columns: {row}")
     if densities:
         mass, inertia = mass_and_inertia(row, where, densities)
@@ -92,7 +197,7 @@ def _plate(row: dict[str, str], where: str, densities: Mapping[str, float]) -> P
     return plate
 
 
-def mass_of(names: Sequence[str], plates: Sequence[Plate]) -> float:
+def plates_mass(names: Sequence[str], plates: Sequence[Plate]) -> float:
     """Mass of a set of plates by name [kg]. Raises DataError, listing the stock, for a name that is not in it."""
     known = {plate.name: plate.mass for plate in plates}
     if unknown := [name for name in names if name not in known]:

@@ -1,27 +1,23 @@
-"""Sets of stock plates for several loads in turn, each set holding the one before it: a mixed-integer programme.
+"""Counter-masses from stock plates, to a proven optimum: a mixed-integer programme.
 
-Plates n[k, s, p] >= 0, whole, at load k, site s, of kind p;  n[k] <= n[k + 1];  sum over s of n[last] <= quantity.
-Residual of load k:  r_k = max |effect n[k] - target_k|.  Least, one after the other, each kept while the next is
-sought: the largest r_k, the sum of r_k, the mass of all sets.
+For several loads in turn each set holds the one before it. Plates n[k, s, p] >= 0, whole, at load k, site s, of kind p;
+n[k] <= n[k + 1];  sum over s of n[last] <= quantity. Residual of load k:  r_k = max |effect n[k] - target_k|.
+Least, one after the other, each kept while the next is sought: the largest r_k, the sum of r_k, the mass of all sets.
 
-The sets of plates that the source built, beside which ours are shown; never returned as ours.
-
-Counter-masses from stock plates, to a proven optimum.
+The sets of plates that the source built are given for comparison, never as a result.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.optimize import Bounds, LinearConstraint, milp
 
-from .. import datasets
 from ..arrays import Floats, Indices, stdout_discarded
 from ..errors import SizingError
 from ..mechanism.mechanism import Mechanism
 from . import stock_plates
+from .closed_forms import published_sizing
 from .conditions import Conditions
 from .sizing import Sizing, chosen_sites, sizing_of_given, sizing_result, sizing_system
 from .stock_plates import Plate
@@ -36,8 +32,9 @@ TIME_LIMIT_S = 60.0
 def best_sets(columns: Floats, targets: Floats, masses: Floats, quantities: Floats) -> Indices:
     """Plates of each kind at each site for each load, (loads, sites, kinds), to a proven optimum.
 
-    ``columns`` (conditions, sites) [m] is what a kilogram at a site does, ``targets`` (loads, conditions) [kg m] what
-    is to be met, ``masses`` (kinds,) [kg]. Raises SizingError if the solver does not prove its answer.
+    ``columns`` (conditions, sites) [m] are the effect of a kilogram at a site, ``targets`` (loads, conditions) [kg m]
+    what is to be met; ``masses`` (kinds,) [kg] and ``quantities`` (kinds,) those of the stock.
+    Raises SizingError if the solver does not prove its answer.
     """
     scale = _SCALE / max(float(np.abs(targets).max(initial=0.0)), 1e-12)
     search = _Search(scale * np.kron(columns, masses), scale * targets, np.tile(masses, columns.shape[1]), quantities)
@@ -138,40 +135,34 @@ class BuiltSet:
     mass: float
     """Of its plates [kg]."""
     residual: float
-    """First-moment residual that it leaves [kg m], computed."""
+    """Its first-moment residual [kg m], computed."""
 
 
-def printed_increments() -> tuple[float, ...]:
-    """What the source prints as added for the second and third payload [kg]: differences of its computed masses."""
-    return tuple(float(value) for value in _sheet()["nested_increments_kg"].values())
+def published_increments() -> tuple[float, ...]:
+    """Published increments for the second and third payload [kg]: differences of the computed masses."""
+    return tuple(float(value) for value in published_sizing()["nested_increments_kg"].values())
 
 
 def built_sets(
     conditions: Conditions, mechanisms: Sequence[Mechanism], payloads: Sequence[float]
 ) -> tuple[BuiltSet, ...]:
-    """What the source built for exactly these payloads of its manipulator; empty for any others."""
-    sheet = _sheet()
-    if list(payloads) != [float(key) for key in sheet["built_counter_mass_kg_per_arm"]]:
+    """Sets that the source built for exactly these payloads [kg] of its manipulator; empty for any others."""
+    published = published_sizing()
+    if list(payloads) != [float(key) for key in published["built_counter_mass_kg_per_arm"]]:
         return ()
     plates = stock_plates.load_stock("kiper2019")
     found = []
-    for mechanism, payload, names in zip(mechanisms, payloads, sheet["built_sets"].values(), strict=True):
-        mass = stock_plates.mass_of(names, plates)
-        left = sizing_of_given(conditions, mechanism, dict.fromkeys(mechanism.counter_sites, mass))
-        found.append(BuiltSet(payload, tuple(names), mass, left.residual()))
+    for mechanism, payload, names in zip(mechanisms, payloads, published["built_sets"].values(), strict=True):
+        mass = stock_plates.plates_mass(names, plates)
+        sizing = sizing_of_given(conditions, mechanism, dict.fromkeys(mechanism.counter_sites, mass))
+        found.append(BuiltSet(payload, tuple(names), mass, sizing.residual()))
     return tuple(found)
-
-
-def _sheet() -> dict[str, Any]:
-    text = datasets.find_dataset("kiper2019", "published", ".json").read_text(encoding="utf-8")
-    sheet: dict[str, Any] = json.loads(text)["sizing_sheet_A_as_built"]
-    return sheet
 
 
 def size_from_stock(
     conditions: Conditions, mechanism: Mechanism, plates: Sequence[Plate], sites: Sequence[str] = ()
 ) -> Sizing:
-    """The plates at each site that leave the least first-moment residual; among equals the lightest.
+    """The plates at each site of least first-moment residual; among equals the lightest.
 
     A mixed-integer programme solved to proven optimality; a plate's quantity is for all sites together.
     """

@@ -85,19 +85,20 @@ def methods(
     Springs; counter-masses; with counter-inertias on the base; mirror images of the mechanism; active masses. Printed
     conditions of serial chains and four-bars are held against those derived from the model.
     """
-    from ..balancing import closed_forms, method_comparison
-    from ..balancing import method_comparison as documents
+    from ..balancing.closed_forms import compare_conditions
     from ..balancing.conditions import balance_conditions
+    from ..balancing.methods import MethodSettings, compare_methods, methods_document
+    from ..closure import Closure
+    from ..motion import DEFAULT_RATE_HZ
+    from ..motion.motion_files import load_motion
 
     if isnan(wheel_ratio):
         raise click.UsageError("--wheel-ratio: expected a number")
     model = options.load_mechanism_option(mechanism, payload)
     name = motion or _own_motion(model.name)
-    settings = method_comparison.Settings(site, wheel_ratio, wheel_radius, stroke, turn)
-    outcomes = _outcomes(model, name, settings)
-    result = documents.methods_document(
-        model.name, name, outcomes, closed_forms.compare_conditions(balance_conditions(model))
-    )
+    trajectory = Closure(model).follow(load_motion(name).sample(DEFAULT_RATE_HZ))
+    outcomes = compare_methods(model, trajectory, MethodSettings(site, wheel_ratio, wheel_radius, stroke, turn))
+    result = methods_document(model.name, name, outcomes, compare_conditions(balance_conditions(model)))
     if figure:
         from ..figures.balancing import draw_methods
         from ..figures.mechanism import save
@@ -116,16 +117,6 @@ def _own_motion(mechanism: str) -> str:
             f"{', '.join(known)}"
         )
     return mechanism
-
-
-def _outcomes(model: "Mechanism", motion: str, settings: Any) -> Any:  # noqa: ANN401
-    from ..balancing import method_comparison
-    from ..closure import Closure
-    from ..motion import DEFAULT_RATE_HZ
-    from ..motion.motion_files import load_motion
-
-    trajectory = Closure(model).follow(load_motion(motion).sample(DEFAULT_RATE_HZ))
-    return method_comparison.compare_methods(model, trajectory, settings)
 
 
 def _print_methods(result: dict[str, Any]) -> None:
@@ -224,14 +215,13 @@ def static(
     Springs have no free length (force in proportion to length, as over a pulley). The softest set that makes the
     potential energy constant is found; it is judged at other configurations of the workspace. The base still shakes.
     """
-    from .. import balancing
-    from ..balancing import static_balancing
-    from ..balancing import static_balancing as documents
+    from ..balancing import exact_sizing
+    from ..balancing.static_balancing import static_conditions, static_document
 
     model = options.load_mechanism_option(mechanism, payload)
-    found = static_balancing.static_conditions(model)
-    counter = balancing.exact_sizing(found, model, site) if site or model.counter_sites else None
-    result = documents.static_document(found, counter, _springs(model, springs, reach, height))
+    found = static_conditions(model)
+    counter = exact_sizing(found, model, site) if site or model.counter_sites else None
+    result = static_document(found, counter, _springs(model, springs, reach, height))
     if figure:
         from ..figures.balancing import draw_energy
         from ..figures.mechanism import save
@@ -248,18 +238,15 @@ def _share(result: dict[str, Any], way: str) -> float:
 
 
 def _springs(model: "Mechanism", name: str | None, reach: float | None, height: float | None) -> "Springs":
-    from ..balancing import static_balancing
+    from ..balancing.springs import load_springs
+    from ..balancing.static_balancing import design_springs, evaluate_springs
 
     if name and (reach or height):
-        raise click.UsageError("--reach and --height lay springs out; --springs says where they are")
-    if name:
-        from ..balancing.spring_files import load_springs
-
-        places, given = load_springs(name, model)
-        return (
-            static_balancing.judged_springs(model, places) if given else static_balancing.design_springs(model, places)
-        )
-    return static_balancing.design_springs(model, (), reach or 0.0, height or 0.0)
+        raise click.UsageError("--springs gives the places of springs, which --reach and --height would lay out")
+    if not name:
+        return design_springs(model, (), reach or 0.0, height or 0.0)
+    places, given = load_springs(name, model)
+    return evaluate_springs(model, places) if given else design_springs(model, places)
 
 
 def _print_static(result: dict[str, Any]) -> None:

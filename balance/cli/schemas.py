@@ -5,7 +5,7 @@ from typing import Any
 
 def schema(name: str) -> dict[str, Any]:
     """The schema of a kind of input file. Raises DataError, listing the kinds, for a name that is none."""
-    from ..balancing.spring_files import SpringsTable
+    from ..balancing.springs import SpringsTable
     from ..balancing.stock_plates import MaterialsTable
     from ..drives.drive_files import DriveTable
     from ..engines.engine_files import EngineTable

@@ -75,7 +75,7 @@ def _published(models: "Sequence[Mechanism]", payloads: Sequence[Payload]) -> di
         {"payload_kg": s.payload, "plates": list(s.plates), "mass_kg": s.mass, "residual_first_moment_kgm": s.residual}
         for s in found
     ]
-    return {"published": {"sets": sets, "increments_kg": list(stock_sizing.printed_increments())}} if sets else {}
+    return {"published": {"sets": sets, "increments_kg": list(stock_sizing.published_increments())}} if sets else {}
 
 
 def _print_published(published: dict[str, Any]) -> None:

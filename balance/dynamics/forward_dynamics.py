@@ -1,4 +1,4 @@
-"""Forward dynamics of an open chain, many motions at once: where given torques take it from given states.
+"""Forward dynamics of an open chain, many motions at once: motion under given torques from given states.
 
 M(q) q'' = tau - h(q, q'): both sides of the inverse dynamics W(q, q', q'') pi = tau, which is linear in q''. So M and h
 come from W itself, for whatever combinations of parameters W's columns belong to.
@@ -12,16 +12,15 @@ from ..arrays import Floats
 from ..errors import ModelError
 from ..mechanism.mechanism import Mechanism
 
-Inverse = Callable[[Floats, Floats, Floats], Floats]
+InverseDynamics = Callable[[Floats, Floats, Floats], Floats]
 """Torques (n, nv) [N m, N] of the states q, v, a (n, nv)."""
 
 
-def simulate_forward(inverse: Inverse, q: Floats, v: Floats, torque: Floats, step: float) -> Floats:
+def simulate_forward(inverse: InverseDynamics, q: Floats, v: Floats, torque: Floats, step: float) -> Floats:
     """Positions (n, samples, nv) of n motions from ``q``, ``v`` (n, nv) under ``torque`` (n, samples, nv) [N m, N].
 
-    ``inverse`` is told n states at a time, one of each motion. Runge-Kutta of fourth order over two samples, each
-    ``step`` [s] apart, a step; samples between are not returned: (samples + 1) / 2 positions. A motion that leaves all
-    bounds is NaN from there on.
+    ``inverse`` gets n states at a time, one of each motion. A Runge-Kutta step of fourth order spans two samples, which
+    are ``step`` [s] apart, so (samples + 1) / 2 positions are returned. A motion that diverges is NaN from there on.
     """
     motion = [q]
     for i in range(0, torque.shape[1] - 2, 2):
@@ -38,18 +37,21 @@ def refuse_loops(mechanism: Mechanism) -> None:
         )
 
 
-def acceleration(inverse: Inverse, q: Floats, v: Floats, torque: Floats) -> Floats:
-    """Accelerations (n, nv) of states under torques (n, nv); NaN where the inertia is singular or a state is not."""
-    still = inverse(q, v, np.zeros_like(q))
+def acceleration(inverse: InverseDynamics, q: Floats, v: Floats, torque: Floats) -> Floats:
+    """Accelerations (n, nv) [rad/s2, m/s2] of states ``q``, ``v`` under ``torque`` [N m, N], all (n, nv).
+
+    NaN where the inertia matrix is singular or a state is not finite.
+    """
+    bias = inverse(q, v, np.zeros_like(q))
     units = [np.broadcast_to(unit, q.shape) for unit in np.eye(q.shape[1])]
-    inertia = np.stack([inverse(q, v, unit) - still for unit in units], axis=2)
-    sound = np.isfinite(inertia).all(axis=(1, 2)) & (np.abs(np.linalg.det(np.nan_to_num(inertia))) > 0.0)
+    inertia = np.stack([inverse(q, v, unit) - bias for unit in units], axis=2)
+    regular = np.isfinite(inertia).all(axis=(1, 2)) & (np.abs(np.linalg.det(np.nan_to_num(inertia))) > 0.0)
     found = np.full_like(q, np.nan)
-    found[sound] = np.linalg.solve(inertia[sound], (torque - still)[sound][:, :, None])[:, :, 0]
+    found[regular] = np.linalg.solve(inertia[regular], (torque - bias)[regular][:, :, None])[:, :, 0]
     return found
 
 
-def _stepped(inverse: Inverse, q: Floats, v: Floats, torque: Floats, h: float) -> tuple[Floats, Floats]:
+def _stepped(inverse: InverseDynamics, q: Floats, v: Floats, torque: Floats, h: float) -> tuple[Floats, Floats]:
     first = acceleration(inverse, q, v, torque[:, 0])
     v2 = v + 0.5 * h * first
     second = acceleration(inverse, q + 0.5 * h * v, v2, torque[:, 1])
@@ -59,8 +61,8 @@ def _stepped(inverse: Inverse, q: Floats, v: Floats, torque: Floats, h: float) -
     fourth = acceleration(inverse, q + h * v3, v4, torque[:, 2])
     q = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
     v = v + h / 6.0 * (first + 2.0 * second + 2.0 * third + fourth)
-    return np.where(np.abs(q) < _FAR, q, np.nan), v
+    return np.where(np.abs(q) < _DIVERGED, q, np.nan), v
 
 
-_FAR = 1e3
-"""Beyond any motion of a mechanism [rad, m]."""
+_DIVERGED = 1e3
+"""A coordinate beyond any motion of a mechanism [rad, m]."""

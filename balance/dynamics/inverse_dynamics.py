@@ -1,10 +1,8 @@
-"""Momentum, shaking wrench and drive torque of a mechanism along a trajectory, by summing over bodies.
+"""Inverse dynamics: momentum, shaking wrench and drive torque of a mechanism along a trajectory, as sums over bodies.
 
-The same quantities as ``regressor.W @ pi``, without building W: for one design at many instants.
-
-The physics of one body is linear in its ten inertial parameters ``row``, (m, m cx, m cy, m cz, Ixx, Ixy, Iyy, Ixz, Iyz,
-Izz), inertia about the origin of the joint's frame, as in ``mechanism.PARAMETERS``: a unit row gives a column of a
-regressor, the body's own row gives its load.
+The same quantities as ``regressor.W @ pi``, without building W: for one design at many instants. One body is linear in
+its ten parameters ``row``, (10,) in the order of ``mechanism.PARAMETERS`` [kg, kg m, kg m2], inertia about the origin
+of the joint's frame: a unit row gives a column of a regressor, the body's own row its load.
 """
 
 from collections.abc import Mapping
@@ -70,9 +68,9 @@ class SpatialForce:
 
 
 def body_momentum(row: Floats, at: Pose, moving: Motion, joint: int) -> SpatialForce:
-    """Linear [kg m/s] and angular momentum about the base origin [kg m2/s], o the joint's origin, h the first moment:
+    """Linear [kg m/s] and angular momentum about the base origin [kg m2/s] of a body of parameters ``row`` (10,):
 
-    p = m v_o + w x h,   L = o x p + h x v_o + I w.
+    p = m v_o + w x h,   L = o x p + h x v_o + I w,   o the joint's origin, h the first moment about it.
     """
     first, omega, velocity = at.arm(joint, row[1:4]), moving.omega[joint], moving.velocity[joint]
     linear = plus(scale(float(row[0]), velocity), cross(omega, first))
@@ -81,7 +79,9 @@ def body_momentum(row: Floats, at: Pose, moving: Motion, joint: int) -> SpatialF
 
 
 def body_force(row: Floats, at: Pose, moving: Motion, joint: int) -> SpatialForce:
-    """Force [N] and moment about the base origin [N m] that move the body. Newton-Euler about the joint's origin o:
+    """Force [N] and moment about the base origin [N m] that move a body of parameters ``row`` (10,).
+
+    Newton-Euler about the joint's origin o:
 
     F = m a_o + al x h + w x (w x h),   M = o x F + h x a_o + I al + w x (I w).
     """
@@ -96,7 +96,7 @@ def body_force(row: Floats, at: Pose, moving: Motion, joint: int) -> SpatialForc
 
 
 def body_weight(row: Floats, at: Pose, gravity: Floats, joint: int) -> SpatialForce:
-    """Weight [N] and its moment about the base origin [N m]."""
+    """Weight [N] and its moment about the base origin [N m] of a body ``row`` (10,) in ``gravity`` (3,) [m/s2]."""
     g = vector(gravity)
     centre = plus(scale(float(row[0]), at.position[joint]), at.arm(joint, row[1:4]))
     return SpatialForce(scale(float(row[0]), g), cross(centre, g))
@@ -124,7 +124,7 @@ class Response:
     weight_moment: Floats
     """Moment of the moving weight about the origin of the base frame, (n, 3) [N m]."""
     sliding: frozenset[str] = frozenset()
-    """Driven joints that slide: what stands for their torque is a force [N]."""
+    """Driven joints that slide: their entry in ``torque`` is a force [N]."""
 
     def rms(self) -> dict[str, float]:
         """Root mean square of each component [N, N m]."""
@@ -135,13 +135,14 @@ class Response:
         return {name: float(np.abs(values).max()) for name, values in self.columns().items()}
 
     def columns(self) -> dict[str, Floats]:
-        """Components by name and unit: ``Fx_N`` ... ``Mz_Nm``, ``torque_A0_Nm``, ``drive_force_P_N``, each (n,)."""
+        """Components (n,) [N, N m] by name: ``Fx_N`` ... ``Mz_Nm``, ``torque_A0_Nm``, ``drive_force_P_N``."""
         names = [f"F{axis}_N" for axis in "xyz"] + [f"M{axis}_Nm" for axis in "xyz"]
         wrench = dict(zip(names, np.hstack([self.force, self.moment]).T, strict=True))
-        return wrench | {self._drive_column(joint): values for joint, values in self.torque.items()}
-
-    def _drive_column(self, joint: str) -> str:
-        return f"drive_force_{joint}_N" if joint in self.sliding else f"torque_{joint}_Nm"
+        drives = {
+            f"drive_force_{joint}_N" if joint in self.sliding else f"torque_{joint}_Nm": values
+            for joint, values in self.torque.items()
+        }
+        return wrench | drives
 
 
 def simulate(mechanism: Mechanism, trajectory: Trajectory) -> Response:
@@ -237,7 +238,9 @@ def _refuse_dead_centre(mechanism: Mechanism, trajectory: Trajectory, driven: tu
 
 
 def driven_rates(mechanism: Mechanism, per_drive: Floats, driven: tuple[str, ...]) -> Floats:
-    """Rates of all coordinates per rate of the driven joints, (n, nv, dof), from those per driven coordinate.
+    """Rates of all coordinates per rate of the driven joints, (n, nv, dof) [-, m, 1/m].
+
+    ``per_drive`` (n, nv, dof) are the trajectory's rates per driven coordinate.
 
     Raises ModelError where the number of driven joints is not that of the degrees of freedom.
     """

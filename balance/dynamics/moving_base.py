@@ -1,7 +1,7 @@
-"""Rigid bodies on a base that moves: its inertia, elastic mounts and response, and what is felt on the moving bodies.
+"""Rigid bodies on an elastic base: its inertia, natural frequencies and response, and accelerations on the bodies.
 
 Small motions x = (u, phi): translation of the base frame's origin [m], rotation [rad], base axes, from equilibrium.
-With the mechanism's inertia locked onto the base and w its shaking wrench about the same origin:
+With the mechanism locked to the base and w its shaking wrench about the same origin:
 
     (M_base + M_mechanism) x'' + C x' + K x = w
 """
@@ -25,23 +25,23 @@ _ROWS = 1024
 
 
 def skew(vector: Floats) -> Floats:
-    """The matrix S with S b = vector x b, (3, 3)."""
+    """The matrix S (3, 3) with S b = vector x b, in SI as ``vector`` (3,)."""
     x, y, z = vector
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def skews(vectors: Floats) -> Floats:
-    """The matrices S with S b = vector x b for vectors (n, 3), (n, 3, 3)."""
+    """The matrices S (n, 3, 3) with S b = vector x b, in SI as ``vectors`` (n, 3)."""
     return np.cross(vectors[:, None, :], np.eye(3)[None], axis=-1).transpose(0, 2, 1)
 
 
 def displacement_at(point: Floats) -> Floats:
-    """The matrix J with J x = u + phi x point, (3, 6)."""
+    """The matrix J (3, 6) [-, m] with J x = u + phi x point, for a ``point`` (3,) [m] of the base."""
     return np.hstack([np.eye(3), -skew(point)])
 
 
 def rigid_body(mass: float, first: Floats, inertia: Floats) -> Floats:
-    """Mass matrix about the origin, (6, 6): ``first`` moment of mass [kg m] and ``inertia`` [kg m2] about it."""
+    """Mass matrix (6, 6) about the origin, from ``first`` moment of mass (3,) [kg m] and ``inertia`` (3, 3) [kg m2]."""
     return np.block([[mass * np.eye(3), -skew(first)], [skew(first), inertia]])
 
 
@@ -56,7 +56,7 @@ def locked_inertia(mechanism: Mechanism, q: Floats) -> Floats:
 
 
 def inertia_along(mechanism: Mechanism, q: Floats) -> Floats:
-    """Mass matrices of the mechanism at configurations (n, nv) about the base frame's origin, (n, 6, 6).
+    """Mass matrices at configurations (n, nv) about the base frame's origin, (n, 6, 6) [kg, kg m, kg m2].
 
     For a body with first moment h and inertia I about its joint's origin o, all in base axes:
     I_0 = I - S(o) S(h) - S(h) S(o) - m S(o) S(o).
@@ -90,9 +90,9 @@ def _mass_matrices(mass: float, first: Floats, inertia: Floats) -> Floats:
 def acceleration_in_body(
     mechanism: Mechanism, trajectory: Trajectory, base: Floats, body: str, position: Floats
 ) -> Floats:
-    """Acceleration of a point of a body, in the body's axes, (n, 3) [m/s2].
+    """Acceleration of a point of a body, in the body's axes, (n, 3) [m/s2]: R' (a + u'' + phi'' x p).
 
-    ``base`` (n, 6) are the base's accelerations u'', phi'' [m/s2, rad/s2]: R' (a + u'' + phi'' x p).
+    ``position`` (3,) [m] is in the body's frame, ``base`` (n, 6) are the base's u'', phi'' [m/s2, rad/s2].
     """
     q, v, a = (np.ascontiguousarray(x.T) for x in (trajectory.q, trajectory.v, trajectory.a))
     at = forward_kinematics.pose(mechanism.tree, q)
@@ -111,7 +111,7 @@ def _rotation(at: Pose, joint: int) -> Floats:
 
 @dataclass(frozen=True)
 class BaseMotion:
-    """Motion of the base frame, translations first: (n, 6) each."""
+    """Motion of the base frame, translations first, base axes: (n, 6) each."""
 
     displacement: Floats
     """[m, rad]"""
@@ -129,7 +129,7 @@ class BaseMotion:
         )
 
     def acceleration_at(self, point: Floats) -> Floats:
-        """Acceleration of a point of the base, base axes, (n, 3) [m/s2]; small motions, no centripetal part."""
+        """Acceleration of a ``point`` (3,) [m] of the base, base axes, (n, 3) [m/s2]; no centripetal part."""
         return self.acceleration @ displacement_at(point).T
 
 
@@ -149,7 +149,7 @@ class ElasticBase:
         return np.sqrt(eigh(self.stiffness, self.mass, eigvals_only=True)) / (2.0 * np.pi)
 
     def state_space(self) -> tuple[Floats, Floats]:
-        """A (12, 12) and B (12, 6) of y' = A y + B w with y = (x, x')."""
+        """A (12, 12) and B (12, 6), in SI, of y' = A y + B w with y = (x, x')."""
         a, b = np.zeros((12, 12)), np.zeros((12, 6))
         a[:6, 6:] = np.eye(6)
         a[6:, :6], a[6:, 6:] = (-np.linalg.solve(self.mass, matrix) for matrix in (self.stiffness, self.damping))
@@ -157,17 +157,16 @@ class ElasticBase:
         return a, b
 
     def respond(self, wrench: Floats, step: float) -> BaseMotion:
-        """Motion from rest under a wrench (n, 6) [N, N m] sampled every ``step`` [s]; exact where that is linear."""
+        """Motion from rest under a wrench (n, 6) [N, N m] sampled every ``step`` [s]; exact where linear between."""
         a, b = self.state_space()
         state = linear_response(a, b, wrench, step)
         return BaseMotion(state[:, :6], state[:, 6:], times(a[6:], state) + times(b[6:], wrench))
 
 
 def linear_response(a: Floats, b: Floats, driven: Floats, step: float) -> Floats:
-    """States (n, ..., k) of y' = A y + B w from rest, exact where w is linear between samples.
+    """States (n, ..., k), in SI, of y' = A y + B w from rest, exact where w is linear between samples.
 
-    ``driven`` is w, (n, ..., m), sampled every ``step`` [s].
-
+    A (k, k), B (k, m); ``driven`` is w, (n, ..., m), sampled every ``step`` [s].
     y[i+1] = P y[i] + Q0 w[i] + Q1 w[i+1], from the exponential of the system with w and its slope appended.
     """
     phi, now, after = _propagator(a.tobytes(), b.tobytes(), len(a), step)
@@ -177,7 +176,7 @@ def linear_response(a: Floats, b: Floats, driven: Floats, step: float) -> Floats
 
 
 def times(matrix: Floats, vectors: Floats) -> Floats:
-    """Matrix (j, k) times each of ``vectors`` (..., k), (..., j)."""
+    """``matrix`` (j, k) times each of ``vectors`` (..., k), in SI: (..., j)."""
     rows = np.ascontiguousarray(vectors).reshape(-1, matrix.shape[1])
     found, across = np.empty((len(rows), len(matrix))), np.ascontiguousarray(matrix.T)
     for begin in range(0, len(rows), _ROWS):
@@ -188,24 +187,24 @@ def times(matrix: Floats, vectors: Floats) -> Floats:
 def _accumulated(phi: Floats, pushes: Floats) -> Floats:
     """y[i] = P y[i-1] + push[i] for all i: within all blocks at once, then from block to block."""
     size, blocks = phi.shape[0], -(-len(pushes) // BLOCK)
-    held = np.zeros((blocks * BLOCK, pushes.size // (len(pushes) * size), size))
-    held[: len(pushes)] = pushes.reshape(len(pushes), -1, size)
-    held = held.reshape(blocks, BLOCK, -1, size)
+    states = np.zeros((blocks * BLOCK, pushes.size // (len(pushes) * size), size))
+    states[: len(pushes)] = pushes.reshape(len(pushes), -1, size)
+    states = states.reshape(blocks, BLOCK, -1, size)
     powers = [phi]
     for i in range(1, BLOCK):
-        held[:, i] += times(phi, held[:, i - 1])
+        states[:, i] += times(phi, states[:, i - 1])
         powers.append(powers[-1] @ phi)
-    carried = held[:, -1].copy()
+    carried = states[:, -1].copy()
     for k in range(1, blocks):
         carried[k] += carried[k - 1] @ powers[-1].T
     for i, power in enumerate(powers):
-        held[1:, i] += times(power, carried[:-1])
-    return held.reshape(-1, *pushes.shape[1:])[: len(pushes)]
+        states[1:, i] += times(power, carried[:-1])
+    return states.reshape(-1, *pushes.shape[1:])[: len(pushes)]
 
 
 @lru_cache(maxsize=64)
 def _propagator(a_bytes: bytes, b_bytes: bytes, size: int, step: float) -> tuple[Floats, Floats, Floats]:
-    """P, Q0 and Q1 of A (size, size) and B (size, m), which come as their bytes: the same system is asked for often."""
+    """P, Q0 and Q1 of A (size, size) and B (size, m), given as bytes so that repeated systems are cached."""
     from scipy.linalg import expm
 
     a, b = np.frombuffer(a_bytes).reshape(size, size), np.frombuffer(b_bytes).reshape(size, -1)

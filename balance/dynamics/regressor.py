@@ -1,10 +1,10 @@
-"""First moment, momentum, shaking wrench, joint torque and potential energy as ``W @ pi``.
+"""Regressors W: first moment, momentum, shaking wrench, joint torque and potential energy as ``W @ pi``.
 
-Linear in the inertial parameters of all bodies: columns are the mechanism's ``parameter_names``. States need not be
-closed: what is projected on loops comes after.
+All are linear in the inertial parameters of the bodies: columns are the mechanism's ``parameter_names``. States need
+not be closed: the projection on loops comes after. Drives have linear parameters of their own: friction, rotor, offset.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -15,6 +15,10 @@ from ..mechanism.mechanism import PARAMETERS, Mechanism
 from ..mechanism.sparse_components import dense, fill
 from .inverse_dynamics import SpatialForce, body_force, body_momentum, body_weight
 
+COULOMB_SPEED = 0.05
+"""Speed at which dry friction has reached 76 % of its value [rad/s, m/s]: noise about zero has no sign."""
+JOINT_TERMS = ("coulomb", "viscous", "offset", "armature")
+"""Dry friction [N m], viscous friction [N m s], offset [N m], inertia of the drive [kg m2]; for slides in [N] ..."""
 _UNIT_ROWS = np.eye(len(PARAMETERS))
 
 
@@ -39,7 +43,8 @@ def wrench_regressor(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> F
 def torque_regressor(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> Floats:
     """W with ``W @ pi`` = torques of the joints of the open tree, gravity included, (n, nv, 10 nb) [N m, N].
 
-    Torques of the driven joints of a closed loop are ``driven_rates.T @ W @ pi``. Armature and friction are apart.
+    ``q``, ``v``, ``a`` are (n, nv). Torques of the driven joints of a closed loop are ``driven_rates.T @ W @ pi``.
+    Armature and friction are not in it.
     """
     tree = mechanism.tree
     at, moving = _states(mechanism, q, v, a)
@@ -54,7 +59,7 @@ def torque_regressor(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> F
 def driven_torque_regressor(mechanism: Mechanism, q: Floats, v: Floats, a: Floats, rates: Floats) -> Floats:
     """W with ``W @ pi`` = torques of the driven joints, (n, dof, 10 nb) [N m, N].
 
-    ``rates`` (n, nv, dof) are the rates of all coordinates per rate of the driven joints.
+    ``q``, ``v``, ``a`` are (n, nv), ``rates`` (n, nv, dof) those of all coordinates per rate of the driven joints.
     """
     return np.einsum("nij,nik->njk", rates, torque_regressor(mechanism, q, v, a))
 
@@ -84,8 +89,23 @@ def potential_regressor(mechanism: Mechanism, q: Floats) -> Floats:
 
 
 def potential(mechanism: Mechanism, q: Floats) -> Floats:
-    """Potential energy of weight, zero with all mass at the height of the base's origin, (n,) [J]."""
+    """Potential energy of weight, (n,) [J], for (n, nv) states; zero with all mass at the base origin's height."""
     return -first_moment(mechanism, q) @ mechanism.gravity
+
+
+def joint_friction_regressor(joints: Sequence[str], v: Floats, a: Floats) -> tuple[Floats, tuple[str, ...]]:
+    """W (n, joints, 4 joints) of the JOINT_TERMS of each joint, and their names, such as ``coulomb[J1]``.
+
+    tau = ... + coulomb sign(v) + viscous v + offset + armature a, with the joints' rates ``v`` and ``a`` (n, joints)
+    [rad/s, m/s; rad/s2, m/s2]. ``W @ terms`` is in [N m, N].
+    """
+    count, size = v.shape
+    columns = np.zeros((count, size, size, len(JOINT_TERMS)))
+    diagonal = np.arange(size)
+    terms = np.stack([np.tanh(v / COULOMB_SPEED), v, np.ones_like(v), a], axis=2)
+    columns[:, diagonal, diagonal] = terms
+    names = tuple(f"{term}[{joint}]" for joint in joints for term in JOINT_TERMS)
+    return columns.reshape(count, size, -1), names
 
 
 def _states(mechanism: Mechanism, q: Floats, v: Floats, a: Floats | None = None) -> tuple[Pose, Motion]:

@@ -22,9 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from balance.arrays import Floats, Indices
-from balance.dynamics.forward_dynamics import Inverse, refuse_loops, simulate_forward
-from balance.dynamics.joint_friction import TERMS, joint_terms
-from balance.dynamics.regressor import torque_regressor
+from balance.dynamics.forward_dynamics import InverseDynamics, refuse_loops, simulate_forward
+from balance.dynamics.regressor import JOINT_TERMS, joint_friction_regressor, torque_regressor
 from balance.errors import ModelError
 from balance.estimation.identifiability import Identifiability
 from balance.mechanism.mechanism import Mechanism
@@ -288,13 +287,13 @@ def _windows(
     return np.asarray(np.sqrt(np.mean(bounded**2, axis=2)))
 
 
-def _inverse(mechanism: Mechanism, parameters: Floats) -> Inverse:
+def _inverse(mechanism: Mechanism, parameters: Floats) -> InverseDynamics:
     """Torques of states, each with its own parameters (n, p), of which those of bodies and joints count."""
     inertial = len(mechanism.pi)
-    own = len(TERMS) * len(mechanism.driven)
+    own = len(JOINT_TERMS) * len(mechanism.driven)
 
     def torque(q: Floats, v: Floats, a: Floats) -> Floats:
-        terms, _ = joint_terms(mechanism.driven, v, a)
+        terms, _ = joint_friction_regressor(mechanism.driven, v, a)
         columns = np.concatenate([torque_regressor(mechanism, q, v, a), terms], axis=2)
         return np.einsum("njp,np->nj", columns, parameters[:, : inertial + own])
 

@@ -15,8 +15,7 @@ import numpy as np
 
 from balance.arrays import Floats, Indices
 from balance.closure import Closure, Trajectory
-from balance.dynamics.joint_friction import TERMS, joint_terms
-from balance.dynamics.regressor import driven_torque_regressor, wrench_regressor
+from balance.dynamics.regressor import JOINT_TERMS, driven_torque_regressor, joint_friction_regressor, wrench_regressor
 from balance.mechanism.mechanism import Mechanism
 from balance.motion import Samples
 
@@ -28,7 +27,7 @@ from .records import JointRecord
 
 def names_of(mechanism: Mechanism, rows: Sequence[str]) -> tuple[str, ...]:
     """Parameters that rows can tell of: inertial ones of the bodies, terms of the joints, offsets of forces."""
-    terms = [f"{term}[{joint}]" for joint in mechanism.driven if joint in rows for term in TERMS]
+    terms = [f"{term}[{joint}]" for joint in mechanism.driven if joint in rows for term in JOINT_TERMS]
     return (*mechanism.parameter_names, *terms, *(f"offset[{row}]" for row in rows if row not in mechanism.driven))
 
 
@@ -44,7 +43,7 @@ def regressor(record: JointRecord, mechanism: Mechanism, motion: Rates, path: Tr
     own: list[Floats] = []
     if record.torque.shape[1]:
         bodies.append(driven_torque_regressor(mechanism, path.q, path.v, path.a, path.per_drive))
-        own.append(joint_terms(mechanism.driven, motion.v, motion.a)[0])
+        own.append(joint_friction_regressor(mechanism.driven, motion.v, motion.a)[0])
     if record.loads is not None:
         bodies.append(record.loads.seen(wrench_regressor(mechanism, path.q, path.v, path.a)))
         own.append(np.broadcast_to(np.eye(len(record.loads.names)), (len(path.q), *[len(record.loads.names)] * 2)))
@@ -55,7 +54,7 @@ def model_torque(mechanism: Mechanism, motion: Rates, path: Trajectory, paramete
     """Torques of the driven joints by parameters in the order of ``names_of``, (samples, joints) [N m, N]."""
     count = len(mechanism.parameter_names)
     bodies = driven_torque_regressor(mechanism, path.q, path.v, path.a, path.per_drive) @ parameters[:count]
-    terms = joint_terms(mechanism.driven, motion.v, motion.a)[0]
+    terms = joint_friction_regressor(mechanism.driven, motion.v, motion.a)[0]
     return np.asarray(bodies + terms @ parameters[count : count + terms.shape[2]])
 
 

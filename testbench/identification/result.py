@@ -12,7 +12,7 @@ import numpy as np
 from balance.arrays import Floats
 from balance.balancing import conditions
 from balance.balancing.conditions import text_of
-from balance.dynamics.joint_friction import TERMS
+from balance.dynamics.regressor import JOINT_TERMS
 from balance.estimation.base_parameters import BaseParameters
 from balance.estimation.estimate import Estimate
 from balance.estimation.first_moment_imbalance import masses_per_value
@@ -73,9 +73,9 @@ class CounterMassValue:
 def unit_of(mechanism: Mechanism, parameter: str) -> str:
     """Unit of a parameter by name."""
     kind, _, of = parameter.rstrip("]").partition("[")
-    if kind in TERMS and of in COMPONENTS:
+    if kind in JOINT_TERMS and of in COMPONENTS:
         return "N" if of.startswith("F") else "N m"
-    if kind in TERMS:
+    if kind in JOINT_TERMS:
         place = mechanism.coordinate_index(of)
         return _TERM_UNITS[kind][mechanism.tree.joints[place].revolute]
     return "kg" if kind == "m" else "kg m" if kind.startswith("mc") else "kg m^2"
@@ -266,7 +266,7 @@ class Identification:
         none = np.zeros_like(m.viscous)
         by_term = {"coulomb": m.coulomb, "viscous": m.viscous, "offset": none, "armature": m.armature}
         forces = np.zeros(len(self.rows) - len(self.joints))
-        return np.concatenate([m.pi, [by_term[term][place] for place in places for term in TERMS], forces])
+        return np.concatenate([m.pi, [by_term[term][place] for place in places for term in JOINT_TERMS], forces])
 
     def _padded(self, row: Floats) -> Floats:
         return np.concatenate([row, np.zeros(len(self.in_file) - len(row))])

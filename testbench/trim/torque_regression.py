@@ -12,8 +12,7 @@ from scipy.linalg import null_space
 
 from balance.arrays import Floats
 from balance.balancing.conditions import Conditions
-from balance.dynamics.joint_friction import joint_terms
-from balance.dynamics.regressor import driven_torque_regressor
+from balance.dynamics.regressor import driven_torque_regressor, joint_friction_regressor
 from balance.mechanism.mechanism import Mechanism
 
 from ..errors import AnalysisError
@@ -52,7 +51,7 @@ def torque_regression(run: AlignedRun, conditions: Conditions, cutoff: float) ->
     own, others = _columns(model, conditions, path, _driven_rates(run, path))
     places = [model.coordinate_index(joint) for joint in model.driven]
     speed = path.v[:, places]
-    terms, _ = joint_terms(model.driven, speed, path.a[:, places])
+    terms, _ = joint_friction_regressor(model.driven, speed, path.a[:, places])
     joints = len(places)
     friction = terms.reshape(len(terms), joints, joints, 4)[..., [0, 1, 3]].reshape(len(terms), joints, -1)
     others = np.concatenate([others, friction], axis=2)

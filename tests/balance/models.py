@@ -125,3 +125,17 @@ def bennett(angle: float = 0.8, alpha: float = 0.6, beta: float = 1.1, a: float 
 def model(text: str, name: str = "test") -> Mechanism:
     """A mechanism from the text of a MJCF file."""
     return mechanism_from_text(text, name)
+
+
+def serial_chain(count: int, seed: int) -> str:
+    """A serial chain in no file of the project: random lengths, masses, centres off the line."""
+    rng = np.random.default_rng(seed)
+    text = ""
+    for k in reversed(range(count)):
+        place = "" if k == 0 else f'pos="{rng.uniform(0.1, 0.4)} 0 0"'
+        centre = f"{rng.uniform(-0.1, 0.3)} {rng.uniform(-0.05, 0.05)} 0"
+        inertial = f'<inertial pos="{centre}" mass="{rng.uniform(0.3, 2)}" diaginertia="0.01 0.01 0.01"/>'
+        joint = f'<joint name="J{k + 1}" axis="0 0 1"/><site name="counter_{k + 1}" pos="-0.1 0 0"/>'
+        text = f'<body name="link_{k + 1}" {place}>{joint}{inertial}{text}</body>'
+    rest = motors(*(f"J{k + 1}" for k in range(count))) + key(rng.uniform(-1, 1, count))
+    return mjcf(text, rest, '<option gravity="0 -9.81 0"/>')

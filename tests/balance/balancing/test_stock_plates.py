@@ -1,11 +1,13 @@
-"""Stock plates from CSV; wrong rows are named."""
+"""Stock plates: mass and inertia as drawn against sums over small pieces, densities; wrong rows are named."""
 
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from balance.balancing import stock_plates
+from balance.balancing.stock_plates import Hole, Rectangle, Ring, plate_section
 from balance.errors import DataError
 
 
@@ -14,7 +16,7 @@ def test_shipped_stock() -> None:
     plates = stock_plates.load_stock("kiper2019")
     assert plates[0] == stock_plates.Plate("M1", 5.02746, 2)
     assert len(plates) == 4
-    assert stock_plates.mass_of(["M1", "M2", "M4"], plates) == pytest.approx(17.24375)
+    assert stock_plates.plates_mass(["M1", "M2", "M4"], plates) == pytest.approx(17.24375)
 
 
 def test_a_file_as_spreadsheets_write_it(tmp_path: Path) -> None:
@@ -64,7 +66,7 @@ def test_not_text_and_not_there(tmp_path: Path) -> None:
 def test_unknown_plates_are_listed() -> None:
     """A plate that is not in stock."""
     with pytest.raises(DataError, match="no plate 'M9' in stock: there are M1, M2, M3, M4"):
-        stock_plates.mass_of(["M1", "M9"], stock_plates.load_stock("kiper2019"))
+        stock_plates.plates_mass(["M1", "M9"], stock_plates.load_stock("kiper2019"))
 
 
 HEADER = "name,quantity,shape,material,thickness_mm,length_mm,width_mm,diameter_mm,bore_mm,holes_mm\n"
@@ -101,9 +103,9 @@ DRAWN_WRONG = {
     "bore too wide": ("p,1,ring,steel,10,,,50,50,", "bore_mm is not smaller"),
     "no thickness": ("p,1,disc,steel,0,,,50,,", "thickness_mm is 0"),
     "not a number": ("p,1,disc,steel,10,,,5O,,", "diameter_mm is 5O"),
-    "hole outside": ("p,1,disc,steel,10,,,50,,22 0 8", "hole 1 leaves the plate"),
-    "holes that meet": ("p,1,disc,steel,10,,,50,,0 0 8; 5 0 8", "holes 1 and 2 meet"),
-    "hole in the bore": ("p,1,ring,steel,10,,,50,20,11 0 8", "hole 1 leaves the plate"),
+    "hole outside": ("p,1,disc,steel,10,,,50,,22 0 8", "hole 1 is not within the plate"),
+    "holes that meet": ("p,1,disc,steel,10,,,50,,0 0 8; 5 0 8", "holes 1 and 2 overlap"),
+    "hole in the bore": ("p,1,ring,steel,10,,,50,20,11 0 8", "hole 1 is not within the plate"),
     "half a hole": ("p,1,disc,steel,10,,,50,,5 0", "holes_mm '5 0': expected 'x y diameter"),
     "a hole of nothing": ("p,1,disc,steel,10,,,50,,5 0 0", "a diameter above zero"),
     "quantity": ("p,half,disc,steel,10,,,50,,", "a whole quantity"),
@@ -126,3 +128,74 @@ def test_a_stock_has_masses_or_drawings_not_both(tmp_path: Path) -> None:
         DataError, match=r"both\.csv: expected the columns name,mass_kg,quantity and at least one plate"
     ):
         stock_plates.load_stock(tmp_path / "both.csv")
+
+
+DENSITY, THICKNESS = 7830.0, 0.012
+
+
+def _by_pieces(inside, reach: float, holes: list[Hole]) -> tuple[float, float, np.ndarray]:
+    """Mass, inertia about the centre of mass, and centre, of 1500 x 1500 small squares."""
+    side = np.linspace(-reach, reach, 1501)
+    x, y = np.meshgrid(*[0.5 * (side[1:] + side[:-1])] * 2)
+    there = inside(x, y)
+    for hole in holes:
+        there &= np.hypot(x - hole.x, y - hole.y) > hole.diameter / 2
+    piece = DENSITY * THICKNESS * (side[1] - side[0]) ** 2
+    centre = np.array([x[there].mean(), y[there].mean()])
+    return piece * there.sum(), piece * ((x[there] - centre[0]) ** 2 + (y[there] - centre[1]) ** 2).sum(), centre
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_rectangle_with_holes(seed: int) -> None:
+    """Off-centre holes of random size: mass, inertia and centre as summed over small pieces."""
+    rng = np.random.default_rng(seed)
+    holes = [Hole(x, rng.uniform(-0.01, 0.01), rng.uniform(0.01, 0.03)) for x in (-0.05, 0.0, 0.045)]
+    found = plate_section(Rectangle(0.16, 0.08), THICKNESS, DENSITY, holes)
+    mass, inertia, centre = _by_pieces(lambda x, y: (abs(x) < 0.08) & (abs(y) < 0.04), 0.08, holes)
+    assert found.mass == pytest.approx(mass, rel=2e-3)
+    assert found.inertia == pytest.approx(inertia, rel=3e-3)
+    assert found.centre == pytest.approx(centre, abs=2e-5)
+    assert found.radius_of_gyration == pytest.approx((inertia / mass) ** 0.5, rel=2e-3)
+
+
+def test_a_ring_with_holes() -> None:
+    """The same for a ring."""
+    holes = [Hole(0.04, 0.0, 0.01), Hole(0.0, 0.04, 0.02)]
+    found = plate_section(Ring(0.12, 0.05), THICKNESS, DENSITY, holes)
+    mass, inertia, centre = _by_pieces(lambda x, y: (np.hypot(x, y) < 0.06) & (np.hypot(x, y) > 0.025), 0.06, holes)
+    assert found.mass == pytest.approx(mass, rel=2e-3)
+    assert found.inertia == pytest.approx(inertia, rel=3e-3)
+    assert found.centre == pytest.approx(centre, abs=2e-5)
+
+
+def test_a_bore_is_a_hole_in_the_middle() -> None:
+    """A ring equals a disc with one hole."""
+    ring = plate_section(Ring(0.1, 0.04), THICKNESS, DENSITY)
+    bored = plate_section(Ring(0.1), THICKNESS, DENSITY, [Hole(0.0, 0.0, 0.04)])
+    assert (ring.mass, ring.inertia) == pytest.approx((bored.mass, bored.inertia), rel=1e-12)
+
+
+def test_holes_may_touch_but_not_meet() -> None:
+    """Rims that touch are allowed; a micrometre more is an area that would count twice."""
+    plate_section(
+        Rectangle(0.1, 0.1), THICKNESS, DENSITY, [Hole(-0.01, 0, 0.02), Hole(0.01, 0, 0.02), Hole(0, 0.045, 0.01)]
+    )
+    with pytest.raises(DataError, match="holes 1 and 2 overlap"):
+        plate_section(Rectangle(0.1, 0.1), THICKNESS, DENSITY, [Hole(-0.01, 0, 0.02), Hole(0.01 - 1e-6, 0, 0.02)])
+    with pytest.raises(DataError, match="hole 1 is not within the plate"):
+        plate_section(Rectangle(0.1, 0.1), THICKNESS, DENSITY, [Hole(0, 0.045 + 1e-6, 0.01)])
+
+
+def test_shipped_materials() -> None:
+    """The source's, read as g/mm3: steel is 7830 kg/m3."""
+    assert stock_plates.load_densities() == pytest.approx(
+        {"7075 aluminium": 2810.0, "steel": 7830.0, "5000 aluminium": 2647.27}
+    )
+
+
+def test_wrong_densities_are_refused(tmp_path: Path) -> None:
+    """Zero, and a density typed in kg/m3, name the material."""
+    for value, expected in (("0.0", "more than zero"), ("7830", "less than 0.1")):
+        (tmp_path / "m.toml").write_text(f"[density_g_per_mm3]\niron = {value}\n", encoding="utf-8")
+        with pytest.raises(DataError, match=rf"m\.toml: density_g_per_mm3\.iron: .*: expected {expected}"):
+            stock_plates.load_densities(tmp_path / "m.toml")

@@ -1,10 +1,11 @@
-"""Momentum, wrench and torque are linear in the inertial parameters, and W @ pi is what the summed bodies give."""
+"""Regressors: columns against Pinocchio, the sum over bodies, and the terms of each joint's own drive."""
 
 import numpy as np
 import pytest
 
 from balance.dynamics import regressor
 from balance.dynamics.inverse_dynamics import driven_rates, momentum, simulate
+from balance.dynamics.regressor import JOINT_TERMS, joint_friction_regressor
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import pinocchio_model
 
@@ -88,3 +89,25 @@ def test_columns_are_named_by_parameter() -> None:
     t1, w1, a1 = motion.q[:, 0], motion.v[:, 0], motion.a[:, 0]
     acceleration = 0.3 * (a1 * 1j - w1**2) * np.exp(1j * t1)  # of the joint between the links, 0.3 m from the first
     np.testing.assert_allclose(column[:, 0] + 1j * column[:, 1], -acceleration, rtol=1e-12)
+
+
+V = np.array([[2.0, -3.0], [-2.0, 0.0]])
+A = np.array([[0.5, 4.0], [-1.0, 2.0]])
+
+
+def test_each_joint_has_its_own_terms():
+    """coulomb sign(v) + viscous v + offset + armature a on the joint itself, nothing on the other."""
+    columns, names = joint_friction_regressor(("J1", "J2"), V, A)
+    assert names == tuple(f"{term}[{joint}]" for joint in ("J1", "J2") for term in JOINT_TERMS)
+    assert columns.shape == (2, 2, 8)
+    np.testing.assert_allclose(columns[0, 0], [1.0, 2.0, 1.0, 0.5, 0, 0, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(columns[0, 1], [0, 0, 0, 0, -1.0, -3.0, 1.0, 4.0], atol=1e-12)
+    np.testing.assert_allclose(columns[1, 1], [0, 0, 0, 0, 0.0, 0.0, 1.0, 2.0], atol=1e-12)
+
+
+def test_friction_takes_energy():
+    """Friction's power is never negative, whichever way the joint turns; a joint at rest has none."""
+    v = np.linspace(-1.0, 1.0, 41)[:, None]
+    columns, _ = joint_friction_regressor(("J",), v, np.zeros_like(v))
+    assert (columns[:, 0, 0] * v[:, 0] >= 0.0).all()
+    assert columns[20, 0, 0] == 0.0

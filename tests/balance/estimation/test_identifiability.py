@@ -5,8 +5,7 @@ import pytest
 
 from balance.balancing import conditions
 from balance.balancing.conditions import text_of
-from balance.dynamics.joint_friction import joint_terms
-from balance.dynamics.regressor import torque_regressor, wrench_regressor
+from balance.dynamics.regressor import joint_friction_regressor, torque_regressor, wrench_regressor
 from balance.errors import DataError
 from balance.estimation.identifiability import NotIdentifiable, identifiability
 
@@ -48,7 +47,7 @@ def test_base_columns_carry_the_whole_regressor(arm):
 def test_armature_of_the_first_joint_hides_in_its_inertia():
     """The rotor of joint 1 cannot be told from the arm's inertia, that of joint 2 can."""
     mechanism = models.load("serial-2r")
-    terms, names = joint_terms(("J1", "J2"), *STATES[1:])
+    terms, names = joint_friction_regressor(("J1", "J2"), *STATES[1:])
     regressor = np.concatenate([torque_regressor(mechanism, *STATES), terms], axis=2)
     found = identifiability(regressor, [*mechanism.parameter_names, *names])
     texts = [found.text(row) for row in range(found.rank)]

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from balance.balancing import conditions
-from balance.dynamics.joint_friction import joint_terms
-from balance.dynamics.regressor import torque_regressor
+from balance.dynamics.regressor import joint_friction_regressor, torque_regressor
 from balance.errors import DataError
 from balance.estimation.base_parameters import base_parameters
 from balance.estimation.first_moment_imbalance import imbalance_fit
@@ -28,7 +27,7 @@ def record(columns, readings, **more):
 
 def torques():
     """Columns of all parameters with joint terms, their names, and noisy torques."""
-    terms, names = joint_terms(ARM.driven, *STATES[1:])
+    terms, names = joint_friction_regressor(ARM.driven, *STATES[1:])
     columns = np.concatenate([torque_regressor(ARM, *STATES), terms], axis=2)
     truth = np.concatenate([ARM.pi, np.tile([0.1, 0.01, 0.02, 0.004], 2)])
     return columns, [*ARM.parameter_names, *names], columns @ truth + RNG.normal(size=(COUNT, 2)) * [0.5, 0.1]

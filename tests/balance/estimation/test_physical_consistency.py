@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from balance.dynamics.joint_friction import joint_terms
-from balance.dynamics.regressor import torque_regressor
+from balance.dynamics.regressor import joint_friction_regressor, torque_regressor
 from balance.estimation.base_parameters import BaseParameters, base_parameters
 from balance.estimation.identifiability import identifiability
 from balance.estimation.physical_consistency import LEAST_SHARE, Consistent, consistent, pseudo_inertia
@@ -23,7 +22,7 @@ def identified(truth: np.ndarray, noise: float = 0.01) -> BaseParameters:
     """From torques of a random motion with known parameters."""
     rng = np.random.default_rng(0)
     q, v, a = rng.normal(size=(3, COUNT, 2)) * [[[1.0]], [[3.0]], [[20.0]]]
-    terms, names = joint_terms(ARM.driven, v, a)
+    terms, names = joint_friction_regressor(ARM.driven, v, a)
     regressor = np.concatenate([torque_regressor(ARM, q, v, a), terms], axis=2)
     seen = identifiability(regressor, [*ARM.parameter_names, *names])
     torque = regressor @ truth + noise * rng.normal(size=(COUNT, 2))

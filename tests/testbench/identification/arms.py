@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from balance.closure import Closure
-from balance.dynamics.joint_friction import joint_terms
-from balance.dynamics.regressor import driven_torque_regressor
+from balance.dynamics.regressor import driven_torque_regressor, joint_friction_regressor
 from balance.mechanism.mechanism import Mechanism
 from balance.motion import Samples
 from testbench import public_recordings
@@ -67,5 +66,5 @@ def _torque(mechanism: Mechanism, home: list[float], waves: np.ndarray, time: np
     q, v, a = _motion(home, waves, time)
     path = Closure(mechanism).follow(Samples(time, q, v, a, joints=mechanism.driven))
     bodies = driven_torque_regressor(mechanism, path.q, path.v, path.a, path.per_drive)
-    terms, _ = joint_terms(mechanism.driven, v, a)
+    terms, _ = joint_friction_regressor(mechanism.driven, v, a)
     return np.concatenate([bodies, terms], axis=2) @ truth(mechanism)

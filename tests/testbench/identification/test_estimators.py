@@ -3,8 +3,7 @@
 import numpy as np
 
 from balance.dynamics.forward_dynamics import acceleration
-from balance.dynamics.joint_friction import joint_terms
-from balance.dynamics.regressor import torque_regressor
+from balance.dynamics.regressor import joint_friction_regressor, torque_regressor
 from balance.mechanism.mjcf_parser import load_mechanism
 from testbench.identification.estimators import DAMPING, Deviation
 from testbench.identification.regression_equations import regression_equations
@@ -30,7 +29,10 @@ def nonlinear(part, truth: np.ndarray, pushed: np.ndarray) -> np.ndarray:
     torque = part.whole[: len(pushed)] @ truth + pushed
 
     def inverse(q, v, a):
-        return np.concatenate([torque_regressor(ARM, q, v, a), joint_terms(ARM.driven, v, a)[0]], axis=2) @ truth
+        return (
+            np.concatenate([torque_regressor(ARM, q, v, a), joint_friction_regressor(ARM.driven, v, a)[0]], axis=2)
+            @ truth
+        )
 
     def rate(q, v, at):
         i, j = int(at), int(np.ceil(at))

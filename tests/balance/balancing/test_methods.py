@@ -1,4 +1,4 @@
-"""The named methods: printed conditions beside derived ones, and each method rebuilt part by part in Pinocchio."""
+"""The named methods: published conditions against derived ones, and each method rebuilt part by part in Pinocchio."""
 
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from balance import balancing
-from balance.balancing import closed_forms, conditions, counter_inertia, method_comparison, mirror_and_active
+from balance.balancing import closed_forms, conditions, counter_inertia, methods
 from balance.closure import Closure, Trajectory
 from balance.dynamics.inverse_dynamics import momentum, simulate
 from balance.dynamics.regressor import first_moment
@@ -17,8 +17,7 @@ from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
 from balance.motion import Samples
 from balance.motion.motion_files import load_motion
 
-from . import models, referees
-from .test_static import chain
+from .. import models, referees
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 5])
@@ -26,7 +25,7 @@ from .test_static import chain
 def test_serial_chains_equal_the_derived_conditions(count, seed):
     """1R to 5R of random lengths: the same space of conditions to 1e-12."""
     (comparison,) = closed_forms.compare_conditions(
-        conditions.balance_conditions(models.model(chain(count, 10 * count + seed)))
+        conditions.balance_conditions(models.model(models.serial_chain(count, 10 * count + seed)))
     )
     assert comparison.rank == (2 * count, 2 * count)
     assert comparison.is_equal(1e-12)
@@ -119,7 +118,7 @@ def test_wheels_cancel_the_moment_in_pinocchio(name):
     plain = models.load(name)
     heavy, sized = balanced(plain)
     motion, ratio = waving(plain), 1.7
-    outcome = counter_inertia.counter_inertia_outcome(heavy, motion, ratio, 0.1, sized.added_mass)
+    outcome = methods.counter_inertia_outcome(heavy, motion, ratio, 0.1, sized.added_mass)
     wheels = counter_inertia.fit_wheels(heavy).wheels
     counters = {c.site: c.mass for c in sized.counter_masses}
     root = ElementTree.fromstring(referees.with_loads(plain.text, {}, counters, {}))
@@ -165,11 +164,11 @@ def absolute_gains(mechanism: Mechanism, motion: Trajectory) -> np.ndarray:
     return np.broadcast_to(rows, (len(motion.time), *rows.shape))
 
 
-def test_wheels_that_leave_a_rest_say_so():
+def test_wheels_state_their_residual():
     """The manipulator's angular momentum is no constant mixture of rotations, nor that of an off-line coupler."""
     manipulator = counter_inertia.fit_wheels(balanced(models.load("parallelogram-6bar"))[0])
     assert not manipulator.is_complete()
-    assert 0.05 < manipulator.left_over < 1.0
+    assert 0.05 < manipulator.residual_share < 1.0
     coupler = models.load("four-bar")
     rows = coupler.parameters.copy()
     rows[coupler.body_index("AB"), 2] = 0.03
@@ -215,10 +214,10 @@ def with_images(name: str, copies: tuple[str, ...]) -> Mechanism:
 @pytest.mark.parametrize("method", IMAGES)
 @pytest.mark.parametrize("name", ["serial-1r", "serial-2r", "serial-3r"])
 def test_images_in_pinocchio(name, method):
-    """Images as bodies of their own: the force and moment that are left, and the torques of common motors."""
+    """Images as bodies of their own: the residual force and moment, and the torques of common motors."""
     plain, copies = models.load(name), IMAGES[method]
     motion, whole = waving(plain), with_images(name, copies)
-    outcome = next(o for o in mirror_and_active.mirror_outcome(plain, motion) if o.name == method)
+    outcome = next(o for o in methods.mirror_outcomes(plain, motion) if o.name == method)
     places = {s: [whole.coordinates.index(joint + s) for joint in plain.coordinates] for s in copies}
     states = np.zeros((3, len(motion.time), len(whole.coordinates)))
     for state, values in zip(states, (motion.q, motion.v, motion.a), strict=True):
@@ -241,7 +240,7 @@ def test_active_masses_keep_momentum_zero(name):
     """Mass times place follows minus the first moment; stroke as asked, force and power those of that motion."""
     mechanism = models.load(name)
     motion = waving(mechanism)
-    outcome = mirror_and_active.active_outcome(mechanism, motion, 0.08, 3.0)
+    outcome = methods.active_outcome(mechanism, motion, 0.08, 3.0)
     moment, linear = first_moment(mechanism, motion.q), momentum(mechanism, motion.q, motion.v)
     response = simulate(mechanism, motion)
     for axis, letter in enumerate("xy"):
@@ -263,7 +262,7 @@ def test_springs_free_the_motors_of_weight(name):
     """Their torque is that of the same motion without gravity; force and moment are as before."""
     mechanism = models.load(name)
     motion = waving(mechanism)
-    outcomes = {o.name: o for o in method_comparison.compare_methods(mechanism, motion)}
+    outcomes = {o.name: o for o in methods.compare_methods(mechanism, motion)}
     weightless = simulate(replace(mechanism, gravity=np.zeros(3)), motion)
     for joint, torque in outcomes["springs"].torque.items():
         np.testing.assert_allclose(torque, weightless.torque[joint], atol=1e-10)
@@ -274,7 +273,7 @@ def test_force_balance_alone_raises_moment_and_torque():
     """On the manipulator at 5 kg along x, both go up; counter-masses cancel the force to rounding."""
     mechanism = models.load("parallelogram-6bar").with_payload({"platform": 5.0})
     motion = Closure(mechanism).follow(load_motion("x").sample(500.0))
-    outcomes = {o.name: o for o in method_comparison.compare_methods(mechanism, motion)}
+    outcomes = {o.name: o for o in methods.compare_methods(mechanism, motion)}
     plain, heavy = outcomes["as it is"], outcomes["counter-mass"]
     assert heavy.force_peak < 1e-12 * plain.force_peak
     assert heavy.moment_rms > plain.moment_rms
@@ -286,9 +285,7 @@ def test_wheels_that_turn_faster_are_lighter_and_ask_more():
     """Inertia falls with the ratio, what it adds to the torque grows with it."""
     mechanism, sized = balanced(models.load("serial-2r"))
     motion = waving(mechanism)
-    slow, fast = (
-        counter_inertia.counter_inertia_outcome(mechanism, motion, k, 0.1, sized.added_mass) for k in (1.0, 3.0)
-    )
+    slow, fast = (methods.counter_inertia_outcome(mechanism, motion, k, 0.1, sized.added_mass) for k in (1.0, 3.0))
     own = simulate(mechanism, motion).torque["J1"]
     assert fast.added_inertia == pytest.approx(slow.added_inertia / 3.0)
     np.testing.assert_allclose(fast.torque["J1"] - own, 3.0 * (slow.torque["J1"] - own), rtol=1e-9, atol=1e-9)
@@ -298,12 +295,12 @@ def test_what_shakes_out_of_the_plane_is_refused():
     """A spatial arm is not computed as a planar one."""
     arm = models.model(models.skew_arm())
     with pytest.raises(ModelError, match="out of the plane"):
-        method_comparison.compare_methods(arm, waving(arm, 30))
+        methods.compare_methods(arm, waving(arm, 30))
 
 
 def test_without_a_place_for_counter_masses_the_rest_is_compared():
     """Springs, images and active masses need no site."""
-    chain_without = models.model(chain(2, 3).replace("counter_", "hole_"))
-    names = [o.name for o in method_comparison.compare_methods(chain_without, waving(chain_without, 60))]
+    chain_without = models.model(models.serial_chain(2, 3).replace("counter_", "hole_"))
+    names = [o.name for o in methods.compare_methods(chain_without, waving(chain_without, 60))]
     assert "springs" in names
     assert "counter-mass" not in names

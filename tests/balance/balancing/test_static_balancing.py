@@ -8,33 +8,17 @@ import pytest
 
 from balance import balancing
 from balance.balancing import static_balancing
-from balance.balancing.spring_files import load_springs
-from balance.balancing.springs import End, Spring, joint_torques, spring_energy, spring_lengths
+from balance.balancing.springs import End, Spring, joint_torques, load_springs, spring_energy, spring_lengths
 from balance.closure import Closure
 from balance.dynamics.regressor import first_moment, potential
 from balance.errors import DataError, ModelError, SizingError
 from balance.mechanism.mjcf_parser import pinocchio_model
 
-from . import models
-
-
-def chain(count: int, seed: int) -> str:
-    """A serial chain in no file of the project: random lengths, masses, centres off the line."""
-    rng = np.random.default_rng(seed)
-    text = ""
-    for k in reversed(range(count)):
-        place = "" if k == 0 else f'pos="{rng.uniform(0.1, 0.4)} 0 0"'
-        centre = f"{rng.uniform(-0.1, 0.3)} {rng.uniform(-0.05, 0.05)} 0"
-        inertial = f'<inertial pos="{centre}" mass="{rng.uniform(0.3, 2)}" diaginertia="0.01 0.01 0.01"/>'
-        joint = f'<joint name="J{k + 1}" axis="0 0 1"/><site name="counter_{k + 1}" pos="-0.1 0 0"/>'
-        text = f'<body name="link_{k + 1}" {place}>{joint}{inertial}{text}</body>'
-    key = models.key(rng.uniform(-1, 1, count))
-    return models.mjcf(text, models.motors(*(f"J{k + 1}" for k in range(count))) + key, '<option gravity="0 -9.81 0"/>')
-
+from .. import models
 
 MECHANISMS = {name: lambda name=name: models.load(name) for name in models.BUILT_IN}
 MECHANISMS |= {
-    f"own {n}R": lambda n=n: models.model(chain(n, n)) for n in (1, 2, 3, 4)
+    f"own {n}R": lambda n=n: models.model(models.serial_chain(n, n)) for n in (1, 2, 3, 4)
 }  # fmt: skip
 MECHANISMS["own four-bar"] = lambda: flat_four_bar(models.four_bar(0.31, 0.07, 0.26, 0.22, 0.6))
 MECHANISMS["parallelogram four-bar"] = lambda: flat_four_bar(models.four_bar(0.3, 0.2, 0.3, 0.2, 1.0))
@@ -164,7 +148,7 @@ def test_a_spring_file(tmp_path):
     springs, given = load_springs(path, mechanism)
     assert given
     assert springs[0].stiffness == pytest.approx(200.0)
-    judged = static_balancing.judged_springs(mechanism, springs)
+    judged = static_balancing.evaluate_springs(mechanism, springs)
     assert not judged.is_balanced(1e-3)
     assert (spring_lengths(mechanism, springs, judged.q) > 0.0).all()
 

@@ -1,0 +1,354 @@
+"""The named methods of balancing, side by side on one motion: what each costs, and the force and moment that remain.
+
+As it is; springs; counter-masses; with counter-inertias; mirror images; active masses. All act in the plane x-y.
+
+Mirror images stand on the same base, geared to the same motors: an image under the reflection or half turn T about the
+base's origin exerts F' = T F and Mz' = det(T) Mz. One image cancels what T reverses and doubles the rest; three images
+(both mirrors and the half turn) cancel all.
+
+Active masses are driven along x and y and a disc about z, so that the base feels nothing: the masses keep the first
+moment of mass constant, m_a x_a = -(S_x - mean), the disc the angular momentum, J_a w_a = -L. The masses run on lines
+through the base's origin. Stroke and force follow; bandwidth does not enter.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Floats
+from ..closure import Trajectory
+from ..dynamics.inverse_dynamics import Response, driven_rates, momentum, simulate
+from ..dynamics.regressor import first_moment
+from ..errors import ModelError, SizingError
+from ..mechanism.mechanism import Mechanism
+from .closed_forms import ConditionComparison
+from .conditions import balance_conditions
+from .counter_inertia import Wheels, body_rotation, fit_wheels
+from .sizing import exact_sizing
+from .springs import joint_torques
+from .static_balancing import design_springs
+
+_NEGLIGIBLE = 1e-9
+"""First moment [kg m] or angular momentum [kg m2/s] below which an axis needs no mass."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A method of balancing on a motion: residual force and moment, drive torque, and what was added."""
+
+    name: str
+    force: Floats
+    """Residual shaking force, base axes, weight excluded, (n, 3) [N]."""
+    moment: Floats
+    """Residual shaking moment about the base's origin, weight excluded, (n, 3) [N m]."""
+    torque: Mapping[str, Floats]
+    """Torque of each motor, all that it drives included, (n,) [N m]."""
+    added_mass: float = 0.0
+    """[kg]"""
+    added_inertia: float = 0.0
+    """About the axes of the bodies that carry it [kg m2]."""
+    needs: Mapping[str, float] = field(default_factory=dict)
+    """What else the method needs, unit in the name."""
+    note: str = ""
+    """How it is built, or what remains and why."""
+
+    @classmethod
+    def from_response(
+        cls, name: str, response: Response, mass: float = 0.0, inertia: float = 0.0, note: str = ""
+    ) -> "Outcome":
+        """A mechanism's own response; added ``mass`` [kg] and ``inertia`` [kg m2]."""
+        return cls(name, response.force, response.moment, response.torque, mass, inertia, {}, note)
+
+    @property
+    def force_rms(self) -> float:
+        """Root mean square of the force's size [N]."""
+        return _rms(np.linalg.norm(self.force, axis=1))
+
+    @property
+    def force_peak(self) -> float:
+        """Largest size of the force [N]."""
+        return float(np.linalg.norm(self.force, axis=1).max())
+
+    @property
+    def moment_rms(self) -> float:
+        """Root mean square of the moment's size [N m]."""
+        return _rms(np.linalg.norm(self.moment, axis=1))
+
+    @property
+    def moment_peak(self) -> float:
+        """Largest size of the moment [N m]."""
+        return float(np.linalg.norm(self.moment, axis=1).max())
+
+    def torque_rms(self) -> dict[str, float]:
+        """Root mean square of each motor's torque [N m]."""
+        return {joint: _rms(values) for joint, values in self.torque.items()}
+
+    def torque_peak(self) -> dict[str, float]:
+        """Largest size of each motor's torque [N m]."""
+        return {joint: float(np.abs(values).max()) for joint, values in self.torque.items()}
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+@dataclass(frozen=True)
+class MethodSettings:
+    """What the methods are built with, where the mechanism does not state it."""
+
+    sites: tuple[str, ...] = ()
+    """Where counter-masses may be mounted; none: the sites named counter..."""
+    wheel_ratio: float = 1.0
+    """How many times as fast as the bodies counter-inertias turn."""
+    wheel_radius: float = 0.1
+    """Radius of counter-inertias, as discs [m]."""
+    stroke: float = 0.1
+    """Stroke of active masses, from end to end [m]."""
+    turn: float = 2.0 * np.pi
+    """Angle of the active disc, from end to end [rad]."""
+    spring_reach: float = 0.0
+    """Distance of spring ends from joints [m]; 0: half the mechanism's length."""
+    spring_height: float = 0.0
+    """Height of spring ends above and below ground pivots [m]; 0: the mechanism's length."""
+
+
+def compare_methods(
+    mechanism: Mechanism, trajectory: Trajectory, settings: MethodSettings | None = None
+) -> list[Outcome]:
+    """Outcomes of all methods on one motion; first that of the mechanism as it is."""
+    settings = settings or MethodSettings()
+    plain = Outcome.from_response("as it is", simulate(mechanism, trajectory))
+    _refuse_spatial(mechanism, plain)
+    return [
+        plain,
+        _with_springs(mechanism, trajectory, plain, settings),
+        *_with_counter_masses(mechanism, trajectory, settings),
+        *mirror_outcomes(mechanism, trajectory),
+        active_outcome(mechanism, trajectory, settings.stroke, settings.turn),
+    ]
+
+
+def _refuse_spatial(mechanism: Mechanism, plain: Outcome) -> None:
+    """Raise ModelError for a mechanism that shakes out of the plane x-y, where no method here acts."""
+    out = max(float(np.abs(plain.force[:, 2]).max()), float(np.abs(plain.moment[:, :2]).max()))
+    size = max(plain.force_peak, plain.moment_peak)
+    if out > 1e-9 * size:
+        raise ModelError(
+            f"{mechanism.name} shakes out of the plane x-y ({out:.3g} N or N m): the methods are for planar mechanisms"
+        )
+
+
+def _with_counter_masses(mechanism: Mechanism, trajectory: Trajectory, settings: MethodSettings) -> list[Outcome]:
+    """Counter-masses alone, then with counter-inertias; neither where the mechanism has no place for them."""
+    if not settings.sites and not mechanism.counter_sites:
+        return []
+    sized = exact_sizing(balance_conditions(mechanism), mechanism, settings.sites)
+    percent = sized.residual_percent()
+    note = "force balance; static balance with it" if sized.is_balanced(1e-9) else f"residual {percent:.3g} %"
+    response = simulate(sized.after, trajectory)
+    alone = Outcome.from_response("counter-mass", response, sized.added_mass, sized.added_inertia, note)
+    wheels = counter_inertia_outcome(
+        sized.after, trajectory, settings.wheel_ratio, settings.wheel_radius, sized.added_mass
+    )
+    return [alone, replace(wheels, added_inertia=wheels.added_inertia + sized.added_inertia)]
+
+
+def _with_springs(mechanism: Mechanism, trajectory: Trajectory, plain: Outcome, settings: MethodSettings) -> Outcome:
+    """Static balance by springs: they change torques, not momentum."""
+    if not mechanism.gravity.any():
+        note = "not needed: its file has no gravity"
+        return Outcome("springs", plain.force, plain.moment, plain.torque, note=note)
+    try:
+        found = design_springs(mechanism, (), settings.spring_reach, settings.spring_height)
+    except SizingError as error:
+        return Outcome("springs", plain.force, plain.moment, plain.torque, note=f"not built: {error}")
+    spring_torque = joint_torques(mechanism, found.springs, trajectory.q)
+    rates = driven_rates(mechanism, trajectory.per_drive, mechanism.driven or mechanism.coordinates)
+    extra = np.einsum("nij,ni->nj", rates, spring_torque)
+    torque = {joint: values + extra[:, k] for k, (joint, values) in enumerate(plain.torque.items())}
+    needs = {"springs": float(len(found.springs)), "stiffness_N_per_m": sum(s.stiffness for s in found.springs)}
+    note = "static balance only: the motors need not hold the weight, the base shakes as before"
+    return Outcome("springs", plain.force, plain.moment, torque, 0.0, 0.0, needs, note)
+
+
+def counter_inertia_outcome(
+    mechanism: Mechanism, trajectory: Trajectory, ratio: float, radius: float, mounted: float
+) -> Outcome:
+    """The outcome of wheels that turn ``ratio`` times as fast as the bodies, discs of ``radius`` [m].
+
+    ``mechanism`` has its counter-masses, ``mounted`` is their mass [kg].
+    """
+    found, rotation = fit_wheels(mechanism), body_rotation(mechanism, trajectory)
+    response = simulate(mechanism, trajectory)
+    moment = response.moment.copy()
+    torque = {joint: values.copy() for joint, values in response.torque.items()}
+    inertia = 0.0
+    for wheel in found.wheels:
+        absorbed = wheel.momentum * rotation.alpha[:, wheel.body]
+        moment[:, 2] += absorbed
+        inertia += abs(wheel.momentum) / ratio
+        for k, joint in enumerate(torque):
+            drive = abs(wheel.momentum) * ratio * rotation.alpha[:, wheel.body]
+            torque[joint] += drive * rotation.per_motor[:, wheel.body, k]
+    needs = {
+        f"wheel_{mechanism.bodies[w.body]}_kgm2": abs(w.momentum) / ratio * (1.0 if w.momentum > 0.0 else -1.0)
+        for w in found.wheels
+    }
+    return Outcome(
+        "counter-inertia", response.force, moment, torque, mounted + 2.0 * inertia / radius**2, inertia,
+        needs | {"wheel_speed_ratio": ratio, "angular_momentum_left_percent": 100.0 * found.residual_share},
+        _wheels_note(found),
+    )  # fmt: skip
+
+
+def _wheels_note(found: Wheels) -> str:
+    if found.is_complete():
+        return "with the counter-masses; wheels on the base, geared against the bodies' rotation: complete"
+    return (
+        "with the counter-masses; wheels on the base: the angular momentum is no constant mixture of the bodies' "
+        f"rotations, up to {100 * found.residual_share:.2g} % of it remain"
+    )
+
+
+IMAGES = {
+    "mirror image, left-right": ((-1.0, 1.0),),
+    "mirror image, up-down": ((1.0, -1.0),),
+    "image turned by 180 deg": ((-1.0, -1.0),),
+    "three images": ((-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)),
+}
+"""Signs of x and y for each image of a method."""
+
+
+def mirror_outcomes(mechanism: Mechanism, trajectory: Trajectory) -> list[Outcome]:
+    """The outcome of each set of images, none of them balanced otherwise."""
+    own = simulate(mechanism, trajectory)
+    return [_with_images(mechanism, trajectory, own, name, signs) for name, signs in IMAGES.items()]
+
+
+def _with_images(
+    mechanism: Mechanism, trajectory: Trajectory, own: Response, name: str, images: tuple[tuple[float, float], ...]
+) -> Outcome:
+    force, moment = own.force.copy(), own.moment.copy()
+    torque = {joint: values.copy() for joint, values in own.torque.items()}
+    for sx, sy in images:
+        flip = np.array([sx, sy, 1.0])
+        # An image under gravity g needs the torque of the mechanism itself under T g.
+        image = simulate(replace(mechanism, gravity=flip * mechanism.gravity), trajectory)
+        force += flip * own.force
+        moment += sx * sy * flip * own.moment
+        torque = {joint: values + image.torque[joint] for joint, values in torque.items()}
+    count = len(images)
+    inertia = float(sum(mechanism.parameters[:, 9]))
+    note = f"{count} more mechanism{'s' * (count > 1)}, driven by the same motors; "
+    note += "cancels all" if count == 3 else _image_note(*images[0])
+    return Outcome(name, force, moment, torque, count * mechanism.total_mass, count * inertia, {}, note)
+
+
+def _image_note(sx: float, sy: float) -> str:
+    cancelled = [what for what, sign in (("Fx", sx), ("Fy", sy), ("Mz", sx * sy)) if sign < 0.0]
+    doubled = [what for what in ("Fx", "Fy", "Mz") if what not in cancelled]
+    return f"cancels {' and '.join(cancelled)}, doubles {' and '.join(doubled)}"
+
+
+def active_outcome(mechanism: Mechanism, trajectory: Trajectory, stroke: float, turn: float) -> Outcome:
+    """The outcome of masses that move ``stroke`` [m] and a disc that turns ``turn`` [rad], both from end to end."""
+    response = simulate(mechanism, trajectory)
+    needs, mass = _active_masses(mechanism, trajectory, response, stroke)
+    disc, inertia = _active_disc(mechanism, trajectory, response, turn)
+    still = np.zeros_like(response.force)
+    note = "masses on lines through the base's origin and a disc, each with its own motor; ideal control"
+    return Outcome("active", still, still, response.torque, mass, inertia, needs | disc, note)
+
+
+def _active_masses(
+    mechanism: Mechanism, trajectory: Trajectory, response: Response, stroke: float
+) -> tuple[dict[str, float], float]:
+    """Needs of each axis, and the sum of the masses [kg]."""
+    moment, linear = first_moment(mechanism, trajectory.q), momentum(mechanism, trajectory.q, trajectory.v)
+    needs: dict[str, float] = {}
+    total = 0.0
+    for axis, name in enumerate("xy"):
+        swing = float(np.ptp(moment[:, axis]))
+        if swing < _NEGLIGIBLE:
+            continue
+        mass = swing / stroke
+        speed, force = -linear[:, axis] / mass, response.force[:, axis]
+        needs |= {
+            f"mass_{name}_kg": mass,
+            f"stroke_{name}_m": swing / mass,
+            f"force_{name}_peak_N": float(np.abs(force).max()),
+            f"speed_{name}_peak_m_per_s": float(np.abs(speed).max()),
+            f"power_{name}_peak_W": float(np.abs(force * speed).max()),
+        }
+        total += mass
+    return needs, total
+
+
+def _active_disc(
+    mechanism: Mechanism, trajectory: Trajectory, response: Response, turn: float
+) -> tuple[dict[str, float], float]:
+    """Needs of the disc, and its inertia [kg m2]."""
+    angular = momentum(mechanism, trajectory.q, trajectory.v)[:, 5]
+    swept = _integral(trajectory.time, angular)
+    swing = float(np.ptp(swept))
+    if float(np.abs(angular).max()) < _NEGLIGIBLE or swing == 0.0:
+        return {}, 0.0
+    inertia = swing / turn
+    speed, torque = -angular / inertia, response.moment[:, 2]
+    return {
+        "disc_kgm2": inertia,
+        "disc_turn_rad": swing / inertia,
+        "disc_drift_rad": -float(swept[-1]) / inertia,
+        "disc_torque_peak_Nm": float(np.abs(torque).max()),
+        "disc_speed_peak_rad_per_s": float(np.abs(speed).max()),
+        "disc_power_peak_W": float(np.abs(torque * speed).max()),
+    }, inertia
+
+
+def _integral(time: Floats, values: Floats) -> Floats:
+    """Integral from the first instant, by trapezoids."""
+    return np.concatenate([[0.0], np.cumsum(0.5 * np.diff(time) * (values[1:] + values[:-1]))])
+
+
+def methods_document(
+    name: str, motion: str, outcomes: Sequence[Outcome], comparisons: Sequence[ConditionComparison]
+) -> dict[str, Any]:
+    """Outcomes and published conditions compared with the derived ones, for JSON: units in the keys."""
+    return {
+        "mechanism": name,
+        "motion": motion,
+        "methods": [_outcome(outcome) for outcome in outcomes],
+        "printed_conditions": [_comparison(comparison) for comparison in comparisons],
+    }
+
+
+def _outcome(outcome: Outcome) -> dict[str, Any]:
+    return {
+        "method": outcome.name,
+        "added_mass_kg": outcome.added_mass,
+        "added_inertia_kgm2": outcome.added_inertia,
+        "force_rms_N": outcome.force_rms,
+        "force_peak_N": outcome.force_peak,
+        "moment_rms_Nm": outcome.moment_rms,
+        "moment_peak_Nm": outcome.moment_peak,
+        "torque_rms_Nm": outcome.torque_rms(),
+        "torque_peak_Nm": outcome.torque_peak(),
+        "needs": dict(outcome.needs),
+        "note": outcome.note,
+    }
+
+
+def _comparison(comparison: ConditionComparison) -> dict[str, Any]:
+    return {
+        "method": comparison.method,
+        "verdict": comparison.verdict(),
+        "printed_rank": comparison.rank[0],
+        "derived_rank": comparison.rank[1],
+        "distance_of_derived_from_printed": comparison.sufficient,
+        "distance_of_printed_from_derived": comparison.necessary,
+        "distance_once_given": comparison.equal_given,
+        "printed": [dict(row) for row in comparison.published],
+        "given": [dict(row) for row in comparison.given],
+    }
