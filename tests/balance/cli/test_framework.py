@@ -50,7 +50,7 @@ REFUSED = {
     "broken file": (("size", "broken.xml"), "not well-formed XML"),
     "broken urdf": (("size", "arm.urdf"), "arm.urdf"),
     "out of reach": (("simulate", MECH, "--motion", "motion.toml"), "cannot be closed at platform.x = 0"),
-    "typo in a motion": (("simulate", MECH, "--motion", "typo.toml"), "typo.toml: drven: unknown key; did you mean 'driven'?"),
+    "typo in a motion": (("simulate", MECH, "--motion", "typo.toml"), "typo.toml: drven: unknown key; did you mean"),
     "joint of a motion": (("simulate", MECH, "--motion", "joints.toml"), "no joint 'A9'"),
     "unknown motion": (("simulate", MECH, "--motion", "spiral"), "spiral: no such file"),
     "motion of a chain": (("simulate", "serial-3r", *X), "serial-3r"),
