@@ -166,16 +166,16 @@ def test_names_that_look_like_something_else_in_csv(tmp_path):
 
 def test_two_exports_at_once(run, tmp_path, monkeypatch):
     """A file that came meanwhile stays as it is."""
-    from testbench import export
+    from testbench.export import tables
 
-    real = export.import_module("testbench.export.tables").write
+    real = tables.export_csv
 
     def slow(run, groups, part):
         losses = real(run, groups, part)
         (tmp_path / "out" / "r001.daq.csv").write_text("of another")
         return losses
 
-    monkeypatch.setattr("testbench.export.tables.export_csv", slow)
+    monkeypatch.setattr(tables, "export_csv", slow)
     with pytest.raises(StoreError, match="nothing is overwritten"):
         export(run, "csv", tmp_path / "out")
     assert {p.name: p.read_text() for p in (tmp_path / "out").iterdir()} == {"r001.daq.csv": "of another"}
