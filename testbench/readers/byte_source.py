@@ -1,15 +1,9 @@
-"""Reading bytes of a file without trusting what it says about itself.
-
-Working ahead: the next items are read and prepared in threads while this one is used.
-
-Samples of binary formats that are no finite number: kept as they are, counted and said by channel.
-"""
+"""Reading the bytes of a file without trusting what it states about itself, and preparing blocks ahead in threads."""
 
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar
@@ -17,7 +11,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..recording import Block, Finding, Group, Refusal, Report, Samples
+from ..recording import Samples
+from .format_findings import cut
 
 BLOCK_BYTES = 8 << 20
 """Size of a block of samples: many a file, few in memory [bytes]."""
@@ -56,28 +51,9 @@ class ByteSource:
 
 
 def as_float64(numbers: NDArray[Any]) -> Samples:
-    """Numbers as float64, bit for bit where it holds them; a signalling NaN raises no alarm."""
+    """Numbers (n,) [any unit] as float64 (n,) [the same], bit for bit where it holds them; no warning on any NaN."""
     with np.errstate(invalid="ignore", over="ignore"):
         return np.asarray(numbers.astype(np.float64))
-
-
-def cut(path: Path, message: str) -> Refusal:
-    """The refusal of a file that ends too early."""
-    return Refusal(path.name, Finding("cut_file", None, None, message))
-
-
-def damaged(path: Path, message: str) -> Refusal:
-    """The refusal of a file that contradicts itself."""
-    return Refusal(path.name, Finding("damaged_file", None, None, message))
-
-
-@contextmanager
-def refusing(path: Path, what: str, *errors: type[Exception]) -> Iterator[None]:
-    """Make ``errors`` of reading ``what`` a refusal of the file as damaged."""
-    try:
-        yield
-    except errors as error:
-        raise damaged(path, f"{what} cannot be read: {type(error).__name__}: {error}") from error
 
 
 A = TypeVar("A")
@@ -85,7 +61,7 @@ B = TypeVar("B")
 
 WORKERS = 2
 DEPTH = 3
-"""Items in the air at once: what bounds the memory."""
+"""Items that are prepared at once: what bounds the memory."""
 _END: Any = object()
 
 
@@ -108,21 +84,3 @@ def in_order(prepare: Callable[[A], B], items: Iterable[A]) -> Iterator[B]:
         finally:
             for future in waiting:
                 future.cancel()
-
-
-def watch_nonfinite(blocks: Iterable[Block], report: Report, but: Group | None = None) -> Iterator[Block]:
-    """The same blocks; at their end, channels with samples that are not finite are reported, ``but`` those of one."""
-    counts: dict[tuple[str, int], int] = {}
-    first: dict[tuple[str, int], tuple[str, str]] = {}
-    for block in blocks:
-        for i, column in enumerate(block.columns if block.group is not but else ()):
-            if number := int(np.count_nonzero(~np.isfinite(column))):
-                key = (block.group.name, i)
-                counts[key] = counts.get(key, 0) + number
-                place = block.where(int(np.flatnonzero(~np.isfinite(column))[0]))
-                first.setdefault(key, (block.group.channels[i].name, place))
-        yield block
-    for key, number in counts.items():
-        channel, place = first[key]
-        message = f"{number} samples of group {key[0]!r} are no finite number, the first is {place}"
-        report(Finding("not_a_number", channel, place, message))

@@ -1,14 +1,9 @@
-"""Reader of C3D: analog channels and points are groups of their own, since they have rates of their own.
+"""C3D: markers and analog channels of movement laboratories, force plates among them.
 
-The parameter section of a C3D file: groups of named values, in one of three byte orders.
-
-What the header and the parameters of a C3D file say of its data, one against the other.
-
-The data of a C3D file: blocks of frames as columns.
-
-C3D: markers and analog channels of movement laboratories, force plates among them.
-
-``parameters`` reads the parameter section, ``header`` what it and the header say of the data, ``frames`` the data.
+A header of 512 bytes, parameters (groups of named values), then frames: of each point x, y, z and a fourth word, then
+some samples of each analog channel. Points and analog channels are groups of their own, since their rates differ.
+Header and parameters state much twice: the parameters are taken, and a contradiction is reported. Numbers are those of
+Intel, DEC or SGI machines. Source: The C3D File Format (https://www.c3d.org/docs/C3D_User_Guide.pdf).
 """
 
 import struct
@@ -19,8 +14,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..recording import Block, Channel, Clock, Finding, Group, Recording, Refusal, Report, Samples
-from .byte_source import ByteSource, as_float64, block_samples, damaged, watch_nonfinite
+from ..recording import Block, Channel, Finding, Group, Recording, Refusal, Report, Samples
+from .byte_source import ByteSource, as_float64, block_samples
+from .format_findings import damaged, watch_nonfinite
 from .header_claims import by_rate
 from .registry import ReadOptions
 
@@ -42,7 +38,7 @@ class Parameters:
         return ">" if self.processor == SGI else "<"
 
     def numbers(self, name: str) -> NDArray[np.float64]:
-        """The numbers of a parameter; none if there is no such one."""
+        """The numbers of a parameter, (n,) [unit of the parameter]; none if there is no such one."""
         found = self.values.get(name, ())
         return found if isinstance(found, np.ndarray) else np.empty(0)
 
@@ -63,7 +59,7 @@ class Parameters:
 
 
 def floats(raw: bytes, processor: int) -> NDArray[np.float64]:
-    """Four-byte floats of a processor.
+    """Four-byte floats (n,) [unit of what they state] of a processor.
 
     DEC's F float has its 16-bit halves swapped and an exponent larger by two: value = IEEE(halves swapped) / 4.
     """
@@ -162,15 +158,15 @@ class Layout:
 
 
 @dataclass(frozen=True)
-class Head:
-    """Layout, parameters and what is odd about them."""
+class Header:
+    """Layout, parameters and the findings about them."""
 
     layout: Layout
     parameters: Parameters
     findings: tuple[Finding, ...]
 
 
-def read_header(source: ByteSource) -> Head:
+def read_header(source: ByteSource) -> Header:
     """Header and parameters."""
     raw = source.read(0, BLOCK, "the header")
     if raw[1] != 0x50 or raw[0] == 0:
@@ -196,11 +192,11 @@ def read_header(source: ByteSource) -> Head:
             source.path, f"{points} points and {channels} analog channels from block {data_block} on: no data"
         )
     findings += _against_size(source, layout)
-    return Head(layout, given, tuple(findings))
+    return Header(layout, given, tuple(findings))
 
 
 def _agreed(what: str, header: float, parameter: float | None, findings: list[Finding]) -> float:
-    """The parameter's value, which is what programs keep; that the header has another is said."""
+    """The parameter's value, which is what programs keep; that the header has another is a finding."""
     if parameter is None or header == parameter:
         return float(header)
     message = f"{what} is {header:g} in the header and {parameter:g} in the parameters, which are taken"
@@ -241,7 +237,7 @@ def _against_size(source: ByteSource, layout: Layout) -> list[Finding]:
     return []
 
 
-def labels(given: Sequence[str], count: int, otherwise: str) -> list[str]:
+def _labels(given: Sequence[str], count: int, otherwise: str) -> list[str]:
     """A label for each of ``count`` columns; those without one are numbered."""
     padded = [*given[:count], *[""] * (count - len(given))]
     return [label or f"{otherwise} {i}" for i, label in enumerate(padded, 1)]
@@ -253,7 +249,7 @@ _LARGEST = 1e300
 
 @dataclass(frozen=True)
 class Frames:
-    """Successive frames. ``points`` (points, 4, frames): coordinates and the fourth word; ``analog`` (channels, n)."""
+    """Successive frames: ``points`` (p, 4, m), coordinates [POINT:UNITS] and fourth word [-]; ``analog`` (c, n)."""
 
     points: Samples
     analog: Samples
@@ -261,8 +257,8 @@ class Frames:
     end_byte: int
 
 
-def blocks(source: ByteSource, head: Head) -> Iterator[Frames]:
-    """All whole frames."""
+def frame_blocks(source: ByteSource, head: Header) -> Iterator[Frames]:
+    """All whole frames, in blocks of bounded size."""
     layout = head.layout
     frames = min(layout.frames, (source.size - layout.begin) // layout.frame_bytes)
     step = block_samples(layout.words)
@@ -284,14 +280,14 @@ def blocks(source: ByteSource, head: Head) -> Iterator[Frames]:
         yield Frames(points, physical, start, begin + len(raw))
 
 
-def _numbers(raw: bytes, head: Head) -> Samples:
+def _numbers(raw: bytes, head: Header) -> Samples:
     if head.layout.is_float:
         return floats(raw, head.parameters.processor)
     return np.frombuffer(raw, dtype=f"{head.parameters.order}i2").astype(np.float64)
 
 
-def analog_law(head: Head) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Scale and offset of the analog channels, each (channels, 1); 1 and 0 where the parameters name none."""
+def analog_law(head: Header) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Scale [unit of the channel] and offset [-] of the analog channels, each (c, 1); 1 and 0 where none is stated."""
     given, channels = head.parameters, head.layout.channels
     general = given.number("ANALOG:GEN_SCALE")
     with np.errstate(all="ignore"):
@@ -302,7 +298,7 @@ def analog_law(head: Head) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return scale[:, None], offset[:, None]
 
 
-def _is_unsigned(head: Head) -> bool:
+def _is_unsigned(head: Header) -> bool:
     return any(word.upper() == "UNSIGNED" for word in head.parameters.texts("ANALOG:FORMAT"))
 
 
@@ -310,11 +306,11 @@ def _filled(values: NDArray[np.float64], count: int, otherwise: float) -> NDArra
     return np.concatenate([values[:count], np.full(max(0, count - len(values)), otherwise)])
 
 
-def informative_residuals(source: ByteSource, head: Head) -> tuple[int, ...]:
+def informative_residuals(source: ByteSource, head: Header) -> tuple[int, ...]:
     """The points whose fourth word is anything but 0 (seen) and -1 (not seen)."""
     found = np.zeros(head.layout.points, dtype=bool)
     if head.layout.points:
-        for piece in blocks(source, head):
+        for piece in frame_blocks(source, head):
             words = piece.points[:, 3]
             found |= ((words != 0) & (words != -1)).any(axis=1)
     return tuple(int(i) for i in np.flatnonzero(found))
@@ -355,25 +351,25 @@ def open_c3d(path: Path, options: ReadOptions) -> Recording:
     )
 
 
-def _groups(stem: str, head: Head, residuals: tuple[int, ...]) -> _Groups:
-    """Analog channels, points, and fourth words that say more than seen or not seen, each if there are any."""
+def _groups(stem: str, head: Header, residuals: tuple[int, ...]) -> _Groups:
+    """Analog channels, points, and fourth words that state more than seen or not seen, each if there are any."""
     layout, given = head.layout, head.parameters
     start = max(layout.first_frame - 1, 0) / layout.rate_hz if layout.rate_hz > 0 else 0.0
     analog = points = residual = None
     if layout.channels:
-        names = labels(given.texts("ANALOG:LABELS"), layout.channels, "analog")
+        names = _labels(given.texts("ANALOG:LABELS"), layout.channels, "analog")
         units = [*given.texts("ANALOG:UNITS"), *[""] * layout.channels]
         channels = tuple(Channel(name, unit or None) for name, unit in zip(names, units, strict=False))
-        analog = Group(f"{stem} analog", channels, _clock(layout.rate_hz * layout.per_frame, start))
+        analog = Group(f"{stem} analog", channels, by_rate(layout.rate_hz * layout.per_frame, start))
     if layout.points:
-        names = labels(given.texts("POINT:LABELS"), layout.points, "point")
+        names = _labels(given.texts("POINT:LABELS"), layout.points, "point")
         others = _units_of_points(given)
         length = next(iter(given.texts("POINT:UNITS")), "") or None
         axes = tuple(Channel(f"{name} {axis}", others.get(name, length)) for name in names for axis in "XYZ")
-        points = Group(f"{stem} points", axes, _clock(layout.rate_hz, start))
+        points = Group(f"{stem} points", axes, by_rate(layout.rate_hz, start))
         if residuals:
             words = tuple(Channel(f"{names[i]} residual") for i in residuals)
-            residual = Group(f"{stem} residuals", words, _clock(layout.rate_hz, start))
+            residual = Group(f"{stem} residuals", words, by_rate(layout.rate_hz, start))
     return _Groups(analog, points, residual, residuals)
 
 
@@ -388,17 +384,13 @@ def _units_of_points(given: Parameters) -> dict[str, str | None]:
     return units
 
 
-def _clock(rate_hz: float, start: float) -> Clock | None:
-    return by_rate(rate_hz, start)
-
-
-def _blocks(path: Path, head: Head, groups: _Groups, report: Report) -> Iterator[Block]:
+def _blocks(path: Path, head: Header, groups: _Groups, report: Report) -> Iterator[Block]:
     """Frames as blocks of each group; what is no number among the analog channels is reported by channel."""
 
     def unwatched() -> Iterator[Block]:
         missing = 0
         with ByteSource(path) as source:
-            for piece in blocks(source, head):
+            for piece in frame_blocks(source, head):
                 if groups.analog:
                     start = piece.start * head.layout.per_frame
                     yield Block(groups.analog, tuple(piece.analog), start, None, piece.end_byte)
@@ -421,7 +413,7 @@ def _seen(points: Samples) -> tuple[Samples, ...]:
     return tuple(np.where(unseen[:, None], np.nan, points[:, :3]).reshape(3 * len(points), -1))
 
 
-def _rate(head: Head) -> list[Finding]:
+def _rate(head: Header) -> list[Finding]:
     """The analog rate that the parameters state against frame rate times samples a frame."""
     stated, rate = head.parameters.number("ANALOG:RATE"), head.layout.rate_hz * head.layout.per_frame
     if stated is None or not head.layout.channels or stated == rate:
@@ -431,7 +423,7 @@ def _rate(head: Head) -> list[Finding]:
     return [Finding(code, None, None, message)]
 
 
-def _metadata(head: Head) -> dict[str, str]:
+def _metadata(head: Header) -> dict[str, str]:
     """All parameters but those that name and scale the channels."""
     known = ("LABELS", "UNITS", "DESCRIPTIONS", "SCALE", "OFFSET", "GAIN")
     metadata = {}

@@ -1,12 +1,22 @@
-"""The elements at the top of an EBML file, one behind the other: are they all there?
+"""enDAQ recordings (``.IDE``): EBML elements one behind the other, read by idelib in a process of its own.
 
-enDAQ recordings (``.IDE``). ``elements`` checks that the file is whole, ``library`` reads it with idelib.
+idelib passes over what it cannot read and is silent on a cut, so that the elements are walked first: is each whole?
+Each channel of the recorder is a group, calibrated by the recorder's polynomials, with its time as recorded.
 """
 
+import logging
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
 
-from ..recording import Finding
-from .byte_source import ByteSource, damaged
+import numpy as np
+
+from ..recording import Block, Channel, Finding, Group, Recording, TimeColumn
+from .byte_source import ByteSource, block_samples
+from .format_findings import damaged, nothing_to_read, watch_nonfinite
 
 MAGIC = b"\x1aE\xdf\xa3"
 _DATA_BLOCK = 0xA1
@@ -14,34 +24,34 @@ _WINDOW = 12
 
 
 @dataclass(frozen=True)
-class Whole:
+class WholeElements:
     """Up to which byte the elements are whole, and why not to the end."""
 
     end: int
     findings: tuple[Finding, ...] = ()
 
 
-def check(source: ByteSource) -> Whole:
+def whole_elements(source: ByteSource) -> WholeElements:
     """Walk through the elements; a file that ends inside one is cut."""
     at, number, blocks = 0, 0, 0
     while at < source.size:
         head = source.read(at, min(_WINDOW, source.size - at), "an element")
         if not head.strip(b"\0") or not head.strip(b"\xff"):
-            return Whole(at, _filled(source, at))
+            return WholeElements(at, _filled(source, at))
         identifier, used = _integer(head, keep_mark=True)
         size, more = _integer(head[used:], keep_mark=False)
         if not used or not more:
             if len(head) < _WINDOW:
-                return Whole(at, (_cut(source, at, number, blocks),))
+                return WholeElements(at, (_cut(source, at, number, blocks),))
             raise damaged(source.path, f"byte {at}: {head[:4].hex()} begins no element")
         end = at + used + more + size
         if end > source.size:
-            return Whole(at, (_cut(source, at, number, blocks),))
+            return WholeElements(at, (_cut(source, at, number, blocks),))
         at, number, blocks = end, number + 1, blocks + (identifier == _DATA_BLOCK)
     if not blocks:
         message = f"{number} elements, and no block of samples among them"
-        return Whole(at, (Finding("no_data", None, None, message),))
-    return Whole(at)
+        return WholeElements(at, (Finding("no_data", None, None, message),))
+    return WholeElements(at)
 
 
 def _integer(raw: bytes, keep_mark: bool) -> tuple[int, int]:
@@ -71,3 +81,93 @@ def _filled(source: ByteSource, at: int) -> tuple[Finding, ...]:
             raise damaged(source.path, f"byte {at}: {source.size - at} bytes that are no element")
     message = f"from byte {at} on the file was set aside and never written: {source.size - at} empty bytes"
     return (Finding("cut_file", None, f"byte {at}", message),)
+
+
+_MICROSECOND = "µs"
+
+
+def open_library(path: Path) -> Recording:
+    """Open the recording; idelib goes through the whole file for that."""
+    with ByteSource(path) as source:
+        whole = whole_elements(source)
+    findings = list(whole.findings)
+    with _dataset(path, whole.end, findings) as dataset:
+        found = list(_sources(dataset, path.stem))
+        metadata = {str(key): str(value) for key, value in (dataset.recorderInfo or {}).items()}
+        metadata |= {f"session {s.sessionId}: start UTC": str(s.utcStartTime) for s in dataset.sessions}
+    if not found:
+        raise nothing_to_read(path, findings, "no channel has samples")
+    message = "values are calibrated by the polynomials that the recorder wrote, as idelib applies them; means are kept"
+    return Recording(
+        path=path,
+        format="enDAQ IDE",
+        reader="testbench.readers.ide",
+        groups=tuple(group for group, _ in found),
+        read=lambda report: watch_nonfinite(_blocks(path, whole.end), report),
+        metadata=metadata,
+        findings=(*findings, Finding("calibration_applied", None, None, message)),
+    )
+
+
+@contextmanager
+def _dataset(path: Path, end: int, findings: list[Finding]) -> Iterator[Any]:
+    """The file's whole elements as idelib reads them; what it passes over in silence is a finding."""
+    from idelib import importer
+
+    passed_over: list[str] = []
+    handler = logging.Handler(logging.ERROR)
+    handler.emit = lambda record: passed_over.append(record.getMessage())  # type: ignore[method-assign]
+    logging.getLogger("idelib").addHandler(handler)
+    with path.open("rb") as whole, tempfile.NamedTemporaryFile(suffix=".ide") as shorter:
+        stream: Any = whole
+        if end < path.stat().st_size:
+            _copy(whole, shorter, end)
+            stream = shorter
+        dataset = importer.openFile(stream, quiet=True)
+        importer.readData(dataset)
+        if passed_over or dataset.fileDamaged:
+            said = f": {passed_over[0]}" if passed_over else ""
+            message = f"idelib passed over {max(1, len(passed_over))} elements that it could not read{said}"
+            findings.append(Finding("damaged_file", None, None, message))
+        yield dataset
+
+
+def _copy(source: IO[bytes], target: IO[bytes], count: int) -> None:
+    while count and (piece := source.read(min(count, 1 << 20))):
+        target.write(piece)
+        count -= len(piece)
+    target.seek(0)
+
+
+def _sources(dataset: Any, stem: str) -> Iterator[tuple[Group, Any]]:  # noqa: ANN401
+    """The group of each channel and session that has samples, and what gives them."""
+    taken: set[str] = set()
+    for channel in dataset.channels.values():
+        for session in dataset.sessions:
+            events = channel.getSession(session.sessionId)
+            if not len(events):
+                continue
+            name = str(channel.displayName or channel.name or stem)
+            if len(dataset.sessions) > 1:
+                name = f"{name} session {session.sessionId}"
+            if name in taken:
+                name = f"{name} {channel.id}"
+            taken.add(name)
+            events.removeMean = False
+            yield Group(name, (Channel("Time", _MICROSECOND), *_channels(channel)), TimeColumn(0, 1e-6)), events
+
+
+def _channels(channel: Any) -> list[Channel]:  # noqa: ANN401
+    return [
+        Channel(str(sub.displayName or sub.name), str((sub.units or ("", ""))[1]) or None)
+        for sub in channel.subchannels
+    ]
+
+
+def _blocks(path: Path, end: int) -> Iterator[Block]:
+    with _dataset(path, end, []) as dataset:
+        for group, events in _sources(dataset, path.stem):
+            step = block_samples(len(group.channels))
+            for begin in range(0, len(events), step):
+                rows = events.arraySlice(begin, min(begin + step, len(events)), display=False)
+                yield Block(group, tuple(np.asarray(rows, dtype=np.float64)), begin)

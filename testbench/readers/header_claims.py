@@ -1,8 +1,7 @@
-"""What a reader may say about names, units and rates as they stand in a header.
+"""What a header states, in any format: doubtful units, rounded steps of time, clocks, and the origin of the log.
 
-Clocks that a header declares, if what it declares can be one.
-
-Whether a log says that it is simulated: in a comment, a property, or what this project's exports write beside it.
+A stated value is taken as written; what contradicts the channel's name, or is written in few digits, is a finding. That
+a log calls itself simulated counts, that it calls itself measured does not.
 """
 
 import math
@@ -11,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from .. import units
-from ..recording import Channel, Finding, Origin, Recording, UniformClock
+from ..recording import Channel, Finding, Origin, Recording, TimeColumn, UniformClock
 
 _FORCE = re.compile(r"f|f[xyz_ ]?\d*|(?:force|kraft|kuvvet|hammer|load)\b.*", re.IGNORECASE)
 _PURE_FORCE = re.compile(r"f|f[xyz_ ]?\d*|(?:force|kraft|kuvvet)\b.*", re.IGNORECASE)
@@ -73,6 +72,11 @@ def step_as_text(text: str, what: str) -> list[Finding]:
 
 
 _SMALLEST, _FASTEST = 1e-300, 1e300
+
+
+def recorded_time(index: int, unit: str | None) -> TimeColumn:
+    """The clock of a recorded column of time in its stated unit; without one, seconds are assumed."""
+    return TimeColumn(index, units.seconds_per(unit) if unit else 1.0, assumed=not unit)
 
 
 def by_step(step_s: float, start_s: float) -> UniformClock | None:

@@ -24,7 +24,8 @@ from scipy.sparse import issparse
 
 from ..recording import Block, Channel, Finding, Recording, Refusal, Samples
 from .array_grouping import Series, gather
-from .byte_source import ByteSource, as_float64, cut, damaged, refusing, watch_nonfinite
+from .byte_source import ByteSource, as_float64
+from .format_findings import cut, damaged, names_listed, nothing_to_read, refusing, rounded_integers, watch_nonfinite
 
 _MATRIX, _COMPRESSED = 14, 15
 _CELL, _STRUCT = 1, 2
@@ -79,10 +80,9 @@ def open_library(path: Path) -> Recording:
                 _take(variable.name, _loaded(path, variable), found)
     result = gather(path.stem, found.series, found.scalars)
     if not result.groups:
-        finding = next(iter(found.findings), Finding("no_data", None, None, "no array of numbers in it"))
-        raise Refusal(path.name, finding)
+        raise nothing_to_read(path, found.findings, "no array of numbers in it")
     if names := found.left_out:
-        message = f"no series of samples: {', '.join(names[:10])}{' and more' if len(names) > 10 else ''}"
+        message = f"no series of samples: {names_listed(names)}"
         found.findings.append(Finding("left_out", None, None, message))
 
     def blocks() -> Iterator[Block]:
@@ -161,8 +161,7 @@ def _take_numbers(name: str, value: Numbers, found: _Found) -> None:
         names = [f"{each} ({side})" for side in ("real", "imag") for each in names]
     is_wide = value.dtype.kind in "iu" and value.dtype.itemsize == 8
     if is_wide and max(abs(int(value.max())), abs(int(value.min()))) >= _EXACT:
-        message = "holds integers beyond 2**53, which float64 rounds"
-        found.findings.append(Finding("not_exact", name, None, message))
+        found.findings.append(rounded_integers(name))
 
     def block(begin: int, end: int) -> Sequence[Samples]:
         return [as_float64(row[begin:end]) for part in parts for row in part]

@@ -10,8 +10,8 @@ from typing import Any
 from mcap.exceptions import McapError
 from mcap.stream_reader import CRCValidationError, StreamReader
 
-from ..recording import Block, Finding, Recording, Refusal, Report
-from .byte_source import damaged, refusing, watch_nonfinite
+from ..recording import Block, Finding, Recording, Report
+from .format_findings import damaged, nothing_to_read, refusing, watch_nonfinite
 from .protobuf_messages import ProtobufDecoder
 from .ros_messages import RosDecoder, message_fields
 from .ros_topics import Message, Topic, Unclear, Unreadable, from_json
@@ -43,7 +43,7 @@ def open_library(path: Path) -> Recording:
     groups = [shape.group for topic in file.topics.values() for shape in topic.shapes.values()]
     findings = [*file.findings, *_left_out(file), *_counted(file)]
     if not groups:
-        raise Refusal(path.name, next(iter(findings), Finding("no_data", None, None, "no message with numbers")))
+        raise nothing_to_read(path, findings, "no message with numbers")
     return Recording(
         path=path,
         format="MCAP",
@@ -63,12 +63,7 @@ def _blocks(path: Path, report: Report) -> Iterator[Block]:
         if block is not None:
             yield block
     for topic in file.topics.values():
-        yield from topic.rest()
-        for finding in topic.findings():
-            report(finding)
-        if topic.shapes and topic.reason:
-            message = f"from some message on {topic.name!r} is not kept: {topic.reason}"
-            report(Finding("ragged_row", None, None, message))
+        yield from topic.remaining_blocks(report)
 
 
 def _messages(path: Path, file: _File) -> Iterator[tuple[Topic, Any]]:

@@ -11,9 +11,10 @@ import numpy as np
 import polars
 
 from ..recording import Block, Channel, Finding, Group, Recording, Refusal, Report, Samples, TimeColumn
-from ..units import seconds_per
-from .byte_source import block_samples, damaged, watch_nonfinite
+from .byte_source import block_samples
 from .csv.header import is_time_name, named_channels
+from .format_findings import damaged, rounded_integers, text_channel, watch_nonfinite
+from .header_claims import recorded_time
 
 _UNITS = {"ns": "ns", "us": "µs", "ms": "ms"}
 _EXACT = 2.0**53
@@ -72,10 +73,7 @@ def clock(columns: list[Column]) -> TimeColumn | None:
     named = [i for i, c in enumerate(columns) if is_time_name(c.channel.name)]
     points = [i for i, c in enumerate(columns) if c.is_point_in_time]
     found = named[:1] or (points if len(points) == 1 else [])
-    if not found:
-        return None
-    unit = columns[found[0]].channel.unit
-    return TimeColumn(found[0], 1.0 if unit is None else seconds_per(unit), assumed=unit is None)
+    return recorded_time(found[0], columns[found[0]].channel.unit) if found else None
 
 
 _MOST_COLUMNS, _LONGEST_TEXT = 10_000, 2000
@@ -98,7 +96,7 @@ def open_library(path: Path) -> Recording:
         if (found := column(name, kind, lambda name: _first(table, name))) is not None:
             kept.append(found)
         elif isinstance(kind, polars.String | polars.Categorical | polars.Enum):
-            findings.append(Finding("text_channel", name, None, "holds text, not numbers; it is not kept"))
+            findings.append(text_channel(name))
         else:
             findings.append(Finding("left_out", name, None, f"holds {kind}, not one number a row"))
     if not kept or not rows:
@@ -145,7 +143,7 @@ def _blocks(path: Path, group: Group, kept: list[Column], report: Report) -> Ite
     except _ERRORS as error:
         raise damaged(path, f"polars cannot read its rows from {start} on: {error}") from error
     for name in sorted(rounded):
-        report(Finding("not_exact", name, None, "holds integers beyond 2**53, which float64 rounds"))
+        report(rounded_integers(name))
 
 
 def _batches(table: polars.LazyFrame, rows: int) -> Iterator[polars.DataFrame]:

@@ -135,14 +135,14 @@ BUILT_IN = (
         "enDAQ IDE",
         (".ide",),
         lambda head: head.startswith(b"\x1aE\xdf\xa3") and b"mide" in head[:64].lower(),
-        _apart("testbench.readers.endaq_ide_worker", "ide"),
+        _apart("testbench.readers.endaq_ide", "ide"),
         needs("ide"),
     ),
     Reader(
         "LabVIEW LVM",
         (".lvm",),
         lambda head: head.removeprefix(b"\xef\xbb\xbf").startswith(b"LabVIEW Measurement"),
-        _by("testbench.readers.lvm.reader", "open_lvm"),
+        _by("testbench.readers.lvm", "open_lvm"),
     ),
     Reader(
         "MATLAB v5",

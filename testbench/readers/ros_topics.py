@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..recording import Block, Channel, Finding, Group, Samples, TimeColumn
+from ..recording import Block, Channel, Finding, Group, Report, Samples, TimeColumn
+from .format_findings import rounded_integers
 
 MOST_NUMBERS = 4096
 """A message of more numbers is a picture or a cloud of points, and no sample."""
@@ -121,17 +122,16 @@ class Topic:
         name = self.name if number == 1 else f"{self.name} part {number}"
         return Shape(Group(name, tuple(channels), clock), list(message.names), list(message.times))
 
-    def findings(self) -> Iterator[Finding]:
-        """What came to light while the messages were read."""
-        for shape in self.shapes.values():
-            for name in shape.rounded:
-                yield Finding("not_exact", name, None, "holds integers beyond 2**53, which float64 rounds")
-
-    def rest(self) -> Iterator[Block]:
-        """The rows that were not given yet."""
+    def remaining_blocks(self, report: Report) -> Iterator[Block]:
+        """The rows that were not given yet; then what was found in all messages is reported."""
         for shape in self.shapes.values():
             if shape.rows:
                 yield shape.block()
+            for name in shape.rounded:
+                report(rounded_integers(name))
+        if self.shapes and self.reason:
+            message = f"from some message on {self.name!r} is not kept: {self.reason}"
+            report(Finding("ragged_row", None, None, message))
 
 
 def from_json(raw: bytes) -> Message:

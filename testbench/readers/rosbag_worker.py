@@ -7,8 +7,8 @@ from typing import Any
 
 from rosbags import rosbag1
 
-from ..recording import Block, Finding, Recording, Refusal, Report
-from .byte_source import cut, damaged, refusing, watch_nonfinite
+from ..recording import Block, Finding, Recording, Report
+from .format_findings import cut, damaged, nothing_to_read, refusing, watch_nonfinite
 from .ros_messages import RosDecoder, message_fields
 from .ros_topics import Message, Topic, Unclear, Unreadable
 
@@ -27,7 +27,7 @@ def open_library(path: Path) -> Recording:
         types = {f"{c.topic}: type": str(c.msgtype) for c in bag.connections}
     groups = [shape.group for topic, _ in topics for shape in topic.shapes.values()]
     if not groups:
-        raise Refusal(path.name, next(iter(findings), Finding("no_data", None, None, "no message with numbers")))
+        raise nothing_to_read(path, findings, "no message with numbers")
     return Recording(
         path=path,
         format="ROS 1 bag",
@@ -93,11 +93,6 @@ def _blocks(path: Path, declared: int, report: Report) -> Iterator[Block]:
             if block is not None:
                 yield block
         for topic, _ in topics:
-            yield from topic.rest()
-            for finding in topic.findings():
-                report(finding)
-            if topic.shapes and topic.reason:
-                message = f"from some message on {topic.name!r} is not kept: {topic.reason}"
-                report(Finding("ragged_row", None, None, message))
+            yield from topic.remaining_blocks(report)
         if found != declared:
             report(Finding("count_contradiction", None, None, f"{declared} messages are indexed, {found} are there"))

@@ -1,24 +1,116 @@
-"""Reading in a process of its own, where a library may crash, hang or swallow memory on a damaged file.
+"""Reading in a process of its own, where a library may crash, hang or use all memory on a damaged file.
 
-The process opens the file, sends the header, waits, and sends the data when it is asked for them; whatever befalls it
-is a refusal of the file. Numbers and JSON go through the pipe (``subprocess_protocol``), never code.
+The process (``subprocess_worker``) opens the file, sends the header, waits, and sends the data when it is asked for
+them; whatever happens to it is a refusal of the file. Through the pipe go numbers and JSON, never code: a frame is two
+lengths, a JSON document, and columns of float64.
 """
 
+import json
 import os
 import signal
+import struct
 import subprocess
 import sys
 import threading
 import weakref
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
+
+import numpy as np
 
 from ..errors import RecordingError
-from ..recording import Block, Finding, Recording, Refusal, Report
-from . import subprocess_protocol as protocol
-from .byte_source import damaged
+from ..recording import (
+    Block,
+    Channel,
+    Clock,
+    Finding,
+    Group,
+    Recording,
+    Refusal,
+    Report,
+    Samples,
+    SensorRange,
+    TimeColumn,
+    UniformClock,
+)
+from .format_findings import damaged
+
+_HEAD = struct.Struct("<IQ")
+_LONGEST_DOCUMENT, _LONGEST_COLUMNS = 256 << 20, 2 << 30
+
+
+class Broken(Exception):
+    """The pipe ended, or brought something that is no frame."""
+
+
+def write_frame(stream: IO[bytes], document: Mapping[str, Any], columns: tuple[Samples, ...] = ()) -> None:
+    """Send a document and columns of one length."""
+    text = json.dumps(document).encode()
+    data = [np.ascontiguousarray(column, dtype=np.float64) for column in columns]
+    stream.write(_HEAD.pack(len(text), sum(column.nbytes for column in data)) + text)
+    for column in data:
+        stream.write(column.data)
+    stream.flush()
+
+
+def read_frame(stream: IO[bytes]) -> tuple[dict[str, Any], Samples]:
+    """The next document, and its columns one behind the other."""
+    text_length, data_length = _HEAD.unpack(_exactly(stream, _HEAD.size))
+    if text_length > _LONGEST_DOCUMENT or data_length > _LONGEST_COLUMNS or data_length % 8:
+        raise Broken(f"a frame of {text_length} and {data_length} bytes")
+    try:
+        document = json.loads(_exactly(stream, text_length))
+    except ValueError as error:
+        raise Broken(f"no JSON: {error}") from error
+    return document, np.frombuffer(_exactly(stream, data_length), dtype=np.float64)
+
+
+def _exactly(stream: IO[bytes], count: int) -> bytes:
+    data = stream.read(count)
+    if len(data) != count:
+        raise Broken("the pipe ended")
+    return data
+
+
+def group_as_dict(group: Group) -> dict[str, Any]:
+    """A group for the pipe."""
+    clock: dict[str, Any] | None = None
+    if isinstance(group.clock, UniformClock):
+        clock = {"rate_hz": group.clock.rate_hz, "start_s": group.clock.start_s}
+    elif group.clock is not None:
+        factor = group.clock.seconds_per_unit
+        clock = {"index": group.clock.index, "seconds_per_unit": factor, "assumed": group.clock.assumed}
+    return {
+        "name": group.name,
+        "channels": [[channel.name, channel.unit, channel.label] for channel in group.channels],
+        "clock": clock,
+    }
+
+
+def group_from_dict(document: Mapping[str, Any]) -> Group:
+    """A group from the pipe."""
+    clock: Clock | None = None
+    if (stated := document["clock"]) is not None:
+        clock = TimeColumn(**stated) if "index" in stated else UniformClock(**stated)
+    return Group(document["name"], tuple(Channel(*channel) for channel in document["channels"]), clock)
+
+
+def block_as_dict(block: Block) -> dict[str, Any]:
+    """All of a block but its columns."""
+    return {"group": block.group.name, "start": block.start, "columns": len(block.columns), "read": block.bytes_read}
+
+
+def finding_from_dict(stated: Mapping[str, Any]) -> Finding:
+    """A finding from the pipe."""
+    return Finding(stated["code"], stated["channel"], stated["where"], stated["message"])
+
+
+def range_from_list(stated: tuple[float, str, int | None]) -> SensorRange:
+    """A sensor range from the pipe."""
+    return SensorRange(*stated)
+
 
 PATIENCE_S = 60.0
 """Longest silence of the process, for a small file [s]."""
@@ -85,13 +177,13 @@ class Process:
         silent = threading.Timer(patience, self._process.kill)
         silent.start()
         try:
-            document, data = protocol.read_frame(self._stdout)
-        except protocol.Broken as error:
+            document, data = read_frame(self._stdout)
+        except Broken as error:
             raise self._died(patience, silent.finished.is_set()) from error
         finally:
             silent.cancel()
         if "refusal" in document:
-            raise Refusal(self._path.name, protocol.finding_from_dict(document["refusal"]))
+            raise Refusal(self._path.name, finding_from_dict(document["refusal"]))
         if "error" in document:
             raise RecordingError(document["error"])
         return document, data
@@ -147,15 +239,15 @@ def open_in_subprocess(path: Path, module: str, function: str = "open_library") 
     process = Process(path, module, function)
     header = process.header()
     _WAITING.keep(process)
-    groups = tuple(protocol.group_from_dict(group) for group in header["groups"])
+    groups = tuple(group_from_dict(group) for group in header["groups"])
 
     def read(report: Report) -> Iterator[Block]:
         known = {group.name: group for group in groups}
         for document, data in (_WAITING.take(process) or _anew(path, module, function)).data():
             if "finding" in document:
-                report(protocol.finding_from_dict(document["finding"]))
+                report(finding_from_dict(document["finding"]))
             elif "group" in document:
-                group = protocol.group_from_dict(document["group"])
+                group = group_from_dict(document["group"])
                 known[group.name] = group
             elif "block" in document:
                 block = document["block"]
@@ -172,9 +264,9 @@ def open_in_subprocess(path: Path, module: str, function: str = "open_library") 
         settings=header["settings"],
         metadata=header["metadata"],
         comments=tuple(header["comments"]),
-        ranges=tuple(protocol.range_from_list(each) for each in header["ranges"]),
+        ranges=tuple(range_from_list(each) for each in header["ranges"]),
         stated_rate_hz=header["stated_rate_hz"],
-        findings=tuple(protocol.finding_from_dict(finding) for finding in header["findings"]),
+        findings=tuple(finding_from_dict(finding) for finding in header["findings"]),
     )
     weakref.finalize(recording, _WAITING.end, process)
     return recording

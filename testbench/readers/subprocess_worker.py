@@ -11,7 +11,7 @@ from typing import IO
 from balance.errors import CounterpoiseError
 
 from ..recording import Finding, Recording, Refusal
-from . import subprocess_protocol as protocol
+from . import subprocess_reader as protocol
 
 MOST_MEMORY = 3 << 30
 """Memory that the process may take [bytes]; a library that asks for more fails, and not the machine."""

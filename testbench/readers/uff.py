@@ -1,16 +1,9 @@
-"""Reader of universal files: functions of one abscissa are channels of one group.
+"""Universal files (UFF, ``.unv``): datasets 58 and 58b, functions at nodes, and 55, data at nodes.
 
-Where the datasets of a universal file lie: each between two lines ``-1``.
-
-The header of dataset 58: a function at a node, of time, frequency or another abscissa.
-
-The numbers of a function in pieces: binary or text, evenly spaced or each with its abscissa.
-
-Dataset 55: data at nodes, such as mode shapes; one row a node.
-
-Universal files (UFF, ``.unv``): datasets 58 and 58b, functions at nodes, and 55, data at nodes.
-
-``index`` finds the datasets, ``function`` and ``nodal`` read their headers, ``values`` their numbers in pieces.
+A dataset lies between two lines ``-1``. Functions of one kind, abscissa and time of measurement are channels of one
+group; their numbers are text or binary, evenly spaced or each with its abscissa, read in pieces. Dataset 55, such as a
+mode shape, is a group with one row a node. Writers that declare another number of bytes than they wrote are read by
+the layout after which a closing line follows. Source: SDRC, Universal File Formats (https://www.ceas3.uc.edu/sdrluff).
 """
 
 import re
@@ -21,11 +14,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..recording import Block, Channel, Clock, Finding, Group, Recording, Refusal, Samples, TimeColumn
-from ..units import seconds_per
+from ..recording import Block, Channel, Finding, Group, Recording, Samples
 from . import header_claims
-from .byte_source import ByteSource, as_float64, block_samples, damaged, watch_nonfinite
-from .header_claims import by_step
+from .byte_source import ByteSource, as_float64, block_samples
+from .format_findings import damaged, nothing_to_read, watch_nonfinite
+from .header_claims import by_step, recorded_time
 from .registry import ReadOptions
 
 _DELIMITER = re.compile(rb"[ \t]*-1[ \t]*\r?\n?")
@@ -252,7 +245,7 @@ class Function:
 
     @property
     def axis_name(self) -> str:
-        """The abscissa's name."""
+        """Name of the abscissa, as labelled, else by its data type."""
         return self.abscissa.label or _AXES.get(self.abscissa.kind, "Abscissa")
 
 
@@ -295,10 +288,10 @@ def _parsed(lines: list[str], dataset: Dataset, offset: int) -> Function:
 
 
 def _axis(line: str) -> Axis:
-    return Axis(_integer(line[0:10]), _function_finding(line[26:46]), _function_finding(line[47:67]))
+    return Axis(_integer(line[0:10]), _stated_text(line[26:46]), _stated_text(line[47:67]))
 
 
-def _function_finding(text: str) -> str | None:
+def _stated_text(text: str) -> str | None:
     return None if text.strip() in ("", "NONE") else text.strip()
 
 
@@ -314,8 +307,8 @@ def per_sample(function: Function) -> int:
     return (not function.even) + 1 + function.is_complex
 
 
-def pieces(source: ByteSource, function: Function, samples: int) -> Iterator[NDArray[np.float64]]:
-    """The samples in pieces of ``samples``, each (numbers of a sample, n)."""
+def function_pieces(source: ByteSource, function: Function, samples: int) -> Iterator[NDArray[np.float64]]:
+    """The samples in pieces of ``samples``, each (p, n) [units of the function]: abscissa, real, imaginary part."""
     read = _binary if function.dataset.binary else _text
     yield from read(source, function, samples)
 
@@ -363,7 +356,7 @@ def _numbers(source: ByteSource, function: Function) -> Iterator[NDArray[np.floa
         whole = len(text) if offset == function.dataset.end else text.rfind(b"\n") + 1
         keep = text[whole:]
         try:
-            yield parsed(text[:whole], _widths(function))
+            yield parsed_numbers(text[:whole], _widths(function))
         except ValueError as error:
             raise damaged(source.path, f"function {function.name!r}: {error}") from error
 
@@ -377,8 +370,8 @@ def _widths(function: Function) -> tuple[int, ...]:
     return (13, 20, 20) if function.is_complex else (13, 20, 13, 20)
 
 
-def parsed(text: bytes, widths: tuple[int, ...]) -> NDArray[np.float64]:
-    """The numbers of a text: parted by blanks, or else by their widths where they touch one another."""
+def parsed_numbers(text: bytes, widths: tuple[int, ...]) -> NDArray[np.float64]:
+    """The numbers of a text (n,) [as written]: separated by blanks, or else by their ``widths`` where they touch."""
     text = text.replace(b"D", b"E").replace(b"d", b"e")
     try:
         return np.array(text.split(), dtype=np.bytes_).astype(np.float64)
@@ -401,15 +394,15 @@ _MOST_BYTES = 1 << 28
 
 
 @dataclass(frozen=True)
-class Nodal:
-    """The rows of one dataset 55, and what its header says."""
+class NodalData:
+    """The rows of one dataset 55, one a node, and the texts of its header."""
 
     group: Group
     columns: tuple[Samples, ...]
     metadata: dict[str, str]
 
 
-def parse_nodal(source: ByteSource, dataset: Dataset, name: str) -> Nodal:
+def parse_nodal_data(source: ByteSource, dataset: Dataset, name: str) -> NodalData:
     """The data at nodes that ``dataset`` holds."""
     if dataset.end - dataset.begin > _MOST_BYTES:
         raise damaged(source.path, f"dataset 55 at byte {dataset.begin} is larger than {_MOST_BYTES >> 20} MiB")
@@ -420,7 +413,7 @@ def parse_nodal(source: ByteSource, dataset: Dataset, name: str) -> Nodal:
         raise damaged(source.path, f"dataset 55 at byte {dataset.begin}: cannot be read ({error})") from error
 
 
-def _parsed_nodal(lines: list[str], name: str) -> Nodal:
+def _parsed_nodal(lines: list[str], name: str) -> NodalData:
     form = [int(text) for text in lines[5].split()]
     characteristic, kind, values = form[2], form[4], form[5]
     if kind not in (2, 5) or not 0 < values <= 1000:
@@ -433,7 +426,7 @@ def _parsed_nodal(lines: list[str], name: str) -> Nodal:
         raise ValueError(f"{len(data)} lines of data; expected {per_node + 1} a node")
     for i in range(0, len(data), per_node + 1):
         nodes.append(float(int(data[i].split()[0])))
-        row = parsed("\n".join(data[i + 1 : i + 1 + per_node]).encode("latin-1"), (13,) * 6)
+        row = parsed_numbers("\n".join(data[i + 1 : i + 1 + per_node]).encode("latin-1"), (13,) * 6)
         if len(row) != width:
             raise ValueError(f"node {nodes[-1]:g} has {len(row)} numbers, expected {width}")
         rows.append(row)
@@ -443,9 +436,9 @@ def _parsed_nodal(lines: list[str], name: str) -> Nodal:
     if kind == 5:
         labels = tuple(f"{label} ({part})" for label in labels for part in ("real", "imag"))
     group = Group(name, tuple(Channel(label) for label in ("node", *labels)))
-    said = {f"line {i + 1}": line.strip() for i, line in enumerate(lines[:5]) if line.strip() not in ("", "NONE")}
-    said["real values"] = " ".join(" ".join(lines[7:begin]).split())
-    return Nodal(group, (np.array(nodes), *table), said)
+    texts = {f"line {i + 1}": line.strip() for i, line in enumerate(lines[:5]) if line.strip() not in ("", "NONE")}
+    texts["real values"] = " ".join(" ".join(lines[7:begin]).split())
+    return NodalData(group, (np.array(nodes), *table), texts)
 
 
 def _first_node(lines: list[str]) -> int:
@@ -454,11 +447,11 @@ def _first_node(lines: list[str]) -> int:
     return 6 + -(-(2 + integers) // 8) + -(-reals // 6)
 
 
-_SAID = {151: "header", 164: "units"}
+_HEADERS = {151: "header", 164: "units"}
 
 
 @dataclass(frozen=True)
-class _Set:
+class _FunctionSet:
     """Functions of one abscissa and the group that they make."""
 
     group: Group
@@ -473,12 +466,11 @@ def open_uff(path: Path, options: ReadOptions) -> Recording:
         functions = [parse_function(source, d) for d in whole if d.kind == 58]
         functions = [f for f in functions if f.samples]
         sets = _sets(path.stem, functions)
-        shapes = [parse_nodal(source, d, f"{path.stem} dataset 55 {i}")
+        shapes = [parse_nodal_data(source, d, f"{path.stem} dataset 55 {i}")
                   for i, d in enumerate((d for d in whole if d.kind == 55), 1)]  # fmt: skip
         metadata = _metadata(source, whole, functions, shapes)
     if not sets and not shapes:
-        message = "holds no dataset 58, 58b or 55 with values"
-        raise Refusal(path.name, findings[0] if findings else Finding("no_data", None, None, message))
+        raise nothing_to_read(path, findings, "holds no dataset 58, 58b or 55 with values")
     groups = (*(s.group for s in sets), *(shape.group for shape in shapes))
     return Recording(
         path=path,
@@ -487,7 +479,7 @@ def open_uff(path: Path, options: ReadOptions) -> Recording:
         groups=groups,
         read=lambda report: watch_nonfinite(_blocks(path, sets, shapes), report),
         metadata=metadata,
-        findings=(*findings, *_said(functions), *_others(whole)),
+        findings=(*findings, *_header_findings(functions), *_left_out(whole)),
     )
 
 
@@ -502,7 +494,7 @@ def _whole(found: Sequence[Dataset]) -> tuple[list[Dataset], list[Finding]]:
     return whole, [Finding("cut_file", None, f"byte {last.begin}", message)]
 
 
-def _sets(stem: str, functions: Sequence[Function]) -> list[_Set]:
+def _sets(stem: str, functions: Sequence[Function]) -> list[_FunctionSet]:
     """Functions gathered by kind, abscissa and time of measurement; one with recorded abscissae stands alone."""
     gathered: dict[tuple[object, ...], list[Function]] = {}
     for i, f in enumerate(functions):
@@ -512,12 +504,12 @@ def _sets(stem: str, functions: Sequence[Function]) -> list[_Set]:
     sets = []
     for members in gathered.values():
         kind = NAMES.get(members[0].kind, f"Function {members[0].kind}")
-        name = stem if len(gathered) == 1 else _free(f"{stem} {kind}", taken)
-        sets.append(_Set(_group(name, members), tuple(members)))
+        name = stem if len(gathered) == 1 else _unused(f"{stem} {kind}", taken)
+        sets.append(_FunctionSet(_group(name, members), tuple(members)))
     return sets
 
 
-def _free(name: str, taken: set[str]) -> str:
+def _unused(name: str, taken: set[str]) -> str:
     numbered, n = name, 1
     while numbered in taken:
         n += 1
@@ -530,13 +522,12 @@ def _group(name: str, members: Sequence[Function]) -> Group:
     """The group of functions of one abscissa, which is a clock if it is of time, else a channel."""
     first = members[0]
     channels = [c for f in members for c in _channels(f)]
-    clock: Clock | None = None
+    clock = None
     axis = Channel(first.axis_name, first.abscissa.unit)
     if first.abscissa.kind == TIME:
-        factor = 1.0 if axis.unit is None else seconds_per(axis.unit)
-        if first.even and factor is not None:
+        clock = recorded_time(0, axis.unit)
+        if first.even and (factor := clock.seconds_per_unit) is not None:
             return Group(name, tuple(channels), by_step(first.step * factor, first.start * factor))
-        clock = TimeColumn(0, factor, assumed=axis.unit is None)
     return Group(name, (axis, *channels), clock)
 
 
@@ -546,19 +537,19 @@ def _channels(f: Function) -> list[Channel]:
     return [Channel(f"{f.name} ({part})", f.unit, f"{f.name} ({part})") for part in ("real", "imag")]
 
 
-def _blocks(path: Path, sets: Sequence[_Set], shapes: Sequence[Nodal]) -> Iterator[Block]:
+def _blocks(path: Path, sets: Sequence[_FunctionSet], shapes: Sequence[NodalData]) -> Iterator[Block]:
     with ByteSource(path) as source:
         for each in sets:
-            yield from _of_set(source, each)
+            yield from _set_blocks(source, each)
         for shape in shapes:
             if len(shape.columns[0]):
                 yield Block(shape.group, shape.columns, 0, bytes_read=source.size)
 
 
-def _of_set(source: ByteSource, each: _Set) -> Iterator[Block]:
+def _set_blocks(source: ByteSource, each: _FunctionSet) -> Iterator[Block]:
     """The samples of the functions of one group, side by side."""
     first, samples = each.functions[0], block_samples(len(each.group.channels))
-    readers = [pieces(source, f, samples) for f in each.functions]
+    readers = [function_pieces(source, f, samples) for f in each.functions]
     has_axis = len(each.group.channels) > sum(len(_channels(f)) for f in each.functions)
     start = 0
     for parts in zip(*readers, strict=True):
@@ -571,8 +562,8 @@ def _of_set(source: ByteSource, each: _Set) -> Iterator[Block]:
         start += len(columns[0])
 
 
-def _said(functions: Sequence[Function]) -> list[Finding]:
-    """What is odd in the headers."""
+def _header_findings(functions: Sequence[Function]) -> list[Finding]:
+    """Contradictions, doubles and rounded steps in the headers."""
     findings: list[Finding] = []
     by_dof: dict[tuple[object, ...], list[str]] = {}
     for f in functions:
@@ -585,13 +576,13 @@ def _said(functions: Sequence[Function]) -> list[Finding]:
     for (_, _, node, _), names in by_dof.items():
         if len(names) > 1 and isinstance(node, tuple) and node[1]:
             dof = next(f.dof for f in functions if f.node == node)
-            message = f"{dof} is that of {', '.join(names)}: tell them apart by name, not by node"
+            message = f"{dof} is that of {', '.join(names)}: identify them by name, not by node"
             findings.append(Finding("duplicate_dof", names[-1], None, message))
     return list(dict.fromkeys(findings))
 
 
-def _others(whole: Sequence[Dataset]) -> list[Finding]:
-    kinds = sorted({d.kind for d in whole} - {55, 58, *_SAID})
+def _left_out(whole: Sequence[Dataset]) -> list[Finding]:
+    kinds = sorted({d.kind for d in whole} - {55, 58, *_HEADERS})
     if not kinds:
         return []
     message = f"datasets of kind {', '.join(map(str, kinds))} hold no measured series; they are not kept"
@@ -599,19 +590,19 @@ def _others(whole: Sequence[Dataset]) -> list[Finding]:
 
 
 def _metadata(
-    source: ByteSource, whole: Sequence[Dataset], functions: Sequence[Function], shapes: Sequence[Nodal]
+    source: ByteSource, whole: Sequence[Dataset], functions: Sequence[Function], shapes: Sequence[NodalData]
 ) -> dict[str, str]:
     metadata: dict[str, str] = {}
     for dataset in whole:
-        if dataset.kind in _SAID:
+        if dataset.kind in _HEADERS:
             text = source.read(dataset.begin, min(2000, dataset.end - dataset.begin), "a header").decode("latin-1")
             lines = (" ".join(line.split()) for line in text.splitlines())
-            metadata[_SAID[dataset.kind]] = "; ".join(filter(None, lines))
+            metadata[_HEADERS[dataset.kind]] = "; ".join(filter(None, lines))
     for f in functions[:200]:
-        said = [text for text in f.ids[1:] if text not in ("", "NONE")]
+        ids = [text for text in f.ids[1:] if text not in ("", "NONE")]
         metadata[f"{f.name}: dof"] = f.dof if not f.reference[1] else f"{f.dof}, reference node {f.reference[1]}"
         metadata[f"{f.name}: quantity"] = f.ordinate.label or ""
-        metadata |= {f"{f.name}: id": "; ".join(said)} if said else {}
+        metadata |= {f"{f.name}: id": "; ".join(ids)} if ids else {}
     for shape in shapes[:200]:
         metadata |= {f"{shape.group.name}: {key}": text for key, text in shape.metadata.items()}
     return metadata

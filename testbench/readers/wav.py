@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 
-from ..recording import Block, Channel, Finding, Group, Recording, Refusal, Samples, UniformClock
-from .byte_source import ByteSource, as_float64, block_samples, damaged, watch_nonfinite
+from ..recording import Block, Channel, Finding, Group, Recording, Samples, UniformClock
+from .byte_source import ByteSource, as_float64, block_samples
+from .format_findings import damaged, nothing_to_read, watch_nonfinite
 from .registry import ReadOptions
 
 _FLOAT, _EXTENSIBLE, _UNKNOWN = 3, 0xFFFE, 0xFFFFFFFF
@@ -20,7 +21,7 @@ _MOST_CHUNKS, _LONGEST_TEXT = 10_000, 2000
 
 
 @dataclass(frozen=True)
-class _Form:
+class _SampleFormat:
     """Format of the samples: byte order, code, channels, frames a second, bytes of a frame, bits of a number."""
 
     order: str
@@ -45,10 +46,10 @@ class _Form:
 
 
 @dataclass(frozen=True)
-class _Sound:
+class _SampleChunk:
     """Where the samples lie, how many frames are there, and how many bytes are declared."""
 
-    form: _Form
+    form: _SampleFormat
     begin: int
     frames: int
     declared: int
@@ -58,11 +59,11 @@ class _Sound:
 def open_wav(path: Path, options: ReadOptions) -> Recording:
     """Read the chunks; the samples are read when asked for."""
     with ByteSource(path) as source:
-        sound = _sound(source)
-        findings = _length_findings(source, sound) or list(_behind(source, sound))
-    form = sound.form
-    if not sound.frames:
-        raise Refusal(path.name, next(iter(findings), Finding("no_data", None, None, "no sample in it")))
+        chunk = _sample_chunk(source)
+        findings = _length_findings(source, chunk) or list(_findings_behind(source, chunk))
+    form = chunk.form
+    if not chunk.frames:
+        raise nothing_to_read(path, findings, "no sample in it")
     channels = tuple(Channel(f"channel {i}") for i in range(1, form.channels + 1))
     group = Group(path.stem, channels, UniformClock(float(form.rate_hz)) if form.rate_hz else None)
     return Recording(
@@ -70,14 +71,14 @@ def open_wav(path: Path, options: ReadOptions) -> Recording:
         format="WAV",
         reader=__name__,
         groups=(group,),
-        read=lambda report: watch_nonfinite(_blocks(path, sound, group), report),
+        read=lambda report: watch_nonfinite(_blocks(path, chunk, group), report),
         settings={"numbers": f"{'float' if form.code == _FLOAT else 'integer'}, {form.bits} bits"},
-        metadata=sound.texts,
+        metadata=chunk.texts,
         findings=tuple(findings),
     )
 
 
-def _sound(source: ByteSource) -> _Sound:
+def _sample_chunk(source: ByteSource) -> _SampleChunk:
     order = ">" if source.read(0, 4, "the name of the format") == b"RIFX" else "<"
     form, at, texts, long_size = None, 12, dict[str, str](), None
     for _ in range(_MOST_CHUNKS):
@@ -87,7 +88,7 @@ def _sound(source: ByteSource) -> _Sound:
         if name == b"ds64":
             (long_size,) = struct.unpack("<8xQ", source.read(at + 8, 16, "the long sizes"))
         elif name == b"fmt ":
-            form = _form(source, source.read(at + 8, min(size, 40), "the format"), order)
+            form = _sample_format(source, source.read(at + 8, min(size, 40), "the format"), order)
         elif name == b"data":
             if form is None:
                 raise damaged(source.path, "its samples come before their format")
@@ -95,21 +96,21 @@ def _sound(source: ByteSource) -> _Sound:
             there = source.size - at - 8
             if size not in (0, _UNKNOWN):
                 there = min(size, there)
-            return _Sound(form, at + 8, there // form.frame, size, texts)
+            return _SampleChunk(form, at + 8, there // form.frame, size, texts)
         elif name == b"LIST":
             texts |= _texts(source.read(at + 8, min(size, source.size - at - 8, 1 << 16), "texts"), order)
         at += 8 + size + size % 2
     raise damaged(source.path, f"no chunk of samples up to byte {min(at, source.size)}")
 
 
-def _form(source: ByteSource, raw: bytes, order: str) -> _Form:
+def _sample_format(source: ByteSource, raw: bytes, order: str) -> _SampleFormat:
     """The format, if scipy decodes it."""
     if len(raw) < 16:
         raise damaged(source.path, f"a format of {len(raw)} bytes")
     code, channels, rate, _, frame, bits = struct.unpack_from(f"{order}HHIIHH", raw)
     if code == _EXTENSIBLE and len(raw) >= 26:
         (code,) = struct.unpack_from(f"{order}H", raw, 24)
-    form = _Form(order, code, channels, rate, frame, bits)
+    form = _SampleFormat(order, code, channels, rate, frame, bits)
     try:
         if not channels or frame % channels or not 0 < bits <= 8 * frame // channels:
             raise ValueError("its frames are no whole numbers of samples")
@@ -131,32 +132,32 @@ def _texts(raw: bytes, order: str) -> dict[str, str]:
     return found
 
 
-def _length_findings(source: ByteSource, sound: _Sound) -> list[Finding]:
-    there = source.size - sound.begin
-    if sound.declared == _UNKNOWN or (sound.declared == 0 and there >= sound.form.frame):
-        message = f"the length of its samples was never written; {there // sound.form.frame} frames are there"
+def _length_findings(source: ByteSource, chunk: _SampleChunk) -> list[Finding]:
+    there = source.size - chunk.begin
+    if chunk.declared == _UNKNOWN or (chunk.declared == 0 and there >= chunk.form.frame):
+        message = f"the length of its samples was never written; {there // chunk.form.frame} frames are there"
         return [Finding("cut_file", None, None, message)]
-    declared = sound.declared // sound.form.frame
-    if sound.declared > there:
-        message = f"{declared} frames are declared, {sound.frames} whole ones are there"
+    declared = chunk.declared // chunk.form.frame
+    if chunk.declared > there:
+        message = f"{declared} frames are declared, {chunk.frames} whole ones are there"
         return [Finding("cut_file", None, None, message)]
-    if sound.declared % sound.form.frame:
-        message = f"{sound.declared} bytes are declared, which are {declared} frames and a part of one"
+    if chunk.declared % chunk.form.frame:
+        message = f"{chunk.declared} bytes are declared, which are {declared} frames and a part of one"
         return [Finding("count_contradiction", None, None, message)]
     return []
 
 
-def _behind(source: ByteSource, sound: _Sound) -> Iterator[Finding]:
+def _findings_behind(source: ByteSource, chunk: _SampleChunk) -> Iterator[Finding]:
     """More samples behind those that are declared, as a second chunk or as nothing that is a chunk at all."""
-    at = sound.begin + sound.declared
-    at += sound.declared % 2 if not _is_name(source, at) else 0
+    at = chunk.begin + chunk.declared
+    at += chunk.declared % 2 if not _is_name(source, at) else 0
     for _ in range(_MOST_CHUNKS):
         if at + 8 > source.size:
             return
-        name, size = struct.unpack(f"{sound.form.order}4sI", source.read(at, 8, "a chunk"))
+        name, size = struct.unpack(f"{chunk.form.order}4sI", source.read(at, 8, "a chunk"))
         if name == b"data" or not _is_name(source, at):
             more = "a second chunk of samples" if name == b"data" else "more samples than declared, it seems"
-            message = f"{source.size - at} bytes behind the {sound.frames} frames declared: {more}; they are not read"
+            message = f"{source.size - at} bytes behind the {chunk.frames} frames declared: {more}; they are not read"
             yield Finding("count_contradiction", None, f"byte {at}", message)
             return
         at += 8 + size + size % 2
@@ -167,11 +168,11 @@ def _is_name(source: ByteSource, at: int) -> bool:
     return at + 8 <= source.size and all(32 <= letter < 127 for letter in source.read(at, 4, "a name"))
 
 
-def _blocks(path: Path, sound: _Sound, group: Group) -> Iterator[Block]:
-    step = block_samples(sound.form.channels)
+def _blocks(path: Path, chunk: _SampleChunk, group: Group) -> Iterator[Block]:
+    step = block_samples(chunk.form.channels)
     with ByteSource(path) as source:
-        for start in range(0, sound.frames, step):
-            count = min(step, sound.frames - start)
-            begin = sound.begin + start * sound.form.frame
-            raw = source.read(begin, count * sound.form.frame, "samples")
-            yield Block(group, sound.form.columns(raw), start, None, begin + len(raw))
+        for start in range(0, chunk.frames, step):
+            count = min(step, chunk.frames - start)
+            begin = chunk.begin + start * chunk.form.frame
+            raw = source.read(begin, count * chunk.form.frame, "samples")
+            yield Block(group, chunk.form.columns(raw), start, None, begin + len(raw))

@@ -20,4 +20,4 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module
 
-    return getattr(import_module(".recorded", __name__), name)
+    return getattr(import_module(".simulated_logs", __name__), name)

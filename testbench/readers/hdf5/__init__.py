@@ -1,5 +1,5 @@
 """HDF5 of other people: plain, NeXus, netCDF 4, MATLAB 7.3; read in a process of its own.
 
-``walk`` goes through the objects without following what leads elsewhere; ``judge`` says of a dataset whether it can be
-read and why not; ``arrays`` makes series of it; ``matlab`` knows MATLAB's ways; ``library`` puts it together.
+``safe_walk`` goes through the objects without following what leads elsewhere, and refuses datasets that cannot be read
+safely; ``datasets`` makes series of samples of them; ``worker`` puts a recording together, and knows MATLAB's ways.
 """

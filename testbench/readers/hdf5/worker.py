@@ -3,7 +3,7 @@
 MATLAB 7.3 in HDF5: structures are groups, texts are numbers, cells are references, arrays lie turned round.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -14,7 +14,7 @@ import numpy as np
 
 from ...recording import Block, Finding, Recording, Refusal
 from ..array_grouping import Gathering, Series, gather
-from ..byte_source import damaged, watch_nonfinite
+from ..format_findings import damaged, is_beyond_exact, names_listed, nothing_to_read, rounded_integers, watch_nonfinite
 from . import datasets, safe_walk
 from .datasets import Said
 from .safe_walk import TooMuch, Walk, plain
@@ -68,7 +68,6 @@ def turned(name: str) -> str:
     return f"{base}{where}{part}"
 
 
-_EXACT = 2.0**53
 _OPEN_AT_ONCE = 256
 """Datasets that are kept open while they are read, each with HDF5's cache of a mebibyte."""
 
@@ -93,13 +92,10 @@ def open_library(path: Path) -> Recording:
         found, result = _understood(h5py.File(path, "r"), path)
     if not result.groups:
         grave = [finding for finding in found.findings if finding.severity > 0]
-        others = f"; it holds {_listed(found.others)}" if found.others else ""
-        raise Refusal(
-            path.name, next(iter(grave), Finding("no_data", None, None, f"no array of numbers in it{others}"))
-        )
+        others = f"; it holds {names_listed(found.others)}" if found.others else ""
+        raise nothing_to_read(path, grave, f"no array of numbers in it{others}")
     if found.others:
-        listed = _listed(found.others)
-        found.findings.append(Finding("left_out", None, None, f"no series of numbers: {listed}"))
+        found.findings.append(Finding("left_out", None, None, f"no series of numbers: {names_listed(found.others)}"))
     return Recording(
         path=path,
         format="MATLAB v7.3" if found.is_matlab else "HDF5",
@@ -110,10 +106,6 @@ def open_library(path: Path) -> Recording:
         stated_rate_hz=result.stated_rate_hz,
         findings=tuple(found.findings),
     )
-
-
-def _listed(others: Sequence[str]) -> str:
-    return ", ".join(others[:10]) + (" and more" if len(others) > 10 else "")
 
 
 def _blocks(path: Path, gathering: Gathering) -> Iterator[Block]:
@@ -195,8 +187,7 @@ def _keep(path: str, dataset: h5py.Dataset, said: Mapping[str, datasets.Said], s
         message = f"{listed} stands for no value ({'_FillValue' if '_FillValue' in said else 'missing_value'}): NaN"
         found.findings.append(Finding("invalid_samples", series.channels[0].name, path, message))
     if dataset.dtype.kind in "iu" and dataset.dtype.itemsize == 8 and _is_beyond_exact(series):
-        message = "holds integers beyond 2**53, which float64 rounds"
-        found.findings.append(Finding("not_exact", series.channels[0].name, path, message))
+        found.findings.append(rounded_integers(series.channels[0].name, path))
     for key, value in said.items():
         if not key.isupper() and not key.startswith(("_", "MATLAB")):
             found.metadata[f"{path.strip('/')}: {key}"] = str(value)
@@ -208,7 +199,7 @@ def _keep(path: str, dataset: h5py.Dataset, said: Mapping[str, datasets.Said], s
 def _is_beyond_exact(series: Series) -> bool:
     step = 1 << 20
     return any(
-        (np.abs(column) >= _EXACT).any()
+        is_beyond_exact(column)
         for begin in range(0, series.length, step)
         for column in series.block(begin, min(begin + step, series.length))
     )

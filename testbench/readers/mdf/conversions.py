@@ -1,4 +1,7 @@
-"""Laws of conversion from raw numbers to physical values, and formulas as text, which are never evaluated as code."""
+"""Conversions from raw numbers to physical values: the laws of MDF 3 and 4.
+
+Formulas are text of the file: parsed to arithmetic of the raw number, and never evaluated as code.
+"""
 
 import ast
 import operator
@@ -8,7 +11,9 @@ from typing import Any
 import numpy as np
 
 from ...recording import Samples
-from .data_model import Law
+
+Conversion = Callable[[Samples], Samples]
+"""Physical values (n,) [unit of the channel] of raw numbers (n,) [-]."""
 
 _OPERATORS: dict[type, Callable[..., Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
@@ -22,31 +27,31 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
 _LONGEST_FORMULA = 1000
 
 
-def linear(offset: float, factor: float) -> Law | None:
+def linear(offset: float, factor: float) -> Conversion | None:
     """y = factor * x + offset."""
     if (offset, factor) == (0.0, 1.0):
         return None
     return lambda x: x * factor + offset if offset else x * factor
 
 
-def rational(p: Sequence[float]) -> Law:
+def rational(p: Sequence[float]) -> Conversion:
     """y = (p0 x^2 + p1 x + p2) / (p3 x^2 + p4 x + p5)."""
     return lambda x: (p[0] * x**2 + p[1] * x + p[2]) / (p[3] * x**2 + p[4] * x + p[5])
 
 
-def polynomial(p: Sequence[float]) -> Law:
+def polynomial(p: Sequence[float]) -> Conversion:
     """y = (p1 - p3 (x - p4 - p5)) / (p2 (x - p4 - p5) - p0), numbered from 0, of version 3."""
     return lambda x: (p[1] - p[3] * (x - p[4] - p[5])) / (p[2] * (x - p[4] - p[5]) - p[0])
 
 
-def logarithmic(p: Sequence[float], inner: Any) -> Law:  # noqa: ANN401
+def logarithmic(p: Sequence[float], inner: Any) -> Conversion:  # noqa: ANN401
     """The exponential and logarithmic laws of version 3: ``inner`` is the logarithm or the exponential."""
     if p[3] == 0:
         return lambda x: inner(((x - p[6]) * p[5] - p[2]) / p[0]) / p[1]
     return lambda x: inner((p[2] / (x - p[6]) - p[5]) / p[3]) / p[4]
 
 
-def table(raw: Sequence[float], physical: Sequence[float], interpolate: bool) -> Law:
+def table(raw: Sequence[float], physical: Sequence[float], interpolate: bool) -> Conversion:
     """Values between pairs: on the line between them, or of the nearest pair, the lower one half-way."""
     order = np.argsort(raw, kind="stable")
     x0, y0 = np.asarray(raw, dtype=np.float64)[order], np.asarray(physical, dtype=np.float64)[order]
@@ -58,19 +63,19 @@ def table(raw: Sequence[float], physical: Sequence[float], interpolate: bool) ->
 
 def ranges(
     lower: Sequence[float], upper: Sequence[float], physical: Sequence[float], otherwise: float, ends_belong: bool
-) -> Law:
+) -> Conversion:
     """The value of the first range that holds the number; the upper end belongs to it for integers only."""
 
-    def law(x: Samples) -> Samples:
+    def conversion(x: Samples) -> Samples:
         y = np.full(len(x), otherwise)
         for low, high, value in reversed(list(zip(lower, upper, physical, strict=True))):
             y[(x >= low) & ((x <= high) if ends_belong else (x < high) | (x == low))] = value
         return y
 
-    return law
+    return conversion
 
 
-def formula(text: str) -> Law:
+def formula(text: str) -> Conversion:
     """A formula of X with the four operations, powers and the usual functions; ValueError for anything else."""
     if len(text) > _LONGEST_FORMULA:
         raise ValueError(f"a formula of {len(text)} letters")

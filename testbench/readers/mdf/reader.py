@@ -1,6 +1,7 @@
-"""Channel groups whose time lies in another one (remote master, column storage): read side by side, as one group.
+"""Reader of ASAM MDF 3 and 4: each channel group is a group, with its own time.
 
-Reader of ASAM MDF 3 and 4: each channel group is a group, with its own time.
+Channel groups whose time lies in another one (remote master, as where each channel is stored on its own) are read in
+step with it, as one group.
 """
 
 import struct
@@ -11,20 +12,39 @@ from pathlib import Path
 
 import numpy as np
 
-from ...recording import Block, Channel, Finding, Group, Recording, Refusal, Report, Samples, TimeColumn
-from ...units import seconds_per
-from ..byte_source import ByteSource, block_samples, damaged, watch_nonfinite
+from ...recording import Block, Channel, Finding, Group, Recording, Report, Samples, TimeColumn
+from ..byte_source import ByteSource, block_samples
+from ..format_findings import (
+    damaged,
+    is_beyond_exact,
+    names_listed,
+    nothing_to_read,
+    rounded_integers,
+    text_channel,
+    watch_nonfinite,
+)
+from ..header_claims import recorded_time
 from ..registry import ReadOptions
-from .data_model import DataGroup, File, Member, Records
-from .records import Bytes, Torn, column, invalid, may_be_rounded, record_parts
+from .records import (
+    Bytes,
+    DataGroup,
+    File,
+    Member,
+    Records,
+    UnknownIdentifier,
+    invalid_samples,
+    may_be_rounded,
+    physical_values,
+    record_parts,
+)
 from .version3 import read_version3
 from .version4 import read_version4
 
-_NONE: Bytes = np.empty((0, 0), dtype=np.uint8)
+_NO_ROWS: Bytes = np.empty((0, 0), dtype=np.uint8)
 
 
 @dataclass(frozen=True)
-class Columns:
+class ColumnSet:
     """Records of one group, each in its own stream; the first hold the time."""
 
     streams: tuple[tuple[DataGroup, Records], ...]
@@ -45,21 +65,21 @@ class Columns:
         return {records.declared for _, records in self.streams}
 
     def rows(self) -> Iterator[list[Bytes]]:
-        """Successive records of all streams, as many of each; what one has more than another is left."""
+        """Successive records of all streams, as many of each; what one has more than another is dropped."""
         pieces = [_rows(group) for group, _ in self.streams]
-        waiting = [next(piece, _NONE) for piece in pieces]
+        waiting = [next(piece, _NO_ROWS) for piece in pieces]
         while count := min(map(len, waiting)):
             yield [rows[:count] for rows in waiting]
             rest = [rows[count:] for rows in waiting]
-            waiting = [rows if len(rows) else next(piece, _NONE) for rows, piece in zip(rest, pieces, strict=True)]
+            waiting = [rows if len(rows) else next(piece, _NO_ROWS) for rows, piece in zip(rest, pieces, strict=True)]
 
 
 def _rows(group: DataGroup) -> Iterator[Bytes]:
     return (part.rows for part in record_parts(group) if len(part.rows))
 
 
-def joined(file: File) -> tuple[list[Columns], str]:
-    """The groups of a file that are stored by column; a name whose master is not there, if there is one."""
+def column_sets(file: File) -> tuple[list[ColumnSet], str]:
+    """The groups of a file that are stored by column; the name of one whose time is not there, if there is one."""
     every = [(group, records) for group in file.groups for records in group.records]
     by_address = {records.address: (group, records) for group, records in every}
     followers: dict[int, list[tuple[DataGroup, Records]]] = {}
@@ -69,25 +89,24 @@ def joined(file: File) -> tuple[list[Columns], str]:
     found = []
     for address, members in followers.items():
         master = by_address.get(address)
-        if master is None or master[1].master or not _alone([master, *members]):
+        if master is None or master[1].master or not _are_unmixed([master, *members]):
             return [], members[0][1].name or "without a name"
-        found.append(Columns((master, *members)))
+        found.append(ColumnSet((master, *members)))
     return found, ""
 
 
-def _alone(streams: Sequence[tuple[DataGroup, Records]]) -> bool:
+def _are_unmixed(streams: Sequence[tuple[DataGroup, Records]]) -> bool:
     """Whether each stream holds records of one kind."""
     return all(not group.identifier_size and len(group.records) == 1 for group, _ in streams)
 
 
 _MARKS = (b"MDF     ", b"UnFinMF ")
 _MOST_VIRTUAL = 100_000_000
-_EXACT = 2.0**53
 
 
 @dataclass
-class _Seen:
-    """What comes to light of channels, by name, while their samples are read."""
+class _Odd:
+    """Samples that are marked as invalid, and channels that float64 rounds, by name, as they are met in reading."""
 
     invalid: Counter[str] = field(default_factory=Counter)
     rounded: dict[str, None] = field(default_factory=dict)
@@ -97,7 +116,7 @@ class _Seen:
             message = f"{number} samples are marked as invalid in the file: NaN"
             yield Finding("invalid_samples", name, None, message)
         for name in self.rounded:
-            yield Finding("not_exact", name, None, "holds integers beyond 2**53, which float64 rounds")
+            yield rounded_integers(name)
 
 
 def open_mdf(path: Path, options: ReadOptions) -> Recording:
@@ -107,16 +126,16 @@ def open_mdf(path: Path, options: ReadOptions) -> Recording:
         (version,) = struct.unpack_from("<H", head, 28)
         unfinished = head[:8] == _MARKS[1]
         file = (read_version4 if version >= 400 else read_version3)(source, unfinished)
-    sets, lost = joined(file)
+    sets, lost = column_sets(file)
     if lost:
-        raise damaged(path, f"channel group {lost!r}: its time lies in another group, which cannot be read beside it")
+        raise damaged(path, f"channel group {lost!r}: its time lies in another group, which cannot be read with it")
     groups = _groups(path.stem, file, sets, unfinished)
-    findings = [*file.findings, *_said(file, groups, sets)]
+    findings = [*file.findings, *_header_findings(file, groups, sets)]
     if unfinished:
         message = "its writer never finished the file: what was in memory then is lost"
         findings.insert(0, Finding("cut_file", None, None, message))
     if not groups:
-        raise Refusal(path.name, next(iter(findings), Finding("no_data", None, None, "no channel has samples")))
+        raise nothing_to_read(path, findings, "no channel has samples")
     return Recording(
         path=path,
         format="ASAM MDF",
@@ -129,7 +148,7 @@ def open_mdf(path: Path, options: ReadOptions) -> Recording:
     )
 
 
-def _groups(stem: str, file: File, sets: Sequence[Columns], unfinished: bool) -> dict[int, Group]:
+def _groups(stem: str, file: File, sets: Sequence[ColumnSet], unfinished: bool) -> dict[int, Group]:
     """A group for each kind of records that has channels and samples; the key is that of its records.
 
     Records stored by column are one group together, whose key is that of the records with their time.
@@ -145,12 +164,12 @@ def _groups(stem: str, file: File, sets: Sequence[Columns], unfinished: bool) ->
         name = records.name or (stem if names[records.name] == 1 else f"{stem} group")
         if names[records.name] > 1:
             name = f"{name} {numbers[records.name]}"
-        held = members.get(id(records), records.members)
-        groups[id(records)] = Group(name, tuple(Channel(m.name, m.unit) for m in held), _clock(held))
+        own = members.get(id(records), records.members)
+        groups[id(records)] = Group(name, tuple(Channel(m.name, m.unit) for m in own), _clock(own))
     return groups
 
 
-def _followers(sets: Sequence[Columns]) -> set[int]:
+def _followers(sets: Sequence[ColumnSet]) -> set[int]:
     """Keys of the records whose time lies in others."""
     return {id(records) for one in sets for _, records in one.streams[1:]}
 
@@ -164,17 +183,17 @@ def _has_samples(group: DataGroup, records: Records, unfinished: bool) -> bool:
 def _clock(members: Sequence[Member]) -> TimeColumn | None:
     for i, member in enumerate(members):
         if member.is_time:
-            return TimeColumn(i, seconds_per(member.unit) if member.unit else 1.0, assumed=member.unit is None)
+            return recorded_time(i, member.unit)
     return None
 
 
 def _blocks(
-    path: Path, file: File, sets: Sequence[Columns], groups: Mapping[int, Group], unfinished: bool, report: Report
+    path: Path, file: File, sets: Sequence[ColumnSet], groups: Mapping[int, Group], unfinished: bool, report: Report
 ) -> Iterator[Block]:
-    seen = _Seen()
+    odd = _Odd()
     by_column = _followers(sets) | {id(one.first) for one in sets}
     for one in sets:
-        yield from _side_by_side(one, groups, seen, report)
+        yield from _set_blocks(one, groups, odd, report)
     for data in file.groups:
         if any(id(records) in by_column for records in data.records):
             continue
@@ -182,19 +201,19 @@ def _blocks(
         try:
             for part in record_parts(data):
                 if (group := groups.get(id(part.records))) is not None:
-                    yield from _of_part(part.records, part.rows, group, done, seen)
-        except Torn as error:
+                    yield from _part_blocks(part.records, part.rows, group, done, odd)
+        except UnknownIdentifier as error:
             raise damaged(path, str(error)) from error
         for records in data.records:
             declared, found = records.declared, done[id(records)]
             if data.identifier_size and id(records) in groups and found != declared and not unfinished:
                 message = f"group {groups[id(records)].name!r} declares {declared} samples, {found} are there"
                 report(Finding("count_contradiction", None, None, message))
-    for finding in seen.findings():
+    for finding in odd.findings():
         report(finding)
 
 
-def _side_by_side(one: Columns, groups: Mapping[int, Group], seen: _Seen, report: Report) -> Iterator[Block]:
+def _set_blocks(one: ColumnSet, groups: Mapping[int, Group], odd: _Odd, report: Report) -> Iterator[Block]:
     """Records of several streams as blocks of one group."""
     if (group := groups.get(id(one.first))) is None:
         return
@@ -204,7 +223,7 @@ def _side_by_side(one: Columns, groups: Mapping[int, Group], seen: _Seen, report
         for begin in range(0, len(rows[0]), step):
             columns: list[Samples] = []
             for (_, records), piece in zip(one.streams, rows, strict=True):
-                columns += _columns(records, piece[begin : begin + step], start, seen)
+                columns += _columns(records, piece[begin : begin + step], start, odd)
             yield Block(group, tuple(columns), start)
             start += len(columns[0])
     if one.declared != {start}:
@@ -213,40 +232,37 @@ def _side_by_side(one: Columns, groups: Mapping[int, Group], seen: _Seen, report
         report(Finding("count_contradiction", None, None, message))
 
 
-def _of_part(records: Records, rows: Bytes, group: Group, done: Counter[int], seen: _Seen) -> Iterator[Block]:
+def _part_blocks(records: Records, rows: Bytes, group: Group, done: Counter[int], odd: _Odd) -> Iterator[Block]:
     """Records as blocks of bounded size."""
     step = block_samples(len(group.channels))
     for begin in range(0, len(rows), step):
         piece, first = rows[begin : begin + step], done[id(records)]
-        yield Block(group, tuple(_columns(records, piece, first, seen)), first)
+        yield Block(group, tuple(_columns(records, piece, first, odd)), first)
         done[id(records)] += len(piece)
 
 
-def _columns(records: Records, rows: Bytes, first: int, seen: _Seen) -> Iterator[Samples]:
+def _columns(records: Records, rows: Bytes, first: int, odd: _Odd) -> Iterator[Samples]:
     """The channels of records, of which the first has the number ``first``."""
     for member in records.members:
-        values = column(member, rows, first)
-        if (bad := invalid(member, rows, records)) is not None and bad.any():
+        values = physical_values(member, rows, first)
+        if (bad := invalid_samples(member, rows, records)) is not None and bad.any():
             values = np.where(bad, np.nan, values)
-            seen.invalid[member.name] += int(bad.sum())
-        if may_be_rounded(member) and (np.abs(values) >= _EXACT).any():
-            seen.rounded[member.name] = None
+            odd.invalid[member.name] += int(bad.sum())
+        if may_be_rounded(member) and is_beyond_exact(values):
+            odd.rounded[member.name] = None
         yield values
 
 
-def _said(file: File, groups: Mapping[int, Group], sets: Sequence[Columns]) -> list[Finding]:
+def _header_findings(file: File, groups: Mapping[int, Group], sets: Sequence[ColumnSet]) -> list[Finding]:
     findings = []
     if file.converted:
-        message = f"raw numbers of {file.converted} channels were made physical by the laws in the file"
+        message = f"raw numbers of {file.converted} channels were made physical by the conversions in the file"
         findings.append(Finding("calibration_applied", None, None, message))
-    for name in dict.fromkeys(file.texts):
-        findings.append(Finding("text_channel", name, None, "holds text, not numbers; it is not kept"))
+    findings += map(text_channel, dict.fromkeys(file.texts))
     if file.left_out:
-        listed = ", ".join(file.left_out[:10]) + (" and more" if len(file.left_out) > 10 else "")
-        findings.append(Finding("left_out", None, None, f"no series of numbers: {listed}"))
+        findings.append(Finding("left_out", None, None, f"no series of numbers: {names_listed(file.left_out)}"))
     known = groups.keys() | _followers(sets)
     empty = [r.name or "without a name" for g in file.groups for r in g.records if r.members and id(r) not in known]
     if empty:
-        listed = ", ".join(empty[:10]) + (" and more" if len(empty) > 10 else "")
-        findings.append(Finding("empty_group", None, None, f"no sample in {len(empty)} groups: {listed}"))
+        findings.append(Finding("empty_group", None, None, f"no sample in {len(empty)} groups: {names_listed(empty)}"))
     return findings

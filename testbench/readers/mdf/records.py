@@ -1,44 +1,109 @@
-"""Samples that are stored by column (list LD): the bytes of one channel, its invalidation bits apart.
+"""What both versions of MDF come to: data groups of records, channels in records, conversions to physical values.
 
-The numbers of a channel from records that lie one behind the other.
-
-Records of each group from the bytes of their data group: of one kind, or of several by their identifiers.
+A data group is a stream of bytes. It holds records of one kind, or of several, each after its identifier (an unsorted
+file). A channel is a run of bits of each record: gathered from its bytes, shifted, masked, its sign extended.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...recording import Samples
-from ..byte_source import BLOCK_BYTES, ByteSource, damaged
-from .data_model import DataGroup, Member, Records
-from .version4_blocks import Stored, unpacked
+from ...recording import Finding, Samples
+from ..byte_source import BLOCK_BYTES
+from .conversions import Conversion
+
+Pieces = Callable[[], Iterator[bytes]]
+
+
+@dataclass(frozen=True)
+class Member:
+    """A channel: where its bits lie in a record, and the conversion that makes its number physical.
+
+    ``kind``: unsigned, signed or floating-point number, or ``index``, the number of the record. ``invalid_bit`` is
+    the bit behind the record's data that marks a sample as invalid, -1 for always; None if there is none.
+    """
+
+    name: str
+    unit: str | None
+    kind: Literal["u", "i", "f", "index"]
+    order: Literal["<", ">"]
+    byte: int
+    bit: int
+    bits: int
+    conversion: Conversion | None = None
+    is_time: bool = False
+    invalid_bit: int | None = None
+
+
+@dataclass(frozen=True)
+class Records:
+    """Records of one kind: their size without identifier [bytes], the size of their data, how many are declared.
+
+    ``size`` is None for texts of varying length, which are passed over. ``master`` is the address of the records that
+    hold their time, 0 if they do themselves.
+    """
+
+    name: str
+    identifier: int
+    size: int | None
+    data: int
+    declared: int | None
+    members: tuple[Member, ...]
+    address: int = 0
+    master: int = 0
+
+
+@dataclass(frozen=True)
+class DataGroup:
+    """Records in one stream of bytes, each after its identifier (and before it again: ``trailing``) if it has one."""
+
+    identifier_size: int
+    trailing: bool
+    order: Literal["<", ">"]
+    records: tuple[Records, ...]
+    pieces: Pieces
+    bytes: int
+
+
+@dataclass
+class File:
+    """All that a file declares."""
+
+    version: str
+    groups: list[DataGroup] = field(default_factory=list)
+    metadata: dict[str, str] = field(default_factory=dict)
+    findings: list[Finding] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+    texts: list[str] = field(default_factory=list)
+    converted: int = 0
+    """Channels with a conversion."""
+
 
 Bytes = NDArray[np.uint8]
 _ROUND = (8, 16, 32, 64)
 _BITS_OF_FLOAT = 53
 
 
-def column(member: Member, rows: Bytes, first: int) -> Samples:
-    """Physical values of ``member`` in ``rows`` (n, size of a record), of which the first has the number ``first``."""
+def physical_values(member: Member, rows: Bytes, first: int) -> Samples:
+    """Physical values (n,) [unit of the channel] of ``member`` in ``rows`` (n, size); the first is record ``first``."""
     with np.errstate(all="ignore"):
-        values = raw(member, rows, first)
-        return values if member.law is None else np.asarray(member.law(values), dtype=np.float64)
+        values = raw_values(member, rows, first)
+        return values if member.conversion is None else np.asarray(member.conversion(values), dtype=np.float64)
 
 
-def raw(member: Member, rows: Bytes, first: int) -> Samples:
-    """Raw numbers as float64."""
+def raw_values(member: Member, rows: Bytes, first: int) -> Samples:
+    """Raw numbers (n,) [-] of ``member`` in ``rows`` (n, size) as float64; the first is record ``first``."""
     if member.kind == "index":
         return np.arange(first, first + len(rows), dtype=np.float64)
     if member.kind == "f" or (member.bit == 0 and member.bits in _ROUND):
-        return _plain(rows, np.dtype(f"{member.order}{member.kind}{member.bits // 8}"), member.byte)
+        return _whole_bytes(rows, np.dtype(f"{member.order}{member.kind}{member.bits // 8}"), member.byte)
     return _bits(member, rows)
 
 
-def _plain(rows: Bytes, kind: np.dtype[Any], byte: int) -> Samples:
+def _whole_bytes(rows: Bytes, kind: np.dtype[Any], byte: int) -> Samples:
     """Numbers of whole bytes."""
     view = np.ndarray((len(rows),), kind, rows, offset=byte, strides=(rows.strides[0],))
     return np.asarray(view.astype(np.float64))
@@ -60,13 +125,13 @@ def _bits(member: Member, rows: Bytes) -> Samples:
         gathered &= np.uint64((1 << member.bits) - 1)
     if member.kind == "u":
         return gathered.astype(np.float64)
-    spare = np.uint64(64 - member.bits)
-    return ((gathered << spare).view(np.int64) >> np.int64(64 - member.bits)).astype(np.float64)
+    unused = np.uint64(64 - member.bits)
+    return ((gathered << unused).view(np.int64) >> np.int64(64 - member.bits)).astype(np.float64)
 
 
 def may_be_rounded(member: Member) -> bool:
     """Whether a channel holds whole numbers as they are, with more bits than float64 has."""
-    return member.kind in ("u", "i") and member.bits > _BITS_OF_FLOAT and member.law is None
+    return member.kind in ("u", "i") and member.bits > _BITS_OF_FLOAT and member.conversion is None
 
 
 def fits(member: Member, size: int) -> bool:
@@ -80,8 +145,8 @@ def fits(member: Member, size: int) -> bool:
     return member.byte + -(-(member.bit + member.bits) // 8) <= size
 
 
-def invalid(member: Member, rows: Bytes, records: Records) -> NDArray[np.bool_] | None:
-    """Which samples the file marks as invalid; None if none can be."""
+def invalid_samples(member: Member, rows: Bytes, records: Records) -> NDArray[np.bool_] | None:
+    """Which samples of ``rows`` (n, size) the file marks as invalid, (n,) [-]; None if it marks none."""
     if member.invalid_bit is None:
         return None
     if member.invalid_bit < 0:
@@ -92,57 +157,8 @@ def invalid(member: Member, rows: Bytes, records: Records) -> NDArray[np.bool_] 
     return np.asarray((rows[:, at] >> (member.invalid_bit % 8)) & 1, dtype=bool)
 
 
-def is_by_column(source: ByteSource, address: int) -> bool:
-    """Whether the samples at ``address`` are a list LD."""
-    return bool(address) and source.read(address, 4, "a block of samples") == b"##LD"
-
-
-def records(given: Records, stretches: Sequence[Stored]) -> Records:
-    """The records as they are stored: without invalidation bytes where the list has none."""
-    if given.size is None or any(stretch.beside for stretch in stretches):
-        return given
-    members = tuple(m if m.invalid_bit == -1 else replace(m, invalid_bit=None) for m in given.members)
-    return replace(given, size=given.data, members=members)
-
-
-def pieces(source: ByteSource, stretches: Sequence[Stored], data: int, invalidation: int) -> Iterator[bytes]:
-    """Records of ``data`` bytes, each with its ``invalidation`` bytes behind, in pieces of bounded size."""
-    for stretch in stretches:
-        count = stretch.unpacked // data if data else 0
-        bits = stretch.beside
-        if data * count != stretch.unpacked or (bits and bits.unpacked != count * invalidation):
-            message = (
-                f"byte {stretch.begin}: {stretch.unpacked} bytes are no whole records of {data} bytes with their bits"
-            )
-            raise damaged(source.path, message)
-        step = max(1, BLOCK_BYTES // (data + invalidation))
-        values = _whole(source, stretch)
-        flags = _whole(source, bits) if bits else None
-        for begin in range(0, count, step):
-            end = min(begin + step, count)
-            table = np.zeros((end - begin, data + invalidation), dtype=np.uint8)
-            table[:, :data] = _rows(source, stretch, values, begin, end, data)
-            if bits:
-                table[:, data:] = _rows(source, bits, flags, begin, end, invalidation)
-            yield table.tobytes()
-
-
-def _whole(source: ByteSource, stretch: Stored) -> bytes | None:
-    """All bytes of a stretch that is packed; None if it can be read in parts."""
-    return unpacked(source, stretch) if stretch.is_packed else None
-
-
-def _rows(source: ByteSource, stretch: Stored, whole: bytes | None, begin: int, end: int, width: int) -> Bytes:
-    """Rows ``begin`` to before ``end`` of ``width`` bytes."""
-    if whole is not None:
-        raw = whole[begin * width : end * width]
-    else:
-        raw = source.read(stretch.begin + begin * width, (end - begin) * width, "samples")
-    return np.frombuffer(raw, dtype=np.uint8).reshape(-1, width)
-
-
-class Torn(Exception):
-    """An identifier that is none of the group's: from there on nothing can be told apart."""
+class UnknownIdentifier(Exception):
+    """An identifier that no channel group has: from there on nothing can be read."""
 
 
 @dataclass(frozen=True)
@@ -154,11 +170,11 @@ class Part:
 
 
 def record_parts(group: DataGroup) -> Iterator[Part]:
-    """The records of a data group as they come; what is no whole record at the end is left."""
+    """The records of a data group in turn; what is no whole record at its end is dropped."""
     if not group.identifier_size:
         yield from _one_kind(group)
     else:
-        yield from _several(group)
+        yield from _by_identifier(group)
 
 
 def _one_kind(group: DataGroup) -> Iterator[Part]:
@@ -177,7 +193,7 @@ def _one_kind(group: DataGroup) -> Iterator[Part]:
             yield Part(records, rows.reshape(count, records.size))
 
 
-def _several(group: DataGroup) -> Iterator[Part]:
+def _by_identifier(group: DataGroup) -> Iterator[Part]:
     """Records of several kinds, sorted within each piece of bytes."""
     by_identifier = {records.identifier: records for records in group.records}
     order = "little" if group.order == "<" else "big"
@@ -190,7 +206,7 @@ def _several(group: DataGroup) -> Iterator[Part]:
             identifier = int.from_bytes(data[at : at + head], order)  # type: ignore[arg-type]
             records = by_identifier.get(identifier)
             if records is None:
-                raise Torn(f"a record has the identifier {identifier}, which no channel group has")
+                raise UnknownIdentifier(f"a record has the identifier {identifier}, which no channel group has")
             begin, size = at + head, records.size
             if size is None:
                 if begin + 4 > len(data):
@@ -203,7 +219,7 @@ def _several(group: DataGroup) -> Iterator[Part]:
             at = begin + size + tail
         keep = data[at:]
         if len(keep) > 64 * BLOCK_BYTES:
-            raise Torn(f"a record of more than {64 * BLOCK_BYTES >> 20} MiB")
+            raise UnknownIdentifier(f"a record of more than {64 * BLOCK_BYTES >> 20} MiB")
         for identifier, rows in found.items():
             records = by_identifier[identifier]
             yield Part(records, np.frombuffer(b"".join(rows), dtype=np.uint8).reshape(len(rows), -1))

@@ -1,4 +1,4 @@
-"""MDF version 3 (and 2): blocks with 32-bit links."""
+"""MDF version 3 (and 2): blocks with 32-bit links, data groups, channel groups, channels and their conversions."""
 
 import math
 import struct
@@ -10,10 +10,11 @@ from typing import Literal
 import numpy as np
 
 from ...recording import Finding
-from ..byte_source import BLOCK_BYTES, ByteSource, damaged
+from ..byte_source import BLOCK_BYTES, ByteSource
+from ..format_findings import damaged
 from . import conversions
-from .data_model import DataGroup, File, Law, Member, Records
-from .records import fits
+from .conversions import Conversion
+from .records import DataGroup, File, Member, Records, fits
 
 _MOST = 1_000_000
 _TEXT_TYPES = (7, 8)
@@ -116,7 +117,7 @@ def _records(walk: Walk, raw: bytes, number: int, i: int) -> Records:
 
 
 def _member(walk: Walk, raw: bytes, size: int) -> Member | None:
-    conversion, _, _, _ = walk.take("4I", raw, 8)
+    (address,) = walk.take("I", raw, 8)
     kind, start, bits, form = walk.take("H", raw, 24) + walk.take("3H", raw, 186)
     long_name = walk.take("I", raw, 218)[0] if len(raw) >= 222 else 0
     extra = walk.take("H", raw, 226)[0] if len(raw) >= 228 else 0
@@ -128,8 +129,8 @@ def _member(walk: Walk, raw: bytes, size: int) -> Member | None:
     if known is None:
         walk.file.left_out.append(f"{name} (of data type {form})")
         return None
-    law, unit = _law(walk, conversion, name)
-    member = Member(name, unit, known[0], known[1], extra + start // 8, start % 8, bits, law, kind == 1)
+    conversion, unit = _conversion(walk, address, name)
+    member = Member(name, unit, known[0], known[1], extra + start // 8, start % 8, bits, conversion, kind == 1)
     if not fits(member, size):
         message = f"channel {name!r}: {bits} bits from bit {start} of {size} bytes a record"
         raise damaged(walk.source.path, message)
@@ -144,7 +145,7 @@ def _form(form: int, order: Literal["<", ">"]) -> tuple[Literal["u", "i", "f"], 
     return None
 
 
-def _law(walk: Walk, address: int, name: str) -> tuple[Law | None, str | None]:
+def _conversion(walk: Walk, address: int, name: str) -> tuple[Conversion | None, str | None]:
     """The conversion of a channel and its unit."""
     if not address:
         return None, None
@@ -155,14 +156,14 @@ def _law(walk: Walk, address: int, name: str) -> tuple[Law | None, str | None]:
         return None, unit
     try:
         if kind == _FORMULA:
-            law: Law | None = conversions.formula(_text(raw[46:]))
+            converted: Conversion | None = conversions.formula(_text(raw[46:]))
         else:
             values = [float(v) for v in walk.take(f"{_count(kind, count)}d", raw, 46)]
-            law = _numeric(kind, values)
+            converted = _numeric(kind, values)
     except ValueError as error:
         raise damaged(walk.source.path, f"channel {name!r}: its conversion of type {kind}: {error}") from error
-    walk.file.converted += law is not None
-    return law, unit
+    walk.file.converted += converted is not None
+    return converted, unit
 
 
 def _count(kind: int, count: int) -> int:
@@ -174,7 +175,7 @@ def _count(kind: int, count: int) -> int:
     return sizes[kind]
 
 
-def _numeric(kind: int, p: list[float]) -> Law | None:
+def _numeric(kind: int, p: list[float]) -> Conversion | None:
     if kind == _LINEAR:
         return conversions.linear(p[0], p[1])
     if kind in (_TABLE, _STEPS):

@@ -1,4 +1,4 @@
-"""MDF version 4: data groups, channel groups, channels and their conversions."""
+"""MDF version 4: the data groups of a file, their channel groups, channels and conversions (ASAM MDF 4.2)."""
 
 import struct
 from collections.abc import Iterator, Sequence
@@ -7,13 +7,25 @@ from pathlib import Path
 from typing import Literal
 
 from ...recording import Finding
-from ..byte_source import ByteSource, damaged
+from ..byte_source import ByteSource
+from ..format_findings import damaged
 from . import conversions
-from . import records as columns
-from . import version4_blocks as blocks
-from .data_model import DataGroup, File, Law, Member, Records
-from .records import fits
-from .version4_blocks import Block, block_text, chain, data, head
+from .conversions import Conversion
+from .records import DataGroup, File, Member, Records, fits
+from .version4_blocks import (
+    Block,
+    DataBlock,
+    block_at,
+    block_chain,
+    block_data,
+    block_text,
+    column_pieces,
+    column_records,
+    data_blocks,
+    data_pieces,
+    is_column_list,
+    refuse_oversized,
+)
 
 _VLSD, _REMOTE_MASTER = 1, 8
 _FIXED, _MASTER, _VIRTUAL_MASTER, _SYNC, _VIRTUAL = 0, 2, 3, 4, 6
@@ -27,14 +39,14 @@ _DEEPEST = 16
 def read_version4(source: ByteSource, unfinished: bool) -> File:
     """All blocks of the file but its samples."""
     file = File(source.read(8, 8, "the version").decode("latin-1").strip(" \0"))
-    header = head(source, 64, "HD")
+    header = block_at(source, 64, "HD")
     if len(header.links) < 6:
         raise damaged(source.path, "the header has less than six links")
-    (start,) = struct.unpack_from("<Q", data(source, header).ljust(8, b"\0"))
+    (start,) = struct.unpack_from("<Q", block_data(source, header).ljust(8, b"\0"))
     file.metadata["start_time_ns"] = str(start)
     if comment := block_text(source, header.links[5]):
         file.metadata["comment"] = comment
-    for group in chain(source, header.links[0], "DG"):
+    for group in block_chain(source, header.links[0], "DG"):
         _data_group(source, group, file, unfinished)
     return file
 
@@ -42,20 +54,20 @@ def read_version4(source: ByteSource, unfinished: bool) -> File:
 def _data_group(source: ByteSource, block: Block, file: File, unfinished: bool) -> None:
     if len(block.links) < 4:
         raise damaged(source.path, f"byte {block.address}: a data group with {len(block.links)} links")
-    identifier_size = data(source, block)[:1] or b"\0"
-    records = tuple(_records(source, group, file) for group in chain(source, block.links[1], "CG"))
+    identifier_size = block_data(source, block)[:1] or b"\0"
+    records = tuple(_records(source, group, file) for group in block_chain(source, block.links[1], "CG"))
     if not records or identifier_size[0] not in (0, 1, 2, 4, 8):
         if records:
             raise damaged(source.path, f"byte {block.address}: identifiers of {identifier_size[0]} bytes")
         return
-    stretches, missing = blocks.stored(source, block.links[2], unfinished)
-    blocks.refuse_bombs(source, stretches)
-    if columns.is_by_column(source, block.links[2]):
-        records = tuple(columns.records(each, stretches) for each in records)
+    blocks, missing = data_blocks(source, block.links[2], unfinished)
+    refuse_oversized(source, blocks)
+    if is_column_list(source, block.links[2]):
+        records = tuple(column_records(each, blocks) for each in records)
     widths = records[0].data, (records[0].size or 0) - records[0].data
     group = DataGroup(
-        identifier_size[0], False, "<", records, partial(_pieces, source.path, stretches, widths),
-        sum(stretch.unpacked + (stretch.beside.unpacked if stretch.beside else 0) for stretch in stretches),
+        identifier_size[0], False, "<", records, partial(_pieces, source.path, blocks, widths),
+        sum(one.unpacked + (one.invalidation.unpacked if one.invalidation else 0) for one in blocks),
     )  # fmt: skip
     if missing:
         there = _there(group)
@@ -82,16 +94,16 @@ def _count(group: DataGroup, records: Records, file: File) -> None:
         file.findings.append(Finding("count_contradiction", None, None, message))
 
 
-def _pieces(path: Path, stretches: list[blocks.Stored], widths: tuple[int, int]) -> Iterator[bytes]:
+def _pieces(path: Path, blocks: Sequence[DataBlock], widths: tuple[int, int]) -> Iterator[bytes]:
     with ByteSource(path) as source:
-        if any(stretch.beside for stretch in stretches):
-            yield from columns.pieces(source, stretches, *widths)
+        if any(block.invalidation for block in blocks):
+            yield from column_pieces(source, blocks, *widths)
         else:
-            yield from blocks.pieces(source, stretches)
+            yield from data_pieces(source, blocks)
 
 
 def _records(source: ByteSource, block: Block, file: File) -> Records:
-    raw = data(source, block)
+    raw = block_data(source, block)
     if len(block.links) < 6 or len(raw) < 32:
         raise damaged(source.path, f"byte {block.address}: a channel group of {len(raw)} bytes")
     identifier, declared, flags, _, size, invalidation = struct.unpack_from("<QQHH4xII", raw)
@@ -106,18 +118,18 @@ def _records(source: ByteSource, block: Block, file: File) -> Records:
 
 
 def _members(source: ByteSource, address: int, file: File, size: int, prefix: str, depth: int = 0) -> Iterator[Member]:
-    """The channels of a list, and those that they are composed of."""
+    """The channels of a list, and those that they are composition of."""
     if depth > _DEEPEST:
         raise damaged(source.path, f"channels within channels, {depth} deep")
-    for block in chain(source, address, "CN"):
+    for block in block_chain(source, address, "CN"):
         if len(block.links) < 8:
             raise damaged(source.path, f"byte {block.address}: a channel with {len(block.links)} links")
         name = prefix + block_text(source, block.links[2])
-        composed = block.links[1]
-        if composed and source.read(composed, 4, "a composition") == b"##CN":
-            yield from _members(source, composed, file, size, f"{name}.", depth + 1)
+        composition = block.links[1]
+        if composition and source.read(composition, 4, "a composition") == b"##CN":
+            yield from _members(source, composition, file, size, f"{name}.", depth + 1)
             continue
-        if composed:
+        if composition:
             file.left_out.append(f"{name} (an array)")
             continue
         if (member := _member(source, block, file, size, name)) is not None:
@@ -125,7 +137,7 @@ def _members(source: ByteSource, address: int, file: File, size: int, prefix: st
 
 
 def _member(source: ByteSource, block: Block, file: File, size: int, name: str) -> Member | None:
-    raw = data(source, block)
+    raw = block_data(source, block)
     if len(raw) < 24:
         raise damaged(source.path, f"channel {name!r}: its block has {len(raw)} bytes of data")
     kind, sync, form, bit, byte, bits, flags, invalid = struct.unpack_from("<BBBBIIII", raw)
@@ -136,16 +148,16 @@ def _member(source: ByteSource, block: Block, file: File, size: int, name: str) 
     if not virtual and form > 5:
         file.left_out.append(f"{name} (of data type {form})")
         return None
-    law, unit_of_law = _law(source, block.links[4], file, name, not virtual and form > 3)
+    conversion, stated_unit = _conversion(source, block.links[4], file, name, not virtual and form > 3)
     member = Member(
         name=name,
-        unit=(block_text(source, block.links[6]) or unit_of_law) or None,
+        unit=(block_text(source, block.links[6]) or stated_unit) or None,
         kind="index" if virtual else _kind(form),
         order=">" if form in (1, 3, 5) else "<",
         byte=byte,
         bit=bit,
         bits=bits,
-        law=law,
+        conversion=conversion,
         is_time=kind in (_MASTER, _VIRTUAL_MASTER) and sync == _TIME,
         invalid_bit=-1 if flags & _INVALID_ALL else invalid if flags & _INVALID_BIT else None,
     )
@@ -160,12 +172,14 @@ def _kind(form: int) -> Literal["u", "i", "f"]:
     return "u" if form < 2 else "i" if form < 4 else "f"
 
 
-def _law(source: ByteSource, address: int, file: File, name: str, is_float: bool) -> tuple[Law | None, str]:
-    """The conversion of a channel and the unit that it states; a table of texts is kept beside, not applied."""
+def _conversion(
+    source: ByteSource, address: int, file: File, name: str, is_float: bool
+) -> tuple[Conversion | None, str]:
+    """The conversion of a channel and the unit that it states; a table of texts is kept as metadata, not applied."""
     if not address:
         return None, ""
-    block = head(source, address, "CC")
-    raw = data(source, block)
+    block = block_at(source, address, "CC")
+    raw = block_data(source, block)
     if len(block.links) < 4 or len(raw) < 24:
         raise damaged(source.path, f"channel {name!r}: its conversion has {len(raw)} bytes")
     kind, _, _, references, count = struct.unpack_from("<BBHHH", raw)
@@ -174,19 +188,19 @@ def _law(source: ByteSource, address: int, file: File, name: str, is_float: bool
     values = struct.unpack_from(f"<{count}d", raw, 24)
     unit = block_text(source, block.links[1])
     if kind in _TO_TEXT:
-        _keep_texts(source, block.links[4:], values, file, name, kind)
+        _keep_meanings(source, block.links[4:], values, file, name, kind)
         return None, unit
     try:
-        law = _numeric(source, kind, values, block.links[4:], is_float)
+        conversion = _numeric(source, kind, values, block.links[4:], is_float)
     except (ValueError, IndexError) as error:
         raise damaged(source.path, f"channel {name!r}: its conversion of type {kind}: {error}") from error
-    file.converted += law is not None
-    return law, unit
+    file.converted += conversion is not None
+    return conversion, unit
 
 
 def _numeric(
     source: ByteSource, kind: int, values: Sequence[float], references: Sequence[int], is_float: bool
-) -> Law | None:
+) -> Conversion | None:
     if kind == 0:
         return None
     if kind == 1:
@@ -207,13 +221,13 @@ def _numeric(
     raise ValueError("it is not known")
 
 
-def _keep_texts(
+def _keep_meanings(
     source: ByteSource, links: Sequence[int], values: Sequence[float], file: File, name: str, kind: int
 ) -> None:
     """What the numbers of a status channel mean, as far as they are plain texts."""
     if kind == 7:
-        said = []
+        meanings = []
         for value, link in zip(values[:64], links, strict=False):
             if link and source.read(link, 4, "a text") == b"##TX":
-                said.append(f"{value:g} = {block_text(source, link)}")
-        file.metadata[f"{name}: meaning"] = "; ".join(said)
+                meanings.append(f"{value:g} = {block_text(source, link)}")
+        file.metadata[f"{name}: meaning"] = "; ".join(meanings)

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from ...recording import Finding, Samples
-from ..byte_source import ByteSource, damaged
+from ..byte_source import ByteSource
+from ..format_findings import damaged
 from .segments import Segment, Spans, segments
 
 STRING, BOOLEAN, TIME, DAQMX = 0x20, 0x21, 0x44, 0xFFFFFFFF

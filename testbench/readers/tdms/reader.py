@@ -17,9 +17,19 @@ from ... import recording as model
 from ...errors import RecordingError
 from ...recording import Block, Clock, Finding, Group, Recording, Refusal, Report, Samples, TimeColumn
 from ...units import seconds_per
-from ..byte_source import ByteSource, as_float64, block_samples, damaged, refusing, watch_nonfinite
+from ..byte_source import ByteSource, as_float64, block_samples
 from ..csv.header import is_time_name
-from ..header_claims import by_step
+from ..format_findings import (
+    damaged,
+    is_beyond_exact,
+    names_listed,
+    nothing_to_read,
+    refusing,
+    rounded_integers,
+    text_channel,
+    watch_nonfinite,
+)
+from ..header_claims import by_step, recorded_time
 from ..registry import ReadOptions, needs
 from .metadata import (
     TIME,
@@ -35,7 +45,6 @@ from .metadata import (
 )
 from .segments import Reading
 
-_EXACT = 2.0**53
 _MICROSECONDS_UPTO = 1e-4
 """Timestamps are given to the microsecond where their mean step is not below this [s]."""
 _CLOCK = ("wf_increment", "wf_start_offset", "wf_start_time")
@@ -65,7 +74,7 @@ def open_tdms(path: Path, options: ReadOptions) -> Recording:
     findings = [*contents.findings, *_texts(contents)]
     gathered = _gather(contents, path.stem)
     if not gathered:
-        raise Refusal(path.name, next(iter(findings), Finding("no_data", None, None, "no channel has samples")))
+        raise nothing_to_read(path, findings, "no channel has samples")
     findings += _channel_findings(contents, gathered)
     return Recording(
         path=path,
@@ -150,8 +159,7 @@ def _clock(members: Sequence[Channel], channels: Sequence[model.Channel], stated
         return TimeColumn([channel.name for channel in channels].index(stamps[0]), 1.0)
     named = [i for i, channel in enumerate(channels) if is_time_name(channel.label)]
     if len(named) == 1 and len(channels) > 1:
-        unit = channels[named[0]].unit
-        return TimeColumn(named[0], seconds_per(unit) if unit else 1.0, assumed=unit is None)
+        return recorded_time(named[0], channels[named[0]].unit)
     step, start = stated.get("wf_increment"), stated.get("wf_start_offset", 0.0)
     factor = _seconds_per(stated)
     if isinstance(step, float) and factor is not None and isinstance(start, int | float):
@@ -177,7 +185,7 @@ def _blocks(path: Path, contents: Contents, gathered: Sequence[_Gathered], repor
                 yield Block(each.group, columns, start)
             rounded |= {channel_title(reading.path) for reading in readings if reading.is_rounded}
     for name in sorted(rounded):
-        report(Finding("not_exact", name, None, "holds integers beyond 2**53, which float64 rounds"))
+        report(rounded_integers(name))
 
 
 class _Values:
@@ -201,7 +209,7 @@ class _Values:
         if first.dtype.kind == "c":
             return (as_float64(first.real), as_float64(first.imag))
         if first.dtype.kind in "iu" and first.dtype.itemsize == 8:
-            self.is_rounded |= bool((np.abs(first.astype(np.float64)) >= _EXACT).any())
+            self.is_rounded |= is_beyond_exact(first.astype(np.float64))
         errors = (KeyError, ValueError, TypeError, IndexError, OverflowError)
         with refusing(self._file, f"the scale of {self._what}", *errors), np.errstate(all="ignore"):
             values = self._scaling.physical(raw)
@@ -228,14 +236,14 @@ def _channel_findings(contents: Contents, gathered: Sequence[_Gathered]) -> list
     findings += change_findings(contents)
     empty = [channel_title(p) for p, c in contents.channels.items() if not c.length and not c.texts and path_names(p)]
     if empty:
-        message = f"no sample in {', '.join(empty[:10])}{' and more' if len(empty) > 10 else ''}"
+        message = f"no sample in {names_listed(empty)}"
         findings.append(Finding("empty_group", None, None, message))
     return findings
 
 
 def _texts(contents: Contents) -> list[Finding]:
     return [
-        Finding("text_channel", channel_title(path), None, "holds text, not numbers; it is not kept")
+        text_channel(channel_title(path))
         for path, channel in contents.channels.items()
         if channel.texts and path_names(path)
     ]

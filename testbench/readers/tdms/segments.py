@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..byte_source import ByteSource, damaged
+from ..byte_source import ByteSource
+from ..format_findings import damaged
 
 LEAD_IN = 28
 _METADATA, _NEW_LIST, _RAW, _INTERLEAVED, _BIG_ENDIAN = 1 << 1, 1 << 2, 1 << 3, 1 << 5, 1 << 6

@@ -19,7 +19,7 @@ def _check(tmp_path, raw):
     path = tmp_path / "run.ide"
     path.write_bytes(raw)
     with ByteSource(path) as source:
-        return endaq_ide.check(source)
+        return endaq_ide.whole_elements(source)
 
 
 def test_whole_elements_are_in_order(tmp_path):
@@ -70,16 +70,16 @@ def test_public_recording_gives_its_known_values():
 @pytest.mark.recordings
 def test_small_blocks_give_the_same(tmp_path):
     """What idelib gives piece by piece is what it gives at once."""
-    from testbench.readers import endaq_ide_worker
+    from testbench.readers import endaq_ide
 
     path = reading.real(NAME)
     whole = reading.read(path)
-    kept = endaq_ide_worker.block_samples
+    kept = endaq_ide.block_samples
     try:
-        endaq_ide_worker.block_samples = lambda channels: 997
-        blocks = list(endaq_ide_worker.open_library(path).blocks(lambda finding: None))
+        endaq_ide.block_samples = lambda channels: 997
+        blocks = list(endaq_ide.open_library(path).blocks(lambda finding: None))
     finally:
-        endaq_ide_worker.block_samples = kept
+        endaq_ide.block_samples = kept
     for name, columns in whole.data.items():
         pieces = [b.columns for b in blocks if b.group.name == name]
         np.testing.assert_array_equal(np.concatenate(pieces, axis=1), columns)

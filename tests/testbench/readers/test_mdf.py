@@ -9,7 +9,7 @@ from asammdf import MDF, Signal
 
 from testbench.errors import RecordingError
 from testbench.readers.mdf import conversions, records
-from testbench.readers.mdf.data_model import Member
+from testbench.readers.mdf.records import Member
 from testbench.recording import TimeColumn
 
 from . import reading
@@ -140,7 +140,7 @@ def test_bits_are_cut_out_of_bytes(order, bit, bits):
     for kind in "ui":
         member = Member("a", None, kind, order, 2, bit, bits)
         assert records.fits(member, count + 3)
-        for row, value in zip(rows, records.raw(member, rows, 0), strict=True):
+        for row, value in zip(rows, records.raw_values(member, rows, 0), strict=True):
             number = int.from_bytes(row[2 : 2 + count].tobytes(), "little" if order == "<" else "big") >> bit
             number &= (1 << bits) - 1
             if kind == "i" and number >> (bits - 1):

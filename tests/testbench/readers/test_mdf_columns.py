@@ -86,7 +86,6 @@ def test_columns_of_one_time_are_one_group(tmp_path):
 
 def test_blocks_of_any_size_give_the_same(tmp_path, monkeypatch):
     """However the streams are cut into pieces, their rows stay side by side."""
-    monkeypatch.setattr("testbench.readers.mdf.records.BLOCK_BYTES", 100)
     monkeypatch.setattr("testbench.readers.mdf.version4_blocks.BLOCK_BYTES", 56)
     monkeypatch.setattr("testbench.readers.mdf.reader.block_samples", lambda channels: 7)
     found = reading.read(_made(tmp_path / "made.mf4"))

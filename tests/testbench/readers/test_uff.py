@@ -124,10 +124,10 @@ def test_uneven_functions_bring_their_time(tmp_path):
 
 def test_numbers_that_touch_are_parted_by_their_width():
     """Fortran leaves no blank before a negative number of full width."""
-    from testbench.readers.uff import parsed
+    from testbench.readers.uff import parsed_numbers
 
     text = b" -1.00000E+00-2.50000E+00 3.00000D+00\n-4.00000E-10\n"
-    assert parsed(text, (13,) * 6).tolist() == [-1.0, -2.5, 3.0, -4e-10]
+    assert parsed_numbers(text, (13,) * 6).tolist() == [-1.0, -2.5, 3.0, -4e-10]
 
 
 def test_functions_of_one_abscissa_share_a_group(tmp_path):

@@ -1,1 +1,0 @@
-"""LabVIEW measurement files (``.lvm``). ``scan`` finds the headers, ``header`` reads them, ``rows`` the data."""
