@@ -1,35 +1,33 @@
-"""``balance rotor correct``.
-
-``balance rotor``: rigid rotors and field balancing.
-
-``balance rotor tolerance``.
-
-``balance rotor trial``.
-"""
+"""``balance rotor``: rigid rotors balanced from known masses; permissible unbalance, trial masses."""
 
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from . import options
-from .framework import LazyGroup, emit_json, emit_table, json_option
+from .framework import emit_json, emit_table, json_option
 from .options import Place, Quantity, speed_option
+from .rotor_splitting import split
+from .rotor_trial_runs import influence, vector_text
 
 if TYPE_CHECKING:
-    from ..rotors.correction_planes import Correction
     from ..rotors.rotor import Rotor
 
-TO_KGMM = 1e3
+
+@click.group(commands=[influence, split])
+def rotor() -> None:
+    """Balance rigid rotors: from known masses, or from trial runs in the field."""
 
 
-@click.command(
+@rotor.command(
+    short_help="Corrections in one plane, two or more, from the rotor's masses; bearing reactions before and after.",
     epilog="""\b
 Examples:
   balance rotor correct three-masses
   balance rotor correct three-masses --plane middle=400mm
   balance rotor correct masses.csv --plane L=0mm --plane R=800mm --bearing -100mm --bearing 900mm --speed 3000rpm
 \b
-A rotor sheet (TOML):
+A rotor file (TOML):
   speed = "955 rpm"                   # optional; with two bearings it gives their reactions
   bearings = ["-100 mm", "900 mm"]    # optional
   [[planes]]                          # where corrections go; radius or mass gives the other
@@ -43,7 +41,7 @@ A rotor sheet (TOML):
   angle = "60 deg"
   at = "600 mm"
 \b
-A table (CSV): name, mass (kg), radius (mm), angle (deg), at (mm); or unbalance (kg mm) for mass and radius."""
+A table (CSV): name, mass (kg), radius (mm), angle (deg), at (mm); or unbalance (kg mm) for mass and radius.""",
 )
 @click.argument("rotor", metavar="ROTOR")
 @click.option("--plane", "planes", type=Place(), multiple=True, metavar="NAME=Z", help="Correct in this plane instead.")
@@ -61,28 +59,31 @@ def correct(
     figure: str | None,
     as_json: bool,
 ) -> None:
-    """Corrections that balance ROTOR, a sheet (TOML), a table of masses (CSV) or a shipped one.
+    """Corrections that balance ROTOR, a file (TOML), a table of masses (CSV) or a shipped one.
 
-    One plane balances the force and leaves a couple; two do it in one way; of more the least sum of squares is taken.
-    Angles are those of added mass, from the rotor's mark, in the sense in which the sheet counts.
+    One plane balances the force and leaves the couple; in two the solution is unique; of more the least sum of squares
+    is taken. Angles are those of added mass, from the rotor's mark, in the sense in which the file counts.
     """
-    from ..rotors.correction_planes import correct_planes as solve
-    from ..rotors.correction_planes import polygons
+    from ..rotors.correction_planes import correct_planes, polygons
+    from ..rotors.results import correction_document
 
-    model = _given(rotor, planes, bearings, speed)
-    result = solve(model.unbalances, model.planes)
+    model = _model(rotor, planes, bearings, speed)
+    correction = correct_planes(model.unbalances, model.planes)
     if figure:
         from ..figures.mechanism import save
         from ..figures.rotating import draw_polygons
 
-        save(draw_polygons(polygons(result)), figure)
+        save(draw_polygons(polygons(correction)), figure)
+    document = correction_document(model, correction)
     if as_json:
-        emit_json(_document(model, result))
+        emit_json(document)
         return
-    _print_correction(model, result)
+    _print_correction(document)
+    if len(correction.planes) == 1 and not correction.is_balanced(1e-9):
+        click.echo("One plane balances the force only: the couple remains. Give a second plane to remove it.")
 
 
-def _given(
+def _model(
     name: str, planes: tuple[tuple[str, float], ...], bearings: tuple[float, ...], speed: float | None
 ) -> "Rotor":
     """The rotor with what the command line adds or replaces."""
@@ -93,8 +94,8 @@ def _given(
 
     model = load_rotor(name)
     if planes:
-        given = tuple(Plane(n, at) for n, at in options.once(planes, "--plane").items())
-        model = replace(model, planes=given, published={})
+        stated = tuple(Plane(n, at) for n, at in options.once(planes, "--plane").items())
+        model = replace(model, planes=stated, published={})
     if bearings:
         if len(bearings) != 2 or bearings[0] == bearings[1]:
             raise click.UsageError("--bearing: give two, in two places")
@@ -102,163 +103,42 @@ def _given(
     return replace(model, speed=speed) if speed is not None else model
 
 
-def _reactions(model: "Rotor", result: "Correction") -> dict[str, tuple[complex, complex]]:
-    """Rotating bearing loads before, after a static balance alone in each plane, and after [N]."""
-    from ..rotors.correction_planes import correct_planes as solve
-    from ..rotors.rotor import bearing_loads
-
-    if not model.bearings or model.speed is None:
-        return {}
-    found = {"before": bearing_loads(model.unbalances, model.bearings, model.speed)}
-    for plane in model.planes if len(model.planes) > 1 else ():
-        static = solve(model.unbalances, [plane])
-        found[f"static balance alone, in {plane.name}"] = bearing_loads(static.after, model.bearings, model.speed)
-    found["after"] = bearing_loads(result.after, model.bearings, model.speed)
-    return found
-
-
-def _document(model: "Rotor", result: "Correction") -> dict[str, Any]:
-    from ..rotors.correction_planes import mounted_planes, polygons
-    from ..rotors.rotor import unbalance_couple, unbalance_force, vector_document
-
-    corrections = []
-    for plane, vector in zip(result.planes, result.vectors, strict=True):
-        fitted, printed = mounted_planes(plane, vector), model.published.get(plane.name)
-        entry: dict[str, Any] = {"plane": plane.name, "at_mm": 1e3 * plane.at}
-        entry |= vector_document(vector, "kgmm", TO_KGMM)
-        entry |= {"mass_kg": fitted and fitted[0], "radius_mm": fitted and 1e3 * fitted[1]}
-        corrections.append(
-            entry | {"published": None if printed is None else vector_document(printed, "kgmm", TO_KGMM)}
-        )
-    first = result.planes[0]
-    return {
-        "rotor": model.name,
-        "source": model.source or None,
-        "unbalances": [
-            {"name": u.name, "at_mm": 1e3 * u.at} | vector_document(u.vector, "kgmm", TO_KGMM) for u in model.unbalances
-        ],
-        "before": {
-            "force": vector_document(unbalance_force(model.unbalances), "kgmm", TO_KGMM),
-            f"couple_about_plane_{first.name}": vector_document(
-                unbalance_couple(model.unbalances, first.at), "kgmm2", 1e6
-            ),
-        },
-        "corrections": corrections,
-        "after": {
-            "force": vector_document(result.force(), "kgmm", TO_KGMM),
-            f"couple_about_plane_{first.name}": vector_document(result.couple(), "kgmm2", 1e6),
-        },
-        "residual_kgmm": TO_KGMM * result.residual(),
-        "speed_rad_per_s": model.speed,
-        "bearings_mm": [1e3 * z for z in model.bearings],
-        "bearing_loads": {
-            name: [vector_document(value, "N") for value in pair] for name, pair in _reactions(model, result).items()
-        },
-        "weight_on_bearings_N": _weight(model),
-        "polygons": [_polygon(p) for p in polygons(result)],
-    }
-
-
-def _polygon(polygon: Any) -> dict[str, Any]:  # noqa: ANN401
-    unit, factor = ("kgmm", 1e3) if polygon.unit == "kg m" else ("kgmm2", 1e6)
-    return {
-        "title": polygon.title,
-        "sides": [*polygon.names, *polygon.closing_names],
-        f"vertices_{unit}": [[factor * v.real, factor * v.imag] for v in polygon.vertices],
-        f"gap_{unit}": factor * polygon.gap(),
-    }
-
-
-def _weight(model: "Rotor") -> list[float] | None:
-    from ..rotors.rotor import bearing_weights
-    from ..units import G0
-
-    if model.mass is None or model.centre is None or len(model.bearings) != 2:
-        return None
-    return list(bearing_weights(model.mass, model.centre, model.bearings, G0))
-
-
-def _print_correction(model: "Rotor", result: "Correction") -> None:
-    from ..rotors.correction_planes import mounted_planes
-    from ..rotors.rotor import angle_deg, polar_form, unbalance_couple, unbalance_force
-
-    rows = []
-    for plane, vector in zip(result.planes, result.vectors, strict=True):
-        fitted, printed = mounted_planes(plane, vector), model.published.get(plane.name)
-        rows.append(
-            [
-                plane.name,
-                f"{1e3 * plane.at:g}",
-                f"{TO_KGMM * abs(vector):.6g}",
-                f"{angle_deg(vector):.3f}",
-                f"{fitted[0]:.5g}" if fitted else "-",
-                f"{1e3 * fitted[1]:.5g}" if fitted else "-",
-                "-" if printed is None else polar_form(printed, TO_KGMM),
-            ]
-        )
-    header = ["plane", "at [mm]", "m r [kg mm]", "angle [deg]", "mass [kg]", "radius [mm]", "published [kg mm]"]
-    emit_table(f"Corrections of {model.name}", header, rows, model.source)
-    about = result.planes[0]
+def _print_correction(document: dict[str, Any]) -> None:
     rows = [
-        [
-            "before",
-            polar_form(unbalance_force(model.unbalances), 1e3),
-            polar_form(unbalance_couple(model.unbalances, about.at), 1e6),
-        ],
-        ["after", polar_form(result.force(), 1e3), polar_form(result.couple(), 1e6)],
+        [p["plane"], f"{p['at_mm']:g}", f"{p['magnitude_kgmm']:.6g}", f"{p['angle_deg']:.3f}",
+         "-" if p["mass_kg"] is None else f"{p['mass_kg']:.5g}",
+         "-" if p["radius_mm"] is None else f"{p['radius_mm']:.5g}", vector_text(p["published"], "kgmm")]
+        for p in document["corrections"]
+    ]  # fmt: skip
+    header = ["plane", "at [mm]", "m r [kg mm]", "angle [deg]", "mass [kg]", "radius [mm]", "published [kg mm]"]
+    emit_table(f"Corrections of {document['rotor']}", header, rows, document["source"] or "")
+    plane = document["corrections"][0]["plane"]
+    rows = [
+        [name, vector_text(state["force"], "kgmm"), vector_text(state[f"couple_about_plane_{plane}"], "kgmm2")]
+        for name in ("before", "after")
+        for state in [document[name]]
     ]
-    emit_table("Unbalance", ["", "sum [kg mm]", f"couple about plane {about.name} [kg mm2]"], rows)
-    if len(result.planes) == 1 and not result.is_balanced(1e-9):
-        click.echo("One plane balances the force only: the couple stays. Give a second plane to remove it.")
-    if reactions := _reactions(model, result):
-        rows = [[name, *(polar_form(value) for value in pair)] for name, pair in reactions.items()]
-        header = ["", *(f"bearing at {1e3 * z:g} mm [N]" for z in model.bearings)]
-        emit_table("Rotating bearing loads", header, rows, f"at {model.speed:g} rad/s; angles turn with the rotor")
-    elif model.bearings:
+    emit_table("Unbalance", ["", "sum [kg mm]", f"couple about plane {plane} [kg mm2]"], rows)
+    if loads := document["bearing_loads"]:
+        rows = [[name, *(vector_text(load, "N") for load in pair)] for name, pair in loads.items()]
+        header = ["", *(f"bearing at {z:g} mm [N]" for z in document["bearings_mm"])]
+        note = f"at {document['speed_rad_per_s']:g} rad/s; angles turn with the rotor"
+        emit_table("Rotating bearing loads", header, rows, note)
+    elif document["bearings_mm"]:
         click.echo("Bearing loads need a speed: --speed.")
-    if weight := _weight(model):
+    if weight := document["weight_on_bearings_N"]:
         click.echo(f"Weight on the bearings at rest: {weight[0]:.4g} N and {weight[1]:.4g} N (g0 = 9.81 m/s2).")
 
 
-COMMANDS = {
-    "correct": (
-        "rotor",
-        "Corrections in one plane, two or more, from the rotor's masses; bearing reactions before and after.",
-    ),
-    "influence": (
-        "rotor_trial_runs",
-        "Correction weights from trial runs: influence coefficients, any planes, sensors and speeds.",
-    ),
-    "split": (
-        "rotor_splitting",
-        "Split a correction over holes, of any weight or from stock weights to a proven optimum.",
-    ),
-    "tolerance": (
-        "rotor",
-        "Permissible residual unbalance of a rigid rotor after ISO 21940-11, and the grade reached.",
-    ),
-    "trial": ("rotor", "A trial mass by the rule of practice."),
-}
-
-rotor = LazyGroup(
-    "rotor",
-    package="balance.cli",
-    lazy=COMMANDS,
-    help="Balance rigid rotors: from known masses, or from trial runs in the field.",
-)
-
-
-MM_PER_M = 1e3
-
-
-@click.command(
+@rotor.command(
+    short_help="Permissible residual unbalance of a rigid rotor after ISO 21940-11, and the grade reached.",
     epilog="""\b
 Examples:
   balance rotor tolerance --grade G6.3 --mass 40kg --speed 3000rpm
   balance rotor tolerance --grade G2.5 --mass 250kg --speed 1500rpm --to-bearings 300mm 500mm --residual 2000gmm
-  balance rotor tolerance fan.toml --grade G6.3         # mass, centre, speed and bearings from its sheet
+  balance rotor tolerance fan.toml --grade G6.3         # mass, centre, speed and bearings from its file
 \b
-Scope: rotors that are rigid up to their service speed. A linkage or a flexible rotor is refused."""
+Scope: rotors that are rigid up to their service speed. A linkage or a flexible rotor is refused.""",
 )
 @click.argument("rotor", metavar="[ROTOR]", required=False)
 @click.option("--grade", required=True, metavar="G", help="Balance quality grade, such as G6.3: e_per omega in mm/s.")
@@ -287,27 +167,32 @@ def tolerance(
     as_json: bool,
 ) -> None:
     """Permissible residual unbalance after ISO 21940-11, for rigid rotors only."""
-    from ..rotors.iso21940 import SCOPE, permissible
+    from ..rotors.iso21940 import GRADES, SCOPE, permissible
+    from ..rotors.rotor_files import load_rotor
 
     if residual is not None and residual < 0.0:
         raise click.UsageError("--residual: expected zero or more")
     if rotor is not None:
-        mass, speed, to_bearings = _from_sheet(rotor, mass, speed, to_bearings)
+        model = load_rotor(rotor)
+        mass, speed = (model.mass if mass is None else mass), (model.speed if speed is None else speed)
+        if to_bearings is None and model.centre is not None and len(model.bearings) == 2:
+            first, second = sorted(model.bearings)
+            to_bearings = (model.centre - first, second - model.centre)
     if mass is None or speed is None:
-        raise click.UsageError("the permissible unbalance needs --mass and --speed (or a sheet that has them)")
+        raise click.UsageError("the permissible unbalance needs --mass and --speed (or a rotor file that has them)")
     allowed = permissible(_grade(grade), mass, speed, critical_speed)
     shares = allowed.in_planes(*to_bearings) if to_bearings else None
     document: dict[str, Any] = {
         "scope": SCOPE,
-        "grade_mm_per_s": MM_PER_M * allowed.grade,
-        "standard_grade": _standard(allowed.grade),
+        "grade_mm_per_s": 1e3 * allowed.grade,
+        "standard_grade": any(abs(1e3 * allowed.grade - known) < 1e-9 * known for known in GRADES),
         "mass_kg": mass,
         "speed_rad_per_s": speed,
         "e_per_um": 1e6 * allowed.eccentricity,
         "U_per_gmm": 1e6 * allowed.unbalance,
         "U_per_bearing_planes_gmm": None if shares is None else [1e6 * share for share in shares],
         "residual_gmm": None if residual is None else 1e6 * residual,
-        "grade_reached_mm_per_s": None if residual is None else MM_PER_M * allowed.reached(residual),
+        "grade_reached_mm_per_s": None if residual is None else 1e3 * allowed.reached(residual),
         "within_tolerance": None if residual is None else residual <= allowed.unbalance,
     }
     if as_json:
@@ -323,31 +208,12 @@ def _grade(text: str) -> float:
 
     bare = text.strip().removeprefix("G").strip()
     try:
-        value = parse(bare, "velocity") if bare.endswith("/s") else float(bare) / MM_PER_M
+        value = parse(bare, "velocity") if bare.endswith("/s") else float(bare) / 1e3
     except (ValueError, UnitError) as error:
         raise click.UsageError(f"--grade {text!r}: expected a grade such as G6.3 or '6.3 mm/s'") from error
     if not 0.0 < value < 1e6:
         raise click.UsageError(f"--grade {text!r}: expected more than zero")
     return value
-
-
-def _standard(grade: float) -> bool:
-    from ..rotors.iso21940 import GRADES
-
-    return any(abs(MM_PER_M * grade - known) < 1e-9 * known for known in GRADES)
-
-
-def _from_sheet(
-    name: str, mass: float | None, speed: float | None, to_bearings: tuple[float, float] | None
-) -> tuple[float | None, float | None, tuple[float, float] | None]:
-    """What the sheet says where the command line does not; a mechanism is refused."""
-    from ..rotors.rotor_files import load_rotor
-
-    model = load_rotor(name)
-    if to_bearings is None and model.centre is not None and len(model.bearings) == 2:
-        first, second = sorted(model.bearings)
-        to_bearings = (model.centre - first, second - model.centre)
-    return (mass if mass is not None else model.mass, speed if speed is not None else model.speed, to_bearings)
 
 
 def _print_tolerance(document: dict[str, Any]) -> None:
@@ -368,11 +234,12 @@ def _print_tolerance(document: dict[str, Any]) -> None:
     click.echo(f"Scope: {document['scope']}.")
 
 
-@click.command(
+@rotor.command(
+    short_help="A trial mass by the rule of practice.",
     epilog="""\b
 Examples:
   balance rotor trial --mass 40kg --speed 3000rpm --radius 100mm
-  balance rotor trial --mass 250kg --speed 1500rpm --radius 300mm --planes 2 --share 5"""
+  balance rotor trial --mass 250kg --speed 1500rpm --radius 300mm --planes 2 --share 5""",
 )
 @click.option("--mass", type=Quantity("mass", positive=True), required=True, metavar="M", help="Mass of the rotor.")
 @speed_option
@@ -393,15 +260,14 @@ def trial(mass: float, speed: float | None, radius: float, planes: int, share: f
         raise click.UsageError(f"--share {share:g}: expected per cent of the weight, more than 0 and at most 100")
     found = trial_mass(mass, speed, radius, planes, share / 100.0)
     if as_json:
-        emit_json(
-            {
-                "trial_mass_g": 1e3 * found,
-                "trial_unbalance_gmm": 1e6 * found * radius,
-                "force_N": found * radius * speed**2,
-                "share_of_weight_percent": share,
-                "g0_m_per_s2": G0,
-            }
-        )
+        document = {
+            "trial_mass_g": 1e3 * found,
+            "trial_unbalance_gmm": 1e6 * found * radius,
+            "force_N": found * radius * speed**2,
+            "share_of_weight_percent": share,
+            "g0_m_per_s2": G0,
+        }
+        emit_json(document)
         return
     click.echo(
         f"Trial mass {1e3 * found:.4g} g at {1e3 * radius:g} mm ({1e6 * found * radius:.4g} g mm): {share:g} % of the "

@@ -1,4 +1,4 @@
-"""``balance rotor split``."""
+"""``balance rotor split``: a correction split over holes, of any weight or from stock weights."""
 
 import math
 from typing import TYPE_CHECKING, Any
@@ -13,10 +13,11 @@ if TYPE_CHECKING:
     from ..rotors.weight_splitting import Hole, Split, SplitRules
 
 _WIDER = 0.01
-"""Residual, of the correction, to which a split falls back that is too large to be solved to the least one."""
+"""Residual, of the correction, that is allowed where the least one takes too long to prove."""
 
 
 @click.command(
+    short_help="Split a correction over holes, of any weight or from stock weights to a proven optimum.",
     epilog="""\b
 Examples:
   balance rotor split "30 g @ 100 deg" --holes 12
@@ -24,7 +25,7 @@ Examples:
   balance rotor split "133.75 kg mm @ 348.04 deg" --holes 8 --radius 100mm
   balance rotor split "45 g @ 10 deg" --angle 0deg --angle 40deg --angle 95deg --stock weights.csv --in-hole 2
 \b
-Stock weights: --stock CSV with the columns name,mass_kg,quantity, or --weight M, as many as wanted of each."""
+Stock weights: --stock CSV with the columns name,mass_kg,quantity, or --weight M, as many as wanted of each.""",
 )
 @click.argument("correction", metavar="CORRECTION")
 @click.option("--holes", type=click.IntRange(1), metavar="N", help="Holes at equal distance, numbered from 1.")
@@ -71,8 +72,8 @@ def split(
     the lightest. A problem too large for that is solved to the lightest set within 1 %, as a finding.
     """
     from ..errors import UnitError
-    from ..rotors import weight_splitting
-    from ..rotors import weight_splitting as rooms
+    from ..rotors.results import split_document
+    from ..rotors.weight_splitting import SplitRules, split_freely
     from ..units import dimension_of, parse_vector
 
     try:
@@ -83,24 +84,24 @@ def split(
     if dimension == "first moment" and radius is None:
         raise click.UsageError(f"{correction!r} is mass times radius: give the radius of the holes, --radius R")
     masses = target / radius if dimension == "first moment" and radius else target
-    free = _free(_holes(holes, first, angles), taken)
-    kinds = _stock(weights, stock)
-    if kinds and limit is not None:
+    free = _free_holes(holes, first, angles, taken)
+    plates = _stock(weights, stock)
+    if plates and limit is not None:
         raise click.UsageError("--limit is for weights of any size; stock weights have --in-hole")
-    if not kinds and (unused := _for_stock(most_holes, within, in_hole)):
-        raise click.UsageError(f"{unused} is for stock weights: give them, --weight M or --stock FILE")
+    for_stock = {"--most-holes": most_holes is not None, "--within": within is not None, "--in-hole": in_hole != 1}
+    if not plates and (unused := [option for option, is_given in for_stock.items() if is_given]):
+        raise click.UsageError(f"{unused[0]} is for stock weights: give them, --weight M or --stock FILE")
     findings: list[str] = []
-    if kinds:
-        rules = weight_splitting.SplitRules(in_hole, most_holes, _share(within))
-        found = _from_stock(masses, free, kinds, rules, within is None, findings)
+    if plates:
+        rules = SplitRules(in_hole, most_holes, _share(within))
+        weighted = _from_stock(masses, free, plates, rules, within is None, findings)
     else:
-        found = rooms.split_freely(masses, free, float("inf") if limit is None else limit)
+        weighted = split_freely(masses, free, float("inf") if limit is None else limit)
+    document = split_document(weighted, radius) | {"findings": findings}
     if as_json:
-        emit_json(_document(found, radius, bool(kinds)) | {"findings": findings})
+        emit_json(document)
     else:
-        _print(found, radius, bool(kinds), remove)
-        for finding in findings:
-            click.echo(f"Finding: {finding}")
+        _print(document, weighted, bool(plates), "to remove" if remove else "to mount")
     if findings:
         ctx.exit(EXIT_WITH_FINDINGS)
 
@@ -108,49 +109,43 @@ def split(
 def _from_stock(
     masses: complex,
     free: "tuple[Hole, ...]",
-    kinds: "list[Plate]",
+    plates: "list[Plate]",
     rules: "SplitRules",
     may_widen: bool,
     findings: list[str],
 ) -> "Split":
-    """The least residual; where that cannot be proven in time, the lightest set within 1 %, which is said."""
+    """The least residual; where that cannot be proven in time, the lightest set within 1 %, with a finding."""
     from dataclasses import replace
 
     from ..rotors import weight_splitting
 
     try:
-        return weight_splitting.split_from_stock(masses, free, kinds, None, rules)
+        return weight_splitting.split_from_stock(masses, free, plates, None, rules)
     except weight_splitting.NotProvenError:
         if not may_widen:
             raise
-    found = weight_splitting.split_from_stock(masses, free, kinds, None, replace(rules, resolution=_WIDER))
+    widened = weight_splitting.split_from_stock(masses, free, plates, None, replace(rules, resolution=_WIDER))
     findings.append(
         f"the least residual of all sets could not be proven in {weight_splitting.TIME_LIMIT_S:g} s; "
-        f"this is the lightest set that leaves at most {100 * _WIDER:g} %, proven: see --within, --most-holes"
+        f"this is the lightest set with a residual of at most {100 * _WIDER:g} %, proven: see --within, --most-holes"
     )
-    return found
+    return widened
 
 
-def _holes(count: int | None, first: float, angles: tuple[float, ...]) -> "tuple[Hole, ...]":
+def _free_holes(
+    count: int | None, first: float, angles: tuple[float, ...], taken: tuple[int, ...]
+) -> "tuple[Hole, ...]":
     from ..rotors.weight_splitting import Hole, evenly_spaced
 
     if (count is None) == (not angles):
-        raise click.UsageError("say where the holes are: either --holes N or --angle for each")
-    if count is not None:
-        return evenly_spaced(count, first)
-    turned = [round(math.degrees(angle) % 360.0, 6) % 360.0 for angle in angles]
-    if same := [i for i, angle in enumerate(turned, 1) if angle in turned[: i - 1]]:
-        raise click.UsageError(f"--angle: hole {same[0]} stands where another one does")
-    return tuple(Hole(str(i), angle) for i, angle in enumerate(angles, 1))
-
-
-def _for_stock(most_holes: int | None, within: str | None, in_hole: int) -> str | None:
-    """An option that changes nothing where weights are of any size."""
-    given = {"--most-holes": most_holes is not None, "--within": within is not None, "--in-hole": in_hole != 1}
-    return next((option for option, is_given in given.items() if is_given), None)
-
-
-def _free(holes: "tuple[Hole, ...]", taken: tuple[int, ...]) -> "tuple[Hole, ...]":
+        raise click.UsageError("where are the holes? Give either --holes N or --angle for each")
+    if count is None:
+        turned = [round(math.degrees(angle) % 360.0, 6) % 360.0 for angle in angles]
+        if same := [i for i, angle in enumerate(turned, 1) if angle in turned[: i - 1]]:
+            raise click.UsageError(f"--angle: hole {same[0]} is at the angle of another one: give each angle once")
+        holes = tuple(Hole(str(i), angle) for i, angle in enumerate(angles, 1))
+    else:
+        holes = evenly_spaced(count, first)
     for i in taken:
         if not 1 <= i <= len(holes):
             raise click.UsageError(f"--taken {i}: there are holes 1 to {len(holes)}")
@@ -190,56 +185,24 @@ def _share(within: str | None) -> float:
     return share
 
 
-def _document(found: "Split", radius: float | None, stocked: bool) -> dict[str, Any]:
-    from ..rotors.rotor import angle_deg, vector_document
-
-    holes = [
-        {
-            "hole": hole.name,
-            "angle_deg": angle_deg(complex(unit)),
-            "weight_g": 1e3 * weight,
-            "pieces": list(pieces),
-        }
-        for hole, unit, weight, pieces in _used(found)
-    ]
-    return {
-        "correction": vector_document(found.target, "g", 1e3),
-        "radius_mm": None if radius is None else 1e3 * radius,
-        "holes": holes,
-        "made": vector_document(found.made, "g", 1e3),
-        "residual_g": 1e3 * found.residual(),
-        "residual_percent": found.residual_percent(),
-        "least_possible_residual_g": 1e3 * found.bound if stocked else 0.0,
-        "total_weight_g": 1e3 * sum(found.weights),
-    }
-
-
-def _used(found: "Split") -> list[tuple[Any, Any, float, tuple[str, ...]]]:
-    from ..rotors.weight_splitting import hole_directions
-
-    rows = zip(found.holes, hole_directions(found.holes), found.weights, found.pieces, strict=True)
-    return [row for row in rows if row[2] > 0.0]
-
-
-def _print(found: "Split", radius: float | None, stocked: bool, remove: bool) -> None:
-    from ..rotors.rotor import angle_deg, polar_form
+def _print(document: dict[str, Any], weighted: "Split", stocked: bool, purpose: str) -> None:
+    from ..rotors.rotor import polar_form
 
     rows = [
-        [hole.name, f"{angle_deg(complex(unit)):.3f}", f"{1e3 * weight:.6g}", " + ".join(pieces) or "-"]
-        for hole, unit, weight, pieces in _used(found)
+        [hole["hole"], f"{hole['angle_deg']:.3f}", f"{hole['weight_g']:.6g}", " + ".join(hole["pieces"]) or "-"]
+        for hole in document["holes"]
     ]
-    what = "to remove" if remove else "to mount"
-    at = "" if radius is None else f" at radius {1e3 * radius:g} mm"
-    emit_table(f"Weights {what}{at}", ["hole", "angle [deg]", "weight [g]", "pieces"], rows)
-    percent = found.residual_percent()
+    at = "" if document["radius_mm"] is None else f" at radius {document['radius_mm']:g} mm"
+    emit_table(f"Weights {purpose}{at}", ["hole", "angle [deg]", "weight [g]", "pieces"], rows)
+    percent, least = document["residual_percent"], document["least_possible_residual_g"]
     click.echo(
-        f"Makes {polar_form(found.made, 1e3, unit='g')} of {polar_form(found.target, 1e3, unit='g')}; residual "
-        f"{1e3 * found.residual():.4g} g"
-        f" ({'-' if percent is None else f'{percent:.4g} %'}), {1e3 * sum(found.weights):.6g} g in all."
+        f"Makes {polar_form(weighted.made, 1e3, unit='g')} of {polar_form(weighted.target, 1e3, unit='g')}; residual "
+        f"{document['residual_g']:.4g} g ({'-' if percent is None else f'{percent:.4g} %'}), "
+        f"{document['total_weight_g']:.6g} g in all."
     )
-    if stocked and found.bound > found.residual() + 1e-6 * abs(found.target):
-        click.echo(f"Lightest set with a residual of at most {1e3 * found.bound:.4g} g: proven.")
+    if stocked and weighted.bound > weighted.residual() + 1e-6 * abs(weighted.target):
+        click.echo(f"Lightest set with a residual of at most {least:.4g} g: proven.")
     elif stocked:
-        click.echo(
-            f"No set of these weights leaves less than {1e3 * found.bound:.4g} g, none that does is lighter: proven."
-        )
+        click.echo(f"No set of these weights has a residual below {least:.4g} g, none with it is lighter: proven.")
+    for finding in document["findings"]:
+        click.echo(f"Finding: {finding}")

@@ -51,12 +51,12 @@ def draw_readings(
     figure = Figure(figsize=(9.6, 5.0), layout="constrained")
     readings, weights = figure.subplots(1, 2, subplot_kw={"projection": "polar"})
     names = [sensor if speed == "unstated" else f"{sensor}, {speed}" for sensor, speed in sheet.rows]
-    before, after = sheet.as_sheet_phase(solution.coefficients.initial), sheet.as_sheet_phase(solution.residual)
-    total = sheet.in_sheet_sense(solution.weights)
+    before, after = sheet.in_file_phase(solution.coefficients.initial), sheet.in_file_phase(solution.residual)
+    total = sheet.in_file_sense(solution.weights)
     if sure is not None:
         circle = np.exp(2j * np.pi * np.linspace(0.0, 1.0, 181))
         _regions(readings, [(v + within * circle) * reading[1] for v, within in zip(after, sure.after, strict=True)])
-        outlines = [sheet.in_sheet_sense(region.outline()) for region in sure.regions]
+        outlines = [sheet.in_file_sense(region.outline()) for region in sure.regions]
         _regions(weights, [(v + outline) * weight[1] for v, outline in zip(total, outlines, strict=True)])
     _arrows(readings, before * reading[1], names, BEFORE)
     _arrows(readings, after * reading[1], [""] * len(names), AFTER)

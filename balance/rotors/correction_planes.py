@@ -1,11 +1,8 @@
-"""Correction in one plane, two planes or more.
+"""Corrections in one plane, two planes or more; and the vector polygons of the graphical solution.
 
-Balanced is a rigid rotor whose unbalances and corrections have neither sum nor couple:
-sum U_i + sum U_p = 0 and sum U_i z_i + sum U_p z_p = 0. Two planes do it in one way,
-U_R = -sum U_i (z_i - z_L) / (z_R - z_L); one plane leaves a couple; of the many ways of more planes the one with the
-least sum of squares is taken.
-
-The graphical solution: vector polygons whose closing sides are the corrections.
+A rigid rotor is balanced when its unbalances and corrections have neither sum nor couple: sum U_i + sum U_p = 0 and
+sum U_i z_i + sum U_p z_p = 0. In two planes there is one solution, U_R = -sum U_i (z_i - z_L) / (z_R - z_L); in one
+plane the couple remains; in more planes the solution with the least sum of squares is taken.
 
 About the first plane only the correction in the last one has a moment: the closing side of the polygon of U_i (z_i -
 z_L) is U_R (z_R - z_L). Likewise about the last plane. The polygon of the unbalances and both corrections closes.
@@ -22,7 +19,7 @@ from .rotor import Plane, Unbalance, unbalance_couple, unbalance_force
 
 @dataclass(frozen=True)
 class Correction:
-    """Corrections of a rotor in its planes, and what they leave."""
+    """Corrections of a rotor in its planes, and the residual unbalance with them."""
 
     unbalances: tuple[Unbalance, ...]
     planes: tuple[Plane, ...]
@@ -36,15 +33,15 @@ class Correction:
         return (*self.unbalances, *added)
 
     def force(self) -> complex:
-        """Static unbalance that is left [kg m]."""
+        """Residual static unbalance [kg m]."""
         return unbalance_force(self.after)
 
     def couple(self) -> complex:
-        """Couple unbalance that is left, about the first plane [kg m2]."""
+        """Residual couple unbalance about the first plane [kg m2]."""
         return unbalance_couple(self.after, self.planes[0].at)
 
     def residual(self) -> float:
-        """The larger of what is left of force and of couple over the rotor's span [kg m]."""
+        """The larger of the residual force and the residual couple over the rotor's span [kg m]."""
         return max(abs(self.force()), abs(self.couple()) / plane_span(self.after))
 
     def is_balanced(self, tol: float) -> bool:
@@ -55,13 +52,13 @@ class Correction:
 def correct_planes(unbalances: Sequence[Unbalance], planes: Sequence[Plane]) -> Correction:
     """The corrections in ``planes`` that balance the unbalances; in one plane, the static balance.
 
-    Raises SizingError where there is no plane, or two planes stand in one place.
+    Raises SizingError where there is no plane, or two planes are in one place.
     """
     if not planes:
         raise SizingError("no correction plane is given: name at least one, with its place along the axis")
     for i, plane in enumerate(planes):
         if twin := [p.name for p in planes[:i] if p.at == plane.at]:
-            raise SizingError(f"planes {twin[0]!r} and {plane.name!r} both stand at {plane.at:g} m: give one of them")
+            raise SizingError(f"planes {twin[0]!r} and {plane.name!r} are both at {plane.at:g} m: give one of them")
     first = planes[0].at
     if len(planes) == 1:
         vectors = [-unbalance_force(unbalances)]
@@ -69,17 +66,12 @@ def correct_planes(unbalances: Sequence[Unbalance], planes: Sequence[Plane]) -> 
         right = -unbalance_couple(unbalances, first) / (planes[1].at - first)
         vectors = [-unbalance_force(unbalances) - right, right]
     else:
-        vectors = _least(unbalances, planes)
+        places = np.array([plane.at for plane in planes])
+        middle, length = float(places.mean()), float(np.ptp(places))
+        rows = np.array([np.ones_like(places), (places - middle) / length], dtype=complex)
+        target = -np.array([unbalance_force(unbalances), unbalance_couple(unbalances, middle) / length])
+        vectors = [complex(u) for u in np.linalg.lstsq(rows, target, rcond=None)[0]]
     return Correction(tuple(unbalances), tuple(planes), tuple(vectors))
-
-
-def _least(unbalances: Sequence[Unbalance], planes: Sequence[Plane]) -> list[complex]:
-    """Of all corrections that leave neither force nor couple, those with the least sum of squares."""
-    places = np.array([plane.at for plane in planes])
-    middle, length = float(places.mean()), float(np.ptp(places))
-    rows = np.array([np.ones_like(places), (places - middle) / length])
-    target = -np.array([unbalance_force(unbalances), unbalance_couple(unbalances, middle) / length])
-    return [complex(u) for u in np.linalg.lstsq(rows.astype(complex), target, rcond=None)[0]]
 
 
 def plane_span(unbalances: Sequence[Unbalance]) -> float:
@@ -88,8 +80,8 @@ def plane_span(unbalances: Sequence[Unbalance]) -> float:
     return (max(places) - min(places)) or 1.0
 
 
-def mounted_planes(plane: Plane, vector: complex) -> tuple[float, float] | None:
-    """Mass [kg] and radius [m] of a correction, from the one of them that the plane gives; None if it gives neither.
+def mass_and_radius(plane: Plane, vector: complex) -> tuple[float, float] | None:
+    """Mass [kg] and radius [m] of a correction, from the one of them that the plane states; None if it states neither.
 
     m_b r_b = |U|: choose r_b and m_b follows, or choose m_b and r_b follows.
     """
@@ -131,26 +123,17 @@ class Polygon:
 
 def polygons(correction: Correction) -> list[Polygon]:
     """Of moments about the first plane, of moments about the last, and of unbalances; in one plane the last alone."""
-    planes = correction.planes
-    about = [planes[0], planes[-1]] if len(planes) > 1 else []
-    found = []
-    for plane in about:
-        found.append(_moments(correction, plane.name, plane.at))
+    planes = tuple(zip(correction.planes, correction.vectors, strict=True))
     names = tuple(u.name for u in correction.unbalances)
-    given = tuple(u.vector for u in correction.unbalances)
-    found.append(Polygon("Unbalances", "kg m", names, given, tuple(p.name for p in planes), correction.vectors))
-    return found
-
-
-def _moments(correction: Correction, name: str, about: float) -> Polygon:
-    """Sides U (z - about); the correction in the plane itself has no moment and is left out."""
-    given = tuple(u.vector * (u.at - about) for u in correction.unbalances)
-    closing = [
-        (plane.name, vector * (plane.at - about))
-        for plane, vector in zip(correction.planes, correction.vectors, strict=True)
-        if plane.at != about
-    ]
-    names = tuple(u.name for u in correction.unbalances)
-    return Polygon(
-        f"Moments about plane {name}", "kg m2", names, given, tuple(n for n, _ in closing), tuple(v for _, v in closing)
+    drawn = []
+    for plane in [correction.planes[0], correction.planes[-1]] if len(planes) > 1 else []:
+        sides = tuple(u.vector * (u.at - plane.at) for u in correction.unbalances)
+        # the correction in the plane itself has no moment about it
+        closing = {p.name: vector * (p.at - plane.at) for p, vector in planes if p.at != plane.at}
+        title = f"Moments about plane {plane.name}"
+        drawn.append(Polygon(title, "kg m2", names, sides, tuple(closing), tuple(closing.values())))
+    sides = tuple(u.vector for u in correction.unbalances)
+    drawn.append(
+        Polygon("Unbalances", "kg m", names, sides, tuple(p.name for p in correction.planes), correction.vectors)
     )
+    return drawn

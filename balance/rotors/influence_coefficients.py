@@ -2,12 +2,13 @@
 
 A reading v (a vibration at running speed, as a complex number) is v = v0 + sum_j alpha_j w_j with the weights w_j on
 the rotor. Any number of planes, sensors and speeds: each sensor at each speed is a row. Angles of weights and phases
-count in one sense, phase as lead (see CONVENTIONS.md); nothing here has a unit but that of the arrays handed in.
+count in one sense, phase as lead (see CONVENTIONS.md). Units are those of the arguments: [r] of readings, [w] of
+weights, in SI.
 
-Least largest, or least sum of, moduli of complex residuals, proven.
-
-|r| >= Re(r exp(-i psi)) for every psi, with equality at psi = arg r. A linear programme with some directions psi is a
-lower bound; the direction of each residual found is added until the bound meets what is reached (cutting planes).
+Weights of least squares are solved directly, within limits by SLSQP and proven by the dual problem. The least largest
+modulus, or the least sum of moduli, is a minimax of complex residuals: |r| >= Re(r exp(-i psi)) for every psi, with
+equality at psi = arg r. A linear programme with some directions psi is a lower bound; the direction of each residual
+found is added until the bound meets the cost (cutting planes).
 """
 
 from collections.abc import Sequence
@@ -20,16 +21,25 @@ from scipy.optimize import linprog, minimize
 from ..arrays import Complexes, Floats
 from ..errors import SizingError
 
-GAP = 1e-8
-"""Distance of reached and bound, of the largest initial vector, at which an optimum counts as proven."""
+METHODS = ("least-squares", "robust", "min-max")
+"""Least sum of squares; least sum of moduli, which a single wrong reading moves little; least largest modulus."""
+LEAST_EFFECT = 0.25
+"""Smallest change of a reading by a trial weight, of the reading before: less is within the scatter of readings."""
+_GAP = 1e-8
+"""Distance of cost and bound, of the largest initial reading, at which an optimum of cutting planes is proven."""
+_PROVEN = 1e-6
+"""Likewise of least squares within limits, of the norm of the initial readings."""
 _ROUNDS = 100
+_SMALL_READING = 0.1
+"""Share of the largest reading below which a reading is not compared with itself."""
 
 
 def complex_minimax(matrix: Complexes, initial: Complexes, limits: Floats, total: bool) -> tuple[Complexes, float]:
-    """Weights (planes,) with the least largest (or ``total``) modulus of ``initial + matrix @ weights``, and the bound.
+    """Weights (planes,) [w] with the least largest (or ``total``) modulus of initial + matrix @ weights, and a bound.
 
-    ``limits`` (planes,) are the largest moduli of the weights, infinite where there is none. Raises SizingError where
-    the optimum cannot be proven.
+    ``matrix`` is (rows, planes) [r/w], ``initial`` (rows,) [r]; ``limits`` (planes,) [w] are the largest moduli of the
+    weights, infinite where there is none. The bound is proven to be below the cost [r]. Raises SizingError where the
+    optimum cannot be proven.
     """
     size = float(np.abs(initial).max(initial=0.0))
     if size == 0.0:
@@ -54,11 +64,11 @@ class _Programme:
             self._cut(np.full(self.rows, angle), np.full(self.planes, angle))
 
     def solve(self) -> tuple[Complexes, float]:
-        """Cut until what is reached and the bound agree."""
+        """Cut until cost and bound agree."""
         cost = np.r_[np.zeros(2 * self.planes), np.ones(self.bounds)]
         free: Any = [(None, None)] * (2 * self.planes) + [(0.0, None)] * self.bounds
         tight: Any = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
-        reached, bound = np.inf, 0.0
+        reached = bound = np.inf
         for _ in range(_ROUNDS):
             solution = linprog(
                 cost, np.array(self.sides), np.array(self.limit), bounds=free, method="highs", options=tight
@@ -67,16 +77,13 @@ class _Programme:
                 raise SizingError(f"correction weights did not converge: {solution.message}")
             x, bound = np.asarray(solution.x), float(solution.fun or 0.0)
             weights = x[: self.planes] + 1j * x[self.planes : 2 * self.planes]
-            feasible = disc_bounded_least_squares(weights, self.limits)
-            reached = self._cost(feasible)
-            if reached - bound <= GAP * self.bounds:
+            feasible = within_limits(weights, self.limits)
+            moduli = np.abs(self.initial + self.matrix @ feasible)
+            reached = float(moduli.sum() if self.bounds == self.rows else moduli.max())
+            if reached - bound <= _GAP * self.bounds:
                 return feasible, bound
             self._cut(np.angle(self.initial + self.matrix @ weights), np.angle(weights))
         raise SizingError(f"correction weights: optimum not proven, reached {reached:.6g}, bound {bound:.6g}")
-
-    def _cost(self, weights: Complexes) -> float:
-        moduli = np.abs(self.initial + self.matrix @ weights)
-        return float(moduli.sum() if self.bounds == self.rows else moduli.max())
 
     def _cut(self, residual_angles: Floats, weight_angles: Floats) -> None:
         """Add Re(r exp(-i psi)) <= t for every row, and Re(w exp(-i psi)) <= limit for every limited plane."""
@@ -93,18 +100,9 @@ class _Programme:
             self.limit.append(float(self.limits[plane]))
 
 
-def disc_bounded_least_squares(weights: Complexes, limits: Floats) -> Complexes:
-    """The weights, each shortened to its limit where it is longer."""
+def within_limits(weights: Complexes, limits: Floats) -> Complexes:
+    """The weights (planes,) [w], each shortened to its limit (planes,) [w] where it is larger."""
     return weights * np.minimum(1.0, limits / np.maximum(np.abs(weights), 1e-300))
-
-
-METHODS = ("least-squares", "robust", "min-max")
-"""Least sum of squares; least sum of moduli, which a single wrong reading moves little; least largest modulus."""
-LEAST_EFFECT = 0.25
-"""Smallest change of a reading by a trial weight, of the reading before: less is within what readings scatter."""
-_SMALL_READING = 0.1
-"""Share of the largest reading below which a reading is not compared with itself."""
-_PROVEN = 1e-6
 
 
 @dataclass(frozen=True)
@@ -112,41 +110,41 @@ class Coefficients:
     """Influence coefficients and the readings without weights."""
 
     initial: Complexes
-    """Readings with no weight on, (rows,)."""
+    """Readings with no weight on, (rows,) [r]."""
     matrix: Complexes
-    """Influence coefficients alpha, (rows, planes): reading per weight."""
+    """Influence coefficients alpha, (rows, planes) [r/w]."""
     misfit: float
-    """Root mean square of what the runs leave unexplained; zero where there are just as many as needed."""
+    """Root mean square of the residual of the runs [r]; zero where they are just as many as needed."""
 
     @property
     def condition(self) -> float:
-        """Condition number of the coefficients, columns as they are: large where planes act alike."""
+        """Condition number of the coefficients, columns as they are: large where planes have nearly the same effect."""
         return float(np.linalg.cond(self.matrix))
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Correction weights, what they leave, and how far from the best they may be."""
+    """Correction weights, their residual, and how far from the optimum they may be."""
 
     coefficients: Coefficients
     weights: Complexes
-    """All weights in each plane, with no other weight on, (planes,)."""
+    """All weights in each plane, with no other weight on, (planes,) [w]."""
     method: str
     factors: Floats
-    """Factor of each row's reading in what is made small, (rows,)."""
+    """Factor of each row's reading in the cost, (rows,) [-]."""
     bound: float
-    """Proven lower bound of what is made small."""
+    """Proven lower bound of the cost [r]."""
     is_free: bool = False
-    """Whether the weights are those of least squares and no limit binds: then they can be differentiated."""
+    """Whether the weights are those of least squares and no limit is active: then they can be differentiated."""
 
     @property
     def residual(self) -> Complexes:
-        """Predicted readings with the weights on, (rows,)."""
+        """Predicted readings with the weights on, (rows,) [r]."""
         return self.coefficients.initial + self.coefficients.matrix @ self.weights
 
     @property
     def cost(self) -> float:
-        """What is made small: root of the sum of squares, sum, or largest of the readings times their factors."""
+        """Root of the sum of squares, sum, or largest of the residual readings times their factors [r]."""
         return _cost(self.residual * self.factors, self.method)
 
     def is_optimal(self, tol: float) -> bool:
@@ -155,33 +153,33 @@ class Solution:
 
 
 def influence_coefficients(weights: Complexes, readings: Complexes) -> Coefficients:
-    """Coefficients from runs: weights on the rotor (runs, planes) and readings (runs, rows).
+    """Coefficients from runs: weights on the rotor (runs, planes) [w] and readings (runs, rows) [r].
 
     Least squares of v = v0 + alpha w over the runs; a weight that stayed on is in the rows of all runs that it was on.
-    Raises SizingError where the runs do not tell every plane's effect apart.
+    Raises SizingError where the runs do not separate the effects of all planes.
     """
     runs, planes = weights.shape
     scale = np.abs(weights).max(axis=0, initial=0.0)
     scale[scale == 0.0] = 1.0
-    known = known_of(weights / scale)
-    rank = int(np.linalg.matrix_rank(known))
+    design = design_matrix(weights / scale)
+    rank = int(np.linalg.matrix_rank(design))
     if rank < planes + 1:
         raise SizingError(
-            f"{runs} run{'s' * (runs != 1)} tell {max(rank - 1, 0)} of {planes} planes apart: expected a run without "
-            "weights and one trial weight in each plane"
+            f"{runs} run{'s' * (runs != 1)} determine the effect of {max(rank - 1, 0)} of {planes} planes: expected a "
+            "run without weights and one trial weight in each plane"
         )
-    found = np.linalg.lstsq(known, readings, rcond=None)[0]
-    misfit = float(np.sqrt(np.mean(np.abs(readings - known @ found) ** 2)))
+    found = np.linalg.lstsq(design, readings, rcond=None)[0]
+    misfit = float(np.sqrt(np.mean(np.abs(readings - design @ found) ** 2)))
     return Coefficients(found[0], found[1:].T / scale, misfit if runs > planes + 1 else 0.0)
 
 
-def known_of(weights: Complexes) -> Complexes:
-    """What multiplies v0 and the coefficients in each run: one, and its weights, (runs, planes + 1)."""
+def design_matrix(weights: Complexes) -> Complexes:
+    """Factors of v0 and the coefficients by run, (runs, planes + 1) [-, w], from weights (runs, planes) [w]."""
     return np.hstack([np.ones((len(weights), 1)), weights])
 
 
 def weight_effect(before: Complexes, after: Complexes) -> float:
-    """Largest change of a reading by a trial weight, relative to the reading before; over rows (rows,) of one unit.
+    """Largest change of the readings (rows,) [r] by a trial weight, relative to the reading before [-].
 
     A reading below a tenth of the largest is compared with that tenth: small readings scatter without a trial weight.
     Infinite where all readings before were zero.
@@ -198,9 +196,10 @@ def solve_weights(
     factors: Floats | None = None,
     limits: Sequence[float] | None = None,
 ) -> Solution:
-    """The weights that make the readings small, each reading times its factor, each weight within its limit.
+    """The weights with the least cost: each reading times its factor (rows,) [-], each weight within its limit.
 
-    Raises SizingError where readings are fewer than planes, planes act alike, or the optimum cannot be proven.
+    ``limits`` are in the unit of the weights [w]. Raises SizingError where readings do not determine all weights, or
+    the optimum cannot be proven.
     """
     rows, planes = coefficients.matrix.shape
     weighting = np.ones(rows) if factors is None else factors
@@ -208,7 +207,9 @@ def solve_weights(
     matrix, initial = coefficients.matrix * weighting[:, None], coefficients.initial * weighting
     norms = np.linalg.norm(matrix, axis=0)
     if (norms == 0.0).any():
-        raise SizingError(f"a weight in plane number {int(np.argmin(norms)) + 1} moves no reading")
+        raise SizingError(
+            f"a weight in plane number {int(np.argmin(norms)) + 1} changes no reading: leave that plane out"
+        )
     if np.linalg.matrix_rank(matrix / norms, tol=1e-9) < planes:
         raise SizingError(
             f"{rows} reading{'s' * (rows != 1)} do not determine the weights of {planes} planes: use more sensors or "
@@ -232,18 +233,18 @@ def _cost(readings: Complexes, method: str) -> float:
 
 
 def _least_squares(matrix: Complexes, initial: Complexes, limits: Floats) -> tuple[Complexes, float]:
-    """Weights of least squares; where a limit binds, by SLSQP, with the bound of the dual problem."""
+    """Weights of least squares; where a limit is active, by SLSQP, with the bound of the dual problem."""
     weights = np.linalg.lstsq(matrix, -initial, rcond=None)[0]
     if (np.abs(weights) <= limits).all():
         return weights, float(np.linalg.norm(initial + matrix @ weights))
-    weights = _limited(matrix, initial, limits, weights)
+    weights = _disc_bounded_least_squares(matrix, initial, limits, weights)
     reached, bound = float(np.linalg.norm(initial + matrix @ weights)), _dual_bound(matrix, initial, limits, weights)
     if reached - bound > _PROVEN * float(np.linalg.norm(initial)):
         raise SizingError(f"correction weights: optimum not proven, reached {reached:.6g}, bound {bound:.6g}")
     return weights, bound
 
 
-def _limited(matrix: Complexes, initial: Complexes, limits: Floats, start: Complexes) -> Complexes:
+def _disc_bounded_least_squares(matrix: Complexes, initial: Complexes, limits: Floats, start: Complexes) -> Complexes:
     """Least squares with |w_j| <= limit_j, in units in which the limits or else the free solution are one."""
     planes = matrix.shape[1]
     unit = np.where(np.isfinite(limits), limits, np.maximum(np.abs(start), 1e-300))
@@ -256,26 +257,20 @@ def _limited(matrix: Complexes, initial: Complexes, limits: Floats, start: Compl
         slope = scaled.conj().T @ residual
         return 0.5 * float(np.vdot(residual, residual).real), np.r_[slope.real, slope.imag]
 
-    def room(x: Floats) -> Floats:
+    def margin(x: Floats) -> Floats:
         return 1.0 - x[bound] ** 2 - x[planes + bound] ** 2
 
-    def room_slope(x: Floats) -> Floats:
+    def margin_slope(x: Floats) -> Floats:
         one = -2.0 * np.eye(planes)[bound]
         return np.hstack([one * x[:planes], one * x[planes:]])
 
-    constraint: Any = {"type": "ineq", "fun": room, "jac": room_slope}
+    constraint: Any = {"type": "ineq", "fun": margin, "jac": margin_slope}
     precise: Any = {"ftol": 1e-16, "maxiter": 1000}
-    first = disc_bounded_least_squares(start, limits) / unit
-    found = minimize(
-        objective,
-        np.concatenate([first.real, first.imag]),
-        jac=True,
-        method="SLSQP",
-        constraints=constraint,
-        options=precise,
-    )
-    x = np.asarray(found.x)
-    return disc_bounded_least_squares((x[:planes] + 1j * x[planes:]) * unit, limits)
+    first = within_limits(start, limits) / unit
+    start_x = np.concatenate([first.real, first.imag])
+    solved = minimize(objective, start_x, jac=True, method="SLSQP", constraints=constraint, options=precise)
+    x = np.asarray(solved.x)
+    return within_limits((x[:planes] + 1j * x[planes:]) * unit, limits)
 
 
 def _dual_bound(matrix: Complexes, initial: Complexes, limits: Floats, weights: Complexes) -> float:

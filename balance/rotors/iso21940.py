@@ -1,7 +1,7 @@
 """Permissible residual unbalance of rigid rotors after ISO 21940-11, and trial masses.
 
-Scope: rotors that are rigid at their service speed, in a constant (rigid) state, in bearings. It says nothing of
-linkages, whose shaking force does not turn with a shaft, and nothing of flexible rotors.
+Scope: rotors that are rigid at their service speed, in a constant (rigid) state, in bearings. Not for
+linkages, whose shaking force does not turn with a shaft, and not for flexible rotors.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""What correction weights from trial runs have to say, as one document: units in the keys, senses as in the sheet."""
+"""Results of rotors as plain values for JSON, units in the keys: corrections, weights from trial runs, splits."""
 
 import math
 from typing import Any
@@ -6,14 +6,24 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Complexes
-from ..estimation.estimate import Region
-from .correction_uncertainty import CoefficientCovariance, CorrectionUncertainty, PolarInterval
+from ..units import G0
+from .correction_planes import Correction, correct_planes, mass_and_radius, polygons
+from .correction_uncertainty import CorrectionUncertainty, PolarInterval
 from .influence_coefficients import Solution
-from .rotor import vector_document as vector
+from .rotor import (
+    Rotor,
+    angle_deg,
+    bearing_loads,
+    bearing_weights,
+    unbalance_couple,
+    unbalance_force,
+    vector_document,
+)
 from .trial_runs import TrialRuns
+from .weight_splitting import Split, hole_directions
 
 ILL_CONDITIONED = 30.0
-"""Condition number of the coefficients above which planes act so much alike that it is a finding."""
+"""Condition number of the coefficients above which it is a finding."""
 READING = {
     "length": ("um", "um", 1e6),
     "velocity": ("mm/s", "mm_per_s", 1e3),
@@ -23,151 +33,226 @@ READING = {
 """Unit of readings by their dimension: for people, in keys, and its factor from SI."""
 WEIGHT = {"mass": ("g", "g", 1e3), "first moment": ("g mm", "gmm", 1e6)}
 """Unit of weights, likewise."""
-_EXACT = 1e-12
-"""Share of the reading before below which a predicted one is rounding alone."""
+_ROUNDING = 1e-12
+"""Share of the largest initial reading below which a predicted one is rounding error."""
 
 
-def of_solution(sheet: TrialRuns, solution: Solution) -> dict[str, Any]:
-    """Weights with their intervals, readings before and after, coefficients, findings."""
-    _, reading, r = READING[sheet.reading]
-    sure = sheet.uncertainty(solution)
+def correction_document(rotor: Rotor, correction: Correction) -> dict[str, Any]:
+    """Corrections in their planes, unbalance and bearing loads before and after, and the polygons."""
+
+    def in_kgmm(vector: complex | None) -> dict[str, float] | None:
+        return None if vector is None else vector_document(vector, "kgmm", 1e3)
+
+    about = correction.planes[0]
+    couple = f"couple_about_plane_{about.name}"
+    planes = []
+    for plane, vector in zip(correction.planes, correction.vectors, strict=True):
+        mass, radius = mass_and_radius(plane, vector) or (None, None)
+        planes.append(
+            {"plane": plane.name, "at_mm": 1e3 * plane.at}
+            | vector_document(vector, "kgmm", 1e3)
+            | {"mass_kg": mass, "radius_mm": None if radius is None else 1e3 * radius}
+            | {"published": in_kgmm(rotor.published.get(plane.name))}
+        )
+    at_rest = None
+    if rotor.mass is not None and rotor.centre is not None and len(rotor.bearings) == 2:
+        at_rest = list(bearing_weights(rotor.mass, rotor.centre, rotor.bearings, G0))
+    return {
+        "rotor": rotor.name,
+        "source": rotor.source or None,
+        "unbalances": [
+            {"name": u.name, "at_mm": 1e3 * u.at} | vector_document(u.vector, "kgmm", 1e3) for u in rotor.unbalances
+        ],
+        "before": {
+            "force": in_kgmm(unbalance_force(rotor.unbalances)),
+            couple: vector_document(unbalance_couple(rotor.unbalances, about.at), "kgmm2", 1e6),
+        },
+        "corrections": planes,
+        "after": {
+            "force": in_kgmm(correction.force()),
+            couple: vector_document(correction.couple(), "kgmm2", 1e6),
+        },
+        "residual_kgmm": 1e3 * correction.residual(),
+        "speed_rad_per_s": rotor.speed,
+        "bearings_mm": [1e3 * z for z in rotor.bearings],
+        "bearing_loads": _bearing_loads(rotor, correction),
+        "weight_on_bearings_N": at_rest,
+        "polygons": [
+            {
+                "title": polygon.title,
+                "sides": [*polygon.names, *polygon.closing_names],
+                f"vertices_{unit}": [[factor * v.real, factor * v.imag] for v in polygon.vertices],
+                f"gap_{unit}": factor * polygon.gap(),
+            }
+            for polygon in polygons(correction)
+            for unit, factor in [("kgmm", 1e3) if polygon.unit == "kg m" else ("kgmm2", 1e6)]
+        ],
+    }
+
+
+def _bearing_loads(rotor: Rotor, correction: Correction) -> dict[str, list[dict[str, float]]]:
+    """Rotating bearing loads before, after a static balance alone in each plane, and after."""
+    if not rotor.bearings or rotor.speed is None:
+        return {}
+    states = {"before": rotor.unbalances}
+    for plane in rotor.planes if len(rotor.planes) > 1 else ():
+        states[f"static balance alone, in {plane.name}"] = correct_planes(rotor.unbalances, [plane]).after
+    states["after"] = correction.after
+    loads = {name: bearing_loads(state, rotor.bearings, rotor.speed) for name, state in states.items()}
+    return {name: [vector_document(load, "N") for load in pair] for name, pair in loads.items()}
+
+
+def split_document(split: Split, radius: float | None) -> dict[str, Any]:
+    """Weights in the holes that are used, and the residual; ``radius`` of the holes [m] where it is stated."""
+    rows = zip(split.holes, hole_directions(split.holes), split.weights, split.pieces, strict=True)
+    return {
+        "correction": vector_document(split.target, "g", 1e3),
+        "radius_mm": None if radius is None else 1e3 * radius,
+        "holes": [
+            {"hole": hole.name, "angle_deg": angle_deg(complex(unit)), "weight_g": 1e3 * weight, "pieces": list(pieces)}
+            for hole, unit, weight, pieces in rows
+            if weight > 0.0
+        ],
+        "made": vector_document(split.made, "g", 1e3),
+        "residual_g": 1e3 * split.residual(),
+        "residual_percent": split.residual_percent(),
+        "least_possible_residual_g": 1e3 * split.bound,
+        "total_weight_g": 1e3 * sum(split.weights),
+    }
+
+
+def trial_runs_document(runs: TrialRuns, solution: Solution) -> dict[str, Any]:
+    """Weights with their intervals, readings before and after, coefficients, findings; senses as in the file."""
+    _, reading, r = READING[runs.reading]
+    uncertainty = runs.uncertainty(solution)
     before, after = solution.coefficients.initial, predicted_residual(solution)
     return {
-        "name": sheet.name,
-        "source": sheet.source or None,
-        "note": sheet.note or None,
-        "phase": sheet.phase,
-        "angles": sheet.angles,
-        "amplitude": sheet.amplitude,
+        "name": runs.name,
+        "source": runs.source or None,
+        "note": runs.note or None,
+        "phase": runs.phase,
+        "angles": runs.angles,
+        "amplitude": runs.amplitude,
         "method": solution.method,
-        "trial_weights": _trials(sheet),
-        "planes": _planes(sheet, solution, sure),
-        "readings": _readings(sheet, solution, sure),
-        "intervals": None if sure is None else _intervals(sure),
+        "trial_weights": {
+            name: {"stayed_on": run.stayed_on, "largest_effect": _finite(effect)}
+            for name, effect in runs.effects().items()
+            for run in runs.runs
+            if run.name == name
+        },
+        "planes": _planes(runs, solution, uncertainty),
+        "readings": _readings(runs, solution, uncertainty),
+        "intervals": None if uncertainty is None else _intervals(uncertainty),
         f"rms_before_{reading}": _rms(before) * r,
         f"rms_after_{reading}": _rms(after) * r,
         "cost_SI": solution.cost,
         "cost_lower_bound_SI": solution.bound,
         "condition": solution.coefficients.condition,
         f"misfit_of_runs_{reading}": solution.coefficients.misfit * r,
-        "findings": _findings(sheet, solution, sure),
+        "findings": _findings(runs, solution, uncertainty),
     }
 
 
 def predicted_residual(solution: Solution) -> Complexes:
-    """Predicted readings, what is rounding alone as zero, (rows,)."""
+    """Predicted readings, (rows,) [m, m/s or m/s2]; what is rounding error is zero."""
     size = float(np.abs(solution.coefficients.initial).max(initial=0.0))
-    return np.where(np.abs(solution.residual) < _EXACT * size, 0.0, solution.residual)
+    return np.where(np.abs(solution.residual) < _ROUNDING * size, 0.0, solution.residual)
 
 
-def _trials(sheet: TrialRuns) -> dict[str, Any]:
-    effects = sheet.effects()
-    return {
-        run.name: {"stayed_on": run.stayed_on, "largest_effect": _finite(effects[run.name])}
-        for run in sheet.runs
-        if run.stayed_on is not None
-    }
+def _planes(runs: TrialRuns, solution: Solution, uncertainty: CorrectionUncertainty | None) -> list[dict[str, Any]]:
+    _, unit, w = WEIGHT[runs.weight]
 
+    def vector(weight: complex, interval: PolarInterval | None) -> dict[str, float | None]:
+        return {
+            **vector_document(weight, unit, w),
+            f"magnitude_{unit}_within": None if interval is None else w * interval.magnitude,
+            "angle_deg_within": None if interval is None else math.degrees(interval.angle),
+        }
 
-def _planes(sheet: TrialRuns, solution: Solution, sure: CorrectionUncertainty | None) -> list[dict[str, Any]]:
-    _, unit, w = WEIGHT[sheet.weight]
-    total, on = sheet.in_sheet_sense(solution.weights), sheet.in_sheet_sense(sheet.on_now)
-    none: list[PolarInterval | None] = [None] * len(total)
-    sums = none if sure is None else [*sure.weights]
-    adding = none if sure is None else [*sure.about(solution.weights - sheet.on_now)]
-    found = []
-    for j, plane in enumerate(sheet.planes):
-        printed = sheet.published.get(plane.name)
-        found.append(
+    total, on = runs.in_file_sense(solution.weights), runs.in_file_sense(runs.mounted)
+    unknown: list[PolarInterval | None] = [None] * len(total)
+    within = unknown if uncertainty is None else [*uncertainty.weights]
+    within_added = unknown if uncertainty is None else [*uncertainty.about(solution.weights - runs.mounted)]
+    rows = []
+    for j, plane in enumerate(runs.planes):
+        published, region = runs.published.get(plane.name), None
+        if uncertainty is not None:  # the ellipse about the weight that the figure shows
+            ellipse = uncertainty.regions[j]
+            turned = ellipse.angle if runs.angles == "with rotation" else -ellipse.angle
+            region = {
+                f"half_axes_{unit}": [w * half for half in ellipse.half_axes],
+                "long_axis_deg": math.degrees(turned) % 180.0,
+            }
+        rows.append(
             {
                 "plane": plane.name,
-                "total": {**vector(complex(total[j]), unit, w), **_within(sums[j], unit, w)},
-                "on_now": vector(complex(on[j]), unit, w),
-                "add": {**vector(complex(total[j] - on[j]), unit, w), **_within(adding[j], unit, w)},
-                "region": None if sure is None else _region(sheet, sure.regions[j], unit, w),
-                "published": None if printed is None else vector(printed, unit, w),
+                "total": vector(complex(total[j]), within[j]),
+                "on_now": vector_document(complex(on[j]), unit, w),
+                "add": vector(complex(total[j] - on[j]), within_added[j]),
+                "region": region,
+                "published": None if published is None else vector_document(published, unit, w),
             }
         )
-    return found
+    return rows
 
 
-def _readings(sheet: TrialRuns, solution: Solution, sure: CorrectionUncertainty | None) -> list[dict[str, Any]]:
-    (_, unit, r), (_, weight, w) = READING[sheet.reading], WEIGHT[sheet.weight]
+def _readings(runs: TrialRuns, solution: Solution, uncertainty: CorrectionUncertainty | None) -> list[dict[str, Any]]:
+    (_, unit, r), (_, weight, w) = READING[runs.reading], WEIGHT[runs.weight]
     coefficients = solution.coefficients
-    before, after = sheet.as_sheet_phase(coefficients.initial), sheet.as_sheet_phase(predicted_residual(solution))
+    before, after = runs.in_file_phase(coefficients.initial), runs.in_file_phase(predicted_residual(solution))
     return [
         {
             "sensor": sensor,
             "speed": speed,
             "factor": float(solution.factors[i]),
-            "before": vector(complex(before[i]), unit, r),
-            "after": vector(complex(after[i]), unit, r),
-            f"after_within_{unit}": None if sure is None else float(sure.after[i]) * r,
+            "before": vector_document(complex(before[i]), unit, r),
+            "after": vector_document(complex(after[i]), unit, r),
+            f"after_within_{unit}": None if uncertainty is None else float(uncertainty.after[i]) * r,
             "coefficients_lead_with_rotation": {
-                plane.name: vector(complex(coefficients.matrix[i, j]), f"{unit}_per_{weight}", r / w)
-                for j, plane in enumerate(sheet.planes)
+                plane.name: vector_document(complex(coefficients.matrix[i, j]), f"{unit}_per_{weight}", r / w)
+                for j, plane in enumerate(runs.planes)
             },
         }
-        for i, (sensor, speed) in enumerate(sheet.rows)
+        for i, (sensor, speed) in enumerate(runs.rows)
     ]
 
 
-def _within(interval: PolarInterval | None, unit: str, factor: float) -> dict[str, float | None]:
-    return {
-        f"magnitude_{unit}_within": None if interval is None else factor * interval.magnitude,
-        "angle_deg_within": None if interval is None else math.degrees(interval.angle),
-    }
-
-
-def _region(sheet: TrialRuns, region: Region, unit: str, factor: float) -> dict[str, Any]:
-    """The ellipse about the weight that the figure shows."""
-    turned = region.angle if sheet.angles == "with rotation" else -region.angle
-    return {
-        f"half_axes_{unit}": [factor * half for half in region.half_axes],
-        "long_axis_deg": math.degrees(turned) % 180.0,
-    }
-
-
-def _intervals(sure: CorrectionUncertainty) -> dict[str, Any]:
-    scatter = sure.scatter
+def _intervals(uncertainty: CorrectionUncertainty) -> dict[str, Any]:
+    covariance = uncertainty.coefficients
     return {
         "level": "95 %",
-        "from": scatter.source,
-        "degrees_of_freedom_a_row": _finite(scatter.degrees_of_freedom),
-        "stated_errors_widened_by": scatter.widened,
-        "draws": sure.draws,
+        "from": covariance.source,
+        "degrees_of_freedom_a_row": _finite(covariance.degrees_of_freedom),
+        "stated_errors_widened_by": covariance.widened,
+        "draws": uncertainty.draws,
     }
 
 
-def _findings(sheet: TrialRuns, solution: Solution, sure: CorrectionUncertainty | None) -> list[str]:
-    found = []
+def _findings(runs: TrialRuns, solution: Solution, uncertainty: CorrectionUncertainty | None) -> list[str]:
+    findings = []
     condition = solution.coefficients.condition
     if condition > ILL_CONDITIONED:
-        found.append(
-            f"condition number {condition:.3g}: the planes act so much alike that small errors of reading give large "
-            "weights; use fewer planes or more sensors"
+        findings.append(
+            f"condition number {condition:.3g}: the effects of the planes are nearly proportional, so that small "
+            "errors of reading give large weights; use fewer planes or more sensors"
         )
-    if sheet.reading == "mixed":
-        found.append("sensors read different quantities: each was divided by its scale")
-    if sure is not None:
-        found += _doubts(sheet, sure.scatter, sure)
-    return found
-
-
-def _doubts(sheet: TrialRuns, scatter: CoefficientCovariance, sure: CorrectionUncertainty) -> list[str]:
-    found = []
-    if scatter.widened > 1.0:
-        found.append(
-            f"the runs scatter {scatter.widened:.2g} times more than the stated intervals of readings allow: intervals "
-            "are widened by that; look for a weight, speed or temperature that was not alike in all runs"
+    if runs.reading == "mixed":
+        findings.append("sensors read different quantities: each was divided by its scale")
+    if uncertainty is None:
+        return findings
+    widened = uncertainty.coefficients.widened
+    if widened > 1.0:
+        findings.append(
+            f"the runs scatter {widened:.2g} times more than the stated intervals of readings allow: intervals are "
+            "widened by that; look for a weight, speed or temperature that differed between runs"
         )
-    for plane, interval in zip(sheet.planes, sure.weights, strict=True):
+    for plane, interval in zip(runs.planes, uncertainty.weights, strict=True):
         if interval.angle >= math.pi:
-            found.append(
-                f"the weight in plane {plane.name!r} is not told from none: its angle means nothing; use larger trial "
-                "weights, more runs, or leave the plane out"
+            findings.append(
+                f"the weight in plane {plane.name!r} is not distinguished from zero: its angle means nothing; use "
+                "larger trial weights, more runs, or leave the plane out"
             )
-    return found
+    return findings
 
 
 def _finite(value: float) -> float | None:

@@ -1,8 +1,6 @@
-"""Bearing reactions of a rotor that turns at constant speed.
+"""A rigid rotor: its unbalances, its correction planes, its bearings, and what the bearings carry at constant speed.
 
-A rigid rotor: its unbalances, its correction planes, its bearings.
-
-Vectors of a rotor as complex numbers: magnitude, angle from the rotor's mark.
+Vectors are complex numbers: magnitude, and angle from the rotor's mark in the sense in which its file counts.
 """
 
 import cmath
@@ -39,7 +37,7 @@ class Plane:
 
 @dataclass(frozen=True)
 class Rotor:
-    """A rigid rotor as read from a sheet."""
+    """A rigid rotor as its file describes it."""
 
     name: str
     unbalances: tuple[Unbalance, ...]
@@ -53,7 +51,7 @@ class Rotor:
     centre: float | None = None
     """Where its centre of mass is along the axis [m]."""
     published: Mapping[str, complex] = field(default_factory=dict)
-    """Corrections by plane that the source prints [kg m], to be shown beside."""
+    """Corrections by plane that the source publishes, for comparison [kg m]."""
     source: str = ""
 
 
@@ -73,7 +71,7 @@ def unbalance_couple(unbalances: Sequence[Unbalance], about: float) -> complex:
 def bearing_loads(unbalances: Sequence[Unbalance], bearings: Sequence[float], speed: float) -> tuple[complex, complex]:
     """Rotating force of the unbalances on the two bearings, at angles from the rotor's mark [N].
 
-    F_B = omega^2 sum U_i (z_i - z_A) / (z_B - z_A), F_A the rest: the couple is in it. Bearings at [m], speed [rad/s].
+    F_B = omega^2 sum U_i (z_i - z_A) / (z_B - z_A), F_A the rest: the couple is in it. Bearings [m], speed [rad/s].
     Raises DataError where there are not two bearings in two places.
     """
     if len(bearings) != 2 or bearings[0] == bearings[1]:
@@ -86,7 +84,7 @@ def bearing_loads(unbalances: Sequence[Unbalance], bearings: Sequence[float], sp
 
 
 def bearing_weights(mass: float, centre: float, bearings: Sequence[float], gravity: float) -> tuple[float, float]:
-    """What the weight of a horizontal rotor lays on the two bearings, standing still in space [N]."""
+    """Shares of the two bearings in the weight of a horizontal rotor, fixed in space [N]."""
     first, second = bearings
     right = mass * gravity * (centre - first) / (second - first)
     return mass * gravity - right, right

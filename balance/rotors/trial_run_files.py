@@ -1,6 +1,6 @@
 """Files of trial runs, or of influence coefficients (``datasets/rotors``): what ``balance rotor influence`` takes.
 
-A file says how its phases and angles count, and of every trial weight whether it ``stayed_on`` after its run.
+A file states how its phases and angles count, and of every trial weight whether it ``stayed_on`` after its run.
 """
 
 from collections.abc import Mapping
@@ -29,8 +29,8 @@ from ..input_files import (
     read_toml,
 )
 from ..units import dimension_of, parse, parse_uncertain
-from . import influence_coefficients
 from .correction_uncertainty import reading_covariance
+from .influence_coefficients import LEAST_EFFECT, Coefficients
 from .trial_runs import TrialPlane, TrialRun, TrialRuns
 
 WEIGHT = ("mass", "first moment")
@@ -102,12 +102,12 @@ class TrialPlaneTable(Table):
 
 
 class SensorTable(Table):
-    """How a sensor counts, and how far its readings scatter."""
+    """Weight of a sensor, and how far its readings scatter."""
 
     name: Text
     """Name of it, as in the readings."""
     scale: Scale | None = None
-    """Reading that counts as one, where sensors of several quantities are weighed against each other."""
+    """Reading that counts as one, where sensors read several quantities."""
     weight: Positive | None = None
     """Weight of the squares of its readings."""
     within: Scale | None = None
@@ -126,15 +126,15 @@ class RunTable(Table):
     readings: Readings
     """Readings by speed and sensor [m, m/s or m/s2]."""
     phases_alike: dict[str, Annotated[float, Quantity("angle", above=0.0)]] = Field(default_factory=dict)
-    """Half the 95 % interval of an error that all phases at a speed share, by speed [rad]."""
+    """Half the 95 % interval of the common-mode error of all phases at a speed, by speed [rad]."""
 
     def _check(self) -> None:
         if self.weights is not None and self.stayed_on is None:
             raise DataError(
-                "stayed_on is missing: say whether this run's trial weight stayed on after it (true or false)"
+                "stayed_on is missing: state whether this run's trial weight stayed on after it (true or false)"
             )
         if self.weights is None and self.stayed_on is not None:
-            raise DataError("stayed_on: this run has no trial weights that could")
+            raise DataError("stayed_on: this run has no trial weights: leave it out")
 
 
 class TrialRunsTable(Table):
@@ -155,7 +155,7 @@ class TrialRunsTable(Table):
     planes: Annotated[list[TrialPlaneTable], Field(min_length=1), Distinct]
     """Planes that carry weights."""
     sensors: Annotated[list[SensorTable], Distinct] = Field(default_factory=list)
-    """Sensors, where there is something to say of them."""
+    """Weights, scales and intervals of sensors."""
     runs: Annotated[list[RunTable], Distinct] = Field(default_factory=list)
     """Runs in their order, the first as found."""
     initial: Readings | None = None
@@ -164,7 +164,7 @@ class TrialRunsTable(Table):
     """Without runs: influence coefficients by speed and sensor, one for each plane."""
     per: Text | None = None
     """Unit of weight that the coefficients are for, such as ``g mm``."""
-    least_effect: Positive = influence_coefficients.LEAST_EFFECT
+    least_effect: Positive = LEAST_EFFECT
     """Least change of a reading by a trial weight, as a share of it."""
     speed_weights: dict[str, Positive] = Field(default_factory=dict)
     """Weight of the squares of the readings at a speed."""
@@ -213,7 +213,7 @@ class _Builder:
         """The runs."""
         table = self.table
         runs = self._runs()
-        given, given_errors = (None, None) if runs else self._coefficients()
+        stated, stated_errors = (None, None) if runs else self._coefficients()
         dimensions = set(self.dimensions.values())
         return TrialRuns(
             table.name or self.name,
@@ -227,11 +227,11 @@ class _Builder:
             dimensions.pop() if len(dimensions) == 1 else "mixed",
             self.weight,
             runs,
-            given,
+            stated,
             table.least_effect,
             {name: weight.value for name, weight in self._by_plane("published", table.published).items()},
             table.note,
-            given_errors,
+            stated_errors,
         )
 
     def _weight_dimension(self) -> str:
@@ -244,7 +244,7 @@ class _Builder:
         found = stated[0][1].dimension if stated else dimension_of(f"1 {table.per}", *WEIGHT)
         for key, weight in stated:
             if weight.dimension != found:
-                raise DataError(f"{key}: is a {weight.dimension}, others are a {found}: give all alike")
+                raise DataError(f"{key}: is a {weight.dimension}, others are a {found}: give all of one dimension")
         return found
 
     def _by_plane(self, key: str, weights: Mapping[str, Measured[complex]]) -> Mapping[str, Measured[complex]]:
@@ -270,15 +270,15 @@ class _Builder:
 
     def _run(self, table: RunTable, on: Complexes, first: bool) -> TrialRun:
         if first and table.weights is not None:
-            raise DataError("weights: are in the first run: expected the rotor as it is, without trial weights")
+            raise DataError("weights: are in the first run: expected the rotor as found, without trial weights")
         trial = np.zeros_like(on) if table.weights is None else self._trial(table.weights)
         values, errors = self._readings(table.readings, "readings")
         if table.phases_alike and errors is None:
-            raise DataError("phases_alike: goes with intervals of the readings, which are not given")
+            raise DataError("phases_alike: needs intervals of the readings, which are not given")
         if unknown := set(table.phases_alike) - {speed for _, speed in self.rows}:
             raise DataError(f"phases_alike: {min(unknown)!r} is no speed of this run's readings")
-        shared = {speed: standard_deviation_within(half) for speed, half in table.phases_alike.items()}
-        return TrialRun(table.name, on + trial, trial, table.stayed_on, values, errors, shared)
+        common = {speed: standard_deviation_within(half) for speed, half in table.phases_alike.items()}
+        return TrialRun(table.name, on + trial, trial, table.stayed_on, values, errors, common)
 
     def _trial(self, weights: Mapping[str, Measured[complex]]) -> Complexes:
         given = self._by_plane("weights", weights)
@@ -292,7 +292,8 @@ class _Builder:
         found = {(sensor, speed): reading for speed, of in speeds.items() for sensor, reading in of.items()}
         if not found or set(found) != set(self.rows):
             odd = sorted(f"{sensor} at {speed}" for sensor, speed in set(found) ^ set(self.rows))
-            raise DataError(f"{key}: {odd[0] if odd else 'nothing'} is not read in every run alike")
+            which = odd[0] if odd else "nothing"
+            raise DataError(f"{key}: {which} is not read in every run: give the same sensors and speeds in all")
         for (sensor, _), reading in found.items():
             if reading.dimension != self.dimensions[sensor]:
                 raise DataError(
@@ -303,7 +304,7 @@ class _Builder:
         return values, self._covariances(values, [found[row].half for row in self.rows], key)
 
     def _covariances(self, values: Complexes, halves: list[Half | None], key: str) -> Floats | None:
-        """Covariance of the parts of each reading, (n, 2, 2); None where no interval is stated."""
+        """Covariance of the components of each reading, (rows, 2, 2); None where no interval is stated."""
         halves = [half or self._within(sensor) for half, (sensor, _) in zip(halves, self.rows, strict=True)]
         bare = [f"{s} at {speed}" for (s, speed), half in zip(self.rows, halves, strict=True) if half is None]
         if len(bare) == len(halves):
@@ -321,7 +322,7 @@ class _Builder:
         table = self.sensors.get(sensor)
         return None if table is None or table.within is None else (table.within.value, table.within.value)
 
-    def _coefficients(self) -> tuple[influence_coefficients.Coefficients, Floats | None]:
+    def _coefficients(self) -> tuple[Coefficients, Floats | None]:
         """Coefficients and readings that the file gives; covariances of both, (planes + 1, rows, 2, 2)."""
         initial, errors = self._readings(self.table.initial or {}, "initial")
         if self.lag != self.against:
@@ -337,7 +338,7 @@ class _Builder:
         matrix: Complexes = np.array(rows, dtype=complex)
         if errors is not None:
             errors = np.concatenate([errors[None], np.zeros((len(self.planes), *errors.shape))])
-        return influence_coefficients.Coefficients(initial, matrix.conj() if self.lag else matrix, 0.0), errors
+        return Coefficients(initial, matrix.conj() if self.lag else matrix, 0.0), errors
 
     def _coefficient_row(self, sensor: str, speed: str, row: list[Measured[complex]]) -> list[complex]:
         if len(row) != len(self.planes):
@@ -361,7 +362,7 @@ class _Builder:
         if len(dimensions) > 1 and scaled != set(factors):
             raise DataError(
                 f"sensors read {' and '.join(dimensions)}: give every sensor a scale, the reading that counts as one, "
-                "or they cannot be weighed against each other"
+                "or they cannot be compared"
             )
         weights = self.table.speed_weights
         return np.array([factors[sensor] * weights.get(speed, 1.0) ** 0.5 for sensor, speed in self.rows])

@@ -1,14 +1,12 @@
-"""Stock weights in holes: the set with the least residual, and of such sets the lightest.
+"""Splitting a correction over holes: of any weight, or from stock weights to a proven optimum.
 
-A mixed-integer programme in the number of each weight in each hole. The residual's modulus is bounded from below by
-its components in some directions; the direction of each residual found is added until the bound meets what is reached.
-
-Splitting a correction over holes: of any weight between them, or stock weights to a proven optimum.
+Of stock weights the set with the least residual is taken, and of such sets the lightest: a mixed-integer programme in
+the number of each weight in each hole. The residual's modulus is bounded from below by its components in some
+directions; the direction of each residual found is added until the bound meets it.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.optimize import Bounds, LinearConstraint, linprog, milp
@@ -16,6 +14,16 @@ from scipy.optimize import Bounds, LinearConstraint, linprog, milp
 from ..arrays import Complexes, Floats, stdout_discarded
 from ..balancing.stock_plates import Plate
 from ..errors import SizingError
+
+_SCALE = 1e3
+"""Correction to which the programme is scaled, so that the solver's 1e-6 is 1e-9 of it."""
+_GAP = 1e-8
+"""Distance of residual and bound, relative to the correction, at which the optimum counts as proven."""
+RESOLUTION = 1e-6
+"""Share of the correction below which a residual counts as zero by default."""
+_ROUNDS = 60
+TIME_LIMIT_S = 20.0
+"""Time for one programme; after it nothing is proven and the split is refused [s]."""
 
 
 @dataclass(frozen=True)
@@ -29,17 +37,17 @@ class Hole:
 
 @dataclass(frozen=True)
 class Split:
-    """Weights in holes, and what they leave of the correction."""
+    """Weights in holes, and the residual correction."""
 
     target: complex
-    """Correction that was asked for, mass times radius or mass alone [kg m or kg]."""
+    """Correction to make, mass times radius or mass alone [kg m or kg]."""
     holes: tuple[Hole, ...]
     weights: tuple[float, ...]
     """Weight in each hole, in the unit of the target."""
     pieces: tuple[tuple[str, ...], ...]
     """Names of the stock weights in each hole; empty where weights are of any size."""
     bound: float
-    """No set leaves less than this, or it is the residual that counts as none, in the unit of the target."""
+    """Proven lower bound of the residual, or the residual that counts as zero, in the unit of the target."""
 
     @property
     def made(self) -> complex:
@@ -47,11 +55,11 @@ class Split:
         return complex(np.array(self.weights) @ hole_directions(self.holes))
 
     def residual(self) -> float:
-        """Modulus of the asked minus the made correction."""
+        """Modulus of the target minus the made correction, in the unit of the target."""
         return abs(self.target - self.made)
 
     def residual_percent(self) -> float | None:
-        """Residual in per cent of the correction; None where none was asked for."""
+        """Residual in per cent of the target; None where that is zero."""
         return 100.0 * self.residual() / abs(self.target) if self.target else None
 
     def is_optimal(self, tol: float) -> bool:
@@ -67,14 +75,14 @@ def evenly_spaced(count: int, first: float) -> tuple[Hole, ...]:
 
 
 def hole_directions(holes: Sequence[Hole]) -> Complexes:
-    """Unit vectors to the holes, (holes,)."""
+    """Unit vectors to the holes, (holes,) [-]."""
     return np.exp(1j * np.array([hole.angle for hole in holes]))
 
 
 def split_freely(target: complex, holes: Sequence[Hole], limit: float = np.inf) -> Split:
     """Weights of any size up to ``limit`` a hole that make the correction with the least total.
 
-    Without a limit these are the two holes beside the correction: w_1 = U sin(b - t) / sin(b - a) at a, w_2 =
+    Without a limit these are the two holes next to the correction: w_1 = U sin(b - t) / sin(b - a) at a, w_2 =
     U sin(t - a) / sin(b - a) at b. Raises SizingError where the holes cannot make it.
     """
     size = abs(target)
@@ -82,35 +90,23 @@ def split_freely(target: complex, holes: Sequence[Hole], limit: float = np.inf) 
         return Split(target, tuple(holes), (0.0,) * len(holes), ((),) * len(holes), 0.0)
     unit = hole_directions(holes)
     sums = np.array([unit.real, unit.imag])
-    wanted = np.array([target.real, target.imag]) / size
+    required = np.array([target.real, target.imag]) / size
     upper = None if np.isinf(limit) else limit / size
-    solution = linprog(np.ones(len(holes)), A_eq=sums, b_eq=wanted, bounds=[(0.0, upper)] * len(holes), method="highs")
+    solution = linprog(
+        np.ones(len(holes)), A_eq=sums, b_eq=required, bounds=[(0.0, upper)] * len(holes), method="highs"
+    )
     if not solution.success:
         what = "" if upper is None else f" of at most {1e3 * limit:g} g each"
         raise SizingError(
             f"weights{what} in these holes cannot make this correction: give more holes, or a larger limit"
         )
-    weights = _polished(sums, wanted, np.asarray(solution.x), upper) * size
-    return Split(target, tuple(holes), tuple(float(w) for w in weights), ((),) * len(holes), 0.0)
-
-
-def _polished(sums: Floats, wanted: Floats, weights: Floats, upper: float | None) -> Floats:
-    """The same weights to rounding error: those between the bounds solved anew."""
+    weights = np.asarray(solution.x)
+    # to rounding error: the weights between their bounds are solved anew
     free = (weights > 1e-9) & (weights < (np.inf if upper is None else upper - 1e-9))
-    exact = np.where(free, 0.0, np.where(weights <= 1e-9, 0.0, upper or 0.0))
-    exact[free] = np.linalg.lstsq(sums[:, free], wanted - sums @ exact, rcond=None)[0]
-    return exact if (exact >= 0.0).all() else weights
-
-
-_SCALE = 1e3
-"""Correction to which the programme is scaled, so that the solver's 1e-6 is 1e-9 of it."""
-_GAP = 1e-8
-"""Distance of residual and bound, relative to the correction, at which the optimum counts as proven."""
-RESOLUTION = 1e-6
-"""Residual, of the correction, that counts as none where no other is asked for."""
-_ROUNDS = 60
-TIME_LIMIT_S = 20.0
-"""Time for one programme; after it nothing is proven and the split is refused [s]."""
+    exact = np.where(free | (weights <= 1e-9), 0.0, upper or 0.0)
+    exact[free] = np.linalg.lstsq(sums[:, free], required - sums @ exact, rcond=None)[0]
+    weights = size * (exact if (exact >= 0.0).all() else weights)
+    return Split(target, tuple(holes), tuple(float(w) for w in weights), ((),) * len(holes), 0.0)
 
 
 class NotProvenError(SizingError):
@@ -126,7 +122,7 @@ class SplitRules:
     used_holes: int | None = None
     """Largest number of holes used; None for all."""
     resolution: float = RESOLUTION
-    """Residual, of the correction, below which none is told from none."""
+    """Share of the correction below which a residual counts as zero."""
 
 
 def split_from_stock(
@@ -152,7 +148,9 @@ def split_from_stock(
 class _Programme:
     """Unknowns: number of each weight in each hole (holes, weights), a flag a hole, and the bound t on the residual."""
 
-    def __init__(self, target: complex, unit: Any, sizes: Floats, stock: Sequence[Plate], rules: SplitRules) -> None:  # noqa: ANN401
+    def __init__(
+        self, target: complex, unit: Complexes, sizes: Floats, stock: Sequence[Plate], rules: SplitRules
+    ) -> None:
         self.scale = _SCALE / max(abs(target), float(sizes.min()), 1e-300)
         self.target, self.effect = self.scale * target, self.scale * np.outer(unit, sizes).ravel()
         self.holes, self.kinds = len(unit), len(stock)
@@ -165,7 +163,7 @@ class _Programme:
             self._cut(float(angle))
 
     def residual(self, numbers: Floats) -> float:
-        """Modulus of what a set leaves, scaled."""
+        """Modulus of the residual of a set, scaled."""
         return float(abs(self.target - numbers.ravel() @ self.effect))
 
     def solve(self, within: float | None) -> tuple[Floats, float]:
@@ -196,11 +194,9 @@ class _Programme:
 
     def _solved(self, within: float | None) -> tuple[Floats, float]:
         count, holes = self.holes * self.kinds, self.holes
-        zeros = np.zeros(holes)
-        cost = np.concatenate([np.zeros(count), zeros, [1.0]])
-        if within is not None:
-            cost = np.concatenate([self.mass, zeros, [0.0]])
-        lower = np.concatenate([np.zeros(count), zeros, [self.finest]])
+        numbers, t = (np.zeros(count), 1.0) if within is None else (self.mass, 0.0)
+        cost = np.concatenate([numbers, np.zeros(holes), [t]])
+        lower = np.concatenate([np.zeros(count + holes), [self.finest]])
         upper = np.concatenate([np.tile(self.quantity, holes), np.ones(holes), [within or np.inf]])
         with stdout_discarded():
             solution = milp(
@@ -212,7 +208,7 @@ class _Programme:
             )
         if not solution.success:
             raise NotProvenError(
-                f"no proven best set of weights: {solution.message} Allow a residual (--within 1%), or fewer "
+                f"no proven best set of weights: {solution.message} Allow a residual (--within 1%), or give fewer "
                 "holes or weights."
             )
         x = np.asarray(solution.x)

@@ -47,8 +47,8 @@ def test_legends_of_order_plots_lie_above_the_bars(name):
 @pytest.mark.parametrize("name", ["feese-2004", "two-plane-maker", "goodman-1964"])
 def test_tips_of_vectors_lie_within_the_frame(name):
     """All readings and weights, with room for their names."""
-    sheet = load_trial_runs(name)
-    solution = sheet.solve("least-squares")
-    readings, weights = draw_readings(sheet, solution).axes
+    runs = load_trial_runs(name)
+    solution = runs.solve("least-squares")
+    readings, weights = draw_readings(runs, solution).axes
     assert readings.get_rmax() > 1.05 * np.abs(solution.coefficients.initial).max()
     assert weights.get_rmax() > 1.05 * np.abs(solution.weights).max()

@@ -93,16 +93,16 @@ def test_polygons_close_and_their_closing_sides_are_the_corrections():
 
 def test_choose_mass_or_radius():
     """m_b r_b = U: from either the other; both is refused, neither leaves the product."""
-    assert correction_planes.mounted_planes(Plane("p", 0.0, radius=0.1), 0.5j) == (pytest.approx(5.0), 0.1)
-    assert correction_planes.mounted_planes(Plane("p", 0.0, mass=2.0), 0.5j) == (2.0, pytest.approx(0.25))
-    assert correction_planes.mounted_planes(Plane("p", 0.0), 0.5j) is None
+    assert correction_planes.mass_and_radius(Plane("p", 0.0, radius=0.1), 0.5j) == (pytest.approx(5.0), 0.1)
+    assert correction_planes.mass_and_radius(Plane("p", 0.0, mass=2.0), 0.5j) == (2.0, pytest.approx(0.25))
+    assert correction_planes.mass_and_radius(Plane("p", 0.0), 0.5j) is None
     with pytest.raises(DataError, match="choose one"):
-        correction_planes.mounted_planes(Plane("p", 0.0, 0.1, 2.0), 0.5j)
+        correction_planes.mass_and_radius(Plane("p", 0.0, 0.1, 2.0), 0.5j)
 
 
 def test_planes_in_one_place_are_refused():
     """Two planes at one place determine no couple."""
-    with pytest.raises(SizingError, match="'a' and 'b' both stand"):
+    with pytest.raises(SizingError, match="'a' and 'b' are both at"):
         correction_planes.correct_planes([Unbalance("u", 1.0, 0.0)], [Plane("a", 0.5), Plane("b", 0.5)])
     with pytest.raises(SizingError, match="no correction plane"):
         correction_planes.correct_planes([Unbalance("u", 1.0, 0.0)], [])

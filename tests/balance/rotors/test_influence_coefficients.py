@@ -44,7 +44,7 @@ def test_left_on_or_taken_off_predicts_the_same_residual():
 
 
 def test_more_runs_than_needed_are_fitted():
-    """Redundant runs with errors: least squares, and the misfit says how large the errors are."""
+    """Redundant runs with errors: least squares, and the misfit is as large as the errors."""
     rng = np.random.default_rng(1)
     truth = _machine(1, rows=4, planes=2)
     on = np.vstack([np.zeros(2), _random(rng, 200, 2)])
@@ -54,10 +54,10 @@ def test_more_runs_than_needed_are_fitted():
     np.testing.assert_allclose(found.matrix, truth.matrix, atol=0.01)
 
 
-def test_runs_that_do_not_tell_planes_apart_are_refused():
+def test_runs_that_do_not_separate_planes_are_refused():
     """Two planes with one trial, or trials always in the same ratio, are not determined."""
     on = np.array([[0, 0], [1, 1], [2, 2]], dtype=complex)
-    with pytest.raises(SizingError, match="tell 1 of 2 planes apart"):
+    with pytest.raises(SizingError, match="effect of 1 of 2 planes"):
         influence_coefficients.influence_coefficients(on, np.ones((3, 2), dtype=complex))
 
 
@@ -105,11 +105,11 @@ def test_a_heavy_row_is_made_small():
 
 
 def test_too_few_readings_are_refused():
-    """One sensor at one speed does not determine two planes; a plane that moves nothing is named."""
+    """One sensor at one speed does not determine two planes; a plane without effect is named."""
     with pytest.raises(SizingError, match="do not determine the weights of 2 planes"):
         influence_coefficients.solve_weights(_machine(0, rows=1))
     machine = _machine(0)
-    with pytest.raises(SizingError, match="plane number 2 moves no reading"):
+    with pytest.raises(SizingError, match="plane number 2 changes no reading"):
         influence_coefficients.solve_weights(
             influence_coefficients.Coefficients(machine.initial, machine.matrix * [1.0, 0.0], 0.0)
         )

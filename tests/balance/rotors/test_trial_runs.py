@@ -1,4 +1,4 @@
-"""Sheets of trial runs: published cases, phase conventions, and what is refused by name."""
+"""Trial runs: published cases, phase conventions, and what is refused by name."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from balance.errors import DataError
 from balance.rotors.rotor import angle_deg
 from balance.rotors.trial_run_files import load_trial_runs
 
-SHEET = """
+RUNS = """
 phase = "{phase}"
 angles = "{angles}"
 [[planes]]
@@ -27,7 +27,7 @@ GIVEN = {"phase": "lead", "angles": "with rotation", "stayed": "stayed_on = fals
 
 def _load(tmp_path, **changes):
     path = tmp_path / "runs.toml"
-    path.write_text(SHEET.format(**(GIVEN | changes)), encoding="utf-8")
+    path.write_text(RUNS.format(**(GIVEN | changes)), encoding="utf-8")
     return load_trial_runs(path)
 
 
@@ -45,7 +45,7 @@ def _load(tmp_path, **changes):
     ],
 )
 def test_published_cases(name, unit, expected, rms_after):
-    """Correction weights of published cases, and the readings that are left."""
+    """Correction weights of published cases, and the residual readings."""
     solution = load_trial_runs(name).solve("least-squares")
     for weight, (size, angle) in zip(solution.weights, expected, strict=True):
         assert abs(weight) / unit == pytest.approx(size, rel=1e-6)
@@ -58,8 +58,8 @@ def test_weight_that_is_still_on_is_taken_into_account(tmp_path):
     changes = {"size": 5, "a": 160, "c": 70, "w": 0}
     off, on = (_load(tmp_path, stayed=f"stayed_on = {s}", **changes) for s in ("false", "true"))
     np.testing.assert_allclose(off.solve("least-squares").weights, on.solve("least-squares").weights, rtol=1e-12)
-    assert off.on_now == pytest.approx([0.0])
-    assert on.on_now == pytest.approx([5e-3])
+    assert off.mounted == pytest.approx([0.0])
+    assert on.mounted == pytest.approx([5e-3])
 
 
 def test_phase_and_angle_senses(tmp_path):
@@ -70,22 +70,22 @@ def test_phase_and_angle_senses(tmp_path):
     against = _load(tmp_path, angles="against rotation", w=-20)
     np.testing.assert_allclose(lag, lead, rtol=1e-12)
     np.testing.assert_allclose(against.solve("least-squares").weights, lead, rtol=1e-12)
-    np.testing.assert_allclose(against.in_sheet_sense(lead), lead.conj())
+    np.testing.assert_allclose(against.in_file_sense(lead), lead.conj())
     wrong = _load(tmp_path, phase="lag").solve("least-squares").weights
     assert not np.allclose(wrong, lead)
 
 
-def test_whether_the_trial_stayed_on_must_be_said(tmp_path):
+def test_whether_the_trial_stayed_on_must_be_stated(tmp_path):
     """A run with a trial weight and without stayed_on is refused by name."""
     with pytest.raises(DataError, match=r"runs\[1\] \(trial\): stayed_on is missing"):
         _load(tmp_path, stayed="")
 
 
 def test_a_trial_weight_with_too_little_effect_is_named(tmp_path):
-    """A trial that changes no reading by a quarter is refused by run; a sheet may state a smaller effect."""
-    sheet = _load(tmp_path, size=10.8, c=32)
+    """A trial that changes no reading by a quarter is refused by run; a file may state a smaller effect."""
+    runs = _load(tmp_path, size=10.8, c=32)
     with pytest.raises(DataError, match="trial weight of run 'trial' changed no reading by more than 8"):
-        sheet.solve("least-squares")
+        runs.solve("least-squares")
     stated = _load(tmp_path, size=10.8, c=32, stayed="stayed_on = false", phase='lead"\nleast_effect = 0.05\n#"')
     assert stated.solve("least-squares").is_optimal(1e-9)
 
@@ -97,7 +97,7 @@ def test_a_trial_weight_with_too_little_effect_is_named(tmp_path):
         ('phase = "lead"', 'phase = "left"', "expected 'lead' or 'lag'"),
         ("fan =", "pump =", "pump is no plane"),
         ('"10 um @ 30 deg"', '"10 um"', "has no angle"),
-        ('A = "7 um', 'C = "7 um', "is not read in every run alike"),
+        ('A = "7 um', 'C = "7 um', "is not read in every run"),
         ('A = "7 um', 'A = "7 mm/s', "velocity here and a length"),
         ('weights = { fan = "5 g @ 20 deg" }', 'weights = { fan = "0 g @ 20 deg" }', "trial weight above zero"),
         ('"3000 rpm" = { A = "10', '"fast" = { A = "10', "readings.fast: 'fast' is no angular velocity"),
@@ -110,9 +110,9 @@ def test_a_trial_weight_with_too_little_effect_is_named(tmp_path):
         ('phase = "lead"', 'phase = "lead"\nleast_effect = -1', "least_effect: -1: expected more than zero"),
     ],
 )
-def test_wrong_sheets_are_named(tmp_path, old, new, message):
+def test_wrong_files_are_named(tmp_path, old, new, message):
     """What is missing, unknown or contradictory is refused where it stands."""
-    text = SHEET.format(**GIVEN)
+    text = RUNS.format(**GIVEN)
     assert old in text
     path = tmp_path / "runs.toml"
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
@@ -122,7 +122,7 @@ def test_wrong_sheets_are_named(tmp_path, old, new, message):
 
 def test_one_speed_written_in_two_ways_is_refused(tmp_path):
     """3000 rpm and 50 turns a second are one: two influences of one weight there contradict each other."""
-    text = SHEET.format(**GIVEN)
+    text = RUNS.format(**GIVEN)
     twice = "\n".join(
         f"{line}\n{line.replace('3000 rpm', '50 turn/s')}" if "readings" in line else line for line in text.splitlines()
     )
@@ -164,10 +164,10 @@ B = ["0.2 mm/s @ 0 deg"]
 """
     path = tmp_path / "runs.toml"
     path.write_text(text, encoding="utf-8")
-    sheet = load_trial_runs(path)
-    assert sheet.rows == (("A", "600 rpm"), ("B", "600 rpm"), ("A", "900 rpm"), ("B", "900 rpm"))
-    np.testing.assert_allclose(sheet.factors, [1e5, 500, 2e5, 1000])
-    limited = sheet.solve("min-max")
+    runs = load_trial_runs(path)
+    assert runs.rows == (("A", "600 rpm"), ("B", "600 rpm"), ("A", "900 rpm"), ("B", "900 rpm"))
+    np.testing.assert_allclose(runs.factors, [1e5, 500, 2e5, 1000])
+    limited = runs.solve("min-max")
     assert abs(limited.weights[0]) <= 20e-6 * (1 + 1e-9)
     path.write_text(text.replace('scale = "2 mm/s"', "weight = 2.0"), encoding="utf-8")
     with pytest.raises(DataError, match="give every sensor a scale"):

@@ -1,4 +1,4 @@
-"""``balance rotor`` at its face."""
+"""``balance rotor``: documents, tables, refusals."""
 
 import json
 
@@ -30,7 +30,7 @@ def test_correct_gives_corrections_polygons_and_bearing_loads(tmp_path):
 
 
 def test_correct_from_a_table_with_planes_and_bearings_given():
-    """A table and places on the command line give what the sheet gives."""
+    """A table and places on the command line give what the file gives."""
     places = [
         "--plane",
         "L=0mm",
@@ -43,10 +43,10 @@ def test_correct_from_a_table_with_planes_and_bearings_given():
         "--speed",
         "100rad/s",
     ]
-    found, sheet = _json("correct", "three-masses-table", *places), _json("correct", "three-masses")
-    assert found["bearing_loads"] == sheet["bearing_loads"]
+    table, file = _json("correct", "three-masses-table", *places), _json("correct", "three-masses")
+    assert table["bearing_loads"] == file["bearing_loads"]
     text = CliRunner().invoke(rotor, ["correct", "three-masses-table", "--plane", "m=0mm"], catch_exceptions=False)
-    assert "the couple stays" in text.output
+    assert "the couple remains" in text.output
 
 
 def test_influence_prints_weights_and_whether_the_trial_stayed_on(tmp_path):
@@ -61,8 +61,8 @@ def test_influence_prints_weights_and_whether_the_trial_stayed_on(tmp_path):
 
 
 def test_ill_conditioned_planes_are_a_finding(tmp_path):
-    """Two planes that act alike: computed, listed, exit code 3."""
-    sheet = """
+    """Two planes of the same effect: computed, listed, exit code 3."""
+    text = """
 phase = "lead"
 angles = "with rotation"
 per = "g"
@@ -70,8 +70,8 @@ planes = [ { name = "a" }, { name = "b" } ]
 initial.unstated = { A = "1 um @ 0 deg", B = "2 um @ 0 deg" }
 coefficients.unstated = { A = ["1 um @ 0 deg", "1.01 um @ 0 deg"], B = ["1 um @ 0 deg", "1.02 um @ 0 deg"] }
 """
-    path = tmp_path / "alike.toml"
-    path.write_text(sheet, encoding="utf-8")
+    path = tmp_path / "proportional.toml"
+    path.write_text(text, encoding="utf-8")
     result = CliRunner().invoke(rotor, ["influence", str(path), "--json"], catch_exceptions=False)
     assert result.exit_code == 3
     assert "condition number" in json.loads(result.output)["findings"][0]
@@ -89,8 +89,8 @@ def test_split_of_any_weight_and_from_stock():
     assert [h["hole"] for h in removed["holes"]] == ["10", "11"]
 
 
-def test_split_says_vectors_and_limits_with_their_unit():
-    """The unit stands by the magnitude, also in the refusal of a limit that is too low."""
+def test_split_states_vectors_and_limits_with_their_unit():
+    """The unit follows the magnitude, also in the refusal of a limit that is too low."""
     shown = CliRunner().invoke(rotor, ["split", "30 g @ 100 deg", "--holes", "12"], catch_exceptions=False).output
     assert "Makes 30 g @ 100.000 deg of 30 g @ 100.000 deg" in shown
     with pytest.raises(SizingError, match="of at most 2 g each"):
@@ -132,13 +132,13 @@ def test_wrong_command_lines(arguments):
 
 
 def test_trial_mass():
-    """The rule of practice at the face."""
+    """The rule of practice: a tenth of the weight."""
     found = _json("trial", "--mass", "40kg", "--speed", "3000rpm", "--radius", "100mm")
     assert found["trial_mass_g"] == pytest.approx(3.9758432)
     assert found["force_N"] == pytest.approx(0.1 * 40 * 9.81)
 
 
-def test_a_split_too_large_to_prove_is_widened_and_said(monkeypatch):
+def test_a_split_too_large_to_prove_is_widened_with_a_finding(monkeypatch):
     """Out of time the least residual is not claimed: the lightest set within 1 % is, as a finding, exit code 3."""
     from balance.rotors import weight_splitting
 
