@@ -1,7 +1,4 @@
-"""``balance drive``.
-
-Tables of ``balance drive``.
-"""
+"""``balance drive``: steady rotation, start-up, flywheels of a machine that a motor turns."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +9,6 @@ from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 
 if TYPE_CHECKING:
     from ..drives.drive_files import Drive
-    from ..drives.harmonic_balance import SteadyRotation
     from ..drives.machine import Machine
 
 
@@ -37,7 +33,7 @@ class Share(click.ParamType[float]):
 @click.command(
     epilog="""\b
 A drive file (TOML; unknown keys are refused, quantities carry units):
-  mechanism = "four-bar"            # shipped name, or a file beside this one
+  mechanism = "four-bar"            # shipped name, or a file in the same folder
   crank = "A0"                      # joint that turns; default: the one with the motor
   direction = 1                     # -1: clockwise
   start_angle = "0 deg"             # of start-up
@@ -48,7 +44,7 @@ A drive file (TOML; unknown keys are refused, quantities carry units):
   no_load_speed = "3000 rpm"        #     slip_base, braking; constant: torque; table: speed, torque
   [gearbox]
   ratio = 6.0                       # motor turns per crank turn
-  reading = "geared"                # or "ungeared"; left out: both are shown
+  reading = "geared"                # or "ungeared"; without it both are shown
   [[inertia]]                       # side = crank | motor
   inertia = "0.4 kg cm2"
   side = "motor"
@@ -60,8 +56,8 @@ A drive file (TOML; unknown keys are refused, quantities carry units):
   [[load]]
   kind = "table"                    #   against the joint's positive direction, by the crank's angle:
   joint = "piston_1"                #   angle = ["0 deg", ...] and force = ["3 kN", ...], one turn, or
-  file = "gas.csv"                  #   a CSV beside this file, header: angle (deg),force (N)
-  [[printed]]                       # what a source prints, shown beside: speed, fluctuation,
+  file = "gas.csv"                  #   a CSV in this folder, header: angle (deg),force (N)
+  [[printed]]                       # what a source publishes, for comparison: speed, fluctuation,
                                     #   fastest, slowest
 
 \b
@@ -104,7 +100,7 @@ def drive(
     """
     from ..drives import results as documents
 
-    study, stated = _asked(drive, speed, reading)
+    study, stated = _study(drive, speed, reading)
     machines = _machines(study, options.once(payload, "--payload"), options.once(counter, "--counter"))
     result = documents.document_head(study, [machine for machine, _ in machines])
     result["reduced"] = documents.inertia_document(machines[0][0])
@@ -119,13 +115,13 @@ def drive(
         from ..figures.rotating import draw_drive
 
         save(draw_drive(result), figure)
-    emit_json(result) if as_json else print_study(result)
+    emit_json(result) if as_json else _print_study(result)
     if result["findings"]:
         ctx.exit(EXIT_WITH_FINDINGS)
 
 
-def _asked(drive: str, speeds: tuple[str, ...], reading: str | None) -> tuple["Drive", tuple[float, ...]]:
-    """The study that is asked for, and the nominal speeds that its file states [rad/s]."""
+def _study(drive: str, speeds: tuple[str, ...], reading: str | None) -> tuple["Drive", tuple[float, ...]]:
+    """The drive with what the command line replaces, and the nominal speeds that its file states [rad/s]."""
     from dataclasses import replace
 
     from ..drives.drive_files import load_drive
@@ -136,10 +132,10 @@ def _asked(drive: str, speeds: tuple[str, ...], reading: str | None) -> tuple["D
     if reading:
         study = replace(study, reading=reading)
     if speeds:
-        asked = tuple(parse(text, "angular velocity") for text in speeds)
-        if not min(asked) > 0.0:
+        replaced = tuple(parse(text, "angular velocity") for text in speeds)
+        if not min(replaced) > 0.0:
             raise click.UsageError(f"--speed is {', '.join(speeds)}: expected more than zero")
-        study = replace(study, speeds=asked)
+        study = replace(study, speeds=replaced)
     return study, stated
 
 
@@ -169,8 +165,8 @@ def _fill(
 
     result |= {"steady": [], "findings": [], "start_up": [], "flywheel": [], "convergence": []}
     for machine, balanced in machines:
-        solution: SteadyRotation = steady_rotation(machine)
-        row = documents.steady_document(solution, study.printed_at(machine.nominal), balanced)
+        solution = steady_rotation(machine)
+        row = documents.steady_document(solution, study.published_at(machine.nominal), balanced)
         result["steady"].append(row)
         result["findings"] += documents.drive_findings(solution, row)
         for share in wanted:
@@ -179,16 +175,15 @@ def _fill(
         try:
             if turns:
                 run = start_up(machine, turns, machine.reduced.direction * study.start_angle)
-                result["start_up"].append(documents.start_up(machine, run, solution, balanced))
+                result["start_up"].append(documents.start_up_document(machine, run, solution, balanced))
             if convergence:
                 needed = int(min(60, max(4, -(-solution.turns_to(1e-4) // 1) + 2)))
-                result["convergence"].append(documents.solver_trials(solution, needed, balanced))
+                result["convergence"].append(documents.solvers_document(solution, needed, balanced))
         except DriveError as error:
             result["findings"].append(f"{row['nominal_rpm']:g} rpm, {row['reading']}: {error}")
 
 
-def print_study(result: dict[str, Any]) -> None:
-    """Print a study: reduced inertia, steady rotation, flywheels, start-up, solvers, findings."""
+def _print_study(result: dict[str, Any]) -> None:
     _print_reduced(result)
     _print_steady(result)
     _print_flywheels(result)
@@ -218,16 +213,16 @@ def _print_reduced(result: dict[str, Any]) -> None:
 def _print_steady(result: dict[str, Any]) -> None:
     rows = []
     for row in result["steady"]:
-        printed = row["printed"] or {}
+        published = (row["printed"] or {}).get("fluctuation")
         rows.append([
             *_setting(row), f"{row['fastest_rpm']:.3f} at {row['fastest_at_deg']:.1f}",
             f"{row['slowest_rpm']:.3f} at {row['slowest_at_deg']:.1f}", f"{row['mean_rpm']:.3f}",
-            f"{row['fluctuation']['nominal']:.4f}", _printed(printed.get("fluctuation")),
+            f"{row['fluctuation']['nominal']:.4f}", "-" if published is None else f"{published:g}",
             f"{row['floquet_factor']:.3g}", f"{row['periodicity']:.0e}",
         ])  # fmt: skip
     emit_table(
         "Steady rotation of the crank",
-        [*_SETTING, "n_max [rpm] at [deg]", "n_min [rpm] at [deg]", "mean [rpm]", "fluctuation", "printed", "Floquet",
+        [*_SETTING, "n_max [rpm] at [deg]", "n_min [rpm] at [deg]", "mean [rpm]", "fluctuation", "published", "Floquet",
          "periodicity"],
         rows,
         "Fluctuation = (n_max - n_min) / n_nominal; periodicity: change of speed over one turn integrated apart.",
@@ -241,10 +236,6 @@ _SETTING = ["nominal [rpm]", "torque", "counter-masses"]
 
 def _setting(row: dict[str, Any]) -> list[str]:
     return [f"{row['nominal_rpm']:.4g}", row["reading"], "with" if row["counter_masses"] else "without"]
-
-
-def _printed(value: float | None) -> str:
-    return "-" if value is None else f"{value:g}"
 
 
 def _print_flywheels(result: dict[str, Any]) -> None:

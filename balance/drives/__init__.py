@@ -1,7 +1,4 @@
-"""Drives: one-degree-of-freedom machines whose crank a motor turns; start-up, steady state, fluctuation of speed.
-
-The error type of drives.
-"""
+"""Drives: one-degree-of-freedom machines whose crank a motor turns; start-up, steady state, fluctuation of speed."""
 
 from ..errors import CounterpoiseError
 

@@ -47,7 +47,7 @@ class InductionTable(Table):
     slip_base: Speed | None = None
     """What a slip of one is [rad/s]; the synchronous speed where it is left out."""
     braking: Literal["as printed", "mirrored"] = "as printed"
-    """Above the synchronous speed: the formula as printed, or M(-s) = -M(s)."""
+    """Above the synchronous speed: the published formula, or M(-s) = -M(s)."""
 
     def motor(self) -> motors.Motor:
         """The motor."""
@@ -102,7 +102,7 @@ class MotorTable(Table):
 
     def motor(self) -> motors.Motor:
         """The motor."""
-        return motors.Table.of(np.array(self.speed), np.array(self.torque))
+        return motors.MeasuredMotor.through(np.array(self.speed), np.array(self.torque))
 
 
 class _LoadTable(Table):
@@ -137,7 +137,7 @@ class FrictionTable(_LoadTable):
 
     def _check(self) -> None:
         if self.kind == "dry" and min(self.torque or 0.0, self.force or 0.0) < 0.0:
-            raise DataError("torque or force: expected zero or more, it opposes the motion")
+            raise DataError("torque or force: expected zero or more, the load opposes the motion")
 
     def load(self, index: int, turns: bool, folder: Path) -> Load:
         """The load at a coordinate."""
@@ -178,12 +178,12 @@ class CurveTable(_LoadTable):
     force: list[Force] | None = None
     """At these angles, of a joint that slides [N]."""
     file: Text | None = None
-    """In place of the lists a CSV beside the drive file, its header such as ``angle (deg),force (N)``."""
+    """In place of the lists a CSV in the folder of the drive file, its header such as ``angle (deg),force (N)``."""
 
     def _check(self) -> None:
         given = [key for key in ("angle", "torque", "force") if getattr(self, key) is not None]
         if self.file is not None and given:
-            raise DataError(f"gives both file and {given[0]}: one of them")
+            raise DataError(f"gives both file and {given[0]}: keep one of them")
         if self.file is None and self.angle is None:
             raise DataError("angle is missing: expected angle and torque or force, or file")
 
@@ -219,8 +219,8 @@ class GearboxTable(Table):
     """Whether the torque is multiplied by the ratio; both are computed where it is left out."""
 
 
-class Printed(Table):
-    """What a source publishes for one nominal speed, shown beside the solution and never in its place."""
+class PublishedSpeeds(Table):
+    """What a source publishes for one nominal speed, for comparison and never in place of the solution."""
 
     speed: Speed
     """Nominal speed of the motor [rad/s]."""
@@ -236,7 +236,7 @@ class DriveTable(Table):
     """A machine of one degree of freedom and its motor."""
 
     mechanism: Text
-    """A shipped mechanism by name, or a file beside this one."""
+    """A shipped mechanism by name, or a file in the same folder."""
     crank: Text | None = None
     """Joint that turns; the one with the motor where it is left out."""
     direction: Literal[1, -1] = 1
@@ -255,7 +255,7 @@ class DriveTable(Table):
         Field(default_factory=list)
     )
     """Loads on the joints."""
-    printed: list[Printed] = Field(default_factory=list)
+    printed: list[PublishedSpeeds] = Field(default_factory=list)
     """What a source publishes."""
 
     def _check(self) -> None:
@@ -270,12 +270,12 @@ class Drive:
     name: str
     table: DriveTable
     folder: Path
-    """Where the files that it names are looked for."""
+    """Folder of the files that it names."""
     speeds: tuple[float, ...]
     """Nominal speeds of the motor [rad/s]."""
     motor: motors.Motor
     reading: str | None
-    """How the gearbox's torque is read; None where the file leaves it open."""
+    """How the gearbox's torque is read; None where the file does not state it."""
 
     @property
     def ratio(self) -> float:
@@ -289,18 +289,18 @@ class Drive:
 
     @property
     def readings(self) -> tuple[str, ...]:
-        """The reading that the file asks for, or all of them; without a gearbox they are one."""
+        """The reading that the file states, or else all of them; without a gearbox they are one."""
         if self.reading is None and self.ratio != 1.0:
             return tuple(READINGS)
         return (self.reading or next(iter(READINGS)),)
 
     def load_mechanism(self) -> "Mechanism":
         """The mechanism of the drive."""
-        beside = self.folder / self.table.mechanism
-        return load_mechanism(beside if beside.is_file() else self.table.mechanism)
+        path = self.folder / self.table.mechanism
+        return load_mechanism(path if path.is_file() else self.table.mechanism)
 
     def machines(self, mechanism: "Mechanism") -> list[Machine]:
-        """The machine at each nominal speed, in each reading of the gearbox that the file leaves open."""
+        """The machine at each nominal speed, in each possible reading of the gearbox."""
         reduced = reduced_to_crank(mechanism, self.table.crank, self.table.direction)
         loads = tuple(self._load(table, mechanism, reduced.crank) for table in self.table.load)
         inertias = tuple(Inertia(each.name or "inertia", each.inertia, each.side) for each in self.table.inertia)
@@ -317,7 +317,7 @@ class Drive:
         except CounterpoiseError as error:
             raise DataError(f"{self.name}: load {table.name or table.kind!r}: {error}") from error
 
-    def printed_at(self, speed: float) -> Printed | None:
+    def published_at(self, speed: float) -> PublishedSpeeds | None:
         """What the source publishes for a nominal speed [rad/s]."""
         return next((p for p in self.table.printed if abs(p.speed - speed) < 1e-9 * speed), None)
 

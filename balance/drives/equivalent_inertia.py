@@ -1,9 +1,7 @@
 """A machine of one degree of freedom reduced to its crank: kinetic and potential energy as functions of one angle.
 
 With the joint rates q' = g(phi) phi' that the loops allow, kinetic energy is I(phi) phi'^2 / 2, and the equation of
-motion is I phi'' + I' phi'^2 / 2 + V' = Q. Everything here comes from the mechanism's file, nothing is typed in.
-
-Where periodic functions have their extremes.
+motion is I phi'' + I' phi'^2 / 2 + V' = Q. All of it is computed from the mechanism's file.
 """
 
 from collections.abc import Callable
@@ -25,6 +23,9 @@ from .fourier_series import Periodic
 TAIL = 1e-12
 """Size of the highest harmonics, relative to the largest, at which a table counts as resolved."""
 _FIRST, _LAST = 64, 8192
+"""Positions of a turn that are tried, doubled each time."""
+_GRID = 2881
+"""Angles of a turn at which the slope's sign is looked at."""
 
 
 @dataclass(frozen=True)
@@ -50,19 +51,19 @@ class EquivalentInertia:
     """Largest loop residual over the turn [m, rad]."""
 
     def inertia(self, u: Floats | float) -> Floats:
-        """Reduced inertia of the mechanism [kg m2], the drive inertias of its joints in the file included."""
+        """Reduced inertia at travel u, scalar or (n,) [rad], drive inertias of the joints included, [kg m2]."""
         return self.functions(u)[0]
 
     def inertia_slope(self, u: Floats | float) -> Floats:
-        """dI/du [kg m2/rad]."""
+        """dI/du at travel u, scalar or (n,) [rad], [kg m2/rad]."""
         return self.slopes(u)[0]
 
     def potential(self, u: Floats | float) -> Floats:
-        """Potential energy of weight [J], zero where all centres of mass are at the height of the base's origin."""
+        """Potential energy of weight at travel u, scalar or (n,) [rad] [J], zero with all masses at height zero."""
         return self.functions(u)[1]
 
     def potential_slope(self, u: Floats | float) -> Floats:
-        """dV/du [N m]."""
+        """dV/du at travel u, scalar or (n,) [rad], [N m]."""
         return self.slopes(u)[1]
 
     def gains(self, u: Floats | float) -> Floats:
@@ -75,7 +76,10 @@ def reduced_to_crank(mechanism: Mechanism, crank: str | None = None, direction: 
 
     Raises ModelError for a machine of other than one degree of freedom, DriveError where the crank cannot turn.
     """
-    name = crank or _driven(mechanism)
+    if not crank and len(mechanism.driven) != 1:
+        drives = ", ".join(mechanism.driven) or "none"
+        raise ModelError(f"{mechanism.name} has the motors {drives}: name the one crank joint that is driven")
+    name = crank or mechanism.driven[0]
     model = replace(mechanism, driven=(name,), viscous=0.0 * mechanism.viscous, coulomb=0.0 * mechanism.coulomb)
     if not model.tree.joints[model.coordinate_index(name)].revolute:
         raise ModelError(f"{model.name}: joint {name!r} slides: a drive needs a crank that turns")
@@ -85,24 +89,17 @@ def reduced_to_crank(mechanism: Mechanism, crank: str | None = None, direction: 
     count = _FIRST
     while True:
         samples, residual = _turn(closure, name, direction, count)
-        series = Periodic.of(samples)
+        series = Periodic.through(samples)
         if series.tail() < TAIL or count >= _LAST:
             break
         count *= 2
     if series.tail() > 1e-6:
         raise DriveError(
             f"{model.name}: its reduced inertia is not resolved by {count} positions a turn (highest harmonics "
-            f"{series.tail():.1e}): a position near a singular one"
+            f"{series.tail():.1e}): a position is nearly singular; change the lengths, or another crank"
         )
     short = series.trimmed()
     return EquivalentInertia(mechanism, name, direction, short, short.slope(), count, series.tail(), residual)
-
-
-def _driven(mechanism: Mechanism) -> str:
-    if len(mechanism.driven) != 1:
-        drives = ", ".join(mechanism.driven) or "none"
-        raise ModelError(f"{mechanism.name} has the motors {drives}: name the one crank joint that is driven")
-    return mechanism.driven[0]
 
 
 def _turn(closure: Closure, crank: str, direction: int, count: int) -> tuple[Floats, float]:
@@ -112,38 +109,35 @@ def _turn(closure: Closure, crank: str, direction: int, count: int) -> tuple[Flo
     at = Samples(u, direction * u[:, None], rate, np.zeros_like(rate), joints=(crank,))
     trajectory = closure.follow(at)
     _refuse_unless_it_repeats(closure.mechanism, trajectory)
-    still = replace(trajectory, v=np.zeros_like(trajectory.v), a=np.zeros_like(trajectory.v))
-    weight = simulate(closure.mechanism, still).torque[crank]
-    pushed = simulate(closure.mechanism, replace(still, a=direction * trajectory.v)).torque[crank]
+    at_rest = replace(trajectory, v=np.zeros_like(trajectory.v), a=np.zeros_like(trajectory.v))
+    weight = simulate(closure.mechanism, at_rest).torque[crank]
+    accelerated = simulate(closure.mechanism, replace(at_rest, a=direction * trajectory.v)).torque[crank]
     energy = potential(closure.mechanism, trajectory.q)
-    return np.vstack([pushed - weight, energy, trajectory.v.T])[:, :-1], trajectory.residual
+    return np.vstack([accelerated - weight, energy, trajectory.v.T])[:, :-1], trajectory.residual
 
 
 def _refuse_unless_it_repeats(mechanism: Mechanism, trajectory: Trajectory) -> None:
-    """After a turn of the crank every slide is back, and every hinge up to whole turns."""
+    """Refuse a joint that is not back after a turn of the crank, a hinge up to whole turns."""
     change = trajectory.q[-1] - trajectory.q[0]
     hinge = np.array([joint.revolute for joint in mechanism.tree.joints])
     gap = np.abs(np.where(hinge, change - 2.0 * np.pi * np.rint(change / (2.0 * np.pi)), change))
     if gap.max() > 1e-8:
         joint = mechanism.coordinates[int(gap.argmax())]
         raise DriveError(
-            f"{mechanism.name}: joint {joint!r} is not back after a turn of the crank (off {gap.max():.3g})"
+            f"{mechanism.name}: joint {joint!r} is not back after a turn of the crank (off {gap.max():.3g}): the drive "
+            "needs a mechanism that repeats with its crank"
         )
-
-
-_GRID = 2881
-"""Angles of a turn at which the slope's sign is looked at."""
 
 
 def stationary_points(slope: Callable[[Floats], Floats]) -> list[float]:
     """Angles from 0 to 2 pi where a slope of period 2 pi changes its sign, increasing, (k,) [rad]."""
     u = (np.arange(_GRID + 1) - 0.5) * 2.0 * np.pi / _GRID
     values = slope(u)
-    found = []
+    angles = []
     for k in np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0):
         root = brentq(lambda x: float(slope(np.array([x]))[0]), u[k], u[k + 1], xtol=1e-13)
-        found.append(float(np.mod(root, 2.0 * np.pi)))
-    return sorted(found)
+        angles.append(float(np.mod(root, 2.0 * np.pi)))
+    return sorted(angles)
 
 
 def inertia_extremes(reduced: EquivalentInertia) -> list[tuple[float, float, str]]:

@@ -2,15 +2,10 @@
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Floats
-
-Complexes = NDArray[np.complexfloating[Any, Any]]
-"""Array of complex numbers, double precision."""
+from ..arrays import Complexes, Floats, frozen
 
 
 @dataclass(frozen=True)
@@ -21,8 +16,8 @@ class Periodic:
     """c_k of each function, k = 0, 1, ..., (functions, harmonics + 1)."""
 
     @classmethod
-    def of(cls, samples: Floats) -> "Periodic":
-        """Through equidistant samples of one turn, the end left out, (functions, n)."""
+    def through(cls, samples: Floats) -> "Periodic":
+        """Through equidistant samples of one turn, its end excluded, (functions, n) [unit of each function]."""
         count = samples.shape[1]
         coefficients = np.fft.rfft(samples, axis=1)[:, : (count + 1) // 2] * (2.0 / count)
         coefficients[:, 0] /= 2.0
@@ -38,7 +33,7 @@ class Periodic:
         return 1j * np.arange(self.harmonics + 1)
 
     def __call__(self, phi: Floats | float) -> Floats:
-        """Values at angles phi [rad], (functions, *shape of phi)."""
+        """Values at angles phi of any shape [rad], (functions, *shape of phi) [unit of each function]."""
         waves: Floats = np.real(np.tensordot(self.coefficients, np.exp(np.multiply.outer(self._orders, phi)), 1))
         return waves
 
@@ -67,7 +62,7 @@ def odd_grid(harmonics: int) -> Floats:
 
 @lru_cache(maxsize=8)
 def differentiation(harmonics: int) -> Floats:
-    """Matrix that takes samples on ``odd_grid`` to samples of the derivative of their series, (n, n).
+    """Matrix from samples on ``odd_grid`` to samples of the derivative of their series, (n, n) [1/rad].
 
     D_jk = (-1)^(j-k) / (2 sin((phi_j - phi_k) / 2)) off the diagonal.
     """
@@ -75,6 +70,4 @@ def differentiation(harmonics: int) -> Floats:
     steps = np.arange(1, count)
     first = np.r_[0.0, 0.5 * (-1.0) ** steps / np.sin(-np.pi * steps / count)]
     rows, columns = np.ogrid[:count, :count]
-    matrix: Floats = first[(columns - rows) % count]
-    matrix.setflags(write=False)
-    return matrix
+    return frozen(first[(columns - rows) % count])

@@ -1,7 +1,7 @@
-"""Steady rotation by harmonic balance: the periodic solution itself, without the turns that lead to it.
+"""Steady rotation by harmonic balance: the periodic solution itself, without integrating start-up.
 
 Over the crank's travel u the kinetic energy T = I u'^2 / 2 obeys dT/du = Q(u, sqrt(2 T / I)) - V'(u). A truncated
-Fourier series of T that meets this at as many angles as it has coefficients is found by Newton's method.
+Fourier series of T that satisfies this at as many angles as it has coefficients is found by Newton's method.
 """
 
 from dataclasses import dataclass
@@ -9,9 +9,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Complexes, Floats
 from . import DriveError
-from .fourier_series import Complexes, Periodic, differentiation, odd_grid
+from .fourier_series import Periodic, differentiation, odd_grid
 from .machine import Machine
 
 TAIL = 1e-12
@@ -50,7 +50,7 @@ class SteadyRotation:
         return self.tail < tol
 
     def rate(self, u: Floats | float) -> Floats:
-        """Speed of the crank [rad/s] over its travel [rad]."""
+        """Speed of the crank at travel u, scalar or (n,) [rad], [rad/s]."""
         speed: Floats = np.sqrt(2.0 * self.energy(u)[0] / self.machine.inertia(u))
         return speed
 
@@ -93,15 +93,12 @@ class SteadyRotation:
     def fluctuation(self, definition: str = "nominal") -> float:
         """Coefficient of speed fluctuation, one of DEFINITIONS."""
         fast, slow = self.fastest[1], self.slowest[1]
-        mean = {
-            "nominal": self.machine.nominal_crank,
-            "time_mean": self.mean_speed,
-            "midrange": 0.5 * (fast + slow),
-        }
+        nominal = self.machine.nominal_crank
+        mean = {"nominal": nominal, "time_mean": self.mean_speed, "midrange": 0.5 * (fast + slow)}
         return (fast - slow) / mean[definition]
 
     def residual(self) -> float:
-        """Largest error of dT/du = Q - V' midway between the angles where it was met, relative to T's mean."""
+        """Largest error of dT/du = Q - V' midway between the angles where it is satisfied, relative to T's mean [-]."""
         u = odd_grid(self.harmonics) + np.pi / (2 * self.harmonics + 1)
         rate = self.rate(u)
         error = self.energy.slope()(u)[0] - (self.machine.torque(u, rate) - self.machine.reduced.potential_slope(u))
@@ -169,9 +166,9 @@ def _balance(machine: Machine, guess: Periodic, harmonics: int) -> tuple[Periodi
         share = min(1.0, 0.8 / max(float((step / energy).max()), 1e-300))
         energy = energy - share * step
         if share == 1.0 and np.abs(step).max() < 1e-13 * energy.max():
-            return Periodic.of(energy[None]), iteration
+            return Periodic.through(energy[None]), iteration
         if share == 1.0 and iteration > 8 and np.abs(step).max() < 1e-10 * energy.max():
-            return Periodic.of(energy[None]), iteration  # what rounding leaves where the torque is steep
+            return Periodic.through(energy[None]), iteration  # what rounding leaves where the torque is steep
     raise DriveError(
         f"{machine.reduced.mechanism.name}: no steady rotation with {harmonics} harmonics at nominal "
         f"{machine.nominal:.6g} rad/s of the motor: the kinetic energy falls to {energy.min():.3g} J on the way round"

@@ -1,6 +1,6 @@
-"""Loads on a machine: torque or force at a joint, reduced to the crank by the joint's gain g = dq/du.
+"""A machine: mechanism, motor, gearbox, loads; its torques on the crank, and its equation of motion.
 
-A machine: mechanism, motor, gearbox, loads. Its torques on the crank, and its equation of motion.
+A load is a torque or force at a joint, reduced to the crank by the joint's gain g = dq/du.
 """
 
 from dataclasses import dataclass, replace
@@ -39,7 +39,10 @@ class Load:
     """F over the crank's angle in one turn, 0 to 2 pi [N m, N]."""
 
     def torque(self, phi: Floats | float, gain: Floats | float, rate: Floats | float) -> Floats | float:
-        """Share of the crank's torque at angle phi, gain g, and rate of travel [N m]; negative where it resists."""
+        """Torque at the crank, at angle phi [rad], gain g [-, m] and rate of travel [rad/s], scalars or (n,), [N m].
+
+        Negative where it resists.
+        """
         if self.kind == "constant":
             return -self.value * gain + 0.0 * rate
         if self.kind == "table" and self.curve is not None:
@@ -51,7 +54,7 @@ class Load:
         return -self.value * np.abs(gain) ** 3 * rate * np.abs(rate)
 
     def slope(self, gain: Floats | float, rate: Floats | float) -> Floats | float:
-        """Derivative of that share by the rate [N m s]."""
+        """Derivative of that share by the rate, by gain [-, m] and rate [rad/s], scalars or (n,), [N m s]."""
         if self.kind == "viscous":
             return -self.value * gain * gain + 0.0 * rate
         if self.kind == "quadratic":
@@ -63,7 +66,7 @@ READINGS = {
     "geared": "Q = ratio x M: the gearbox multiplies the torque, as physics asks for",
     "ungeared": "Q = M: the motor's torque acts on the crank unmultiplied, speeds geared; nearest to the source",
 }
-"""The two readings of a source that leaves open whether the motor's torque is multiplied by the gear ratio."""
+"""The two readings of a source that does not state whether the gear ratio multiplies the motor's torque."""
 
 
 @dataclass(frozen=True)
@@ -107,25 +110,29 @@ class Machine:
         return replace(self, inertias=(*self.inertias, Inertia("flywheel", inertia, side)))
 
     def inertia(self, u: Values) -> Floats:
-        """Whole inertia at the crank [kg m2]."""
+        """Whole inertia at the crank at travel u, scalar or (n,) [rad], [kg m2]."""
         return self.reduced.inertia(u) + self.constant_inertia
 
     def motor_torque(self, rate: Values) -> Values:
-        """Torque of the motor at the crank [N m]."""
+        """Torque of the motor at the crank, by its rate of any shape [rad/s], [N m]."""
         return self._gearing * self.motor.torque(self.ratio * rate, self.nominal)
 
     def torque(self, u: Values, rate: Values, gains: Floats | None = None) -> Values:
-        """Q: motor, joint friction and loads at the crank, weight left out [N m]."""
+        """Q: motor, joint friction and loads at the crank, without weight, [N m].
+
+        Travel u [rad] and rate [rad/s] of one shape, ``gains`` (nv, *shape) [-, m] where they are known.
+        """
         total = self.motor_torque(rate)
         if not self._resisted:
             return total
         gains = self.reduced.gains(u) if gains is None else gains
-        total = total - self._viscous(gains) * rate - self._dry(gains) * np.sign(rate)
+        dry = np.tensordot(self.reduced.mechanism.coulomb, np.abs(gains), 1)
+        total = total - self._viscous(gains) * rate - dry * np.sign(rate)
         phi = self.reduced.direction * np.asarray(u)
         return total + sum(load.torque(phi, gains[load.joint], rate) for load in self.loads)
 
     def torque_slope(self, u: Values, rate: Values) -> Values:
-        """dQ/du' [N m s]."""
+        """dQ/du' at travel u [rad] and rate [rad/s] of one shape, [N m s]."""
         total = self._gearing * self.ratio * self.motor.slope(self.ratio * rate, self.nominal)
         if not self._resisted:
             return total
@@ -153,6 +160,3 @@ class Machine:
 
     def _viscous(self, gains: Floats) -> Floats:
         return np.tensordot(self.reduced.mechanism.viscous, gains * gains, 1)
-
-    def _dry(self, gains: Floats) -> Floats:
-        return np.tensordot(self.reduced.mechanism.coulomb, np.abs(gains), 1)

@@ -30,9 +30,9 @@ class Motor(Protocol):
 class Induction:
     """The induction motor's curve of the source: M = M_d s / (s + (s_d - s)^2 (a - b s^3)), slip s = (n_0 - n) / n_b.
 
-    Printed divided by s, which has 0/0 at s = 0. As the source has it, n_0 = n_b = nominal: the whole curve is moved to
-    the inverter's speed. With a slip base n_b of its own the slip speed is kept, which is what voltage over frequency
-    does.
+    The published form is divided by s: 0/0 at s = 0. As the source has it, n_0 = n_b = nominal: the whole curve
+    is moved to the inverter's speed. With a slip base n_b of its own the slip speed is kept, as by voltage over
+    frequency.
     """
 
     peak_torque: float
@@ -46,35 +46,31 @@ class Induction:
     slip_base: float | None = None
     """n_b [rad/s]; None: n_0."""
     mirrored: bool = False
-    """Whether braking (s < 0) mirrors driving, M(-s) = -M(s), in place of the printed formula."""
+    """Whether braking (s < 0) mirrors driving, M(-s) = -M(s), in place of the published formula."""
 
     def torque(self, speed: Values, nominal: float) -> Values:
         """Torque [N m]."""
-        slip, _ = self._slip(speed, nominal)
-        if self.mirrored:
-            return np.sign(slip) * self._curve(np.abs(slip))
-        return self._curve(slip)
+        return self.curve(self._slip(speed, nominal)[0])
 
     def slope(self, speed: Values, nominal: float) -> Values:
         """dM/dn = -M'(s) / n_b, with M' = M_d (d - s d') / d^2 for M = M_d s / d."""
         slip, base = self._slip(speed, nominal)
         s = np.abs(slip) if self.mirrored else slip
         gap, cubic = self.peak_slip - s, self.a - self.b * s**3
-        bottom = s + gap**2 * cubic
+        denominator = s + gap**2 * cubic
         rise = 1.0 - 2.0 * gap * cubic - 3.0 * gap**2 * self.b * s**2
-        return -self.peak_torque * (bottom - s * rise) / bottom**2 / base
+        return -self.peak_torque * (denominator - s * rise) / denominator**2 / base
 
     def curve(self, slip: Values) -> Values:
         """M(s) [N m]."""
-        return np.sign(slip) * self._curve(np.abs(slip)) if self.mirrored else self._curve(slip)
+        s = np.abs(slip) if self.mirrored else slip
+        torque = self.peak_torque * s / (s + (self.peak_slip - s) ** 2 * (self.a - self.b * s**3))
+        return np.sign(slip) * torque if self.mirrored else torque
 
     def _slip(self, speed: Values, nominal: float) -> tuple[Values, float]:
         zero = self.synchronous or nominal
         base = self.slip_base or zero
         return (zero - speed) / base, base
-
-    def _curve(self, s: Values) -> Values:
-        return self.peak_torque * s / (s + (self.peak_slip - s) ** 2 * (self.a - self.b * s**3))
 
 
 @dataclass(frozen=True)
@@ -112,18 +108,18 @@ class Constant:
 
 
 @dataclass(frozen=True)
-class Table:
-    """A motor measured point by point; between the points a monotone cubic, outside straight on."""
+class MeasuredMotor:
+    """A motor measured point by point; between the points a monotone cubic, outside extrapolated by its tangent."""
 
     speeds: Floats
-    """[rad/s], increasing."""
+    """Increasing, (n,) [rad/s]."""
     torques: Floats
-    """[N m]"""
+    """(n,) [N m]."""
     curve: "PchipInterpolator"
 
     @classmethod
-    def of(cls, speeds: Floats, torques: Floats) -> "Table":
-        """Through points, speeds increasing."""
+    def through(cls, speeds: Floats, torques: Floats) -> "MeasuredMotor":
+        """Through points (n,) [rad/s] and (n,) [N m], speeds increasing."""
         from scipy.interpolate import PchipInterpolator
 
         return cls(speeds, torques, PchipInterpolator(speeds, torques))

@@ -1,4 +1,4 @@
-"""What a study of a drive has to say, as one document: every number of its tables and figures, units in the keys."""
+"""Results of drives as plain values for JSON: every number of tables and figures, units in the keys."""
 
 import math
 from collections.abc import Sequence
@@ -6,20 +6,20 @@ from typing import Any
 
 import numpy as np
 
-from . import equivalent_inertia, solver_convergence
-from .drive_files import Drive, Printed
+from .drive_files import Drive, PublishedSpeeds
+from .equivalent_inertia import inertia_extremes
 from .flywheel import Flywheel, flywheel_estimate
 from .harmonic_balance import DEFINITIONS, SteadyRotation
 from .machine import READINGS, Machine
-from .motors import DirectCurrent, Table
-from .time_integration import StartUp, periodicity
+from .motors import DirectCurrent, MeasuredMotor
+from .time_integration import StartUp, by_harmonics, by_tolerance, periodicity, solver_scatter
 
 RPM = math.pi / 30.0
 """One revolution per minute [rad/s]."""
 PERIODICITY = 1e-8
 """Relative change of speed over an integrated turn above which a steady solution is flagged."""
 FAR = 3.0
-"""Times beyond the speeds of a drive's file from which an asked speed is a finding."""
+"""Factor beyond the speeds of a drive's file from which a nominal speed is a finding."""
 _ROUNDING = 1e-9
 _DEGREES = np.arange(361.0)
 
@@ -30,7 +30,7 @@ def inertia_document(machine: Machine) -> dict[str, Any]:
     u = r.direction * np.radians(_DEGREES)
     extremes = [
         {"angle_deg": math.degrees(r.direction * at) % 360.0, "inertia_kgm2": value, "kind": kind}
-        for at, value, kind in equivalent_inertia.inertia_extremes(r)
+        for at, value, kind in inertia_extremes(r)
     ]
     return {
         "crank": r.crank,
@@ -52,8 +52,8 @@ def inertia_document(machine: Machine) -> dict[str, Any]:
     }
 
 
-def steady_document(solution: SteadyRotation, printed: Printed | None, balanced: bool) -> dict[str, Any]:
-    """A steady rotation; ``balanced`` says whether the asked counter-masses are mounted."""
+def steady_document(solution: SteadyRotation, published: PublishedSpeeds | None, balanced: bool) -> dict[str, Any]:
+    """A steady rotation; ``balanced`` is whether the counter-masses are mounted."""
     machine = solution.machine
     u = machine.reduced.direction * np.radians(_DEGREES)
     rate = solution.rate(u)
@@ -71,7 +71,13 @@ def steady_document(solution: SteadyRotation, printed: Printed | None, balanced:
         "harmonics": solution.harmonics,
         "highest_harmonics": solution.tail,
         "equation_residual": solution.residual(),
-        "printed": _printed(printed),
+        "printed": None
+        if published is None
+        else {
+            "fluctuation": published.fluctuation,
+            "fastest_rpm": published.fastest and published.fastest / RPM,
+            "slowest_rpm": published.slowest and published.slowest / RPM,
+        },
         "turn": {
             "angle_deg": _DEGREES.tolist(),
             "speed_rpm": (rate / RPM).tolist(),
@@ -81,26 +87,26 @@ def steady_document(solution: SteadyRotation, printed: Printed | None, balanced:
 
 
 def drive_findings(solution: SteadyRotation, row: dict[str, Any]) -> list[str]:
-    """What is odd in a steady rotation; nothing where all is well."""
+    """What is odd in a steady rotation; empty where nothing is."""
     where = f"{row['nominal_rpm']:g} rpm, {row['reading']}"
-    found = []
+    findings = []
     if not solution.is_stable:
-        found.append(f"{where}: unstable, a disturbance grows by {solution.floquet:.3g} a turn")
+        findings.append(f"{where}: unstable, a disturbance grows by {solution.floquet:.3g} a turn")
     if not row["periodicity"] <= PERIODICITY:
-        found.append(f"{where}: after an integrated turn the speed is off by {row['periodicity']:.1e} of itself")
+        findings.append(f"{where}: after an integrated turn the speed is off by {row['periodicity']:.1e} of itself")
     if not solution.is_converged():
-        found.append(f"{where}: harmonics still at {solution.tail:.1e}; a load or friction with a kink")
-    return found + [f"{where}: {text}" for text in _beyond(solution)]
+        findings.append(f"{where}: harmonics still at {solution.tail:.1e}; a load or friction with a kink")
+    return findings + [f"{where}: {text}" for text in _beyond(solution)]
 
 
 def _beyond(solution: SteadyRotation) -> list[str]:
-    """Where the motor turns beyond what its data say."""
+    """Speeds beyond those that the motor's data cover."""
     machine = solution.machine
     slowest, fastest = (machine.ratio * at[1] / RPM for at in (solution.slowest, solution.fastest))
-    if isinstance(motor := machine.motor, Table) and not motor.covers(np.array([slowest, fastest]) * RPM):
+    if isinstance(motor := machine.motor, MeasuredMotor) and not motor.covers(np.array([slowest, fastest]) * RPM):
         return [
             f"the motor turns at {slowest:.4g} to {fastest:.4g} rpm, its table covers {motor.speeds[0] / RPM:.4g} to "
-            f"{motor.speeds[-1] / RPM:.4g} rpm; it was drawn straight on"
+            f"{motor.speeds[-1] / RPM:.4g} rpm; it was extrapolated by its tangent"
         ]
     if isinstance(motor, DirectCurrent) and machine.nominal > (1.0 + _ROUNDING) * motor.no_load_speed:
         return [
@@ -111,19 +117,21 @@ def _beyond(solution: SteadyRotation) -> list[str]:
 
 
 def beyond_file(machine: Machine, speeds: Sequence[float]) -> list[str]:
-    """Where a nominal speed is far from all of the drive's file [rad/s], for a motor without a range of its own."""
+    """A nominal speed far from all ``speeds`` of the drive's file [rad/s], for a motor without a range of its own."""
     low, high = min(speeds), max(speeds)
-    if isinstance(machine.motor, DirectCurrent | Table) or low / FAR <= machine.nominal <= high * FAR:
+    if isinstance(machine.motor, DirectCurrent | MeasuredMotor) or low / FAR <= machine.nominal <= high * FAR:
         return []
     what, than = ("largest", high) if machine.nominal > high else ("least", low)
     return [
         f"{machine.nominal / RPM:g} rpm, {machine.reading}: {machine.nominal / than:.4g} times the {what} speed of the "
-        f"drive's file, {than / RPM:.4g} rpm: motor and loads are not known to hold there"
+        f"drive's file, {than / RPM:.4g} rpm: the data of motor and loads may not apply there"
     ]
 
 
-def start_up(machine: Machine, run: StartUp, solution: SteadyRotation | None, balanced: bool) -> dict[str, Any]:
-    """A start from standstill, turn by turn, and its course thinned."""
+def start_up_document(
+    machine: Machine, run: StartUp, solution: SteadyRotation | None, balanced: bool
+) -> dict[str, Any]:
+    """A start from standstill, turn by turn, and every twelfth sample of its course."""
     settled = solution and run.settled(solution.fastest[1], solution.slowest[1], 0.1 * RPM)
     thin = slice(None, None, 12)
     return _setting(machine, balanced) | {
@@ -141,7 +149,7 @@ def start_up(machine: Machine, run: StartUp, solution: SteadyRotation | None, ba
 
 
 def flywheel_document(machine: Machine, wheel: Flywheel, balanced: bool) -> dict[str, Any]:
-    """A flywheel for a wanted fluctuation, beside the textbook's estimate of the whole inertia."""
+    """A flywheel for a wanted fluctuation, and the textbook's estimate of the whole inertia."""
     return _setting(machine, balanced) | {
         "wanted_fluctuation": wheel.wanted,
         "side": wheel.side,
@@ -151,15 +159,15 @@ def flywheel_document(machine: Machine, wheel: Flywheel, balanced: bool) -> dict
     }
 
 
-def solver_trials(solution: SteadyRotation, turns: int, balanced: bool) -> dict[str, Any]:
+def solvers_document(solution: SteadyRotation, turns: int, balanced: bool) -> dict[str, Any]:
     """The answer against harmonics and against the tolerance of integrators."""
     machine, truth = solution.machine, solution.fluctuation()
-    trials = [*solver_convergence.by_harmonics(machine), *solver_convergence.by_tolerance(machine, turns)]
+    trials = [*by_harmonics(machine), *by_tolerance(machine, turns)]
     loose = [t for t in trials if t.setting in {"rtol 0.01", "rtol 0.001"}]
     return _setting(machine, balanced) | {
         "converged_fluctuation": truth,
         "turns_integrated": turns,
-        "loose_solver_scatter_percent": 100.0 * solver_convergence.scatter(loose, truth),
+        "loose_solver_scatter_percent": 100.0 * solver_scatter(loose, truth),
         "trials": [
             {
                 "solver": t.solver,
@@ -193,10 +201,3 @@ def _setting(machine: Machine, balanced: bool) -> dict[str, Any]:
         "reading": machine.reading,
         "counter_masses": balanced,
     }
-
-
-def _printed(printed: Printed | None) -> dict[str, float | None] | None:
-    if printed is None:
-        return None
-    fast, slow = (None if x is None else x / RPM for x in (printed.fastest, printed.slowest))
-    return {"fluctuation": printed.fluctuation, "fastest_rpm": fast, "slowest_rpm": slow}

@@ -1,6 +1,7 @@
-"""Start-up: the machine integrated in time from standstill, turn by turn.
+"""The machine integrated in time by a general solver: start-up from standstill, and a check of the harmonic balance.
 
-Turns integrated in time, by a general solver: the independent referee of the harmonic balance.
+A steady solution repeats after an integrated turn, and two disturbed turns give its Floquet factor. How far the answer
+depends on harmonics and tolerances is shown by solving with several of them.
 """
 
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 from ..arrays import Floats
 from . import DriveError
-from .harmonic_balance import SteadyRotation
+from .harmonic_balance import SteadyRotation, steady_rotation
 from .machine import Machine
 
 if TYPE_CHECKING:
@@ -19,9 +20,14 @@ if TYPE_CHECKING:
 
 Solver = Literal["RK45", "DOP853"]
 RTOL = 1e-10
-"""Relative tolerance of an integration unless asked otherwise."""
+"""Relative tolerance of an integration by default."""
 _PATIENCE = 200
 """Turns at nominal speed within which a turn must be done."""
+_SAMPLES = 720
+"""Instants of a turn that are kept."""
+SOLVERS: tuple[Solver, ...] = ("RK45", "DOP853")
+TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
+"""Relative tolerances of the study of solvers."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +48,10 @@ class Segment:
 def run_to(
     machine: Machine, time: float, state: Floats, target: float, rtol: float = RTOL, method: Solver = "DOP853"
 ) -> Segment:
-    """Integrate from ``time`` and ``state`` until the travel reaches ``target`` [rad], or the crank turns back."""
+    """Integrate from ``time`` [s] and ``state``, travel and speed (2,) [rad, rad/s], until travel ``target`` [rad].
+
+    Or until the crank turns back, or creeps.
+    """
 
     def arrived(_time: float, state: Floats) -> float:
         return float(state[0]) - target
@@ -83,10 +92,6 @@ def floquet(solution: SteadyRotation, share: float = 1e-4) -> float:
     start = float(solution.rate(0.0))
     ahead, behind = (after_a_turn(solution.machine, start * (1.0 + s), 1e-12) for s in (share, -share))
     return (ahead - behind) / (2.0 * share * start)
-
-
-_SAMPLES = 720
-"""Instants kept of a turn."""
 
 
 @dataclass(frozen=True)
@@ -177,3 +182,39 @@ def _peak(values: Floats) -> float:
     before, top, after = values[k - 1 : k + 2]
     bend = before - 2.0 * top + after
     return float(top - 0.125 * (after - before) ** 2 / bend) if bend < 0.0 else float(top)
+
+
+@dataclass(frozen=True)
+class SolverTrial:
+    """One solver's answer."""
+
+    solver: str
+    setting: str
+    fluctuation: float
+    """Coefficient of speed fluctuation, by the nominal speed."""
+    evaluations: int | None = None
+    """Of the equation of motion; None for the harmonic balance."""
+
+
+def by_harmonics(machine: Machine, counts: tuple[int, ...] = (4, 8, 16, 24, 48, 96)) -> list[SolverTrial]:
+    """Harmonic balance with more and more harmonics."""
+    return [
+        SolverTrial("harmonic balance", f"{count} harmonics", steady_rotation(machine, (count,)).fluctuation())
+        for count in counts
+    ]
+
+
+def by_tolerance(machine: Machine, turns: int) -> list[SolverTrial]:
+    """Integration from standstill, the last of ``turns`` turns read off the solver's own steps, looser to tighter."""
+    trials = []
+    for method in SOLVERS:
+        for rtol in TOLERANCES:
+            run = start_up(machine, turns, 0.0, rtol, method)
+            spread = run.turns[-1].fastest - run.turns[-1].slowest
+            trials.append(SolverTrial(method, f"rtol {rtol:g}", spread / machine.nominal_crank, run.evaluations))
+    return trials
+
+
+def solver_scatter(trials: list[SolverTrial], truth: float) -> float:
+    """Largest deviation of the trials from the converged answer, relative to it."""
+    return float(max(abs(np.array([trial.fluctuation for trial in trials]) - truth)) / truth)

@@ -28,7 +28,7 @@ def document(tmp_path_factory):
 
 
 def test_both_readings_stand_beside_the_printed_values():
-    """0.2232 and 0.1136, 0.0767 and 0.1003, and the printed 0.201 and 0.116, each named."""
+    """0.2232 and 0.1136, 0.0767 and 0.1003, and the published 0.201 and 0.116, each named."""
     code, output = run("inverted-slider-crank")
     assert code == 0
     for text in ("0.2232", "0.1136", "0.0767", "0.1003", "0.201", "0.116", "geared", "ungeared", "n_nominal"):
@@ -84,21 +84,21 @@ def test_a_speed_of_zero_is_a_wrong_command_line(balance):
 
 
 @pytest.mark.parametrize(
-    ("speed", "said"),
+    ("speed", "message"),
     [
         ("4000rpm", "1.33 times the motor's speed without load at full voltage, 3000 rpm"),
         ("2900rpm", None),
     ],
 )
-def test_a_speed_beyond_the_direct_current_motor_is_said(speed, said):
-    """The nominal speed sets the voltage: beyond the speed without load at full voltage none is left."""
+def test_a_speed_beyond_the_direct_current_motor_is_a_finding(speed, message):
+    """The nominal speed sets the voltage: beyond the speed without load at full voltage there is none."""
     code, output = run("four-bar-dc", "--speed", speed)
-    assert code == (3 if said else 0)
-    assert said is None or said in " ".join(output.split())
+    assert code == (3 if message else 0)
+    assert message is None or message in " ".join(output.split())
 
 
 def test_a_speed_far_from_the_file_s_is_said():
-    """An induction motor has no range of its own: held against the speeds of its file."""
+    """An induction motor has no range of its own: compared with the speeds of its file."""
     code, output = run("inverted-slider-crank", "--speed", "8280rpm", "--reading", "ungeared")
     assert code == 3
     assert "10 times the largest speed of the drive's file, 828 rpm" in " ".join(output.split())

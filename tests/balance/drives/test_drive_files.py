@@ -6,7 +6,7 @@ import pytest
 from balance import datasets
 from balance.drives.drive_files import load_drive
 from balance.drives.harmonic_balance import steady_rotation
-from balance.drives.motors import Constant, DirectCurrent, Induction, Table
+from balance.drives.motors import Constant, DirectCurrent, Induction, MeasuredMotor
 from balance.errors import DataError
 
 from .source import RPM
@@ -45,14 +45,14 @@ def test_shipped_drives_turn(name):
 
 
 def test_the_source_s_drive():
-    """The source's table, in SI; both readings of the gearbox, since the source leaves it open."""
+    """The source's table, in SI; both readings of the gearbox, since the source does not state it."""
     drive = load_drive("inverted-slider-crank")
     assert drive.motor == Induction(12.75, 0.315, 2.565, 1.380)
     assert drive.speeds == pytest.approx((276 * RPM, 828 * RPM))
     assert drive.readings == ("geared", "ungeared")
-    assert drive.printed_at(276 * RPM).fluctuation == 0.201
-    assert drive.printed_at(828 * RPM).fluctuation == 0.116
-    assert drive.printed_at(500 * RPM) is None
+    assert drive.published_at(276 * RPM).fluctuation == 0.201
+    assert drive.published_at(828 * RPM).fluctuation == 0.116
+    assert drive.published_at(500 * RPM) is None
     machine = drive.machines(drive.load_mechanism())[0]
     assert machine.constant_inertia == pytest.approx(0.42)
     assert machine.nominal_crank / RPM == pytest.approx(76.45, abs=0.005)
@@ -94,7 +94,7 @@ torque = ["1 N m", "2 N m", "0 N m"]
         assert machine.loads[2].torque(2 * np.pi, 1.0, 1.0) == pytest.approx(-1.0)
     table = 'kind = "table"\nspeed = ["0 rpm", "100 rpm"]\ntorque = ["3 N m", "1 N m"]'
     drive = load_drive(written(tmp_path, f"{head}[motor]\n{table}\n"))
-    assert isinstance(drive.motor, Table)
+    assert isinstance(drive.motor, MeasuredMotor)
     assert drive.motor.torque(50 * RPM, 0.0) == pytest.approx(2.0)
 
 

@@ -84,7 +84,7 @@ def test_steady_rotation_against_the_closed_form(tmp_path):
 
 
 def test_a_file_is_the_lists(tmp_path):
-    """A CSV beside the drive file, its units in the header, also one that ends at 360 degrees as it began."""
+    """A CSV in the folder of the drive file, its units in the header, also one that ends at 360 degrees as it began."""
     rows = "\n".join(f"{a},{1e3 * f}" for a, f in zip([*ANGLES, 360.0], [*GAS, GAS[0]], strict=True))
     listed, filed = turned(tmp_path, LISTS), turned(tmp_path, 'file = "gas.csv"\n', f"angle (deg),force (N)\n{rows}\n")
     assert filed.fastest == pytest.approx(listed.fastest, rel=1e-12)
@@ -92,7 +92,7 @@ def test_a_file_is_the_lists(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("csv", "said"),
+    ("csv", "message"),
     [
         ("angle,force (N)\n0,1\n", "gas.csv: column 'angle': has no unit: write for example 'angle \\(deg\\)'"),
         ("angle (deg),torque (N m)\n0,1\n", "must hold the columns angle \\(rad\\), force \\(N\\)"),
@@ -104,9 +104,9 @@ def test_a_file_is_the_lists(tmp_path):
         ("angle (deg),force (N)\n0,1\n200,5\n540,2\n", "angle goes from 0 to 540 deg"),
     ],
 )
-def test_what_is_wrong_in_a_file_is_named(tmp_path, csv, said):
+def test_what_is_wrong_in_a_file_is_named(tmp_path, csv, message):
     """Header, unit, row, and angles that are not one turn."""
-    with pytest.raises(DataError, match=said):
+    with pytest.raises(DataError, match=message):
         turned(tmp_path, 'file = "gas.csv"\n', csv)
 
 

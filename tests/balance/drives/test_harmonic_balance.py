@@ -10,7 +10,7 @@ from balance.drives.equivalent_inertia import reduced_to_crank
 from balance.drives.fourier_series import Periodic, differentiation, odd_grid
 from balance.drives.harmonic_balance import steady_rotation
 from balance.drives.machine import Inertia, Load, Machine
-from balance.drives.motors import Constant, DirectCurrent, Table
+from balance.drives.motors import Constant, DirectCurrent, MeasuredMotor
 
 from .. import models
 from .source import REFERENCE, RPM, machine, mechanism
@@ -123,7 +123,7 @@ OTHERS = {
     "source, geared, 828": lambda: machine(828, "geared"),
     "crank-rocker, dc, fan": lambda: rocker(DirectCurrent(2.4, 300.0), (Load("fan", "quadratic", 2, 0.004),)),
     "crank-rocker, table, drag": lambda: rocker(
-        Table.of(np.array([0.0, 50.0, 90.0, 110.0]), np.array([6.0, 5.0, 2.0, -4.0])),
+        MeasuredMotor.through(np.array([0.0, 50.0, 90.0, 110.0]), np.array([6.0, 5.0, 2.0, -4.0])),
         (Load("drag", "viscous", 0, 0.05),),
     ),
     "crank-rocker, constant torque, fan": lambda: rocker(Constant(0.5), (Load("fan", "quadratic", 0, 0.006),)),
@@ -218,6 +218,6 @@ def test_machines_without_a_steady_rotation_are_named():
 def test_series_differentiate_exactly():
     """The matrix takes samples of a series to samples of its derivative."""
     u = odd_grid(9)
-    series = Periodic.of(np.array([np.cos(3 * u) - 0.4 * np.sin(8 * u), 1.0 + np.sin(u)]))
+    series = Periodic.through(np.array([np.cos(3 * u) - 0.4 * np.sin(8 * u), 1.0 + np.sin(u)]))
     np.testing.assert_allclose(differentiation(9) @ series(u).T, series.slope()(u).T, atol=1e-12)
     np.testing.assert_allclose(series.slope()(0.3)[1], np.cos(0.3), atol=1e-14)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from balance.drives.motors import Constant, DirectCurrent, Induction, Table
+from balance.drives.motors import Constant, DirectCurrent, Induction, MeasuredMotor
 
 from .source import REFERENCE, RPM
 
@@ -14,13 +14,13 @@ MOTORS = {
     "fixed curve": Induction(9.0, 0.2, 2.0, 0.3, synchronous=90.0, slip_base=310.0),
     "dc": DirectCurrent(1.2, 300.0),
     "constant": Constant(3.0),
-    "table": Table.of(np.array([-10.0, 0.0, 40.0, 80.0, 120.0]), np.array([5.0, 4.0, 3.5, 1.0, -2.0])),
+    "table": MeasuredMotor.through(np.array([-10.0, 0.0, 40.0, 80.0, 120.0]), np.array([5.0, 4.0, 3.5, 1.0, -2.0])),
 }
 
 
 @pytest.mark.parametrize(("slip", "torque"), REFERENCE["motor_curve"].items())
 def test_the_source_s_curve(slip, torque):
-    """M(s) to 1e-6, at s = 0 too, where the printed form has 0/0."""
+    """M(s) to 1e-6, at s = 0 too, where the published form has 0/0."""
     assert INDUCTION.curve(float(slip)) == pytest.approx(torque, rel=1e-6)
     nominal = 276 * RPM
     assert INDUCTION.torque((1.0 - float(slip)) * nominal, nominal) == pytest.approx(torque, rel=1e-6)
@@ -50,7 +50,7 @@ def test_peak_torque_is_at_the_peak_slip():
 
 
 def test_mirrored_braking_mirrors_driving():
-    """M(-s) = -M(s); the printed formula does not do that."""
+    """M(-s) = -M(s); the published formula does not do that."""
     mirrored = MOTORS["mirrored"]
     assert mirrored.curve(-0.2) == -mirrored.curve(0.2)
     assert INDUCTION.curve(-0.2) == pytest.approx(-5.276988, rel=1e-6)

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from balance.drives import DriveError, solver_convergence
+from balance.drives import DriveError
 from balance.drives.harmonic_balance import steady_rotation
 from balance.drives.motors import Constant
-from balance.drives.time_integration import start_up
+from balance.drives.time_integration import by_harmonics, by_tolerance, solver_scatter, start_up
 
 from .source import REFERENCE, RPM, machine
 
@@ -51,16 +51,16 @@ def test_motors_that_do_not_start_or_do_not_come_round_are_named():
 
 def test_loose_solvers_scatter_the_answer():
     """At 828 integrators at rtol 1e-3 and looser are off by more than a tenth, at 1e-6 by less than 1e-4 of it."""
-    trials, truth = solver_convergence.by_tolerance(machine(828), 12), steady_rotation(machine(828)).fluctuation()
+    trials, truth = by_tolerance(machine(828), 12), steady_rotation(machine(828)).fluctuation()
     loose = [t for t in trials if t.setting in {"rtol 0.01", "rtol 0.001"}]
     tight = [t for t in trials if t.setting in {"rtol 1e-06", "rtol 1e-08"}]
-    assert solver_convergence.scatter(loose, truth) > 0.1
-    assert solver_convergence.scatter(tight, truth) < 1e-4
+    assert solver_scatter(loose, truth) > 0.1
+    assert solver_scatter(tight, truth) < 1e-4
 
 
 def test_harmonics_converge():
     """More harmonics, less error, down to rounding."""
     truth = steady_rotation(machine(828)).fluctuation()
-    errors = [abs(t.fluctuation - truth) for t in solver_convergence.by_harmonics(machine(828), (4, 8, 16, 32))]
+    errors = [abs(t.fluctuation - truth) for t in by_harmonics(machine(828), (4, 8, 16, 32))]
     assert errors[0] > errors[1] > errors[2]
     assert errors[3] < 1e-12
