@@ -21,7 +21,7 @@ import numpy as np
 from balance.balancing import conditions
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism
-from balance.table_files import write_csv, write_parquet
+from balance.table_files import can_write_parquet, write_csv, write_csv_file, write_parquet
 
 from ..campaign_plan import Plan, PlannedRun
 from ..errors import RigError
@@ -53,11 +53,11 @@ _ACCELERATION = tuple(
 
 def write_run(folder: Path, rig: "Rig", run: "SimulatedRun", balance: "Conditions") -> dict[str, Any]:
     """Write a run's time series, SI; returns what else is true of it. ``balance`` are the mechanism's conditions."""
-    write_parquet(folder / f"{run.planned.name}.parquet", time_series(rig, run.bench))
+    _write_table(folder / run.planned.name, time_series(rig, run.bench))
     for name, log in run.logs.items():
         if is_irregular(rig.loggers[name]):
             instants = {"logged_s": log.time, "true_s": log.true}
-            write_parquet(folder / f"{run.planned.name}_{name}.instants.parquet", instants)
+            _write_table(folder / f"{run.planned.name}_{name}.instants", instants)
     return {
         "run": run.planned.name,
         **run.planned.conditions,
@@ -74,6 +74,14 @@ def write_run(folder: Path, rig: "Rig", run: "SimulatedRun", balance: "Condition
             if name in run.logs
         },
     }
+
+
+def _write_table(stem: Path, columns: "Mapping[str, Floats | NDArray[np.float32]]") -> None:
+    """As Parquet where polars is installed, which CSV needs ten times the room of; else as CSV."""
+    if can_write_parquet():
+        write_parquet(f"{stem}.parquet", columns)
+    else:
+        write_csv_file(f"{stem}.csv", columns)
 
 
 def time_series(rig: "Rig", run: "BenchRun") -> "dict[str, Floats | NDArray[np.float32]]":

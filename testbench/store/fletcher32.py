@@ -103,7 +103,7 @@ def is_intact(chunk: NDArray[np.uint8]) -> bool:
 
 MUCH_BYTES = 32_000_000
 """What is written and read the slower way before the compiled checksum is asked for [bytes]."""
-CHECKSUM = Kernel("store.kernel", "checksum", (PLACE, INTEGER))
+CHECKSUM = Kernel("store.fletcher32_kernel", "checksum", (PLACE, INTEGER))
 _WORDS = 4
 """Words of 16 bits in a quadruple."""
 

@@ -8,15 +8,15 @@ import polars
 import pytest
 
 from balance import table_files
+from balance.errors import CounterpoiseError
 from balance.table_files import write_csv, write_parquet
 
 RANDOM = np.random.default_rng(8)
 
 
 @pytest.mark.parametrize("rows", [0, 1, 7, 1000])
-def test_parquet_reads_back_to_the_same_bits(tmp_path, monkeypatch, rows):
-    """Floats and integers of both widths, one row group or many, what is no number, texts of the file."""
-    monkeypatch.setattr(table_files, "_GROUP_ROWS", 7)
+def test_parquet_reads_back_to_the_same_bits(tmp_path, rows):
+    """Floats and integers of both widths, what is no number, texts of the file."""
     columns = {
         "İvme (m/s²)": RANDOM.normal(size=rows),
         "single": RANDOM.normal(size=rows).astype("f4"),
@@ -31,6 +31,14 @@ def test_parquet_reads_back_to_the_same_bits(tmp_path, monkeypatch, rows):
         assert table[name].to_numpy().astype(values.dtype).tobytes() == values.tobytes()
     found = polars.read_parquet_metadata(tmp_path / "t.parquet")
     assert (found["origin"], found["ü"]) == ("simulated", "ğ")
+
+
+def test_parquet_without_polars_says_what_to_install(tmp_path, monkeypatch):
+    """One line, and no file."""
+    monkeypatch.setattr(table_files, "find_spec", lambda name: None)
+    with pytest.raises(CounterpoiseError, match=r"t\.parquet: .*pip install 'counterpoise\[parquet\]'"):
+        write_parquet(tmp_path / "t.parquet", {"a": np.ones(2)})
+    assert not list(tmp_path.iterdir())
 
 
 def test_csv_reads_back_to_the_same_bits(monkeypatch):
