@@ -51,11 +51,14 @@ def can_write_parquet() -> bool:
 def write_parquet(path: str | Path, columns: Mapping[str, Column], metadata: Mapping[str, str] | None = None) -> None:
     """Write ``columns``, (n,) each, under their names, which say the unit [SI or -]; ``metadata`` are texts by key.
 
-    Raises CounterpoiseError where polars is not installed.
+    Raises CounterpoiseError where polars is not installed, OSError where the file cannot be written.
     """
     if not can_write_parquet():
         raise CounterpoiseError(f"{path}: writing Parquet needs polars: pip install 'counterpoise[parquet]'")
     import polars
 
     with Path(path).open("wb") as stream:
-        polars.DataFrame(dict(columns)).write_parquet(stream, metadata=dict(metadata or {}))
+        try:
+            polars.DataFrame(dict(columns)).write_parquet(stream, metadata=dict(metadata or {}))
+        except polars.exceptions.ComputeError as error:  # as polars calls a disk that is full
+            raise OSError(str(error)) from error

@@ -26,22 +26,22 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from testbench.store import groups, journal
-groups.CHUNK, groups.GATHERED = 4096, 8192
-real = journal.JournalWriter.acknowledge
+from testbench.store import atomic_files, writer
+writer.CHUNK, writer.GATHERED = 4096, 8192
+real = atomic_files.JournalWriter.acknowledge
 def told(self, number, pieces):
     real(self, number, pieces)
     print(sum(piece.count for piece in pieces[0]), flush=True)
     time.sleep(0.002)
-journal.JournalWriter.acknowledge = told
-whole = groups.GroupWriter.append
+atomic_files.JournalWriter.acknowledge = told
+whole = writer.GroupWriter.append
 def in_pieces(self, columns):
     for begin in range(0, len(columns[0]), 8192):
         whole(self, [column[begin : begin + 8192] for column in columns])
-groups.GroupWriter.append = in_pieces
+writer.GroupWriter.append = in_pieces
 from testbench.ingest import Ingest
-from testbench.ingest.run_conditions import plan
-work, (run,) = Ingest(Path(sys.argv[2])), plan([Path(sys.argv[1])], None)
+from testbench.ingest.run_conditions import plan_runs
+work, (run,) = Ingest(Path(sys.argv[2])), plan_runs([Path(sys.argv[1])], None)
 print("ready", flush=True)
 outcomes = work.run(run)
 print("end", *(outcome.status for outcome in outcomes), flush=True)

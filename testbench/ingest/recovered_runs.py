@@ -11,9 +11,9 @@ from ..quality.group_checks import RecordingCheck
 from ..recording import Block, Finding, Recording, Report, placed
 from ..store import crash_recovery as leftover
 from ..store import open_run
+from ..store.atomic_files import Journal, Leftover, leftovers
 from ..store.campaign import existing
 from ..store.crash_recovery import MARK, Recovery
-from ..store.journal import Journal, Leftover, leftovers
 from ..store.writer import RunWriter
 
 _FROM = "recovered_from"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from .. import units
 from ..recording import Channel, Finding, Recording, SensorRange
 from .group_checks import GroupCheck
-from .timestamp_quantization import RATE_TOLERANCE
+from .time_steps import RATE_TOLERANCE
 
 if TYPE_CHECKING:
     from ..rig import Column, Rig

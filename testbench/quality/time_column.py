@@ -3,9 +3,16 @@
 import math
 
 from ..recording import Finding, Group, TimeColumn
-from . import timestamp_quantization
-from .time_steps import ClockStats
-from .timestamp_quantization import GAP, RATE_TOLERANCE, Sampling
+from .time_steps import (
+    GAP,
+    RATE_TOLERANCE,
+    ClockStats,
+    Sampling,
+    about_gaps,
+    coarse_times_finding,
+    is_cause,
+    sampling_of_times,
+)
 
 _SAME_RATE = 1e-6
 """Rates that differ by less than this share of them are one."""
@@ -17,7 +24,7 @@ def time_column_sampling(group: Group, clock: ClockStats, stated_rate_hz: float 
     factor = group.clock.seconds_per_unit
     if len(group.channels) == 1 or factor is None:
         return None
-    found = timestamp_quantization.sampling_of_times(clock, _stated_step(group, stated_rate_hz))
+    found = sampling_of_times(clock, _stated_step(group, stated_rate_hz))
     return found if found.is_steady else None
 
 
@@ -85,7 +92,7 @@ def _steps(group: Group, clock: ClockStats, name: str, unit: str, stated: float 
         message = "the only column of numbers is one of times: events such as edges, no signal; there is no rate"
         return [Finding("event_times", name, None, message)]
     shown, median = (
-        timestamp_quantization.sampling_of_times(clock, _stated_step(group, stated)),
+        sampling_of_times(clock, _stated_step(group, stated)),
         clock.steps.quantile(0.5),
     )
     if not shown.step > 0:
@@ -95,14 +102,12 @@ def _steps(group: Group, clock: ClockStats, name: str, unit: str, stated: float 
         return [Finding("time_irregular", name, None, f"the middle half of the steps spreads over {share}: no rate")]
     found = _gaps(clock, shown, name, unit)
     jitter = clock.steps.quantile(0.95) - clock.steps.quantile(0.05)
-    if jitter > 0.01 * median and not timestamp_quantization.is_cause(shown):
+    if jitter > 0.01 * median and not is_cause(shown):
         message = f"nine steps in ten lie within {jitter / median:.1%} of the median {median:.6g} {unit}"
         found.append(Finding("time_jitter", name, None, message))
     rate = rate_hz(group, clock, stated)
     if rate and shown.rounded and not shown.settled:
-        found.append(
-            Finding("rate_doubtful", name, None, timestamp_quantization.coarse_times_finding(shown, rate, unit))
-        )
+        found.append(Finding("rate_doubtful", name, None, coarse_times_finding(shown, rate, unit)))
     elif rate and shown.rounded and not stated:
         message = (
             f"the times are rounded: steps of {clock.dt_min:.6g} to {clock.dt_max:.6g} {unit}, by whose median of "
@@ -120,11 +125,11 @@ def _gaps(clock: ClockStats, shown: Sampling, name: str, unit: str) -> list[Find
         longest = sorted((step, where) for step, where in clock.longest if step > shown.longest)[::-1]
         listed = ", ".join(f"{step:.6g} {unit} before {where}" for step, where in longest)
         limit = f"{shown.longest:.6g} {unit}, a sample taking {shown.step:.6g} {unit} on average"
-        if not timestamp_quantization.is_cause(shown):
+        if not is_cause(shown):
             limit = f"{GAP:g} times the median {clock.steps.quantile(0.5):.6g} {unit}"
         parts.append(f"steps longer than {limit}: {gaps} ({listed})")
         places = ", ".join(where for _, where in longest)
-    if text := timestamp_quantization.about_gaps(shown, gaps, clock.steps.above(0.0), unit):
+    if text := about_gaps(shown, gaps, clock.steps.above(0.0), unit):
         parts.append(text)
     return [Finding("time_gap", name, places, "; ".join(parts))] if parts else []
 

@@ -1,11 +1,16 @@
-"""Steps of a recorded time column, gathered block by block in bounded memory.
+"""Steps of a recorded time column, gathered in bounded memory, and what they say of its sampling.
 
-Stretches of a recorded time column, kept as they came: what a distribution of steps does not show is their order.
+Steps may be the few whole numbers of a last place: are the times rounded, or samples lost? Sample k of a steady clock,
+rounded to places of q, is at q floor(k T / q + c): for n q < T < (n + 1) q its steps are n and n + 1 places, and come
+so evenly that no time is further than one place from a straight line. Steps that are longer because samples were lost
+by chance wander off it. Only steps of one and of two places may be either.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from heapq import heappush, heappushpop
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -189,3 +194,251 @@ class ClockStats:
             heappush(self.longest, (step, where))
         else:
             heappushpop(self.longest, (step, where))
+
+
+_NEIGHBOURS, _SHARE = 8, 2.0**-16
+"""To what a step is known: floating-point numbers beside the times, or the share of a step that is kept of it."""
+_MOST_PLACES = 10
+"""Steps of more places than that are alike to a tenth, and no reason for doubt."""
+_NEARLY_ALL = 0.9
+"""Share of the steps that are of two neighbouring numbers of places."""
+_WHOLE = 0.05
+"""How far a step may be from a whole number of places [places]."""
+_WIDTH = 1.5
+"""How far apart the furthest times above and below a fitted line may be [places]: 1, and up to 1.4 by the fit."""
+_RARER, _PIECE = 32, 128
+"""Steps of the rarer kind in a piece that is fitted by one line, and of both kinds, whichever makes it longer."""
+_FEWEST, _SHORTEST = 10, 64
+"""The fewest of either from which a piece is judged: fewer may well come evenly by chance."""
+_MOSTLY = 0.75
+"""Share of the pieces that are even where the times are rounded; in the others samples may be lost besides."""
+
+
+class Grid(NamedTuple):
+    """Steps of ``short`` and ``short`` + 1 places, each so long, and how many there are of both kinds."""
+
+    place: float
+    short: int
+    shorter: int
+    longer: int
+
+    @property
+    def mean(self) -> float:
+        """The mean step, in the unit of the times."""
+        return self.place * (self.short + self.longer / (self.shorter + self.longer))
+
+    @property
+    def longer_share(self) -> float:
+        """Share of the longer steps."""
+        return self.longer / (self.shorter + self.longer)
+
+    def kinds(self, steps: Samples) -> NDArray[np.int64]:
+        """Each step as 0 (the shorter kind), 1 (the longer kind), or -1 (any other), (n,)."""
+        places = steps / self.place - self.short
+        whole = np.rint(places)
+        return np.where((np.abs(places - whole) <= _WHOLE) & (whole >= 0) & (whole <= 1), whole, -1).astype(np.int64)
+
+
+@dataclass(frozen=True)
+class Evenness:
+    """In how many pieces of the column both kinds of steps come evenly, and in how many they do not."""
+
+    even: int
+    uneven: int
+    mean: float
+    """The mean step of the even pieces, in the unit of the times; NaN if there are none."""
+
+    @property
+    def judged(self) -> int:
+        """Pieces from which it could be told."""
+        return self.even + self.uneven
+
+    @property
+    def rounded(self) -> bool:
+        """Whether the steps are those of a steady clock whose times were rounded."""
+        return self.even > 0 and self.even >= _MOSTLY * self.judged
+
+
+def known_to(clock: ClockStats, step: float) -> float:
+    """To how much a step of the column is known, in the unit of the times."""
+    return max(_NEIGHBOURS * math.ulp(max(abs(clock.first), abs(clock.last))), _SHARE * step)
+
+
+def grid(clock: ClockStats) -> Grid | None:
+    """The two kinds of steps; None where nearly all are not of two neighbouring numbers of places, both small."""
+    values, counts = clock.steps.gathered(known_to(clock, clock.steps.quantile(0.5)))
+    if len(values) < 2:
+        return None
+    low, high = sorted(np.argsort(counts)[-2:])
+    place = float(values[high] - values[low])
+    short = round(float(values[low]) / place)
+    if counts[low] + counts[high] < _NEARLY_ALL * counts.sum() or not 1 <= short <= _MOST_PLACES:
+        return None
+    if abs(values[low] / place - short) > _WHOLE:
+        return None
+    return Grid(place, short, int(counts[low]), int(counts[high]))
+
+
+def evenness(clock: ClockStats, steps: Grid) -> Evenness:
+    """How evenly the two kinds of steps come, piece by piece."""
+    length = max(_PIECE, math.ceil(_RARER / min(steps.longer_share, 1.0 - steps.longer_share)))
+    even, judged, longer, count = 0, 0, 0, 0
+    for part in _unbroken(clock, steps):
+        pieces = max(1, len(part) // length)
+        kinds = part[: len(part) // pieces * pieces].reshape(pieces, -1)
+        rarer = np.minimum(kinds.sum(axis=1), (1 - kinds).sum(axis=1))
+        kinds = kinds[(rarer >= _FEWEST) & (kinds.shape[1] >= _SHORTEST)]
+        straight = kinds[_widths(kinds) <= _WIDTH]
+        even, judged = even + len(straight), judged + len(kinds)
+        longer, count = longer + int(straight.sum()), count + straight.size
+    return Evenness(even, judged - even, steps.place * (steps.short + longer / count) if count else math.nan)
+
+
+def _unbroken(clock: ClockStats, steps: Grid) -> Iterator[NDArray[np.int64]]:
+    """The kinds of the steps that are kept, 0 or 1, in rows that no other step interrupts."""
+    for row in clock.stretches.in_a_row():
+        kinds = steps.kinds(row)
+        for part in np.split(kinds, np.flatnonzero(kinds < 0)):
+            yield part[part >= 0]
+
+
+def _widths(kinds: NDArray[np.int64]) -> Samples:
+    """How far the times of m pieces lie apart, above and below each one's line of least squares, (m,) [places]."""
+    at = np.pad(np.cumsum(kinds, axis=1), ((0, 0), (1, 0))).astype(float)
+    along = np.arange(at.shape[1]) - (at.shape[1] - 1) / 2.0
+    apart = at - np.outer(at @ along / (along @ along), along)
+    return np.ptp(apart, axis=1)
+
+
+GAP = 1.5
+"""A step longer than this many samples is a gap."""
+IRREGULAR = 0.1
+"""Steps whose middle half spreads over more than this share of the median are those of no sampled signal."""
+RATE_TOLERANCE = 0.005
+"""A header's rate and 1 / median step may differ by this share: rates are often printed in three digits."""
+_PLACES = 5
+"""Steps of rounded times lie in so few places: two, more where they were rounded twice."""
+_MATTERS = 1e-4
+"""Mean and median step that differ by less than this share are not told apart."""
+MANY = 0.05
+"""Share of longer steps above which a steady clock whose times are rounded is likelier than samples lost as evenly."""
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """The step of a sample, in the unit of the times, and how it was found."""
+
+    step: float
+    longest: float
+    """Longer steps are gaps."""
+    source: str
+    """``median_step``, or ``mean_step`` where the times are rounded so that the median is the step of no sample."""
+    spread: float
+    """Spread of the middle half of the steps, as a share of their median; 0 where their scatter is all of rounding."""
+    grid: Grid | None = None
+    """The two kinds of steps, where the times are rounded so coarsely or samples may be lost."""
+    evenness: Evenness | None = None
+    settled: bool = True
+    """Whether rounded times and samples lost as evenly can be told apart, where there are two kinds of steps."""
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether the steps are those of a sampled signal."""
+        return self.step > 0 and self.spread <= IRREGULAR
+
+    @property
+    def rounded(self) -> bool:
+        """Whether the step is the mean of rounded ones."""
+        return self.source == "mean_step"
+
+
+def sampling_of_times(clock: ClockStats, stated_step: float | None = None) -> Sampling:
+    """The sampling that a column shows; ``stated_step``, in its unit, is that of the header's rate."""
+    steps = grid(clock)
+    if steps is None:
+        return _by_median(clock)
+    even = evenness(clock, steps)
+    if steps.short == 1 and _may_be_lost(steps, even, stated_step):
+        told = not even.rounded or _near(stated_step, steps.place)
+        return _by_median(clock, steps, even, told)
+    if not even.rounded:
+        return _by_median(clock, steps, even)
+    longest = max(GAP * steps.mean, (steps.short + 1.5) * steps.place)
+    mean = even.mean if even.uneven else clock.steps.mean(0.0, longest)
+    told = steps.short > 1 or steps.longer_share > 0.5 or _near(stated_step, mean)
+    return Sampling(mean, longest, "mean_step", 0.0, steps, even, told)
+
+
+def _may_be_lost(steps: Grid, even: Evenness, stated_step: float | None) -> bool:
+    """Whether steps of two places among those of one are read as samples that were lost."""
+    if not even.rounded or _near(stated_step, steps.place):
+        return True
+    return steps.longer_share < MANY and not _near(stated_step, steps.mean)
+
+
+def _near(stated_step: float | None, step: float) -> bool:
+    return stated_step is not None and abs(step / stated_step - 1.0) <= RATE_TOLERANCE
+
+
+def _by_median(
+    clock: ClockStats,
+    steps: Grid | None = None,
+    even: Evenness | None = None,
+    settled: bool = True,
+) -> Sampling:
+    """By the median step; by the mean of those about it where they lie in so few places that times were rounded.
+
+    2048 samples a second with times in four decimals have steps of 0.0004 and 0.0005: their median is that of 2000.
+    """
+    median = clock.steps.quantile(0.5)
+    if not median > 0:
+        return Sampling(median, GAP * median, "median_step", 0.0)
+    spread = (clock.steps.quantile(0.75) - clock.steps.quantile(0.25)) / median
+    known = known_to(clock, median)
+    longest = GAP * median + known
+    found = clock.steps.places(median / 2.0 - known, longest, known)
+    if found is None or found[0] > _PLACES or abs(found[1] / median - 1.0) <= _MATTERS:
+        return Sampling(median, longest, "median_step", spread, steps, even, settled)
+    return Sampling(found[1], longest, "mean_step", spread, steps, even, settled)
+
+
+_FEW = 10
+"""So few gaps are said as they are."""
+
+
+def is_cause(shown: Sampling) -> bool:
+    """Whether the steps scatter because the times are rounded so coarsely."""
+    return shown.rounded and shown.evenness is not None and shown.evenness.rounded
+
+
+def coarse_times_finding(shown: Sampling, rate_hz: float, unit: str) -> str:
+    """That the times were taken as rounded, and what would look the same."""
+    assert shown.grid is not None
+    place, one_in = shown.grid.place, 1.0 + 1.0 / shown.grid.longer_share
+    return (
+        f"steps of {_kinds(shown.grid, unit)} come as evenly as those of times rounded to {place:.6g} {unit}: the rate "
+        f"is {rate_hz:.6g} Hz by their mean. A logger of {rate_hz * shown.step / place:.6g} Hz that lost one sample in "
+        f"{one_in:.3g} as evenly would look the same; a rate in the log's header tells"
+    )
+
+
+def about_gaps(shown: Sampling, gaps: int, steps: int, unit: str) -> str:
+    """What the gaps may be besides, or where samples may be lost though no step is a gap; empty if there is no more."""
+    kinds, even = shown.grid, shown.evenness
+    if is_cause(shown) and even is not None:
+        missing = "the steps do not come as evenly as rounding makes them: samples may be lost there"
+        return f"in {even.uneven} of {even.judged} pieces of the column {missing}" if even.uneven else ""
+    if kinds is not None and not shown.settled and gaps >= _FEW:
+        return (
+            f"steps of {_kinds(kinds, unit)}: whether samples were lost, or none and the times have too few digits "
+            f"(then a sample takes {kinds.mean:.6g} {unit}), cannot be told; a rate in the log's header tells"
+        )
+    if shown.rounded or gaps <= MANY * steps:
+        return ""
+    if kinds is None or kinds.short > 1 or even is None or not even.judged:
+        return "so many are samples lost all over, or times in too few digits: then the rate is wrong too"
+    return "so many are samples lost all over" + ("" if even.rounded else ": they do not come as evenly as rounding")
+
+
+def _kinds(steps: Grid, unit: str) -> str:
+    return f"{steps.short * steps.place:.6g} and {(steps.short + 1) * steps.place:.6g} {unit}"

@@ -11,8 +11,7 @@ from pathlib import Path
 
 from ..errors import StoreError
 from . import atomic_files
-from .atomic_files import unfinished
-from .journal import Leftover, leftovers
+from .atomic_files import Leftover, leftovers, unfinished
 from .run import Run, open_run
 
 SUFFIX = ".h5"

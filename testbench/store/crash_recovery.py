@@ -5,13 +5,11 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..errors import StoreError
-from . import archive, atomic_files, fletcher32, journal
-from .atomic_files import place_with_digest, unfinished
-from .journal import Journal, Kept, Leftover, leftovers
+from ..recording import Samples
+from . import archive, atomic_files
+from .atomic_files import Journal, Kept, Leftover, leftovers, place_with_digest, read_journal, unfinished
+from .chunk_io import checked_samples
 from .run import Run, open_run
 
 MARK = ".recovered"
@@ -60,7 +58,7 @@ def finish(left: Leftover, save: Save) -> Recovery | None:
 
 
 def _recovered(left: Leftover, save: Save) -> Recovery | None:
-    known = journal.read_journal(left.journal)
+    known = read_journal(left.journal)
     if not known.intent:
         if left.part.exists():
             raise StoreError(f"{left.journal.name}: is empty, as after a loss of power; ingest the log again")
@@ -116,17 +114,21 @@ def is_digest(orphan: Path) -> bool:
     return named is not None and named.name.endswith(f".h5{atomic_files.SUFFIX}")
 
 
-def blocks(part: Path, kept: Kept) -> Iterator[tuple[NDArray[np.float64], ...]]:
-    """The acknowledged samples of a group, chunk by chunk. Raises StoreError if one is not as it was written."""
+def blocks(part: Path, kept: Kept) -> Iterator[tuple[Samples, ...]]:
+    """The acknowledged samples of a group, (n,) a channel as recorded [-], chunk by chunk.
+
+    Raises StoreError if one is not as it was written.
+    """
     with part.open("rb") as stream:
         for row in zip(*kept.pieces, strict=True):
             columns = []
             for piece in row:
                 stream.seek(piece.at)
-                chunk = np.frombuffer(stream.read(piece.size), dtype=np.uint8)
-                if len(chunk) != piece.size or not fletcher32.is_intact(chunk):
-                    raise StoreError(f"{part.name}: damaged at byte {piece.at}; its checksum does not match")
-                columns.append(chunk[:-4].view(np.float64)[: piece.count])
+                try:
+                    columns.append(checked_samples(stream.read(piece.size))[: piece.count])
+                except (OSError, ValueError) as error:
+                    message = f"{part.name}: damaged at byte {piece.at}; its checksum does not match"
+                    raise StoreError(message) from error
             yield tuple(columns)
 
 

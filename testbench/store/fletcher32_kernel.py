@@ -1,4 +1,4 @@
-"""The loop that computes HDF5's checksum of a chunk (see ``fletcher``), for the compiler.
+"""The loop that computes HDF5's checksum of a chunk (see :mod:`.chunk_io`), for the compiler.
 
 Only the process that compiles imports this module.
 """

@@ -20,7 +20,7 @@ from .encodings import Decimals, Form
 if TYPE_CHECKING:
     import h5py
 
-    from .group_writer import GroupWriter
+    from .writer import GroupWriter
 
 LAYOUT = 1
 """Version of this layout."""

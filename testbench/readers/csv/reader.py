@@ -10,13 +10,21 @@ from .. import header_claims
 from ..registry import ReadOptions
 from .cell_syntax import is_missing, is_number_like, shown
 from .dialect import Dialect, UnclearDialect, detect_dialect
-from .header import Header, read_header, time_name_base, unknown_brackets
-from .number_notations import NotationColumn, find_notations, rounded_numbers
-from .preamble import Read, comment_text, key_value_pairs, sensor_ranges, stated_sampling
+from .header import (
+    Header,
+    Read,
+    comment_text,
+    key_value_pairs,
+    read_header,
+    sensor_ranges,
+    stated_sampling,
+    time_name_base,
+    unknown_brackets,
+)
+from .rewritten_columns import NotationColumn, TimeColumns, find_notations, find_time_columns, rounded_numbers
 from .row_parser import RowParser
 from .table import Table, find_multiple_time_columns
 from .text_blocks import FirstLines, read_first_lines, read_last_lines
-from .time_columns import TimeColumns, find_time_columns
 
 _ROWS_AT_END = 100
 

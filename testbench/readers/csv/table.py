@@ -18,7 +18,7 @@ from ..byte_source import in_order
 from .cell_syntax import is_missing
 from .header import time_name_base
 from .irregular_rows import CellFilter, LateDecimalMark, RegularRows, RowFilter, last_row
-from .row_parser import RowParser
+from .row_parser import FastParser, RowParser
 from .text_blocks import Encoding, TextBlock, count_lines, read_blocks
 
 LONG_BYTES = 50_000_000
@@ -87,8 +87,6 @@ class Table:
         known = self.parser.separator != " " and self.parser.dialect.decimal in (".", ",")
         if not known or self.path.stat().st_size < LONG_BYTES:
             return lambda plain: None
-        from .fast_parser import FastParser
-
         return FastParser(self.parser, self.kept).columns
 
     def _parse(

@@ -9,14 +9,14 @@ import pytest
 
 from testbench.export import export, sep005
 from testbench.recording import Channel, Group, UniformClock
-from testbench.store import group_writer
+from testbench.store import writer
 from testbench.store.archive import archive
 from testbench.store.run import open_run
 from testbench.store.writer import RunWriter
 
 RATES = {"1/5120 s": 5120.0, "1/3 kHz": 1000 / 3, "3 kHz": 3000.0, "48/7 kHz": 48000 / 7}
 TEN_HOURS_S = 36_000
-SAMPLES = group_writer.GATHERED + 3
+SAMPLES = writer.GATHERED + 3
 
 
 @pytest.fixture(scope="module", params=RATES)

@@ -17,14 +17,14 @@ from testbench.ingest import Ingest
 from testbench.ingest.run_conditions import plan_runs
 from testbench.recording import Channel, Group, TimeColumn, UniformClock
 from testbench.runs.physical_run import physical
-from testbench.store import append_only_records, atomic_files, encodings, group_writer, open_campaign, open_run
+from testbench.store import append_only_records, atomic_files, encodings, open_campaign, open_run, writer
 from testbench.store import archive as archives
 from testbench.store.archive import archive
 from testbench.store.writer import RunWriter
 
 from .test_writer import store
 
-N = group_writer.GATHERED + 12_345
+N = writer.GATHERED + 12_345
 RANDOM = np.random.default_rng(8)
 NOISE = np.round(RANDOM.normal(size=N), 4)
 ODD = NOISE.copy()

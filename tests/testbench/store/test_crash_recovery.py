@@ -14,9 +14,9 @@ from testbench.ingest import Ingest
 from testbench.ingest.recovered_runs import recover
 from testbench.ingest.run_conditions import plan_runs
 from testbench.recording import Channel, Group, TimeColumn, UniformClock
-from testbench.store import atomic_files, group_writer, open_campaign, open_run
+from testbench.store import atomic_files, open_campaign, open_run, writer
 from testbench.store.archive import archive
-from testbench.store.journal import JournalWriter
+from testbench.store.atomic_files import JournalWriter
 from testbench.store.writer import RunWriter
 
 INTENT = {
@@ -25,8 +25,8 @@ INTENT = {
 }  # fmt: skip
 GROUP = Group("log", (Channel("Time (s)", "s", "Time"), Channel("AccX (g)", "g", "AccX")), TimeColumn(0))
 COLUMNS = [
-    np.arange(group_writer.GATHERED + 5000) / 1000.0,
-    np.random.default_rng(3).normal(size=group_writer.GATHERED + 5000),
+    np.arange(writer.GATHERED + 5000) / 1000.0,
+    np.random.default_rng(3).normal(size=writer.GATHERED + 5000),
 ]
 
 
@@ -70,8 +70,8 @@ def test_what_was_acknowledged_becomes_a_marked_run(tmp_path, monkeypatch):
     (found,) = recover(tmp_path)
     assert (found.status, found.file) == ("recovered", "r001.recovered.h5")
     run = open_run(tmp_path / found.file)
-    assert run.group().samples == group_writer.GATHERED == found.samples["log"]
-    assert run.channel("AccX").tobytes() == COLUMNS[1][: group_writer.GATHERED].tobytes()
+    assert run.group().samples == writer.GATHERED == found.samples["log"]
+    assert run.channel("AccX").tobytes() == COLUMNS[1][: writer.GATHERED].tobytes()
     assert run.rate_hz == pytest.approx(1000.0)
     assert (run.origin, run.conditions, run.rig) == ("simulated", {"payload_kg": 5.0}, "a = 1\n")
     assert "interrupted" in {finding.code for finding in run.findings}

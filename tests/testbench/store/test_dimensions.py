@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from testbench.recording import Channel, Group
-from testbench.store.group_writer import attach_dimensions
+from testbench.store.writer import attach_dimensions
 
 from .test_writer import store
 

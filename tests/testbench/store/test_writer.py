@@ -9,7 +9,7 @@ import pytest
 
 from testbench.errors import StoreError
 from testbench.recording import Channel, Group, TimeColumn, UniformClock
-from testbench.store import group_writer, open_campaign, open_run
+from testbench.store import open_campaign, open_run, writer
 from testbench.store.writer import RunWriter
 
 RANDOM = np.random.default_rng(11)
@@ -27,9 +27,7 @@ def store(folder, group, columns, name="r001", block=1000, rig=None, **described
         return open_run(writer.commit())
 
 
-@pytest.mark.parametrize(
-    "samples", [1, 622, group_writer.CHUNK, group_writer.GATHERED + 12_345, 3 * group_writer.GATHERED]
-)
+@pytest.mark.parametrize("samples", [1, 622, writer.CHUNK, writer.GATHERED + 12_345, 3 * writer.GATHERED])
 def test_the_same_bits_come_back(tmp_path, samples):
     """Whatever the length and the blocks, each channel has the bits that went in; -0.0, NaN and inf as well."""
     columns = [np.arange(samples) / 5000.0, RANDOM.normal(size=samples)]
@@ -71,11 +69,11 @@ def test_a_uniform_clock_does_not_drift(tmp_path):
     """1/5120 s over 10 hours: the last of 1.8e8 samples is where index / rate puts it, to the bit."""
     samples = 5120 * 3600 * 10
     group = Group("log", (Channel("AccX (g)", "g"),), UniformClock(5120.0, 0.25))
-    run = store(tmp_path, group, [np.zeros(group_writer.CHUNK + 3)])
+    run = store(tmp_path, group, [np.zeros(writer.CHUNK + 3)])
     time = run.time()
     with h5py.File(run.path) as file:
         assert file["entry/log/time"][()].tobytes() == time.tobytes()
-    assert time[-1] == 0.25 + (group_writer.CHUNK + 2) / 5120.0
+    assert time[-1] == 0.25 + (writer.CHUNK + 2) / 5120.0
     assert 0.25 + np.float64(samples - 1) / 5120.0 == 0.25 + 35999.9998046875
 
 

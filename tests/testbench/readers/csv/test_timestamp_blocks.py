@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from testbench.readers.csv.cell_syntax import read_timestamp
 from testbench.readers.csv.dialect import Dialect
+from testbench.readers.csv.rewritten_columns import TimestampColumn
 from testbench.readers.csv.row_parser import RowParser
-from testbench.readers.csv.time_columns import TimestampColumn
 
 from .test_time_columns import NOTATIONS
 

@@ -13,10 +13,9 @@ from hypothesis import strategies as st
 
 from testbench import compiled_kernels
 from testbench.readers import ReadOptions, open_recording
-from testbench.readers.csv import fast_parser, table, text_blocks
+from testbench.readers.csv import row_parser, table, text_blocks
 from testbench.readers.csv.dialect import Dialect
-from testbench.readers.csv.fast_parser import ROWS, FastParser
-from testbench.readers.csv.row_parser import RowParser
+from testbench.readers.csv.row_parser import ROWS, FastParser, RowParser
 
 from .. import reading
 
@@ -148,7 +147,7 @@ def both_ways(path, monkeypatch, options=None):
         patch.setattr(table, "LONG_BYTES", 1 << 60)
         usual = everything(path, options)
         patch.setattr(table, "LONG_BYTES", 0)
-        patch.setattr(fast_parser, "_PATIENCE_S", 60.0)
+        patch.setattr(row_parser, "_PATIENCE_S", 60.0)
         columns = FastParser.columns
         patch.setattr(FastParser, "columns", lambda *a: (c := columns(*a), taken.append(c is not None))[0])
         swiftly = everything(path, options)
@@ -230,7 +229,7 @@ def test_while_it_is_compiled_the_usual_way_is_taken(tmp_path, monkeypatch):
     monkeypatch.setattr(compiled_kernels.Kernel, "kept", lambda self, path: None)
     monkeypatch.setattr(compiled_kernels.Kernel, "compiled", lambda self, path: go_on.wait(30) and None)
     monkeypatch.setattr(table, "LONG_BYTES", 0)
-    monkeypatch.setattr(fast_parser, "_PATIENCE_S", 60.0)
+    monkeypatch.setattr(row_parser, "_PATIENCE_S", 60.0)
     path = tmp_path / "log.csv"
     path.write_text(HEADER + "0.0;1;2\n0.1;3;4\n")
     samples, _ = everything(path, ReadOptions())
@@ -256,6 +255,6 @@ def test_logs_that_are_read_at_once_start_one_compiler(monkeypatch):
 
 def test_reading_imports_no_compiler():
     """What is kept runs without numba, and a short log without LLVM."""
-    code = "import sys, testbench.ingest; from testbench.readers.csv import reader, fast_parser; "
-    code += "assert 'llvmlite' not in sys.modules; assert fast_parser.ROWS.loop(); assert 'numba' not in sys.modules"
+    code = "import sys, testbench.ingest; from testbench.readers.csv import reader, row_parser; "
+    code += "assert 'llvmlite' not in sys.modules; assert row_parser.ROWS.loop(); assert 'numba' not in sys.modules"
     subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, timeout=60)
