@@ -1,9 +1,7 @@
-"""What is known of a run, as one JSON text in it: all that our own reader needs beside the samples.
+"""Names inside a run's HDF5 file, and its description read back: all that our own reader needs besides the samples.
 
-The attributes say the same to other people's tools. They are not read here: HDF5 keeps texts of varying length in a
-heap, and one flipped bit there makes it search without end.
-
-Names inside a run's HDF5 file, in one place for writing and reading.
+The description is one JSON text. Attributes say the same to other people's tools. They are not read here: HDF5 keeps
+texts of varying length in a heap, and one flipped bit there makes it search without end.
 """
 
 import json
@@ -13,14 +11,12 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from ..errors import StoreError
-from ..recording import Channel, Clock, Conditions, Origin, TimeColumn, UniformClock
+from ..recording import Channel, Clock, TimeColumn, UniformClock
 from . import encodings, safe_hdf5
-from .encodings import Decimals, Form
+from .encodings import Decimals
 
 if TYPE_CHECKING:
     import h5py
-
-    from .writer import GroupWriter
 
 LAYOUT = 1
 """Version of this layout."""
@@ -66,20 +62,6 @@ LARGEST = 64 << 20
 """Texts longer than this that their file does not hold as they are, but deflated, are none of ours [bytes]."""
 
 
-def description_text(
-    origin: Origin, conditions: Conditions, provenance: Mapping[str, Any], groups: Iterable["GroupWriter"]
-) -> str:
-    """The description of a run."""
-    document = {
-        "layout": LAYOUT,
-        "origin": origin,
-        "conditions": conditions,
-        "provenance": provenance,
-        "groups": [_group(writer) for writer in groups],
-    }
-    return json.dumps(document, ensure_ascii=False)
-
-
 def read_description(file: "h5py.File") -> dict[str, Any]:
     """The description of a stored run. Raises StoreError if there is none that we know."""
     known = None
@@ -88,33 +70,6 @@ def read_description(file: "h5py.File") -> dict[str, Any]:
     if not isinstance(known, dict) or known.get("layout") != LAYOUT:
         raise StoreError(f"{file.filename}: not a run stored by this version (layout {LAYOUT})")
     return known
-
-
-def _group(writer: "GroupWriter") -> dict[str, Any]:
-    return {
-        "key": writer.key,
-        "name": writer.group.name,
-        "samples": writer.samples,
-        "rate_hz": writer.rate_hz,
-        "rate_source": writer.rate_source,
-        "clock": _clock(writer.group.clock),
-        "channels": [
-            {"key": key, "name": channel.name, "label": channel.label, "unit": channel.unit, **_form(form)}
-            for key, channel, form in zip(writer.keys, writer.group.channels, writer.forms, strict=True)
-        ],
-    }
-
-
-def _form(form: Form) -> dict[str, Any]:
-    return {"whole": form.as_dict()} if isinstance(form, Decimals) else {}
-
-
-def _clock(clock: Clock | None) -> dict[str, Any] | None:
-    if isinstance(clock, UniformClock):
-        return {"rate_hz": clock.rate_hz, "start_s": clock.start_s}
-    if clock is None:
-        return None
-    return {"index": clock.index, "seconds_per_unit": clock.seconds_per_unit, "assumed": clock.assumed}
 
 
 def clock(document: Mapping[str, Any] | None) -> Clock | None:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import StoreError
-from ..recording import Channel, Conditions, Finding, Group, Origin, Samples, TimeColumn, UniformClock
+from ..recording import Channel, Clock, Conditions, Finding, Group, Origin, Samples, TimeColumn, UniformClock
 from . import atomic_files, chunk_io, metadata
 from .atomic_files import JOURNAL, PART, JournalWriter, Piece, place_with_digest, sync
 from .chunk_io import OutFile
@@ -349,7 +349,7 @@ class RunWriter:
             flat = {k: v for k, v in source.items() if isinstance(v, str | int | float)}
             _collection(self._file, f"{metadata.PROVENANCE}/source_{number}").attrs.update(flat)
         _collection(self._file, metadata.NOTES)
-        known = metadata.description_text(origin, conditions, provenance, self._groups.values())
+        known = _description(origin, conditions, provenance, self._groups.values())
         _write_texts(self._file, metadata.DESCRIPTION, [known])
         texts = [json.dumps(finding.as_dict(), ensure_ascii=False) for finding in findings]
         _write_texts(self._file, metadata.FINDINGS, texts)
@@ -396,6 +396,47 @@ class RunWriter:
         if self._made_folder:
             with contextlib.suppress(OSError):  # the run is in it
                 self.target.parent.rmdir()
+
+
+def _description(
+    origin: Origin, conditions: Conditions, provenance: Mapping[str, Any], groups: Iterable[GroupWriter]
+) -> str:
+    """The description of a run."""
+    document = {
+        "layout": metadata.LAYOUT,
+        "origin": origin,
+        "conditions": conditions,
+        "provenance": provenance,
+        "groups": [_group(writer) for writer in groups],
+    }
+    return json.dumps(document, ensure_ascii=False)
+
+
+def _group(writer: GroupWriter) -> dict[str, Any]:
+    return {
+        "key": writer.key,
+        "name": writer.group.name,
+        "samples": writer.samples,
+        "rate_hz": writer.rate_hz,
+        "rate_source": writer.rate_source,
+        "clock": _clock(writer.group.clock),
+        "channels": [
+            {"key": key, "name": channel.name, "label": channel.label, "unit": channel.unit, **_form(form)}
+            for key, channel, form in zip(writer.keys, writer.group.channels, writer.forms, strict=True)
+        ],
+    }
+
+
+def _form(form: Form) -> dict[str, Any]:
+    return {"whole": form.as_dict()} if isinstance(form, Decimals) else {}
+
+
+def _clock(clock: Clock | None) -> dict[str, Any] | None:
+    if isinstance(clock, UniformClock):
+        return {"rate_hz": clock.rate_hz, "start_s": clock.start_s}
+    if clock is None:
+        return None
+    return {"index": clock.index, "seconds_per_unit": clock.seconds_per_unit, "assumed": clock.assumed}
 
 
 def _journal_of(part: Path) -> Path:
