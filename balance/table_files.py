@@ -37,7 +37,7 @@ def write_csv(
 
 
 def write_csv_file(path: str | Path, columns: Mapping[str, Column], comment: str = "") -> None:
-    """Write ``columns``, (n,) each, under their names, which say the unit [SI or -]; below a ``comment`` line if given."""
+    """Write ``columns``, (n,) each, under their names, which say the unit [SI or -]; below a ``comment`` if given."""
     with Path(path).open("wb") as stream:
         stream.write((comment + ",".join(columns) + "\n").encode())
         write_csv(stream, list(columns.values()))
