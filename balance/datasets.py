@@ -1,4 +1,4 @@
-"""Where the shipped data lie: in the wheel ``balance/_datasets``, in a checkout ``datasets``."""
+"""Shipped data: in a wheel the folder ``balance/_datasets``, in a checkout ``datasets``."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ ROOT = _HERE / "_datasets" if (_HERE / "_datasets").is_dir() else _HERE.parent /
 
 
 def dataset_names(folder: str, suffix: str) -> list[str]:
-    """Names, without ending, of the shipped files of one kind, such as ``names("mechanisms", ".xml")``."""
+    """Names, without ending, of the shipped files of one kind, such as ``dataset_names("mechanisms", ".xml")``."""
     return sorted(path.stem for path in (ROOT / folder).glob(f"*{suffix}"))
 
 
@@ -31,5 +31,6 @@ def find_dataset(name: str | Path, folder: str, *suffixes: str) -> Path:
         raise DataError(
             f"{name}: is a folder; expected a file ({kinds}), or a shipped one of {folder} (there are: {known})"
         )
-    said = str(name) or "''"
-    raise DataError(f"{said}: no such file, and no shipped one of that name in {folder} (there are: {known})")
+    raise DataError(
+        f"{str(name) or repr('')}: no such file, and no shipped one of that name in {folder} (there are: {known})"
+    )

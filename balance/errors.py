@@ -1,8 +1,8 @@
-"""Error types. Every message says what was found, what was expected, and what to do."""
+"""Error types. Every message states what was found and where, what was expected, and what to do."""
 
 
 class CounterpoiseError(Exception):
-    """An error in what the user supplied, as opposed to a defect of the program: shown without a traceback."""
+    """An error in what the user supplied, not a defect of the program: shown without a traceback."""
 
 
 class UnitError(CounterpoiseError):
@@ -22,4 +22,4 @@ class SizingError(CounterpoiseError):
 
 
 class DataError(CounterpoiseError):
-    """A file of motion, stock or results that does not hold what it should."""
+    """A file of a motion, stock or results with content other than expected."""

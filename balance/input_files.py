@@ -1,8 +1,8 @@
 """Input files: TOML, and CSV with units in the header, read into models that check and document every key.
 
 A model is a ``Table``; a key that is a quantity is a text with its unit, ``Annotated[float, Quantity("mass")]``, and
-comes out in SI. All that is wrong with a file is said at once, a line each: the file, the key, what stands there, what
-was expected. ``json_schema`` is the documentation of a file, from the docstrings of its model.
+comes out in SI. All errors of a file are reported at once, a line each: the file, the key, what was found, what was
+expected. ``json_schema`` is the documentation of a file, from the docstrings of its model.
 """
 
 import csv
@@ -42,13 +42,13 @@ V = TypeVar("V")
 Model = TypeVar("Model", bound=BaseModel)
 
 LARGEST_FILE = 10_000_000
-"""Of a file that a person writes [bytes]: what is larger is something else, given by mistake."""
+"""Size limit of an input file [bytes]: a larger one is another kind of file, given by mistake."""
 DEEPEST = 32
-"""Tables and lists within one another."""
+"""Deepest nesting of tables and lists."""
 _LONGEST_TEXT = 200
-"""Of a quantity [characters]."""
+"""Length limit of a quantity [characters]."""
 _SHOWN = 20
-"""Of what is wrong with a file."""
+"""Most errors shown of a file."""
 _LONG_KEY = re.compile(rf"(?:[\w-]+[ \t]*\.[ \t]*){{{DEEPEST},}}")
 _BARE_KEY = re.compile(r"[\w-]+")
 _COLUMN = re.compile(r"\s*([^()]*?)\s*(?:\((.+)\)\s*)?")
@@ -126,11 +126,11 @@ def _distinct(tables: list[T]) -> list[T]:
 
 
 Distinct = AfterValidator(_distinct)
-"""Annotation of a list of tables: no two of one name, which is likely a line copied twice."""
+"""Annotation of a list of tables: no two have one name (likely a line copied twice)."""
 
 
 class OneForAll:
-    """Annotation of a list of so many items, of which one may be written for all; of any number, one for itself."""
+    """Annotation of a list of ``count`` items, or of any number: a single item may be written for all of them."""
 
     def __init__(self, count: int = 1) -> None:
         self._count = count
@@ -163,7 +163,7 @@ class Table(BaseModel):
     @model_validator(mode="wrap")
     @classmethod
     def _explained(cls, value: object, handler: ValidatorFunctionWrapHandler) -> Any:  # noqa: ANN401
-        """Word what is wrong here, where the table's keys are known."""
+        """Word errors here, where the table's keys are known."""
         try:
             table = handler(value)
             table._check()
@@ -245,7 +245,7 @@ def toml_tables(text: str, source: str, error: type[CounterpoiseError] = DataErr
         if _depth(tables) > DEEPEST:
             raise RecursionError
     except RecursionError:
-        raise error(f"{source}: tables or lists stand in one another more than {DEEPEST} deep") from None
+        raise error(f"{source}: tables or lists are nested more than {DEEPEST} deep") from None
     except ValueError as wrong:  # also of an integer of more digits than Python reads
         raise error(f"{source}: not a TOML file: {_SHORT.repr(str(wrong))[1:-1]}") from wrong
     return tables
@@ -314,7 +314,7 @@ def csv_rows(model: type[Model], path: Path) -> list[Model]:
 
 
 def csv_columns(path: Path, dimensions: Mapping[str, tuple[str, ...]]) -> dict[str, Measured[list[float]]]:
-    """Columns of numbers in SI and their dimensions, by name; each must be there, of one of the ``dimensions`` named.
+    """Columns of numbers in SI and their dimensions, by name; each is required, in one of its ``dimensions``.
 
     Raises DataError, naming line and column.
     """
@@ -399,8 +399,8 @@ def _explain(table: type[Table], error: Any) -> InitErrorDetails:  # noqa: ANN40
         message = f"{context['tag']!r}: expected {' or '.join(known)}{suggestion(str(context['tag']), known)}"
     else:
         message = _worded(kind, error["input"], context, error["msg"])
-    kept = _ABSENT if kind == _ABSENT else _EXPLAINED
-    return InitErrorDetails(type=PydanticCustomError(kept, message), loc=location, input=error["input"])
+    known_kind = _ABSENT if kind == _ABSENT else _EXPLAINED
+    return InitErrorDetails(type=PydanticCustomError(known_kind, message), loc=location, input=error["input"])
 
 
 def _kinds(annotation: object) -> list[str]:
@@ -411,7 +411,7 @@ def _kinds(annotation: object) -> list[str]:
 
 
 def _worded(kind: str, found: object, context: Mapping[str, Any], message: str) -> str:
-    """One of pydantic's errors: what stands there, and what was expected."""
+    """One of pydantic's errors: what was found, and what was expected."""
     bounds = {"greater_than": "gt", "greater_than_equal": "ge", "less_than": "lt", "less_than_equal": "le"}
     if kind == "value_error":
         expected = str(context["error"])
@@ -459,14 +459,14 @@ def _meaning(table: type[BaseModel], key: str) -> str:
 
 
 def _joined(lines: Sequence[str]) -> str:
-    """A line each, once, and no more than anyone reads."""
+    """One line for each distinct error, _SHOWN at most."""
     distinct = list(dict.fromkeys(lines))
     more = f"\n... and {len(distinct) - _SHOWN} more" if len(distinct) > _SHOWN else ""
     return "\n".join(distinct[:_SHOWN]) + more
 
 
 def _line(source: str, error: Any, table: object) -> str:  # noqa: ANN401
-    """``FILE: masses[1] (B).angle: what is wrong``: the keys as they stand in the file, without those of pydantic."""
+    """``FILE: masses[1] (B).angle: what is wrong``: the keys as in the file, without those of pydantic."""
     path, here = "", table
     for i, part in enumerate(error["loc"]):
         if isinstance(here, dict) and part in here:

@@ -41,11 +41,11 @@ SI_UNITS = {
 _WRITTEN = {"angle": "deg", "angular velocity": "rpm"}
 """Units that people write, where they are not those of SI: for examples."""
 _TURNING_OR_NOT = {"angular velocity", "angular acceleration", "frequency"}
-"""Dimensions whose units must count radians or must not: 50 Hz is not 50 rad/s, though both are 1/s."""
+"""Dimensions whose units count radians, or do not: 50 Hz is not 50 rad/s, though both are 1/s."""
 _QUANTITY = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*(.*?)\s*")
 _POWER = r"(?:\^|\*\*)(?:[+-]?[0-9](?:\.[0-9])?|\([+-]?[0-9](?:\.[0-9])?\))(?! *(?:[0-9.^]|\*\*))"
 _UNIT_TEXT = re.compile(rf"(?:[A-Za-zµμ°Ω%][A-Za-zµμ°Ω%_0-9]*+|1(?= */)|[²³⁴⁻¹]++|{_POWER}|[*·⋅/.() -])++")
-"""Names, powers of one digit, and what joins them: pint computes powers of powers, however long that takes."""
+"""Names, powers of one digit, and their operators: pint would compute powers of powers, however long that takes."""
 _LONGEST_UNIT = 40
 _SPELLINGS = {
     "Nm": "N*m", "Nmm": "N*mm", "kNm": "kN*m", "mNm": "mN*m", "Ncm": "N*cm", "kgm": "kg*m", "kgm2": "kg*m^2",
@@ -71,17 +71,17 @@ def parse(text: str, dimension: str) -> float:
     if match is None:
         raise UnitError(f"{text!r} is no {dimension}: expected a number and a unit, such as '1 {expected}'")
     if match[2].startswith(","):
-        raise UnitError(_with_comma(text))
+        raise UnitError(_comma_message(text))
     if not match[2]:
         raise UnitError(f"{text!r} has no unit: write for example '{match[1]} {_WRITTEN.get(dimension, expected)}'")
     value = float(match[1]) * factor_to_si(match[2], dimension)
     if not math.isfinite(value):
-        raise UnitError(f"{text!r} is beyond all bounds: expected a finite number")
+        raise UnitError(f"{text!r} is too large: expected a finite number")
     return value
 
 
-def _with_comma(text: str) -> str:
-    """What to write instead of a number with a comma, which may be of decimals or of thousands."""
+def _comma_message(text: str) -> str:
+    """What to write instead of a number with a comma, which may separate decimals or thousands."""
     plain = text.strip()
     if match := re.fullmatch(r"([+-]?[0-9]+),([0-9]+)(\D.*)?", plain):
         decimal = f"{match[1]}.{match[2]}{match[3] or ''}"
@@ -113,14 +113,14 @@ def factor_to_si(unit: str, *dimensions: str) -> float:
     if same and dimension in _TURNING_OR_NOT:
         same = registry.get_base_units(parsed)[1] == registry.get_base_units(expected)[1]
         if not same and dimension == "angular velocity":
-            raise UnitError(f"{unit!r} does not say whether it counts turns or radians: write rpm, turn/s or rad/s")
+            raise UnitError(f"{unit!r} may count turns or radians: write rpm, turn/s or rad/s")
     if not same:
         raise UnitError(f"{unit!r} is not a unit of {dimension}: expected one such as '{SI_UNITS[dimension]}'")
     return float(registry.Quantity(1.0, parsed).to(expected).magnitude)
 
 
 def dimension_of(text: str, *dimensions: str) -> str:
-    """Which of ``dimensions`` a quantity or vector has; the first where it has none, so that reading it says so."""
+    """Which of ``dimensions`` a quantity or vector has; the first where it has none: parsing it then names that one."""
     match = _QUANTITY.fullmatch(_HALF_WIDTH.split(text.partition("@")[0])[0])
     for dimension in dimensions:
         try:
@@ -164,7 +164,7 @@ def parse_uncertain(text: str, *dimensions: str) -> tuple[complex, tuple[float, 
 
 
 def _half_width(text: str, dimension: str, whole: float) -> float:
-    """Half an interval, in SI; per cent are of the ``whole``, where there is one."""
+    """Half an interval, in SI; per cent refer to ``whole``, where that is not zero."""
     match = _QUANTITY.fullmatch(text)
     of_whole = match is not None and match[2] == "%" and whole > 0.0
     half = float(match[1]) / 100.0 * whole if match is not None and of_whole else parse(text, dimension)

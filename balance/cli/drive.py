@@ -101,7 +101,7 @@ def drive(
     from ..drives import results as documents
 
     study, stated = _study(drive, speed, reading)
-    machines = _machines(study, options.once(payload, "--payload"), options.once(counter, "--counter"))
+    machines = _machines(study, options.distinct(payload, "--payload"), options.distinct(counter, "--counter"))
     result = documents.document_head(study, [machine for machine, _ in machines])
     result["reduced"] = documents.inertia_document(machines[0][0])
     if counter:

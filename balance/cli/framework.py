@@ -1,7 +1,4 @@
-"""What both commands share at the face: lazy subcommands, JSON or tables on stdout, messages on stderr, exit codes.
-
-How numbers are printed for people.
-"""
+"""What both commands share: subcommands, JSON or tables on stdout, messages on stderr, exit codes, number formats."""
 
 import json
 import os
@@ -18,11 +15,10 @@ from ..errors import CounterpoiseError
 EXIT_REFUSED = 1
 """Refused or failed once a file or model was read; nothing half-written."""
 EXIT_WITH_FINDINGS = 3
-"""Done, with findings or losses that are listed."""
+"""Done, with findings or losses that the output lists."""
 
 NO_NUMBER = (
-    "a result is no finite number: with these masses, lengths or speeds it is beyond what double precision holds; "
-    "check their units"
+    "a result is no finite number: with these masses, lengths or speeds it exceeds double precision; check their units"
 )
 _HALF_LETTERS = re.compile("[\ud800-\udfff]")
 """Bytes of file names that are no UTF-8, as Python holds them."""
@@ -65,8 +61,8 @@ class LazyGroup(click.Group):
 def run(group: click.Group, name: str) -> NoReturn:
     """Run a command; errors of the user's input become one message and an exit code, without a traceback.
 
-    Linear algebra keeps to one thread unless the environment asks for more: its matrices are small, on which a second
-    thread costs up to forty times what it brings.
+    Linear algebra runs in one thread unless the environment sets OPENBLAS_NUM_THREADS: on small matrices a second
+    thread costs up to forty times what it saves.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
@@ -97,7 +93,7 @@ def run(group: click.Group, name: str) -> NoReturn:
 
 
 def refuse_empty(arguments: Sequence[str]) -> None:
-    """Refuse a command line with an empty argument, as a shell's unset variable leaves it: no name is empty."""
+    """Refuse an empty argument, such as an unset variable of the shell: no name is empty."""
     for i, argument in enumerate(arguments):
         if not argument.strip():
             after = f"after {arguments[i - 1]!r} " if i else ""
@@ -121,13 +117,8 @@ def emit_table(title: str, header: list[str], rows: list[list[str]], note: str =
     from rich.markup import escape
     from rich.table import Table
 
-    table = Table(
-        title=escape(title),
-        title_justify="left",
-        title_style="bold",
-        caption=escape(note) or None,
-        caption_justify="left",
-    )
+    table = Table(title=escape(title), title_style="bold", caption=escape(note) or None)
+    table.title_justify = table.caption_justify = "left"
     for column, cells in zip(header, zip(*rows, strict=True) if rows else [()] * len(header), strict=True):
         numeric = bool(cells) and all(re.match(r"[+-]?[\d.]|-?$", cell) for cell in cells)
         table.add_column(escape(column), justify="right" if numeric else "left")

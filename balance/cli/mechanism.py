@@ -1,9 +1,4 @@
-"""``balance simulate``.
-
-``balance conditions``.
-
-``balance check``.
-"""
+"""``balance simulate``, ``balance conditions`` and ``balance check``."""
 
 import sys
 from pathlib import Path
@@ -57,11 +52,11 @@ def simulate(
     from ..motion import DEFAULT_RATE_HZ
     from ..motion.motion_files import load_motion
     from ..units import parse
-    from .options import label, summary
+    from .options import component_label, response_summary
 
     if csv and parquet and Path(csv).resolve() == Path(parquet).resolve():
-        raise click.UsageError(f"--csv and --parquet name one file, {csv}: give each its own")
-    model = options.load_mechanism_option(mechanism, payload).with_counter_mass(options.once(counter, "--counter"))
+        raise click.UsageError(f"--csv and --parquet name one file, {csv}: give two names")
+    model = options.load_mechanism_option(mechanism, payload).with_counter_mass(options.distinct(counter, "--counter"))
     samples = load_motion(motion).sample(parse(rate, "frequency") if rate else DEFAULT_RATE_HZ)
     trajectory = Closure(model).follow(samples)
     response = respond(model, trajectory)
@@ -73,11 +68,11 @@ def simulate(
         emit_json(
             {"mechanism": model.name, "motion": motion, "samples": len(samples.time), "closure": closure}
             | {"beyond_limits": {joint: list(reached) for joint, reached in beyond.items()}}
-            | summary(response)
+            | response_summary(response)
         )
         sys.exit(EXIT_WITH_FINDINGS if beyond else 0)
     peak = response.peak()
-    rows = [[label(name), f"{value:.4g}", f"{peak[name]:.4g}"] for name, value in response.rms().items()]
+    rows = [[component_label(name), f"{value:.4g}", f"{peak[name]:.4g}"] for name, value in response.rms().items()]
     emit_table(f"{model.name}, motion {motion}", ["component", "RMS", "peak"], rows)
     click.echo(
         f"{len(samples.time)} samples over {samples.time[-1]:.4g} s; loops closed to {trajectory.residual:.2g} m "
@@ -90,7 +85,7 @@ def simulate(
             "the motion is computed as if it had none."
         )
     if not response.torque:
-        click.echo("No drive torque: the file has no <actuator> that says which joints are driven.")
+        click.echo("No drive torque: the file has no <actuator> that names the driven joints.")
     sys.exit(EXIT_WITH_FINDINGS if beyond else 0)
 
 
@@ -139,14 +134,14 @@ def conditions(
     momentum: str,
     as_json: bool,
 ) -> None:
-    """Find the conditions that balance MECH, and what they amount to now.
+    """Find the conditions that balance MECH, and their present values.
 
     MECH is the name of a shipped mechanism or a MJCF, URDF or SDF file. Balanced is where every left-hand side is
     zero; mcx[A] is the first moment of mass of body A along x of its own frame, m[A] its mass.
     """
     from ..balancing.conditions import balance_conditions
 
-    model = options.load_mechanism_option(mechanism, payload).with_counter_mass(options.once(counter, "--counter"))
+    model = options.load_mechanism_option(mechanism, payload).with_counter_mass(options.distinct(counter, "--counter"))
     found = balance_conditions(model, momentum)
     values = found.values()
     if as_json:
@@ -196,9 +191,9 @@ Examples:
 def check(
     mechanism: str, payload: tuple[tuple[str, float], ...], counter: tuple[tuple[str, float], ...], as_json: bool
 ) -> None:
-    """Say what given counter-masses leave unbalanced in MECH, and which payload they would balance."""
+    """Residual imbalance of MECH with given counter-masses, and the payload that they would balance."""
     if not counter:
-        raise click.UsageError("check needs the counter-masses to check: --counter SITE=M")
+        raise click.UsageError("missing counter-masses to check: give --counter SITE=M")
     from ..balancing import balanced_payload, sizing_of_given
     from ..balancing.conditions import balance_conditions
     from ..dynamics.inverse_dynamics import shaking_force_per_acceleration
@@ -206,7 +201,7 @@ def check(
 
     model = options.load_mechanism_option(mechanism, payload)
     found = balance_conditions(model)
-    result = sizing_of_given(found, model, options.once(counter, "--counter"))
+    result = sizing_of_given(found, model, options.distinct(counter, "--counter"))
     bodies = options.payload_bodies(model, payload)
     balanced = {body: balanced_payload(found, result.after, body) for body in bodies}
     force = [shaking_force_per_acceleration(state, bodies[0]) if bodies else None for state in (model, result.after)]
@@ -234,7 +229,7 @@ def check(
 
 
 def _print_check(result: "Sizing", balanced: dict[str, float | None]) -> None:
-    """Counter-masses, what they leave, and the payload that they would balance."""
+    """Counter-masses, their residual, and the payload that they would balance."""
     model, found = result.before, result.conditions
     rows = [[c.site, mass(c.mass), f"{c.position[0] * 1e3:.2f}"] for c in result.counter_masses]
     emit_table(f"Counter-masses of {model.name}", ["site", "mass [kg]", "x in its body [mm]"], rows)

@@ -1,7 +1,4 @@
-"""``balance methods``.
-
-``balance static``.
-"""
+"""``balance methods`` and ``balance static``: the named methods side by side; static balance by springs."""
 
 from math import isnan
 from typing import TYPE_CHECKING, Any
@@ -80,10 +77,10 @@ def methods(
     figure: str | None,
     as_json: bool,
 ) -> None:
-    """The named ways of balancing MECH side by side: what each leaves, costs and needs.
+    """Compare the named methods of balancing MECH: residual, cost and needs of each.
 
-    Springs; counter-masses; with counter-inertias on the base; mirror images of the mechanism; active masses. Printed
-    conditions of serial chains and four-bars are held against those derived from the model.
+    Springs; counter-masses; with counter-inertias on the base; mirror images of the mechanism; active masses. Published
+    conditions of serial chains and four-bars are compared with those derived from the model.
     """
     from ..balancing.closed_forms import compare_conditions
     from ..balancing.conditions import balance_conditions
@@ -130,15 +127,15 @@ def _print_methods(result: dict[str, Any]) -> None:
         f"{result['mechanism']}, motion {result['motion']}, simulated",
         ["method", "added [kg]", "added [kg m2]", "F RMS [N]", "F peak", "M RMS [N m]", "M peak", "torque RMS [N m]"],
         rows,
-        "F and M: what the base still feels, weight excluded; torque: of each motor, all that it drives included.",
+        "F and M: residual on the base, weight excluded; torque: of each motor, with all that it drives.",
     )
     for row in result["methods"]:
         if row["note"]:
             click.echo(f"{row['method']}: {row['note'].removesuffix('.')}.{_needs(row['needs'])}")
-    for printed in result["printed_conditions"]:
+    for row in result["printed_conditions"]:
         click.echo(
-            f"Printed conditions, {printed['method']}: {printed['verdict']} ({printed['printed_rank']} printed, "
-            f"{printed['derived_rank']} derived)."
+            f"Published conditions, {row['method']}: {row['verdict']} ({row['printed_rank']} published, "
+            f"{row['derived_rank']} derived)."
         )
 
 
@@ -159,9 +156,8 @@ def _needed(name: str, value: float) -> tuple[str, str, str]:
     return name.replace("_", " "), f"{value:.4g}", ""
 
 
-_SPRING_LENGTH = Quantity("length", positive=True)
-_LEFT = 1e-9
-"""Share of the unbalanced swing above which the potential energy is not called constant."""
+_CONSTANT = 1e-9
+"""Residual share of the unbalanced swing up to which the potential energy counts as constant."""
 
 
 @click.command(
@@ -180,23 +176,17 @@ Examples:
   balance static four-bar --reach 80mm --height 200mm --figure energy.png --json
 
 \b
-Exit code 3: the springs or counter-masses leave the potential energy swinging; how much is said."""
+Exit code 3: with the springs or counter-masses the potential energy still swings; the output states how much."""
 )
 @options.mechanism_argument
 @options.payload_option
 @options.site_option
 @click.option("--springs", metavar="TOML", help="Where springs go, or which they are [default: laid out].")
 @click.option(
-    "--reach",
-    type=_SPRING_LENGTH,
-    metavar="LENGTH",
-    help="Spring ends from joints [default: half the mechanism's length].",
+    "--reach", type=_LENGTH, metavar="LENGTH", help="Spring ends from joints [default: half the mechanism's length]."
 )
 @click.option(
-    "--height",
-    type=_SPRING_LENGTH,
-    metavar="LENGTH",
-    help="Spring ends from ground pivots [default: the mechanism's length].",
+    "--height", type=_LENGTH, metavar="LENGTH", help="Spring ends from ground pivots [default: the mechanism's length]."
 )
 @options.figure_option
 @json_option
@@ -213,7 +203,7 @@ def static(
     """Balance MECH statically: weight does no work, whatever it does, by counter-masses or by springs.
 
     Springs have no free length (force in proportion to length, as over a pulley). The softest set that makes the
-    potential energy constant is found; it is judged at other configurations of the workspace. The base still shakes.
+    potential energy constant is found, and evaluated at other configurations of the workspace. The base still shakes.
     """
     from ..balancing import exact_sizing
     from ..balancing.static_balancing import static_conditions, static_document
@@ -228,13 +218,13 @@ def static(
 
         save(draw_energy(result), figure)
     emit_json(result) if as_json else _print_static(result)
-    if any(_share(result, way) > _LEFT for way in ("counter_masses", "springs")):
+    if any(_share(result, method) > _CONSTANT for method in ("counter_masses", "springs")):
         raise click.exceptions.Exit(EXIT_WITH_FINDINGS)
 
 
-def _share(result: dict[str, Any], way: str) -> float:
-    """Share of the unbalanced swing that counter-masses or springs leave; 0 where there are none, or no swing."""
-    return (result[way] or {}).get("share_of_unbalanced") or 0.0
+def _share(result: dict[str, Any], method: str) -> float:
+    """Residual share of the swing with counter-masses or springs; 0 where there are none, or no swing."""
+    return (result[method] or {}).get("share_of_unbalanced") or 0.0
 
 
 def _springs(model: "Mechanism", name: str | None, reach: float | None, height: float | None) -> "Springs":
@@ -271,7 +261,7 @@ def _print_static(result: dict[str, Any]) -> None:
 
 
 def _energies(result: dict[str, Any]) -> None:
-    """Swings as it is, with counter-masses and with springs, and what either leaves."""
+    """Swings as it is, with counter-masses and with springs, and the residual shares."""
     counter = result["counter_masses"]
     rows = [_row("as it is", result["as_it_is"], 0.0), _row("springs", result["springs"], 0.0)]
     if counter:
@@ -281,9 +271,9 @@ def _energies(result: dict[str, Any]) -> None:
     emit_table("Potential energy over the workspace", header, rows, note)
     masses = ", ".join(f"{site} = {mass:.4f} kg" for site, mass in counter["masses_kg"].items()) if counter else ""
     click.echo(f"Counter-masses: {masses or 'no site named counter..., name one with --site'}")
-    for way in ("counter_masses", "springs"):
-        if (share := _share(result, way)) > _LEFT:
-            what = way.replace("_", "-").capitalize()
+    for method in ("counter_masses", "springs"):
+        if (share := _share(result, method)) > _CONSTANT:
+            what = method.replace("_", "-").capitalize()
             click.echo(f"{what} leave {100 * share:.3g} % of the swing: the potential energy is not constant.")
 
 

@@ -1,9 +1,4 @@
-"""Options that several commands share: a mechanism, its payload and counter-masses.
-
-What a motion asks of base and motors, as numbers for JSON and rows for people.
-
-Options of ``balance rotor``: quantities and places, read at the edge.
-"""
+"""Options that several commands share: a mechanism, payloads, counter-masses, quantities; results of a motion."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -18,130 +13,6 @@ if TYPE_CHECKING:
     from ..mechanism.mechanism import Mechanism
 
 F = TypeVar("F", bound=Callable[..., Any])
-
-
-class NamedMass(click.ParamType[tuple[str, float]]):
-    """``NAME=MASS`` with a unit, such as ``platform=5kg``, as (name, mass in kg)."""
-
-    def __init__(self, what: str) -> None:
-        self.name = f"{what}=mass"
-
-    def convert(
-        self, value: str | tuple[str, float], param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[str, float]:
-        """Read the text; a wrong one fails as a wrong command line."""
-        if isinstance(value, tuple):
-            return value
-        from ..units import parse
-
-        name, separator, text = value.partition("=")
-        if not separator or not name.strip():
-            self.fail(f"{value!r}: expected {self.name.replace('mass', '5kg')}", param, ctx)
-        try:
-            return name.strip(), parse(text, "mass")
-        except UnitError as error:
-            self.fail(f"{name}: {error}", param, ctx)
-
-
-mechanism_argument = click.argument("mechanism", metavar="MECH")
-payload_option = click.option(
-    "--payload",
-    "-p",
-    type=NamedMass("BODY"),
-    multiple=True,
-    metavar="BODY=M",
-    help="Set the mass of a body, such as platform=5kg; its own mass included.",
-)
-counter_option = click.option(
-    "--counter",
-    "-c",
-    type=NamedMass("SITE"),
-    multiple=True,
-    metavar="SITE=M",
-    help="Mount a counter-mass at a site, such as counter_A0A=24.28kg.",
-)
-site_option = click.option(
-    "--site",
-    multiple=True,
-    metavar="SITE",
-    help="A site that may carry a counter-mass [default: those named counter...].",
-)
-figure_option = click.option(
-    "--figure", type=click.Path(dir_okay=False), metavar="FILE", help="Also draw it, as .png, .svg or .pdf."
-)
-
-
-def load_mechanism_option(mechanism: str, payload: tuple[tuple[str, float], ...]) -> "Mechanism":
-    """The mechanism by name or file, with its payload."""
-    from ..mechanism.mjcf_parser import load_mechanism
-
-    return load_mechanism(mechanism).with_payload(once(payload, "--payload"))
-
-
-def once(pairs: tuple[tuple[str, float], ...], option: str) -> dict[str, float]:
-    """Pairs as a mapping; a name given twice is a wrong command line."""
-    names = [name for name, _ in pairs]
-    for name in names:
-        if names.count(name) > 1:
-            raise click.UsageError(f"{option} names {name!r} twice")
-    return dict(pairs)
-
-
-def in_turn(pairs: tuple[tuple[str, float], ...]) -> list[tuple[tuple[str, float], ...]]:
-    """Payloads of one body, in rising order, each with the payloads of all others; only one body may be named again."""
-    names = [name for name, _ in pairs]
-    again = sorted({name for name in names if names.count(name) > 1})
-    if not again:
-        return [pairs]
-    if len(again) > 1:
-        raise click.UsageError(f"--payload names {' and '.join(again)} again: sets grow with the payload of one body")
-    rest = tuple(pair for pair in pairs if pair[0] != again[0])
-    masses = sorted(mass for name, mass in pairs if name == again[0])
-    if len(set(masses)) < len(masses):
-        raise click.UsageError(f"--payload names the same mass of {again[0]!r} twice")
-    return [(*rest, (again[0], mass)) for mass in masses]
-
-
-def payload_bodies(mechanism: "Mechanism", payload: tuple[tuple[str, float], ...]) -> tuple[str, ...]:
-    """Bodies whose balanced payload is asked for: those named, or else the mechanism's own."""
-    return tuple(name for name, _ in payload) or mechanism.payload_bodies
-
-
-def summary(response: "Response") -> dict[str, Any]:
-    """RMS and peak values for JSON; torques [N m], and forces of drives that slide [N], apart by joint."""
-    return {"rms": _grouped(response.rms()), "peak": _grouped(response.peak())}
-
-
-def _grouped(values: dict[str, float]) -> dict[str, Any]:
-    groups: dict[str, Any] = {"torque_Nm": {}}
-    for name, value in values.items():
-        if name.startswith("torque_"):
-            groups["torque_Nm"][name.removeprefix("torque_").removesuffix("_Nm")] = value
-        elif name.startswith("drive_force_"):
-            groups.setdefault("drive_force_N", {})[name.removeprefix("drive_force_").removesuffix("_N")] = value
-        else:
-            groups[name] = value
-    return groups
-
-
-def print_responses(responses: "dict[str, Response]") -> None:
-    """Print a motion before and after balancing, components that are not zero throughout."""
-    before, after = responses["before"], responses["after"]
-    rows = []
-    for name, peak in before.peak().items():
-        if max(peak, after.peak()[name]) > 1e-9:
-            values = [before.rms()[name], after.rms()[name], peak, after.peak()[name]]
-            rows.append([label(name), *(f"{value:.4g}" for value in values)])
-    emit_table("Simulated motion", ["component", "RMS before", "RMS after", "peak before", "peak after"], rows)
-
-
-def label(name: str) -> str:
-    """The name of a component with its unit, such as ``Fx [N]`` of ``Fx_N``."""
-    stem, _, unit = name.rpartition("_")
-    return f"{stem.replace('_', ' ')} [{unit.replace('Nm', 'N m')}]"
-
-
-G = TypeVar("G", bound=Callable[..., Any])
 
 
 class Quantity(click.ParamType[float]):
@@ -166,10 +37,12 @@ class Quantity(click.ParamType[float]):
         return found
 
 
-class Place(click.ParamType[tuple[str, float]]):
-    """``NAME=Z`` with a unit, such as ``left=0mm``, as (name, place in m)."""
+class NamedQuantity(click.ParamType[tuple[str, float]]):
+    """``NAME=VALUE`` with a unit, such as ``platform=5kg``, as a name and a value in SI."""
 
-    name = "name=place"
+    def __init__(self, what: str, dimension: str, example: str) -> None:
+        self._quantity, self._example = Quantity(dimension), f"{what}={example}"
+        self.name = f"{what}={dimension}"
 
     def convert(
         self, value: str | tuple[str, float], param: click.Parameter | None, ctx: click.Context | None
@@ -179,8 +52,111 @@ class Place(click.ParamType[tuple[str, float]]):
             return value
         name, separator, text = value.partition("=")
         if not separator or not name.strip():
-            self.fail(f"{value!r}: expected NAME=PLACE, such as left=0mm", param, ctx)
-        return name.strip(), Quantity("length").convert(text, param, ctx)
+            self.fail(f"{value!r}: expected {self._example}", param, ctx)
+        try:
+            return name.strip(), self._quantity.convert(text, param, ctx)
+        except click.BadParameter as error:
+            self.fail(f"{name}: {error.message}", param, ctx)
+
+
+mechanism_argument = click.argument("mechanism", metavar="MECH")
+payload_option = click.option(
+    "--payload",
+    "-p",
+    type=NamedQuantity("BODY", "mass", "5kg"),
+    multiple=True,
+    metavar="BODY=M",
+    help="Set the mass of a body, such as platform=5kg; its own mass included.",
+)
+counter_option = click.option(
+    "--counter",
+    "-c",
+    type=NamedQuantity("SITE", "mass", "5kg"),
+    multiple=True,
+    metavar="SITE=M",
+    help="Mount a counter-mass at a site, such as counter_A0A=24.28kg.",
+)
+site_option = click.option(
+    "--site",
+    multiple=True,
+    metavar="SITE",
+    help="A site that may carry a counter-mass [default: those named counter...].",
+)
+figure_option = click.option(
+    "--figure", type=click.Path(dir_okay=False), metavar="FILE", help="Also draw it, as .png, .svg or .pdf."
+)
+
+
+def load_mechanism_option(mechanism: str, payload: tuple[tuple[str, float], ...]) -> "Mechanism":
+    """The mechanism by name or file, with its payload."""
+    from ..mechanism.mjcf_parser import load_mechanism
+
+    return load_mechanism(mechanism).with_payload(distinct(payload, "--payload"))
+
+
+def distinct(pairs: tuple[tuple[str, float], ...], option: str) -> dict[str, float]:
+    """Pairs as a mapping; a name given twice is a wrong command line."""
+    names = [name for name, _ in pairs]
+    for name in names:
+        if names.count(name) > 1:
+            raise click.UsageError(f"{option} names {name!r} twice")
+    return dict(pairs)
+
+
+def growing_payloads(pairs: tuple[tuple[str, float], ...]) -> list[tuple[tuple[str, float], ...]]:
+    """Payloads in rising order of the one body that is named more than once, each with those of all other bodies."""
+    names = [name for name, _ in pairs]
+    again = sorted({name for name in names if names.count(name) > 1})
+    if not again:
+        return [pairs]
+    if len(again) > 1:
+        raise click.UsageError(
+            f"--payload names {' and '.join(again)} more than once: give several payloads of one body only"
+        )
+    rest = tuple(pair for pair in pairs if pair[0] != again[0])
+    masses = sorted(mass for name, mass in pairs if name == again[0])
+    if len(set(masses)) < len(masses):
+        raise click.UsageError(f"--payload names the same mass of {again[0]!r} twice")
+    return [(*rest, (again[0], mass)) for mass in masses]
+
+
+def payload_bodies(mechanism: "Mechanism", payload: tuple[tuple[str, float], ...]) -> tuple[str, ...]:
+    """Bodies whose balanced payload is computed: those named, or else the mechanism's own."""
+    return tuple(name for name, _ in payload) or mechanism.payload_bodies
+
+
+def response_summary(response: "Response") -> dict[str, Any]:
+    """RMS and peak values for JSON; torques [N m] and forces of sliding drives [N] by joint."""
+    return {"rms": _grouped(response.rms()), "peak": _grouped(response.peak())}
+
+
+def _grouped(values: dict[str, float]) -> dict[str, Any]:
+    groups: dict[str, Any] = {"torque_Nm": {}}
+    for name, value in values.items():
+        if name.startswith("torque_"):
+            groups["torque_Nm"][name.removeprefix("torque_").removesuffix("_Nm")] = value
+        elif name.startswith("drive_force_"):
+            groups.setdefault("drive_force_N", {})[name.removeprefix("drive_force_").removesuffix("_N")] = value
+        else:
+            groups[name] = value
+    return groups
+
+
+def print_responses(responses: "dict[str, Response]") -> None:
+    """Print a motion before and after balancing, components that are not zero throughout."""
+    before, after = responses["before"], responses["after"]
+    rows = []
+    for name, peak in before.peak().items():
+        if max(peak, after.peak()[name]) > 1e-9:
+            values = [before.rms()[name], after.rms()[name], peak, after.peak()[name]]
+            rows.append([component_label(name), *(f"{value:.4g}" for value in values)])
+    emit_table("Simulated motion", ["component", "RMS before", "RMS after", "peak before", "peak after"], rows)
+
+
+def component_label(name: str) -> str:
+    """The name of a component with its unit, such as ``Fx [N]`` of ``Fx_N``."""
+    stem, _, unit = name.rpartition("_")
+    return f"{stem.replace('_', ' ')} [{unit.replace('Nm', 'N m')}]"
 
 
 speed_option = click.option(

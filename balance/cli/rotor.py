@@ -6,7 +6,7 @@ import click
 
 from . import options
 from .framework import emit_json, emit_table, json_option
-from .options import Place, Quantity, speed_option
+from .options import NamedQuantity, Quantity, speed_option
 from .rotor_splitting import split
 from .rotor_trial_runs import influence, vector_text
 
@@ -44,7 +44,14 @@ A rotor file (TOML):
 A table (CSV): name, mass (kg), radius (mm), angle (deg), at (mm); or unbalance (kg mm) for mass and radius.""",
 )
 @click.argument("rotor", metavar="ROTOR")
-@click.option("--plane", "planes", type=Place(), multiple=True, metavar="NAME=Z", help="Correct in this plane instead.")
+@click.option(
+    "--plane",
+    "planes",
+    type=NamedQuantity("NAME", "length", "0mm"),
+    multiple=True,
+    metavar="NAME=Z",
+    help="Correct in this plane instead.",
+)
 @click.option(
     "--bearing", "bearings", type=Quantity("length"), multiple=True, metavar="Z", help="A bearing (give two)."
 )
@@ -94,7 +101,7 @@ def _model(
 
     model = load_rotor(name)
     if planes:
-        stated = tuple(Plane(n, at) for n, at in options.once(planes, "--plane").items())
+        stated = tuple(Plane(n, at) for n, at in options.distinct(planes, "--plane").items())
         model = replace(model, planes=stated, published={})
     if bearings:
         if len(bearings) != 2 or bearings[0] == bearings[1]:

@@ -1,7 +1,4 @@
-"""``balance size`` for several payloads of one body: sets that only grow.
-
-``balance size``.
-"""
+"""``balance size``: counter-masses for one payload, or sets that only grow for several payloads of one body."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -11,7 +8,7 @@ import click
 
 from . import options
 from .framework import emit_json, emit_table, first_moment, json_option, mass, per_cent
-from .options import print_responses, summary
+from .options import print_responses, response_summary
 
 if TYPE_CHECKING:
     from ..balancing import Sizing
@@ -21,8 +18,10 @@ if TYPE_CHECKING:
 Payload = tuple[tuple[str, float], ...]
 
 
-def grow(mechanism: str, payloads: Sequence[Payload], sites: tuple[str, ...], stock: str | None, as_json: bool) -> None:
-    """Size a set for each of ``payloads``, which rise, and print them."""
+def _size_growing(
+    mechanism: str, payloads: Sequence[Payload], sites: tuple[str, ...], stock: str | None, as_json: bool
+) -> None:
+    """Size and print a set for each of ``payloads``, which rise."""
     from ..balancing.sizing import sizing_document
 
     models = [options.load_mechanism_option(mechanism, payload) for payload in payloads]
@@ -45,17 +44,15 @@ def _size_nested(
     """Each set with what it adds to the one before at each site [kg]."""
     from dataclasses import replace
 
-    from .. import balancing
+    from ..balancing import nested_exact_sizing, nested_size_from_stock
     from ..balancing.conditions import balance_conditions
     from ..balancing.stock_plates import load_stock
 
     found = balance_conditions(models[0])
-    plates = load_stock(stock) if stock else []
-    sets = (
-        balancing.nested_size_from_stock(found, models, plates, sites)
-        if plates
-        else balancing.nested_exact_sizing(found, models, sites)
-    )
+    if stock:
+        sets = nested_size_from_stock(found, models, load_stock(stock), sites)
+    else:
+        sets = nested_exact_sizing(found, models, sites)
     masses = [{c.site: c.mass for c in sized.counter_masses} for sized in sets]
     before = [dict.fromkeys(masses[0], 0.0), *masses]
     added = [{site: more[site] - less[site] for site in more} for less, more in pairwise(before)]
@@ -64,7 +61,7 @@ def _size_nested(
 
 
 def _published(models: "Sequence[Mechanism]", payloads: Sequence[Payload]) -> dict[str, Any]:
-    """What the source built, where it is the source's manipulator with the source's payloads."""
+    """Sets that the source built, for the source's manipulator with its payloads; else empty."""
     if not models[0].name.startswith("parallelogram-6bar") or any([n for n, _ in p] != ["platform"] for p in payloads):
         return {}
     from ..balancing import stock_sizing
@@ -79,29 +76,29 @@ def _published(models: "Sequence[Mechanism]", payloads: Sequence[Payload]) -> di
 
 
 def _print_published(published: dict[str, Any]) -> None:
-    click.echo("Built by the source, and what it leaves:")
+    click.echo("Built by the source, and its residual:")
     for found in published["sets"]:
-        left = first_moment(found["residual_first_moment_kgm"])
+        residual = first_moment(found["residual_first_moment_kgm"])
         click.echo(
-            f"  {mass(found['payload_kg'])} kg  {' + '.join(found['plates'])} = {mass(found['mass_kg'])} kg  {left}"
+            f"  {mass(found['payload_kg'])} kg  {' + '.join(found['plates'])} = {mass(found['mass_kg'])} kg  {residual}"
         )
-    printed = " and ".join(f"{value:g}" for value in published["increments_kg"])
+    increments = " and ".join(f"{value:g}" for value in published["increments_kg"])
     click.echo(
-        f"Its printed increments, {printed} kg, are differences of its printed counter-masses, not masses of plates."
+        f"Its published increments, {increments} kg, are differences of its published counter-masses, not of plates."
     )
 
 
 def _print_nested(name: str, sets: list[dict[str, Any]], stock: str | None) -> None:
-    rows, worn = [], dict[str, list[str]]()
+    rows, mounted = [], dict[str, list[str]]()
     for found in sets:
         payload = ", ".join(f"{body} {mass(value)}" for body, value in found["payload_kg"].items())
         for counter in found["counter_masses"]:
             site = counter["site"]
             row = [payload, site, mass(counter["mass_kg"]), mass(found["increments_kg"][site])]
             new = list(counter["plates"])
-            for plate in worn.get(site, []):
+            for plate in mounted.get(site, []):
                 new.remove(plate)
-            worn[site] = list(counter["plates"])
+            mounted[site] = list(counter["plates"])
             rows.append([*row, " + ".join(new) or "-"] if stock else row)
             payload = ""
     title = f"Counter-masses for {name}" + (f" from {stock}" if stock else "") + ", sets that only grow"
@@ -109,8 +106,8 @@ def _print_nested(name: str, sets: list[dict[str, Any]], stock: str | None) -> N
     emit_table(title, [*header, "plates added"] if stock else header, rows)
     for found in sets:
         payload = ", ".join(f"{body} = {mass(value)} kg" for body, value in found["payload_kg"].items())
-        left = first_moment(found["residual_first_moment_kgm"])
-        click.echo(f"Residual at {payload}  {left}  ({per_cent(found['residual_percent'])})")
+        residual = first_moment(found["residual_first_moment_kgm"])
+        click.echo(f"Residual at {payload}  {residual}  ({per_cent(found['residual_percent'])})")
     if stock:
         click.echo("Least of all sets that only grow, proven: largest residual, then their sum, then mass.")
 
@@ -139,10 +136,14 @@ Stock as drawn: name,quantity,shape,material,thickness_mm,length_mm,width_mm,dia
 @options.site_option
 @click.option("--stock", metavar="CSV", help="Make them from these plates: a CSV file as below, or kiper2019.")
 @click.option(
-    "--limit", type=options.NamedMass("SITE"), multiple=True, metavar="SITE=M", help="Largest counter-mass at a site."
+    "--limit",
+    type=options.NamedQuantity("SITE", "mass", "5kg"),
+    multiple=True,
+    metavar="SITE=M",
+    help="Largest counter-mass at a site.",
 )
 @click.option("--motion", metavar="TOML", help="Also compare force, moment and torque of this motion before and after.")
-@click.option("--closed-form", is_flag=True, help="parallelogram-6bar by its printed formula, without Pinocchio.")
+@click.option("--closed-form", is_flag=True, help="parallelogram-6bar by its published formula, without Pinocchio.")
 @options.figure_option
 @json_option
 def size(
@@ -161,21 +162,22 @@ def size(
     Force balance alone raises the shaking moment and the drive torque: --motion shows by how much.
     """
     if stock and limit:
-        raise click.UsageError("--limit is for counter-masses of any mass, --stock has its quantities")
+        raise click.UsageError(
+            "--limit is for counter-masses of any mass: remove it, the quantities of --stock are its limits"
+        )
     if closed_form:
         if site or stock or limit or motion or figure:
-            raise click.UsageError("--closed-form goes with --payload and --json alone: no model is read")
+            raise click.UsageError("--closed-form reads no model: give only --payload and --json with it")
         _closed_form(mechanism, payload, as_json)
         return
-    in_turn = options.in_turn(payload)
-    if len(in_turn) > 1:
+    payloads = options.growing_payloads(payload)
+    if len(payloads) > 1:
         if limit or motion or figure:
             raise click.UsageError("--limit, --motion and --figure are for one payload of a body")
-
-        grow(mechanism, in_turn, site, stock, as_json)
+        _size_growing(mechanism, payloads, site, stock, as_json)
         return
     result = _size_one(
-        options.load_mechanism_option(mechanism, payload), site, stock, options.once(limit, "--limit"), payload
+        options.load_mechanism_option(mechanism, payload), site, stock, options.distinct(limit, "--limit"), payload
     )
     responses = _responses(result, motion) if motion else {}
     if figure:
@@ -185,7 +187,7 @@ def size(
     if as_json:
         from ..balancing.sizing import sizing_document
 
-        emit_json(sizing_document(result) | {name: summary(response) for name, response in responses.items()})
+        emit_json(sizing_document(result) | {name: response_summary(response) for name, response in responses.items()})
         return
     _print_sizing(result, stock)
     if responses:
@@ -201,17 +203,15 @@ def _size_one(
 ) -> "Sizing":
     from dataclasses import replace
 
-    from .. import balancing
+    from ..balancing import exact_sizing, size_from_stock
     from ..balancing.conditions import balance_conditions
     from ..balancing.stock_plates import load_stock
 
     found = balance_conditions(model)
-    plates = load_stock(stock) if stock else []
-    result = (
-        balancing.size_from_stock(found, model, plates, sites)
-        if plates
-        else balancing.exact_sizing(found, model, sites, limits)
-    )
+    if stock:
+        result = size_from_stock(found, model, load_stock(stock), sites)
+    else:
+        result = exact_sizing(found, model, sites, limits)
     return replace(result, payload_bodies=options.payload_bodies(model, payload))
 
 
@@ -245,31 +245,21 @@ def _print_sizing(result: "Sizing", stock: str | None) -> None:
 
 
 def _closed_form(mechanism: str, payload: tuple[tuple[str, float], ...], as_json: bool) -> None:
-    """Size the manipulator by the printed formula from the printed inputs."""
-    import json
-
-    from .. import datasets
+    """Size the manipulator by the published formula from the published inputs."""
     from ..balancing import closed_forms
 
     if mechanism != "parallelogram-6bar" or [name for name, _ in payload] != ["platform"]:
         raise click.UsageError("--closed-form is for parallelogram-6bar with --payload platform=M")
-    text = datasets.find_dataset("kiper2019", "published", ".json").read_text(encoding="utf-8")
-    sheet = json.loads(text)["sizing_sheet_A_as_built"]
-    inputs = [sheet[key] for key in ("m1_kg", "p1_m", "m2_kg", "p2_m", "r_m")]
-    m1, p1, m2, p2, r = inputs
+    published = closed_forms.published_sizing()
+    m1, p1, m2, p2, r, p_cm = (published[key] for key in ("m1_kg", "p1_m", "m2_kg", "p2_m", "r_m", "p_cm_m"))
     first = closed_forms.manipulator_first_moment(m1, p1, m2, p2, r, payload[0][1])
-    counter = closed_forms.manipulator_counter_mass(first, sheet["p_cm_m"])
+    counter = closed_forms.manipulator_counter_mass(first, p_cm)
     if as_json:
         sites = [
-            {
-                "site": site,
-                "mass_kg": counter,
-                "position_m": [sheet["p_cm_m"], 0.0, 0.0],
-                "first_moment_kgm": [counter * sheet["p_cm_m"], 0.0, 0.0],
-                "plates": [],
-            }
+            {"site": site, "mass_kg": counter, "position_m": [p_cm, 0.0, 0.0],
+             "first_moment_kgm": [counter * p_cm, 0.0, 0.0], "plates": []}
             for site in ("counter_A0A", "counter_B0B")
-        ]
+        ]  # fmt: skip
         emit_json(
             {
                 "mechanism": mechanism,
@@ -284,6 +274,6 @@ def _closed_form(mechanism: str, payload: tuple[tuple[str, float], ...], as_json
         )
         return
     click.echo(
-        f"{mass(counter)} kg on each arm at {sheet['p_cm_m'] * 1e3:.2f} mm, by the printed closed form "
+        f"{mass(counter)} kg on each arm at {p_cm * 1e3:.2f} mm, by the published closed form "
         "m_cm p_cm = -(m1 p1 + (m2 + m5) r + m2 p2); no model was evaluated."
     )

@@ -1,9 +1,4 @@
-"""Force, moment and drive torque of a linkage over time, before and after balancing.
-
-The named methods side by side, as bars drawn from their document.
-
-Potential energy over the workspace, with and without static balance, drawn from its document.
-"""
+"""Figures of balancing: a linkage before and after, the named methods as bars, potential energy with springs."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -51,9 +46,6 @@ def draw_stages(check: Verification, title: str = "") -> "Figure":
     return figure
 
 
-_NOTHING = 1e-9
-
-
 def draw_methods(document: dict[str, Any]) -> "Figure":
     """Residual force and moment, largest drive torque, and added mass of each method."""
     from matplotlib.figure import Figure
@@ -68,7 +60,7 @@ def draw_methods(document: dict[str, Any]) -> "Figure":
     figure = Figure(figsize=(12, 0.42 * len(rows) + 1.4), layout="constrained")
     for axes, (label, values) in zip(figure.subplots(1, 4, sharey=True), panels.items(), strict=True):
         bars = axes.barh([row["method"] for row in rows], values, color="#3b6ea5")
-        axes.bar_label(bars, [f"{value:.3g}" if value > _NOTHING else "0" for value in values], padding=3, fontsize=8)
+        axes.bar_label(bars, [f"{value:.3g}" if value > 1e-9 else "0" for value in values], padding=3, fontsize=8)
         axes.set_title(label, fontsize=10)
         axes.margins(x=0.22)
     figure.suptitle(f"{document['mechanism']}, motion {document['motion']}: simulated")

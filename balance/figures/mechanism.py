@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 STEEL_KG_PER_M2 = 7830.0 * 0.10
-"""Counter-masses are drawn as steel discs 100 mm thick: only their area means anything [kg/m2]."""
+"""Counter-masses are drawn as steel discs 100 mm thick: only their area has a meaning [kg/m2]."""
 LINK, PAYLOAD, COUNTER, GROUND = "#3b6ea5", "#2a9d8f", "#e07a3f", "#555555"
 
 
 def draw_mechanism(
     mechanism: Mechanism, counter_masses: Sequence[CounterMass] = (), q: Floats | None = None, title: str = ""
 ) -> "Figure":
-    """Draw a mechanism at ``q`` (nv,) or its home configuration; discs have the area of the counter-masses."""
+    """Draw a mechanism at ``q`` (nv,) [rad, m], by default home; discs have the area of the counter-masses."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(6.4, 4.8), layout="constrained")
@@ -41,7 +41,7 @@ def draw_mechanism(
 
 
 def draw_on(axes: "Axes", mechanism: Mechanism, counter_masses: Sequence[CounterMass], q: Floats) -> None:
-    """Draw links, pivots, payload and counter-masses on axes of equal scale."""
+    """Draw links, pivots, payload and counter-masses at ``q`` (nv,) [rad, m] on axes of equal scale."""
     at = forward_kinematics.pose(mechanism.tree, q[:, None])
     for body, joint in enumerate(mechanism.tree.bodies):
         colour = PAYLOAD if mechanism.bodies[body] in mechanism.payload_bodies else LINK
@@ -59,10 +59,10 @@ def draw_on(axes: "Axes", mechanism: Mechanism, counter_masses: Sequence[Counter
 
 
 def save(figure: "Figure", path: str | Path) -> None:
-    """Save a figure; the ending says as what. Raises DataError, listing the endings, for an unknown one."""
+    """Save a figure in the format of the path's ending. Raises DataError, listing the endings, for an unknown one."""
     known = figure.canvas.get_supported_filetypes()
     if Path(path).suffix.lstrip(".").lower() not in known:
-        raise DataError(f"{Path(path).name}: cannot draw this kind of file; endings are {', '.join(sorted(known))}")
+        raise DataError(f"{Path(path).name}: cannot draw this kind of file: expected one of {', '.join(sorted(known))}")
     figure.savefig(path, dpi=160)
 
 
@@ -89,16 +89,8 @@ def _draw_link(axes: "Axes", points: Floats, name: str, colour: str) -> None:
     order = np.argsort(np.arctan2(*(points - centre).T[::-1]))
     closed = np.vstack([points[order], points[order][:1]])
     axes.plot(*closed.T, color=colour, lw=4, solid_capstyle="round", alpha=0.9, zorder=3)
-    axes.annotate(
-        name,
-        centre,
-        xytext=(7, 5),
-        textcoords="offset points",
-        color=colour,
-        fontsize=9,
-        zorder=6,
-        bbox={"fc": "white", "ec": "none", "alpha": 0.7, "pad": 1.0},
-    )
+    box = {"fc": "white", "ec": "none", "alpha": 0.7, "pad": 1.0}
+    axes.annotate(name, centre, (7, 5), textcoords="offset points", color=colour, fontsize=9, zorder=6, bbox=box)
 
 
 def _draw_counter_mass(axes: "Axes", mechanism: Mechanism, at: forward_kinematics.Pose, counter: CounterMass) -> None:
@@ -109,7 +101,6 @@ def _draw_counter_mass(axes: "Axes", mechanism: Mechanism, at: forward_kinematic
     pivot, place = _flat(at.position[joint]), _flat(at.point(joint, counter.position))
     axes.plot(*np.array([pivot, place]).T, color=COUNTER, lw=3, zorder=2)
     radius = np.sqrt(counter.mass / (np.pi * STEEL_KG_PER_M2))
-    axes.add_patch(Circle((float(place[0]), float(place[1])), radius, color=COUNTER, alpha=0.55, lw=0, zorder=2))
-    axes.annotate(
-        f"{counter.mass:.2f} kg", (float(place[0]), float(place[1])), ha="center", va="center", fontsize=9, zorder=7
-    )
+    centre = (float(place[0]), float(place[1]))
+    axes.add_patch(Circle(centre, radius, color=COUNTER, alpha=0.55, lw=0, zorder=2))
+    axes.annotate(f"{counter.mass:.2f} kg", centre, ha="center", va="center", fontsize=9, zorder=7)

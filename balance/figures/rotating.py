@@ -1,12 +1,8 @@
-"""Readings and correction weights as vectors in polar diagrams, with the regions that hold the true ones.
+"""Figures of rotors, engines and drives, from what was computed.
 
-Drives drawn from their document: reduced inertia over a turn, speed over a turn, start-up.
-
-Order plots: free forces and moments of an engine by orders, and over a turn before and after balancing.
-
-Polar diagrams of the shaking force of a slider-crank over one turn.
-
-Vector polygons drawn to scale: the graphical solution of a rotor.
+Polar diagrams of readings and correction weights with their 95 % regions; vector polygons, the graphical solution of a
+rotor; orders of free forces and the shaking force of a slider-crank over a turn; equivalent inertia, speed over a turn
+and start-up of a drive.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,53 +25,56 @@ if TYPE_CHECKING:
     from ..rotors.influence_coefficients import Solution
     from ..rotors.trial_runs import TrialRuns
 
-BEFORE, AFTER = "#3b6ea5", "#e07a3f"
+BLUE, ORANGE, GREY = "#3b6ea5", "#e07a3f", "#555555"
+"""Before, given or forward; after, computed or backward; neither."""
 _ASIDE = 0.3
-"""Cosine of a vector's angle beyond which its name stands beside its tip, not above or below."""
+"""Cosine of a vector's angle beyond which its name is to the side of its tip, not above or below."""
 
 
 def draw_readings(
-    sheet: "TrialRuns",
+    runs: "TrialRuns",
     solution: "Solution",
     reading: tuple[str, float] = ("SI", 1.0),
     weight: tuple[str, float] = ("SI", 1.0),
-    sure: "CorrectionUncertainty | None" = None,
+    uncertainty: "CorrectionUncertainty | None" = None,
 ) -> "Figure":
-    """Readings before and predicted after, and the correction weights, angles as the sheet counts them.
+    """Readings before and predicted after, and the correction weights, angles in the sense of the file of the runs.
 
-    ``reading`` and ``weight`` are the units in which they are drawn and their factors from SI. Where ``sure`` is given,
-    shaded regions hold the true vectors with 95 %.
+    ``reading`` and ``weight`` are the units in which they are drawn and their factors from SI. With
+    ``uncertainty``, shaded regions hold the true vectors with 95 %.
     """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9.6, 5.0), layout="constrained")
     readings, weights = figure.subplots(1, 2, subplot_kw={"projection": "polar"})
-    names = [sensor if speed == "unstated" else f"{sensor}, {speed}" for sensor, speed in sheet.rows]
-    before, after = sheet.in_file_phase(solution.coefficients.initial), sheet.in_file_phase(solution.residual)
-    total = sheet.in_file_sense(solution.weights)
-    if sure is not None:
+    names = [sensor if speed == "unstated" else f"{sensor}, {speed}" for sensor, speed in runs.rows]
+    before, after = runs.in_file_phase(solution.coefficients.initial), runs.in_file_phase(solution.residual)
+    total = runs.in_file_sense(solution.weights)
+    if uncertainty is not None:
         circle = np.exp(2j * np.pi * np.linspace(0.0, 1.0, 181))
-        _regions(readings, [(v + within * circle) * reading[1] for v, within in zip(after, sure.after, strict=True)])
-        outlines = [sheet.in_file_sense(region.outline()) for region in sure.regions]
+        _regions(
+            readings, [(v + within * circle) * reading[1] for v, within in zip(after, uncertainty.after, strict=True)]
+        )
+        outlines = [runs.in_file_sense(region.outline()) for region in uncertainty.regions]
         _regions(weights, [(v + outline) * weight[1] for v, outline in zip(total, outlines, strict=True)])
-    _arrows(readings, before * reading[1], names, BEFORE)
-    _arrows(readings, after * reading[1], [""] * len(names), AFTER)
-    _arrows(weights, total * weight[1], [plane.name for plane in sheet.planes], AFTER)
-    _ruled(readings, before)
-    _ruled(weights, total)
-    shaded = "" if sure is None else "; shaded: 95 %"
+    _arrows(readings, before * reading[1], names, BLUE)
+    _arrows(readings, after * reading[1], [""] * len(names), ORANGE)
+    _arrows(weights, total * weight[1], [plane.name for plane in runs.planes], ORANGE)
+    _grid(readings, before)
+    _grid(weights, total)
+    shaded = "" if uncertainty is None else "; shaded: 95 %"
     readings.set_title(
-        f"Readings [{reading[0]}], phase as {sheet.phase}\nblue before, orange predicted after{shaded}", fontsize=9
+        f"Readings [{reading[0]}], phase as {runs.phase}\nblue before, orange predicted after{shaded}", fontsize=9
     )
-    weights.set_title(f"Correction weights [{weight[0]}]\nangles {sheet.angles}{shaded}", fontsize=9)
+    weights.set_title(f"Correction weights [{weight[0]}]\nangles {runs.angles}{shaded}", fontsize=9)
     return figure
 
 
 def _regions(axes: Any, outlines: Sequence[Any]) -> None:  # noqa: ANN401
-    """Closed curves of vectors, filled; beside the origin the angle of a curve must not jump by a turn."""
+    """Closed curves of vectors, filled; near the origin the angle of a curve must not jump by a turn."""
     for outline in outlines:
         angle = np.unwrap(np.angle(outline))
-        axes.fill(angle, np.abs(outline), facecolor=AFTER, alpha=0.25, edgecolor=AFTER, lw=0.8)
+        axes.fill(angle, np.abs(outline), facecolor=ORANGE, alpha=0.25, edgecolor=ORANGE, lw=0.8)
 
 
 def _arrows(axes: Any, vectors: Any, names: Sequence[str], colour: str) -> None:  # noqa: ANN401
@@ -88,7 +87,7 @@ def _arrows(axes: Any, vectors: Any, names: Sequence[str], colour: str) -> None:
         axes.annotate(name, (angle, length), beyond, textcoords="offset points", ha=side, va="center", fontsize=9)
 
 
-def _ruled(axes: Any, vectors: Any) -> None:  # noqa: ANN401
+def _grid(axes: Any, vectors: Any) -> None:  # noqa: ANN401
     """A light grid, its lengths written where the widest gap between the vectors is."""
     angles = np.sort(np.angle(vectors))
     gaps = np.diff(angles, append=angles[0] + 2.0 * np.pi)
@@ -101,7 +100,7 @@ def _ruled(axes: Any, vectors: Any) -> None:  # noqa: ANN401
 
 
 _DASHES = {"ungeared": "-", "geared": "--"}
-_DRIVE_COLOURS = ("#3b6ea5", "#e07a3f", "#2a9d8f", "#8a5aa5")
+_DRIVE_COLOURS = (BLUE, ORANGE, "#2a9d8f", "#8a5aa5")
 
 
 def draw_drive(document: dict[str, Any]) -> "Figure":
@@ -126,14 +125,14 @@ def draw_inertia(axes: "Axes", reduced: dict[str, Any]) -> None:
     for extreme in reduced["mechanism_inertia_extremes"]:
         value = extreme["inertia_kgm2"] + reduced["constant_inertia_kgm2"]
         axes.plot(extreme["angle_deg"], value, "o", ms=4, color=_DRIVE_COLOURS[1])
-        _name(axes, extreme["angle_deg"], value, extreme["kind"] == "maximum")
-    axes.set(xlabel="crank angle [deg]", ylabel="kg m²", title="Reduced inertia I(φ)", xticks=range(0, 361, 90))
+        _label_extreme(axes, extreme["angle_deg"], value, extreme["kind"] == "maximum")
+    axes.set(xlabel="crank angle [deg]", ylabel="kg m²", title="Equivalent inertia I(φ)", xticks=range(0, 361, 90))
     axes.margins(y=0.15)
     axes.grid(alpha=0.25)
 
 
-def _name(axes: "Axes", angle: float, value: float, above: bool) -> None:
-    """The angle of an extreme, off the curve and within the frame."""
+def _label_extreme(axes: "Axes", angle: float, value: float, above: bool) -> None:
+    """Label an extreme with its angle, off the curve and within the frame."""
     side = "left" if angle < 20.0 else "right" if angle > 340.0 else "center"
     offset, vertical = ((0, 5), "bottom") if above else ((0, -6), "top")
     axes.annotate(f"{angle:.1f}°", (angle, value), offset, textcoords="offset points", ha=side, va=vertical, fontsize=9)
@@ -162,7 +161,7 @@ def draw_start_up(axes: "Axes", rows: list[dict[str, Any]]) -> None:
 
 
 def _dash(rows: list[dict[str, Any]], row: dict[str, Any]) -> str:
-    """Lines are dashed to tell readings apart, where there are two."""
+    """Lines are dashed to distinguish readings, where there are two."""
     return _DASHES[row["reading"]] if len({r["reading"] for r in rows}) > 1 else "-"
 
 
@@ -176,42 +175,45 @@ def _label(row: dict[str, Any]) -> str:
     return f"{row['nominal_rpm']:.4g} rpm, {row['reading']}{with_masses}"
 
 
-FORWARD, BACKWARD = "#3b6ea5", "#e07a3f"
 _HEADROOM = 1.35
 """Of the largest value, so that the legend lies on nothing."""
-_ORDER_COLOURS = {"before": "#555555", "counterweights": "#3b6ea5", "shafts": "#e07a3f"}
+_ORDER_COLOURS = {"before": GREY, "counterweights": BLUE, "shafts": ORANGE}
 
 
 def draw_orders(
-    free: Sequence[FreeForces], title: str, factor: float, units: tuple[str, str], left: ResidualOverTurn | None = None
+    free: Sequence[FreeForces],
+    title: str,
+    factor: float,
+    units: tuple[str, str],
+    residual: ResidualOverTurn | None = None,
 ) -> "Figure":
     """Bars of the forward and backward parts of force and moment; ``factor`` times the values per omega^2.
 
-    Below them, where ``left`` is given, what is left of both over a turn.
+    Below them, where ``residual`` is given, the residuals of both over a turn.
     """
     from matplotlib.figure import Figure
 
-    rows = 1 if left is None else 2
+    rows = 1 if residual is None else 2
     units = (units[0].replace("omega^2", "ω²"), units[1].replace("omega^2", "ω²"))
     figure = Figure(figsize=(8.4, 3.8 * rows), layout="constrained")
     panels = figure.subplots(rows, 2, squeeze=False)
     _bars(panels[0, 0], [f.force for f in free], factor, f"force [{units[0]}]")
     _bars(panels[0, 1], [f.moment for f in free], factor, f"moment [{units[1]}]")
-    if left is not None:
-        forces = {stage: each.force for stage, each in left.stages.items()}
-        moments = {stage: each.moment for stage, each in left.stages.items()}
-        _turn(panels[1, 0], left, forces, f"size of the force [{units[0]}]")
-        _turn(panels[1, 1], left, moments, f"size of the moment [{units[1]}]")
+    if residual is not None:
+        forces = {stage: each.force for stage, each in residual.stages.items()}
+        moments = {stage: each.moment for stage, each in residual.stages.items()}
+        _turn(panels[1, 0], residual, forces, f"size of the force [{units[0]}]")
+        _turn(panels[1, 1], residual, moments, f"size of the moment [{units[1]}]")
     figure.suptitle(title)
     return figure
 
 
-def _turn(axes: Any, left: ResidualOverTurn, values: Mapping[str, Complexes], label: str) -> None:  # noqa: ANN401
-    """Size of a vector over a turn, by stage; a later stage is drawn dashed on what it leaves as it was."""
+def _turn(axes: Any, residual: ResidualOverTurn, values: Mapping[str, Complexes], label: str) -> None:  # noqa: ANN401
+    """Size of a vector over a turn, by stage; later stages are dashed, so that an equal earlier one shows."""
     for k, (stage, vectors) in enumerate(values.items()):
         line = ("-", "--", ":")[k]
         axes.plot(
-            np.degrees(left.theta), np.abs(vectors), line, color=_ORDER_COLOURS[stage], label=STAGES[stage], lw=1.6
+            np.degrees(residual.theta), np.abs(vectors), line, color=_ORDER_COLOURS[stage], label=STAGES[stage], lw=1.6
         )
     largest = max(float(np.abs(vectors).max()) for vectors in values.values())
     axes.set(xlabel="crank angle [deg]", ylabel=label, xticks=range(0, 361, 90))
@@ -224,8 +226,8 @@ def _bars(axes: Any, parts: Sequence[RotatingVector], factor: float, label: str)
     orders = [part.order for part in parts]
     forward = [factor * abs(part.forward) for part in parts]
     backward = [factor * abs(part.backward) for part in parts]
-    axes.bar(orders, forward, color=FORWARD, label="turning with the crankshaft")
-    axes.bar(orders, backward, bottom=forward, color=BACKWARD, label="turning against it")
+    axes.bar(orders, forward, color=BLUE, label="turning with the crankshaft")
+    axes.bar(orders, backward, bottom=forward, color=ORANGE, label="turning against it")
     axes.set_xticks(orders)
     axes.set_xlabel("order")
     axes.set_ylabel(label)
@@ -236,7 +238,7 @@ def _bars(axes: Any, parts: Sequence[RotatingVector], factor: float, label: str)
     axes.grid(alpha=0.25, axis="y")
 
 
-COLOURS = ("#555555", "#8d99ae", "#3b6ea5", "#2a9d8f", "#e07a3f", "#b5446e")
+_WEIGHT_COLOURS = (GREY, "#8d99ae", BLUE, "#2a9d8f", ORANGE, "#b5446e")
 
 
 def draw_polar(crank: SliderCrank, counterweights: Mapping[str, float], omega: float) -> "Figure":
@@ -247,12 +249,12 @@ def draw_polar(crank: SliderCrank, counterweights: Mapping[str, float], omega: f
     axes = figure.add_subplot()
     theta = np.append(partial_balance.crank_angles(720), 0.0)
     for i, (name, weight) in enumerate(counterweights.items()):
-        colour = COLOURS[i % len(COLOURS)]
+        colour = _WEIGHT_COLOURS[i % len(_WEIGHT_COLOURS)]
         exact = partial_balance.residual_force(crank, weight, theta, omega)
         rough = partial_balance.residual_force(crank, weight, theta, omega, "order2")
         axes.plot(exact.imag, exact.real, color=colour, lw=1.8, label=name)
         axes.plot(rough.imag, rough.real, ":", color=colour, lw=1.0)
-    axes.plot(0.0, 0.0, "+", color="#555555", ms=12)
+    axes.plot(0.0, 0.0, "+", color=GREY, ms=12)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("across the cylinder [N]")
     axes.set_ylabel("along the cylinder, away from the crank [N]")
@@ -262,16 +264,15 @@ def draw_polar(crank: SliderCrank, counterweights: Mapping[str, float], omega: f
     return figure
 
 
-GIVEN, CLOSING = "#3b6ea5", "#e07a3f"
 _LEVEL = 0.35
-"""Component of the unit normal below which a name stands centred in that direction."""
+"""Component of the unit normal below which a name is centred in that direction."""
 _SHORT = 0.15
 """Length of a side, of the polygon's size, below which its name would lie on its neighbours."""
 _UNITS = {"kg m": ("kg mm", 1e3), "kg m2": ("kg mm²", 1e6)}
 
 
 def draw_polygons(polygons: Sequence[Polygon]) -> "Figure":
-    """Draw polygons side by side, given sides and closing sides apart by colour, each side named."""
+    """Draw polygons side by side; given and closing sides differ in colour, each side is named."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(4.6 * len(polygons), 4.6), layout="constrained")
@@ -287,7 +288,7 @@ def _draw(axes: "Axes", polygon: Polygon) -> None:
     middle = sum(corners) / len(corners)
     size = max(abs(v - middle) for v in corners)
     for i, (name, start, end) in enumerate(zip(names, corners, corners[1:], strict=False)):
-        colour = GIVEN if i < len(polygon.names) else CLOSING
+        colour = BLUE if i < len(polygon.names) else ORANGE
         axes.annotate("", _xy(end), _xy(start), arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 2.0,
                                                             "shrinkA": 0.0, "shrinkB": 0.0})  # fmt: skip
         out = _outwards(start, end, middle, size)
@@ -296,7 +297,7 @@ def _draw(axes: "Axes", polygon: Polygon) -> None:
             ha=_side(out.real, "left", "right"), va=_side(out.imag, "bottom", "top"),
             bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.5},
         )  # fmt: skip
-    axes.plot(*zip(*map(_xy, corners), strict=True), ".", color="#555555", ms=4)
+    axes.plot(*zip(*map(_xy, corners), strict=True), ".", color=GREY, ms=4)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_title(polygon.title, fontsize=10)
     axes.set_xlabel(f"x [{unit}]")

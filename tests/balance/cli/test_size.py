@@ -64,7 +64,7 @@ def test_a_figure_is_drawn(balance, tmp_path):
     assert "<svg" in (tmp_path / "four-bar.svg").read_text(encoding="utf-8")
     refused = balance("size", "four-bar", "--figure", tmp_path / "four-bar.doc")
     assert refused.code == 1
-    assert "endings are" in refused.err
+    assert "expected one of" in refused.err
     assert not (tmp_path / "four-bar.doc").exists()
 
 

@@ -44,7 +44,7 @@ def test_every_mechanism_can_be_drawn_and_saved(name, ending, tmp_path):
 
 
 def test_other_formats_are_refused(tmp_path):
-    """An ending that is no picture's: the endings are listed, nothing is written."""
+    """An ending that is no picture's: the expected one of listed, nothing is written."""
     with pytest.raises(DataError, match=r"a\.doc: cannot draw.*png"):
         save(draw_mechanism(models.load("serial-1r")), tmp_path / "a.doc")
     assert not list(tmp_path.iterdir())
