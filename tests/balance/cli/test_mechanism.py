@@ -14,7 +14,7 @@ from balance.motion.motion_files import load_motion
 from .. import models
 
 
-def test_json_has_the_keys_that_are_promised(balance):
+def test_json_of_simulate(balance):
     """rms and peak of force, moment and the torque of each motor; residual and branch of the closure."""
     code, out, err = balance("simulate", "parallelogram-6bar", "--motion", "x", "-p", "platform=5kg", "--json")
     document = json.loads(out)
@@ -101,7 +101,7 @@ def test_one_file_cannot_be_two(balance, tmp_path):
     assert "one file" in err
 
 
-def test_json_has_the_keys_that_are_promised(balance):
+def test_json_of_conditions(balance):
     """dof, rank, singular_value_gap, conditions with coefficients and value_kgm, balanced: one document, no more."""
     code, out, err = balance("conditions", "parallelogram-6bar", "--json")
     document = json.loads(out)
@@ -151,7 +151,7 @@ def test_every_shipped_mechanism(balance, name):
 BUILT = ("-p", "platform=3.4116kg", "-c", "counter_A0A=17.1105kg", "-c", "counter_B0B=17.1105kg")
 
 
-def test_json_has_the_keys_that_are_promised(balance):
+def test_json_of_check(balance):
     """Residual, per cent, conditions, balanced payload, and the force per g0."""
     code, out, err = balance("check", "parallelogram-6bar", *BUILT, "--json")
     document = json.loads(out)
