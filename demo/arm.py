@@ -14,7 +14,7 @@ def run(out: Path) -> None:
     """Ingest each log that is at hand, identify first moments, and say which counter-masses would balance the arm."""
     heading("4. A real arm's logs: first moments from torque, and the counter-masses that would balance it")
     for arm, file in ARMS.items():
-        path = public_recordings.at_hand(file)
+        path = public_recordings.local_recording(file)
         if path is None:
             print(f"   {file} is not at hand: name its folder in COUNTERPOISE_RECORDINGS. Left out.")
         else:
@@ -23,7 +23,7 @@ def run(out: Path) -> None:
 
 
 def _identify(out: Path, arm: str, log: Path) -> None:
-    recording = public_recordings.named(log.name)
+    recording = public_recordings.recording_named(log.name)
     print(f"\n   {log.name}: measured by others, {recording.credit}")
     sheet = out / f"{arm}.csv"
     sheet.write_text(f"file,origin\n{log.name},measured\n", encoding="utf-8")

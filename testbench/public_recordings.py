@@ -61,24 +61,24 @@ class PublicRecording:
 
 
 @cache
-def registry() -> dict[str, PublicRecording]:
+def recordings_by_file() -> dict[str, PublicRecording]:
     """The known recordings by file name."""
     table = tomllib.loads((datasets.ROOT / "recordings.toml").read_text(encoding="utf-8"))
     return {row["file"]: PublicRecording(**row) for row in table["recording"]}
 
 
-def named(name: str) -> PublicRecording:
+def recording_named(name: str) -> PublicRecording:
     """The recording of this file name, or the only one whose name starts so. Raises RecordingError, listing them."""
-    known = registry()
+    known = recordings_by_file()
     starting = [name] if name in known else [file for file in known if name and file.startswith(name)]
     if len(starting) != 1:
         raise RecordingError(f"{name!r} names no public recording, or several: there are {', '.join(known)}")
     return known[starting[0]]
 
 
-def at_hand(name: str) -> Path | None:
+def local_recording(name: str) -> Path | None:
     """A recording's file if it can be had without the network, else None."""
-    recording = named(name)
+    recording = recording_named(name)
     path = folder() / recording.file
     return checked(path, recording) if path.is_file() else None
 
@@ -88,8 +88,8 @@ def find_recording(name: str) -> Path:
 
     Raises RecordingError if it cannot be had, or is not the file that the registry describes.
     """
-    found = at_hand(name)
-    return found if found is not None else fetch(named(name))
+    found = local_recording(name)
+    return found if found is not None else fetch(recording_named(name))
 
 
 def checked(path: Path, recording: PublicRecording) -> Path:

@@ -1,9 +1,7 @@
-"""What may be odd in a recording: one code each, how grave it is, and what it means.
+"""A recording: groups of channels with their clock, data in blocks, and findings about what is odd in it.
 
-``error``: what cannot be told apart from loss; refused until a person accepts it.
-``warning``: kept and flagged. ``note``: said, and no reason to stop.
-
-What a reader gives: groups of channels with their clock, then the data in blocks.
+A finding has a code, which says how grave it is. An ``error`` cannot be distinguished from loss: the log is refused
+until a person accepts it. A ``warning`` is kept and flagged. A ``note`` is stated, and no reason to stop.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -34,14 +32,14 @@ _ERRORS = {
     "text_row": "A row of text between the rows of numbers, such as another header.",
     "nul_bytes": "NUL bytes inside the text, as a logger leaves them when its power fails.",
     "line_too_long": "A line longer than any logger writes.",
-    "unknown_encoding": "The text is in no encoding that can be told.",
-    "unknown_dialect": "Delimiter and decimal mark cannot be told.",
+    "unknown_encoding": "The encoding of the text cannot be determined.",
+    "unknown_dialect": "Delimiter and decimal mark cannot be determined.",
     "decimal_mark_changes": "Some numbers carry another decimal mark than the first lines.",
     "ambiguous_number": "A number in another notation than the first ones, or with marks that may be of thousands.",
-    "ambiguous_date": "Dates in which day and month cannot be told apart; their times are left out if accepted.",
+    "ambiguous_date": "Dates in which day and month cannot be distinguished; their times are left out if accepted.",
     "ragged_row": "A row with more or fewer fields than the header; its values are NaN if accepted.",
     "time_not_increasing": "Time that falls or stands still.",
-    "origin_contradiction": "The log says simulated, the sheet says otherwise.",
+    "origin_contradiction": "The log says simulated, the run table says otherwise.",
     "count_contradiction": "The header declares another number of samples than the file holds.",
     "cut_file": "The file ends before its own structure says: samples that were recorded are missing.",
     "damaged_file": "A structure that contradicts itself; nothing of it can be trusted.",
@@ -50,7 +48,7 @@ _ERRORS = {
     "not_stored": "The run could not be stored, for a reason that lies not in the log alone.",
     "rig_contradiction": "The rig names channels that the recording does not hold, or other units than its.",
     "calibration_contradiction": "A calibration of the rig that does not lead from the log's unit to what is measured.",
-    "unknown_site": "The sheet puts a counter-mass on a site that the rig's mechanism does not have.",
+    "unknown_site": "The run table puts a counter-mass on a site that the rig's mechanism does not have.",
 }
 _WARNINGS = {
     "cut_last_row": "The file ends inside a row, or in one that may be cut. That row is left out.",
@@ -64,7 +62,7 @@ _WARNINGS = {
     "time_unit_assumed": "The time column carries no unit; seconds were assumed for the rate alone.",
     "time_unit_unknown": "The unit of the time column is no unit of time; there is no rate.",
     "time_coarse": "Times written so coarsely that they repeat: a channel, and no clock.",
-    "time_unreadable": "Times that are no finite number; the steps beside them are not counted.",
+    "time_unreadable": "Times that are no finite number; the steps next to them are not counted.",
     "time_gap": "A step of time much longer than the others.",
     "time_irregular": "Steps of time too scattered for a sampling rate.",
     "event_times": "A column of times alone: events, such as edges, and no sampled signal.",
@@ -85,8 +83,8 @@ _WARNINGS = {
     "broken_link": "A link inside the file that leads nowhere; left out.",
     "cyclic_link": "A link inside the file that leads back to where it comes from; left out.",
     "already_stored": "The campaign holds this recording already; nothing was written.",
-    "run_not_opened": "A run of the campaign cannot be opened; whether it holds this recording too cannot be told.",
-    "conditions_differ": "The sheet says other conditions than are stored with the run, which never changes.",
+    "run_not_opened": "A run of the campaign cannot be opened; whether it holds this recording too is unknown.",
+    "conditions_differ": "The run table states other conditions than are stored with the run, which never changes.",
     "rate_contradicts_rig": "A log's rate is not the one that the rig states for its logger; the log's is taken.",
     "sensor_not_recorded": "The rig describes a logger of which no log of the run holds a channel.",
     "uncalibrated": "Raw values, such as volts, of a sensor without a calibration: no analysis can use them yet.",
@@ -106,7 +104,7 @@ _NOTES = {
     "time_jitter": "Steps of time that scatter.",
     "empty_group": "Channels without a single sample; left out.",
     "rate_rounded": "Rate or step of time is written in few digits, or differs a little from the time column.",
-    "time_resolution": "Timestamps are finer than seconds in float64; what is finer is in a channel beside them.",
+    "time_resolution": "Timestamps are finer than seconds in float64; what is finer is in a channel of its own.",
     "sensor_elsewhere": "A logger of the rig whose channels another log of the same command holds, a run of its own.",
     "calibration_applied": "Values are in physical units by the calibration that the file itself carries.",
 }
@@ -119,7 +117,7 @@ MEANING = {**_ERRORS, **_WARNINGS, **_NOTES}
 class Finding:
     """Something odd: its code, the channel and place (``line 62``) where there is one, and a message.
 
-    ``group`` is the channel's, where the run has several and the channel does not say which; see ``recording.placed``.
+    ``group`` is the channel's, where the run has several and the channel does not say which; see ``findings_by_group``.
     """
 
     code: str
@@ -136,17 +134,17 @@ class Finding:
         return Severity.WARNING if self.code in _WARNINGS else Severity.NOTE
 
     def as_dict(self) -> dict[str, str | None]:
-        """The finding as it is printed and stored; the group only where it says something."""
+        """The finding as it is printed and stored; the group only where there is one."""
         known = {"code": self.code, "channel": self.channel, "where": self.where, "message": self.message}
         return known if self.group is None else {**known, "group": self.group}
 
 
-def worst(findings: Iterable[Finding]) -> Severity:
+def worst_severity(findings: Iterable[Finding]) -> Severity:
     """The gravest severity among ``findings``; a note if there are none."""
     return max((f.severity for f in findings), default=Severity.NOTE)
 
 
-def refused(findings: Iterable[Finding], accepted: Iterable[str] = ()) -> list[Finding]:
+def refusing_findings(findings: Iterable[Finding], accepted: Iterable[str] = ()) -> list[Finding]:
     """The findings for which a recording is refused, unless a person accepts their codes."""
     allowed = frozenset(accepted)
     return [f for f in findings if f.severity is Severity.ERROR and f.code not in allowed]
@@ -169,7 +167,7 @@ Report = Callable[[Finding], None]
 
 
 class Conditions(TypedDict, total=False):
-    """What a run was made with, from the sheet; what the sheet leaves empty is absent."""
+    """What a run was made with, from the run table; what it leaves empty is absent."""
 
     payload_kg: float
     counter_masses: dict[str, float]
@@ -182,7 +180,7 @@ LONGEST_NAME = 1000
 """Letters of a name or unit; what is longer is cut, and ends with dots."""
 
 
-def storable(text: str) -> str:
+def storable_name(text: str) -> str:
     """A name that HDF5 can hold: no NUL, no half of a letter, and no more than a thousand letters."""
     plain = text.replace("\0", "\N{SYMBOL FOR NULL}").encode("utf-8", "replace").decode("utf-8")
     return plain if len(plain) <= LONGEST_NAME else f"{plain[: LONGEST_NAME - 3]}..."
@@ -197,10 +195,10 @@ class Channel:
     label: str = ""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "name", storable(self.name))
-        object.__setattr__(self, "label", storable(self.label or self.name))
+        object.__setattr__(self, "name", storable_name(self.name))
+        object.__setattr__(self, "label", storable_name(self.label or self.name))
         if self.unit is not None:
-            object.__setattr__(self, "unit", storable(self.unit) or None)
+            object.__setattr__(self, "unit", storable_name(self.unit) or None)
 
 
 @dataclass(frozen=True)
@@ -212,10 +210,10 @@ class UniformClock:
 
     def times(self, begin: int, end: int) -> Samples:
         """Time of the samples from ``begin`` to ``end``, (end - begin,) [s]; each by its index, so that none drifts."""
-        found = np.arange(begin, end, dtype=np.float64)
-        found /= self.rate_hz
-        found += self.start_s
-        return found
+        times = np.arange(begin, end, dtype=np.float64)
+        times /= self.rate_hz
+        times += self.start_s
+        return times
 
 
 @dataclass(frozen=True)
@@ -251,13 +249,13 @@ class Group:
     clock: Clock | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "name", storable(self.name))
+        object.__setattr__(self, "name", storable_name(self.name))
 
 
-def placed(findings: Iterable[Finding], groups: Sequence[Group], several: bool) -> list[Finding]:
-    """Findings about a file's ``groups``, each with its group where there are ``several`` and it can be told.
+def findings_by_group(findings: Iterable[Finding], groups: Sequence[Group], several: bool) -> list[Finding]:
+    """Findings about a file's ``groups``, each with its group where there are ``several`` and it is known.
 
-    A check knows its group; what a reader says of a channel is of the only group that holds one of this name.
+    A check knows its group; a reader's finding about a channel is of the only group that has one of this name.
     """
     return [replace(finding, group=_holder(finding, groups) if several else None) for finding in findings]
 
@@ -271,7 +269,7 @@ def _holder(finding: Finding, groups: Sequence[Group]) -> str | None:
 
 @dataclass(frozen=True)
 class Block:
-    """Successive samples of one group: one float64 column a channel, all (n,).
+    """Successive samples of one group: one float64 column a channel, all (n,), each in its channel's unit.
 
     ``lines`` holds the file's line of each sample where the file has lines; ``bytes_read`` how far in the file
     the block ends, for a progress bar.

@@ -35,7 +35,7 @@ def is_unit(text: str) -> bool:
     return _factors(text) is not None
 
 
-def same(one: str | None, other: str | None) -> bool:
+def same_unit(one: str | None, other: str | None) -> bool:
     """Whether two texts are one unit in different spelling, such as ``m/s²`` and ``m/s^2``."""
     if one is None or other is None:
         return False

@@ -19,7 +19,7 @@ def at_hand() -> bool:
     """
     cache = public_recordings.cache_folder()
     if public_recordings.FOLDER_VARIABLE not in os.environ and all(
-        (cache / name).is_file() for name in public_recordings.registry()
+        (cache / name).is_file() for name in public_recordings.recordings_by_file()
     ):
         os.environ[public_recordings.FOLDER_VARIABLE] = str(cache)
     return public_recordings.FOLDER_VARIABLE in os.environ

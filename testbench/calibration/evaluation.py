@@ -139,7 +139,7 @@ def _raw_unit(channel: LoggedChannel, calibration: Calibration, written: str | N
     stated = {"its log": written, "the calibration": calibration.unit, "the rig": rig}
     given = [(who, name) for who, name in stated.items() if name]
     for who, name in given[1:]:
-        if not unit_names.same(given[0][1], name):
+        if not unit_names.same_unit(given[0][1], name):
             found = f"{given[0][1]!r} by {given[0][0]} and in {name!r} by {who}"
             raise UnitError(f"channel {channel.channel!r} is in {found}: correct one")
     if given:

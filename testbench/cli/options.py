@@ -230,21 +230,21 @@ def read_options(
 def refuse_patterns(files: Iterable[Path]) -> None:
     """Refuse patterns such as ``*.csv`` that the shell handed on because no file matches them."""
     from ..errors import RecordingError
-    from ..readers.registry import missing
+    from ..readers.registry import no_such_file
 
     for file in files:
         if any(sign in str(file) for sign in "*?") and not file.exists():
-            raise RecordingError(missing(file))
+            raise RecordingError(no_such_file(file))
 
 
 def exit_code(findings: Iterable["Finding"], accepted: Iterable[str] = ()) -> int:
     """0 without findings that matter, 3 with some, 1 with one for which a recording is refused."""
-    from ..recording import Severity, refused, worst
+    from ..recording import Severity, refusing_findings, worst_severity
 
     findings = list(findings)
-    if refused(findings, accepted):
+    if refusing_findings(findings, accepted):
         return EXIT_REFUSED
-    return EXIT_WITH_FINDINGS if worst(findings) > Severity.NOTE else 0
+    return EXIT_WITH_FINDINGS if worst_severity(findings) > Severity.NOTE else 0
 
 
 SHOWN_ALIKE = 5

@@ -22,7 +22,7 @@ def recordings() -> None:
 @json_option
 def list_recordings(as_json: bool) -> None:
     """What there is: file, content, size, licence and source."""
-    known = list(public.registry().values())
+    known = list(public.recordings_by_file().values())
     if as_json:
         emit_json({"recordings": [_described(recording) for recording in known]})
         return
@@ -44,7 +44,7 @@ Exit codes: 0 all are there, 1 some were refused (the others are fetched)."""
 @json_option
 def fetch(names: tuple[str, ...], to: Path | None, as_json: bool) -> int:
     """Fetch recordings, all or those named (the beginning of a name will do), and verify each by its SHA-256."""
-    chosen = [public.named(name) for name in names] or list(public.registry().values())
+    chosen = [public.recording_named(name) for name in names] or list(public.recordings_by_file().values())
     folder = (to or public.folder()).absolute()
     outcomes = []
     for recording in chosen:

@@ -14,7 +14,7 @@ from typing import Any
 from urllib.parse import quote
 
 from ..errors import StoreError
-from ..public_recordings import registry
+from ..public_recordings import recordings_by_file
 from ..store import Campaign, Run, append_only_records, atomic_files
 from . import Exported
 
@@ -153,7 +153,7 @@ def _log(source: dict[str, Any]) -> dict[str, Any]:
 
 
 def _recordings() -> dict[str, Any]:
-    return {recording.sha256: recording for recording in registry().values()}
+    return {recording.sha256: recording for recording in recordings_by_file().values()}
 
 
 def _licences(run: Run, licence: str | None) -> list[str]:

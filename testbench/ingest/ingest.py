@@ -14,7 +14,7 @@ from ..errors import RecordingError, StoreError
 from ..quality import rig_checks
 from ..quality.group_checks import RecordingCheck
 from ..readers import ReadOptions
-from ..recording import Finding, Group, Origin, Refusal, placed, refused
+from ..recording import Finding, Group, Origin, Refusal, findings_by_group, refusing_findings
 from ..store import atomic_files, open_run
 from ..store.campaign import StoredSources
 from ..store.writer import RunWriter
@@ -64,7 +64,7 @@ def not_stored(planned: PlannedRun, sources: Sequence[Source], error: Exception)
         findings = tuple(sources[i].findings) if i < len(sources) else ()
         if isinstance(error, Refusal) and str(error).startswith(path.name):
             findings = (*findings, error.finding)
-        elif not refused(findings):
+        elif not refusing_findings(findings):
             findings = (*findings, Finding("not_stored", None, None, str(error)))
         sha256 = sources[i].sha256 or None if i < len(sources) else None
         said = any(source.recording.origin == "simulated" for source in sources)
@@ -153,7 +153,7 @@ class Ingest:
         with RunWriter(self.folder, planned.name, self._intent(planned, origin, sources)) as writer:
             groups = [self._copy(source, writer) for source in sources]
             for source, own in zip(sources, groups, strict=True):
-                source.findings = placed(source.findings, own, sum(map(len, groups)) > 1)
+                source.findings = findings_by_group(source.findings, own, sum(map(len, groups)) > 1)
             if self.rig is not None:
                 recordings = [source.recording for source in sources]
                 sources[0].findings.extend(rig_checks.rig_findings(self.rig, recordings, self.elsewhere))
@@ -162,7 +162,7 @@ class Ingest:
             for name, reason in self._stored.unopened.items():
                 sources[0].findings.append(Finding("run_not_opened", None, None, _unopened(name, reason, doubt)))
             everything = [finding for source in sources for finding in source.findings]
-            if grave := refused(everything, self.accepted):
+            if grave := refusing_findings(everything, self.accepted):
                 codes = ", ".join(dict.fromkeys(finding.code for finding in grave))
                 raise RecordingError(f"{planned.name}: refused for {codes}; --accept CODE stores it nevertheless")
             refuse_twice([(source.digested(), source.path.name) for source in sources])

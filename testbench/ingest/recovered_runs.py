@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..quality.group_checks import RecordingCheck
-from ..recording import Block, Finding, Recording, Report, placed
+from ..recording import Block, Finding, Recording, Report, findings_by_group
 from ..store import crash_recovery as leftover
 from ..store import open_run
 from ..store.atomic_files import Journal, Leftover, leftovers
@@ -50,7 +50,7 @@ def save(left: Leftover, known: Journal) -> Recovery:
             if group.samples:
                 writer.group(group.group).finish(group.rate_hz, group.rate_source)
         findings += [f for f in check.findings() if f.code != "no_data"]
-        findings = placed(findings, recording.groups, len(recording.groups) > 1)
+        findings = findings_by_group(findings, recording.groups, len(recording.groups) > 1)
         writer.describe(intent["origin"], intent["conditions"], findings, _provenance(left, intent), intent["rig"])
         stored = writer.commit().name
     samples = {kept.group.name: kept.samples for kept in known.groups}

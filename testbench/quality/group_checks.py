@@ -102,7 +102,7 @@ class GroupCheck:
         """The range that holds for a channel: the rig's, else the only one that the log states in its unit."""
         if (known := self.channel_ranges.get(channel.label)) is not None:
             return known
-        stated = [r for r in self.ranges if units.same(r.unit, channel.unit)]
+        stated = [r for r in self.ranges if units.same_unit(r.unit, channel.unit)]
         return stated[0] if len(stated) == 1 else None
 
     def update(self, block: Block) -> None:
@@ -200,7 +200,7 @@ def header_findings(group: Group, said: Collection[str | None] = ()) -> list[Fin
         if channel.unit is not None and not units.is_unit(channel.unit) and not _is_date(channel.unit):
             message = f"{channel.unit!r} is no unit that is known; it is kept as written"
             found.append(Finding("unit_unknown", channel.name, None, message))
-    found += header_claims.units_of(group.channels)
+    found += header_claims.unit_findings(group.channels)
     return found
 
 
@@ -212,7 +212,7 @@ def _is_date(unit: str) -> bool:
 def _needs_clock(group: Group, samples: int) -> bool:
     """Whether the samples ought to follow time: not single numbers, nor values over frequency, order or node."""
     first = group.channels[0]
-    hertz = any(units.same(first.unit, unit) for unit in ("Hz", "kHz"))
+    hertz = any(units.same_unit(first.unit, unit) for unit in ("Hz", "kHz"))
     return group.clock is None and samples > 1 and not hertz and _OTHER_AXES.fullmatch(first.label) is None
 
 

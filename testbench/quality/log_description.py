@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from ..readers import ReadOptions, open_recording
-from ..recording import Finding, Recording, UniformClock, placed
+from ..recording import Finding, Recording, UniformClock, findings_by_group
 from . import time_column
 from .group_checks import GroupCheck, RecordingCheck
 
@@ -35,7 +35,7 @@ def describe_log(path: str | Path, options: ReadOptions | None = None) -> Descri
     for block in recording.blocks(findings.append):
         check.update(block)
     groups = [one.group for one in check.groups.values()]
-    found = placed([*findings, *check.findings()], groups, len(groups) > 1)
+    found = findings_by_group([*findings, *check.findings()], groups, len(groups) > 1)
     return Description(recording, tuple(check.groups.values()), tuple(found))
 
 

@@ -135,7 +135,7 @@ def _calibrated(column: "Column", channels: Mapping[str, Channel]) -> list[Findi
 
 def _unit(column: "Column", channel: Channel) -> list[Finding]:
     """The unit that the rig states against the one that the log writes, and both against what is measured."""
-    if channel.unit and column.unit and column.stated and not units.same(channel.unit, column.unit):
+    if channel.unit and column.unit and column.stated and not units.same_unit(channel.unit, column.unit):
         message = f"sensors.{column.sensor}: unit {column.unit!r} in the rig, {channel.unit!r} in the log"
         return [Finding(_CODE, channel.name, None, message)]
     unit = channel.unit or column.unit

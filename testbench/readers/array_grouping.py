@@ -1,4 +1,8 @@
-"""Arrays that lie side by side in a file, gathered to groups: those of one place and length belong together."""
+"""Arrays of a file as groups: those of one place and length belong together, with the one that is their time.
+
+Time is the axis that the file states, else the only array that is named for it and grows; a scalar named ``fs`` or
+``dt`` states a rate.
+"""
 
 import re
 from collections import Counter
@@ -12,7 +16,7 @@ from ..units import seconds_per
 from . import header_claims
 from .byte_source import block_samples
 from .csv.header import is_time_name, named_channels
-from .header_claims import by_rate
+from .header_claims import clock_of_rate
 
 _TIME_LIKE = re.compile(r"(?:.*[. /])?(?:t|time|timestamps?|zeit|zaman)(?:[_ ].*|\d*)", re.IGNORECASE)
 _RATE_LIKE = re.compile(r"(?:.*[._ /])?(?:fs|sample_?rate|sampling_?(?:rate|frequency)|rate_?hz)", re.IGNORECASE)
@@ -38,7 +42,7 @@ class Series:
 
 
 @dataclass(frozen=True)
-class Gathered:
+class SeriesGroup:
     """Series of one group."""
 
     group: Group
@@ -55,39 +59,39 @@ class Gathered:
 
 
 @dataclass
-class Gathering:
+class Grouping:
     """The groups of a file, and the rate that it states."""
 
-    groups: list[Gathered] = field(default_factory=list)
+    groups: list[SeriesGroup] = field(default_factory=list)
     stated_rate_hz: float | None = None
 
 
-def gather(stem: str, series: Sequence[Series], scalars: Mapping[str, float]) -> Gathering:
+def group_series(stem: str, series: Sequence[Series], scalars: Mapping[str, float]) -> Grouping:
     """Groups of the series of one root and length; ``scalars`` may state a sampling rate."""
-    result = Gathering(stated_rate_hz=stated_rate(scalars))
-    sorted_out: dict[tuple[str, int, str], list[Series]] = {}
+    result = Grouping(stated_rate_hz=stated_rate(scalars))
+    by_place: dict[tuple[str, int, str], list[Series]] = {}
     for each in series:
-        sorted_out.setdefault((each.root, each.length, each.axis), []).append(each)
-    of_root = Counter(root for root, _, _ in sorted_out)
-    of_length = Counter((root, length) for root, length, _ in sorted_out)
+        by_place.setdefault((each.root, each.length, each.axis), []).append(each)
+    of_root = Counter(root for root, _, _ in by_place)
+    of_length = Counter((root, length) for root, length, _ in by_place)
     taken: set[str] = set()
-    for (root, length, axis), members in sorted_out.items():
+    for (root, length, axis), members in by_place.items():
         parts = [stem, *([root] if root else []), *([str(length)] if of_root[root] > 1 else [])]
         if of_length[root, length] > 1 and axis:
             parts.append(axis.rpartition("/")[2])
         parts += [str(len(taken))] if " ".join(parts) in taken else []
         taken.add(" ".join(parts))
         clock = _time(members)
-        if clock is None and len(sorted_out) == 1 and result.stated_rate_hz is not None:
-            result.groups.append(_gathered(" ".join(parts), members, UniformClock(result.stated_rate_hz)))
+        if clock is None and len(by_place) == 1 and result.stated_rate_hz is not None:
+            result.groups.append(_series_group(" ".join(parts), members, UniformClock(result.stated_rate_hz)))
             continue
-        result.groups.append(_gathered(" ".join(parts), members, clock))
+        result.groups.append(_series_group(" ".join(parts), members, clock))
     return result
 
 
-def _gathered(name: str, members: Sequence[Series], clock: Clock | None) -> Gathered:
+def _series_group(name: str, members: Sequence[Series], clock: Clock | None) -> SeriesGroup:
     channels = tuple(channel for member in members for channel in member.channels)
-    return Gathered(Group(name, channels, clock), tuple(members), members[0].length)
+    return SeriesGroup(Group(name, channels, clock), tuple(members), members[0].length)
 
 
 def stated_rate(scalars: Mapping[str, float]) -> float | None:
@@ -96,11 +100,11 @@ def stated_rate(scalars: Mapping[str, float]) -> float | None:
     rates += [1 / value for name, value in scalars.items() if _STEP_LIKE.fullmatch(name) and 1e-300 < value < np.inf]
     if not rates or any(abs(rate / rates[0] - 1) > _SAME_RATE for rate in rates):
         return None
-    return float(rates[0]) if by_rate(float(rates[0])) else None
+    return float(rates[0]) if clock_of_rate(float(rates[0])) else None
 
 
 def _time(members: Sequence[Series]) -> TimeColumn | None:
-    """The one series that is named for time and grows from sample to sample; plain names go before longer ones."""
+    """The one series that is named for time and grows from sample to sample; plain names before longer ones."""
     found: list[tuple[TimeColumn, str]] = []
     index = 0
     for member in members:

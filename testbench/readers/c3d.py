@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..recording import Block, Channel, Finding, Group, Recording, Refusal, Report, Samples
 from .byte_source import ByteSource, as_float64, block_samples
 from .format_findings import damaged, watch_nonfinite
-from .header_claims import by_rate
+from .header_claims import clock_of_rate
 from .registry import ReadOptions
 
 BLOCK = 512
@@ -360,16 +360,16 @@ def _groups(stem: str, head: Header, residuals: tuple[int, ...]) -> _Groups:
         names = _labels(given.texts("ANALOG:LABELS"), layout.channels, "analog")
         units = [*given.texts("ANALOG:UNITS"), *[""] * layout.channels]
         channels = tuple(Channel(name, unit or None) for name, unit in zip(names, units, strict=False))
-        analog = Group(f"{stem} analog", channels, by_rate(layout.rate_hz * layout.per_frame, start))
+        analog = Group(f"{stem} analog", channels, clock_of_rate(layout.rate_hz * layout.per_frame, start))
     if layout.points:
         names = _labels(given.texts("POINT:LABELS"), layout.points, "point")
         others = _units_of_points(given)
         length = next(iter(given.texts("POINT:UNITS")), "") or None
         axes = tuple(Channel(f"{name} {axis}", others.get(name, length)) for name in names for axis in "XYZ")
-        points = Group(f"{stem} points", axes, by_rate(layout.rate_hz, start))
+        points = Group(f"{stem} points", axes, clock_of_rate(layout.rate_hz, start))
         if residuals:
             words = tuple(Channel(f"{names[i]} residual") for i in residuals)
-            residual = Group(f"{stem} residuals", words, by_rate(layout.rate_hz, start))
+            residual = Group(f"{stem} residuals", words, clock_of_rate(layout.rate_hz, start))
     return _Groups(analog, points, residual, residuals)
 
 

@@ -15,7 +15,7 @@ _HEADS = (b"", b"\0" * 64, b"\xff" * HEAD_BYTES, b"a,b\n1,2\n", bytes(range(256)
 
 
 def violations(reader: Reader, example: Path | None = None) -> list[str]:
-    """Where ``reader`` does not keep the contract, judged by itself and by reading ``example``; empty if it does."""
+    """Where ``reader`` does not keep the contract, tested by itself and by reading ``example``; empty if it does."""
     found = list(_of_reader(reader))
     if example is not None:
         found += _of_file(reader, example)
@@ -24,7 +24,7 @@ def violations(reader: Reader, example: Path | None = None) -> list[str]:
 
 
 def _of_reader(reader: Reader) -> Iterator[str]:
-    """Its name and extensions; that it judges any bytes without an error."""
+    """Its name and extensions; that it identifies any bytes without an error."""
     if not reader.name.strip():
         yield "it has no name"
     for extension in reader.extensions:
@@ -32,12 +32,12 @@ def _of_reader(reader: Reader) -> Iterator[str]:
             yield f"extension {extension!r}: expected a point and lower case, such as .csv"
     for head in _HEADS:
         try:
-            judged: object = reader.identify(head)
+            answer: object = reader.identify(head)
         except Exception as error:
             yield f"identify fails with {error!r} on {len(head)} bytes"
         else:
-            if not isinstance(judged, bool):
-                yield f"identify gives {judged!r}; expected True or False"
+            if not isinstance(answer, bool):
+                yield f"identify gives {answer!r}; expected True or False"
 
 
 def _of_file(reader: Reader, example: Path) -> Iterator[str]:
@@ -83,7 +83,7 @@ def _of_group(group: Group) -> Iterator[str]:
 
 def _of_finding(finding: Finding) -> Iterator[str]:
     if finding.code not in MEANING:
-        yield f"finding {finding.code!r} is no code of testbench.findings"
+        yield f"finding {finding.code!r} is no code of testbench.recording"
     if not finding.message:
         yield f"finding {finding.code!r} has no message"
 

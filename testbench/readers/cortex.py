@@ -25,9 +25,9 @@ def open_forces(path: Path, options: ReadOptions) -> Recording:
     if named is None:
         message = f"expected a line of names that begins with {_NAMES.strip()!r}"
         raise Refusal(path.name, Finding("no_data", None, None, message))
-    said = key_value_pairs(sample.lines[:named])
+    stated = key_value_pairs(sample.lines[:named])
     names = sample.lines[named].rstrip("\t").split("\t")
-    rate, declared = _number(path, said, "SampleRate"), int(_number(path, said, "NumberOfSamples"))
+    rate, declared = _number(path, stated, "SampleRate"), int(_number(path, stated, "NumberOfSamples"))
     group = Group(path.stem, tuple(Channel(name) for name in names), UniformClock(rate))
     form = RowParser(Dialect("\t", "."), len(names))
     table = Table(path, sample.encoding, form, group, tuple(range(len(names))), named + 2, sample.lines[named])
@@ -41,15 +41,15 @@ def open_forces(path: Path, options: ReadOptions) -> Recording:
             message = f"the header declares {declared} samples, the file holds {found}"
             report(Finding("count_contradiction", None, None, message))
 
-    return Recording(path, "Cortex forces", __name__, (group,), read, metadata=said)
+    return Recording(path, "Cortex forces", __name__, (group,), read, metadata=stated)
 
 
-def _number(path: Path, said: dict[str, str], key: str) -> float:
+def _number(path: Path, stated: dict[str, str], key: str) -> float:
     try:
-        value = float(said[key])
+        value = float(stated[key])
     except (KeyError, ValueError):
         value = 0.0
     if not 0.0 < value < float("inf"):
-        message = f"{key} is {said.get(key, 'missing')!r}; expected a positive number above the names"
+        message = f"{key} is {stated.get(key, 'missing')!r}; expected a positive number above the names"
         raise Refusal(path.name, Finding("no_data", None, None, message))
     return value

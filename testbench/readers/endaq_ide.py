@@ -126,8 +126,8 @@ def _dataset(path: Path, end: int, findings: list[Finding]) -> Iterator[Any]:
         dataset = importer.openFile(stream, quiet=True)
         importer.readData(dataset)
         if passed_over or dataset.fileDamaged:
-            said = f": {passed_over[0]}" if passed_over else ""
-            message = f"idelib passed over {max(1, len(passed_over))} elements that it could not read{said}"
+            stated = f": {passed_over[0]}" if passed_over else ""
+            message = f"idelib passed over {max(1, len(passed_over))} elements that it could not read{stated}"
             findings.append(Finding("damaged_file", None, None, message))
         yield dataset
 

@@ -26,32 +26,32 @@ _SHORTEST_STEP = 2e-5
 """Seconds from one sample to the next that are rather days: 50 kHz, or a sample in two seconds."""
 
 
-def units_of(channels: Iterable[Channel]) -> list[Finding]:
+def unit_findings(channels: Iterable[Channel]) -> list[Finding]:
     """Channels whose name says force and whose unit says acceleration or mass, and the reverse; jerk for either."""
-    return [finding for channel in channels if (finding := _unit_of(channel)) is not None]
+    return [finding for channel in channels if (finding := _unit_finding(channel)) is not None]
 
 
-def _unit_of(channel: Channel) -> Finding | None:
+def _unit_finding(channel: Channel) -> Finding | None:
     label = channel.label.strip().replace("İ", "i")
     if channel.unit is None:
         return None
     if _FORCE.fullmatch(label) and _is_one(channel.unit, _UNITS_OF_ACCELERATION):
-        said = "the name says force, the unit acceleration"
+        doubt = "the name says force, the unit acceleration"
     elif _FORCE.fullmatch(label) and _is_one(channel.unit, _UNITS_OF_JERK):
-        said = "the name says force, the unit is of jerk"
+        doubt = "the name says force, the unit is of jerk"
     elif _PURE_FORCE.fullmatch(label) and _is_one(channel.unit, _UNITS_OF_MASS):
-        said = "the name says force, the unit is of mass"
+        doubt = "the name says force, the unit is of mass"
     elif _ACCELERATION.fullmatch(label) and _is_one(channel.unit, _UNITS_OF_FORCE):
-        said = "the name says acceleration, the unit force"
+        doubt = "the name says acceleration, the unit force"
     elif _ACCELERATION.fullmatch(label) and _is_one(channel.unit, _UNITS_OF_JERK):
-        said = "the name says acceleration, the unit is of jerk"
+        doubt = "the name says acceleration, the unit is of jerk"
     else:
         return None
-    return Finding("unit_doubtful", channel.name, None, f"{channel.unit!r}: {said}; kept as written")
+    return Finding("unit_doubtful", channel.name, None, f"{channel.unit!r}: {doubt}; kept as written")
 
 
 def _is_one(unit: str, known: Iterable[str]) -> bool:
-    return any(units.same(unit, other) for other in known)
+    return any(units.same_unit(unit, other) for other in known)
 
 
 def may_be_days(first: float, step: float) -> bool:
@@ -59,8 +59,8 @@ def may_be_days(first: float, step: float) -> bool:
     return any(low <= first < high for low, high in _DAYS) and 0 < step < _SHORTEST_STEP
 
 
-def step_as_text(text: str, what: str) -> list[Finding]:
-    """That a step of time is known only to the digits in which it is written."""
+def step_findings(text: str, what: str) -> list[Finding]:
+    """The finding that a step of time is known only to the digits in which it is written."""
     match = re.fullmatch(r"\s*[+-]?(\d*)[.,]?(\d*)(?:[eEdD]([+-]?\d+))?\s*", text)
     if match is None or not (digits := (match[1] + match[2]).lstrip("0")):
         return []
@@ -79,12 +79,12 @@ def recorded_time(index: int, unit: str | None) -> TimeColumn:
     return TimeColumn(index, units.seconds_per(unit) if unit else 1.0, assumed=not unit)
 
 
-def by_step(step_s: float, start_s: float) -> UniformClock | None:
+def clock_of_step(step_s: float, start_s: float) -> UniformClock | None:
     """The clock of a step [s] and a start [s]; None if they are no step and no time."""
-    return by_rate(1.0 / step_s, start_s) if _SMALLEST < step_s < math.inf else None
+    return clock_of_rate(1.0 / step_s, start_s) if _SMALLEST < step_s < math.inf else None
 
 
-def by_rate(rate_hz: float, start_s: float = 0.0) -> UniformClock | None:
+def clock_of_rate(rate_hz: float, start_s: float = 0.0) -> UniformClock | None:
     """The clock of a rate [Hz] and a start [s]; None if they are no rate and no time."""
     return UniformClock(rate_hz, start_s) if _SMALLEST < rate_hz < _FASTEST and math.isfinite(start_s) else None
 
@@ -100,7 +100,7 @@ def stated_origin(texts: Iterable[str]) -> Origin:
     return "simulated" if "simulated" in found else "unstated"
 
 
-def with_stated(recording: Recording) -> Recording:
+def with_stated_origin(recording: Recording) -> Recording:
     """The recording, ``simulated`` if its comments or metadata say so."""
     if recording.origin != "unstated":
         return recording

@@ -24,7 +24,7 @@ from .csv.irregular_rows import CellFilter, RegularRows, RowFilter, last_row
 from .csv.row_parser import RowParser
 from .csv.text_blocks import Encoding, detect_encoding, read_blocks, read_first_lines
 from .format_findings import damaged
-from .header_claims import by_step, recorded_time
+from .header_claims import clock_of_step, recorded_time
 from .registry import ReadOptions
 
 END = "***End_of_Header***"
@@ -194,7 +194,7 @@ def _parts(
         if x is not None:
             channels, fields = [Channel(names[x], stated["X_Unit_Label"] or None), *channels], [x, *fields]
         elif isinstance(clock, UniformClock):
-            findings += header_claims.step_as_text(stated["Delta_X"], "Delta_X")
+            findings += header_claims.step_findings(stated["Delta_X"], "Delta_X")
         title = name if len(gathered) == 1 else f"{name} {names[columns[members[0]][1]]}"
         declared = _count(path, stated["Samples"]) if stated["Samples"] else None
         rate = None if x is None else _declared_rate(stated, settings.dialect.decimal, clock)
@@ -215,14 +215,14 @@ def _clock(path: Path, stated: dict[str, str], decimal: str, x: int | None) -> C
         return recorded
     start, step = _start_and_step(path, stated, decimal)
     factor = recorded.seconds_per_unit
-    return None if factor is None else by_step(step * factor, start * factor)
+    return None if factor is None else clock_of_step(step * factor, start * factor)
 
 
 def _declared_rate(stated: dict[str, str], decimal: str, clock: Clock | None) -> float | None:
     """The rate of Delta_X with recorded abscissae [Hz]; None if it states none."""
     factor = clock.seconds_per_unit if isinstance(clock, TimeColumn) else None
     with suppress(ValueError):
-        declared = by_step(float(stated["Delta_X"].replace(decimal, ".")) * (factor or 0.0), 0.0)
+        declared = clock_of_step(float(stated["Delta_X"].replace(decimal, ".")) * (factor or 0.0), 0.0)
         return None if declared is None else declared.rate_hz
     return None
 
@@ -260,7 +260,7 @@ def without_comments(text: bytes, form: RowParser) -> bytes:
 
 @dataclass
 class SegmentRows:
-    """The rows of one segment: parsed, judged, and counted on across blocks.
+    """The rows of one segment: parsed, checked, and counted on across blocks.
 
     After as many rows as the header declares, the next block of them begins: ``part 2``, ``part 3``, ...
     """
@@ -271,21 +271,21 @@ class SegmentRows:
     rows: int = 0
 
     def __post_init__(self) -> None:
-        self._odd = RowFilter(self.segment.form, None)
+        self._rows = RowFilter(self.segment.form, None)
         self._cells = CellFilter(self.segment.form, self.segment.names, self.encoding)
 
     def blocks(self, text: bytes, first_line: int, bytes_read: int) -> Iterator[Block]:
         """Whole lines of this segment, each with its line feed, as blocks of its groups."""
         form = self.segment.form
         plain = without_comments(form.plain(text), form)
-        for piece in self._odd.pieces(plain, first_line):
+        for piece in self._rows.pieces(plain, first_line):
             columns = form.columns(piece.text)
             if columns is None:
                 raise RuntimeError(f"rows from line {piece.lines[0]} on are regular, but do not parse")
             yield from self._cut(piece, [_writable(c) for c in columns], bytes_read)
 
     def _cut(self, piece: RegularRows, columns: list[Samples], bytes_read: int) -> Iterator[Block]:
-        """Judge the cells, then cut at the borders of appended blocks."""
+        """Check the cells, then split at the borders of appended blocks."""
         lines = np.asarray(piece.lines)
         every = self.segment.declared or 0 if self.split else 0
         index = self.rows + np.arange(len(lines))
@@ -313,7 +313,7 @@ class SegmentRows:
 
     def report(self, report: Report) -> None:
         """Report what was odd in rows and cells."""
-        self._odd.report(report)
+        self._rows.report(report)
         self._cells.report(report)
 
 
@@ -340,7 +340,7 @@ def open_lvm(path: Path, options: ReadOptions) -> Recording:
         raise damaged(path, "the header of the file stands alone: no segment with channels below it")
     names = [path.stem, *(f"{path.stem} segment {i}" for i in range(2, len(found)))]
     segments = [read_segment(path, head, stated, name) for head, name in zip(found[1:], names, strict=True)]
-    file = _File(path, encoding, tuple(map(_in_pieces, segments)))
+    file = _File(path, encoding, tuple(map(_joined_writes, segments)))
     metadata = dict(stated.pairs)
     for i, each in enumerate(segments, 1):
         metadata |= {key if len(segments) == 1 else f"segment {i}: {key}": text for key, text in each.pairs.items()}
@@ -369,10 +369,10 @@ def _encoding(path: Path) -> Encoding:
     return detect_encoding(head.replace(_MAGIC, b"LVM", 1)) or read_first_lines(path).encoding
 
 
-def _in_pieces(segment: Segment) -> Segment:
+def _joined_writes(segment: Segment) -> Segment:
     """A segment with very many blocks under one header was written in pieces: one group, and no rate is known."""
     declared, rows = segment.declared, segment.end - segment.first
-    if not declared or rows <= _MOST_BLOCKS * declared or _recorded(segment):
+    if not declared or rows <= _MOST_BLOCKS * declared or _has_recorded_abscissa(segment):
         return segment
     parts = tuple(replace(p, group=replace(p.group, clock=None), declared=None) for p in segment.parts)
     message = (
@@ -383,7 +383,7 @@ def _in_pieces(segment: Segment) -> Segment:
     return replace(segment, parts=parts, findings=(*segment.findings, finding))
 
 
-def _recorded(segment: Segment) -> bool:
+def _has_recorded_abscissa(segment: Segment) -> bool:
     return any(isinstance(part.group.clock, TimeColumn) for part in segment.parts)
 
 
@@ -397,7 +397,7 @@ class _File:
 
     def blocks(self, report: Report) -> Iterator[Block]:
         """The rows of all segments in blocks; what is odd in them is reported at the end."""
-        todo = [SegmentRows(s, self.encoding.name, not _recorded(s)) for s in self.segments]
+        todo = [SegmentRows(s, self.encoding.name, not _has_recorded_abscissa(s)) for s in self.segments]
         before = b""
         for lines in read_blocks(self.path, self.encoding, self.segments[0].first):
             if lines.rest:

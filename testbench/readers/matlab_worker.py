@@ -23,7 +23,7 @@ from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque, MatReadE
 from scipy.sparse import issparse
 
 from ..recording import Block, Channel, Finding, Recording, Refusal, Samples
-from .array_grouping import Series, gather
+from .array_grouping import Series, group_series
 from .byte_source import ByteSource, as_float64
 from .format_findings import cut, damaged, names_listed, nothing_to_read, refusing, rounded_integers, watch_nonfinite
 
@@ -78,7 +78,7 @@ def open_library(path: Path) -> Recording:
                 found.left_out.append(f"{variable.name} ({variable.left_out})")
             elif variable.name:
                 _take(variable.name, _loaded(path, variable), found)
-    result = gather(path.stem, found.series, found.scalars)
+    result = group_series(path.stem, found.series, found.scalars)
     if not result.groups:
         raise nothing_to_read(path, found.findings, "no array of numbers in it")
     if names := found.left_out:

@@ -14,7 +14,7 @@ from ..recording import Block, Finding, Recording, Report
 from .format_findings import damaged, nothing_to_read, refusing, watch_nonfinite
 from .protobuf_messages import ProtobufDecoder
 from .ros_messages import RosDecoder, message_fields
-from .ros_topics import Message, Topic, Unclear, Unreadable, from_json
+from .ros_topics import Message, Topic, UnknownType, Unreadable, json_message
 
 _MAGIC = b"\x89MCAP0\r\n"
 _LARGEST_RECORD = 256 << 20
@@ -118,17 +118,17 @@ def _topic(channel: Any, file: _File) -> Topic:  # noqa: ANN401
     taken = [topic.name for topic in file.topics.values()]
     name = channel.topic if channel.topic not in taken else f"{channel.topic} {channel.id}"
     if channel.message_encoding == "json":
-        return Topic(name, from_json, 0)
+        return Topic(name, json_message, 0)
     if schema is not None and encodings == ("protobuf", "protobuf"):
         try:
             return Topic(name, ProtobufDecoder(schema.data, schema.name).decode, 0)
-        except Unclear as error:
+        except UnknownType as error:
             return Topic(name, _nothing, 0, reason=f"messages are encoded as 'protobuf', and {error}")
     if schema is None or encodings not in _ENCODINGS:
         return Topic(name, _nothing, 0, reason=f"messages are encoded as {encodings[1]!r} with {encodings[0]!r}")
     try:
         fields = message_fields(schema.data.decode("utf-8", "replace"), schema.name, encodings[1] == "cdr")
-    except Unclear as error:
+    except UnknownType as error:
         return Topic(name, _nothing, 0, reason=str(error))
     return Topic(name, RosDecoder(fields, encodings[1] == "cdr").decode, 0)
 

@@ -100,8 +100,8 @@ def open_library(path: Path) -> Recording:
         else:
             findings.append(Finding("left_out", name, None, f"holds {kind}, not one number a row"))
     if not kept or not rows:
-        said = "; ".join(f"{f.channel} {f.message}" for f in findings[:10])
-        message = f"{len(kept)} columns of numbers with {rows} rows{f' ({said})' if said else ''}"
+        stated = "; ".join(f"{f.channel} {f.message}" for f in findings[:10])
+        message = f"{len(kept)} columns of numbers with {rows} rows{f' ({stated})' if stated else ''}"
         raise Refusal(path.name, Finding("no_data", None, None, message))
     zeros = {f"{c.name}: zero": f"{c.zero} ns since 1970" for c in kept if c.zero}
     zeros |= {key: text[:_LONGEST_TEXT] for key, text in metadata.items() if key != "ARROW:schema"}

@@ -8,7 +8,7 @@ from google.protobuf.message import DecodeError
 from google.protobuf.unknown_fields import UnknownFieldSet
 
 from .ros_messages import DEEPEST
-from .ros_topics import MOST_NUMBERS, Message, Number, TooLong, Unclear, Unreadable
+from .ros_topics import MOST_NUMBERS, Message, Number, TooManyNumbers, UnknownType, Unreadable
 
 _POINTS = {"google.protobuf.Timestamp": True, "google.protobuf.Duration": False}
 """Types that are times, and whether they are points in time."""
@@ -18,7 +18,7 @@ class ProtobufDecoder:
     """Decodes messages of Protocol Buffers of one type, such as those of Foxglove."""
 
     def __init__(self, descriptors: bytes, name: str) -> None:
-        """``descriptors`` is the FileDescriptorSet that holds the type ``name``. Raises Unclear if it does not."""
+        """``descriptors`` is the FileDescriptorSet that holds the type ``name``. Raises UnknownType if it does not."""
         pool = descriptor_pool.DescriptorPool()
         try:
             files = {file.name: file for file in descriptor_pb2.FileDescriptorSet.FromString(descriptors).file}
@@ -28,7 +28,7 @@ class ProtobufDecoder:
             self._type = pool.FindMessageTypeByName(name)
             self._class = message_factory.GetMessageClass(self._type)
         except (DecodeError, TypeError, KeyError, ValueError, RecursionError) as error:
-            raise Unclear(f"its descriptors do not hold {name}: {error}") from error
+            raise UnknownType(f"its descriptors do not hold {name}: {error}") from error
 
     def decode(self, raw: bytes) -> Message:
         """The numbers of a message; a field that was not sent is zero, or NaN where it may be unset."""
@@ -106,6 +106,6 @@ def _take_time(body: Any, name: str, found: Message, is_point: bool) -> None:  #
 
 def _add(found: Message, numbers: dict[str, Number | None]) -> None:
     if len(found.numbers) + len(numbers) > MOST_NUMBERS:
-        raise TooLong(f"more than {MOST_NUMBERS} values")
+        raise TooManyNumbers(f"more than {MOST_NUMBERS} values")
     found.names += numbers
     found.numbers += numbers.values()

@@ -1,4 +1,4 @@
-"""The one registry of readers: how a file finds its own, what each needs installed, what other files are called."""
+"""The registry of readers: which one reads a file, what each needs installed, and the names of other formats."""
 
 import re
 import struct
@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ..errors import RecordingError
 from ..recording import Finding, Recording, Refusal
-from .header_claims import with_stated
+from .header_claims import with_stated_origin
 from .subprocess_reader import open_in_subprocess
 
 ENTRY_POINTS = "counterpoise.readers"
@@ -28,21 +28,21 @@ EXTRAS = {
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """What a person says about a file, where the reader is not to detect it; None: detect."""
+    """What a person states about a file, where the reader is not to detect it; None: detect."""
 
     encoding: str | None = None
     delimiter: str | None = None
     decimal: str | None = None
     header: bool | None = None
     date_order: str | None = None
-    """``dmy``, ``mdy``, ``ymd``: of dates such as 03/04/2024, where no number above 12 tells."""
+    """``dmy``, ``mdy``, ``ymd``: order of dates such as 03/04/2024, where no number above 12 settles it."""
 
 
 @dataclass(frozen=True)
 class Reader:
     """One format.
 
-    ``identify`` judges the file's first bytes; ``open`` reads the header and returns the recording; ``needs`` says
+    ``identify`` tests the file's first bytes; ``open`` reads the header and returns the recording; ``needs`` names
     what must be installed.
     """
 
@@ -75,12 +75,12 @@ def _packages(name: str) -> Iterator[str]:
 Open = Callable[[Path, ReadOptions], Recording]
 
 
-def _by(module: str, function: str) -> Open:
+def _in_module(module: str, function: str) -> Open:
     """A reader's function, its module imported once a file is of its format."""
     return lambda path, options: getattr(import_module(module), function)(path, options)
 
 
-def _apart(module: str, extra: str = "") -> Open:
+def _in_subprocess(module: str, extra: str = "") -> Open:
     """The ``open_library`` of a module in a process of its own; what ``extra`` installs must be there."""
 
     def opened(path: Path, options: ReadOptions) -> Recording:
@@ -91,7 +91,7 @@ def _apart(module: str, extra: str = "") -> Open:
     return opened
 
 
-def _begins(*marks: bytes) -> Callable[[bytes], bool]:
+def _begins_with(*marks: bytes) -> Callable[[bytes], bool]:
     return lambda head: head.startswith(marks)
 
 
@@ -129,74 +129,91 @@ def _is_text(head: bytes) -> bool:
 
 _UFF = re.compile(rb"\s{0,6}-1[ \t]*\r?\n[ \t]*\d{1,5}[bB]?(?:[ \t][^\n]*)?\r?\n")
 BUILT_IN = (
-    Reader("Cortex forces", (".forces",), _begins(b"[Force Data]"), _by("testbench.readers.cortex", "open_forces")),
-    Reader("C3D", (".c3d",), _is_c3d, _by("testbench.readers.c3d", "open_c3d")),
+    Reader(
+        "Cortex forces",
+        (".forces",),
+        _begins_with(b"[Force Data]"),
+        _in_module("testbench.readers.cortex", "open_forces"),
+    ),
+    Reader("C3D", (".c3d",), _is_c3d, _in_module("testbench.readers.c3d", "open_c3d")),
     Reader(
         "enDAQ IDE",
         (".ide",),
         lambda head: head.startswith(b"\x1aE\xdf\xa3") and b"mide" in head[:64].lower(),
-        _apart("testbench.readers.endaq_ide", "ide"),
+        _in_subprocess("testbench.readers.endaq_ide", "ide"),
         needs("ide"),
     ),
     Reader(
         "LabVIEW LVM",
         (".lvm",),
         lambda head: head.removeprefix(b"\xef\xbb\xbf").startswith(b"LabVIEW Measurement"),
-        _by("testbench.readers.lvm", "open_lvm"),
+        _in_module("testbench.readers.lvm", "open_lvm"),
     ),
     Reader(
         "MATLAB v5",
         (".mat",),
         lambda head: head.startswith(b"MATLAB 5.0") or (len(head) >= 128 and head[124:128] == b"\x00\x01IM"),
-        _apart("testbench.readers.matlab_worker"),
+        _in_subprocess("testbench.readers.matlab_worker"),
     ),
-    Reader("MATLAB v4", (".mat",), _is_matlab_4, _apart("testbench.readers.matlab_worker")),
+    Reader("MATLAB v4", (".mat",), _is_matlab_4, _in_subprocess("testbench.readers.matlab_worker")),
     Reader(
         "HDF5, NeXus, netCDF 4, MATLAB v7.3",
         (".h5", ".hdf5", ".nxs", ".nc", ".mat"),
         _is_hdf5,
-        _apart("testbench.readers.hdf5.worker"),
+        _in_subprocess("testbench.readers.hdf5.worker"),
     ),
     Reader(
-        "ASAM MDF", (".mf4", ".mdf"), _begins(b"MDF     ", b"UnFinMF "), _by("testbench.readers.mdf.reader", "open_mdf")
+        "ASAM MDF",
+        (".mf4", ".mdf"),
+        _begins_with(b"MDF     ", b"UnFinMF "),
+        _in_module("testbench.readers.mdf.reader", "open_mdf"),
     ),
     Reader(
         "Parquet",
         (".parquet", ".pq"),
-        _begins(b"PAR1"),
-        _apart("testbench.readers.parquet_worker", "parquet"),
+        _begins_with(b"PAR1"),
+        _in_subprocess("testbench.readers.parquet_worker", "parquet"),
         needs("parquet"),
     ),
     Reader(
-        "MCAP", (".mcap",), _begins(b"\x89MCAP0\r\n"), _apart("testbench.readers.mcap_worker", "mcap"), needs("mcap")
+        "MCAP",
+        (".mcap",),
+        _begins_with(b"\x89MCAP0\r\n"),
+        _in_subprocess("testbench.readers.mcap_worker", "mcap"),
+        needs("mcap"),
     ),
     Reader(
         "ROS 1 bag",
         (".bag",),
-        _begins(b"#ROSBAG V2"),
-        _apart("testbench.readers.rosbag_worker", "rosbag"),
+        _begins_with(b"#ROSBAG V2"),
+        _in_subprocess("testbench.readers.rosbag_worker", "rosbag"),
         needs("rosbag"),
     ),
     Reader(
         "NI TDMS",
         (".tdms",),
-        _begins(b"TDSm", b"TDSh"),
-        _by("testbench.readers.tdms.reader", "open_tdms"),
+        _begins_with(b"TDSm", b"TDSh"),
+        _in_module("testbench.readers.tdms.reader", "open_tdms"),
         f"{needs('tdms')} for scales of thermocouples, bridges and tables",
     ),
     Reader(
         "UFF",
         (".uff", ".unv"),
         lambda head: _UFF.match(head) is not None,
-        _by("testbench.readers.uff", "open_uff"),
+        _in_module("testbench.readers.uff", "open_uff"),
     ),
     Reader(
         "WAV",
         (".wav",),
         lambda head: head[:4] in (b"RIFF", b"RIFX", b"RF64", b"BW64") and head[8:12] == b"WAVE",
-        _by("testbench.readers.wav", "open_wav"),
+        _in_module("testbench.readers.wav", "open_wav"),
     ),
-    Reader("CSV", (".csv", ".txt", ".tsv", ".dat", ".asc"), _is_text, _by("testbench.readers.csv.reader", "open_text")),
+    Reader(
+        "CSV",
+        (".csv", ".txt", ".tsv", ".dat", ".asc"),
+        _is_text,
+        _in_module("testbench.readers.csv.reader", "open_text"),
+    ),
 )
 """The formats that are read, in the order in which they are asked; any other text is CSV, so that it comes last."""
 
@@ -209,30 +226,30 @@ def readers() -> list[Reader]:
 
 def find_reader(path: Path) -> Reader:
     """The reader of the file at ``path``: by its content, else by its extension."""
-    head = _head(path)
+    head = _first_bytes(path)
     if not head:
         raise Refusal(path.name, Finding("empty_file", None, None, "the file is empty (0 bytes)"))
     known = readers()
     for reader in known:
         if reader.identify(head):
             return reader
-    if (kind := known_as(head)) is None:
+    if (kind := format_name(head)) is None:
         for reader in known:
             if path.suffix.lower() in reader.extensions:
                 return reader
     formats = ", ".join(reader.name for reader in known)
-    advice = to_do(kind) or f"can be read: {formats}"
-    found = f"the content is {kind or 'of no format that is known'}; {advice}"
-    raise Refusal(path.name, Finding("not_text" if kind is None else "other_format", None, None, found))
+    advice = advice_for(kind) or f"can be read: {formats}"
+    message = f"the content is {kind or 'of no format that is known'}; {advice}"
+    raise Refusal(path.name, Finding("not_text" if kind is None else "other_format", None, None, message))
 
 
 def open_recording(path: str | Path, options: ReadOptions | None = None) -> Recording:
     """Open a log file of any known format: its header is read, its data are not yet."""
     path = Path(path)
-    return with_stated(find_reader(path).open(path, options or ReadOptions()))
+    return with_stated_origin(find_reader(path).open(path, options or ReadOptions()))
 
 
-def _head(path: Path) -> bytes:
+def _first_bytes(path: Path) -> bytes:
     if path.is_dir():
         raise RecordingError(f"{path}: is a folder; expected a log file")
     if path.exists() and not path.is_file():
@@ -241,10 +258,10 @@ def _head(path: Path) -> bytes:
         with path.open("rb") as stream:
             return stream.read(HEAD_BYTES)
     except FileNotFoundError as error:
-        raise RecordingError(missing(path)) from error
+        raise RecordingError(no_such_file(path)) from error
 
 
-def missing(path: Path) -> str:
+def no_such_file(path: Path) -> str:
     """That there is no file at ``path``; a pattern that the shell passed on matched none."""
     if any(sign in str(path) for sign in "*?["):
         return f"{path}: no file matches; expected a log file"
@@ -282,7 +299,7 @@ _MAGIC = {
 
 
 _WORKBOOK = (b"[Content_Types].xml", b"xl/", b"_rels/.rels")
-_TO_DO = {
+_ADVICE = {
     "an .xlsx workbook": "save its sheet as CSV",
     "an old Office document (perhaps an .xls workbook)": "save its sheet as CSV",
     "netCDF 3": "convert it by `nccopy -k nc4`",
@@ -296,12 +313,12 @@ _TO_DO = {
 }
 
 
-def to_do(kind: str | None) -> str:
+def advice_for(kind: str | None) -> str:
     """What a person can do with a file of a kind that is not read; empty if nothing is known."""
-    return _TO_DO.get(kind or "", "")
+    return _ADVICE.get(kind or "", "")
 
 
-def known_as(head: bytes) -> str | None:
+def format_name(head: bytes) -> str | None:
     """The name of the format that begins with these bytes, if it is one of the above."""
     if head.startswith(b"PK\x03\x04") and any(part in head for part in _WORKBOOK):
         return "an .xlsx workbook"

@@ -13,7 +13,7 @@ from typing import Any
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import TypesysError, get_types_from_msg
 
-from .ros_topics import MOST_NUMBERS, Message, Number, TooLong, Unclear, Unreadable
+from .ros_topics import MOST_NUMBERS, Message, Number, TooManyNumbers, UnknownType, Unreadable
 
 _PADDING = 7
 """Bytes with which CDR may fill up a message."""
@@ -47,12 +47,12 @@ class Field:
 def message_fields(text: str, name: str, is_ros2: bool) -> tuple[Field, ...]:
     """The fields of the message ``name`` that ``text`` describes, with what it contains below lines of ``=``."""
     if len(text) > _LONGEST:
-        raise Unclear(f"a description of {len(text)} letters")
+        raise UnknownType(f"a description of {len(text)} letters")
     text = _SEPARATOR.sub("=" * 80 + "\n", _CONSTANT.sub("", text.replace("\r\n", "\n")))
     try:
         found = get_types_from_msg(text, name)
     except (TypesysError, RecursionError) as error:
-        raise Unclear(f"{name}: rosbags cannot read its description ({str(error)[:200]})") from error
+        raise UnknownType(f"{name}: rosbags cannot read its description ({str(error)[:200]})") from error
     types: dict[str, Any] = {"std_msgs/msg/Header": [*([] if is_ros2 else [_SEQUENCE]), _STAMP, _FRAME]}
     types |= {title: fields for title, (_, fields) in found.items()}
     return _fields(next(iter(found)), types, 0, [0])
@@ -60,14 +60,14 @@ def message_fields(text: str, name: str, is_ros2: bool) -> tuple[Field, ...]:
 
 def _fields(name: str, types: dict[str, Any], depth: int, seen: list[int]) -> tuple[Field, ...]:
     if name not in types:
-        raise Unclear(f"the type {name!r} is described nowhere")
+        raise UnknownType(f"the type {name!r} is described nowhere")
     if depth > DEEPEST:
-        raise Unclear(f"messages nested more than {DEEPEST} deep")
+        raise UnknownType(f"messages nested more than {DEEPEST} deep")
     found = []
     for label, (node, of) in types[name]:
         seen[0] += 1
         if seen[0] > _MOST_FIELDS:
-            raise Unclear(f"more than {_MOST_FIELDS} fields")
+            raise UnknownType(f"more than {_MOST_FIELDS} fields")
         is_array, count = node in (Nodetype.ARRAY, Nodetype.SEQUENCE), 1
         if is_array:
             count = of[1] if node == Nodetype.ARRAY else -1
@@ -144,7 +144,7 @@ class _State:
 
     def _values(self, each: Field, path: str, count: int, labels: list[str]) -> None:
         if count > MOST_NUMBERS or len(self.message.numbers) + count > MOST_NUMBERS:
-            raise TooLong(f"{path} has {count} values")
+            raise TooManyNumbers(f"{path} has {count} values")
         names = [path]
         if each.is_array:
             names = [f"{path}[{label}]" for label in labels] if len(labels) == count else _numbered(path, count)

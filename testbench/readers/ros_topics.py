@@ -23,12 +23,12 @@ class Unreadable(Exception):
     """Bytes that are no message of their description."""
 
 
-class TooLong(Exception):
+class TooManyNumbers(Exception):
     """A message of more numbers than a sample has."""
 
 
-class Unclear(Exception):
-    """A description that cannot be understood; the text says why."""
+class UnknownType(Exception):
+    """A description of messages that cannot be read; the text says why."""
 
 
 @dataclass
@@ -97,7 +97,7 @@ class Topic:
     def _message(self, raw: bytes) -> Message | None:
         try:
             return self.decode(raw)
-        except TooLong as error:
+        except TooManyNumbers as error:
             self.reason = str(error)
         return None
 
@@ -134,7 +134,7 @@ class Topic:
             report(Finding("ragged_row", None, None, message))
 
 
-def from_json(raw: bytes) -> Message:
+def json_message(raw: bytes) -> Message:
     """The numbers of a JSON document, named by their path."""
     message = Message()
     try:
@@ -146,7 +146,7 @@ def from_json(raw: bytes) -> Message:
 
 def _walk(value: object, path: str, message: Message, depth: int) -> None:
     if len(message.numbers) > MOST_NUMBERS or depth > 50:
-        raise TooLong(f"{path} has more than {MOST_NUMBERS} values, or is too deep")
+        raise TooManyNumbers(f"{path} has more than {MOST_NUMBERS} values, or is too deep")
     if isinstance(value, bool | int | float):
         message.numbers.append(value)
         message.names.append(path or "value")

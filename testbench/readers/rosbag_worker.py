@@ -10,7 +10,7 @@ from rosbags import rosbag1
 from ..recording import Block, Finding, Recording, Report
 from .format_findings import cut, damaged, nothing_to_read, refusing, watch_nonfinite
 from .ros_messages import RosDecoder, message_fields
-from .ros_topics import Message, Topic, Unclear, Unreadable
+from .ros_topics import Message, Topic, UnknownType, Unreadable
 
 
 def open_library(path: Path) -> Recording:
@@ -65,7 +65,7 @@ def _topics(bag: Any) -> list[tuple[Topic, list[Any]]]:  # noqa: ANN401
         try:
             fields = message_fields(text, kind, is_ros2=False)
             topic = Topic(title, RosDecoder(fields, is_cdr=False).decode, int(bag.start_time))
-        except Unclear as error:
+        except UnknownType as error:
             topic = Topic(title, lambda raw: Message(), int(bag.start_time), reason=str(error))
         topics.append((topic, connections))
     return topics

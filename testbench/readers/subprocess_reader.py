@@ -41,7 +41,7 @@ _HEAD = struct.Struct("<IQ")
 _LONGEST_DOCUMENT, _LONGEST_COLUMNS = 256 << 20, 2 << 30
 
 
-class Broken(Exception):
+class BrokenPipe(Exception):
     """The pipe ended, or brought something that is no frame."""
 
 
@@ -57,20 +57,20 @@ def write_frame(stream: IO[bytes], document: Mapping[str, Any], columns: tuple[S
 
 def read_frame(stream: IO[bytes]) -> tuple[dict[str, Any], Samples]:
     """The next document, and its columns one behind the other."""
-    text_length, data_length = _HEAD.unpack(_exactly(stream, _HEAD.size))
+    text_length, data_length = _HEAD.unpack(_read_exactly(stream, _HEAD.size))
     if text_length > _LONGEST_DOCUMENT or data_length > _LONGEST_COLUMNS or data_length % 8:
-        raise Broken(f"a frame of {text_length} and {data_length} bytes")
+        raise BrokenPipe(f"a frame of {text_length} and {data_length} bytes")
     try:
-        document = json.loads(_exactly(stream, text_length))
+        document = json.loads(_read_exactly(stream, text_length))
     except ValueError as error:
-        raise Broken(f"no JSON: {error}") from error
-    return document, np.frombuffer(_exactly(stream, data_length), dtype=np.float64)
+        raise BrokenPipe(f"no JSON: {error}") from error
+    return document, np.frombuffer(_read_exactly(stream, data_length), dtype=np.float64)
 
 
-def _exactly(stream: IO[bytes], count: int) -> bytes:
+def _read_exactly(stream: IO[bytes], count: int) -> bytes:
     data = stream.read(count)
     if len(data) != count:
-        raise Broken("the pipe ended")
+        raise BrokenPipe("the pipe ended")
     return data
 
 
@@ -178,8 +178,8 @@ class Process:
         silent.start()
         try:
             document, data = read_frame(self._stdout)
-        except Broken as error:
-            raise self._died(patience, silent.finished.is_set()) from error
+        except BrokenPipe as error:
+            raise self._failure(patience, silent.finished.is_set()) from error
         finally:
             silent.cancel()
         if "refusal" in document:
@@ -188,7 +188,7 @@ class Process:
             raise RecordingError(document["error"])
         return document, data
 
-    def _died(self, patience: float, was_silent: bool) -> Refusal:
+    def _failure(self, patience: float, was_silent: bool) -> Refusal:
         """Why the process brought nothing more."""
         status = self._process.wait()
         if was_silent:
@@ -243,7 +243,7 @@ def open_in_subprocess(path: Path, module: str, function: str = "open_library") 
 
     def read(report: Report) -> Iterator[Block]:
         known = {group.name: group for group in groups}
-        for document, data in (_WAITING.take(process) or _anew(path, module, function)).data():
+        for document, data in (_WAITING.take(process) or _reopened(path, module, function)).data():
             if "finding" in document:
                 report(finding_from_dict(document["finding"]))
             elif "group" in document:
@@ -272,7 +272,7 @@ def open_in_subprocess(path: Path, module: str, function: str = "open_library") 
     return recording
 
 
-def _anew(path: Path, module: str, function: str) -> Process:
+def _reopened(path: Path, module: str, function: str) -> Process:
     """A process that has opened the file once more."""
     process = Process(path, module, function)
     process.header()

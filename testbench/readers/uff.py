@@ -18,7 +18,7 @@ from ..recording import Block, Channel, Finding, Group, Recording, Samples
 from . import header_claims
 from .byte_source import ByteSource, as_float64, block_samples
 from .format_findings import damaged, nothing_to_read, watch_nonfinite
-from .header_claims import by_step, recorded_time
+from .header_claims import clock_of_step, recorded_time
 from .registry import ReadOptions
 
 _DELIMITER = re.compile(rb"[ \t]*-1[ \t]*\r?\n?")
@@ -527,7 +527,7 @@ def _group(name: str, members: Sequence[Function]) -> Group:
     if first.abscissa.kind == TIME:
         clock = recorded_time(0, axis.unit)
         if first.even and (factor := clock.seconds_per_unit) is not None:
-            return Group(name, tuple(channels), by_step(first.step * factor, first.start * factor))
+            return Group(name, tuple(channels), clock_of_step(first.step * factor, first.start * factor))
     return Group(name, (axis, *channels), clock)
 
 
@@ -572,7 +572,7 @@ def _header_findings(functions: Sequence[Function]) -> list[Finding]:
             message = "the header declares another number of bytes than its samples take; all of them are there"
             findings.append(Finding("header_contradiction", f.name, None, message))
         if f.even and f.abscissa.kind == TIME:
-            findings += header_claims.step_as_text(f.step_text, "the abscissa's step")
+            findings += header_claims.step_findings(f.step_text, "the abscissa's step")
     for (_, _, node, _), names in by_dof.items():
         if len(names) > 1 and isinstance(node, tuple) and node[1]:
             dof = next(f.dof for f in functions if f.node == node)

@@ -236,13 +236,13 @@ def origin_of(path: Path) -> str:
 
 def _logged(path: Path) -> Floats:
     from ..readers.registry import open_recording
-    from ..recording import Finding, TimeColumn, refused
+    from ..recording import Finding, TimeColumn, refusing_findings
 
     recording = open_recording(path)
     group, found = recording.groups[0], list[Finding](recording.findings)
     _only_times(path, len(group.channels))
     blocks = [block.columns[0] for block in recording.blocks(found.append)]
-    if bad := refused(found):
+    if bad := refusing_findings(found):
         raise RecordingError(f"{path.name}: {bad[0].where or ''} {bad[0].message}".replace("  ", " "))
     name = group.channels[0].name
     if not isinstance(group.clock, TimeColumn) or group.clock.seconds_per_unit is None or group.clock.assumed:

@@ -305,7 +305,7 @@ class SIRun:
     def _factor(self, column: Column) -> float:
         """SI per unit without a calibration; the log's unit and the rig's must agree where both are given."""
         where, written = f"{self.name}: channel {column.channel!r}", self.written_unit(column)
-        if written and column.unit and column.stated and not units.same(written, column.unit):
+        if written and column.unit and column.stated and not units.same_unit(written, column.unit):
             raise AnalysisError(f"{where} is in {written!r} by its log and in {column.unit!r} by the rig: correct one")
         unit = written or column.unit
         if not unit:

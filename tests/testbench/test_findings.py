@@ -6,7 +6,17 @@ from testbench.cli.options import print_reading_findings
 from testbench.ingest import Ingest
 from testbench.ingest.run_conditions import PlannedRun
 from testbench.quality.log_description import describe_log
-from testbench.recording import MEANING, Channel, Finding, Group, Refusal, Severity, placed, refused, worst
+from testbench.recording import (
+    MEANING,
+    Channel,
+    Finding,
+    Group,
+    Refusal,
+    Severity,
+    findings_by_group,
+    refusing_findings,
+    worst_severity,
+)
 from testbench.store import open_run
 
 PAGE = Path(__file__).parents[2] / "docs" / "findings.md"
@@ -25,9 +35,9 @@ def test_every_code_is_documented_with_its_severity():
 def test_only_accepted_errors_pass():
     """An error is refused unless its code is accepted; warnings never are."""
     found = [Finding(code, None, None, "") for code in ("dialect", "time_gap", "ragged_row", "nul_bytes")]
-    assert worst(found) is Severity.ERROR
-    assert [f.code for f in refused(found, ["nul_bytes"])] == ["ragged_row"]
-    assert worst(found[:1]) is worst([]) is Severity.NOTE
+    assert worst_severity(found) is Severity.ERROR
+    assert [f.code for f in refusing_findings(found, ["nul_bytes"])] == ["ragged_row"]
+    assert worst_severity(found[:1]) is worst_severity([]) is Severity.NOTE
 
 
 def test_the_group_is_named_where_the_channel_does_not_say_it():
@@ -35,10 +45,10 @@ def test_the_group_is_named_where_the_channel_does_not_say_it():
     x, y, z = (Channel(name) for name in "xyz")
     groups = (Group("daq", (x, y)), Group("forces", (y, z)))
     found = [Finding("clipping", name, None, "") for name in ("x", "y", "z", None)]
-    assert [f.group for f in placed(found, groups, True)] == ["daq", None, "forces", None]
+    assert [f.group for f in findings_by_group(found, groups, True)] == ["daq", None, "forces", None]
     known = [Finding("clipping", "y", None, "", "forces")]
-    assert placed(known, groups, True) == known
-    assert placed(known, groups, False)[0].group is None
+    assert findings_by_group(known, groups, True) == known
+    assert findings_by_group(known, groups, False)[0].group is None
 
 
 def test_two_logs_of_one_run_keep_their_findings_apart(tmp_path, capsys):

@@ -42,7 +42,7 @@ def repository(monkeypatch, tmp_path):
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), _Repository)
     threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
     monkeypatch.setattr(public_recordings, "RAW", f"http://127.0.0.1:{server.server_port}")
-    monkeypatch.setattr(public_recordings, "registry", lambda: {RECORDING.file: RECORDING})
+    monkeypatch.setattr(public_recordings, "recordings_by_file", lambda: {RECORDING.file: RECORDING})
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setenv("LOCALAPPDATA", str(tmp_path))
     monkeypatch.delenv(public_recordings.FOLDER_VARIABLE, raising=False)
@@ -59,11 +59,11 @@ RECORDING = public_recordings.PublicRecording(
 
 def test_fetched_once_then_from_the_cache(repository):
     """A recording is fetched, its name quoted, kept whole, and found again when the repository is gone."""
-    assert public_recordings.at_hand("run.csv") is None
+    assert public_recordings.local_recording("run.csv") is None
     path = public_recordings.find_recording("run.csv")
     repository.clear()
     assert path.read_bytes() == CONTENT
-    assert public_recordings.find_recording("run.csv") == public_recordings.at_hand("run.csv") == path
+    assert public_recordings.find_recording("run.csv") == public_recordings.local_recording("run.csv") == path
     assert [p.name for p in path.parent.iterdir()] == ["run.csv"]
 
 
@@ -73,7 +73,7 @@ def test_other_content_is_refused(repository, served):
     repository["/someone/arm/abc/logs/run%20%231.csv"] = served
     with pytest.raises(RecordingError, match=f"expected {len(CONTENT)} with {RECORDING.sha256[:12]}"):
         public_recordings.find_recording("run.csv")
-    assert public_recordings.at_hand("run.csv") is None
+    assert public_recordings.local_recording("run.csv") is None
 
 
 def test_a_changed_file_of_the_cache_is_refused(repository):
@@ -127,7 +127,7 @@ def test_redirection_to_plain_http_is_refused():
 
 def test_registry_is_complete():
     """Fourteen recordings, each of one commit, with licence, size and digest; a name may be shortened while unique."""
-    known = public_recordings.registry()
+    known = public_recordings.recordings_by_file()
     assert len(known) == 14
     for recording in known.values():
         assert len(recording.commit) == 40
@@ -135,16 +135,16 @@ def test_registry_is_complete():
         assert recording.bytes > 0
         assert recording.licence
         assert recording.url.startswith(f"https://raw.githubusercontent.com/{recording.repository}/{recording.commit}/")
-    assert public_recordings.named("09") is known["09_double_pendulum_A0_061705.csv"]
+    assert public_recordings.recording_named("09") is known["09_double_pendulum_A0_061705.csv"]
     for wrong in ("", "0", "no such"):
         with pytest.raises(RecordingError, match="there are 01_loadcell_wagon55"):
-            public_recordings.named(wrong)
+            public_recordings.recording_named(wrong)
 
 
 @pytest.mark.recordings
 def test_recordings_at_hand_are_those_of_the_registry():
     """Every recording in the folder that the environment names has the registered content."""
-    for name in public_recordings.registry():
+    for name in public_recordings.recordings_by_file():
         assert public_recordings.find_recording(name) == Path(os.environ[public_recordings.FOLDER_VARIABLE]) / name
 
 
@@ -204,5 +204,5 @@ def test_the_command_lists_source_and_licence():
     """Every recording of the registry, with what identifies it."""
     result = CliRunner().invoke(commands, ["list", "--json"], standalone_mode=False)
     listed = json.loads(result.stdout)["recordings"]
-    assert [one["file"] for one in listed] == list(public_recordings.registry())
+    assert [one["file"] for one in listed] == list(public_recordings.recordings_by_file())
     assert all(one["licence"] and len(one["sha256"]) == 64 and one["url"].startswith("https://") for one in listed)

@@ -20,9 +20,9 @@ def test_other_texts_in_brackets_are_no_units(text: str) -> None:
 
 def test_spellings_of_one_unit_are_the_same() -> None:
     """m/s², m/s^2, m s-2 and m/s/s are one unit; m/s is another."""
-    assert all(units.same("m/s²", other) for other in ("m/s^2", "m s-2", "m/s/s"))
-    assert not units.same("m/s²", "m/s")
-    assert not units.same(None, None)
+    assert all(units.same_unit("m/s²", other) for other in ("m/s^2", "m s-2", "m/s/s"))
+    assert not units.same_unit("m/s²", "m/s")
+    assert not units.same_unit(None, None)
 
 
 def test_seconds_per_unit_of_time() -> None:

@@ -359,7 +359,7 @@ class StatedSampling:
     @property
     def clock(self) -> UniformClock | None:
         """The clock of the stated rate, if it can be one."""
-        return header_claims.by_rate(self.rate_hz) if self.rate_hz else None
+        return header_claims.clock_of_rate(self.rate_hz) if self.rate_hz else None
 
     def checked(self, read: Read) -> Read:
         """``read`` that reports at its end if it brought another number of samples than is stated."""
@@ -381,7 +381,7 @@ def stated_sampling(texts: Iterable[str], decimal: str) -> StatedSampling:
         listed = ", ".join(f"{rate:.10g} Hz" for rate in stated)
         message = f"the lines above the data state several rates ({listed}); none of them is taken"
         return StatedSampling(None, samples, (Finding("header_contradiction", None, None, message),))
-    coarse = [] if rates else header_claims.step_as_text(next(iter(steps)), "the step of time")
+    coarse = [] if rates else header_claims.step_findings(next(iter(steps)), "the step of time")
     return StatedSampling(stated[0], samples, tuple(coarse))
 
 

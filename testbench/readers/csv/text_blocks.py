@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import RecordingError
 from ...recording import Finding, Refusal
-from ..registry import known_as
+from ..registry import format_name
 
 BLOCK_BYTES = 8 << 20
 """Size of a block: large enough to parse on all cores, small enough for many blocks in memory [bytes]."""
@@ -61,7 +61,7 @@ def detect_encoding(head: bytes) -> Encoding | None:
     for mark, name in _BYTE_ORDER_MARKS:
         if head.startswith(mark):
             return Encoding(name, len(mark))
-    if known_as(head) is not None:
+    if format_name(head) is not None:
         return None
     if (wide := _utf16_without_mark(head)) is not None:
         return wide
@@ -143,7 +143,7 @@ def read_first_lines(path: Path, stated_encoding: str | None = None) -> FirstLin
         raise Refusal(path.name, Finding("empty_file", None, None, "the file is empty (0 bytes)"))
     encoding = _stated_encoding(path, head, stated_encoding) if stated_encoding else detect_encoding(head)
     if encoding is None:
-        kind = known_as(head) or ("nothing but NUL bytes" if not head.strip(b"\0") else "binary")
+        kind = format_name(head) or ("nothing but NUL bytes" if not head.strip(b"\0") else "binary")
         raise Refusal(path.name, Finding("not_text", None, None, f"expected text, the content is {kind}"))
     try:
         text = codecs.getincrementaldecoder(encoding.name)("strict").decode(head[encoding.mark :])

@@ -1,6 +1,7 @@
-"""Series of samples from a dataset: its long side is the samples, its short one the channels.
+"""A dataset of HDF5 as a series of samples: its long side is the samples, its short one the channels.
 
-What a file itself says is the axis of an array: NeXus by attributes of the group, netCDF by dimension scales.
+What its attributes state: unit, packing by the conventions of netCDF, and the axis along which its samples lie, in
+NeXus by attributes of the group, in netCDF by dimension scales.
 """
 
 import math
@@ -33,14 +34,14 @@ _MEANT = frozenset(
 )
 _MOST_ATTRIBUTES = 500
 _LONGEST_TEXT = 2000
-Said = str | float | int
+AttributeValue = str | float | int
 """What an attribute says that is one text or number."""
 Reopened = Callable[[h5py.Reference], h5py.Dataset]
 """Opens the dataset of a reference, once more if need be: thousands are not kept open, each with its cache."""
 
 
 @dataclass(frozen=True)
-class Law:
+class Packing:
     """Packing by the conventions of netCDF: value = number * scale + offset; ``fills`` stand for no value.
 
     Negative numbers of type ``signed`` are unsigned ones, less ``wrap``.
@@ -63,12 +64,12 @@ class Law:
         return values if is_fill is None else np.where(is_fill, np.nan, values)
 
 
-def law(said: Mapping[str, Said], dtype: np.dtype[Any]) -> Law:
+def stated_packing(stated: Mapping[str, AttributeValue], dtype: np.dtype[Any]) -> Packing:
     """The packing that the attributes of a dataset of this type state."""
-    scale, offset = (said.get(key) for key in ("scale_factor", "add_offset"))
-    fills = [value for key in ("_FillValue", "missing_value") if isinstance(value := said.get(key), int | float)]
-    is_unsigned = dtype.kind == "i" and str(said.get("_Unsigned", "")).casefold() == "true"
-    return Law(
+    scale, offset = (stated.get(key) for key in ("scale_factor", "add_offset"))
+    fills = [value for key in ("_FillValue", "missing_value") if isinstance(value := stated.get(key), int | float)]
+    is_unsigned = dtype.kind == "i" and str(stated.get("_Unsigned", "")).casefold() == "true"
+    return Packing(
         float(scale) if isinstance(scale, int | float) else 1.0,
         float(offset) if isinstance(offset, int | float) else 0.0,
         tuple(dict.fromkeys(_as_stored(fill, dtype) for fill in fills if not np.isnan(fill))),
@@ -82,7 +83,7 @@ def _as_stored(fill: float, dtype: np.dtype[Any]) -> float:
         return float(np.array(fill).astype(dtype)) if dtype.kind == "f" else float(fill)
 
 
-def sides(shape: Sequence[int]) -> tuple[int, int, bool] | None:
+def sample_axis(shape: Sequence[int]) -> tuple[int, int, bool] | None:
     """Length, width, and whether samples run along the last side; None if there are more than two sides."""
     long = [int(side) for side in shape if side != 1]
     if len(long) > 2:
@@ -93,7 +94,7 @@ def sides(shape: Sequence[int]) -> tuple[int, int, bool] | None:
     return length, width, long[0] < long[1]
 
 
-def numbers(dtype: np.dtype[Any]) -> list[tuple[str, str]] | None:
+def number_columns(dtype: np.dtype[Any]) -> list[tuple[str, str]] | None:
     """The columns of one element: field and part (``real``, ``imag``); None if it is no number."""
     if dtype.names:
         if set(dtype.names) == {"real", "imag"}:
@@ -105,20 +106,22 @@ def numbers(dtype: np.dtype[Any]) -> list[tuple[str, str]] | None:
     return [("", "")] if dtype.kind in "iufb" else None
 
 
-def left_out(dtype: np.dtype[Any]) -> list[str]:
+def left_out_fields(dtype: np.dtype[Any]) -> list[str]:
     """The fields of one element that are no columns: texts, arrays, further fields."""
-    kept = {field for field, _ in numbers(dtype) or [] if field}
+    kept = {field for field, _ in number_columns(dtype) or [] if field}
     return [plain(name) for name in dtype.names or () if name not in kept and name not in ("real", "imag")]
 
 
-def series(dataset: h5py.Dataset, said: Mapping[str, Said], name: str, root: str, reopened: Reopened) -> Series | None:
-    """The dataset with the attributes ``said`` as a series of samples; None if it is none."""
+def series(
+    dataset: h5py.Dataset, stated: Mapping[str, AttributeValue], name: str, root: str, reopened: Reopened
+) -> Series | None:
+    """The dataset with the attributes ``stated`` as a series of samples; None if it is none."""
     shape = dataset.shape
-    form, parts = sides(shape), numbers(dataset.dtype)
+    form, parts = sample_axis(shape), number_columns(dataset.dtype)
     if form is None or parts is None or form[1] * len(parts) > MOST_CHANNELS or form[0] * form[1] != math.prod(shape):
         return None
     length, width, along = form
-    unit, packed, reference = unit_of(said), law(said, dataset.dtype), dataset.ref
+    unit, packed, reference = unit_of(stated), stated_packing(stated, dataset.dtype), dataset.ref
     channels = tuple(
         Channel(f"{_indexed(name, i, width, along)}{_suffix(field, part)}", unit)
         for field, part in parts
@@ -161,22 +164,22 @@ def _part(column: np.ndarray[Any, Any], field: str, part: str) -> Samples:
     return as_float64(column)
 
 
-def unit_of(said: Mapping[str, Said]) -> str | None:
+def unit_of(stated: Mapping[str, AttributeValue]) -> str | None:
     """The unit in the attributes; None if there is none."""
     for key in _UNITS:
-        value = said.get(key)
+        value = stated.get(key)
         if isinstance(value, str) and value.strip():
             return value.strip()
     return None
 
 
-def attribute(node: h5py.Group | h5py.Dataset, name: str) -> Said | None:
+def attribute(node: h5py.Group | h5py.Dataset, name: str) -> AttributeValue | None:
     """An attribute that is one text or number; None for anything else, or if it is not there."""
     attrs = node.attrs
     return _value(attrs, name) if name in attrs else None
 
 
-def _value(attrs: h5py.AttributeManager, name: str) -> Said | None:
+def _value(attrs: h5py.AttributeManager, name: str) -> AttributeValue | None:
     found = attrs.get_id(name)
     if found.get_storage_size() > 1 << 16 or (found.dtype.kind == "O" and h5py.check_string_dtype(found.dtype) is None):
         return None
@@ -192,7 +195,7 @@ def _value(attrs: h5py.AttributeManager, name: str) -> Said | None:
     return float(value) if isinstance(value, np.floating | float) else None
 
 
-def attributes(node: h5py.Group | h5py.Dataset) -> dict[str, Said]:
+def attributes(node: h5py.Group | h5py.Dataset) -> dict[str, AttributeValue]:
     """All attributes that are one text or number: the first 500, and those that have a meaning here."""
     attrs = node.attrs
     names = list(attrs)
@@ -217,19 +220,21 @@ class NexusAxes:
         return self._known[group]
 
 
-def stated(path: str, dataset: h5py.Dataset, said: Mapping[str, Said], nexus: NexusAxes) -> tuple[str, bool]:
+def stated_axis(
+    path: str, dataset: h5py.Dataset, stated: Mapping[str, AttributeValue], nexus: NexusAxes
+) -> tuple[str, bool]:
     """The path of the axis along which the samples of a dataset lie (empty: none), and if it is the dataset itself."""
-    if (scale := _by_scale(path, dataset, said)) is not None:
+    if (scale := _by_scale(path, dataset, stated)) is not None:
         return scale
     group, _, name = path.rpartition("/")
     axis = nexus.of(group, dataset)
     return (f"{group}/{axis}", name == axis) if axis else ("", False)
 
 
-def _by_scale(path: str, dataset: h5py.Dataset, said: Mapping[str, Said]) -> tuple[str, bool] | None:
+def _by_scale(path: str, dataset: h5py.Dataset, stated: Mapping[str, AttributeValue]) -> tuple[str, bool] | None:
     """The dimension scale of the long side."""
     if dataset.is_scale:
-        return None if is_netcdf_dimension(said) else (path, True)
+        return None if is_netcdf_dimension(stated) else (path, True)
     if not dataset.shape or "DIMENSION_LIST" not in dataset.attrs:
         return None
     side = max(range(dataset.ndim), key=lambda axis: dataset.shape[axis])
@@ -253,6 +258,6 @@ def _named_axis(group: h5py.Group) -> str:
     return axis if axis and axis != "." and axis in group else ""
 
 
-def is_netcdf_dimension(said: Mapping[str, Said]) -> bool:
+def is_netcdf_dimension(stated: Mapping[str, AttributeValue]) -> bool:
     """Whether a dataset of these attributes is a mere length, without values."""
-    return str(said.get("NAME", "")).startswith(_NOT_A_VARIABLE)
+    return str(stated.get("NAME", "")).startswith(_NOT_A_VARIABLE)

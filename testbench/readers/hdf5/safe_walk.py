@@ -1,6 +1,7 @@
-"""All objects of a file, each once, without following a link out of it, to nowhere, or round in a circle.
+"""All objects of an HDF5 file, each once, and whether a dataset of it can be read safely.
 
-Whether a dataset can be read: nothing of it elsewhere, nothing unknown, no more declared than is there.
+No link is followed out of the file, to nowhere, or round in a circle. A dataset is not read where its data lie in
+another file, where it declares more than is stored, or where it needs a filter that HDF5 does not bring.
 """
 
 import math
@@ -31,8 +32,8 @@ class Walk:
 
     @property
     def findings(self) -> list[Finding]:
-        """What was not followed: a web of thousands of links alike is one finding with their number."""
-        return [finding for alike in self._links.values() for finding in _counted(alike)]
+        """What was not followed: thousands of links of one fault are one finding with their number."""
+        return [finding for links in self._links.values() for finding in _counted(links)]
 
     def datasets(self) -> Iterator[tuple[str, h5py.Dataset]]:
         """Each dataset with its path, in the order of the file."""
@@ -74,12 +75,12 @@ class Walk:
             target = f"{plain(link.filename)}:{plain(link.path)}"
             self._found("outside_reference", path, f"is a link to {target} in another file; it is never opened")
         elif isinstance(link, h5py.SoftLink):
-            self._judge_soft(group, plain(link.path), path)
+            self._check_soft_link(group, plain(link.path), path)
         else:
             self._found("outside_reference", path, "is a link of a kind that is not known; it is never followed")
         return False
 
-    def _judge_soft(self, group: h5py.Group, target: str, path: str) -> None:
+    def _check_soft_link(self, group: h5py.Group, target: str, path: str) -> None:
         """A soft link that leads nowhere, or back to where it comes from."""
         absolute = target if target.startswith("/") else f"{path.rpartition('/')[0]}/{target}"
         end = _resolved(self.file, absolute)
@@ -94,13 +95,13 @@ class Walk:
         self._links.setdefault(code, []).append(Finding(code, path, None, message))
 
 
-def _counted(alike: list[Finding]) -> list[Finding]:
+def _counted(same: list[Finding]) -> list[Finding]:
     """Findings of one code: each while they are few, else the first one with how many there are."""
-    if len(alike) <= _NAMED:
-        return alike
-    others = ", ".join(str(finding.channel) for finding in alike[1:4])
-    message = f"{alike[0].message}; and {len(alike) - 1} more links like it, such as {others}"
-    return [Finding(alike[0].code, alike[0].channel, None, message)]
+    if len(same) <= _NAMED:
+        return same
+    others = ", ".join(str(finding.channel) for finding in same[1:4])
+    message = f"{same[0].message}; and {len(same) - 1} more links like it, such as {others}"
+    return [Finding(same[0].code, same[0].channel, None, message)]
 
 
 def _resolved(file: h5py.File, path: str) -> str | None:
@@ -145,13 +146,13 @@ _OWN_FILTERS = frozenset((h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py
 def refusal(path: str, dataset: h5py.Dataset) -> Finding | None:
     """Why a dataset is not read; None if it is."""
     plist = dataset.id.get_create_plist()
-    for judged in (_elsewhere, _declares_too_much, _unknown_filter):
-        if (found := judged(path, dataset, plist)) is not None:
+    for check in (_outside, _declares_too_much, _unknown_filter):
+        if (found := check(path, dataset, plist)) is not None:
             return found
     return None
 
 
-def _elsewhere(path: str, dataset: h5py.Dataset, plist: h5py.h5p.PropDCID) -> Finding | None:
+def _outside(path: str, dataset: h5py.Dataset, plist: h5py.h5p.PropDCID) -> Finding | None:
     if plist.get_layout() == h5py.h5d.VIRTUAL:
         sources = sorted({plain(source.file_name) for source in dataset.virtual_sources()})
         message = f"is virtual, of {', '.join(sources) or 'other datasets'}; they are never opened"

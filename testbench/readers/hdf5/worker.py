@@ -1,6 +1,6 @@
-"""Reading HDF5 with h5py: which objects are series, which are said beside them, which are left out.
+"""Reading HDF5 with h5py: which objects are series of samples, which are metadata, which are left out.
 
-MATLAB 7.3 in HDF5: structures are groups, texts are numbers, cells are references, arrays lie turned round.
+MATLAB 7.3 is HDF5: structures are groups, texts are numbers, cells are references, and arrays lie transposed.
 """
 
 from collections.abc import Iterator, Mapping
@@ -13,42 +13,42 @@ import h5py
 import numpy as np
 
 from ...recording import Block, Finding, Recording, Refusal
-from ..array_grouping import Gathering, Series, gather
+from ..array_grouping import Grouping, Series, group_series
 from ..format_findings import damaged, is_beyond_exact, names_listed, nothing_to_read, rounded_integers, watch_nonfinite
 from . import datasets, safe_walk
-from .datasets import Said
+from .datasets import AttributeValue
 from .safe_walk import TooMuch, Walk, plain
 
 _OWN = ("/#refs#", "/#subsystem#")
 _LONGEST_TEXT, _MOST_CELLS = 1 << 16, 10_000
 
 
-def is_own(path: str) -> bool:
-    """Whether an object is MATLAB's own keeping, which variables refer to."""
+def is_internal(path: str) -> bool:
+    """Whether an object is one of MATLAB's internal ones, to which variables refer."""
     return path.startswith(_OWN)
 
 
-def name_of(path: str) -> str:
+def matlab_name(path: str) -> str:
     """A path as MATLAB writes it: ``/run/acc`` is ``run.acc``."""
     return path.strip("/").replace("/", ".")
 
 
-def variable_text(dataset: h5py.Dataset, said: Mapping[str, Said]) -> str | None:
+def variable_text(dataset: h5py.Dataset, stated: Mapping[str, AttributeValue]) -> str | None:
     """The text of a variable of letters; None if it is none."""
-    if said.get("MATLAB_class") != "char" or dataset.size is None or dataset.size > _LONGEST_TEXT:
+    if stated.get("MATLAB_class") != "char" or dataset.size is None or dataset.size > _LONGEST_TEXT:
         return None
-    if is_empty(said) or dataset.dtype.kind not in "iu":
+    if is_empty(stated) or dataset.dtype.kind not in "iu":
         return ""
     codes = np.asarray(dataset[()]).T.ravel()
     return "".join(map(chr, codes.tolist()))
 
 
-def is_empty(said: Mapping[str, Said]) -> bool:
+def is_empty(stated: Mapping[str, AttributeValue]) -> bool:
     """Whether a variable of these attributes has no value; its numbers are then its size."""
-    return bool(said.get("MATLAB_empty"))
+    return bool(stated.get("MATLAB_empty"))
 
 
-def cells(path: str, dataset: h5py.Dataset, file: h5py.File) -> Iterator[tuple[str, h5py.Dataset]]:
+def cell_datasets(path: str, dataset: h5py.Dataset, file: h5py.File) -> Iterator[tuple[str, h5py.Dataset]]:
     """The datasets that a variable of cells refers to, within this file."""
     if h5py.check_ref_dtype(dataset.dtype) is not h5py.Reference or not 0 < dataset.size <= _MOST_CELLS:
         return
@@ -57,7 +57,7 @@ def cells(path: str, dataset: h5py.Dataset, file: h5py.File) -> Iterator[tuple[s
             yield f"{path}{{{i}}}", node
 
 
-def turned(name: str) -> str:
+def matlab_index(name: str) -> str:
     """``acc[0,:]`` of HDF5 is ``acc(:,1)`` in MATLAB."""
     base, bracket, index = plain(name).rpartition("[")
     if not bracket:
@@ -108,7 +108,7 @@ def open_library(path: Path) -> Recording:
     )
 
 
-def _blocks(path: Path, gathering: Gathering) -> Iterator[Block]:
+def _blocks(path: Path, gathering: Grouping) -> Iterator[Block]:
     with _refusing(path):
         for gathered in gathering.groups:
             yield from gathered.blocks()
@@ -125,38 +125,38 @@ def _refusing(path: Path) -> Iterator[None]:
         raise Refusal(path.name, Finding("too_large", None, None, str(error))) from error
 
 
-def _understood(file: h5py.File, path: Path) -> tuple[_Found, Gathering]:
+def _understood(file: h5py.File, path: Path) -> tuple[_Found, Grouping]:
     with path.open("rb") as stream:
         found = _Found(stream.read(10) == b"MATLAB 7.3", lru_cache(_OPEN_AT_ONCE)(file.__getitem__))
     walk = Walk(file)
     for name, value in datasets.attributes(file["/"]).items():
         found.metadata[name] = str(value)
     for where, dataset in walk.datasets():
-        if not (found.is_matlab and is_own(where)):
+        if not (found.is_matlab and is_internal(where)):
             _take(file, where, dataset, found)
     found.findings[:0] = walk.findings
-    return found, gather(path.stem, found.series, found.scalars)
+    return found, group_series(path.stem, found.series, found.scalars)
 
 
 def _take(file: h5py.File, path: str, dataset: h5py.Dataset, found: _Found) -> None:
     """Sort a dataset: a series of samples, a number, a text, or something else."""
-    name = name_of(path) if found.is_matlab else path.rpartition("/")[2]
-    said = datasets.attributes(dataset)
-    if datasets.is_netcdf_dimension(said):
+    name = matlab_name(path) if found.is_matlab else path.rpartition("/")[2]
+    stated = datasets.attributes(dataset)
+    if datasets.is_netcdf_dimension(stated):
         return
     if (reason := safe_walk.refusal(path, dataset)) is not None:
         found.findings.append(reason)
-    elif dataset.shape is None or not dataset.size or (found.is_matlab and is_empty(said)):
+    elif dataset.shape is None or not dataset.size or (found.is_matlab and is_empty(stated)):
         found.metadata[path.strip("/")] = ""
-    elif found.is_matlab and (text := variable_text(dataset, said)) is not None:
+    elif found.is_matlab and (text := variable_text(dataset, stated)) is not None:
         found.metadata[name] = text
     elif found.is_matlab and h5py.check_ref_dtype(dataset.dtype) is h5py.Reference:
-        for inner, cell in cells(path, dataset, file):
+        for inner, cell in cell_datasets(path, dataset, file):
             _take(file, inner, cell, found)
     elif dataset.size == 1:
         _scalar(path, dataset, found)
-    elif (series := datasets.series(dataset, said, name, _root(path, found.is_matlab), found.reopened)) is not None:
-        _keep(path, dataset, said, series, found)
+    elif (series := datasets.series(dataset, stated, name, _root(path, found.is_matlab), found.reopened)) is not None:
+        _keep(path, dataset, stated, series, found)
     else:
         found.others.append(f"{path} ({_described(dataset)})")
 
@@ -167,15 +167,17 @@ def _root(path: str, is_matlab: bool) -> str:
     return parent.split("/")[0] if is_matlab else parent
 
 
-def _keep(path: str, dataset: h5py.Dataset, said: Mapping[str, datasets.Said], series: Series, found: _Found) -> None:
+def _keep(
+    path: str, dataset: h5py.Dataset, stated: Mapping[str, datasets.AttributeValue], series: Series, found: _Found
+) -> None:
     if found.is_matlab:
-        channels = tuple(replace(c, name=turned(c.name), label="") for c in series.channels)
+        channels = tuple(replace(c, name=matlab_index(c.name), label="") for c in series.channels)
         series = replace(series, channels=channels)
     else:
-        axis, is_axis = datasets.stated(path, dataset, said, found.nexus)
+        axis, is_axis = datasets.stated_axis(path, dataset, stated, found.nexus)
         series = replace(series, axis=axis, is_axis=is_axis)
-    found.others += [f"{path}.{field}" for field in datasets.left_out(dataset.dtype)]
-    packing = datasets.law(said, dataset.dtype)
+    found.others += [f"{path}.{field}" for field in datasets.left_out_fields(dataset.dtype)]
+    packing = datasets.stated_packing(stated, dataset.dtype)
     if (packing.scale, packing.offset) != (1.0, 0.0):
         message = f"numbers were made physical by scale_factor {packing.scale:g} and add_offset {packing.offset:g}"
         found.findings.append(Finding("calibration_applied", series.channels[0].name, path, message))
@@ -184,11 +186,11 @@ def _keep(path: str, dataset: h5py.Dataset, said: Mapping[str, datasets.Said], s
         found.findings.append(Finding("calibration_applied", series.channels[0].name, path, message))
     if packing.fills and not dataset.is_scale:
         listed = " and ".join(f"{fill:g}" for fill in packing.fills)
-        message = f"{listed} stands for no value ({'_FillValue' if '_FillValue' in said else 'missing_value'}): NaN"
+        message = f"{listed} stands for no value ({'_FillValue' if '_FillValue' in stated else 'missing_value'}): NaN"
         found.findings.append(Finding("invalid_samples", series.channels[0].name, path, message))
     if dataset.dtype.kind in "iu" and dataset.dtype.itemsize == 8 and _is_beyond_exact(series):
         found.findings.append(rounded_integers(series.channels[0].name, path))
-    for key, value in said.items():
+    for key, value in stated.items():
         if not key.isupper() and not key.startswith(("_", "MATLAB")):
             found.metadata[f"{path.strip('/')}: {key}"] = str(value)
             if isinstance(value, int | float):
@@ -212,8 +214,8 @@ def _scalar(path: str, dataset: h5py.Dataset, found: _Found) -> None:
         value = float(np.asarray(dataset[()]).ravel()[0])
         found.metadata[name], found.scalars[name] = repr(value), value
     elif h5py.check_string_dtype(dataset.dtype) is not None and dataset.id.get_storage_size() <= 1 << 16:
-        value_of = np.asarray(dataset[()]).ravel()[0]
-        found.metadata[name] = plain(value_of)[:2000].strip("\0") if isinstance(value_of, bytes | str) else ""
+        element = np.asarray(dataset[()]).ravel()[0]
+        found.metadata[name] = plain(element)[:2000].strip("\0") if isinstance(element, bytes | str) else ""
 
 
 def _described(dataset: h5py.Dataset) -> str:

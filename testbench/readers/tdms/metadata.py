@@ -27,7 +27,7 @@ EPOCH_1904 = -2082844800
 """1904-01-01, from which TDMS counts, in seconds since 1970."""
 _PER_MICROSECOND = 2**64 / 1_000_000
 _LATEST = 1 << 42
-Timetimestamps = np.ndarray[Any, Any]
+Timestamps = np.ndarray[Any, Any]
 
 
 @cache
@@ -44,7 +44,7 @@ def daqmx_type(kind: int, order: str) -> np.dtype[Any] | None:
     return np.dtype(order + _DAQMX_NUMBERS[kind]) if kind in _DAQMX_NUMBERS else None
 
 
-def timestamp_seconds(timestamps: Timetimestamps, to_microseconds: bool = True) -> Samples:
+def timestamp_seconds(timestamps: Timestamps, to_microseconds: bool = True) -> Samples:
     """Seconds since 1970: to the whole microsecond, as NI's software shows them, or the nearest float64."""
     whole = timestamps["second"].astype(np.int64) + EPOCH_1904
     fraction = timestamps["fraction"].astype(np.float64)  # of 2**-64 s
@@ -53,8 +53,8 @@ def timestamp_seconds(timestamps: Timetimestamps, to_microseconds: bool = True) 
     return np.asarray(whole.astype(np.float64) + fraction * 2.0**-64)
 
 
-def timestamp_remainder(timestamps: Timetimestamps, given: Samples) -> Samples:
-    """How much later the timetimestamps are than the seconds ``given``, which are near them, exactly [s].
+def timestamp_remainder(timestamps: Timestamps, given: Samples) -> Samples:
+    """How much later the timestamps are than the seconds ``given``, which are near them, exactly [s].
 
     Both are multiples of 2**-64 s; their difference is so small that float64 holds it to the last bit.
     """

@@ -1,7 +1,7 @@
 """Reader of NI TDMS: channels of one TDMS group that share length and clock are a group.
 
-Read by our own code: files of many short segments several times as fast as by npTDMS, which tests compare with. Scales
-of thermocouples, bridges and tables are npTDMS's.
+npTDMS would be silent on much that is odd, and slower where segments are short; the tests hold this reader against it.
+Scales of thermocouples, bridges and tables are npTDMS's.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -29,7 +29,7 @@ from ..format_findings import (
     text_channel,
     watch_nonfinite,
 )
-from ..header_claims import by_step, recorded_time
+from ..header_claims import clock_of_step, recorded_time
 from ..registry import ReadOptions, needs
 from .metadata import (
     TIME,
@@ -54,7 +54,7 @@ _MOST_SCALES = 100
 
 
 @dataclass(frozen=True)
-class _Gathered:
+class _ChannelGroup:
     """Channels of one clock and length."""
 
     group: Group
@@ -70,9 +70,9 @@ def open_tdms(path: Path, options: ReadOptions) -> Recording:
             raise Refusal(path.name, Finding("no_data", None, None, message))
         contents = read_contents(source)
         for channel in contents.channels.values():
-            _judge_times(source, channel)
+            _resolve_times(source, channel)
     findings = [*contents.findings, *_texts(contents)]
-    gathered = _gather(contents, path.stem)
+    gathered = _channel_groups(contents, path.stem)
     if not gathered:
         raise nothing_to_read(path, findings, "no channel has samples")
     findings += _channel_findings(contents, gathered)
@@ -87,21 +87,21 @@ def open_tdms(path: Path, options: ReadOptions) -> Recording:
     )
 
 
-def _judge_times(source: ByteSource, channel: Channel) -> None:
+def _resolve_times(source: ByteSource, channel: Channel) -> None:
     """How fine the timestamps of a channel are to be given, and whether they are finer still."""
     if channel.kind != TIME or not channel.length:
         return
     reading = Reading(source, channel.spans[None], f"channel {channel.path!r}")
     ends, step = [], block_samples(2)
     for start in range(0, channel.length, step):
-        stamps = reading.next(min(step, channel.length - start))
-        seconds = timestamp_seconds(stamps)
+        timestamps = reading.next(min(step, channel.length - start))
+        seconds = timestamp_seconds(timestamps)
         ends += [seconds[0], seconds[-1]]
-        channel.has_remainder |= bool(timestamp_remainder(stamps, seconds).any())
+        channel.has_remainder |= bool(timestamp_remainder(timestamps, seconds).any())
     channel.to_microseconds = ends[-1] - ends[0] >= _MICROSECONDS_UPTO * (channel.length - 1)
 
 
-def _gather(contents: Contents, stem: str) -> list[_Gathered]:
+def _channel_groups(contents: Contents, stem: str) -> list[_ChannelGroup]:
     """Groups of channels of one TDMS group, clock and length."""
     by_group: dict[str, list[Channel]] = {}
     for path, channel in contents.channels.items():
@@ -119,7 +119,7 @@ def _gather(contents: Contents, stem: str) -> list[_Gathered]:
             )
         for members in parts.values():
             whole = name if len(parts) == 1 else f"{name} {channel_title(members[0].path)}"
-            found.append(_gathered(whole, members, contents))
+            found.append(_channel_group(whole, members, contents))
     return found
 
 
@@ -132,14 +132,14 @@ def _trim(channels: Sequence[Channel]) -> None:
                 spans.trim(shortest)
 
 
-def _gathered(name: str, members: Sequence[Channel], contents: Contents) -> _Gathered:
+def _channel_group(name: str, members: Sequence[Channel], contents: Contents) -> _ChannelGroup:
     channels = tuple(c for member in members for c in _channels(member, contents.properties.get(member.path, {})))
     changed = {(change.path, change.name) for change in contents.contradicted}
     stated = dict(contents.properties.get(members[0].path, {}))
     if any((member.path, "wf_increment") in changed for member in members):
         stated.pop("wf_increment", None)
     clock = _clock(members, channels, stated)
-    return _Gathered(Group(name, channels, clock), tuple(members), members[0].length)
+    return _ChannelGroup(Group(name, channels, clock), tuple(members), members[0].length)
 
 
 def _channels(member: Channel, stated: dict[str, Property]) -> list[model.Channel]:
@@ -154,16 +154,16 @@ def _channels(member: Channel, stated: dict[str, Property]) -> list[model.Channe
 
 def _clock(members: Sequence[Channel], channels: Sequence[model.Channel], stated: dict[str, Property]) -> Clock | None:
     """A recorded time, as timestamps or named so; else the declared step."""
-    stamps = [channel_title(member.path) for member in members if member.kind == TIME]
-    if len(stamps) == 1:
-        return TimeColumn([channel.name for channel in channels].index(stamps[0]), 1.0)
+    timestamps = [channel_title(member.path) for member in members if member.kind == TIME]
+    if len(timestamps) == 1:
+        return TimeColumn([channel.name for channel in channels].index(timestamps[0]), 1.0)
     named = [i for i, channel in enumerate(channels) if is_time_name(channel.label)]
     if len(named) == 1 and len(channels) > 1:
         return recorded_time(named[0], channels[named[0]].unit)
     step, start = stated.get("wf_increment"), stated.get("wf_start_offset", 0.0)
     factor = _seconds_per(stated)
     if isinstance(step, float) and factor is not None and isinstance(start, int | float):
-        return by_step(step * factor, start * factor)
+        return clock_of_step(step * factor, start * factor)
     return None
 
 
@@ -173,7 +173,7 @@ def _seconds_per(stated: dict[str, Property]) -> float | None:
     return seconds_per(str(unit)) if unit else 1.0 if is_time_name(str(name)) else None
 
 
-def _blocks(path: Path, contents: Contents, gathered: Sequence[_Gathered], report: Report) -> Iterator[Block]:
+def _blocks(path: Path, contents: Contents, gathered: Sequence[_ChannelGroup], report: Report) -> Iterator[Block]:
     rounded: set[str] = set()
     with ByteSource(path) as source:
         for each in gathered:
@@ -218,7 +218,7 @@ class _Values:
         return (values,)
 
 
-def _channel_findings(contents: Contents, gathered: Sequence[_Gathered]) -> list[Finding]:
+def _channel_findings(contents: Contents, gathered: Sequence[_ChannelGroup]) -> list[Finding]:
     """Timestamps finer than float64, scales that were applied, channels without samples."""
     findings = []
     members = [member for each in gathered for member in each.members]

@@ -69,7 +69,7 @@ def _assert_time_of(what, expected, groups):
 
 
 @pytest.mark.recordings
-@pytest.mark.parametrize("name", public_recordings.registry())
+@pytest.mark.parametrize("name", public_recordings.recordings_by_file())
 def test_every_public_recording_has_its_known_values(command, name):
     """All channels and clocks: counts, extremes, means, ends, steps."""
     code, document = info(command, reading.real(name))

@@ -210,9 +210,9 @@ def test_a_licence_in_words_is_said_as_it_was_given(run, tmp_path):
 
 def test_the_licence_of_a_public_log_is_not_that_of_the_log_beside_it(tmp_path):
     """A run of a public and of another log has both licences, or one of them is said to be missing."""
-    from testbench.public_recordings import registry
+    from testbench.public_recordings import recordings_by_file
 
-    known = next(iter(registry().values()))
+    known = next(iter(recordings_by_file().values()))
     public = {"name": known.file, "sha256": known.sha256, "size_bytes": known.bytes}
     own = {"name": "mine.csv", "sha256": "1" * 64, "size_bytes": 1}
     run = stored(tmp_path / "c", ["a"], sources=(public, own))
@@ -346,10 +346,10 @@ def test_a_crate_is_whole_or_not_there(run, tmp_path, monkeypatch):
 def test_a_public_recording_carries_its_licence(tmp_path):
     """A source whose SHA-256 is registered: its licence and credit are those of its owners."""
     from testbench.export import ro_crate
-    from testbench.public_recordings import registry
+    from testbench.public_recordings import recordings_by_file
     from testbench.store import Campaign
 
-    known = next(iter(registry().values()))
+    known = next(iter(recordings_by_file().values()))
     with RunWriter(tmp_path, "r001") as writer:
         writer.group(UNIFORM).append([ACC[:9], ACC[:9]])
         writer.group(UNIFORM).finish(None, None)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from testbench.errors import RecordingError
-from testbench.readers.array_grouping import Series, gather
+from testbench.readers.array_grouping import Series, group_series
 from testbench.readers.hdf5 import datasets
 from testbench.readers.hdf5.safe_walk import Walk
 from testbench.recording import Channel, TimeColumn, UniformClock
@@ -233,7 +233,7 @@ def test_twenty_thousand_places_are_gathered_in_one_go():
     """Names of groups do not compare each place with each other: seconds, where it took minutes."""
     series = [Series(f"g{i}", (Channel("x"),), 2 + i % 7, lambda a, b: [np.zeros(b - a)]) for i in range(20_000)]
     began = time.process_time()
-    found = gather("run", series, {})
+    found = group_series("run", series, {})
     assert time.process_time() - began < 5
     assert len({gathered.group.name for gathered in found.groups}) == 20_000
 

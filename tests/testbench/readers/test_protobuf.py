@@ -9,7 +9,7 @@ from mcap.writer import Writer
 
 from testbench.errors import RecordingError
 from testbench.readers.protobuf_messages import ProtobufDecoder
-from testbench.readers.ros_topics import TooLong, Unreadable
+from testbench.readers.ros_topics import TooManyNumbers, Unreadable
 
 from . import reading
 from .reading import in_process  # noqa: F401
@@ -157,7 +157,7 @@ def test_hostile_descriptors_and_messages_end():
     with pytest.raises(Unreadable):
         decoder.decode(raw)
     many = ProtobufDecoder(inner(1, inner(4, described("L", ("v", 1, 3, INT32, "")))), "L")
-    with pytest.raises(TooLong):
+    with pytest.raises(TooManyNumbers):
         many.decode(inner(1, b"\x01" * 5000))
     with pytest.raises(Unreadable):
         many.decode(double(1, 1.0))

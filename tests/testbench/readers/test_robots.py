@@ -7,7 +7,7 @@ from rosbags.rosbag1 import Writer as BagWriter
 
 from testbench.errors import RecordingError
 from testbench.readers.ros_messages import RosDecoder, message_fields
-from testbench.readers.ros_topics import TooLong, Unclear, Unreadable
+from testbench.readers.ros_topics import TooManyNumbers, UnknownType, Unreadable
 from testbench.recording import TimeColumn
 
 from . import reading, robots
@@ -56,9 +56,9 @@ def test_json_is_read_and_shapes_are_kept_apart(tmp_path):
 
 def test_integers_that_float64_rounds_are_said():
     """2**53 + 1 of one message; neither floating-point numbers as large nor times, which are counted from a zero."""
-    from testbench.readers.ros_topics import Topic, from_json
+    from testbench.readers.ros_topics import Topic, json_message
 
-    topic = Topic("/json", from_json, robots.ZERO)
+    topic = Topic("/json", json_message, robots.ZERO)
     for i in range(3):
         topic.take(robots.ZERO + i, b'{"ticks": %d, "large": 1e300, "small": %d}' % (2**53 + i, i))
     findings = []
@@ -139,7 +139,7 @@ builtin_interfaces/Duration d
 @pytest.mark.parametrize("text", ["Unknown x", "float64", "A a", "float64 __import__('os')", "float64[3 x"])
 def test_descriptions_that_are_none_are_said(text):
     """What is no field is never guessed; a message within itself neither."""
-    with pytest.raises(Unclear):
+    with pytest.raises(UnknownType):
         message_fields(text + "\n" + "=" * 80 + "\nMSG: pkg/A\nA a\n", "pkg/M", is_ros2=False)
 
 
@@ -160,5 +160,5 @@ def test_messages_are_never_longer_than_their_bytes():
     for raw in (b"", b"\x02\x00\x00\x00" + bytes(8), b"\x00\x00\x00\x00\xff\xff\xff\xffa"):
         with pytest.raises(Unreadable):
             decoder.decode(raw)
-    with pytest.raises(TooLong):
+    with pytest.raises(TooManyNumbers):
         decoder.decode(b"\xff\xff\xff\xff" + bytes(8))
