@@ -291,6 +291,6 @@ def _felt(run: "SIRun") -> tuple[str, list[Leg], Floats]:
         for column in columns:
             even = on_grid(time, run.values(column)[:, None], grid)[:, 0]
             rest = np.median(even[: max(len(even) // 20, 1)])
-            values[:, "xyz".index(column.component)] = Band(0.0, BANDWIDTH_HZ).of(even - rest, grid.rate)
+            values[:, "xyz".index(column.component)] = Band(0.0, BANDWIDTH_HZ).filtered(even - rest, grid.rate)
         return run.group_of(columns[0]), legs_of_acceleration(grid.time, values, STILL["acceleration"]), NO_GAP
     raise AnalysisError("the rig has no accelerometer on a body that moves")

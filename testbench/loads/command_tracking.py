@@ -14,7 +14,7 @@ from ..kinematics.gaps import longest_segment, reach_of
 from ..kinematics.motion_onset import moving_interval
 from ..kinematics.smoothing_and_derivatives import grid_of, noise_gain
 from ..rig.sensors import Accelerometer, Encoder, Target
-from ..signal.filters import Band, lag
+from ..signal.filters import Band, correlation_lag
 
 if TYPE_CHECKING:
     from ..rig import Column
@@ -114,7 +114,7 @@ class ReachedValue:
             float(np.abs(shown[kept]).max()),
             float(np.sqrt(np.mean(target[span] ** 2))),
             float(np.sqrt(np.mean(error**2))),
-            lag(shown[even], target[even], rate_hz) if timed else None,
+            correlation_lag(shown[even], target[even], rate_hz) if timed else None,
         )
 
     def as_dict(self) -> dict[str, Any]:
@@ -141,7 +141,7 @@ def command_performance(aligned: "AlignedRun", bandwidth_hz: float = BANDWIDTH_H
     time, rate = run.instants(columns[0]), run.rate(columns[0])
     name, sensor = _moving_accelerometer(run)
     sensor_columns, band = list(sensor.columns(name)), Band(0.0, bandwidth_hz)
-    felt = {c.component: (band.of(*run.signal(c)), run.instants(c)) for c in sensor_columns}
+    felt = {c.component: (band.filtered(*run.signal(c)), run.instants(c)) for c in sensor_columns}
     encoders = _columns(run, Encoder)
     if run.group_of(columns[0]) != aligned.reference:
         raise AnalysisError(f"{run.name}: encoders and target are on two loggers, whose clocks are not in line")
@@ -204,7 +204,7 @@ def _lag(
     axis = max(shared, key=lambda a: float(np.ptp(wanted[a])))
     values, time = felt[axis]
     regular = np.arange(0.0, float(time[-1] - time[0]), 1.0 / rate_hz)
-    late = lag(np.interp(regular, time - time[0], values), wanted[axis] * kept, rate_hz)
+    late = correlation_lag(np.interp(regular, time - time[0], values), wanted[axis] * kept, rate_hz)
     return late if kept.all() else _nearest(late, time - time[0], values, wanted[axis], rate_hz, kept)
 
 

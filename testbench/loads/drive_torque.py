@@ -12,7 +12,7 @@ from ..errors import AnalysisError
 from ..kinematics.gaps import longest_segment, reach_of
 from ..kinematics.smoothing_and_derivatives import low_pass
 from ..rig.sensors import Torque
-from ..signal.filters import lag
+from ..signal.filters import correlation_lag
 
 if TYPE_CHECKING:
     from ..rig import Column
@@ -66,7 +66,7 @@ class DriveTorque:
             "residual_share": self.residual_share,
             "scale": self.scale,
             "left_out_s": float(self.time[-1] - self.time[0]) - (len(self.time) - 1) / self.rate_hz,
-            "delay_s": lag(self.measured[self._even], self.model[self._even], self.rate_hz),
+            "delay_s": correlation_lag(self.measured[self._even], self.model[self._even], self.rate_hz),
         }
 
     @property

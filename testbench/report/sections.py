@@ -24,7 +24,7 @@ from ..errors import AnalysisError
 from ..loads import drive_torque
 from ..runs.aligned_run import recorded_clocks
 from ..signal.filters import Band
-from ..signal.free_decay_modes import modes
+from ..signal.free_decay_modes import free_decay_modes
 from ..signal.frequency_response import FrequencyResponse, conditioned_response, frequency_response
 from ..vibration.channel_levels import channel_levels, definitions
 from ..vibration.metrics import METRICS
@@ -76,9 +76,9 @@ def base_modes(run: "SIRun", moved: tuple[float, float]) -> Part:
     columns = [c for c in columns if run.group_of(c) == group]
     time, rate = run.instants(columns[0]), run.rate(columns[0])
     band = Band(0.0, min(HIGHEST_HZ, 0.2 * rate))
-    values = np.column_stack([band.of(*run.signal(c)) for c in columns])
+    values = np.column_stack([band.filtered(*run.signal(c)) for c in columns])
     after = time > end + SETTLED_S
-    found = modes(values[after], rate, band.high_hz, ambient=values[time < start - SETTLED_S])
+    found = free_decay_modes(values[after], rate, band.high_hz, ambient=values[time < start - SETTLED_S])
     return {
         "modes": [_named(mode.as_dict()) for mode in found],
         "channels": [c.channel for c in columns],
@@ -211,7 +211,7 @@ def wrench_part(wrench: "MeasuredWrench", band: Band | None) -> Part:
             reasons[name] = f"a sensor that it rests on is at the end of its range in {where}"
         else:
             shape = values - values.mean()
-            shape = band.of(shape, wrench.rate) if band else shape
+            shape = band.filtered(shape, wrench.rate) if band else shape
             unit = "N" if name[0] == "F" else "Nm"
             components[name] = {f"{metric}_{unit}": measure(shape) for metric, (_, measure) in METRICS.items()}
     return {

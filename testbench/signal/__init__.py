@@ -1,4 +1,4 @@
-"""Spectra of long records in blocks: densities, coherence, transmissibility, modes of the base."""
+"""Signal processing of sampled channels: zero-phase filters, spectra, frequency responses, modes from free decay."""
 
 from .welch import Spectra, welch
 

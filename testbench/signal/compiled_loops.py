@@ -14,10 +14,11 @@ _BLOCK = 2048
 
 @njit("void(f8[:,::1], f8[:,:,::1], f8[:,::1], b1)", cache=True, nogil=True, fastmath={"contract"})  # type: ignore[untyped-decorator]
 def recursion(sections: NDArray[Any], state: NDArray[Any], x: NDArray[Any], backwards: bool) -> None:
-    """In place, direct form II transposed, (n, 4): y = b0 x + p, p = b1 x - a1 y + q, q = b2 x - a2 y.
+    """Filter ``x`` (n, 4) [any unit] in place, direct form II transposed: y = b0 x + p, p = b1 x - a1 y + q,
+    q = b2 x - a2 y.
 
-    ``sections`` (s, 6), s even, ``state`` p and q of each section and channel, (s, 2, 4). Two sections go over the
-    samples together: one need not wait for the other's last result.
+    ``sections`` (s, 6) [-], s even; ``state`` (s, 2, 4) holds p and q of each section and channel. Two sections pass
+    over the samples together: one need not wait for the other's last result.
     """
     last, step = len(x) - 1, -1 if backwards else 1
     for begin in range(0, len(x), _BLOCK):
@@ -51,7 +52,10 @@ def recursion(sections: NDArray[Any], state: NDArray[Any], x: NDArray[Any], back
 
 @njit("void(f8[::1], i8, f8[::1], f8[:,::1])", cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})  # type: ignore[untyped-decorator]
 def windowed(values: NDArray[Any], first: int, window: NDArray[Any], block: NDArray[Any]) -> None:
-    """Fill ``block`` (k, n) with segments from sample ``first`` on, overlapping by half, less their means, windowed."""
+    """Fill ``block`` (k, n) [unit of values] with segments of ``values`` (m,) from sample ``first`` on.
+
+    They overlap by half; each has its mean taken off and is multiplied by ``window`` (n,) [-].
+    """
     length = len(window)
     for row in range(len(block)):
         segment = values[first + row * (length // 2) : first + row * (length // 2) + length]
@@ -65,7 +69,7 @@ def windowed(values: NDArray[Any], first: int, window: NDArray[Any], block: NDAr
 
 @njit("void(c16[:,::1], f8[::1])", cache=True, nogil=True, fastmath={"contract"})  # type: ignore[untyped-decorator]
 def add_power(spectra: NDArray[Any], power: NDArray[Any]) -> None:
-    """Add |X|^2 of every row of ``spectra`` (k, m) to ``power`` (m,)."""
+    """Add |X|^2 of every row of ``spectra`` (k, m) [unit] to ``power`` (m,) [unit^2]."""
     for row in range(len(spectra)):
         for i in range(len(power)):
             power[i] += spectra[row, i].real ** 2 + spectra[row, i].imag ** 2

@@ -1,11 +1,11 @@
 """Modes from free decay: what rings on after a motion, as damped sines that all channels share.
 
 y_c(t) = o_c + sum_k e^(-z_k w_k t) (a_ck cos(w_dk t) + b_ck sin(w_dk t)), w_dk = w_k sqrt(1 - z_k^2). Amplitudes and
-offsets are linear and solved for at every step (variable projection); modes are added one by one where what is left has
-most power, until another does not pay by the Bayesian information criterion. Intervals are of 95 %, from the curvature
-of the least squares, with the number of independent samples taken from what is left. Where a record at rest is given,
-what shakes the base all the time (floor, machines), at a mode's own frequency most, widens that mode's intervals: the
-fit cannot tell it from the mode, so that it does not stand in what is left.
+offsets are linear and solved for at every step (variable projection). Modes are added one by one where the residual has
+most power, until another does not pay by the Bayesian information criterion. Intervals of 95 % follow from the
+curvature of the least squares and the correlation of the residual. Ambient vibration (floor, machines) at a mode's own
+frequency is fitted with the mode and so is not in the residual: where a record at rest is given, its density there
+widens that mode's intervals.
 """
 
 from collections.abc import Sequence
@@ -19,16 +19,16 @@ from balance.estimation.estimate import coverage_factor
 
 from ..errors import AnalysisError
 
-MOST = 6
+MOST_MODES = 6
 """Modes that are looked for: as many as a rigid base has."""
-SURE_FREQUENCY = 0.05
+LARGEST_FREQUENCY_ERROR = 0.05
 """Half an interval of a frequency, as a share of it, above which a mode is not determined."""
-SURE_DAMPING = 0.5
-"""The same of a damping ratio."""
+LARGEST_DAMPING_ERROR = 0.5
+"""Half an interval of a damping ratio, as a share of it, above which a mode is not determined."""
 LEAST_SHARE = 0.02
-"""Of the strongest mode, below which what is left of stronger ones may pass for one."""
+"""Of the strongest mode's amplitude, below which a mode may be the residual of stronger ones."""
 LEAST_PERIODS = 2.0
-"""Of a mode within the decay, below which it is not told from a drift."""
+"""Of a mode within the decay, below which it cannot be distinguished from a drift."""
 LEAST_SAMPLES = 40
 
 
@@ -48,7 +48,7 @@ class Mode:
     """Why the mode is not determined; None where it is."""
 
     def as_dict(self) -> dict[str, Any]:
-        """As it is printed; what is not determined is null."""
+        """As a JSON document; what is not determined is null."""
         known = self.refused is None
         return {
             "frequency_hz": self.frequency if known else None,
@@ -61,12 +61,11 @@ class Mode:
         }
 
 
-def modes(
-    decay: Floats, rate_hz: float, highest_hz: float, most: int = MOST, ambient: Floats | None = None
-) -> list[Mode]:
-    """Modes of channels (n, k) that ring freely, below ``highest_hz``, rising in frequency; ``ambient`` (m, k) at rest.
+def free_decay_modes(decay: Floats, rate_hz: float, highest_hz: float, ambient: Floats | None = None) -> list[Mode]:
+    """Modes of channels that ring freely, (n, k) [any unit], below ``highest_hz``, rising in frequency.
 
-    Channels are to hold nothing above ``highest_hz``. Raises AnalysisError for a record too short, or without any mode.
+    ``ambient`` (m, k) is a record of the same channels at rest. Channels must hold nothing above ``highest_hz``.
+    Raises AnalysisError for a record that is too short, or in which no mode is determined.
     """
     stride = max(1, int(rate_hz / (4.0 * highest_hz)))
     values, rate_hz = decay[::stride], rate_hz / stride
@@ -78,11 +77,11 @@ def modes(
     size = float(np.abs(values - values.mean(axis=0)).max())
     if not size > 0.0:
         raise AnalysisError("the channels do not change after the motion: nothing rings")
-    still = None if ambient is None else ambient[::stride] / size
-    fit = _Fit(values / size, np.arange(len(values)) / rate_hz, still)
+    at_rest = None if ambient is None else ambient[::stride] / size
+    fit = _Fit(values / size, np.arange(len(values)) / rate_hz, at_rest)
     pairs: Floats = np.empty((0, 2))
     best = fit.criterion(pairs)
-    for _ in range(most):
+    for _ in range(MOST_MODES):
         more = fit.refined(np.vstack([pairs, fit.next(pairs, highest_hz)]), highest_hz)
         found = fit.criterion(more)
         if not found < best:
@@ -90,11 +89,11 @@ def modes(
         pairs, best = more, found
     if not len(pairs):
         raise AnalysisError("nothing rings after the motion above the noise: no mode is determined")
-    return fit.told(pairs[np.argsort(pairs[:, 0])], size)
+    return fit.with_intervals(pairs[np.argsort(pairs[:, 0])], size)
 
 
 class _Fit:
-    """Least squares of damped sines; a mode is a pair of frequency [Hz] and damping ratio."""
+    """Least squares of damped sines; ``pairs`` (modes, 2) hold a frequency [Hz] and a damping ratio [-] each."""
 
     def __init__(self, values: Floats, time: Floats, ambient: Floats | None) -> None:
         self.values, self.time, self.ambient = values, time, ambient
@@ -108,17 +107,17 @@ class _Fit:
             columns += [fall * np.cos(ring), fall * np.sin(ring)]
         return np.column_stack(columns)
 
-    def left(self, pairs: Floats) -> Floats:
-        """What the modes do not explain, (n, k)."""
+    def residual(self, pairs: Floats) -> Floats:
+        """Readings less modes and offsets, (n, k)."""
         basis = self.basis(pairs)
         return self.values - basis @ np.linalg.lstsq(basis, self.values, rcond=1e-10)[0]
 
     def next(self, pairs: Floats, highest: float) -> Floats:
-        """Where what is left has most power, (1, 2)."""
-        left = self.left(pairs)
-        count = 8 * len(left)
+        """Frequency at which the residual has most power, with a damping to start from, (1, 2)."""
+        residual = self.residual(pairs)
+        count = 8 * len(residual)
         frequency = np.fft.rfftfreq(count, float(self.time[1]))
-        power = (np.abs(np.fft.rfft(left, count, axis=0)) ** 2).sum(axis=1)
+        power = (np.abs(np.fft.rfft(residual, count, axis=0)) ** 2).sum(axis=1)
         power[(frequency < 1.0 / float(self.time[-1])) | (frequency > highest)] = 0.0
         return np.array([[float(frequency[power.argmax()]), 0.05]])
 
@@ -130,39 +129,39 @@ class _Fit:
         high = np.tile([1.2 * highest, 0.7], len(pairs))
         start = np.clip(pairs.ravel(), 1.001 * low, 0.999 * high)
 
-        def left(x: Floats) -> Floats:
-            return self.left(x.reshape(-1, 2)).ravel()
+        def residual(x: Floats) -> Floats:
+            return self.residual(x.reshape(-1, 2)).ravel()
 
-        done = least_squares(left, start, bounds=(low, high), x_scale=start, max_nfev=60)
+        done = least_squares(residual, start, bounds=(low, high), x_scale=start, max_nfev=60)
         return np.asarray(done.x).reshape(-1, 2)
 
     def criterion(self, pairs: Floats) -> float:
-        """Bayesian information criterion, of as many samples as what is left has independent ones."""
-        left = self.left(pairs)
-        parameters = 2 * len(pairs) + (1 + 2 * len(pairs)) * left.shape[1]
-        count = left.size
-        return count * float(np.log(np.mean(left**2) + 1e-24)) + parameters * float(np.log(count))
+        """Bayesian information criterion of a fit with these modes."""
+        residual = self.residual(pairs)
+        parameters = 2 * len(pairs) + (1 + 2 * len(pairs)) * residual.shape[1]
+        count = residual.size
+        return count * float(np.log(np.mean(residual**2) + 1e-24)) + parameters * float(np.log(count))
 
-    def told(self, pairs: Floats, size: float) -> list[Mode]:
-        """The modes with their intervals."""
-        left = self.left(pairs)
-        freedom = max(left.size - 2 * len(pairs) - (1 + 2 * len(pairs)) * left.shape[1], 1)
-        slopes = self._slopes(pairs)
-        variance = float((left**2).sum()) / freedom
-        unit = np.sqrt(np.diag(np.linalg.pinv(slopes.T @ slopes))).reshape(-1, 2)
+    def with_intervals(self, pairs: Floats, size: float) -> list[Mode]:
+        """The modes with their intervals; amplitudes are scaled by ``size``."""
+        residual = self.residual(pairs)
+        freedom = max(residual.size - 2 * len(pairs) - (1 + 2 * len(pairs)) * residual.shape[1], 1)
+        jacobian = self._jacobian(pairs)
+        variance = float((residual**2).sum()) / freedom
+        unit = np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian))).reshape(-1, 2)
         basis = self.basis(pairs)
         linear = np.linalg.lstsq(basis, self.values, rcond=1e-10)[0][1:].reshape(len(pairs), 2, -1)
         sizes = size * np.hypot(linear[:, 0], linear[:, 1])
-        noise = np.maximum(variance * _correlated(left), self._shaken(pairs, sizes))
+        noise = np.maximum(variance * _correlation_widening(residual), self._ambient_variance(pairs, sizes))
         half = coverage_factor(min(freedom, 1000)) * np.sqrt(noise)[:, None] * unit
         shares = sizes.max(axis=1) / sizes.max()
         return [self._mode(*row) for row in zip(pairs, half, sizes, shares, strict=True)]
 
-    def _shaken(self, pairs: Floats, sizes: Floats) -> Floats:
-        """Variance of white noise of the density that the record at rest has at each mode, (modes,).
+    def _ambient_variance(self, pairs: Floats, sizes: Floats) -> Floats:
+        """Variance of white noise that has, at each mode, the density of the record at rest, (modes,).
 
-        Channels count by how much the mode rings in them. A short record smears a resonance: its largest density within
-        two of its lines is taken.
+        Channels are weighted by how much the mode rings in them. A short record smears a resonance: the largest density
+        within two of its lines is taken.
         """
         if self.ambient is None or len(self.ambient) < LEAST_SAMPLES:
             return np.zeros(len(pairs))
@@ -175,9 +174,9 @@ class _Fit:
         top = np.array([density[n].max(axis=0) for n in near])
         return np.asarray((top * sizes**2).sum(axis=1) / (sizes**2).sum(axis=1))
 
-    def _slopes(self, pairs: Floats) -> Floats:
+    def _jacobian(self, pairs: Floats) -> Floats:
         def at(step: Floats) -> Floats:
-            return self.left((pairs.ravel() + step).reshape(-1, 2)).ravel()
+            return self.residual((pairs.ravel() + step).reshape(-1, 2)).ravel()
 
         steps = 1e-5 * np.maximum(pairs.ravel(), 1e-3)
         return np.column_stack([(at(step) - at(-step)) / (2.0 * step.max()) for step in np.diag(steps)])
@@ -185,27 +184,29 @@ class _Fit:
     def _mode(self, pair: Floats, half: Floats, sizes: Floats, share: float) -> Mode:
         (frequency, damping), (f, z) = map(float, pair), map(float, half)
         weak = f"it rings with {100.0 * share:.1f} % of the strongest: expected {100.0 * LEAST_SHARE:g} %"
-        why = weak if share < LEAST_SHARE else _refused(frequency, damping, f, z, float(self.time[-1]))
+        why = weak if share < LEAST_SHARE else _refusal(frequency, damping, f, z, float(self.time[-1]))
         return Mode(
             frequency, (frequency - f, frequency + f), damping, (max(damping - z, 0.0), damping + z),
             tuple(map(float, sizes)), why,
         )  # fmt: skip
 
 
-def _refused(frequency: float, damping: float, f: float, z: float, seconds: float) -> str | None:
+def _refusal(frequency: float, damping: float, f: float, z: float, seconds: float) -> str | None:
     if frequency * seconds < LEAST_PERIODS:
         return f"the decay of {seconds:.3g} s holds {frequency * seconds:.1f} periods: expected {LEAST_PERIODS:g}"
-    if f > SURE_FREQUENCY * frequency:
-        return f"its frequency is known to {100.0 * f / frequency:.0f} %: expected {100.0 * SURE_FREQUENCY:g} %"
-    if z > SURE_DAMPING * damping:
-        return f"its damping is known to {100.0 * z / damping:.0f} %: expected {100.0 * SURE_DAMPING:g} %"
+    if f > LARGEST_FREQUENCY_ERROR * frequency:
+        return (
+            f"its frequency is known to {100.0 * f / frequency:.0f} %: expected {100.0 * LARGEST_FREQUENCY_ERROR:g} %"
+        )
+    if z > LARGEST_DAMPING_ERROR * damping:
+        return f"its damping is known to {100.0 * z / damping:.0f} %: expected {100.0 * LARGEST_DAMPING_ERROR:g} %"
     return None
 
 
-def _correlated(left: Floats) -> float:
-    """By how much correlation in time widens a variance: 1 + 2 sum of the autocorrelation up to its first zero."""
+def _correlation_widening(residual: Floats) -> float:
+    """Factor by which correlation in time widens a variance: 1 + 2 sum of the autocorrelation up to its first zero."""
     widened = []
-    for column in left.T:
+    for column in residual.T:
         power = np.abs(np.fft.rfft(column, 2 * len(column))) ** 2
         correlation = np.fft.irfft(power)[: len(column) // 4]
         if not correlation[0] > 0.0:
@@ -215,6 +216,6 @@ def _correlated(left: Floats) -> float:
     return max(widened, default=1.0)
 
 
-def strongest(found: Sequence[Mode]) -> Mode | None:
-    """The determined mode that rings most; None where none is."""
+def strongest_mode(found: Sequence[Mode]) -> Mode | None:
+    """The determined mode of the largest amplitudes; None where no mode is determined."""
     return max((m for m in found if m.refused is None), key=lambda m: sum(m.amplitudes), default=None)

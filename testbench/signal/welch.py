@@ -1,8 +1,8 @@
 """Power and cross spectral densities by Welch's method, in blocks that stay in the processor's cache.
 
-Segments that overlap by half, each less its own mean, a Hann window: to rounding what ``scipy.signal.welch`` and
-``csd`` give. They lay all segments of a record out in memory several times over; here a block of segments is windowed,
-transformed and added up before the next one is touched, and each thread works at blocks of its own.
+Segments overlap by half, have their mean taken off and a Hann window: to rounding what ``scipy.signal.welch`` and
+``csd`` give. Those lay all segments of a record out in memory several times over; here a block of segments is windowed,
+transformed and added up before the next one, and each thread has blocks of its own.
 """
 
 from collections.abc import Sequence
@@ -20,14 +20,14 @@ from ..compiled_kernels import can_compile
 from ..errors import AnalysisError
 
 SEGMENT = 4096
-"""Samples of a segment where none is asked for."""
+"""Samples of a segment by default."""
 BLOCK = 1 << 15
 """Samples that are transformed at once: with their spectrum half a megabyte."""
-WORTH = 1 << 17
+COMPILED_FROM_SAMPLES = 1 << 17
 """Samples of all segments from which on compiled loops pay for their import."""
-WORTH_A_THREAD = 1 << 20
-"""The same of a second thread."""
-Matrix = NDArray[np.complex128]
+THREADED_FROM_SAMPLES = 1 << 20
+"""Samples of all segments from which on a second thread pays."""
+CrossDensities = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
@@ -36,10 +36,10 @@ class Spectra:
 
     frequency: Floats
     """(m,) [Hz]"""
-    density: Matrix
+    density: CrossDensities
     """(k, k, m) [unit unit/Hz]: mean of conj(X_i) X_j; on the diagonal the power spectral densities, real."""
     segments: int
-    """How many were averaged; those that overlap share what they tell."""
+    """How many were averaged; those that overlap are not independent."""
 
     def power(self, channel: int = 0) -> Floats:
         """Power spectral density of a channel, (m,) [unit^2/Hz]."""
@@ -47,7 +47,7 @@ class Spectra:
 
     @property
     def independent(self) -> float:
-        """Segments that would tell as much if none overlapped: with a Hann window and half overlap 18/19 of them.
+        """Independent segments of the same variance: with a Hann window and half overlap 18/19 of them.
 
         P. D. Welch, IEEE Trans. Audio Electroacoust. AU-15, 70 (1967): variance by (1 + 2 rho (K - 1) / K) / K, where
         rho = (sum w(i) w(i + n/2) / sum w^2)^2 = 1/36.
@@ -56,7 +56,7 @@ class Spectra:
 
 
 def welch(channels: Sequence[Floats], rate_hz: float, segment: int = SEGMENT) -> Spectra:
-    """Densities of channels of one length (n,) each, sampled together; ``segment`` in samples, even.
+    """Densities of channels sampled together, (n,) each [any unit]; ``segment`` in samples, even.
 
     Raises AnalysisError where the channels differ in length or are shorter than a segment.
     """
@@ -75,21 +75,21 @@ def welch(channels: Sequence[Floats], rate_hz: float, segment: int = SEGMENT) ->
     return Spectra(np.fft.rfftfreq(segment, 1.0 / rate_hz), total * scale, count)
 
 
-def _summed(channels: Sequence[Floats], window: Floats, count: int) -> Matrix:
+def _summed(channels: Sequence[Floats], window: Floats, count: int) -> CrossDensities:
     """Sum over ``count`` segments of conj(X_i) X_j, (k, k, m)."""
     step = max(1, BLOCK // len(window))
     parts = [range(i, min(i + step, count)) for i in range(0, count, step)]
     size = count * len(window) * len(channels)
     compiled = can_compile()
-    if size < WORTH_A_THREAD:
-        return _Share(channels, window, step, compiled and size >= WORTH).over(parts)
+    if size < THREADED_FROM_SAMPLES:
+        return _PartialSum(channels, window, step, compiled and size >= COMPILED_FROM_SAMPLES).add_blocks(parts)
     with ThreadPoolExecutor(2) as pool:
-        shares = [pool.submit(_Share(channels, window, step, compiled).over, parts[i::2]) for i in range(2)]
+        shares = [pool.submit(_PartialSum(channels, window, step, compiled).add_blocks, parts[i::2]) for i in range(2)]
         return np.asarray(shares[0].result() + shares[1].result())
 
 
-class _Share:
-    """What one thread adds up, in buffers of its own."""
+class _PartialSum:
+    """Sums over the segments of one thread, in buffers of its own."""
 
     def __init__(self, channels: Sequence[Floats], window: Floats, step: int, compiled: bool) -> None:
         self.channels, self.window, self.compiled = channels, window, compiled
@@ -99,8 +99,8 @@ class _Share:
             (i, j): np.zeros(len(window) // 2 + 1, np.complex128) for i in range(len(channels)) for j in range(i)
         }
 
-    def over(self, parts: Sequence[range]) -> Matrix:
-        """The sums over blocks of segments."""
+    def add_blocks(self, parts: Sequence[range]) -> CrossDensities:
+        """Sums of conj(X_i) X_j over blocks of segments, (k, k, m) [unit unit]."""
         for part in parts:
             spectra = [self._transformed(values, part) for values in self.channels]
             for i, spectrum in enumerate(spectra):
@@ -131,7 +131,7 @@ class _Share:
         else:
             power += (spectrum.real**2 + spectrum.imag**2).sum(axis=0)
 
-    def _matrix(self) -> Matrix:
+    def _matrix(self) -> CrossDensities:
         k, m = len(self.channels), len(self.window) // 2 + 1
         found = np.zeros((k, k, m), np.complex128)
         for i in range(k):

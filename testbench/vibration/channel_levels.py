@@ -141,7 +141,7 @@ def _of(
     for (_, values), mean, shape in zip(some, means, shaped, strict=True):
         np.subtract(values, mean, out=shape)
     if band:
-        shaped = band.of(shaped, rate, in_place=True)
+        shaped = band.filtered(shaped, rate, in_place=True)
     whole = _segment(shaped.shape[1], segment)
     for (column, recorded), mean, shape in zip(some, means, shaped, strict=True):
         spectrum = welch([recorded], rate, whole) if whole else None

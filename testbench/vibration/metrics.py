@@ -9,7 +9,7 @@ import numpy as np
 from balance.arrays import Floats
 
 from ..errors import AnalysisError
-from ..signal.filters import Band, without_offset
+from ..signal.filters import Band, without_mean
 
 if TYPE_CHECKING:
     from ..runs.si_run import SIRun
@@ -48,8 +48,8 @@ class Measure:
 
     def shape(self, values: Floats, rate_hz: float) -> Floats:
         """The signal (n,) of which the metric is taken."""
-        values = without_offset(values)
-        return self.band.of(values, rate_hz) if self.band else values
+        values = without_mean(values)
+        return self.band.filtered(values, rate_hz) if self.band else values
 
 
 def base_accelerations(run: "SIRun") -> dict[tuple[str, str], tuple[Floats, float]]:

@@ -8,7 +8,7 @@ from studies import simulated_runs as memory
 from testbench.errors import AnalysisError
 from testbench.runs.si_run import SIRun
 from testbench.signal.filters import Band
-from testbench.signal.free_decay_modes import modes, strongest
+from testbench.signal.free_decay_modes import free_decay_modes, strongest_mode
 
 from ..coverage import assert_holds
 
@@ -32,7 +32,7 @@ def coverage():
     true = ((9.0, 0.04, 1.0, 0.3), (17.0, 0.07, 0.2, 0.8))
     held = []
     for seed in range(10):
-        found = [m for m in modes(ringing(true, noise=0.02, seed=seed), RATE, 60.0) if m.refused is None]
+        found = [m for m in free_decay_modes(ringing(true, noise=0.02, seed=seed), RATE, 60.0) if m.refused is None]
         assert len(found) == 2
         for mode, (frequency, damping, *_) in zip(found, true, strict=True):
             held.append((_in(frequency, mode.frequency_interval), _in(damping, mode.damping_interval)))
@@ -60,14 +60,16 @@ def test_bench(motion, masses):
     columns = list(scene.rig.sensors["base_acc"].columns("base_acc"))
     moved = scene.bench.command.time[np.abs(scene.bench.command.acceleration).max(axis=1) > 0]
     after = run.instants(columns[0]) > moved[-1] - scene.starts(0)["daq"]["start"] + 0.02
-    found = modes(np.column_stack([Band(0.0, 100.0).of(*run.signal(c)) for c in columns])[after], 5000.0, 100.0)
+    found = free_decay_modes(
+        np.column_stack([Band(0.0, 100.0).filtered(*run.signal(c)) for c in columns])[after], 5000.0, 100.0
+    )
     determined = [m for m in found if m.refused is None]
     assert determined
     for mode in determined:
         frequency, damping = true[np.abs(true[:, 0] - mode.frequency).argmin()]
         assert mode.frequency == pytest.approx(frequency, rel=0.05)
         assert mode.damping == pytest.approx(damping, rel=0.4)
-    loudest = strongest(found)
+    loudest = strongest_mode(found)
     assert loudest is not None
     frequency, damping = true[np.abs(true[:, 0] - loudest.frequency).argmin()]
     assert loudest.frequency == pytest.approx(frequency, rel=2e-3)
@@ -85,7 +87,7 @@ def test_what_shakes_the_base_all_the_time_widens_the_intervals():
         shaken *= 0.03 / shaken.std()
         before, after = shaken[:800], shaken[800:] + ringing([(9.0, damping, 1.0, 0.0)])[:, :1]
         for ambient in (before, None):
-            loudest = max(modes(after, RATE, 60.0, ambient=ambient), key=lambda m: m.amplitudes[0])
+            loudest = max(free_decay_modes(after, RATE, 60.0, ambient=ambient), key=lambda m: m.amplitudes[0])
             held[ambient is not None].append(_in(9.0, loudest.frequency_interval))
     assert np.mean(held[True]) >= 0.8
     assert np.mean(held[True]) > np.mean(held[False]) + 0.2
@@ -93,7 +95,7 @@ def test_what_shakes_the_base_all_the_time_widens_the_intervals():
 
 def test_what_the_decay_does_not_determine_is_refused_with_the_reason():
     """Two periods are too few for 2 Hz in 0.8 s; a mode in the noise has no interval worth the name."""
-    slow = modes(ringing([(2.0, 0.02, 1.0, 1.0)]), RATE, 60.0)
+    slow = free_decay_modes(ringing([(2.0, 0.02, 1.0, 1.0)]), RATE, 60.0)
     assert all(m.refused for m in slow if m.frequency < 2.5)
     assert any("periods" in m.refused for m in slow)
     assert slow[0].as_dict()["frequency_hz"] is None
@@ -104,7 +106,7 @@ def test_noise_holds_no_mode():
     told = []
     for seed in range(10):
         try:
-            told += [m for m in modes(ringing([], noise=1.0, seed=seed), RATE, 60.0) if m.refused is None]
+            told += [m for m in free_decay_modes(ringing([], noise=1.0, seed=seed), RATE, 60.0) if m.refused is None]
         except AnalysisError:
             continue
     assert len(told) <= 1
@@ -113,6 +115,6 @@ def test_noise_holds_no_mode():
 def test_records_that_cannot_tell_are_refused():
     """Too short, or constant."""
     with pytest.raises(AnalysisError, match="free decay"):
-        modes(np.zeros((10, 2)), RATE, 60.0)
+        free_decay_modes(np.zeros((10, 2)), RATE, 60.0)
     with pytest.raises(AnalysisError, match="nothing rings"):
-        modes(np.ones((800, 2)), RATE, 60.0)
+        free_decay_modes(np.ones((800, 2)), RATE, 60.0)

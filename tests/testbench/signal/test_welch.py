@@ -21,7 +21,7 @@ def noise():
 @pytest.mark.parametrize("segment", [64, 500, 4096])
 def test_same_as_scipy(noise, segment, worth, monkeypatch):
     """Compiled or not, densities are scipy's to 1e-12 of the value or of the two powers, also where a tail is left."""
-    monkeypatch.setattr("testbench.signal.welch.WORTH", worth)
+    monkeypatch.setattr("testbench.signal.welch.COMPILED_FROM_SAMPLES", worth)
     found = welch(noise, RATE, segment)
     for channel, values in enumerate(noise):
         frequency, power = signal.welch(values, RATE, nperseg=segment)
@@ -36,7 +36,7 @@ def test_same_as_scipy(noise, segment, worth, monkeypatch):
 def test_two_threads_add_up_to_one(noise, monkeypatch):
     """Shared among threads, the sums are the same to rounding."""
     alone = welch(noise, RATE, 512)
-    monkeypatch.setattr("testbench.signal.welch.WORTH_A_THREAD", 1)
+    monkeypatch.setattr("testbench.signal.welch.THREADED_FROM_SAMPLES", 1)
     shared = welch(noise, RATE, 512)
     assert np.abs(shared.density / alone.density - 1.0).max() < 1e-12
 

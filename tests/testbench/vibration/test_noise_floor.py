@@ -32,7 +32,7 @@ def test_how_well_a_short_rest_knows():
 
 def test_coloured_noise():
     """Noise that is not white has its power where it is: a band elsewhere holds little of it."""
-    slow = Band(0.0, 30.0).of(np.random.default_rng(3).normal(size=20_000), RATE)
+    slow = Band(0.0, 30.0).filtered(np.random.default_rng(3).normal(size=20_000), RATE)
     noise = Noise.of(slow, RATE)
     assert noise.power(Band(0.0, 60.0)) == pytest.approx(slow.var(), rel=0.1)
     assert noise.power(Band(100.0, 300.0)) < 1e-3 * slow.var()
