@@ -22,7 +22,7 @@ def main() -> int:
     """Print the medians and their ratio; 1 if the aim is missed."""
     from scipy import signal
 
-    from testbench.signal import welch
+    from testbench.signal.welch import welch
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--samples", type=int, default=20_000_000)

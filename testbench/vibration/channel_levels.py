@@ -11,7 +11,7 @@ import numpy as np
 from balance.arrays import Floats
 
 from ..runs.si_run import SIRun
-from ..signal import Spectra, welch
+from ..signal.welch import Spectra, welch
 from ..signal.filters import LANES
 from ..signal.welch import SEGMENT
 from .metrics import DEFAULT_BAND, METRICS

@@ -5,7 +5,7 @@ import pytest
 from scipy import signal
 
 from testbench.errors import AnalysisError
-from testbench.signal import welch
+from testbench.signal.welch import welch
 
 RATE = 2000.0
 
