@@ -13,7 +13,7 @@ import numpy as np
 from balance.mechanism.mjcf_parser import load_mechanism
 from balance.units import G0
 from testbench.campaign_plan import PlannedRun
-from testbench.kinematics.encoder_motion import loaded
+from testbench.kinematics.encoder_motion import loaded_mechanism
 from testbench.rig import Rig, load_rig
 from testbench.rig.sensors import Encoder
 from testbench.runs.si_run import SIRun
@@ -96,7 +96,7 @@ def aligned(case: Case, made: SimulatedRun) -> RunClocks:
     """The clocks as ``testbench align`` finds them."""
     run = stored(made, case.rig)
     si = SIRun.of(run, case.rig)
-    return align_run(si, lambda: loaded(si, load_mechanism(case.rig.mechanism)), drift=case.drift)
+    return align_run(si, lambda: loaded_mechanism(si, load_mechanism(case.rig.mechanism)), drift=case.drift)
 
 
 def truth(made: SimulatedRun, group: str, own: float) -> float:

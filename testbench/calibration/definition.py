@@ -1,8 +1,7 @@
-"""A calibration as it stands in a rig or in a record: texts with units, checked, nothing applied yet.
+"""A calibration as it is written in a rig or a record: texts with units, checked, not applied yet.
 
-Texts with compound units, such as ``10.2 mV/g`` or ``3.9 pC/N``, in SI base units. In an acceleration g is g0.
-
-The matrix of a multi-axis sensor from a CSV: a row a component, a column a channel, numbers alone.
+Compound units, such as ``10.2 mV/g`` or ``3.9 pC/N``, are read in SI base units; in an acceleration g is g0. The matrix
+of a multi-axis sensor may come from a CSV of numbers: a row a component, a column a channel.
 """
 
 import csv
@@ -23,7 +22,7 @@ from balance.units import SI_UNITS, parse_unit
 
 from ..errors import RigError
 
-Each = str | dict[str, str]
+PerComponent = str | dict[str, str]
 """One text for all channels of a sensor, or one a component."""
 
 
@@ -63,29 +62,29 @@ class Matrix(Table):
     """A row a component, a column a channel, in these units."""
     raw: str
     """Unit of what is written, such as ``mV/V``."""
-    physical: Each
+    physical: PerComponent
     """Unit of the result, for all components or for each."""
 
 
 class Calibration(Table):
-    """What turns a sensor's channels as written into what it measures.
+    """From a sensor's readings to what it measures.
 
     physical = (raw - offset) / (sensitivity x amplifier), or a polynomial, or a matrix of all channels; or an offset
     alone, where the log is in physical units already.
     """
 
-    sensitivity: Each | None = None
+    sensitivity: PerComponent | None = None
     """Such as ``10.2 mV/g`` or ``3.9 pC/N``; negative where the sensor is mounted or wired the other way round."""
-    amplifier: Each | None = None
+    amplifier: PerComponent | None = None
     """Behind the sensor: ``10 mV/pC``, or the other way, ``100 pC/V``, as makers of charge amplifiers print it."""
-    offset: Each | None = None
-    """What the channel shows at zero, in the unit of the log's kind (``2.5 V``) or of the quantity (``-0.6 N``)."""
+    offset: PerComponent | None = None
+    """Reading at zero, in the kind of unit of the log (``2.5 V``) or of the quantity (``-0.6 N``)."""
     polynomial: Polynomial | dict[str, Polynomial] | None = None
     """In place of a sensitivity, for all channels or for each."""
     matrix: Matrix | None = None
     """In place of a sensitivity, for all channels together."""
     unit: str | None = None
-    """In which the logger writes, where neither the log nor the sensor's ``unit`` says so."""
+    """In which the logger writes, where neither the log nor the sensor's ``unit`` states it."""
     date: Day | None = None
     """When it was calibrated."""
     reference: str = ""
@@ -122,24 +121,24 @@ class Calibration(Table):
         return ", ".join(part for part in parts if part)
 
 
-def of_component(each: "Mapping[str, Any] | Any", component: str) -> Any:  # noqa: ANN401
-    """What is given for a component: for all, or by its name, its letter (``F``) or, of a force, its axis."""
+def entry_of_component(each: "Mapping[str, Any] | Any", component: str) -> Any:  # noqa: ANN401
+    """What is stated for a component: for all, or by its name, its letter (``F``) or, of a force, its axis."""
     if not isinstance(each, Mapping):
         return each
-    for name in names_of(component):
+    for name in component_keys(component):
         if name in each:
             return each[name]
     return None
 
 
-def names_of(component: str) -> tuple[str, ...]:
+def component_keys(component: str) -> tuple[str, ...]:
     """The keys that mean a component: ``Fx`` is also meant by ``F`` and ``x``, ``Mz`` by ``M``."""
     if len(component) == 2 and component[0] in "FM" and component[1] in "xyz":
         return (component, component[0], component[1]) if component[0] == "F" else (component, component[0])
     return (component,)
 
 
-def _each(each: Each | None, form: str) -> str:
+def _each(each: PerComponent | None, form: str) -> str:
     if each is None:
         return ""
     return form.format(each if isinstance(each, str) else ", ".join(f"{name} {text}" for name, text in each.items()))
@@ -164,7 +163,7 @@ _AMOUNT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*
 _STANDARD_GRAVITY = re.compile(r"(?<![A-Za-z])[gG](?![A-Za-z0-9])")
 _LSB = re.compile(r"(?<![A-Za-z])(?:LSB|digits?)(?![A-Za-z0-9])")
 ELECTRICAL = ("V", "A", "C", "ohm", "V/V", "count")
-"""Units of what a sensor gives uncalibrated: voltage, current, charge, resistance, a ratio, steps of a converter."""
+"""Units of uncalibrated readings: voltage, current, charge, resistance, a ratio, steps of a converter."""
 
 
 @dataclass(frozen=True)
@@ -182,8 +181,11 @@ class Amount:
 
 
 @cache
-def unit(text: str, dimensions: tuple[str, ...]) -> Amount:
-    """One ``text`` in SI base units; ``dimensions`` are those of what is measured. Raises UnitError for no unit."""
+def si_unit(text: str, dimensions: tuple[str, ...]) -> Amount:
+    """One of the unit ``text`` in SI base units; ``dimensions`` are those of what is measured.
+
+    Raises UnitError where the text is no known unit.
+    """
     plain = _LSB.sub("count", text.strip())
     if "acceleration" in dimensions:
         plain = _STANDARD_GRAVITY.sub("g0", plain)
@@ -194,38 +196,38 @@ def unit(text: str, dimensions: tuple[str, ...]) -> Amount:
     return Amount(float(base.magnitude), base.units)
 
 
-def amount(text: str, dimensions: tuple[str, ...]) -> Amount:
-    """A number with a unit in SI base units; finite."""
+def si_amount(text: str, dimensions: tuple[str, ...]) -> Amount:
+    """A number with a unit in SI base units. Raises UnitError where it is not finite, or has no known unit."""
     match = _AMOUNT.fullmatch(text)
     if match is None or not match[2]:
         raise UnitError(f"{text!r}: expected a number and a unit, such as '10.2 mV/g'")
-    one = unit(match[2], dimensions)
+    one = si_unit(match[2], dimensions)
     value = float(match[1]) * one.value
     if not math.isfinite(value):
         raise UnitError(f"{text!r} is beyond all bounds")
     return Amount(value, one.units)
 
 
-def measures(units: Any, dimensions: tuple[str, ...]) -> bool:  # noqa: ANN401
+def measures_one_of(units: Any, dimensions: tuple[str, ...]) -> bool:  # noqa: ANN401
     """Whether SI base units are those of one of ``dimensions``."""
-    return any(units == unit(SI_UNITS[d], ()).units for d in dimensions)
+    return any(units == si_unit(SI_UNITS[d], ()).units for d in dimensions)
 
 
 def electrical_name(units: Any) -> str | None:  # noqa: ANN401
-    """``V``, ``C``, ...: what a sensor gives in these SI base units; None if it is nothing electrical."""
-    return next((known for known in ELECTRICAL if units == unit(known, ()).units), None)
+    """``V``, ``C``, ...: the electrical unit with these SI base units; None where there is none."""
+    return next((known for known in ELECTRICAL if units == si_unit(known, ()).units), None)
 
 
 def is_electrical(text: str) -> bool:
     """Whether a unit is one that a sensor writes before it is calibrated, such as V, pC, mV/V or counts."""
     try:
-        return electrical_name(unit(text, ()).units) is not None
+        return electrical_name(si_unit(text, ()).units) is not None
     except UnitError:
         return False
 
 
 def read_matrix(path: Path) -> list[list[float]]:
-    """The rows of a matrix. Separated by commas, tabs or, with decimal commas allowed, by semicolons; # is a comment.
+    """The rows of a matrix. Cells are separated by commas, tabs, or semicolons (then with decimal commas); # comments.
 
     Raises RigError, with the line, for a cell that is no number.
     """

@@ -1,4 +1,4 @@
-"""What a sensor says of itself: the fields of IEEE 1451.4, as text in a rig or as the 64 bits of the Basic TEDS."""
+"""Transducer electronic data sheets (IEEE 1451.4): as fields in a rig, or as the 64 bits of the Basic TEDS."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 from balance.input_files import Table
 
 from ..errors import RigError
-from .definition import Day, Each
+from .definition import Day, PerComponent
 
 BASIC_BYTES = 8
 _FIELDS = (("manufacturer_id", 14), ("model_number", 15), ("version_letter", 5), ("version", 6), ("serial", 24))
@@ -16,7 +16,7 @@ _FIRST_MANUFACTURER = 17
 
 
 class Teds(Table):
-    """Transducer electronic data sheet. It is kept and shown; what is applied is the ``calibration`` beside it."""
+    """Transducer electronic data sheet. It is stored and shown; applied is the sensor's ``calibration`` alone."""
 
     manufacturer: str | None = None
     """Maker."""
@@ -32,7 +32,7 @@ class Teds(Table):
     """Number of the version."""
     serial: str | None = None
     """Serial number."""
-    sensitivity: Each | None = None
+    sensitivity: PerComponent | None = None
     """As on the data sheet, such as ``10.2 mV/g``."""
     calibration_date: Day | None = None
     """Day of the calibration."""
@@ -48,28 +48,28 @@ class Teds(Table):
         if not isinstance(given, dict) or "basic" not in given:
             return given
         try:
-            read = basic(bytes.fromhex(str(given["basic"])))
+            read = basic_teds(bytes.fromhex(str(given["basic"])))
         except (ValueError, RigError) as error:
             raise ValueError(f"basic = {given['basic']!r}: expected 16 hexadecimal digits: {error}") from error
         rest = {key: value for key, value in given.items() if key != "basic"}
         if twice := sorted(rest.keys() & read.document().keys()):
-            raise ValueError(f"{twice[0]} stands in basic already: take one of them out")
+            raise ValueError(f"{twice[0]} is in basic already: remove one of them")
         return {**read.document(), **rest}
 
     def document(self) -> dict[str, Any]:
-        """The fields that are given."""
+        """The fields that are stated."""
         return self.model_dump(exclude_none=True)
 
 
-def basic(content: bytes) -> Teds:
+def basic_teds(content: bytes) -> Teds:
     """Read the Basic TEDS: manufacturer, model, version letter (A is 1), version, serial number; least bit first.
 
-    Raises RigError if there are not 64 bits, or all are alike, as an absent memory reads.
+    Raises RigError if there are not 64 bits, or all are equal, as of an absent memory.
     """
     if len(content) != BASIC_BYTES:
         raise RigError(f"Basic TEDS: {len(content)} bytes: expected {BASIC_BYTES}")
     if content in {bytes(BASIC_BYTES), b"\xff" * BASIC_BYTES}:
-        raise RigError("Basic TEDS: all bits are alike: an empty or absent memory")
+        raise RigError("Basic TEDS: all bits are equal: an empty or absent memory")
     bits, values = int.from_bytes(content, "little"), {}
     for name, width in _FIELDS:
         values[name] = bits & ((1 << width) - 1)

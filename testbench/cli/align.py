@@ -62,7 +62,7 @@ def align(
     The result is added to the campaign as a dated record; runs never change.
     """
     from .. import rig as rigs
-    from ..kinematics.encoder_motion import loaded, mechanism_of
+    from ..kinematics.encoder_motion import loaded_mechanism, mechanism_of
     from ..runs.si_run import SIRun
     from ..synchronization import METHODS
     from ..synchronization import run_alignment as clocks
@@ -81,7 +81,7 @@ def align(
             return clocks.align_named(run, *_split(pair), not no_drift, cutoff, METHODS[by])
         si = SIRun.of(run, described)
         return clocks.align_run(
-            si, lambda: loaded(si, mechanism_of(si, mechanism)), reference, not no_drift, cutoff, METHODS[by]
+            si, lambda: loaded_mechanism(si, mechanism_of(si, mechanism)), reference, not no_drift, cutoff, METHODS[by]
         )
 
     done, refused = _each(opened, aligned)

@@ -83,7 +83,7 @@ def force_sensors(with_run: "Run", without_run: "Run") -> "Figure":
 
 def _draw(axes: "Axes", column: Column, runs: tuple[SIRun, SIRun]) -> list[float]:
     """Draw a channel of both runs, the one without counter-masses first; their peaks [SI]."""
-    signals = [(run.instants(column), DEFAULT_BAND.of(*run.signal(column))) for run in runs]
+    signals = [(run.instants(column), DEFAULT_BAND.filtered(*run.signal(column))) for run in runs]
     style.two_runs(axes, *signals)
     return [float(np.abs(values).max()) for _, values in signals]
 
@@ -122,10 +122,10 @@ def command_performance(run: "Run", mechanism: Mechanism | None = None, bandwidt
                 (f"encoders, differentiated below {bandwidth_hz:g} Hz", shown.encoders[axis], style.ENCODERS),
             )
             for label, every, colour in lines:
-                values = np.where(shown.kept, every, np.nan)
+                values = np.where(shown.valid, every, np.nan)
                 above.plot(shown.time, values / G0, color=colour, label=label)
                 below.plot(shown.time, (values - shown.target[axis]) / G0, color=colour)
-            target = np.where(shown.kept, shown.target[axis], np.nan)
+            target = np.where(shown.valid, shown.target[axis], np.nan)
             above.plot(shown.time, target / G0, color=style.TARGET, lw=0.9, ls="--", label="target")
             above.set_ylabel(f"{axis} [g0]")
             below.set_ylabel(f"{axis} less target [g0]")

@@ -29,7 +29,7 @@ from balance.estimation.identifiability import Identifiability
 from balance.mechanism.mechanism import Mechanism
 
 from ..errors import AnalysisError
-from ..kinematics.gaps import reach_of
+from ..kinematics.gaps import gap_reach
 from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF
 from .estimators import NAMES, Method, Methods, allowed
 from .records import LONGEST_DELAY_S, JointRecord
@@ -102,7 +102,7 @@ def _common(records: Sequence[JointRecord], lowest: float) -> Floats:
 
     If that leaves none, each is compared by its own.
     """
-    reach = reach_of(POSITION_BANDWIDTH * lowest)
+    reach = gap_reach(POSITION_BANDWIDTH * lowest)
     sound = np.concatenate([r.sound(reach)[r.edge : r.grid.count - r.edge] for r in records])
     return sound if sound.any() else np.ones_like(sound)
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from balance.errors import DataError
 
-from ..kinematics.gaps import CODE
+from ..kinematics.gaps import GAP_FINDING
 from ..recording import Finding
 from .cross_validation import CUTOFFS_HZ, STRETCHES
 from .diagnostics import Explanation
@@ -59,7 +59,7 @@ def identification_document(result: Identification, validation: Validation | Non
 def _findings(result: Identification, validation: Validation | None) -> list[dict[str, str | None]]:
     """What gaps of records took away."""
     texts = (*result.left_out, *(validation.evidence.left_out if validation else ()))
-    return [Finding(CODE, None, text.partition(":")[0], text).as_dict() for text in texts]
+    return [Finding(GAP_FINDING, None, text.partition(":")[0], text).as_dict() for text in texts]
 
 
 def _compared(result: Identification) -> list[Mapping[str, object]]:

@@ -70,15 +70,15 @@ class JointRecord:
 
     def rates(self, cutoff: float) -> Rates:
         """Positions smoothed below a cut-off [Hz] and differentiated, between gaps; in gaps straight lines."""
-        return self.gaps.rates(self.q, cutoff, self.grid)
+        return self.gaps.derivatives(self.q, cutoff, self.grid)
 
     def low_pass(self, values: Floats, cutoff: float, reach: float) -> Floats:
         """Values (n, ...) smoothed below a cut-off [Hz], between gaps and what these disturb within ``reach`` [s]."""
-        return self.gaps.apart(lambda part: low_pass(part, cutoff, self.grid.rate), values, self.grid, reach)
+        return self.gaps.by_segment(lambda part: low_pass(part, cutoff, self.grid.rate), values, self.grid, reach)
 
     def sound(self, reach: float) -> Floats:
         """One where no gap touches positions, or torques that come late or early, else zero, (n, 1)."""
-        return self.gaps.sound(self.grid, reach + LONGEST_DELAY_S)[:, None].astype(float)
+        return self.gaps.valid_samples(self.grid, reach + LONGEST_DELAY_S)[:, None].astype(float)
 
     def left_out(self, reach: float) -> list[str]:
         """What gaps take of the record."""

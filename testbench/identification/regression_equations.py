@@ -20,7 +20,7 @@ from balance.mechanism.mechanism import Mechanism
 from balance.motion import Samples
 
 from ..errors import AnalysisError
-from ..kinematics.gaps import reach_of
+from ..kinematics.gaps import gap_reach
 from ..kinematics.smoothing_and_derivatives import Rates
 from .records import JointRecord
 
@@ -45,7 +45,7 @@ def regressor(record: JointRecord, mechanism: Mechanism, motion: Rates, path: Tr
         bodies.append(driven_torque_regressor(mechanism, path.q, path.v, path.a, path.per_drive))
         own.append(joint_friction_regressor(mechanism.driven, motion.v, motion.a)[0])
     if record.loads is not None:
-        bodies.append(record.loads.seen(wrench_regressor(mechanism, path.q, path.v, path.a)))
+        bodies.append(record.loads.projected_regressor(wrench_regressor(mechanism, path.q, path.v, path.a)))
         own.append(np.broadcast_to(np.eye(len(record.loads.names)), (len(path.q), *[len(record.loads.names)] * 2)))
     return np.concatenate([np.concatenate(bodies, axis=1), _diagonal(own)], axis=2)
 
@@ -128,7 +128,7 @@ class RecordEquations:
     @property
     def reach(self) -> float:
         """How far a gap disturbs the positions [s]."""
-        return reach_of(POSITION_BANDWIDTH * self.cutoff)
+        return gap_reach(POSITION_BANDWIDTH * self.cutoff)
 
     @cached_property
     def sound(self) -> Floats:
@@ -251,7 +251,7 @@ def _part_of(record: JointRecord, mechanism: Mechanism, cutoff: float, smooth: R
     forces = len(record.rows(mechanism)) - record.torque.shape[1]
     any_moves = np.repeat(moving.max(axis=1, keepdims=True), forces, axis=1)
     used = np.concatenate([moving[:, : record.torque.shape[1]], any_moves], axis=1)
-    used = used * record.sound(reach_of(POSITION_BANDWIDTH * cutoff))
+    used = used * record.sound(gap_reach(POSITION_BANDWIDTH * cutoff))
     return RecordEquations(record, cutoff, names_of(mechanism, record.rows(mechanism)), smooth, path, whole, used)
 
 

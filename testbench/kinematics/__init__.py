@@ -1,1 +1,1 @@
-"""What moved in a run: its motions and legs, positions differentiated, the joints and the base."""
+"""Motion of a run from its records: derivatives of positions, joints by encoders, the base, recognised motions."""

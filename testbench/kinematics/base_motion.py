@@ -1,9 +1,10 @@
-"""What sensors would have shown on a base that stands still, as far as accelerometers on the base tell its motion.
+"""Readings with the base's motion taken out, as far as accelerometers on the base measure that motion.
 
-A sensor row sees the base's accelerations x'' = (u'', phi'') as S x'', an accelerometer on the base as A x''. One
-accelerometer does not tell the rotation. But whatever x'' is, the rows of P = I - [S; A] [S; A]^+ do not see it: with
-one accelerometer of three axes these are the components along the line from it to the sensor, or, for the force on the
-supports, to the mechanism's centre of mass. No property of the base is needed.
+The base's accelerations x'' = (u'', phi'') appear in a sensor's readings as S x'' and in those of an accelerometer on
+the base as A x''. One accelerometer does not determine the rotation phi''. But whatever x'' is, it does not appear
+behind the projection P = I - [S; A] [S; A]^+: with one accelerometer of three axes P keeps the components along the
+line from it to the sensor or, for the force on the supports, to the mechanism's centre of mass. No property of the base
+is needed.
 """
 
 from collections.abc import Iterable
@@ -24,16 +25,16 @@ if TYPE_CHECKING:
     from ..runs.si_run import SIRun
 
 NEAR = 1e-3
-"""A lever at which the base's rotation does not matter [m]."""
+"""Lever below which the base's rotation is not taken out [m]."""
 
 
 @dataclass(frozen=True)
 class BaseAcceleration:
-    """What the accelerometers on the base recorded in one group."""
+    """Readings of the accelerometers on the base in one group."""
 
     group: str
     rows: Floats
-    """What each channel sees of the base's accelerations, (k, 6)."""
+    """A: reading of each channel per acceleration of the base, (k, 6) [-, m]."""
     time: Floats
     """On the group's clock, (m,) [s]."""
     values: Floats
@@ -42,8 +43,8 @@ class BaseAcceleration:
     """The channels, (k,)."""
 
 
-def recorded(run: "SIRun", group: str | None = None) -> BaseAcceleration | None:
-    """The accelerometers on the base that a group holds; of any group, the one with most channels. None: no such."""
+def base_acceleration(run: "SIRun", group: str | None = None) -> BaseAcceleration | None:
+    """The accelerometers on the base in a group, else those of the group with most of their channels; None: none."""
     found = [_in_group(run, g.name) for g in run.groups if group in {None, g.name}]
     return max((f for f in found if f is not None), key=lambda f: len(f.rows), default=None)
 
@@ -63,9 +64,9 @@ def _in_group(run: "SIRun", group: str) -> BaseAcceleration | None:
 
 
 def projector(rows: Floats, accelerometers: Floats) -> Floats:
-    """The first k rows of P for k sensor rows (n, k, 6) and j accelerometer rows (j, 6), (n, k, k + j).
+    """First k rows of P, (n, k, k + j) [-], of sensor rows (n, k, 6) and accelerometer rows (j, 6) [-, m].
 
-    Rotation that acts at a lever below NEAR is left in, so that P stays smooth where the line has no direction.
+    Rotation at a lever below NEAR is not taken out, so that P stays smooth where the line has no direction.
     """
     count, k, _ = rows.shape
     seen = np.concatenate([rows, np.broadcast_to(accelerometers, (count, *accelerometers.shape))], axis=1)
@@ -75,7 +76,10 @@ def projector(rows: Floats, accelerometers: Floats) -> Floats:
 
 
 def sensor_rows(mechanism: Mechanism, path: Trajectory, body: str, position: Floats, axes: Iterable[str]) -> Floats:
-    """What an accelerometer on a moving body sees of the base's accelerations, axis by axis, (n, k, 6)."""
+    """S of an accelerometer on a moving body: reading of each axis per acceleration of the base, (n, k, 6) [-, m].
+
+    ``position`` (3,) [m] in the frame of ``body``.
+    """
     at = forward_kinematics.pose(mechanism.tree, np.ascontiguousarray(path.q.T))
     joint = mechanism.tree.bodies[mechanism.body_index(body)]
     point = dense(at.point(joint, position), at.count).T
@@ -84,7 +88,7 @@ def sensor_rows(mechanism: Mechanism, path: Trajectory, body: str, position: Flo
 
 
 def force_rows(mechanism: Mechanism, path: Trajectory) -> Floats:
-    """What the force on the supports, per kilogram of the mechanism, sees of them: -(u'' + phi'' x c), (n, 3, 6)."""
+    """S of the force on the supports per mechanism mass, -(u'' + phi'' x c), base axes, (n, 3, 6) [-, m]."""
     centre = mass_centre(mechanism, path)
     return np.stack(
         [-np.hstack([np.tile(unit, (len(centre), 1)), np.cross(centre, unit)]) for unit in np.eye(3)], axis=1
@@ -92,7 +96,7 @@ def force_rows(mechanism: Mechanism, path: Trajectory) -> Floats:
 
 
 def mass_centre(mechanism: Mechanism, path: Trajectory) -> Floats:
-    """Centre of mass of all that moves, base frame, (n, 3) [m]."""
+    """Centre of mass of all moving bodies in the base frame, (n, 3) [m]."""
     at = forward_kinematics.pose(mechanism.tree, np.ascontiguousarray(path.q.T))
     moment = np.zeros((at.count, 3))
     for row, joint in zip(mechanism.parameters, mechanism.tree.bodies, strict=True):

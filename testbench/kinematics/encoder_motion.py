@@ -1,4 +1,4 @@
-"""The motion of a mechanism's joints from the encoders of a run, by its loops."""
+"""Trajectory of a mechanism's joints from the encoders of a run: positions smoothed, loops closed at each sample."""
 
 from typing import TYPE_CHECKING
 
@@ -29,7 +29,7 @@ def group_of_encoders(run: "SIRun") -> str:
 
 
 def encoder_gaps(run: "SIRun") -> Gaps:
-    """Where the record of the encoders has gaps, on its clock."""
+    """Gaps in the encoders' record, on its clock."""
     return Gaps.of({group_of_encoders(run): run.instants(run.rig.columns_of(Encoder)[0])})
 
 
@@ -38,8 +38,9 @@ def encoder_trajectory(
 ) -> tuple[Grid, Trajectory]:
     """The trajectory on an even grid of the encoders' clock; positions smoothed below ``bandwidth_hz``.
 
-    Gaps are ``bridged`` by straight lines for those who leave them out, or refused; what is between is smoothed apart.
-    Raises AnalysisError where an encoder is missing or on another clock, ClosureError where the loops do not close.
+    Gaps are ``bridged`` by straight lines, which the caller masks, or refused; segments between them are smoothed one
+    by one. Raises AnalysisError where an encoder is missing or on another clock, ClosureError where the loops do not
+    close.
     """
     gaps, columns = encoder_gaps(run), run.rig.columns_of(Encoder)
     time = run.instants(columns[0])
@@ -52,13 +53,16 @@ def encoder_trajectory(
     position = run.stacked(columns)
     if bridged:
         time, position = smoothing_and_derivatives.bridge_gaps(time, position, grid.step)
-    moved = gaps.rates(on_grid(time, position, grid), bandwidth_hz, grid)
+    moved = gaps.derivatives(on_grid(time, position, grid), bandwidth_hz, grid)
     samples = Samples(grid.time, moved.q, moved.v, moved.a, tuple(column.component for column in columns))
     return grid, Closure(mechanism).follow(samples)
 
 
-def loaded(run: "SIRun", mechanism: Mechanism) -> Mechanism:
-    """The mechanism with the payload and counter-masses that the run table gives for a run."""
+def loaded_mechanism(run: "SIRun", mechanism: Mechanism) -> Mechanism:
+    """The mechanism with the payload and counter-masses that the run table states for a run.
+
+    Raises AnalysisError where a payload is stated and the mechanism does not name one body for it.
+    """
     conditions = run.conditions
     if "payload_kg" in conditions:
         if len(mechanism.payload_bodies) != 1:
@@ -71,7 +75,10 @@ def loaded(run: "SIRun", mechanism: Mechanism) -> Mechanism:
 
 
 def mechanism_of(run: "SIRun", given: str | None) -> Mechanism:
-    """The mechanism that a person names, else the shipped one that the stored rig names: a stored run opens no file."""
+    """The mechanism ``given`` by the user, else the shipped one that the stored rig names: a stored run opens no file.
+
+    Raises AnalysisError where the rig's mechanism is not shipped.
+    """
     from balance import datasets
 
     named = run.rig.mechanism

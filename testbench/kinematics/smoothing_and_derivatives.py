@@ -1,9 +1,9 @@
-"""Positions as recorded -> position, velocity and acceleration on an even grid, with a stated bandwidth.
+"""Recorded positions -> position, velocity and acceleration on an even grid, with a stated bandwidth.
 
-A recorded clock is not a grid: samples are carried over by a cubic spline through all of them. The low-pass is a
-Butterworth of fourth order run forwards and backwards (no phase, half of the amplitude at the cut-off). Rates are those
-of a spline of fifth degree through the smoothed samples, not differences, which would lose a per cent at a tenth of the
-sampling rate.
+Recorded instants are not even: samples are interpolated by a cubic spline through all of them. The low-pass is a
+Butterworth filter of fourth order run forwards and backwards (zero phase, half of the amplitude at the cut-off).
+Derivatives are those of a spline of fifth degree through the smoothed samples; differences would be a per cent too
+small at a tenth of the sampling rate.
 """
 
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ class Grid:
 
 @dataclass(frozen=True)
 class Rates:
-    """Smoothed positions with their first and second rates, (n, joints) each [rad, rad/s, rad/s2, or m, ...]."""
+    """Smoothed positions and their first and second derivatives, (n, joints) each [rad, rad/s, rad/s2, or m, ...]."""
 
     q: Floats
     v: Floats
@@ -51,10 +51,9 @@ class Rates:
 
 
 def grid_of(time: Floats, what: str, bridged: bool = False) -> Grid:
-    """The even grid over recorded instants (n,) [s], of their median step; ``what`` is what messages call them.
+    """The even grid over recorded instants (n,) [s], of their median step; ``what`` names them in messages.
 
-    Raises AnalysisError where time stands still, runs backwards, or has a gap, unless what lies there is left out later
-    (``bridged``).
+    Raises AnalysisError where time does not increase, or has a gap that the caller does not mask (``bridged``).
     """
     if len(time) < 2 or not np.isfinite(time).all():
         raise AnalysisError(f"{what}: {len(time)} instants, or some that are not numbers: expected a clock")
@@ -67,20 +66,20 @@ def grid_of(time: Floats, what: str, bridged: bool = False) -> Grid:
     if steps[widest] > LARGEST_STEP * median and not bridged:
         raise AnalysisError(
             f"{what}: a gap of {steps[widest]:.6g} s after {time[widest]:.9g} s, where steps are {median:.6g} s: "
-            "nothing may be invented there; cut the log into two runs"
+            "nothing is interpolated there; cut the log into two runs"
         )
     return Grid(float(time[0]), median, int((time[-1] - time[0]) / median + 1e-6) + 1)
 
 
 def on_grid(time: Floats, values: Floats, grid: Grid) -> Floats:
-    """``values`` (n, k) at recorded instants (n,) [s], carried over to a grid by a cubic spline, (count, k)."""
+    """``values`` (n, k) [any unit] at recorded instants (n,) [s], interpolated by a cubic spline, (count, k)."""
     from scipy.interpolate import make_interp_spline
 
     return np.asarray(make_interp_spline(time, values, 3)(grid.time))
 
 
 def bridge_gaps(time: Floats, values: Floats, step: float) -> tuple[Floats, Floats]:
-    """Instants (n,) and values (n, k) with straight lines, of points ``step`` [s] apart, across gaps."""
+    """Instants (n,) [s] and values (n, k) [any unit] with straight lines, of points ``step`` [s] apart, across gaps."""
     wide = np.flatnonzero(np.diff(time) > LARGEST_STEP * step)
     added = [np.arange(time[i] + step, time[i + 1] - 0.5 * step, step) for i in wide]
     whole = np.sort(np.concatenate([time, *added]))
@@ -88,7 +87,7 @@ def bridge_gaps(time: Floats, values: Floats, step: float) -> tuple[Floats, Floa
 
 
 def low_pass(values: Floats, cutoff: float, rate: float) -> Floats:
-    """Smooth along the first axis without phase; ``cutoff`` and ``rate`` in Hz."""
+    """``values`` (n, ...) [any unit] smoothed along the first axis with zero phase; ``cutoff`` and ``rate`` in Hz."""
     from scipy.signal import butter, sosfiltfilt
 
     if not 0.0 < cutoff <= HIGHEST_CUTOFF * rate:
@@ -101,18 +100,16 @@ def low_pass(values: Floats, cutoff: float, rate: float) -> Floats:
 
 
 def smoothed_derivatives(position: Floats, cutoff: float, rate: float) -> Rates:
-    """Smooth positions (n, joints) on a grid of ``rate`` [Hz] at ``cutoff`` [Hz], and differentiate them."""
+    """Smooth positions (n, joints) [rad, m] on a grid of ``rate`` [Hz] at ``cutoff`` [Hz], and differentiate them."""
     from scipy.interpolate import make_interp_spline
 
-    smooth = low_pass(position, cutoff, rate)
-    spline = make_interp_spline(np.arange(len(smooth)) / rate, smooth, 5)
-    first, second = spline.derivative(1), spline.derivative(2)
-    instants = np.arange(len(smooth)) / rate
-    return Rates(smooth, np.asarray(first(instants)), np.asarray(second(instants)))
+    smooth, instants = low_pass(position, cutoff, rate), np.arange(len(position)) / rate
+    spline = make_interp_spline(instants, smooth, 5)
+    return Rates(smooth, np.asarray(spline.derivative(1)(instants)), np.asarray(spline.derivative(2)(instants)))
 
 
 def noise_gain(cutoff: float, rate: float) -> float:
-    """Standard deviation of the acceleration that :func:`rates` makes of white noise of unit deviation [1/s2].
+    """Standard deviation of :func:`smoothed_derivatives`' acceleration of white noise of unit deviation [1/s2].
 
     sigma_a^2 = 2 / rate int_0^(rate/2) (2 pi f)^4 |H|^4 df, the low-pass H run forwards and backwards.
     """

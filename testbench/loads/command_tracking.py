@@ -1,4 +1,4 @@
-"""How well a commanded acceleration is reached: target, accelerometer, and encoders differentiated."""
+"""How well a commanded acceleration is reached: target against accelerometer and differentiated encoders."""
 
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -10,7 +10,7 @@ from balance.arrays import Floats
 from balance.dynamics.moving_base import acceleration_in_body
 
 from ..errors import AnalysisError
-from ..kinematics.gaps import longest_segment, reach_of
+from ..kinematics.gaps import gap_reach, longest_segment
 from ..kinematics.motion_onset import moving_interval
 from ..kinematics.smoothing_and_derivatives import grid_of, noise_gain
 from ..rig.sensors import Accelerometer, Encoder, Target
@@ -22,11 +22,9 @@ if TYPE_CHECKING:
     from ..runs.si_run import SIRun
 
 NEAR_S = 0.02
-"""How far a correlation may be led by a gap [s]."""
+"""Largest bias of a correlation's lag by a gap [s]."""
 BANDWIDTH_HZ = 80.0
-"""Of the accelerations [Hz]: twice what the moves need, and little of the encoders' steps."""
-
-
+"""Of the accelerations [Hz]: twice that of the motions, and below most of the encoders' quantization noise."""
 DEFINITIONS = {
     "peak": "largest absolute value over the record",
     "rms": "root mean square from the first to the last movement that is commanded along the axis",
@@ -42,7 +40,7 @@ DEFINITIONS = {
 
 @dataclass(frozen=True)
 class CommandPerformance:
-    """Acceleration of a body by axis, (n,) [m/s2], on the controller's clock; what was measured is band-limited."""
+    """Acceleration of a body by axis, (n,) [m/s2], on the controller's clock; measured ones are band-limited."""
 
     time: Floats
     """(n,) [s]"""
@@ -51,27 +49,27 @@ class CommandPerformance:
     encoders: dict[str, Floats]
     bandwidth_hz: float
     lag_s: float
-    """By how much the accelerometer's logger was started earlier than the controller's, found by correlation [s]."""
-    kept: NDArray[np.bool_]
-    """Which instants no gap touches, (n,); at the others nothing counts."""
+    """Start of the controller's logger less that of the accelerometer's, by correlation [s]."""
+    valid: NDArray[np.bool_]
+    """Instants that no gap touches, (n,); others are in no number."""
     group: str = ""
     """The group of the accelerometer."""
     first: float = 0.0
     """Its first instant on its own clock [s]."""
     encoder_noise: dict[str, float] = field(default_factory=dict)
-    """What the steps of the encoders alone make of an acceleration of a joint, by joint [rad/s2, m/s2]."""
+    """Standard deviation of a joint's acceleration by the encoder's quantization alone, by joint [rad/s2, m/s2]."""
 
     @property
     def left_out_s(self) -> float:
-        """How much gaps touch [s]."""
-        return float(np.mean(~self.kept) * (self.time[-1] - self.time[0]))
+        """Duration of what gaps touch [s]."""
+        return float(np.mean(~self.valid) * (self.time[-1] - self.time[0]))
 
     def reached(self) -> list["ReachedValue"]:
-        """How well the command was reached, by axis and by what shows it."""
+        """How well the command was reached, by axis and by source."""
         rate = (len(self.time) - 1) / float(self.time[-1] - self.time[0])
         shown = {"encoders": self.encoders, "accelerometer": self.accelerometer}
         return [
-            ReachedValue.of(axis, by, self.target[axis], values[axis], rate, self.kept)
+            ReachedValue.of(axis, by, self.target[axis], values[axis], rate, self.valid)
             for axis in self.target
             for by, values in shown.items()
             if axis in values
@@ -80,7 +78,7 @@ class CommandPerformance:
 
 @dataclass(frozen=True)
 class ReachedValue:
-    """One axis of what was commanded beside what one source shows, in m/s2."""
+    """Commanded acceleration of one axis and the same by one source [m/s2]."""
 
     axis: str
     by: str
@@ -89,36 +87,36 @@ class ReachedValue:
     """Largest absolute value."""
     peak: float
     target_rms: float
-    """Over the span in which the command of any size moves this axis; zero where it never does."""
+    """Over the span in which this axis is commanded to move; zero where it never is."""
     error_rms: float
-    """Of what is shown less the target, over the same span."""
+    """Of the source less the target, over the same span."""
     delay_s: float | None
-    """By which what is shown follows the target, by correlation. None for the accelerometer, whose clock is set by it,
-    and where nothing is commanded."""
+    """By which the source follows the target, by correlation. None for the accelerometer, whose clock is set by that
+    correlation, and where nothing is commanded."""
 
     @classmethod
     def of(
-        cls, axis: str, by: str, target: Floats, shown: Floats, rate_hz: float, kept: NDArray[np.bool_]
+        cls, axis: str, by: str, target: Floats, shown: Floats, rate_hz: float, valid: NDArray[np.bool_]
     ) -> "ReachedValue":
-        """Compare two signals (n,) of one clock where they are ``kept``; where nothing is commanded, over all of it."""
-        moved, even = bool(np.ptp(target) > 0.0), longest_segment(kept)
+        """Compare signals (n,) [m/s2] of one clock at ``valid`` samples (n,) [-]; without a command, over all."""
+        moved, even = bool(np.ptp(target) > 0.0), longest_segment(valid)
         span = np.zeros(len(target), dtype=bool)
         span[moving_interval(target, rate_hz) if moved else slice(None)] = True
-        span &= kept
+        span &= valid
         error = shown[span] - target[span]
         timed = by == "encoders" and bool(np.ptp(target[even]) > 0.0)
         return cls(
             axis,
             by,
-            float(np.abs(target[kept]).max()),
-            float(np.abs(shown[kept]).max()),
+            float(np.abs(target[valid]).max()),
+            float(np.abs(shown[valid]).max()),
             float(np.sqrt(np.mean(target[span] ** 2))),
             float(np.sqrt(np.mean(error**2))),
             correlation_lag(shown[even], target[even], rate_hz) if timed else None,
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """As it is printed."""
+        """As a JSON document."""
         return {
             "axis": self.axis,
             "by": self.by,
@@ -131,38 +129,40 @@ class ReachedValue:
 
 
 def command_performance(aligned: "AlignedRun", bandwidth_hz: float = BANDWIDTH_HZ) -> CommandPerformance:
-    """Target, accelerometer and encoders of a run on one clock. Raises AnalysisError if the rig lacks one of them.
+    """Target, accelerometer and encoders of a run on one clock; what gaps of that clock touch is masked.
 
-    What gaps of that clock touch does not count.
+    Raises AnalysisError if the rig lacks one of the three, or encoders and target are on two loggers.
     """
     run = aligned.run
     columns = _columns(run, Target)
-    wanted = {column.component: run.values(column) for column in columns}
+    commanded = {column.component: run.values(column) for column in columns}
     time, rate = run.instants(columns[0]), run.rate(columns[0])
     name, sensor = _moving_accelerometer(run)
     sensor_columns, band = list(sensor.columns(name)), Band(0.0, bandwidth_hz)
-    felt = {c.component: (band.filtered(*run.signal(c)), run.instants(c)) for c in sensor_columns}
+    measured = {c.component: (band.filtered(*run.signal(c)), run.instants(c)) for c in sensor_columns}
     encoders = _columns(run, Encoder)
     if run.group_of(columns[0]) != aligned.reference:
-        raise AnalysisError(f"{run.name}: encoders and target are on two loggers, whose clocks are not in line")
-    target, kept = dict(wanted), np.ones(len(time), dtype=bool)
+        raise AnalysisError(
+            f"{run.name}: encoders and target are on two loggers, whose clocks are not aligned: record both on one"
+        )
+    target, valid = dict(commanded), np.ones(len(time), dtype=bool)
     if gaps := aligned.gaps():
         even = grid_of(time, f"{run.name}: target", bridged=True)
         target = {axis: np.interp(even.time, time, values) for axis, values in target.items()}
-        time, kept = even.time, gaps.sound(even, reach_of(bandwidth_hz))
-        if not kept.any():
-            raise AnalysisError(f"{run.name}: {'; '.join(gaps.described)}: nothing is left")
-    late = _lag(target, felt, rate, kept)
+        time, valid = even.time, gaps.valid_samples(even, gap_reach(bandwidth_hz))
+        if not valid.any():
+            raise AnalysisError(f"{run.name}: {'; '.join(gaps.descriptions)}: no valid sample remains")
+    lag_s = _lag(target, measured, rate, valid)
     grid, moved = encoder_acceleration(aligned, sensor, bandwidth_hz)
     gain = noise_gain(bandwidth_hz, (len(grid) - 1) / float(grid[-1] - grid[0]))
     return CommandPerformance(
         time,
         target,
-        {axis: np.interp(time - time[0] + late, t - t[0], values) for axis, (values, t) in felt.items()},
+        {axis: np.interp(time - time[0] + lag_s, t - t[0], values) for axis, (values, t) in measured.items()},
         {axis: np.interp(time, grid, moved[:, "xyz".index(axis)]) for axis in target},
         bandwidth_hz,
-        late,
-        kept,
+        lag_s,
+        valid,
         run.group_of(sensor_columns[0]),
         float(run.instants(sensor_columns[0])[0]),
         {c.component: c.resolution / np.sqrt(12.0) * gain for c in encoders},
@@ -170,9 +170,9 @@ def command_performance(aligned: "AlignedRun", bandwidth_hz: float = BANDWIDTH_H
 
 
 def encoder_acceleration(run: "AlignedRun", sensor: Accelerometer, bandwidth_hz: float) -> tuple[Floats, Floats]:
-    """Instants (n,) [s], and the acceleration of the point where ``sensor`` sits, body axes, (n, 3) [m/s2].
+    """Instants (n,) [s], and the acceleration of the point where ``sensor`` is mounted, body axes, (n, 3) [m/s2].
 
-    By the encoders, differentiated below ``bandwidth_hz``, and by the loops of the mechanism; in gaps no measurement.
+    From the encoders, differentiated below ``bandwidth_hz``, through the loops of the mechanism; not valid in gaps.
     """
     trajectory = run.trajectory(bandwidth_hz)
     still, point = np.zeros((run.grid.count, 6)), np.array(sensor.position)
@@ -195,25 +195,27 @@ def _moving_accelerometer(run: "SIRun") -> tuple[str, Accelerometer]:
 
 
 def _lag(
-    wanted: dict[str, Floats], felt: dict[str, tuple[Floats, Floats]], rate_hz: float, kept: NDArray[np.bool_]
+    commanded: dict[str, Floats], measured: dict[str, tuple[Floats, Floats]], rate_hz: float, valid: NDArray[np.bool_]
 ) -> float:
     """Lag of the accelerometer's record behind the target's, along the axis that moves most [s]."""
-    shared = [axis for axis in wanted if axis in felt]
+    shared = [axis for axis in commanded if axis in measured]
     if not shared:
         raise AnalysisError("target and accelerometer share no axis")
-    axis = max(shared, key=lambda a: float(np.ptp(wanted[a])))
-    values, time = felt[axis]
+    axis = max(shared, key=lambda a: float(np.ptp(commanded[a])))
+    values, time = measured[axis]
     regular = np.arange(0.0, float(time[-1] - time[0]), 1.0 / rate_hz)
-    late = correlation_lag(np.interp(regular, time - time[0], values), wanted[axis] * kept, rate_hz)
-    return late if kept.all() else _nearest(late, time - time[0], values, wanted[axis], rate_hz, kept)
+    lag_s = correlation_lag(np.interp(regular, time - time[0], values), commanded[axis] * valid, rate_hz)
+    return lag_s if valid.all() else _refined_lag(lag_s, time - time[0], values, commanded[axis], rate_hz, valid)
 
 
-def _nearest(late: float, time: Floats, felt: Floats, wanted: Floats, rate_hz: float, kept: NDArray[np.bool_]) -> float:
-    """The lag within NEAR_S of one at which what was felt differs least from the target where it is known [s].
+def _refined_lag(
+    lag_s: float, time: Floats, measured: Floats, commanded: Floats, rate_hz: float, valid: NDArray[np.bool_]
+) -> float:
+    """The lag within NEAR_S of a first one at which the readings differ least from the target outside gaps [s].
 
-    A correlation with a gap in it favours what lies beside the gap.
+    A correlation over a gap is biased by it.
     """
-    shifts = late + np.arange(-NEAR_S, NEAR_S, 0.1 / rate_hz)
-    own = np.flatnonzero(kept) / rate_hz
-    left = [float(np.sum((np.interp(own + shift, time, felt) - wanted[kept]) ** 2)) for shift in shifts]
-    return float(shifts[int(np.argmin(left))])
+    shifts = lag_s + np.arange(-NEAR_S, NEAR_S, 0.1 / rate_hz)
+    own = np.flatnonzero(valid) / rate_hz
+    residuals = [float(np.sum((np.interp(own + shift, time, measured) - commanded[valid]) ** 2)) for shift in shifts]
+    return float(shifts[int(np.argmin(residuals))])

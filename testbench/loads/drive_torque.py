@@ -1,4 +1,7 @@
-"""Torques of the drives against the model of the mechanism with its payload and counter-masses, on the same motion."""
+"""Measured torques of the drives against the model of the mechanism as mounted, on the same motion.
+
+The model's torque follows by inverse dynamics from the encoders' trajectory; both pass the same low-pass.
+"""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -9,7 +12,7 @@ from balance.arrays import Floats
 from balance.dynamics.inverse_dynamics import simulate
 
 from ..errors import AnalysisError
-from ..kinematics.gaps import longest_segment, reach_of
+from ..kinematics.gaps import gap_reach, longest_segment
 from ..kinematics.smoothing_and_derivatives import low_pass
 from ..rig.sensors import Torque
 from ..signal.filters import correlation_lag
@@ -19,14 +22,14 @@ if TYPE_CHECKING:
     from ..runs.aligned_run import AlignedRun
 
 BANDWIDTH_HZ = 80.0
-"""Of both [Hz]: twice what the moves need, and little of the encoders' steps."""
+"""Bandwidth of both [Hz]: twice that of the motions, and below most of the encoders' quantization noise."""
 
 
 @dataclass(frozen=True)
 class DriveTorque:
-    """One drive: what its sensor and what the model says, in the same band [N m, or N of a joint that slides].
+    """Measured and modelled torque of one drive in the same band [N m, or N of a joint that slides].
 
-    What gaps touch is left out.
+    Samples near gaps are not in it.
     """
 
     joint: str
@@ -47,12 +50,12 @@ class DriveTorque:
 
     @property
     def scale(self) -> float:
-        """How many times the model the measured torque is: least squares, both less their means."""
+        """Measured torque as a multiple of the model's: least squares, both less their means."""
         model, measured = self._moving(self.model), self._moving(self.measured)
         return float(model @ measured / (model @ model))
 
     def as_dict(self) -> dict[str, Any]:
-        """As it is printed."""
+        """As a JSON document."""
         return {
             "joint": self.joint,
             "sensor": self.sensor,
@@ -71,7 +74,7 @@ class DriveTorque:
 
     @property
     def _even(self) -> slice:
-        """The longest stretch without a gap."""
+        """The longest segment without a gap."""
         close = np.diff(self.time) < 1.5 / self.rate_hz
         found = longest_segment(close)
         return slice(found.start, found.stop + 1)
@@ -93,7 +96,7 @@ DEFINITIONS = {
 """What each number of a drive is."""
 
 
-def against_model(aligned: "AlignedRun", bandwidth_hz: float = BANDWIDTH_HZ) -> list[DriveTorque]:
+def drive_torques(aligned: "AlignedRun", bandwidth_hz: float = BANDWIDTH_HZ) -> list[DriveTorque]:
     """Each drive of a run against the model as mounted.
 
     Raises AnalysisError where the rig has no torque, it is on another clock than the encoders, or gaps leave nothing.
@@ -101,31 +104,29 @@ def against_model(aligned: "AlignedRun", bandwidth_hz: float = BANDWIDTH_HZ) -> 
     run = aligned.run
     columns = run.rig.columns_of(Torque)
     if not columns:
-        raise AnalysisError(f"{run.name}: its rig has no sensor of kind torque")
-    model, path = aligned.mechanism, aligned.trajectory(bandwidth_hz)
-    grid, gaps, reach = aligned.grid, aligned.gaps(), reach_of(bandwidth_hz)
-    kept = gaps.sound(grid, reach)
-    if not kept.any():
-        raise AnalysisError(f"{run.name}: {'; '.join(gaps.texts(reach))}: nothing is left")
+        raise AnalysisError(f"{run.name}: its rig has no sensor of kind torque: describe one to compare the drives")
+    grid, gaps, reach = aligned.grid, aligned.gaps(), gap_reach(bandwidth_hz)
+    valid = gaps.valid_samples(grid, reach)
+    if not valid.any():
+        raise AnalysisError(f"{run.name}: {'; '.join(gaps.texts(reach))}: no valid sample remains")
 
     def smooth(values: Floats) -> Floats:
-        return gaps.apart(lambda part: low_pass(part, bandwidth_hz, grid.rate), values, grid, reach)[kept]
+        return gaps.by_segment(lambda part: low_pass(part, bandwidth_hz, grid.rate), values, grid, reach)[valid]
 
-    response = simulate(model, path)
-    expected = response.torque
+    response = simulate(aligned.mechanism, aligned.trajectory(bandwidth_hz))
     return [
         DriveTorque(
             column.component,
             column.sensor,
-            grid.time[kept],
+            grid.time[valid],
             smooth(np.interp(grid.time, *_recorded(aligned, column))),
-            smooth(expected[column.component]),
+            smooth(response.torque[column.component]),
             grid.rate,
             bandwidth_hz,
             "N" if column.component in response.sliding else "Nm",
         )
         for column in columns
-        if column.component in expected
+        if column.component in response.torque
     ]
 
 

@@ -1,7 +1,8 @@
-"""Shaking forces and moments of a run on the grid of its encoders, the base's motion taken out where it is known.
+"""Shaking forces and moments of a run on the grid of its encoders, the base's motion taken out where it is measured.
 
-P F + m P a = P W pi, with F the measured loads, a the accelerations of the base, P what does not see how the base turns
-(see ``base_motion``). Without accelerometers the base is taken for still.
+P F + m P a = P W pi, with F the measured loads, a the readings of the base's accelerometers, W the regressor of the
+shaking wrench, and P the projection behind which the base's motion does not appear (``kinematics.base_motion``).
+Without accelerometers the base is taken to be at rest.
 """
 
 from collections.abc import Sequence
@@ -18,53 +19,53 @@ from .shaking_wrench import COMPONENTS, MeasuredWrench
 
 @dataclass(frozen=True)
 class MeasuredLoads:
-    """What force sensors measured, less what the base's motion explains."""
+    """Readings of the force sensors with the base's motion taken out."""
 
     names: tuple[str, ...]
     """Components: Fx ... Mz."""
     forces: Floats
     """As measured, (n, k) [N, N m]."""
     groups: frozenset[str]
-    """Of the channels that count."""
+    """Groups of the channels that are used."""
     inertial: Floats | None = None
-    """Mass times the readings of the base's accelerometers, (n, channels) [N]; None: the base is taken for still."""
+    """Mass times the readings of the base's accelerometers, (n, channels) [N]; None: the base is at rest."""
     projection: Floats | None = None
-    """P, (n, k, k)."""
+    """Columns of P for the forces, (n, k, k)."""
     base_projection: Floats | None = None
-    """The same for what the accelerometers read, (n, k, channels)."""
+    """Columns of P for the accelerometers, (n, k, channels)."""
 
     @property
     def values(self) -> Floats:
-        """(n, k) [N, N m]"""
+        """P F + m P a, (n, k) [N, N m]."""
         found = self.projected(self.forces)
         return found if self.inertial is None else found + self.base_projected(self.inertial)
 
     def projected(self, rows: Floats) -> Floats:
-        """P @ rows (n, k) or (n, k, p)."""
+        """P @ rows, (n, k) or (n, k, p) [N, N m, or per parameter]."""
         if self.projection is None:
             return rows
         return np.asarray(np.einsum("nij,nj...->ni...", self.projection, rows))
 
     def base_projected(self, readings: Floats) -> Floats:
-        """What readings (n, channels) of the base's accelerometers, times mass, add, (n, k)."""
+        """P @ readings (n, channels) of the base's accelerometers times mass [N], (n, k) [N, N m]."""
         if self.base_projection is None:
             return np.zeros_like(self.forces)
         return np.asarray(np.einsum("nij,nj->ni", self.base_projection, readings))
 
-    def seen(self, wrench: Floats) -> Floats:
-        """What these loads see of a regressor of the shaking wrench (n, 6, p), (n, k, p)."""
+    def projected_regressor(self, wrench: Floats) -> Floats:
+        """Rows of these loads in P W of a regressor W (n, 6, p) [N, N m per parameter], (n, k, p)."""
         return self.projected(wrench[:, [COMPONENTS.index(name) for name in self.names]])
 
 
 def measured_loads(run: AlignedRun, wrench: MeasuredWrench, names: Sequence[str], bandwidth_hz: float) -> MeasuredLoads:
-    """Components of a wrench on the run's grid; positions smoothed below ``bandwidth_hz`` tell what the base does.
+    """Components of a wrench on the run's grid; P from positions smoothed below ``bandwidth_hz``.
 
     Raises AnalysisError where clocks cannot be aligned.
     """
     base = run.base
     groups = frozenset({wrench.group} | ({base.group} if base else set()))
-    seen = np.column_stack([v for name in names if (v := wrench.values[name]) is not None])
-    forces = run.on_grid(wrench.group, wrench.time, seen)
+    measured = np.column_stack([v for name in names if (v := wrench.values[name]) is not None])
+    forces = run.on_grid(wrench.group, wrench.time, measured)
     if base is None:
         return MeasuredLoads(tuple(names), forces, groups)
     axes = [COMPONENTS.index(name) for name in names]

@@ -1,9 +1,8 @@
 """Shaking force and moment at a point, from the force sensors that the mechanism stands on.
 
-F = sum F_i, M = sum M_i + (p_i - P) x F_i over all supports. A component is given where every term of it is measured,
-or the rig says that a support does not carry it; otherwise it is None, with the reason. A channel that shows one value
-all the time measures nothing. Where a sensor is at the end of its range, what rests on it is no number. Nothing is
-guessed.
+F = sum F_i, M = sum M_i + (p_i - P) x F_i over all supports. A component is determined where each of its terms is
+measured, or the rig states that a support does not carry it; otherwise it is None, with the reason. A channel that
+shows one value all the time measures nothing. Where a sensor is at the limit of its range, what depends on it is NaN.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,14 +10,14 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from balance.arrays import Floats
-from balance.dynamics.moving_base import skew
 
 from ..errors import AnalysisError
+from ..kinematics.gaps import true_segments
 from ..kinematics.motion_onset import moving_interval
 from ..recording import Finding
+from ..rig.support_loads import wrench_transport
 from ..runs.si_run import SIRun
 
 if TYPE_CHECKING:
@@ -27,15 +26,15 @@ if TYPE_CHECKING:
 
 COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 LEAST_REST_S = 0.02
-"""Of rest before or after the motion, from which a preload is taken [s]."""
+"""Shortest rest before or after the motion from which a preload is determined [s]."""
 
 
 @dataclass(frozen=True)
 class MeasuredWrench:
-    """What the mechanism exerts on the base, base axes, moments about ``point``."""
+    """Force and moment of the mechanism on the base, base axes, moments about ``point``."""
 
     group: str
-    """The group whose clock ``time`` is of."""
+    """The group on whose clock ``time`` is."""
     time: Floats
     """(n,) [s]"""
     rate: float
@@ -47,28 +46,29 @@ class MeasuredWrench:
     reasons: Mapping[str, str]
     """Why a component is None."""
     findings: tuple[Finding, ...]
-    """Sensors at the end of their range, and dead ones."""
+    """Sensors at the limit of their range, and dead ones."""
     tare: str = ""
     """What was taken off as preload and drift."""
     clipped: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
-    """By component, stretches in which a sensor that it rests on was at the end of its range [s]: no numbers there."""
+    """By component, start and end [s] of where a sensor that it depends on was at the limit of its range: NaN there."""
 
     def determined(self, components: Sequence[str]) -> list[str]:
-        """Those of the components that are given."""
+        """Those of the components that are determined."""
         return [c for c in components if self.values[c] is not None]
 
 
 def shaking_wrench(
     run: SIRun, point: tuple[float, float, float] = (0.0, 0.0, 0.0), preload: bool = False
 ) -> MeasuredWrench:
-    """The wrench of a run about a point of the base [m]; ``preload`` keeps what the sensors show at rest.
+    """The wrench of a run about a point of the base frame [m]; with ``preload`` readings at rest are not taken off.
 
     Raises AnalysisError if the rig has no force sensors, or they are on several loggers.
     """
     supports = run.rig.supports
     if not supports:
         raise AnalysisError(
-            f"{run.name}: its rig has no force sensors (kind wrench or force): nothing measures a shaking force"
+            f"{run.name}: its rig has no force sensors, so that no shaking force is measured: "
+            "describe them in the rig (kind wrench or force)"
         )
     columns = {name: list(support.columns(name)) for name, support in supports.items()}
     group = _group(run, [column for some in columns.values() for column in some])
@@ -91,7 +91,11 @@ def shaking_wrench(
         loads, tare = {name: without_preload(values, still) for name, values in loads.items()}, _tare(still, rate)
     loads = {name: np.where(full[name], np.nan, values) for name, values in loads.items()}
     values, reasons = _total(supports, loads, np.array(point), dead)
-    clipped = {n: found for n, v in values.items() if v is not None and (found := _stretches(np.isnan(v), time))}
+    clipped = {
+        name: tuple((float(time[part.start]), float(time[part.stop - 1])) for part in parts)
+        for name, v in values.items()
+        if v is not None and (parts := true_segments(np.isnan(v)))
+    }
     return MeasuredWrench(group, time, rate, point, values, reasons, tuple(findings), tare, clipped)
 
 
@@ -99,7 +103,7 @@ def refuse_saturation(run: SIRun, wrench: MeasuredWrench) -> None:
     """Raise AnalysisError where a force sensor or an accelerometer on the base is at the end of its range."""
     for finding in wrench.findings:
         if finding.code != "constant_channel":
-            raise AnalysisError(f"{finding.message}: a clipped force cannot tell what is missing; use gentler runs")
+            raise AnalysisError(f"{finding.message}: a clipped force determines nothing here; use gentler runs")
     refuse_clipped_base(run)
 
 
@@ -107,13 +111,15 @@ def refuse_clipped_base(run: SIRun) -> None:
     """Raise AnalysisError where an accelerometer on the base is at the end of its range."""
     for column in run.rig.base_columns:
         if column.range is not None and run.holds(column) and (full := run.at_range(column)).any():
-            raise AnalysisError(f"{run.name}: {column.channel}: {int(full.sum())} samples at the end of its range")
+            raise AnalysisError(
+                f"{run.name}: {column.channel}: {int(full.sum())} samples at the end of its range; use gentler runs"
+            )
 
 
 def without_preload(values: Floats, rest: "tuple[slice, slice]") -> Floats:
-    """Values (n, k) less the line through their means at rest before and after: preload, and drift of a piezo sensor.
+    """Values (n, k) [N, N m] less the line through their means at rest before and after the motion.
 
-    Where only one of the two rests is long enough, less its mean.
+    The line is preload, and drift of a piezoelectric sensor. Where only one rest is long enough, less its mean.
     """
     ends = [(0.5 * (part.start + part.stop - 1), values[part].mean(axis=0)) for part in rest if part.stop > part.start]
     if not ends:
@@ -139,12 +145,6 @@ def _tare(rest: "tuple[slice, slice]", rate: float) -> str:
     return "less the median of the record, which holds no rest: preload is a guess, drift is in it"
 
 
-def _stretches(odd: NDArray[np.bool_], time: Floats) -> tuple[tuple[float, float], ...]:
-    """Where something is, from its first to its last sample [s]."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], odd, [False]])))
-    return tuple((float(time[a]), float(time[b - 1])) for a, b in edges.reshape(-1, 2))
-
-
 def _group(run: SIRun, columns: "list[Column]") -> str:
     groups = run.groups_of(columns)
     if len(groups) > 1:
@@ -155,7 +155,7 @@ def _group(run: SIRun, columns: "list[Column]") -> str:
 
 
 def _dead(run: SIRun, support: "Support", columns: "list[Column]", mixed: bool) -> dict[str, str]:
-    """The channel that shows one value only, by each component that rests on it: all of a sensor that is ``mixed``."""
+    """The channel that shows one value only, by each component that depends on it: all of a ``mixed`` sensor."""
     dead = {m: c.channel for m, c in zip(support.measured, columns, strict=True) if run.is_dead(c)}
     return dict.fromkeys(support.measured, next(iter(dead.values()))) if dead and mixed else dead
 
@@ -173,9 +173,9 @@ def _uncrossed(support: "Support", readings: Floats) -> Floats:
 
 
 def _at_rest(values: Floats, rate: float) -> "tuple[slice, slice]":
-    """Samples before the first and after the last movement of the channels that rest on both sides; empty if none do.
+    """Samples before the first and after the last movement of channels that rest at both ends; empty if none does.
 
-    A channel that drifts seems to move all the time: the others say when it rests.
+    A channel that drifts seems to move all the time: the others show when it rests.
     """
     count, least = len(values), int(np.ceil(LEAST_REST_S * rate))
     spans = [s for s in (moving_interval(v, rate) for v in values.T) if s.start >= least and count - s.stop >= least]
@@ -194,8 +194,9 @@ def _total(
     for i, component in enumerate(COMPONENTS):
         total = np.zeros(count)
         for name, support in supports.items():
+            levers = wrench_transport(np.array(support.position) - point)
             for j, other in enumerate(COMPONENTS):
-                lever = _levers(np.array(support.position) - point)[i, j]
+                lever = levers[i, j]
                 if lever == 0.0 or not support.carries(other):
                     continue
                 if other not in support.measured:
@@ -210,8 +211,3 @@ def _total(
                 total = total + lever * loads[name][:, support.measured.index(other)]
         values[component] = None if component in reasons else total
     return values, reasons
-
-
-def _levers(arm: Floats) -> Floats:
-    """The matrix that turns (F, M) at the end of an arm into that at its beginning, (6, 6)."""
-    return np.block([[np.eye(3), np.zeros((3, 3))], [skew(arm), np.eye(3)]])

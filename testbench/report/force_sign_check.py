@@ -20,7 +20,7 @@ from balance.errors import CounterpoiseError
 from ..kinematics.smoothing_and_derivatives import low_pass
 from ..loads.shaking_wrench import COMPONENTS
 from ..recording import Finding
-from ..rig.support_loads import shares
+from ..rig.support_loads import support_wrenches
 from ..runs.aligned_run import AlignedRun, recorded_clocks
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def _channels(run: AlignedRun) -> tuple[list[_Loaded], int | None]:
     wrench = np.hstack([made.force, made.moment])
     kept = run.valid_samples(BANDWIDTH_HZ)
     found: list[_Loaded] = []
-    for name, share in shares(rig.supports).items():
+    for name, share in support_wrenches(rig.supports).items():
         support, columns = rig.supports[name], list(rig.supports[name].columns(name))
         loads = (wrench @ share.T)[:, [COMPONENTS.index(m) for m in support.measured]]
         if support.crosstalk is not None and not run.run.has_matrix(columns[0]):

@@ -14,7 +14,7 @@ from balance.errors import CounterpoiseError
 from .. import figures
 from ..kinematics import motion_recognition
 from ..kinematics.encoder_motion import encoder_gaps, mechanism_of
-from ..kinematics.gaps import reach_of
+from ..kinematics.gaps import gap_reach
 from ..loads import command_tracking
 from ..loads.shaking_wrench import shaking_wrench
 from ..recording import Finding
@@ -136,7 +136,7 @@ def _gaps(run: "SIRun", bandwidth_hz: float) -> list[Part]:
         gaps = encoder_gaps(run)
     except CounterpoiseError:
         return []
-    return [finding.as_dict() for finding in gaps.findings(run.name, reach_of(bandwidth_hz))]
+    return [finding.as_dict() for finding in gaps.findings(run.name, gap_reach(bandwidth_hz))]
 
 
 def _contradicted(run: "SIRun", torque: Part) -> list[Part]:

@@ -229,7 +229,7 @@ def wrench_part(wrench: "MeasuredWrench", band: Band | None) -> Part:
 
 def torque_part(run: "AlignedRun", bandwidth_hz: float) -> Part:
     """Each drive against the model."""
-    drives = drive_torque.against_model(run, bandwidth_hz)
+    drives = drive_torque.drive_torques(run, bandwidth_hz)
     return {"drives": [drive.as_dict() for drive in drives], "definitions": drive_torque.DEFINITIONS}
 
 

@@ -1,12 +1,9 @@
-"""The bench that stands on mounts, and the loggers: what the simulated bench needs and a real one may leave out.
+"""The bench on its mounts and the loggers, as a rig describes them for a simulation; a measured rig may omit them.
 
-The defaults are assumptions, with their reasons, and nothing that the source of the manipulator tests prints. A rig
-that is simulated should state its own.
-
-What a real bench has and an ideal one has not: tables of ``[bench]``, each left out unless the rig states it.
-
-Levels and scatter stand in the rig, as on data sheets. What was drawn from them is written with the truth of a
-simulated campaign and nowhere else.
+The defaults are assumptions, with their reasons, not published values of the manipulator tests: a rig that is simulated
+should state its own. Imperfections of a real bench are tables of ``[bench]``, absent unless the rig states them: levels
+and standard deviations as on data sheets. The values drawn from them are written with the truth of a simulated campaign
+and nowhere else.
 """
 
 import math
@@ -60,7 +57,7 @@ class Roughness(Table):
 
 
 class Mode(Table):
-    """An elastic mode of the frame on top of its motion as a rigid body, excited by what the mechanism exerts on it."""
+    """An elastic mode of the frame on top of its rigid-body motion, excited by the mechanism's wrench."""
 
     frequency: schema.Frequency
     """Natural frequency [Hz]."""
@@ -82,21 +79,19 @@ class SensorErrors(Table):
     sensitivity: Share = 0.0
     """Of the calibration factor of each channel: true, and unknown to the analysis."""
     cross: Share = 0.0
-    """Of what a channel sees of each other channel of its sensor; between unlike units as a share of the ranges."""
+    """Cross-talk from each other channel of its sensor; between different units as a share of the ranges."""
     offset: Share = 0.0
     """Preload or zero offset, as a share of the range."""
     drift_per_minute: float = Field(default=0.0, ge=0.0, allow_inf_nan=False)
     """Of the zero, as a share of the range, from the reset when the loggers start: a charge amplifier's."""
     high_pass: schema.Frequency | None = None
-    """Corner of an AC-coupled sensor, first order [Hz]; None: it sees what stands still."""
+    """Corner of an AC-coupled sensor, first order [Hz]; None: it responds down to zero frequency."""
 
 
 DEFAULT_RATE_HZ = 2000.0
 """Of a logger whose rate the rig does not state [Hz]: ten times the vibration that the motions excite."""
 DEFAULT_START_S = -0.2
 """When a logger is started, from the start of the motion [s]."""
-
-
 BUTTERWORTH_DELAY = 2.0 * (math.cos(math.pi / 8.0) + math.cos(3.0 * math.pi / 8.0))
 """Group delay of a Butterworth filter of fourth order at rest, per period of its corner over 2 pi."""
 
@@ -135,7 +130,7 @@ class Logger(Table):
 
     @property
     def delay(self) -> float:
-        """By which its filter delays what is slow beside the corner [s]: sum of 2 cos over the poles, per 2 pi f."""
+        """Delay of its filter far below the corner [s]: sum of 2 cos over the poles, per 2 pi f."""
         return 0.0 if self.low_pass is None else BUTTERWORTH_DELAY / (2.0 * math.pi * self.low_pass)
 
 

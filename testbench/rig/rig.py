@@ -1,6 +1,7 @@
-"""The names in a mechanism's file, read without the library that models it: bodies, joints and sites.
+"""The rig file: which logger records which channel of which sensor, where the sensor is mounted, in which unit.
 
-The rig file: which logger records which channel of which sensor, where it sits, in which unit it writes.
+The mechanism's file is read only for the names of its bodies, joints and sites, without the library that models it, so
+that a rig with a wrong name is refused at once.
 """
 
 from collections.abc import Iterable, Iterator
@@ -22,14 +23,14 @@ from .bench import Bench, Logger
 from .sensor_channels import Column, LoggedSensor
 
 NONE = "none"
-"""What a rig says that measures no mechanism, such as a force plate alone."""
+"""The mechanism of a rig that has none, such as a force plate alone."""
 _BODIES, _JOINTS = {"body", "link"}, {"joint", "freejoint"}
 _SUFFIXES = (".xml", ".mjcf", ".urdf", ".sdf")
 
 
 @dataclass(frozen=True)
-class Names:
-    """What a mechanism calls its parts."""
+class MechanismNames:
+    """Names of a mechanism's bodies, joints and sites."""
 
     mechanism: str
     bodies: tuple[str, ...] = ()
@@ -37,7 +38,7 @@ class Names:
     sites: tuple[str, ...] = ()
 
     def unknown(self, kind: str, name: str) -> str | None:
-        """What is wrong with a name that the mechanism does not have, with those that it has; None if it has it."""
+        """Why a name is wrong, with those that the mechanism has; None if it has it."""
         known: tuple[str, ...] = getattr(self, {"body": "bodies"}.get(kind, f"{kind}s"))
         if name in known:
             return None
@@ -45,17 +46,17 @@ class Names:
         return f"{self.mechanism} has no {kind} {name!r}: expected {listed}{suggestion(name, known)}"
 
 
-def of_mechanism(name: str, folder: Path | None) -> Names | None:
-    """The names in a shipped mechanism, or in a file beside the rig; None where the rig is for none.
+def mechanism_names(name: str, folder: Path | None) -> MechanismNames | None:
+    """The names in a shipped mechanism, or in a file in the rig's folder; None where the rig is for none.
 
     Raises RigError, listing what is shipped, if there is neither, and for a file that is no XML.
     """
     if name == NONE:
         return None
-    path = _file(name, folder)
+    path = _mechanism_file(name, folder)
     if path is None:
         shipped = datasets.dataset_names("mechanisms", ".xml")
-        place = "" if folder is None else f", and no file of that name lies beside the rig in {folder}"
+        place = "" if folder is None else f", and no file of that name in the rig's folder {folder}"
         raise RigError(
             f"mechanism: no shipped mechanism {name!r}{suggestion(name, shipped)}{place} "
             f"(there are: {', '.join(shipped)}; '{NONE}' for a bench without one)"
@@ -65,30 +66,30 @@ def of_mechanism(name: str, folder: Path | None) -> Names | None:
         root = ElementTree.parse(path).getroot()
     except (ElementTree.ParseError, OSError) as error:
         raise RigError(f"mechanism: {path.name} cannot be read: {error}") from error
-    return _names(name, root)
+    return _names_in(name, root)
 
 
-def _file(name: str, folder: Path | None) -> Path | None:
+def _mechanism_file(name: str, folder: Path | None) -> Path | None:
     shipped = datasets.ROOT / "mechanisms" / f"{name}.xml"
-    beside = [] if folder is None else [folder / name, *(folder / f"{name}{suffix}" for suffix in _SUFFIXES)]
+    own = [] if folder is None else [folder / name, *(folder / f"{name}{suffix}" for suffix in _SUFFIXES)]
     plain = Path(name).name == name and name not in {"", ".", ".."}
-    return next((p for p in [*beside, *([shipped] if plain else [])] if p.is_file()), None)
+    return next((p for p in [*own, *([shipped] if plain else [])] if p.is_file()), None)
 
 
-def _names(mechanism: str, root: ElementTree.Element) -> Names | None:
-    """None for a file whose parts lie in others: their names are not known here."""
+def _names_in(mechanism: str, root: ElementTree.Element) -> MechanismNames | None:
+    """The names in a file; None for one that includes others, whose names are not known here."""
     elements = list(root.iter())
     if any(element.tag in {"include", "attach", "replicate"} for element in elements):
         return None
-    return Names(
+    return MechanismNames(
         mechanism,
-        _of(elements, _BODIES),
-        _of(elements, _JOINTS),
-        _of([e for part in root.iter("worldbody") for e in part.iter()], {"site"}),
+        _names_of_tags(elements, _BODIES),
+        _names_of_tags(elements, _JOINTS),
+        _names_of_tags([e for part in root.iter("worldbody") for e in part.iter()], {"site"}),
     )
 
 
-def _of(elements: Iterable[ElementTree.Element], tags: set[str]) -> tuple[str, ...]:
+def _names_of_tags(elements: Iterable[ElementTree.Element], tags: set[str]) -> tuple[str, ...]:
     found = (element.get("name") for element in elements if element.tag in tags)
     return tuple(dict.fromkeys(name for name in found if name))
 
@@ -102,7 +103,7 @@ class Rig(Table):
     name: str = ""
     """Name of the bench."""
     mechanism: str
-    """A shipped mechanism by name, or a file beside the rig; ``none``: the bench stands without one."""
+    """A shipped mechanism by name, or a file in the rig's folder; ``none``: the bench stands without one."""
     loggers: dict[str, Logger] = Field(min_length=1)
     """Loggers by name."""
     sensors: dict[str, kinds.Sensor] = Field(min_length=1)
@@ -111,7 +112,7 @@ class Rig(Table):
     """The bench on its mounts, for a simulation."""
     text: SkipJsonSchema[str] = Field(default="", exclude=True)
     """The file as written."""
-    names: SkipJsonSchema[Names | None] = Field(default=None, exclude=True)
+    names: SkipJsonSchema[MechanismNames | None] = Field(default=None, exclude=True)
     """Of the mechanism's parts, where its file was looked for."""
 
     @model_validator(mode="after")
@@ -119,7 +120,7 @@ class Rig(Table):
         """Sensors know the delay of their logger's filter."""
         for sensor in self.sensors.values():
             if sensor.logger in self.loggers:
-                sensor.delayed(self.loggers[sensor.logger].delay)
+                sensor.set_delay(self.loggers[sensor.logger].delay)
         return self
 
     def columns(self, logger: str | None = None) -> Iterator[Column]:
@@ -163,11 +164,11 @@ def load_rig(path_or_text: str | Path) -> Rig:
         path = datasets.find_dataset(path_or_text, "rigs", ".toml")
     except DataError as error:
         raise RigError(str(error)) from error
-    return _for_its_mechanism(rig_from_text(read_text(path, RigError), path.name), path)
+    return _with_mechanism_names(rig_from_text(read_text(path, RigError), path.name), path)
 
 
 def rig_from_text(text: str, source: str = "rig") -> Rig:
-    """Read a rig from its text; ``source`` is what messages call it."""
+    """Read a rig from its text; ``source`` names it in messages."""
     table = toml_tables(text, source, RigError)
     if own := {"text", "names"} & table.keys():
         raise RigError(f"{source}: {min(own)}: unknown key")
@@ -176,10 +177,10 @@ def rig_from_text(text: str, source: str = "rig") -> Rig:
     return rig
 
 
-def _for_its_mechanism(rig: Rig, path: Path) -> Rig:
+def _with_mechanism_names(rig: Rig, path: Path) -> Rig:
     """The rig with the names of its mechanism's parts. Raises RigError for a joint or body that it does not have."""
     try:
-        names = of_mechanism(rig.mechanism, path.parent)
+        names = mechanism_names(rig.mechanism, path.parent)
     except RigError as error:
         raise RigError(f"{path.name}: {error}") from error
     if names is None:
@@ -193,7 +194,7 @@ def _for_its_mechanism(rig: Rig, path: Path) -> Rig:
 
 
 def _check_names(source: str, rig: Rig) -> None:
-    """Loggers that exist, channels of one name only, units where there is no usual one, a bench that stands."""
+    """Raise RigError for a logger that does not exist, or a channel of two sensors."""
     seen: dict[str, str] = {}
     for name, sensor in rig.sensors.items():
         if sensor.logger not in rig.loggers:

@@ -1,4 +1,4 @@
-"""Forms of the keys of rigs and plans: quantities in SI, one for each axis, and units in which a log is written."""
+"""Types of the keys of rigs and plans: quantities in SI, one for each axis, and units in which a log is written."""
 
 from typing import Annotated
 

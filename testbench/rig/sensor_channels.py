@@ -1,8 +1,6 @@
-"""One channel of a log as the rig describes it.
+"""What all sensors have in common: their logger, calibration and channels, each with its unit and component.
 
-What all sensors have in common: their logger, their calibration, and how the log's units are told.
-
-How far a sensor's sensitivity matrix may be from one, as the rig states it.
+For a simulated or estimated sensor, the rig also states how far its sensitivity matrix may be from the identity.
 """
 
 from abc import ABC, abstractmethod
@@ -38,9 +36,9 @@ class Column:
     """``x``, ``Fz``, ``Mx``, or the joint."""
     logger: str
     unit: str
-    """As the logger writes it; empty where the rig does not say so."""
+    """Of the log; empty where the rig states none."""
     dimensions: tuple[str, ...]
-    """What it may be the unit of, such as ("angle", "length")."""
+    """Quantities that it may measure, such as ("angle", "length")."""
     range: float | None = None
     """Largest absolute value that the sensor gives [SI]."""
     noise: float = 0.0
@@ -50,13 +48,13 @@ class Column:
     commanded: bool = False
     """Computed by the controller and not measured: flat tops and constant values are no fault of it."""
     stated: bool = True
-    """Whether the rig states the unit, and it is not the usual one of the kind."""
+    """Whether the rig states the unit, rather than the usual one of the kind being taken."""
     calibration: Calibration | None = None
-    """Of the sensor, as the rig has it; a later record of the campaign goes before it."""
+    """Of the sensor by the rig; a later record of the campaign takes precedence."""
     crosstalk: tuple[tuple[float, ...], ...] | None = None
     """Of the sensor: readings = crosstalk @ loads, in SI."""
     delay: float = 0.0
-    """By which its logger's stated filter delays what is slow [s]; zero where the rig states no filter."""
+    """Delay of its logger's filter at low frequencies [s]; zero where the rig states no filter."""
     siblings: "tuple[Column, ...]" = ()
     """All channels of the sensor in the order of the rig, this one among them."""
 
@@ -71,7 +69,7 @@ class Column:
         return [s.channel for s in self.siblings].index(self.channel)
 
     def written(self, values: Floats) -> Floats:
-        """Values (n,) [SI] as the logger writes them. Raises UnitError where the calibration cannot be turned round."""
+        """Values (n,) [SI] in the unit of the log, (n,). Raises UnitError where the calibration cannot be inverted."""
         if self.calibration is None:
             return values / self.factor
         from ..calibration.evaluation import bind_law
@@ -79,12 +77,12 @@ class Column:
         units = [s.unit or self.calibration.unit or "" for s in self.siblings]
         if not all(units):
             raise UnitError(
-                f"sensors.{self.sensor}: no unit in which its logger writes: say sensors.{self.sensor}.unit"
+                f"sensors.{self.sensor}: no unit in which its logger writes: state sensors.{self.sensor}.unit"
             )
         return bind_law(self.calibration, self.siblings, units).written(self.index, values)
 
     def written_range(self) -> float | None:
-        """Largest absolute value in the unit of the log; None where it is not known, or not the same at both ends."""
+        """Range in the unit of the log; None where it is not known, or not symmetric."""
         if self.range is None or not self.unit:
             return None
         try:
@@ -92,11 +90,6 @@ class Column:
         except UnitError:
             return None
         return abs(float(ends[1])) if float(ends[0]) == -float(ends[1]) else None
-
-
-def together(columns: "list[Column]") -> "list[Column]":
-    """The columns of one sensor, each knowing all."""
-    return [replace(column, siblings=tuple(columns)) for column in columns]
 
 
 class LoggedSensor(Table, ABC):
@@ -109,34 +102,29 @@ class LoggedSensor(Table, ABC):
     calibration: Calibration | None = None
     """Where the logger does not write physical units, or writes them with an offset."""
     teds: Teds | None = None
-    """What the sensor says of itself (IEEE 1451.4)."""
+    """Electronic data sheet (IEEE 1451.4)."""
     _delay: float = PrivateAttr(0.0)
-    """Of its logger's filter [s], as the rig says when it is read."""
+    """Of its logger's filter [s], set when the rig is read."""
 
     def columns(self, name: str) -> Iterator[Column]:
-        """The channels of the sensor called ``name``."""
+        """The channels of the sensor called ``name``, each knowing its siblings; commands pass no filter."""
         cross = getattr(self, "crosstalk", None)
-        yield from together(
-            [
-                replace(c, calibration=self.calibration, crosstalk=cross, delay=self._late(c))
-                for c in self._channels(name)
-            ]
+        columns = tuple(
+            replace(c, calibration=self.calibration, crosstalk=cross, delay=0.0 if c.commanded else self._delay)
+            for c in self._channels(name)
         )
+        yield from (replace(column, siblings=columns) for column in columns)
 
-    def delayed(self, delay: float) -> None:
-        """Take in the delay of the logger's filter [s]."""
+    def set_delay(self, delay: float) -> None:
+        """Set the delay of the logger's filter [s]."""
         self._delay = delay
-
-    def _late(self, column: Column) -> float:
-        """What a controller computes passes no filter."""
-        return 0.0 if column.commanded else self._delay
 
     @abstractmethod
     def _channels(self, name: str) -> Iterator[Column]:
-        """The channels as the kind of sensor has them, before calibration, cross-talk and delay."""
+        """The channels of this kind of sensor, before calibration, cross-talk and delay."""
 
-    def _written_in(self, unit: str | None) -> tuple[str, bool]:
-        """The unit of the log and whether the rig states it. The usual one of a kind is not that of raw values."""
+    def _unit_of_log(self, unit: str | None) -> tuple[str, bool]:
+        """The unit of the log and whether the rig states it; raw values are not in the usual unit of a kind."""
         if "unit" in self.model_fields_set:
             return unit or "", bool(unit)
         return ("", False) if self.calibration is not None else (unit or "", False)
@@ -149,7 +137,9 @@ class LoggedSensor(Table, ABC):
         channels = list(self.columns(""))
         given = [c.unit or self.calibration.unit for c in channels]
         if wrong := [c for c in channels if c.unit and self.calibration.unit not in {None, c.unit}]:
-            raise ValueError(f"calibration.unit: {self.calibration.unit!r}, but unit is {wrong[0].unit!r}: say it once")
+            raise ValueError(
+                f"calibration.unit: {self.calibration.unit!r}, but unit is {wrong[0].unit!r}: state it once"
+            )
         if self.calibration.matrix is not None and getattr(self, "crosstalk", None) is not None:
             raise ValueError("crosstalk: the calibration has a matrix: expected one of the two")
         try:
@@ -161,31 +151,27 @@ class LoggedSensor(Table, ABC):
         return self
 
 
-def scatter(name: str, columns: "Sequence[Column]", errors: "SensorErrors") -> Floats:
-    """Standard deviation of the entries of a sensor's sensitivity matrix, in SI, (k, k).
+def sensitivity_scatter(name: str, columns: "Sequence[Column]", errors: "SensorErrors") -> Floats:
+    """Standard deviations of the entries of a sensor's sensitivity matrix, (k, k) [SI].
 
-    Raises RigError where channels of unlike units talk and one has no range.
+    Cross-talk between channels of different units is a share of the ratio of their ranges. Raises RigError where one of
+    them has no range.
     """
     own: Floats = np.diag(np.full(len(columns), errors.sensitivity))
     if not errors.cross:
         return own
-    return own + errors.cross * _between(name, columns) * (1.0 - np.eye(len(columns)))
+    scale = np.ones(own.shape)
+    if not (same := np.array([[a.dimensions == b.dimensions for b in columns] for a in columns])).all():
+        ranges = np.array([stated_range(name, column) for column in columns])
+        scale = np.where(same, 1.0, ranges[:, None] / ranges[None, :])
+    return own + errors.cross * scale * (1.0 - np.eye(len(columns)))
 
 
-def _between(name: str, columns: "Sequence[Column]") -> Floats:
-    """What a cross-talk of one means between channels: one, and between unlike units the ratio of the ranges."""
-    like = np.array([[a.dimensions == b.dimensions for b in columns] for a in columns])
-    if like.all():
-        return np.ones(like.shape)
-    ranges = np.array([range_of(name, column) for column in columns])
-    return np.where(like, 1.0, ranges[:, None] / ranges[None, :])
-
-
-def range_of(name: str, column: "Column") -> float:
-    """Of a channel of a sensor [SI], of which the rig states shares. Raises RigError where it states no range."""
+def stated_range(name: str, column: "Column") -> float:
+    """The range of a sensor's channel [SI], of which its errors are shares. Raises RigError where none is stated."""
     if column.range is None:
         raise RigError(
             f"bench.errors.{name}: channel {column.channel!r} has no range, of which offset, drift and cross-talk "
-            f"between unlike units are shares: state sensors.{name}.range"
+            f"between different units are shares: state sensors.{name}.range"
         )
     return column.range

@@ -40,13 +40,13 @@ class Accelerometer(LoggedSensor):
     attached_to: str = "base"
     """Body that it is mounted on, or ``base``."""
     high_pass: schema.Frequency | None = None
-    """Lower corner of an AC-coupled sensor, first order, as its data sheet has it [Hz]; None: it sees what is slow."""
+    """Lower corner of an AC-coupled sensor, first order, by its data sheet [Hz]; None: it responds down to zero."""
 
     def _channels(self, name: str) -> Iterator[Column]:
         """One channel an axis."""
         for axis, channel in self.channels.items():
             i = AXES.index(axis)
-            unit, stated = self._written_in(self.unit)
+            unit, stated = self._unit_of_log(self.unit)
             yield Column(channel, name, axis, self.logger, unit, ("acceleration",), _at(self.range, i),
                          _at(self.noise, i) or 0.0, _at(self.resolution, i) or 0.0, stated=stated)  # fmt: skip
 
@@ -65,7 +65,7 @@ class _ForceAndMoment(Table):
 
 
 class _Support(LoggedSensor):
-    """A support of the mechanism on the base that measures some of what it carries."""
+    """A support of the mechanism on the base that measures components of the wrench it carries."""
 
     unloaded: tuple[WrenchAxis, ...] | Literal["rest"] = ()
     """Components that the support does not carry; ``rest``: all that it does not measure."""
@@ -143,7 +143,7 @@ class Wrench(_Support):
         """One channel a component."""
         for component, channel in self.channels.items():
             letter, dimension = component[0], "force" if component[0] == "F" else "moment"
-            unit, stated = self._written_in(getattr(self.unit, letter))
+            unit, stated = self._unit_of_log(getattr(self.unit, letter))
             yield Column(channel, name, component, self.logger, unit, (dimension,), self.range.of(component),
                          self.noise.of(component) or 0.0, self.resolution.of(component) or 0.0,
                          stated=stated and letter in self.unit.model_fields_set)  # fmt: skip
@@ -198,7 +198,7 @@ class ForceSensor(_Support):
         """One channel an axis."""
         for axis, channel in self.by_axis.items():
             i = AXES.index(axis)
-            unit, stated = self._written_in(self.unit)
+            unit, stated = self._unit_of_log(self.unit)
             yield Column(channel, name, f"F{axis}", self.logger, unit, ("force",), _at(self.range, i),
                          _at(self.noise, i) or 0.0, _at(self.resolution, i) or 0.0, stated=stated)  # fmt: skip
 
@@ -226,7 +226,7 @@ class Encoder(LoggedSensor):
 
     def _channels(self, name: str) -> Iterator[Column]:
         """Its one channel."""
-        unit, stated = self._written_in(self.unit)
+        unit, stated = self._unit_of_log(self.unit)
         yield Column(self.channel, name, self.joint, self.logger, unit, ("angle", "length"), None,
                      self.noise or 0.0, self.resolution or 0.0, stated=stated)  # fmt: skip
 
@@ -251,7 +251,7 @@ class Torque(LoggedSensor):
 
     def _channels(self, name: str) -> Iterator[Column]:
         """Its one channel."""
-        unit, stated = self._written_in(self.unit)
+        unit, stated = self._unit_of_log(self.unit)
         yield Column(self.channel, name, self.joint, self.logger, unit, ("moment", "force"), self.range,
                      self.noise or 0.0, self.resolution or 0.0, stated=stated)  # fmt: skip
 
@@ -269,7 +269,7 @@ class Target(LoggedSensor):
     def _channels(self, name: str) -> Iterator[Column]:
         """One channel an axis."""
         for axis, channel in self.channels.items():
-            unit, stated = self._written_in(self.unit)
+            unit, stated = self._unit_of_log(self.unit)
             yield Column(channel, name, axis, self.logger, unit, ("acceleration",), commanded=True, stated=stated)
 
 

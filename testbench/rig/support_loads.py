@@ -1,4 +1,4 @@
-"""What carries the loads of a rig: the force sensors that the mechanism stands on, and the mounts under its base.
+"""Supports of a rig: the force sensors that carry the mechanism, and the mounts that carry its base.
 
 Mechanism and base are rigid between the supports, each support is a spring along the axes that its sensor measures and
 free along the others. A relative displacement d then loads support i at p_i with f_i = k_i J_i d, and the wrench on the
@@ -21,35 +21,38 @@ if TYPE_CHECKING:
     from .sensors import Support
 
 
-def transport(point: Floats) -> Floats:
-    """The matrix that turns the wrench (F, M) at ``point`` into that about the origin, (6, 6): M_0 = M + point x F."""
+def wrench_transport(point: Floats) -> Floats:
+    """Matrix from the wrench (F, M) about ``point`` (3,) [m] to that about the origin, (6, 6): M_0 = M + point x F."""
     return np.block([[np.eye(3), np.zeros((3, 3))], [skew(point), np.eye(3)]])
 
 
-def shares(supports: "Mapping[str, Support]") -> dict[str, Floats]:
-    """For each support, the matrix that gives its wrench about its own position from that about the origin, (6, 6).
+def support_wrenches(supports: "Mapping[str, Support]") -> dict[str, Floats]:
+    """For each support, the matrix from the wrench about the origin to its own about its position, (6, 6) [SI].
 
     Raises RigError if the supports cannot carry every wrench.
     """
     if not supports:
         return {}
     stiffness = {name: np.diag(support.axis_stiffness) for name, support in supports.items()}
-    to_origin = {name: transport(np.array(support.position)) for name, support in supports.items()}
+    to_origin = {name: wrench_transport(np.array(support.position)) for name, support in supports.items()}
     total = sum((to_origin[n] @ stiffness[n] @ to_origin[n].T for n in supports), np.zeros((6, 6)))
     scale = np.sqrt(np.diag(total))
     if (scale == 0.0).any() or np.linalg.cond(total / np.outer(scale, scale)) > 1e12:
         raise RigError(
             f"sensors: the supports {', '.join(supports)} cannot carry every force and moment between mechanism and "
-            "base: add the supports that are missing, or leave the force sensors out"
+            "base: add the supports that are missing, or remove the force sensors"
         )
     return {name: stiffness[name] @ to_origin[name].T @ np.linalg.inv(total) for name in supports}
 
 
 def elastic_base(bench: "Bench", carried: Floats | None = None) -> ElasticBase:
-    """The base of a rig, ``carried`` (6, 6) being the inertia of what it carries. Raises RigError if it falls."""
-    centre, weight = np.array(bench.centre), bench.mass
-    own = np.diag(bench.inertia) - weight * skew(centre) @ skew(centre)
-    mass = rigid_body(weight, weight * centre, own)
+    """The base of a rig on its mounts; ``carried`` (6, 6) [kg, kg m, kg m2] is the inertia of what it carries.
+
+    Raises RigError if the mounts do not fix it in all six degrees of freedom.
+    """
+    centre = np.array(bench.centre)
+    inertia = np.diag(bench.inertia) - bench.mass * skew(centre) @ skew(centre)
+    mass = rigid_body(bench.mass, bench.mass * centre, inertia)
     stiffness, damping = np.zeros((2, 6, 6))
     for mount in bench.mounts:
         at = displacement_at(np.array(mount.position))
@@ -57,7 +60,7 @@ def elastic_base(bench: "Bench", carried: Floats | None = None) -> ElasticBase:
         damping += at.T @ np.diag(mount.damping) @ at
     if np.linalg.cond(stiffness) > 1e12:
         raise RigError(
-            f"bench.mounts: {len(bench.mounts)} mounts do not hold the base in all six degrees of freedom: "
+            f"bench.mounts: {len(bench.mounts)} mounts do not fix the base in all six degrees of freedom: "
             "expected at least three that are not in line"
         )
     return ElasticBase(mass if carried is None else mass + carried, damping, stiffness)

@@ -14,8 +14,8 @@ from balance.arrays import Floats
 from balance.mechanism.mechanism import Mechanism
 
 from ..kinematics import base_motion
-from ..kinematics.encoder_motion import encoder_gaps, encoder_trajectory, group_of_encoders, loaded
-from ..kinematics.gaps import Gaps, reach_of
+from ..kinematics.encoder_motion import encoder_gaps, encoder_trajectory, group_of_encoders, loaded_mechanism
+from ..kinematics.gaps import Gaps, gap_reach
 from ..kinematics.motion_onset import moving_interval
 from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF, Grid, grid_of, low_pass
 from ..rig.sensors import Encoder
@@ -66,7 +66,7 @@ class AlignedRun:
     @cached_property
     def mechanism(self) -> Mechanism:
         """As it was mounted in this run. Raises AnalysisError where payload and mechanism do not fit."""
-        return loaded(self.run, self.unloaded)
+        return loaded_mechanism(self.run, self.unloaded)
 
     @cached_property
     def reference(self) -> str:
@@ -99,7 +99,7 @@ class AlignedRun:
     @cached_property
     def base(self) -> base_motion.BaseAcceleration | None:
         """What accelerometers on the base recorded, on their own clock; None where there is none."""
-        return base_motion.recorded(self.run)
+        return base_motion.base_acceleration(self.run)
 
     def clock(self, group: str) -> ClockMap:
         """The map of a group's clock onto the encoders': the one that is known, else found in the records.
@@ -127,7 +127,7 @@ class AlignedRun:
 
     def valid_samples(self, bandwidth_hz: float, groups: Collection[str] = ()) -> Mask:
         """Samples of the grid (n,) that no gap touches, positions smoothed below ``bandwidth_hz``."""
-        return self.gaps(groups).sound(self.grid, reach_of(bandwidth_hz))
+        return self.gaps(groups).valid_samples(self.grid, gap_reach(bandwidth_hz))
 
     def on_grid(self, group: str, time: Floats, values: Floats) -> Floats:
         """Values (m, k) at instants (m,) [s] of a group's clock on the grid, (n, k); smoothed where that is coarser."""

@@ -18,7 +18,7 @@ from balance.units import SI_UNITS, factor_to_si
 
 from .. import units
 from ..calibration.definition import is_electrical
-from ..calibration.evaluation import Law, bind_sensor
+from ..calibration.evaluation import CalibrationLaw, bind_sensor
 from ..errors import AnalysisError
 from ..quality.clipping import flat_tops, is_dead
 from ..recording import Finding, Severity
@@ -53,7 +53,7 @@ class SIRun:
     rig: Rig
     _preloaded: "Mapping[tuple[str, int], Samples]" = field(default_factory=dict, repr=False)
     """Recorded values that are in memory, by group and index."""
-    _laws: dict[str, Law | None] = field(default_factory=dict, init=False, repr=False)
+    _laws: dict[str, CalibrationLaw | None] = field(default_factory=dict, init=False, repr=False)
     _values: dict[str, Floats] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
@@ -292,7 +292,7 @@ class SIRun:
         found = self._preloaded.get((group.name, index))
         return self.recorded.channel_at(group.name, index) if found is None else found
 
-    def _law(self, column: Column) -> Law | None:
+    def _law(self, column: Column) -> CalibrationLaw | None:
         """From the channels of a sensor to SI; None where no calibration is in force."""
         found = self.calibration(column)
         if found is None:
@@ -310,7 +310,7 @@ class SIRun:
         unit = written or column.unit
         if not unit:
             raise AnalysisError(
-                f"{where} has no unit, neither in its log nor in the rig: say sensors.{column.sensor}.unit"
+                f"{where} has no unit, neither in its log nor in the rig: state sensors.{column.sensor}.unit"
             )
         try:
             return factor_to_si(unit, *column.dimensions)

@@ -20,9 +20,9 @@ from ..errors import RigError
 from ..rig import Rig
 from ..rig import sensors as kinds
 from ..rig.bench import SensorErrors
-from ..rig.sensor_channels import range_of, scatter
+from ..rig.sensor_channels import sensitivity_scatter, stated_range
 from ..rig.sensors import Accelerometer
-from ..rig.support_loads import shares
+from ..rig.support_loads import support_wrenches
 from .disturbances import random_stream
 from .loggers import high_pass
 from .run import BenchRun
@@ -101,10 +101,12 @@ def sensor_reading(
 def _drawn(name: str, columns: "Sequence[Column]", errors: "SensorErrors", rng: np.random.Generator) -> Transducer:
     count = len(columns)
     gain, cross, zero, drift = rng.normal(size=count), rng.normal(size=(count, count)), *rng.normal(size=(2, count))
-    sensitivity = np.eye(count) + scatter(name, columns, errors) * np.where(np.eye(count), np.diag(gain), cross)
+    sensitivity = np.eye(count) + sensitivity_scatter(name, columns, errors) * np.where(
+        np.eye(count), np.diag(gain), cross
+    )
     ranges = np.zeros(count)
     if errors.offset or errors.drift_per_minute:
-        ranges = np.array([range_of(name, column) for column in columns])
+        ranges = np.array([stated_range(name, column) for column in columns])
     return Transducer(
         tuple(column.channel for column in columns),
         sensitivity,
@@ -140,7 +142,7 @@ def base_acceleration(sensor: kinds.Accelerometer, run: BenchRun) -> dict[str, F
 def support_signals(rig: Rig, run: BenchRun) -> dict[str, Floats]:
     """Forces [N] and moments [N m] of all supports' channels, tared at rest, with the cross-talk of the rig."""
     found: dict[str, Floats] = {}
-    for name, share in shares(rig.supports).items():
+    for name, share in support_wrenches(rig.supports).items():
         load = dict(zip(_WRENCH, times(share, run.transmitted).T, strict=True))
         support = rig.supports[name]
         carried = [load[component] for component in support.measured]

@@ -61,7 +61,7 @@ class Base:
 
 def recorded(run: "SIRun", group: str | None = None) -> Base | None:
     """The accelerometers on the base that a group holds; of any group, the one with most channels. None: no such."""
-    found = base_motion.recorded(run, group)
+    found = base_motion.base_acceleration(run, group)
     if found is None:
         return None
     rate = (len(found.time) - 1) / float(found.time[-1] - found.time[0])

@@ -129,7 +129,7 @@ def _reference(run: SIRun) -> str:
 
 def _base_first(run: SIRun, reference: str, among: Collection[str] | None) -> list[str]:
     """The other groups, that of the base's accelerometers first: the forces are aligned with their help."""
-    base = base_motion.recorded(run)
+    base = base_motion.base_acceleration(run)
     first = base.group if base is not None else None
     others = [group.name for group in run.groups if group.name != reference]
     kept = [name for name in others if among is None or name in among or name == first]

@@ -12,7 +12,7 @@ from balance.estimation.identifiability import NotIdentifiable
 from balance.estimation.regression import RegressionRecord
 
 from ..errors import AnalysisError
-from ..kinematics.gaps import CODE as GAP
+from ..kinematics.gaps import GAP_FINDING
 from ..recording import Finding
 from ..rig.sensors import Torque
 from ..runs.aligned_run import AlignedRun
@@ -104,7 +104,7 @@ def by_wrench(problem: TrimProblem) -> SourceEstimate:
     every, problem, findings = _each(
         problem, AnalysisError, lambda run: force_regression(run, problem.conditions, cutoff)
     )
-    findings += [f for one in every for f in one.findings if f.code == GAP]
+    findings += [f for one in every for f in one.findings if f.code == GAP_FINDING]
     equations = _Equations.of(problem, [one.record for one in every], [one.effects for one in every], every[0].period)
     measured, within = equations.widened(equations.fit(problem))
     base = "the base's motion taken out." if every[0].base_known else "the base taken for still."
@@ -207,7 +207,7 @@ def _each(
         except left_out_by as error:
             if len(problem.runs) == 1:
                 raise
-            code = GAP if isinstance(error, NoValidMotion) else "not_aligned"
+            code = GAP_FINDING if isinstance(error, NoValidMotion) else "not_aligned"
             findings.append(Finding(code, None, run.name, f"left out: {error}"))
     if not every:
         raise AnalysisError("no run can tell:\n" + "\n".join(f"  {f.message}" for f in findings))

@@ -18,7 +18,7 @@ from balance.estimation.identifiability import NotIdentifiable
 from balance.mechanism.mechanism import Mechanism
 
 from ..errors import AnalysisError
-from ..kinematics.gaps import CODE as GAP
+from ..kinematics.gaps import GAP_FINDING
 from ..recording import Finding, Origin
 from .problem import Source
 
@@ -212,12 +212,12 @@ class Trim:
                     f"{share.unexplained:.0%} of the measured {_MEASURED[share.source]} stays unexplained: more than "
                     "noise leaves; what is systematic (sensors, levers, the model) may exceed the intervals"
                 )
-        return found + [finding.message for finding in self.findings if finding.code != GAP]
+        return found + [finding.message for finding in self.findings if finding.code != GAP_FINDING]
 
     @property
     def gaps(self) -> tuple[str, ...]:
         """What was left out for gaps in records: said, and no doubt by itself."""
-        return tuple(dict.fromkeys(finding.message for finding in self.findings if finding.code == GAP))
+        return tuple(dict.fromkeys(finding.message for finding in self.findings if finding.code == GAP_FINDING))
 
     @property
     def verdict(self) -> str:

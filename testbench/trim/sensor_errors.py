@@ -16,7 +16,7 @@ from balance.arrays import Floats
 from balance.estimation.first_moment_imbalance import ImbalanceFit
 from balance.estimation.regression import RegressionRecord
 
-from ..rig.sensor_channels import scatter
+from ..rig.sensor_channels import sensitivity_scatter
 from ..runs.aligned_run import AlignedRun
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def stated_deviations(rigs: "Iterable[Rig]") -> dict[Entry, float]:
     for rig in rigs:
         for name, errors in rig.bench.errors.items():
             if name in rig.sensors:
-                sizes = scatter(name, list(rig.sensors[name].columns(name)), errors)
+                sizes = sensitivity_scatter(name, list(rig.sensors[name].columns(name)), errors)
                 found |= {(name, int(j), int(k)): float(sizes[j, k]) for j, k in np.argwhere(sizes > 0.0)}
     return found
 

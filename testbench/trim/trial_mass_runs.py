@@ -23,7 +23,7 @@ from balance.estimation.first_moment_imbalance import Imbalance, Subspace
 from balance.mechanism.mechanism import Mechanism
 
 from ..errors import AnalysisError
-from ..kinematics.gaps import CODE, Gaps
+from ..kinematics.gaps import GAP_FINDING, Gaps
 from ..loads.shaking_wrench import refuse_clipped_base
 from ..recording import Finding
 from ..runs.aligned_run import AlignedRun
@@ -68,10 +68,10 @@ def without_gaps(problem: TrimProblem) -> tuple[TrimProblem, tuple[Finding, ...]
 
     Raises AnalysisError if no run is whole.
     """
-    texts = [_own_gaps(run).described for run in problem.runs]
+    texts = [_own_gaps(run).descriptions for run in problem.runs]
     reason = "the run is left out, for the base rings on through a gap"
     findings = tuple(
-        Finding(CODE, None, run.name, f"{run.name}: {text}: {reason}")
+        Finding(GAP_FINDING, None, run.name, f"{run.name}: {text}: {reason}")
         for run, some in zip(problem.runs, texts, strict=True)
         for text in some
     )

@@ -10,7 +10,7 @@ import numpy as np
 from balance.arrays import Floats
 
 from ..errors import AnalysisError
-from ..kinematics.gaps import Gaps, reach_of, true_segments
+from ..kinematics.gaps import Gaps, gap_reach, true_segments
 from ..kinematics.smoothing_and_derivatives import Grid, low_pass
 from ..recording import Finding
 from ..runs.aligned_run import AlignedRun
@@ -41,7 +41,7 @@ class ValidSamples:
     @classmethod
     def of(cls, run: AlignedRun, groups: Collection[str], bandwidth_hz: float) -> "ValidSamples":
         """Of the encoders, positions smoothed below ``bandwidth_hz``, and of other ``groups`` by their clocks."""
-        return cls(run.name, run.grid, run.gaps(groups), reach_of(bandwidth_hz))
+        return cls(run.name, run.grid, run.gaps(groups), gap_reach(bandwidth_hz))
 
     @property
     def left_out(self) -> list[slice]:
@@ -51,17 +51,19 @@ class ValidSamples:
     @cached_property
     def kept(self) -> Floats:
         """One where nothing is left out, else zero, (n,)."""
-        return self.gaps.sound(self.grid, self.reach).astype(float)
+        return self.gaps.valid_samples(self.grid, self.reach).astype(float)
 
     def low_pass(self, values: Floats, cutoff: float) -> Floats:
         """Values (n, ...) smoothed below a cut-off [Hz]; zero where they are left out."""
         flat = values.reshape(len(values), -1)
-        smooth = self.gaps.apart(lambda part: low_pass(part, cutoff, self.grid.rate), flat, self.grid, self.reach)
+        smooth = self.gaps.by_segment(lambda part: low_pass(part, cutoff, self.grid.rate), flat, self.grid, self.reach)
         return (smooth * self.kept[:, None]).reshape(values.shape)
 
     def rates(self, values: Floats) -> Floats:
         """Rates (n, k) [1/s] by central differences; smoothed later with everything else."""
-        return self.gaps.apart(lambda part: np.gradient(part, self.grid.step, axis=0), values, self.grid, self.reach)
+        return self.gaps.by_segment(
+            lambda part: np.gradient(part, self.grid.step, axis=0), values, self.grid, self.reach
+        )
 
     def refuse_no_motion(self, path: "Trajectory") -> None:
         """Raise AnalysisError where the gaps leave no motion."""

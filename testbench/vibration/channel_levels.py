@@ -11,9 +11,8 @@ import numpy as np
 from balance.arrays import Floats
 
 from ..runs.si_run import SIRun
-from ..signal.welch import Spectra, welch
 from ..signal.filters import LANES
-from ..signal.welch import SEGMENT
+from ..signal.welch import SEGMENT, Spectra, welch
 from .metrics import DEFAULT_BAND, METRICS
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from balance import datasets
 from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
 from testbench import rig as rigs
-from testbench.kinematics.motion_recognition import Leg, legs_of_acceleration, motion_name, recognized_motions
+from testbench.kinematics.motion_recognition import Leg, legs_of_acceleration, name_motions, recognized_motions
 from testbench.runs.aligned_run import AlignedRun
 from testbench.runs.si_run import SIRun
 
@@ -49,7 +49,7 @@ def leg(start, *chord, bend=0.0):
 def test_repeats_are_counted():
     """There and back is one motion; twice of x and once of y are three."""
     legs = [leg(0, 0.1, 0), leg(1, -0.1, 0), leg(2, 0.1, 0), leg(3, -0.1, 0), leg(4, 0, 0.1), leg(5, 0, -0.1)]
-    assert [(m.name, m.repeat, m.start) for m in motion_name(legs, "command", "c")] == [
+    assert [(m.name, m.repeat, m.start) for m in name_motions(legs, "command", "c")] == [
         ("x", 1, 0),
         ("x", 2, 2),
         ("y", 1, 4),
@@ -67,21 +67,21 @@ def test_repeats_are_counted():
 )
 def test_unknown_is_not_guessed(legs, reason):
     """A way that does not close, is oblique, bent, or a square has no name, and says why."""
-    (one,) = motion_name(legs, "encoders", "c")
+    (one,) = name_motions(legs, "encoders", "c")
     assert one.name == "unknown"
     assert reason in one.reason
 
 
 def test_a_triangle_that_starts_at_its_corner():
     """Three sides suffice."""
-    (one,) = motion_name([leg(0, 0.05, 0), leg(1, -0.025, 0.04), leg(2, -0.025, -0.04)], "command", "c")
+    (one,) = name_motions([leg(0, 0.05, 0), leg(1, -0.025, 0.04), leg(2, -0.025, -0.04)], "command", "c")
     assert one.name == "triangle"
 
 
 def test_nothing_moves():
     """A record at rest holds no motion."""
     time = np.arange(1000) / 1000.0
-    assert motion_name(legs_of_acceleration(time, np.zeros((1000, 3)), 0.01), "command", "c") == []
+    assert name_motions(legs_of_acceleration(time, np.zeros((1000, 3)), 0.01), "command", "c") == []
 
 
 def test_slow_encoders_tell_the_motion():

@@ -6,7 +6,7 @@ import pytest
 from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
 from testbench.errors import AnalysisError
-from testbench.loads.drive_torque import against_model
+from testbench.loads.drive_torque import drive_torques
 from testbench.runs.aligned_run import AlignedRun
 from testbench.runs.si_run import SIRun
 
@@ -17,7 +17,7 @@ MECHANISM = load_mechanism("parallelogram-6bar")
 def test_bench(masses):
     """Torques of a bench that is simulated by the same mechanics are the model's, with and without counter-masses."""
     scene = memory.scene("x", masses=masses)
-    found = against_model(AlignedRun(SIRun.of(scene.run(0), scene.rig), MECHANISM))
+    found = drive_torques(AlignedRun(SIRun.of(scene.run(0), scene.rig), MECHANISM))
     assert [one.joint for one in found] == ["A0", "B0"]
     for one in found:
         told = one.as_dict()
@@ -34,7 +34,7 @@ def test_a_sensor_that_is_off_shows():
     tau = run.channel("tau1")
     late = 1.3 * np.concatenate([np.full(4, tau[0]), tau[:-4]])
     off = AlignedRun(SIRun.of(memory.with_values(run, "tau1", late)), MECHANISM)
-    (found,) = [one.as_dict() for one in against_model(off) if one.joint == "A0"]
+    (found,) = [one.as_dict() for one in drive_torques(off) if one.joint == "A0"]
     assert found["rms_ratio"] == pytest.approx(1.3, rel=0.02)
     assert found["delay_s"] == pytest.approx(0.004, abs=5e-4)
     assert found["residual_share"] > 0.1
@@ -45,4 +45,4 @@ def test_without_torque_sensors_there_is_nothing_to_compare():
     scene = memory.scene("x")
     left = {n: s for n, s in scene.rig.sensors.items() if s.kind != "torque"}
     with pytest.raises(AnalysisError, match="kind torque"):
-        against_model(AlignedRun(SIRun.of(scene.run(0), scene.rig.model_copy(update={"sensors": left})), MECHANISM))
+        drive_torques(AlignedRun(SIRun.of(scene.run(0), scene.rig.model_copy(update={"sensors": left})), MECHANISM))

@@ -158,7 +158,7 @@ def test_calibration_and_teds():
         ),
         ('[sensors.acc.calibration]\nreference = "x"', "sensors.acc.calibration", "expected one of"),
         ('unit = "V"\n[sensors.acc.calibration]\nsensitivity = "1 mV/N"', "sensors.acc", "no acceleration"),
-        ('unit = "V"\n[sensors.acc.calibration]\nsensitivity = "1 mV/g"\nunit = "mV"', "sensors.acc", "say it once"),
+        ('unit = "V"\n[sensors.acc.calibration]\nsensitivity = "1 mV/g"\nunit = "mV"', "sensors.acc", "state it once"),
         ('[sensors.acc.calibration]\nsensitivity = { q = "1 mV/g" }', "sensors.acc", "no component 'q'"),
         (
             '[sensors.acc.calibration]\nsensitivity = "1 mV/g"\ndate = "31.3."',

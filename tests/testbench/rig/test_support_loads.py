@@ -5,7 +5,7 @@ import pytest
 
 from testbench.errors import RigError
 from testbench.rig import load_rig
-from testbench.rig.support_loads import shares, transport
+from testbench.rig.support_loads import support_wrenches, wrench_transport
 
 SUPPORTS = load_rig("parallelogram-6bar").supports
 WRENCHES = np.random.default_rng(3).normal(size=(50, 6))
@@ -13,25 +13,25 @@ WRENCHES = np.random.default_rng(3).normal(size=(50, 6))
 
 def total(loads: dict[str, np.ndarray]) -> np.ndarray:
     """Wrench about the origin of what all supports carry, (n, 6)."""
-    return sum(load @ transport(np.array(SUPPORTS[name].position)).T for name, load in loads.items())
+    return sum(load @ wrench_transport(np.array(SUPPORTS[name].position)).T for name, load in loads.items())
 
 
 def test_sum():
     """Over all sensors the wrench is the whole wrench, whatever it is."""
-    loads = {name: WRENCHES @ share.T for name, share in shares(SUPPORTS).items()}
+    loads = {name: WRENCHES @ share.T for name, share in support_wrenches(SUPPORTS).items()}
     assert total(loads) == pytest.approx(WRENCHES, abs=1e-12)
 
 
 def test_only_what_is_measured():
     """A one-axis cell carries along its axis and nothing else; a three-axis one carries no moment."""
-    loads = {name: WRENCHES @ share.T for name, share in shares(SUPPORTS).items()}
+    loads = {name: WRENCHES @ share.T for name, share in support_wrenches(SUPPORTS).items()}
     assert not np.any(loads["futek_1"][:, [0, 1, 3, 4, 5]])
     assert not np.any(loads["kistler"][:, 3:])
 
 
 def test_least_energy():
     """Any other distribution that adds up to the same wrench stores more elastic energy."""
-    found = shares(SUPPORTS)
+    found = support_wrenches(SUPPORTS)
     rng = np.random.default_rng(5)
 
     def energy(loads):
@@ -52,7 +52,7 @@ def test_stiffer_carries_more():
     stiff = SUPPORTS["kistler"].model_copy(update={"stiffness": 3e8})
     soft = SUPPORTS["kistler"].model_copy(update={"stiffness": 1e8})
     rest = SUPPORTS["k6d40"].model_copy(update={"stiffness": 1.0, "position": stiff.position})
-    found = shares({"stiff": stiff, "soft": soft, "rest": rest})
+    found = support_wrenches({"stiff": stiff, "soft": soft, "rest": rest})
     force = np.array([1.0, 0.0, 0.0, *np.cross(stiff.position, [1.0, 0.0, 0.0])])
     assert (found["stiff"] @ force)[0] == pytest.approx(0.75, rel=1e-6)
     assert (found["soft"] @ force)[0] == pytest.approx(0.25, rel=1e-6)
@@ -61,4 +61,4 @@ def test_stiffer_carries_more():
 def test_too_few():
     """Supports that leave a force uncarried are refused."""
     with pytest.raises(RigError, match="cannot carry"):
-        shares({name: SUPPORTS[name] for name in ("futek_1", "futek_2")})
+        support_wrenches({name: SUPPORTS[name] for name in ("futek_1", "futek_2")})

@@ -8,7 +8,7 @@ from balance.mechanism.mjcf_parser import load_mechanism
 from testbench.campaign_plan import PlannedRun
 from testbench.rig import Rig, load_rig
 from testbench.rig.bench import Bench
-from testbench.rig.support_loads import elastic_base, transport
+from testbench.rig.support_loads import elastic_base, wrench_transport
 from testbench.simulator import moving_base_coupling
 from testbench.simulator import run as runs
 from testbench.simulator.run import simulate_run
@@ -103,7 +103,7 @@ def test_what_supports_carry():
         load_of = np.zeros_like(total)
         for column in sensor.columns(name):
             load_of[:, ("Fx", "Fy", "Fz", "Mx", "My", "Mz").index(column.component)] = seen[column.channel]
-        total += load_of @ transport(np.array(sensor.position)).T
+        total += load_of @ wrench_transport(np.array(sensor.position)).T
     m, bare = done.motion, done.base.mass - done.carried
     moved = m.acceleration @ bare.T + m.velocity @ done.base.damping.T + m.displacement @ done.base.stiffness.T
     turned = total - moved

@@ -7,7 +7,7 @@ from balance.mechanism.mjcf_parser import load_mechanism
 from testbench.campaign_plan import PlannedRun
 from testbench.errors import RigError
 from testbench.rig import Rig, load_rig
-from testbench.rig.support_loads import elastic_base, transport
+from testbench.rig.support_loads import elastic_base, wrench_transport
 from testbench.simulator.run import payload_body, simulate_run
 from testbench.simulator.sensors import signals
 
@@ -33,7 +33,7 @@ def supported(done, rig: Rig) -> np.ndarray:
         load = np.zeros((len(done.time), 6))
         for column in sensor.columns(name):
             load[:, ("Fx", "Fy", "Fz", "Mx", "My", "Mz").index(column.component)] = seen[column.channel]
-        total += load @ transport(np.array(sensor.position)).T
+        total += load @ wrench_transport(np.array(sensor.position)).T
     return total
 
 

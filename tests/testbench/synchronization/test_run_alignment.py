@@ -9,7 +9,7 @@ from studies.clocks import CASES, REFERENCE, aligned, tally
 from studies.clocks import truth as true_instant
 from testbench import rig as rigs
 from testbench.errors import AnalysisError
-from testbench.kinematics.encoder_motion import loaded, mechanism_of
+from testbench.kinematics.encoder_motion import loaded_mechanism, mechanism_of
 from testbench.runs.si_run import SIRun
 from testbench.synchronization.clock_map import ClockMap
 from testbench.synchronization.offset_and_drift import by_correlation
@@ -27,7 +27,7 @@ def moved():
 def aligned_by(run, rig, **options):
     """The clocks of a run, by the rig and the mechanism that it names."""
     si = SIRun.of(run, rig)
-    return align_run(si, lambda: loaded(si, mechanism_of(si, None)), **options)
+    return align_run(si, lambda: loaded_mechanism(si, mechanism_of(si, None)), **options)
 
 
 def truth(scene, seed, group, own):

@@ -7,7 +7,7 @@ from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
 from studies.trim import BENCHES, campaign
 from testbench import rig as rigs
-from testbench.rig.sensor_channels import scatter
+from testbench.rig.sensor_channels import sensitivity_scatter
 from testbench.trim import sensor_errors, trim_runs
 from testbench.trim.result import trim_document
 
@@ -59,7 +59,7 @@ def test_a_stated_error_of_one_channel(manipulator):
 def test_cross_talk_between_unlike_units_is_a_share_of_the_ranges():
     """Half a per cent of 20 N m shows as half a per cent of 500 N."""
     rig = rigs.load_rig("parallelogram-6bar-deep")
-    sizes = scatter("k6d40", list(rig.sensors["k6d40"].columns("k6d40")), rig.bench.errors["k6d40"])
+    sizes = sensitivity_scatter("k6d40", list(rig.sensors["k6d40"].columns("k6d40")), rig.bench.errors["k6d40"])
     assert sizes[0, 5] == pytest.approx(0.005 * 500.0 / 20.0)
     assert sizes[0, 1] == pytest.approx(0.005)
     assert np.diag(sizes) == pytest.approx(0.005)
