@@ -42,6 +42,11 @@ class BaseAcceleration:
     columns: "tuple[Column, ...]"
     """The channels, (k,)."""
 
+    @property
+    def noise(self) -> Floats:
+        """Standard deviations of a sample by the rig, (k,) [m/s2]; zero where it states none."""
+        return np.array([column.total_noise for column in self.columns])
+
 
 def base_acceleration(run: "SIRun", group: str | None = None) -> BaseAcceleration | None:
     """The accelerometers on the base in a group, else those of the group with most of their channels; None: none."""

@@ -64,6 +64,11 @@ class Column:
         return factor_to_si(self.unit, *self.dimensions)
 
     @property
+    def total_noise(self) -> float:
+        """Standard deviation of one sample [SI], a resolution of q counted as noise of q^2 / 12."""
+        return float(np.hypot(self.noise, self.resolution / np.sqrt(12.0)))
+
+    @property
     def index(self) -> int:
         """Which of the sensor's channels it is."""
         return [s.channel for s in self.siblings].index(self.channel)

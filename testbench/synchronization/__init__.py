@@ -1,9 +1,7 @@
-"""Clocks of several loggers aligned: offset and drift, by what both saw, by taps, or by a trigger, with intervals.
+"""Clocks of several loggers aligned: offset and drift, by common signals, by taps, or by a trigger, with intervals.
 
-Downwards: ``run`` aligns the loggers of a stored run, ``pairs`` chooses what they both saw, ``correlation``, ``taps``
-and ``trigger`` are the ways to align, ``refine`` and ``search`` the mathematics, ``mapping`` the result.
-
-The ways to align two clocks, by name.
+``run_alignment`` aligns the loggers of a stored run, ``common_signals`` chooses what two of them both recorded,
+``offset_and_drift`` and ``event_alignment`` align by it, ``clock_map`` is the result. METHODS lists them by name.
 """
 
 from .event_alignment import by_taps, by_trigger

@@ -10,9 +10,9 @@ from balance.estimation.estimate import coverage_factor
 
 PPM = 1e-6
 ASSUMED_DRIFT = 1e-4
-"""Half of the 95 % interval of a drift that was not looked for: what an ordinary crystal keeps."""
-KNOWN = 1000
-"""Degrees of freedom that stand for a known standard deviation."""
+"""Half of the 95 % interval of a drift that was not estimated: that of an ordinary crystal."""
+MANY_DEGREES_OF_FREEDOM = 1000
+"""Degrees of freedom of a known standard deviation."""
 
 
 @dataclass(frozen=True)
@@ -25,23 +25,23 @@ class ClockMap:
     """Of the reference clock against the own one: positive where the own clock is slow."""
     covariance: Floats
     """Of ``at_reference`` [s] and ``drift``, (2, 2)."""
-    freedom: int
+    degrees_of_freedom: int
     """Degrees of freedom of Student's t."""
     span: tuple[float, float]
-    """What both saw, on the own clock [s]."""
+    """Start and end of what both recorded, on the own clock [s]."""
 
     def to_reference(self, own: Floats) -> Floats:
-        """Instants of the own clock (n,) on the reference's, (n,) [s]."""
+        """Instants (n,) [s] of the own clock on the reference's, (n,) [s]."""
         return self.at_reference + (1.0 + self.drift) * (own - self.at_own)
 
     def half_width(self, own: float) -> float:
         """Half of the 95 % interval of an instant's time on the reference's clock [s]."""
         share = np.array([1.0, own - self.at_own])
-        return coverage_factor(self.freedom) * float(np.sqrt(share @ self.covariance @ share))
+        return coverage_factor(self.degrees_of_freedom) * float(np.sqrt(share @ self.covariance @ share))
 
     @property
     def deviation(self) -> float:
-        """Standard deviation of an instant in the middle of what both saw [s]."""
+        """Standard deviation of an instant in the middle of what both recorded [s]."""
         return float(np.sqrt(self.covariance[0, 0]))
 
     @property
@@ -51,23 +51,23 @@ class ClockMap:
 
     @property
     def offset_interval(self) -> tuple[float, float]:
-        """Of 95 % [s]."""
+        """95 % interval of the offset [s]."""
         half = self.half_width(0.0)
         return self.offset - half, self.offset + half
 
     @property
     def drift_interval(self) -> tuple[float, float]:
-        """Of 95 %."""
-        half = coverage_factor(self.freedom) * float(np.sqrt(self.covariance[1, 1]))
+        """95 % interval of the drift [-]."""
+        half = coverage_factor(self.degrees_of_freedom) * float(np.sqrt(self.covariance[1, 1]))
         return self.drift - half, self.drift + half
 
     @property
     def uncertainty(self) -> float:
-        """The widest half of a 95 % interval where both saw the same [s]."""
+        """Largest half of a 95 % interval within what both recorded [s]."""
         return max(self.half_width(end) for end in self.span)
 
     def as_dict(self) -> dict[str, Any]:
-        """The map as it is printed and stored."""
+        """The map as a JSON document, as it is stored."""
         return {
             "offset_s": self.offset,
             "offset_interval_s": list(self.offset_interval),
@@ -77,7 +77,7 @@ class ClockMap:
             "at_own_s": self.at_own,
             "at_reference_s": self.at_reference,
             "covariance": self.covariance.tolist(),
-            "freedom": self.freedom,
+            "freedom": self.degrees_of_freedom,
             "own_span_s": list(self.span),
         }
 
@@ -96,5 +96,5 @@ class ClockMap:
 
 
 def same_clock(span: tuple[float, float]) -> ClockMap:
-    """Of a clock against itself."""
-    return ClockMap(0.0, 0.0, 0.0, np.zeros((2, 2)), KNOWN, span)
+    """The map of a clock onto itself."""
+    return ClockMap(0.0, 0.0, 0.0, np.zeros((2, 2)), MANY_DEGREES_OF_FREEDOM, span)

@@ -1,10 +1,8 @@
-"""Offset and drift between two clocks, precisely: least squares at every sample, from a rough offset.
+"""Offset and drift between two clocks by what both loggers recorded: a rough lag, then least squares at every sample.
 
-Newton's method, first where the rough offset was found, then on stretches four times as long until all is used; then
-again with the residual made white. Of the two, the one that is surer counts: where both sides are very noisy, making
-white lays weight on frequencies at which they have nothing in common.
-
-Two clocks aligned by what both loggers saw: a rough lag by correlation, then offset and drift by least squares.
+Newton's method starts on the segment where the rough offset was found and goes on to segments four times as long until
+all is used, then again with the residual whitened. Of the two fits the one with the smaller variance is taken: where
+both sides are very noisy, whitening lays weight on frequencies at which they have nothing in common.
 """
 
 from dataclasses import dataclass
@@ -18,31 +16,31 @@ from ..errors import AnalysisError
 from .clock_map import ASSUMED_DRIFT, PPM, ClockMap
 from .coarse_lag import CoarseLag, search_lag
 from .fit_equations import (
-    MOVES,
+    CLOCK_SIZE,
     SMOOTHED,
-    ClockScatter,
-    PiecePosition,
+    ClockCovariance,
     Segment,
     Signal,
-    clock_scatter,
-    joined,
-    lacking_evidence,
-    lead_interval,
+    TrialClock,
+    clock_covariance,
+    fixed_time_effect,
+    joint_equations,
+    misspecification_deviation,
 )
-from .signal_preparation import PERIODS, Flags, Prepared, Shared, prepare, whitener, with_history
+from .signal_preparation import PERIODS, Flags, PreparedSignals, SharedSignals, prepare, whitener, with_history
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
 LEAST_FREEDOM = 2.0
-"""Degrees of freedom below which scatter is not told."""
-LIVELY = 0.05
-"""Share of the largest change, averaged over LIVELY_PERIODS of the cut-off, from which samples are used."""
-LIVELY_PERIODS = 5.0
+"""Degrees of freedom below which no variance is estimated."""
+LEAST_CHANGE = 0.05
+"""Share of the largest change, averaged over CHANGE_PERIODS of the cut-off, from which samples are used."""
+CHANGE_PERIODS = 5.0
 LARGEST_DRIFT = 1e-3
 """A drift that is known no better than this is not determined: no logger's clock is so wrong."""
 WHITENINGS = 2
-"""Rounds in which the residual is made white."""
+"""Rounds in which the residual is whitened."""
 _STEPS = 50
 _SETTLED = 1e-9
 
@@ -52,170 +50,183 @@ class RefinedClock:
     """A clock's map, and the share of the energy that it leaves unexplained."""
 
     clock: ClockMap
-    left: float
+    residual_share: float
 
 
 @dataclass(frozen=True)
 class _Fit:
     """A settled fit."""
 
-    place: PiecePosition
-    stretch: Segment
+    trial: TrialClock
+    segment: Segment
     signals: list[Signal]
 
 
 class _Problem:
-    """Two clocks to be fitted; ``loose`` is the standard deviation of a drift that is not asked for, else None."""
+    """Two clocks to be fitted; ``drift_prior``: standard deviation of a drift that is not estimated, else None."""
 
-    def __init__(self, content: Prepared, among: Flags, loose: float | None) -> None:
-        self.content, self.among, self.loose = content, among, loose
+    def __init__(self, content: PreparedSignals, among: Flags, drift_prior: float | None) -> None:
+        self.content, self.among, self.drift_prior = content, among, drift_prior
         self.splines = _splines(content)
 
-    def settled(self, place: PiecePosition, half: float, taps: list[Floats]) -> _Fit:
-        """Newton's method on the stretch of the own clock within ``half`` [s] of the middle."""
+    def settled(self, trial: TrialClock, half: float, taps: list[Floats]) -> _Fit:
+        """Newton's method on the segment of the own clock within ``half`` [s] of the middle."""
         content, reach = self.content, 0.125 / self.content.cutoff
-        along, history = content.along.shape[1], max(len(t) for t in taps) - 1
+        nuisances, history = content.reference_nuisance.shape[1], max(len(t) for t in taps) - 1
         for _ in range(_STEPS):
-            stretch = _inside(content, place, half, self.among, history)
+            segment = _segment_near(content, trial, half, self.among, history)
             signals = [
-                Signal(stretch, i, spline, place, t, along)
+                Signal(segment, i, spline, trial, t, nuisances)
                 for i, (spline, t) in enumerate(zip(self.splines, taps, strict=True))
             ]
-            gradient, bend = joined(signals, place, self.loose)
-            move = -np.linalg.lstsq(bend, gradient, rcond=1e-13)[0]
+            gradient, hessian = joint_equations(signals, trial, self.drift_prior)
+            move = -np.linalg.lstsq(hessian, gradient, rcond=1e-13)[0]
             shift = float(np.clip(move[0], -reach, reach))
             turn = float(np.clip(move[1], -LARGEST_DRIFT, LARGEST_DRIFT))
-            place = PiecePosition(place.middle, place.at + shift, place.drift + turn)
+            trial = TrialClock(trial.middle, trial.at + shift, trial.drift + turn)
             if abs(shift) < _SETTLED and abs(turn) * half < _SETTLED:
-                return _Fit(place, stretch, signals)
+                return _Fit(trial, segment, signals)
         raise AnalysisError(f"{content.name}: the offset does not settle: the two have too little in common")
 
     def whitened(self, fit: _Fit, half: float) -> _Fit:
-        """The same with residuals made white."""
+        """The same with residuals whitened."""
         longest = max(1, round(PERIODS / (self.content.cutoff * self.content.own.step)))
         for _ in range(WHITENINGS):
-            taps = [whitener(s.left, fit.stretch.used, longest) for s in fit.signals]
-            fit = self.settled(fit.place, half, taps)
+            taps = [whitener(s.raw_residual, fit.segment.used, longest) for s in fit.signals]
+            fit = self.settled(fit.trial, half, taps)
         return fit
 
-    def scatter(self, fit: _Fit) -> ClockScatter:
-        """How a fit scatters."""
-        bend = joined(fit.signals, fit.place, self.loose)[1]
-        return clock_scatter(
-            fit.signals, bend, fit.stretch.used, SMOOTHED * self.content.cutoff * self.content.own.step
+    def covariance_of(self, fit: _Fit) -> ClockCovariance:
+        """Covariance of the clock by a fit."""
+        hessian = joint_equations(fit.signals, fit.trial, self.drift_prior)[1]
+        return clock_covariance(
+            fit.signals, hessian, fit.segment.used, SMOOTHED * self.content.cutoff * self.content.own.step
         )
 
-    def mapped(self, fit: _Fit, by: ClockScatter) -> ClockMap:
-        """The map with its covariance. Raises AnalysisError where there is too little to tell it."""
-        content, signals, freedom = self.content, fit.signals, by.freedom
-        bend = joined(signals, fit.place, self.loose)[1]
-        fitted = MOVES + sum(s.columns.shape[1] for s in signals) / len(signals)
-        own = fit.stretch.own[fit.stretch.used]
-        if freedom - fitted < LEAST_FREEDOM:
+    def clock_map(self, fit: _Fit, by: ClockCovariance) -> ClockMap:
+        """The map with its covariance. Raises AnalysisError where there are too few degrees of freedom."""
+        content, signals, total = self.content, fit.signals, by.degrees_of_freedom
+        hessian = joint_equations(signals, fit.trial, self.drift_prior)[1]
+        fitted = CLOCK_SIZE + sum(s.columns.shape[1] for s in signals) / len(signals)
+        own = fit.segment.own[fit.segment.used]
+        degrees_of_freedom = total - fitted
+        if degrees_of_freedom < LEAST_FREEDOM:
             raise AnalysisError(
                 f"{content.name}: too short: {own[-1] - own[0]:.3g} s at {content.cutoff:.3g} Hz leave "
-                f"{max(freedom - fitted, 0.0):.1f} degrees of freedom, expected at least {LEAST_FREEDOM:g}"
+                f"{max(degrees_of_freedom, 0.0):.1f} degrees of freedom, expected at least {LEAST_FREEDOM:g}; "
+                "record for longer, or compare up to a higher --cutoff"
             )
-        covariance = by.covariance * freedom / (freedom - fitted)
+        covariance = by.covariance * total / degrees_of_freedom
         for effect in (
-            lacking_evidence(signals, bend, float(covariance[0, 0])),
-            content.fixed_doubt * lead_interval(signals, bend),
+            misspecification_deviation(signals, hessian, float(covariance[0, 0])),
+            content.fixed_time_deviation * fixed_time_effect(signals, hessian),
         ):
             covariance += np.outer(effect, effect)
-        if self.loose is not None:
-            assumed = np.linalg.inv(bend)[:MOVES, 1] / self.loose
+        if self.drift_prior is not None:
+            assumed = np.linalg.inv(hessian)[:CLOCK_SIZE, 1] / self.drift_prior
             covariance += np.outer(assumed, assumed)
         if content.partial:
-            covariance[0, 0] += _shifted(fit) ** 2
-        span, known = (float(own[0]), float(own[-1])), max(1, int(freedom - fitted))
-        return ClockMap(fit.place.middle, fit.place.at, fit.place.drift, covariance, known, span)
+            covariance[0, 0] += _largest_bias(fit) ** 2
+        span = float(own[0]), float(own[-1])
+        return ClockMap(
+            fit.trial.middle, fit.trial.at, fit.trial.drift, covariance, max(1, int(degrees_of_freedom)), span
+        )
 
 
-def refine_clock(content: Prepared, rough: CoarseLag, drift: bool = True, among: Flags | None = None) -> RefinedClock:
+def refine_clock(
+    content: PreparedSignals, rough: CoarseLag, drift: bool = True, among: Flags | None = None
+) -> RefinedClock:
     """Offset and drift (or the offset, and a drift within ASSUMED_DRIFT) with their covariance.
 
-    ``among`` (own samples,) leaves the others out.
+    Only own samples ``among`` (m,) [-] are used, all by default.
     Raises AnalysisError where too little overlaps, the steps do not settle, or the drift is not determined.
     """
-    lively = _lively(content)
-    among = (lively if among is None else lively & among) & content.sound
+    changing = _changing_samples(content)
+    among = (changing if among is None else changing & among) & content.valid
     problem = _Problem(content, among, None if drift else 0.5 * ASSUMED_DRIFT)
-    begin, end = rough.stretch
+    begin, end = rough.segment
     middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
-    place = PiecePosition(middle, middle + rough.offset)
+    trial = TrialClock(middle, middle + rough.offset)
     while True:
-        plain = problem.settled(place, half, [np.ones(1)] * len(problem.splines))
+        plain = problem.settled(trial, half, [np.ones(1)] * len(problem.splines))
         if middle - half <= content.own.start and middle + half >= content.own.time[-1]:
             break
-        place, half = plain.place, 4.0 * half
-    clock = _surer(problem, plain, half)
+        trial, half = plain.trial, 4.0 * half
+    clock = _more_precise(problem, plain, half)
     low, high = clock.drift_interval
     if drift and 0.5 * (high - low) > LARGEST_DRIFT:
         raise AnalysisError(
-            f"{content.name}: too short for a drift: {clock.span[1] - clock.span[0]:.3g} s tell it to "
+            f"{content.name}: too short for a drift: {clock.span[1] - clock.span[0]:.3g} s determine it to "
             f"{0.5 * (high - low) / PPM:.3g} ppm; align the offset alone, which takes the drift to "
             f"be within {ASSUMED_DRIFT / PPM:g} ppm"
         )
-    return RefinedClock(clock, _share_left(plain))
+    return RefinedClock(clock, _residual_share(plain))
 
 
-def _surer(problem: _Problem, plain: _Fit, half: float) -> ClockMap:
-    """The map of the fit as it is, or of the one made white, whichever tells the offset better."""
-    chosen, by = plain, problem.scatter(plain)
+def _more_precise(problem: _Problem, plain: _Fit, half: float) -> ClockMap:
+    """The map of the plain or of the whitened fit, whichever has the smaller variance of the offset."""
+    chosen, by = plain, problem.covariance_of(plain)
     try:
         white = problem.whitened(plain, half)
-    except AnalysisError:  # made white, both sides have nothing in common: the plain fit stands
-        return problem.mapped(chosen, by)
-    if (other := problem.scatter(white)).most < by.most:
+    except AnalysisError:  # whitened, both sides have nothing in common
+        return problem.clock_map(chosen, by)
+    if (other := problem.covariance_of(white)).upper_variance < by.upper_variance:
         chosen, by = white, other
-    return problem.mapped(chosen, by)
+    return problem.clock_map(chosen, by)
 
 
-def _lively(content: Prepared) -> Flags:
-    """Own samples about which the signals change; where they rest, noise would pass for information."""
+def _changing_samples(content: PreparedSignals) -> Flags:
+    """Own samples near which the signals change, (m,); at rest, noise would pass for information."""
     from scipy.ndimage import uniform_filter1d
 
     own = content.own
-    change = np.sum(np.gradient(content.seen / content.seen.std(axis=0).max(), own.step, axis=0) ** 2, axis=1)
-    near = uniform_filter1d(change, max(3, round(LIVELY_PERIODS / content.cutoff / own.step)), mode="constant")
-    return np.asarray(near >= LIVELY * near.max())
+    change = np.sum(
+        np.gradient(content.own_signals / content.own_signals.std(axis=0).max(), own.step, axis=0) ** 2, axis=1
+    )
+    near = uniform_filter1d(change, max(3, round(CHANGE_PERIODS / content.cutoff / own.step)), mode="constant")
+    return np.asarray(near >= LEAST_CHANGE * near.max())
 
 
-def _splines(content: Prepared) -> "list[BSpline]":
-    """For each signal, its fixed part, its columns, and those along."""
+def _splines(content: PreparedSignals) -> "list[BSpline]":
+    """For each signal, splines of its fixed part, its columns, and the reference's nuisance columns."""
     from scipy.interpolate import make_interp_spline
 
-    all_ = [np.column_stack([f, c, content.along]) for f, c in zip(content.fixed.T, content.columns, strict=True)]
-    return [make_interp_spline(content.reference.time, b, 5) for b in all_]
+    columns = [
+        np.column_stack([f, c, content.reference_nuisance])
+        for f, c in zip(content.fixed.T, content.reference_columns, strict=True)
+    ]
+    return [make_interp_spline(content.reference.time, b, 5) for b in columns]
 
 
-def _inside(content: Prepared, place: PiecePosition, half: float, among: Flags, history: int) -> Segment:
-    """The stretch near the middle that the reference's record covers, without its gaps."""
+def _segment_near(content: PreparedSignals, trial: TrialClock, half: float, among: Flags, history: int) -> Segment:
+    """The segment near the middle that the reference's record covers; samples in gaps are not used."""
     own, grid = content.own.time, content.reference
-    instants = place.instants(own)
-    rows = np.flatnonzero((np.abs(own - place.middle) <= half) & (instants >= grid.start) & (instants <= grid.time[-1]))
-    sound = content.sound[rows] & ~content.in_gap(instants[rows])
-    used = among[rows] & with_history(sound, history)
-    if np.count_nonzero(used) < 2 * sum(c.shape[1] + 2 for c in content.columns) + 4:
-        raise AnalysisError(f"{content.name}: the two records hardly overlap: {np.count_nonzero(used)} samples")
-    return Segment(own[rows], content.seen[rows], content.beside[rows], used)
+    instants = trial.instants(own)
+    rows = np.flatnonzero((np.abs(own - trial.middle) <= half) & (instants >= grid.start) & (instants <= grid.time[-1]))
+    valid = content.valid[rows] & ~content.in_gap(instants[rows])
+    used = among[rows] & with_history(valid, history)
+    if np.count_nonzero(used) < 2 * sum(c.shape[1] + 2 for c in content.reference_columns) + 4:
+        raise AnalysisError(f"{content.name}: the two records overlap in {np.count_nonzero(used)} samples: too few")
+    return Segment(own[rows], content.own_signals[rows], content.own_nuisance[rows], used)
 
 
-def _share_left(fit: _Fit) -> float:
-    """Share of the energy that stays unexplained."""
-    used = fit.stretch.used
-    return float(sum(np.sum(s.left[used] ** 2) for s in fit.signals) / np.sum(fit.stretch.seen[used] ** 2))
+def _residual_share(fit: _Fit) -> float:
+    """Share of the energy in the residual."""
+    used = fit.segment.used
+    return float(
+        sum(np.sum(s.raw_residual[used] ** 2) for s in fit.signals) / np.sum(fit.segment.own_signals[used] ** 2)
+    )
 
 
-def _shifted(fit: _Fit) -> float:
-    """By how much all that stays unexplained may shift the answer, as half an interval of 95 %: the deviation [s]."""
-    rate = np.gradient(fit.stretch.seen, fit.stretch.step, axis=0)[fit.stretch.used]
-    slope = np.sqrt(np.sum(rate**2) / np.sum(fit.stretch.seen[fit.stretch.used] ** 2))
-    return float(0.5 * np.sqrt(_share_left(fit)) / slope)
+def _largest_bias(fit: _Fit) -> float:
+    """Standard deviation of the offset [s] for which the whole residual as a shift is half an interval of 95 %."""
+    rate = np.gradient(fit.segment.own_signals, fit.segment.step, axis=0)[fit.segment.used]
+    slope = np.sqrt(np.sum(rate**2) / np.sum(fit.segment.own_signals[fit.segment.used] ** 2))
+    return float(0.5 * np.sqrt(_residual_share(fit)) / slope)
 
 
 @dataclass(frozen=True)
-class Aligned:
+class AlignedClock:
     """A clock's map, how it was found, from what, and how much of the signal it explains (None: edges alone)."""
 
     clock: ClockMap
@@ -223,11 +234,11 @@ class Aligned:
     content: str
     explained: float | None
     findings: tuple[str, ...] = ()
-    """What a person should know of the records."""
+    """Gaps in the records, as text."""
 
 
-def by_correlation(shared: Shared, drift: bool = True) -> Aligned:
+def by_correlation(shared: SharedSignals, drift: bool = True) -> AlignedClock:
     """Align by all of the record. Raises AnalysisError, saying why, where the data do not determine the clock."""
     content = prepare(shared)
     found = refine_clock(content, search_lag(content), drift)
-    return Aligned(found.clock, "correlation", shared.name, 1.0 - found.left, content.findings)
+    return AlignedClock(found.clock, "correlation", shared.name, 1.0 - found.residual_share, content.findings)

@@ -1,7 +1,4 @@
-"""The clocks of all loggers of a stored run, aligned with one of them.
-
-Alignments as records of a campaign: what was found for each run, by when, to be used by what comes after.
-"""
+"""The clocks of all loggers of a stored run aligned with one of them, and alignments as dated records of a campaign."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -17,30 +14,30 @@ from ..rig.sensors import Encoder
 from ..runs.si_run import SIRun
 from ..store import append_only_records
 from .clock_map import ClockMap, same_clock
-from .common_signals import Making, Scene, delay_of, named, signal_pairs
-from .offset_and_drift import Aligned, by_correlation
+from .common_signals import RunMotion, SignalBuilder, delay_of, named_channels, signal_pairs
+from .offset_and_drift import AlignedClock, by_correlation
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ..store import Run
-    from .signal_preparation import Shared
+    from .signal_preparation import SharedSignals
 
-AlignmentMethod = Callable[["Shared", bool], Aligned]
-"""How two clocks are aligned by what both saw; with a drift, or without one."""
+AlignmentMethod = Callable[["SharedSignals", bool], AlignedClock]
+"""Aligns two clocks by common signals, with a drift or without one."""
 
 
 @dataclass(frozen=True)
 class RunClocks:
-    """How the clocks of a run's groups run on that of ``reference``, and why some are not aligned."""
+    """Maps of the clocks of a run's groups onto that of ``reference``, and why some are not aligned."""
 
     run: str
     origin: str
     reference: str
-    aligned: Mapping[str, Aligned]
+    aligned: Mapping[str, AlignedClock]
     refused: Mapping[str, str]
     delays: Mapping[str, float | None] = field(default_factory=dict)
-    """Of the filter of each group's logger [s], which is taken off; None where the rig states no filter."""
+    """Delay of the filter of each group's logger [s], which is taken off; None where the rig states no filter."""
 
     def map_of(self, group: str) -> ClockMap:
         """The map of a group's clock. Raises AnalysisError, saying why, if there is none."""
@@ -48,17 +45,17 @@ class RunClocks:
             return same_clock((0.0, 0.0))
         if group not in self.aligned:
             raise AnalysisError(
-                f"{self.run}: {group} is not aligned: {self.refused.get(group, 'it was not asked for')}"
+                f"{self.run}: {group} is not aligned: {self.refused.get(group, 'it was not requested')}"
             )
         return self.aligned[group].clock
 
     @property
     def findings(self) -> list[str]:
-        """Gaps that were left out, by run and group."""
+        """Gaps that were masked, by run and group."""
         return [f"{self.run}: {group}: {text}" for group, one in self.aligned.items() for text in one.findings]
 
     def as_rows(self) -> list[dict[str, Any]]:
-        """The alignments as they are printed and stored."""
+        """The alignments as rows of a JSON document, as they are stored."""
         return [
             {
                 "run": self.run,
@@ -83,11 +80,11 @@ def align_run(
     reference: str | None = None,
     drift: bool = True,
     cutoff: float | None = None,
-    way: AlignmentMethod = by_correlation,
+    method: AlignmentMethod = by_correlation,
     among: Collection[str] | None = None,
 ) -> RunClocks:
-    """Align all groups, or those ``among``, by what the rig says that both saw; the reference is that of the encoders
-    unless named. The base's accelerometers are aligned in any case, for others are with their help.
+    """Align all groups, or those ``among``, by what both recorded by the rig; the encoders' group is the reference
+    unless another is named. The base's accelerometers are aligned in any case: others need them.
 
     Raises AnalysisError if the run has one group only.
     """
@@ -95,13 +92,13 @@ def align_run(
         raise AnalysisError(f"{run.name}: one logger, one clock: there is nothing to align")
     reference = reference or _reference(run)
     run.group(reference)
-    scene = Scene(run, mechanism, cutoff)
+    motion = RunMotion(run, mechanism, cutoff)
     known = {reference: same_clock((0.0, 0.0))}
-    aligned: dict[str, Aligned] = {}
+    aligned: dict[str, AlignedClock] = {}
     refused: dict[str, str] = {}
     for group in _base_first(run, reference, among):
-        found = _first(signal_pairs(scene, reference, group, known), drift, way)
-        if isinstance(found, Aligned):
+        found = _first_determined(signal_pairs(motion, reference, group, known), drift, method)
+        if isinstance(found, AlignedClock):
             aligned[group], known[group] = found, found.clock
         else:
             refused[group] = found
@@ -110,13 +107,13 @@ def align_run(
 
 
 def align_named(
-    run: "Run", reference: str, own: str, drift: bool, cutoff: float | None, way: AlignmentMethod
+    run: "Run", reference: str, own: str, drift: bool, cutoff: float | None, method: AlignmentMethod
 ) -> RunClocks:
-    """Align two groups by a channel of each, which a person names."""
+    """Align two groups by a channel of each, which the user names."""
     there, here = (run.find(channel)[0].name for channel in (reference, own))
     if there == here:
         raise AnalysisError(f"{run.name}: {reference!r} and {own!r} are in one group, {here}: they share a clock")
-    found = way(named(run, reference, own, cutoff), drift)
+    found = method(named_channels(run, reference, own, cutoff), drift)
     delays = {group: delay_of(SIRun.of(run), group) for group in (there, here)} if run.rig is not None else {}
     return RunClocks(run.name, run.origin, there, {here: found}, {}, delays)
 
@@ -136,26 +133,26 @@ def _base_first(run: SIRun, reference: str, among: Collection[str] | None) -> li
     return sorted(kept, key=lambda name: name != first)
 
 
-def _first(found: Iterable[Making], drift: bool, way: AlignmentMethod) -> Aligned | str:
+def _first_determined(found: Iterable[SignalBuilder], drift: bool, method: AlignmentMethod) -> AlignedClock | str:
     """The first candidate that determines the clock, or why none does."""
     reasons: list[str] = []
-    for making in found:
+    for build in found:
         try:
-            return _twice(making, drift, way)
+            return _align_in_two_steps(build, drift, method)
         except CounterpoiseError as error:
             reasons.append(str(error))
     return "; ".join(reasons) or (
-        "the rig names nothing that both loggers saw; name a channel of each, --pair REFERENCE=OWN, or record a trigger"
+        "the rig names nothing that both loggers recorded; name a channel of each, --pair A=B, or record a trigger"
     )
 
 
-def _twice(making: Making, drift: bool, way: AlignmentMethod) -> Aligned:
-    """Roughly first; where that gives another content, such as one with the base's motion taken out, again by it."""
-    rough_content = making(None)
+def _align_in_two_steps(build: SignalBuilder, drift: bool, method: AlignmentMethod) -> AlignedClock:
+    """Align once; where a first map lets the base's motion be taken out of the signals, again by those."""
+    rough_content = build(None)
     if not rough_content.partial:
-        return way(rough_content, drift)
-    first = way(rough_content, False)
-    return way(making(first.clock), drift)
+        return method(rough_content, drift)
+    first = method(rough_content, False)
+    return method(build(first.clock), drift)
 
 
 KIND = "alignment"

@@ -1,10 +1,9 @@
-"""What two loggers both saw: signals of the one clock that make up those of the other, low-passed alike.
+"""Common signals of two loggers made ready for a fit: even grids, one low-pass, orthonormal columns, whitening.
 
-Residuals made white: an autoregression of what a fit leaves, so that what is quiet counts more than what is loud.
-
-r_t = a_1 r_(t-1) + ... + a_p r_(t-p) + e_t by least squares; the filter (1, -a_1, ..., -a_p) makes e of r, and both
-sides of the fit go through it (Cochrane and Orcutt, JASA 44, 1949). Steps of an encoder, differentiated twice, are the
-case in point: loud at the highest frequencies, where motions say little.
+Whitening is by an autoregression r_t = a_1 r_(t-1) + ... + a_p r_(t-p) + e_t of the residual, by least squares; the
+filter (1, -a_1, ..., -a_p) makes white e of r, and both sides of the fit pass it (Cochrane and Orcutt, JASA 44, 1949),
+so that frequencies of little noise have more weight. The quantization of an encoder, differentiated twice, is the case
+in point: large at the highest frequencies, where motions have little content.
 """
 
 from dataclasses import dataclass
@@ -15,14 +14,15 @@ from numpy.typing import NDArray
 from balance.arrays import Floats
 
 from ..errors import AnalysisError
+from ..kinematics.gaps import gap_spans
 from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF, Grid, low_pass
 
 Flags = NDArray[np.bool_]
 
 CUTOFF_SHARE = 0.2
-"""Of the slower sampling rate: the highest frequency that is compared where none is asked for."""
+"""Of the slower sampling rate: the highest frequency that is compared by default."""
 OVERSAMPLING = 8.0
-"""Samples in a period of the highest frequency that is compared; more are thinned out."""
+"""Samples in a period of the highest frequency compared; signals of a higher rate are decimated."""
 LEAST_SHARE = 0.02
 """Of the strongest direction among columns, below which one is mostly noise."""
 LEAST_SAMPLES = 64
@@ -33,71 +33,72 @@ GAP_PERIODS = 2.0
 
 
 @dataclass(frozen=True)
-class Shared:
-    """Every signal of the own clock is a constant, a combination of the reference's columns, and a fixed part."""
+class SharedSignals:
+    """Signals of the own clock, each a constant plus a combination of the reference's columns plus a fixed part."""
 
     name: str
     reference_time: Floats
     """Recorded instants, (n,) [s]."""
-    columns: tuple[Floats, ...]
-    """For each signal of the own clock, what makes it up, (n, k) each."""
+    reference_columns: tuple[Floats, ...]
+    """For each signal of the own clock, the columns that combine to it, (n, k) each."""
     own_time: Floats
     """Recorded instants, (m,) [s]."""
-    seen: Floats
+    own_signals: Floats
     """(m, signals)"""
     signed: bool = False
     """One column a signal, of the same sign: an opposite one is no match."""
     cutoff: float | None = None
     """Highest frequency that is compared [Hz]; by the sampling rates unless given."""
     fixed: Floats | None = None
-    """A part of the signals that is known to its size, on the reference's clock, (n, signals)."""
+    """A part of the signals of known size, on the reference's clock, (n, signals)."""
     partial: bool = False
-    """Something else, of no known size, moves one side along: what stays unexplained may shift the answer."""
-    fixed_doubt: float = 0.0
-    """Standard deviation of when the fixed part happened [s]."""
-    beside: Floats | None = None
-    """What a model of the columns may lack: it moves every signal by factors of its own; on the own clock, (m, k)."""
-    along: Floats | None = None
-    """The same on the reference's clock, (n, k)."""
+    """Another motion, of unknown size, is in one side: the residual may bias the offset."""
+    fixed_time_deviation: float = 0.0
+    """Standard deviation of the time of the fixed part [s]."""
+    own_nuisance: Floats | None = None
+    """Nuisance columns, with factors of their own in every signal, on the own clock, (m, k)."""
+    reference_nuisance: Floats | None = None
+    """Nuisance columns on the reference's clock, (n, k)."""
     gaps: Floats | None = None
-    """Where the reference's columns are bridged and known to nobody, from and to, (g, 2) [s]."""
+    """Start and end of gaps that the reference's columns bridge, (g, 2) [s]."""
 
 
 @dataclass(frozen=True)
-class Prepared:
-    """The same on even grids, low-passed at one cut-off, means removed, the columns of a signal orthonormal."""
+class PreparedSignals:
+    """Common signals on even grids, low-passed at one cut-off, means removed, the columns of a signal orthonormal."""
 
     name: str
     cutoff: float
     """[Hz]"""
     reference: Grid
-    columns: tuple[Floats, ...]
+    reference_columns: tuple[Floats, ...]
     fixed: Floats
     """Zero where nothing is."""
     own: Grid
-    seen: Floats
+    own_signals: Floats
     signed: bool
     partial: bool
-    fixed_doubt: float
-    beside: Floats
+    fixed_time_deviation: float
+    own_nuisance: Floats
     """Of unit mean square, (m, k)."""
-    along: Floats
+    reference_nuisance: Floats
     """(n, k)"""
     gaps: Floats
-    """Of the reference, from and to, (g, 2) [s]."""
+    """Of the reference, start and end, (g, 2) [s]."""
     own_gaps: Floats
+    """Of the own record, (g, 2) [s]."""
 
     @property
-    def sound(self) -> Flags:
-        """Own samples that no gap of the own record disturbs, (m,)."""
+    def valid(self) -> Flags:
+        """Own samples that no gap of the own record disturbs, (m,) [-]."""
         return ~self.in_own_gap(self.own.time)
 
     def in_own_gap(self, instants: Floats) -> Flags:
-        """Which instants (m,) of the own clock a gap of the own record disturbs."""
+        """Instants (m,) [s] of the own clock that a gap of the own record disturbs, (m,) [-]."""
         return self._disturbed(self.own_gaps, instants)
 
     def in_gap(self, instants: Floats) -> Flags:
-        """Which instants (n,) of the reference's clock a gap of its record disturbs."""
+        """Instants (n,) [s] of the reference's clock that a gap of its record disturbs, (n,) [-]."""
         return self._disturbed(self.gaps, instants)
 
     def _disturbed(self, gaps: Floats, instants: Floats) -> Flags:
@@ -109,7 +110,7 @@ class Prepared:
 
     @property
     def findings(self) -> tuple[str, ...]:
-        """Gaps, which are left out."""
+        """Gaps that are masked, as text."""
         sides = {"the reference's record": self.gaps, "its own record": self.own_gaps}
         return tuple(
             f"{self.name}: {len(found)} gap{'s' if len(found) > 1 else ''} in {side}, "
@@ -120,8 +121,8 @@ class Prepared:
         )
 
 
-def prepare(shared: Shared) -> Prepared:
-    """Carry both sides over to even grids. Raises AnalysisError where one of them holds nothing that changes."""
+def prepare(shared: SharedSignals) -> PreparedSignals:
+    """Both sides on even grids. Raises AnalysisError where one of them does not change, or the cut-off is too high."""
     own, reference = (even_grid(t, shared.name) for t in (shared.own_time, shared.reference_time))
     rate = min(own.rate, reference.rate)
     cutoff = shared.cutoff or CUTOFF_SHARE * rate
@@ -130,35 +131,37 @@ def prepare(shared: Shared) -> Prepared:
             f"{shared.name}: nothing can be compared up to {cutoff:g} Hz at {rate:g} samples per second: expected at "
             f"most {HIGHEST_CUTOFF * rate:g} Hz"
         )
-    seen = _smooth(shared.name, shared.own_time, shared.seen, own, cutoff)
-    columns = [_smooth(shared.name, shared.reference_time, c, reference, cutoff) for c in shared.columns]
-    zero = np.zeros((len(shared.reference_time), shared.seen.shape[1]))
+    own_signals = _smooth(shared.name, shared.own_time, shared.own_signals, own, cutoff)
+    columns = [_smooth(shared.name, shared.reference_time, c, reference, cutoff) for c in shared.reference_columns]
+    zero = np.zeros((len(shared.reference_time), shared.own_signals.shape[1]))
     fixed = _smooth(
         shared.name, shared.reference_time, zero if shared.fixed is None else shared.fixed, reference, cutoff
     )
-    if not (np.ptp(seen, axis=0) > 0.0).all() or not all(np.ptp(c, axis=0).max() > 0.0 for c in columns):
-        raise AnalysisError(f"{shared.name}: one of the two never changes, so that there is nothing that both saw")
+    if not (np.ptp(own_signals, axis=0) > 0.0).all() or not all(np.ptp(c, axis=0).max() > 0.0 for c in columns):
+        raise AnalysisError(f"{shared.name}: one of the two never changes: name channels that both recorded the motion")
     bases = tuple(_thin(_basis(c), reference, cutoff) for c in columns)
-    return Prepared(
+    return PreparedSignals(
         shared.name,
         cutoff,
         _thinned(reference, cutoff),
         bases,
         _thin(fixed, reference, cutoff),
         _thinned(own, cutoff),
-        _thin(seen, own, cutoff),
+        _thin(own_signals, own, cutoff),
         shared.signed,
         shared.partial,
-        shared.fixed_doubt,
-        _thin(_unit(shared.name, shared.own_time, shared.beside, own, cutoff), own, cutoff),
-        _thin(_unit(shared.name, shared.reference_time, shared.along, reference, cutoff), reference, cutoff),
-        gaps(shared.reference_time) if shared.gaps is None else shared.gaps,
-        gaps(shared.own_time),
+        shared.fixed_time_deviation,
+        _thin(_unit(shared.name, shared.own_time, shared.own_nuisance, own, cutoff), own, cutoff),
+        _thin(
+            _unit(shared.name, shared.reference_time, shared.reference_nuisance, reference, cutoff), reference, cutoff
+        ),
+        gap_spans(np.sort(shared.reference_time), LARGEST_STEP) if shared.gaps is None else shared.gaps,
+        gap_spans(np.sort(shared.own_time), LARGEST_STEP),
     )
 
 
 def even_grid(time: Floats, what: str) -> Grid:
-    """The even grid over recorded instants (n,) [s], of their mean step; they may scatter about it."""
+    """The even grid over recorded instants (n,) [s], of their mean step; instants may scatter about it."""
     if len(time) < LEAST_SAMPLES or not np.isfinite(time).all():
         raise AnalysisError(
             f"{what}: {len(time)} instants, or some that are no numbers: expected at least {LEAST_SAMPLES} to align by"
@@ -169,16 +172,8 @@ def even_grid(time: Floats, what: str) -> Grid:
     return Grid(float(time.min()), span / (len(time) - 1), len(time))
 
 
-def gaps(time: Floats, largest: float = LARGEST_STEP) -> Floats:
-    """From and to of steps between instants (n,) [s] that are longer than ``largest`` median ones, (g, 2) [s]."""
-    ordered = np.sort(time)
-    steps = np.diff(ordered)
-    wide = np.flatnonzero(steps > largest * np.median(steps))
-    return np.column_stack([ordered[wide], ordered[wide + 1]])
-
-
 def _smooth(name: str, time: Floats, values: Floats, grid: Grid, cutoff: float) -> Floats:
-    """Values (n, k) at scattered instants (n,), on a grid, without what is above the cut-off."""
+    """Values (n, k) at scattered instants (n,) on a grid, low-passed, mean removed."""
     if not np.isfinite(values).all():
         raise AnalysisError(f"{name}: samples that are no numbers cannot be aligned: repair the channel first")
     order = np.argsort(time, kind="stable")
@@ -196,7 +191,7 @@ def _unit(name: str, time: Floats, values: Floats | None, grid: Grid, cutoff: fl
 
 
 def _basis(columns: Floats) -> Floats:
-    """Directions of columns (n, k) that stand out, orthogonal, of unit mean square, (n, r)."""
+    """Significant directions of columns (n, k), orthogonal, of unit mean square, (n, r)."""
     left, values, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0).max(), full_matrices=False)
     kept = left[:, values > LEAST_SHARE * values[0]] * np.sqrt(len(columns))
     return kept * np.sign(kept[:, 0] @ columns[:, 0]) if columns.shape[1] == 1 else kept
@@ -218,15 +213,15 @@ def _thinned(grid: Grid, cutoff: float) -> Grid:
 PERIODS = 4.0
 """Length of the filter, in periods of the highest frequency compared."""
 FLOOR = 1e-2
-"""Of the residual's power, as white noise added to it: keeps frequencies that hold nothing from being blown up."""
+"""White noise added to the residual, as a share of its power: limits the gain at frequencies without content."""
 LEAST_ROWS = 8
-"""Samples for each coefficient that is estimated."""
+"""Least number of samples per estimated coefficient."""
 MOST_ROWS = 200_000
-"""More samples are thinned out."""
+"""Largest number of samples; more are decimated."""
 
 
 def whitener(residual: Floats, used: Flags, longest: int) -> Floats:
-    """The filter (p + 1,) that whitens the residual (n,) at ``used`` samples, of at most ``longest`` coefficients."""
+    """Filter (p + 1,) [-] that whitens a residual (n,) [any unit] at ``used`` samples (n,) [-]; p <= ``longest``."""
     power = float(np.mean(residual[used] ** 2))
     order = min(longest, int(np.count_nonzero(used)) // LEAST_ROWS)
     rows = np.flatnonzero(with_history(used, order))
@@ -239,14 +234,14 @@ def whitener(residual: Floats, used: Flags, longest: int) -> Floats:
 
 
 def whitened(values: Floats, taps: Floats) -> Floats:
-    """Values (n, ...) behind the filter, along the first axis; the first p of a stretch lack history."""
+    """Values (n, ...) [any unit] filtered along the first axis by ``taps`` (p + 1,) [-]; the first p lack history."""
     from scipy.signal import lfilter
 
     return np.asarray(lfilter(taps, [1.0], values, axis=0)) if len(taps) > 1 else values
 
 
 def with_history(used: Flags, order: int) -> Flags:
-    """Samples before which ``order`` others are used too, (n,)."""
+    """Samples (n,) [-] before which ``order`` others are ``used`` (n,) too."""
     count = np.cumsum(np.r_[0, used])
     found = np.zeros(len(used), dtype=bool)
     found[order:] = count[order + 1 :] - count[: max(len(used) - order, 0)] == order + 1

@@ -5,7 +5,7 @@ import numpy as np
 from testbench.rig import load_rig
 from testbench.simulator.loggers import high_pass
 from testbench.simulator.sensors import draw_transducer
-from testbench.synchronization.common_signals import restored
+from testbench.synchronization.common_signals import high_pass_inverted
 
 
 def test_restored_is_the_inverse():
@@ -15,8 +15,8 @@ def test_restored_is_the_inverse():
     true = np.sin(2.0 * np.pi * 5.0 * (time - 0.5)) * ((time > 0.5) & (time < 2.1))
     shown = high_pass(true, 0.3, 1.0 / rate)
     assert np.max(np.abs(shown - true)) > 0.05
-    assert np.max(np.abs(restored(shown + 0.2, rate, 0.3) - true)) < 1e-3
-    assert restored(shown, rate, None) is shown
+    assert np.max(np.abs(high_pass_inverted(shown + 0.2, rate, 0.3) - true)) < 1e-3
+    assert high_pass_inverted(shown, rate, None) is shown
 
 
 def test_the_bench_has_the_stated_corner():

@@ -5,20 +5,20 @@ import pytest
 
 from testbench.errors import AnalysisError
 from testbench.synchronization.event_alignment import by_taps, by_trigger
-from testbench.synchronization.signal_preparation import Shared
+from testbench.synchronization.signal_preparation import SharedSignals
 
 from ..coverage import assert_holds
 
 OFFSET, DRIFT = -0.37, -45e-6
 
 
-def pulses(instants, seed=0, rates=(1000.0, 2000.0), seconds=12.0):
+def pulses(instants, seed=0, column_rates=(1000.0, 2000.0), seconds=12.0):
     """A trigger high for 20 ms from each instant [s] of the reference's time, on two loggers."""
     phase = np.random.default_rng(seed).random(2)
-    there, here = (np.arange(int(seconds * r)) / r + p / r for r, p in zip(rates, phase, strict=True))
+    there, here = (np.arange(int(seconds * r)) / r + p / r for r, p in zip(column_rates, phase, strict=True))
     level = lambda t: 5.0 * np.any((t[:, None] >= instants) & (t[:, None] < instants + 0.02), axis=1)  # noqa: E731
-    seen = level(OFFSET + (1 + DRIFT) * here)
-    return Shared("sync", there, (level(there)[:, None],), here, seen[:, None])
+    own_signals = level(OFFSET + (1 + DRIFT) * here)
+    return SharedSignals("sync", there, (level(there)[:, None],), here, own_signals[:, None])
 
 
 def test_edges():
@@ -67,7 +67,7 @@ def taps(seed, instants, noise=0.02):
     other = (
         ring(OFFSET + (1 + DRIFT) * here) + 0.01 * np.sin(2 * np.pi * 2.3 * here) + noise * rng.normal(size=len(here))
     )
-    return Shared("taps", there, (one[:, None],), here, other[:, None])
+    return SharedSignals("taps", there, (one[:, None],), here, other[:, None])
 
 
 def test_taps():
@@ -79,5 +79,5 @@ def test_taps():
 
 def test_no_tap():
     """Noise without a shock is refused."""
-    with pytest.raises(AnalysisError, match="no tap stands out"):
+    with pytest.raises(AnalysisError, match="no tap found"):
         by_taps(taps(0, np.array([]), 1.0))

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from testbench.synchronization.offset_and_drift import by_correlation
-from testbench.synchronization.signal_preparation import Shared, whitened, whitener, with_history
+from testbench.synchronization.signal_preparation import SharedSignals, whitened, whitener, with_history
 
 from ..coverage import assert_holds
 from .loggers import DRIFT, OFFSET, wave
@@ -26,13 +26,13 @@ def test_history():
     assert not with_history(used, 20).any()
 
 
-def loud_above(seed: int) -> Shared:
+def loud_above(seed: int) -> SharedSignals:
     """Two loggers; what one adds is differentiated twice, as steps of an encoder are, and drowns the signal above."""
     rng, signal = np.random.default_rng([seed, 3]), wave(seed, 20.0)
     there, here = np.arange(0.0, 5.0, 1e-3), np.arange(0.0, 4.4, 1e-3)
     steps = np.convolve(rng.normal(size=len(here) + 2), [1.0, -2.0, 1.0], mode="valid")
-    seen = signal(OFFSET + (1.0 + DRIFT) * here) + 0.3 * steps
-    return Shared("loud", there, (signal(there)[:, None],), here, seen[:, None])
+    own_signals = signal(OFFSET + (1.0 + DRIFT) * here) + 0.3 * steps
+    return SharedSignals("loud", there, (signal(there)[:, None],), here, own_signals[:, None])
 
 
 def test_intervals_hold_in_coloured_noise():
