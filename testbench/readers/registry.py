@@ -303,18 +303,14 @@ _ADVICE = {
     "an .xlsx workbook": "save its sheet as CSV",
     "an old Office document (perhaps an .xls workbook)": "save its sheet as CSV",
     "netCDF 3": "convert it by `nccopy -k nc4`",
-    "a ZIP archive": "unpack it and give the log inside",
-    "gzip-compressed": "unpack it and give the log inside",
-    "a 7-Zip archive": "unpack it and give the log inside",
-    "a RAR archive": "unpack it and give the log inside",
-    "bzip2-compressed": "unpack it and give the log inside",
-    "xz-compressed": "unpack it and give the log inside",
-    "zstd-compressed": "unpack it and give the log inside",
 }
+_PACKED = ("archive", "-compressed")
 
 
 def advice_for(kind: str | None) -> str:
     """What a person can do with a file of a kind that is not read; empty if nothing is known."""
+    if kind is not None and kind.endswith(_PACKED):
+        return "unpack it and give the log inside"
     return _ADVICE.get(kind or "", "")
 
 

@@ -138,7 +138,7 @@ class Reading:
         self._span, self._within = 0, 0
 
     def next(self, count: int) -> NDArray[Any]:
-        """The next ``count`` numbers, which must be there."""
+        """The next ``count`` numbers (count,) [as stored], which must be there."""
         pieces = list(self._pieces(count))
         return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
 

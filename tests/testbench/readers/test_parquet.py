@@ -67,11 +67,6 @@ def test_other_types_are_kept_or_said(tmp_path):
     assert {f.channel for f in found.findings if f.code in ("text_channel", "left_out")} == {"text", "list"}
 
 
-def test_integers_that_do_not_fit_are_said(tmp_path):
-    """2**53 + 1 has no float64."""
-    assert "not_exact" in reading.read(_write(tmp_path, {"a": [1, 2**53 + 1]})).codes
-
-
 def test_stars_in_a_name_open_one_file_only(tmp_path):
     """A file called *.parquet is that file, and not all of the folder."""
     _write(tmp_path, {"a": [1.0, 2.0]}, "other.parquet")
