@@ -1,15 +1,4 @@
-"""``testbench export``.
-
-``testbench archive``.
-
-A stored run as a line of a table, and as a JSON object.
-
-``testbench list``.
-
-``testbench recover``.
-
-``testbench verify``.
-"""
+"""Commands on a campaign of stored runs: ``testbench list``, ``verify``, ``recover``, ``archive`` and ``export``."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -68,9 +57,9 @@ def export(stored: Path, to: str, output: Path, licence: str | None, physical: b
     losses = [loss for one in written for loss in one.losses]
     if as_json:
         files = [{"file": str(one.file), "losses": list(one.losses)} for one in written]
-        held = [h.as_dict() for h in applied]
-        said = [one.as_dict() for one in refused]
-        emit_json({"to": to, "files": files, "physical": physical, "calibrations": held, "refused": said})
+        document = {"to": to, "files": files, "physical": physical}
+        calibrations = [one.as_dict() for one in applied]
+        emit_json({**document, "calibrations": calibrations, "refused": [one.as_dict() for one in refused]})
     else:
         for one in written:
             click.echo(plain_text(str(one.file)))

@@ -1,7 +1,4 @@
-"""``testbench ingest``.
-
-``testbench watch``.
-"""
+"""``testbench ingest`` and ``testbench watch``: logs into stored runs."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -32,7 +29,7 @@ Exit codes: 0 all stored, 3 stored with findings, 1 some file was refused (the o
 )
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--rig", metavar="RIG", help="What is measured where: a rig file, kept with each run.")
-@click.option("--runs", "sheet", type=click.Path(path_type=Path), help="The sheet of run conditions.")
+@click.option("--runs", "run_table", type=click.Path(path_type=Path), help="The run table.")
 @click.option(
     "-o", "--output", "campaign", required=True, type=click.Path(path_type=Path), help="The campaign's folder."
 )
@@ -42,7 +39,7 @@ Exit codes: 0 all stored, 3 stored with findings, 1 some file was refused (the o
 def ingest(
     files: tuple[Path, ...],
     rig: str | None,
-    sheet: Path | None,
+    run_table: Path | None,
     campaign: Path,
     accept: tuple[str, ...],
     as_json: bool,
@@ -64,7 +61,7 @@ def ingest(
             f"{campaign}: {len(own)} of the files given are the campaign's own runs and no logs; they are left alone"
         )
         click.echo(f"testbench: {reading.plain_text(message)}", err=True)
-    outcomes = _ingest([file for file in files if file not in own], _rig(rig), sheet, campaign, accept, text)
+    outcomes = _ingest([file for file in files if file not in own], _rig(rig), run_table, campaign, accept, text)
     if as_json:
         emit_json({"runs": [outcome.as_dict() for outcome in outcomes]})
     else:
@@ -87,17 +84,17 @@ def _rig(name: str | None) -> "Rig | None":
 def _ingest(
     files: Sequence[Path],
     rig: "Rig | None",
-    sheet: Path | None,
+    run_table: Path | None,
     campaign: Path,
     accept: Sequence[str],
     text: dict[str, Any],
 ) -> "list[Outcome]":
     from ..ingest import Ingest
-    from ..ingest.input_files import OtherLogs
+    from ..ingest.input_files import SiblingLogs
     from ..ingest.run_conditions import plan_runs
 
-    runs, options = plan_runs(files, sheet), reading.read_options(**text)
-    others = OtherLogs(files if sheet is None else (), options)
+    runs, options = plan_runs(files, run_table), reading.read_options(**text)
+    others = SiblingLogs(files if run_table is None else (), options)
     total = sum(path.stat().st_size for run in runs for path in run.files if path.is_file())
     with progress("reading", total) as done:
         work = Ingest(campaign, rig, options, frozenset(accept), done, others.holding)
@@ -121,8 +118,8 @@ Examples:
   testbench watch incoming -o campaign --rig rig.toml --runs runs.csv
   testbench watch incoming -o campaign --once --json
 \b
-With --runs, files that the sheet names are ingested with its conditions, once all files of a run are there; others wait
-until it names them (--unnamed store: are stored without conditions). The sheet is read again when it changes.
+With --runs, files that the run table names are ingested with its conditions, once all files of a run are there; others
+wait until it names them (--unnamed store: are stored without conditions). The run table is read again when it changes.
 \b
 Exit codes of --once: 0 all stored, 3 stored with findings, still growing or waiting, 1 some file was refused."""
 )
@@ -131,13 +128,13 @@ Exit codes of --once: 0 all stored, 3 stored with findings, still growing or wai
     "-o", "--output", "campaign", required=True, type=click.Path(path_type=Path), help="The campaign's folder."
 )
 @click.option("--rig", metavar="RIG", help="What is measured where: a rig file, kept with each run.")
-@click.option("--runs", "sheet", type=click.Path(path_type=Path), help="The sheet of run conditions; it may change.")
+@click.option("--runs", "run_table", type=click.Path(path_type=Path), help="The run table; it may change.")
 @click.option(
     "--unnamed",
     type=click.Choice(["wait", "store"]),
     default="wait",
     show_default=True,
-    help="What becomes of files that the sheet does not name.",
+    help="What becomes of files that the run table does not name.",
 )
 @click.option("--accept", multiple=True, metavar="CODE", help="Store in spite of findings of this code.")
 @click.option("--once", is_flag=True, help="One pass over what is there, then stop.")
@@ -150,7 +147,7 @@ def watch(
     folder: Path,
     campaign: Path,
     rig: str | None,
-    sheet: Path | None,
+    run_table: Path | None,
     unnamed: str,
     accept: tuple[str, ...],
     once: bool,
@@ -175,10 +172,10 @@ def watch(
         )
     watching = _watching(folder, campaign, rig, accept, settle, text)
     watching.store_unnamed = unnamed == "store"
-    if sheet is not None:
-        from ..ingest.watch_folder import WatchedSheet
+    if run_table is not None:
+        from ..ingest.watch_folder import WatchedRunTable
 
-        watching.sheet = WatchedSheet(sheet, watching.settle_s)
+        watching.run_table = WatchedRunTable(run_table, watching.settle_s)
     if not once:
         click.echo(f"watching {options.plain_text(str(folder))}; Ctrl-C ends it", err=True)
         _say(watching.forever(), quiet=False)
@@ -212,9 +209,9 @@ def _watching(
 
 def _say(outcomes: "Iterable[Outcome]", quiet: bool) -> "list[Outcome]":
     """Print each outcome when it comes; refusals to stderr."""
-    told = []
+    reported = []
     for outcome in outcomes:
-        told.append(outcome)
+        reported.append(outcome)
         if outcome.status == "refused":
             click.echo(f"testbench: {options.plain_text(outcome.message)}", err=True)
         elif outcome.status == "waiting":
@@ -227,4 +224,4 @@ def _say(outcomes: "Iterable[Outcome]", quiet: bool) -> "list[Outcome]":
             options.print_reading_findings(
                 name, (f for f in outcome.findings if f.severity > 0 and f.code != "already_stored")
             )
-    return told
+    return reported

@@ -1,7 +1,4 @@
-"""``testbench info``.
-
-``testbench formats``.
-"""
+"""``testbench info`` and ``testbench formats``: what a log holds, and which logs can be read."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any

@@ -1,8 +1,6 @@
 """Stored runs in other people's forms: values with units and time, and where they come from.
 
-One file a target. Nothing is ever overwritten; a file has its name only once it is whole.
-
-Which targets there are, and where their files go.
+One file a run or a group. Nothing is ever overwritten; a file has its name only once it is whole.
 """
 
 from collections.abc import Callable
@@ -52,7 +50,7 @@ def export(run: Run, to: str, folder: Path) -> list[Exported]:
 
 
 def write_export(run: Run, groups: list[str], to: str, target: Path) -> Exported:
-    """Write groups of a run into one file, beside its place first; never over another file."""
+    """Write groups of a run into one file, under a hidden name first; never over another file."""
     if target.exists():
         raise _taken(target)
     part = target.with_name(f".{uuid4().hex[:12]}{TARGETS[to]}")

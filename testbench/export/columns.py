@@ -1,8 +1,6 @@
-"""A group of a run as columns of a table: time first where the clock is a rate, else as recorded.
+"""A group of a run as columns of a table, time first where the clock is a rate; and as SEP005 of the SDyPy project.
 
-SEP005 of the SDyPy project: time series as Python objects.
-
-The proposal defines dictionaries in memory and no file; so do we.
+SEP005 defines dictionaries in memory and no file; so do we.
 https://github.com/sdypy/sdypy/blob/main/docs/seps/sep-0005.rst
 """
 
@@ -32,7 +30,7 @@ class Column:
 
     @property
     def header(self) -> str:
-        """The name as written, with the unit in brackets where it stands apart."""
+        """The name as written, with the unit in brackets where the log has it in a row of its own."""
         channel = self.channel
         if channel.unit is None or channel.unit in channel.name.removeprefix(channel.label):
             return channel.name

@@ -1,7 +1,7 @@
-"""Universal file, functions (58b): one a channel, with the time of every sample in full precision.
+"""Runs and groups as files of other people's tools.
 
-Steps are written as uneven, each time beside its value: an even step has six digits in the header. Layout of the
-records: https://www.ceas3.uc.edu/sdrluff/
+Universal file, functions (58b): one a channel. Steps are written as uneven, each time with its value in full precision:
+an even step has six digits in the header. Layout of the records: https://www.ceas3.uc.edu/sdrluff/
 
 CSV: comments with the origin, a header with units, numbers that read back to the same bits.
 

@@ -1,4 +1,4 @@
-"""Log files into stored runs: their sheet, their sources, what became of each; folders that are watched."""
+"""Log files into stored runs: their run table, their sources, the outcome of each; watched folders."""
 
 from .ingest import Ingest, Outcome, Progress
 

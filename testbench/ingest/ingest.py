@@ -1,6 +1,6 @@
-"""Log files into stored runs: read, check, write, in one pass and bounded memory; nothing half-written.
+"""Log files into stored runs: read, checked and written in one pass and bounded memory, whole or not at all.
 
-What became of a log file that was to be ingested.
+The outcome of each file says what became of it: stored, stored already, refused and why, or waiting.
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -18,7 +18,7 @@ from ..recording import Finding, Group, Origin, Refusal, findings_by_group, refu
 from ..store import atomic_files, open_run
 from ..store.campaign import StoredSources
 from ..store.writer import RunWriter
-from .input_files import Source, apart, refuse_stored_run, refuse_too_many, refuse_twice
+from .input_files import Source, distinct_groups, refuse_stored_run, refuse_too_many, refuse_twice
 from .run_conditions import PlannedRun
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class Outcome:
 
 
 def already_there(source: Source, run: str, differing: Sequence[Finding]) -> Outcome:
-    """The outcome of a log that the campaign holds, in ``run``; ``differing`` is what the sheet says otherwise now."""
+    """The outcome of a log that the campaign holds, in ``run``; ``differing`` is where the run table differs now."""
     finding = Finding("already_stored", None, None, f"is stored already as {run}; nothing was written")
     origin = source.recording.origin
     found = (finding, *differing)
@@ -58,7 +58,7 @@ def already_there(source: Source, run: str, differing: Sequence[Finding]) -> Out
 
 
 def not_stored(planned: PlannedRun, sources: Sequence[Source], error: Exception) -> list[Outcome]:
-    """One outcome for each file of a run that was not stored; the reason stands with the file that it names."""
+    """One outcome for each file of a run that was not stored; the reason goes with the file that it names."""
     outcomes = []
     for i, path in enumerate(planned.files):
         findings = tuple(sources[i].findings) if i < len(sources) else ()
@@ -67,8 +67,8 @@ def not_stored(planned: PlannedRun, sources: Sequence[Source], error: Exception)
         elif not refusing_findings(findings):
             findings = (*findings, Finding("not_stored", None, None, str(error)))
         sha256 = sources[i].sha256 or None if i < len(sources) else None
-        said = any(source.recording.origin == "simulated" for source in sources)
-        origin = "simulated" if said else planned.origin or "unstated"
+        simulated = any(source.recording.origin == "simulated" for source in sources)
+        origin = "simulated" if simulated else planned.origin or "unstated"
         outcomes.append(Outcome(None, path.name, sha256, origin, "refused", findings, str(error)))
     return outcomes
 
@@ -89,8 +89,8 @@ class Ingest:
     options: ReadOptions | None = None
     accepted: frozenset[str] = frozenset()
     progress: Progress = lambda count: None
-    elsewhere: Callable[[Collection[str]], str | None] = lambda channels: None
-    """Names a log outside the run, ingested beside it, that holds one of these channels."""
+    sibling_log: Callable[[Collection[str]], str | None] = lambda channels: None
+    """Names a log outside the run, given to the same command, that holds one of these channels."""
     _stored: StoredSources = field(init=False)
 
     def __post_init__(self) -> None:
@@ -106,7 +106,7 @@ class Ingest:
                 sources.append(Source.opened(path, self.options))
                 refuse_stored_run(sources[-1])
                 refuse_too_many(sources[-1], sources[-1].recording.groups)
-            for source, recording in zip(sources, apart([s.recording for s in sources]), strict=True):
+            for source, recording in zip(sources, distinct_groups([s.recording for s in sources]), strict=True):
                 source.recording = recording
             return self._already(planned, sources) or self._stored_anew(planned, sources)
         except (RecordingError, StoreError) as error:
@@ -128,15 +128,15 @@ class Ingest:
         self._stored.look()
         if not self._stored.any_of_size({source.size for source in sources}):
             return []
-        held = [self._stored.run_of(source.size, source.digested()) for source in sources]
-        if None in held and any(held):
-            known = ", ".join(s.path.name for s, run in zip(sources, held, strict=True) if run)
+        known_runs = [self._stored.run_of(source.size, source.digested()) for source in sources]
+        if None in known_runs and any(known_runs):
+            known = ", ".join(s.path.name for s, run in zip(sources, known_runs, strict=True) if run)
             raise StoreError(f"{known}: stored already, but not with the other files of this run; stored runs stay")
-        runs = zip(sources, held, strict=True)
+        runs = zip(sources, known_runs, strict=True)
         return [already_there(source, run, self._differs(planned, run)) for source, run in runs if run]
 
     def _differs(self, planned: PlannedRun, run: str) -> list[Finding]:
-        """Where the sheet says something else than what is stored with a run, which never changes."""
+        """Where the run table says something else than what is stored with a run, which never changes."""
         if planned.conditions is None:
             return []
         stored = open_run(self.folder / run)
@@ -144,7 +144,7 @@ class Ingest:
         for name in sorted(planned.conditions.keys() | stored.conditions.keys()):
             now, then = planned.conditions.get(name), stored.conditions.get(name)
             if now != then:
-                message = f"{name} is {now} in the sheet, {then} in the stored {run}; stored runs never change"
+                message = f"{name} is {now} in the run table, {then} in the stored {run}; stored runs never change"
                 found.append(Finding("conditions_differ", None, None, message))
         return found
 
@@ -156,9 +156,9 @@ class Ingest:
                 source.findings = findings_by_group(source.findings, own, sum(map(len, groups)) > 1)
             if self.rig is not None:
                 recordings = [source.recording for source in sources]
-                sources[0].findings.extend(rig_checks.rig_findings(self.rig, recordings, self.elsewhere))
+                sources[0].findings.extend(rig_checks.rig_findings(self.rig, recordings, self.sibling_log))
                 sources[0].findings.extend(rig_checks.of_conditions(self.rig, planned.conditions or {}))
-            doubt = "whether it holds this recording too cannot be told"
+            doubt = "whether it holds this recording too is not known"
             for name, reason in self._stored.unopened.items():
                 sources[0].findings.append(Finding("run_not_opened", None, None, _unopened(name, reason, doubt)))
             everything = [finding for source in sources for finding in source.findings]
@@ -215,10 +215,10 @@ class Ingest:
 
 
 def _origin(planned: PlannedRun, sources: Sequence[Source]) -> Origin:
-    """Simulated if a log says so, which the sheet must not contradict; measured if the sheet alone says so."""
+    """Simulated if a log says so, which the run table must not contradict; measured if the run table alone says so."""
     simulated = [source for source in sources if source.recording.origin == "simulated"]
     if simulated and planned.origin == "measured":
-        message = "the log says that it is simulated, the sheet says measured; mend the sheet"
+        message = "the log says that it is simulated, the run table says measured; mend the run table"
         raise Refusal(simulated[0].path.name, Finding("origin_contradiction", None, None, message))
     return "simulated" if simulated else planned.origin or "unstated"
 

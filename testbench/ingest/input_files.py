@@ -1,10 +1,8 @@
-"""A log file on its way into a run: what is read from it, and its digest, computed in a thread meanwhile.
+"""The files given to an ingest: each opened, its digest computed in a thread meanwhile, and what is refused at once.
 
-Several logs in one run: groups that are called alike in two files get the name of their file in front.
-
-Logs that are ingested together, each a run of its own: which of them holds what one does not.
-
-Files that are given and yet no log to be stored: stored runs, channels without end, the same bytes twice.
+Where several logs make one run, groups of one name in two files get the name of their file in front. Where each is a
+run of its own, the others are asked for channels that one lacks. Refused are stored runs, channels without end, and the
+same bytes twice in one run.
 """
 
 import threading
@@ -108,7 +106,7 @@ def _state(path: Path) -> tuple[int, int]:
     return stat.st_size, stat.st_mtime_ns
 
 
-def apart(recordings: Sequence[Recording]) -> list[Recording]:
+def distinct_groups(recordings: Sequence[Recording]) -> list[Recording]:
     """The recordings, with no group's name in two of them."""
     names = Counter(name for recording in recordings for name in {group.name for group in recording.groups})
     stems = Counter(recording.path.stem for recording in recordings)
@@ -134,7 +132,7 @@ def _renamed(recording: Recording, front: str) -> Recording:
     return replace(recording, groups=tuple(map(renamed, recording.groups)), read=read)
 
 
-class OtherLogs:
+class SiblingLogs:
     """The channels of several logs, by their headers, of which no more are read than are asked for."""
 
     def __init__(self, files: Sequence[Path], options: ReadOptions | None = None) -> None:

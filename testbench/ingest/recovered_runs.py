@@ -9,8 +9,7 @@ from typing import Any
 
 from ..quality.group_checks import RecordingCheck
 from ..recording import Block, Finding, Recording, Report, findings_by_group
-from ..store import crash_recovery as leftover
-from ..store import open_run
+from ..store import crash_recovery, open_run
 from ..store.atomic_files import Journal, Leftover, leftovers
 from ..store.campaign import existing
 from ..store.crash_recovery import MARK, Recovery
@@ -22,26 +21,26 @@ _FROM = "recovered_from"
 
 def recover(campaign: Path) -> list[Recovery]:
     """Finish or save everything that stopped ingests left in ``campaign``."""
-    outcomes = [leftover.finish(left, save) for left in leftovers(existing(campaign))]
+    outcomes = [crash_recovery.finish(leftover, save) for leftover in leftovers(existing(campaign))]
     found = [outcome for outcome in outcomes if outcome is not None]
-    for path in leftover.orphans(campaign):
-        if leftover.is_digest(path):
-            path.unlink(missing_ok=True)  # the run beside it has been taken care of
+    for path in crash_recovery.orphans(campaign):
+        if crash_recovery.is_digest(path):
+            path.unlink(missing_ok=True)  # its run has been taken care of
         else:
             message = f"{path.name} has no journal, which says what it holds; it stays where it is"
             found.append(Recovery(path.name, "failed", message))
     return found
 
 
-def save(left: Leftover, known: Journal) -> Recovery:
+def save(leftover: Leftover, known: Journal) -> Recovery:
     """Write what was acknowledged as a run of its own."""
-    if (stored := _saved_before(left)) is not None:
-        return Recovery(left.run, "superseded", f"was saved before as {stored}", stored)
+    if (stored := _saved_before(leftover)) is not None:
+        return Recovery(leftover.run, "superseded", f"was saved before as {stored}", stored)
     intent = known.intent
-    name = _free_name(left)
+    name = _free_name(leftover)
     findings = [_interrupted(intent, known)]
-    with RunWriter(left.part.parent, name, {**intent, "run": name}) as writer:
-        recording = _recording(left, known)
+    with RunWriter(leftover.part.parent, name, {**intent, "run": name}) as writer:
+        recording = _recording(leftover, known)
         check = RecordingCheck(recording)
         for block in recording.blocks(findings.append):
             check.update(block)
@@ -51,47 +50,49 @@ def save(left: Leftover, known: Journal) -> Recovery:
                 writer.group(group.group).finish(group.rate_hz, group.rate_source)
         findings += [f for f in check.findings() if f.code != "no_data"]
         findings = findings_by_group(findings, recording.groups, len(recording.groups) > 1)
-        writer.describe(intent["origin"], intent["conditions"], findings, _provenance(left, intent), intent["rig"])
+        writer.describe(intent["origin"], intent["conditions"], findings, _provenance(leftover, intent), intent["rig"])
         stored = writer.commit().name
     samples = {kept.group.name: kept.samples for kept in known.groups}
-    return Recovery(left.run, "recovered", findings[0].message, stored, samples)
+    return Recovery(leftover.run, "recovered", findings[0].message, stored, samples)
 
 
-def _names(left: Leftover) -> Iterator[str]:
-    return (f"{left.run}{MARK}{'' if n == 1 else f'-{n}'}" for n in count(1))
+def _names(leftover: Leftover) -> Iterator[str]:
+    return (f"{leftover.run}{MARK}{'' if n == 1 else f'-{n}'}" for n in count(1))
 
 
-def _free_name(left: Leftover) -> str:
-    return next(name for name in _names(left) if not left.part.with_name(f"{name}.h5").exists())
+def _free_name(leftover: Leftover) -> str:
+    return next(name for name in _names(leftover) if not leftover.part.with_name(f"{name}.h5").exists())
 
 
-def _saved_before(left: Leftover) -> str | None:
+def _saved_before(leftover: Leftover) -> str | None:
     """The run that was saved of these very files, by a recovery that was stopped before it could remove them."""
-    stored = (left.part.with_name(f"{name}.h5") for name in _names(left))
+    stored = (leftover.part.with_name(f"{name}.h5") for name in _names(leftover))
     for path in takewhile(Path.exists, stored):
-        if open_run(path).provenance.get(_FROM) == left.part.name:
+        if open_run(path).provenance.get(_FROM) == leftover.part.name:
             return path.name
     return None
 
 
-def _recording(left: Leftover, known: Journal) -> Recording:
+def _recording(leftover: Leftover, known: Journal) -> Recording:
     groups = tuple(kept.group for kept in known.groups)
-    return Recording(left.part, "unfinished run", "recover", groups, lambda report: _blocks(left, known, report))
+    return Recording(
+        leftover.part, "unfinished run", "recover", groups, lambda report: _blocks(leftover, known, report)
+    )
 
 
-def _blocks(left: Leftover, known: Journal, report: Report) -> Iterator[Block]:
+def _blocks(leftover: Leftover, known: Journal, report: Report) -> Iterator[Block]:
     for kept in known.groups:
         start = 0
-        for columns in leftover.blocks(left.part, kept):
+        for columns in crash_recovery.blocks(leftover.part, kept):
             yield Block(kept.group, columns, start)
             start += len(columns[0])
 
 
 def _interrupted(intent: dict[str, Any], known: Journal) -> Finding:
     """What is here and what is not, as far as anyone can know."""
-    held = ", ".join(f"the first {kept.samples} samples of {kept.group.name!r}" for kept in known.groups)
+    whole = ", ".join(f"the first {kept.samples} samples of {kept.group.name!r}" for kept in known.groups)
     logs = _listed([source["name"] for source in intent.get("sources", ())])
-    message = f"the ingest was stopped: {held} are here; what {logs} held after them is lost unless the log is at hand"
+    message = f"the ingest was stopped: {whole} are here; what {logs} had after them is lost unless the log is at hand"
     return Finding("interrupted", None, None, message)
 
 
@@ -99,12 +100,12 @@ def _listed(names: Sequence[str]) -> str:
     return ", ".join(names) or "the log"
 
 
-def _provenance(left: Leftover, intent: dict[str, Any]) -> dict[str, Any]:
+def _provenance(leftover: Leftover, intent: dict[str, Any]) -> dict[str, Any]:
     """That of the stopped ingest: its sources without a digest, for the run does not hold all of them."""
     return {
         "software": {name: version(name) for name in ("counterpoise", "h5py", "numpy")},
         "written": datetime.now(UTC).isoformat(timespec="seconds"),
         "accepted_findings": [],
-        _FROM: left.part.name,
+        _FROM: leftover.part.name,
         "sources": [{**source, "sha256": ""} for source in intent.get("sources", ())],
     }

@@ -1,6 +1,6 @@
-"""The sheet of run conditions, ``runs.csv``: which file was recorded with what.
+"""The run table, ``runs.csv``: one row a log file with the conditions of its run, checked by line and column.
 
-The rows of the run table, ``runs.csv``: one a log file, checked by line and column.
+From it, and the files that are given, follow the runs to be stored, or why one cannot be.
 """
 
 import csv
@@ -41,7 +41,7 @@ class RunRow(Table):
     """A log file, and what its run was made with."""
 
     file: Text
-    """Name of the log file, or its place beside the table."""
+    """Name of the log file, or its place relative to the table's folder."""
     run: Text | None = None
     """Name of the run; files of one run are stored together."""
     origin: Origin = "unstated"
@@ -69,8 +69,8 @@ _NUMBERS = ("payload_kg", "counter_masses", "peak_acceleration_g")
 
 
 @dataclass(frozen=True)
-class SheetRow:
-    """One line of the sheet."""
+class RunTableRow:
+    """One line of the run table."""
 
     line: int
     file: str
@@ -81,56 +81,58 @@ class SheetRow:
     """Decimal marks in its numbers."""
 
 
-def read_run_table(sheet: Path) -> list[SheetRow]:
+def read_run_table(run_table: Path) -> list[RunTableRow]:
     """The rows of a run table. Raises RigError, with line and column, for what it does not understand.
 
     Commas, tabs or semicolons separate the cells, as the first line shows; with semicolons, as spreadsheets of half of
     Europe write them, numbers may have decimal commas, all or none.
     """
-    text = read_text(sheet, RigError).removeprefix("\ufeff")
+    text = read_text(run_table, RigError).removeprefix("\ufeff")
     first = text.partition("\n")[0]
     delimiter = ";" if ";" in first else "\t" if "\t" in first else ","
     table = csv.DictReader(io.StringIO(text), delimiter=delimiter)
     columns = [name.strip() for name in table.fieldnames or []]
     table.fieldnames = columns
     if "file" not in columns:
-        raise RigError(f"{sheet.name}: no column 'file': expected a run table with {', '.join(COLUMNS)}")
+        raise RigError(f"{run_table.name}: no column 'file': expected a run table with {', '.join(COLUMNS)}")
     if unknown := [name for name in columns if name not in COLUMNS]:
         hint = suggestion(unknown[0], COLUMNS) or f": expected some of {', '.join(COLUMNS)}"
-        raise RigError(f"{sheet.name}: unknown column {unknown[0]!r}{hint}")
+        raise RigError(f"{run_table.name}: unknown column {unknown[0]!r}{hint}")
     try:
-        rows = [_row(sheet.name, table.line_num, cells, delimiter) for cells in table if any(cells.values())]
+        rows = [_row(run_table.name, table.line_num, cells, delimiter) for cells in table if any(cells.values())]
     except csv.Error as error:
-        raise RigError(f"{sheet.name}, line {table.line_num}: {error}") from error
+        raise RigError(f"{run_table.name}, line {table.line_num}: {error}") from error
     if not rows:
-        raise RigError(f"{sheet.name}: names no file")
-    _check_rows(sheet, rows)
+        raise RigError(f"{run_table.name}: names no file")
+    _check_rows(run_table, rows)
     return rows
 
 
-def _check_rows(sheet: Path, rows: Sequence[SheetRow]) -> None:
+def _check_rows(run_table: Path, rows: Sequence[RunTableRow]) -> None:
     """Each file once, and one decimal mark throughout."""
     lines: dict[PurePath, int] = {}
     for row in rows:
         place = PurePath(row.file)
         if place in lines:
             raise RigError(
-                f"{sheet.name}, line {row.line}: names {row.file} a second time, after line {lines[place]}; "
+                f"{run_table.name}, line {row.line}: names {row.file} a second time, after line {lines[place]}; "
                 "expected each file once: its conditions would be those of either line"
             )
         lines[place] = row.line
     marks = {mark: row.line for row in rows for mark in row.marks}
     if len(marks) > 1:
         raise RigError(
-            f"{sheet.name}: decimal commas (line {marks[',']}) and decimal points (line {marks['.']}): expected one of "
-            "the two, lest 1,451 and 1.451 be taken for the same"
+            f"{run_table.name}: decimal commas (line {marks[',']}) and decimal points (line {marks['.']}): expected "
+            "one of the two, lest 1,451 and 1.451 be taken for the same"
         )
 
 
-def _row(name: str, line: int, cells: Mapping[str | None, str | None], delimiter: str) -> SheetRow:
+def _row(name: str, line: int, cells: Mapping[str | None, str | None], delimiter: str) -> RunTableRow:
     place = f"{name}, line {line}"
     if None in cells or None in cells.values():
-        hint = "" if delimiter != ";" else "; counter_masses with several sites need quotes in a sheet with semicolons"
+        hint = (
+            "" if delimiter != ";" else "; counter_masses with several sites need quotes in a run table with semicolons"
+        )
         raise RigError(f"{place}: more or fewer cells than columns{hint}")
     text = {str(column): (cell or "").strip() for column, cell in cells.items()}
     marks = frozenset(re.findall(r"(?<=\d)[.,](?=\d)", " ".join(text.get(column, "") for column in _NUMBERS)))
@@ -138,7 +140,7 @@ def _row(name: str, line: int, cells: Mapping[str | None, str | None], delimiter
         text |= {column: text[column].replace(",", ".") for column in _NUMBERS if column in text}
     given = {column: cell for column, cell in text.items() if cell or column == "counter_masses"}
     row = model_from_table(RunRow, given, place, RigError)
-    return SheetRow(line, row.file, row.run, row.origin, row.conditions, marks)
+    return RunTableRow(line, row.file, row.run, row.origin, row.conditions, marks)
 
 
 _NAME = re.compile(r"[\w+(#@][\w+()#@,=~ .-]{0,119}")
@@ -146,7 +148,7 @@ _NAME = re.compile(r"[\w+(#@][\w+()#@,=~ .-]{0,119}")
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """A run to be: its name, its log files, and what the sheet says of it (None: there is no sheet).
+    """A run to be: its name, its log files, and what the run table says of it (None: there is no run table).
 
     ``problem`` is why it cannot be stored under its name; empty if it can.
     """
@@ -158,47 +160,47 @@ class PlannedRun:
     problem: str = ""
 
 
-def plan_runs(files: Sequence[Path], sheet: Path | None) -> list[PlannedRun]:
-    """Which files make which runs: those that the sheet puts together, else each file its own.
+def plan_runs(files: Sequence[Path], run_table: Path | None) -> list[PlannedRun]:
+    """Which files make which runs: those that the run table puts together, else each file its own.
 
-    Raises RigError if files and sheet do not name the same.
+    Raises RigError if files and run table do not name the same.
     """
-    if sheet is None:
+    if run_table is None:
         runs = [PlannedRun(path.stem, (path,)) for path in files]
         problems = _problems(runs)
         return [replace(run, problem=problems.get(run.name, "")) for run in runs]
-    files = [path for path in files if not same_file(path, sheet)]
-    runs = _from_sheet(read_run_table(sheet), files, sheet)
+    files = [path for path in files if not same_file(path, run_table)]
+    runs = _from_run_table(read_run_table(run_table), files, run_table)
     _check_names(runs)
     return runs
 
 
 @dataclass(frozen=True)
 class Ready:
-    """What a sheet makes of the files that are there so far."""
+    """What a run table makes of the files that are there so far."""
 
     runs: tuple[PlannedRun, ...]
     """Those of which all files are there."""
     waiting: dict[Path, str]
     """Files of other runs, and what they wait for."""
     unnamed: tuple[Path, ...]
-    """Files that the sheet does not name."""
+    """Files that the run table does not name."""
 
 
-def ready(rows: Sequence[SheetRow], files: Sequence[Path], sheet: Path) -> Ready:
-    """The runs of a sheet that are complete, of the files that are there so far.
+def ready(rows: Sequence[RunTableRow], files: Sequence[Path], run_table: Path) -> Ready:
+    """The runs of a run table that are complete, of the files that are there so far.
 
     Raises RigError if rows of one run differ in their conditions, or runs would have one name.
     """
-    there = {row.line: path for row in rows for path in files if _means(row, path, sheet)}
-    groups: dict[str, list[SheetRow]] = {}
+    there = {row.line: path for row in rows for path in files if _means(row, path, run_table)}
+    groups: dict[str, list[RunTableRow]] = {}
     for row in rows:
         groups.setdefault(row.run or PurePath(row.file).stem, []).append(row)
     runs, waiting = [], {}
     for name, together in groups.items():
         missing = [row.file for row in together if row.line not in there]
         if not missing:
-            runs.append(_run(name, together, there, sheet))
+            runs.append(_run(name, together, there, run_table))
             continue
         for row in together:
             if row.line in there:
@@ -207,8 +209,8 @@ def ready(rows: Sequence[SheetRow], files: Sequence[Path], sheet: Path) -> Ready
     return Ready(tuple(runs), waiting, tuple(path for path in files if path not in there.values()))
 
 
-def _means(row: SheetRow, path: Path, sheet: Path) -> bool:
-    return path.name == row.file or same_file(path, sheet.parent / row.file)
+def _means(row: RunTableRow, path: Path, run_table: Path) -> bool:
+    return path.name == row.file or same_file(path, run_table.parent / row.file)
 
 
 def _check_names(runs: Sequence[PlannedRun]) -> None:
@@ -226,51 +228,53 @@ def _problems(runs: Sequence[PlannedRun]) -> dict[str, str]:
         if _NAME.fullmatch(name) is None:
             found[name] = (
                 f"{Path(same[0]).name}: {name!r} is no name for a stored run; expected up to 120 letters, digits, "
-                "blanks and - _ . + , = ~ @ # ( ); rename the file, or name the run by a column 'run' of a sheet"
+                "blanks and - _ . + , = ~ @ # ( ); rename the file, or name the run by a column 'run' of a run table"
             )
         elif len(same) > 1:
             found[name] = (
-                f"{', '.join(same)}: would all be stored as run {name!r}; name them apart by a column 'run' of a sheet"
+                f"{', '.join(same)}: would all be stored as run {name!r}; name each in column 'run' of a run table"
             )
     return found
 
 
-def _from_sheet(rows: Sequence[SheetRow], files: Sequence[Path], sheet: Path) -> list[PlannedRun]:
-    """The runs of a sheet, after a check that it names the given files, each once, and no others."""
-    paths = {row.line: _given(row, files, sheet) for row in rows}
+def _from_run_table(rows: Sequence[RunTableRow], files: Sequence[Path], run_table: Path) -> list[PlannedRun]:
+    """The runs of a run table, after a check that it names the given files, each once, and no others."""
+    paths = {row.line: _given(row, files, run_table) for row in rows}
     named = list(paths.values())
     for row in rows:
         if named.count(paths[row.line]) > 1:
-            raise RigError(f"{sheet.name}, line {row.line}: names {row.file} a second time")
-    if left := [path.name for path in files if path not in named]:
-        raise RigError(f"{sheet.name}: does not name {', '.join(left)}; add a line for it, or do not give it")
-    runs: dict[str, list[SheetRow]] = {}
+            raise RigError(f"{run_table.name}, line {row.line}: names {row.file} a second time")
+    if unnamed := [path.name for path in files if path not in named]:
+        raise RigError(f"{run_table.name}: does not name {', '.join(unnamed)}; add a line for it, or do not give it")
+    runs: dict[str, list[RunTableRow]] = {}
     for row in rows:
         runs.setdefault(row.run or paths[row.line].stem, []).append(row)
-    return [_run(name, together, paths, sheet) for name, together in runs.items()]
+    return [_run(name, together, paths, run_table) for name, together in runs.items()]
 
 
-def _run(name: str, rows: Sequence[SheetRow], paths: Mapping[int, Path], sheet: Path) -> PlannedRun:
+def _run(name: str, rows: Sequence[RunTableRow], paths: Mapping[int, Path], run_table: Path) -> PlannedRun:
     first = rows[0]
     for row in rows[1:]:
         if row.run is None:
             raise RigError(
-                f"{sheet.name}, line {row.line}: {row.file} would be stored as {name!r}, as line {first.line}"
+                f"{run_table.name}, line {row.line}: {row.file} would be stored as {name!r}, as line {first.line}"
             )
         if (row.conditions, row.origin) != (first.conditions, first.origin):
-            raise RigError(f"{sheet.name}, line {row.line}: run {name!r} has other conditions in line {first.line}")
+            raise RigError(f"{run_table.name}, line {row.line}: run {name!r} has other conditions in line {first.line}")
     return PlannedRun(name, tuple(paths[row.line] for row in rows), first.origin, first.conditions)
 
 
-def _given(row: SheetRow, files: Iterable[Path], sheet: Path) -> Path:
-    """The given file that a row means: the one at that place beside the sheet, else the only one of that name."""
-    beside = sheet.parent / row.file
-    exact = [path for path in files if same_file(path, beside)]
+def _given(row: RunTableRow, files: Iterable[Path], run_table: Path) -> Path:
+    """The given file that a row means: the one at that place from the run table, else the only one of that name."""
+    place = run_table.parent / row.file
+    exact = [path for path in files if same_file(path, place)]
     matches = exact or [path for path in files if path.name == row.file]
     if len(matches) == 1:
         return matches[0]
     problem = "several of the given files have" if matches else "none of the given files has"
-    raise RigError(f"{sheet.name}, line {row.line}: {problem} the name {row.file!r}; give the file, or mend the line")
+    raise RigError(
+        f"{run_table.name}, line {row.line}: {problem} the name {row.file!r}; give the file, or mend the line"
+    )
 
 
 def same_file(one: Path, other: Path) -> bool:

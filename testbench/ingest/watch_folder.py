@@ -1,14 +1,12 @@
 """Logs as they arrive in a folder: each is ingested once it has stopped growing, once, also after a crash.
 
-Nothing is remembered beside the campaign: a log that a stored run was made of is known by its SHA-256.
+Nothing is remembered outside the campaign: a log that a stored run was made of is known by its SHA-256.
 
-With a sheet of run conditions, which is read again when it changes, the rule is: a file that the sheet names is
+With a run table, which is read again when it changes, the rule is: a file that the run table names is
 ingested with its conditions, once all files of its run are there; a file that it does not name waits until it does, or,
-where asked for, is ingested without conditions. While the sheet cannot be read, or is being saved, everything waits.
+where asked for, is ingested without conditions. While the table cannot be read, or is being saved, everything waits.
 
-Without a sheet each log is a run of its own, and what another log in the folder holds is not missing in it.
-
-A sheet of run conditions that a person goes on writing while runs are made.
+Without a run table each log is a run of its own, and what another log in the folder holds is not missing in it.
 """
 
 import time
@@ -18,26 +16,26 @@ from pathlib import Path
 
 from ..errors import RecordingError, RigError
 from .ingest import Ingest, Outcome
-from .input_files import OtherLogs
-from .run_conditions import PlannedRun, SheetRow, plan_runs, read_run_table, ready, same_file
+from .input_files import SiblingLogs
+from .run_conditions import PlannedRun, RunTableRow, plan_runs, read_run_table, ready, same_file
 
 State = tuple[int, int]
 """Size [bytes] and time of the last change [ns] of a file."""
 
 
 @dataclass
-class WatchedSheet:
-    """The rows of a sheet, read again whenever it has changed and its saving is done."""
+class WatchedRunTable:
+    """The rows of a run table, read again whenever it has changed and its saving is done."""
 
     path: Path
     settle_s: float
     """It must not have changed for so long [s]."""
-    rows: list[SheetRow] | None = field(default=None, init=False)
+    rows: list[RunTableRow] | None = field(default=None, init=False)
     """None while it is not there, is being saved, or cannot be read."""
     _state: State | None = field(default=None, init=False)
     _since: float = field(default=0.0, init=False)
     _read: State | None = field(default=None, init=False)
-    _known: dict[str, SheetRow] = field(default_factory=dict, init=False)
+    _known: dict[str, RunTableRow] = field(default_factory=dict, init=False)
 
     def note(self, now: float) -> None:
         """Note the state of the file at ``now`` [s], and since when it has been in it."""
@@ -72,7 +70,7 @@ def state_of(path: Path) -> State | None:
     return stat.st_size, stat.st_mtime_ns
 
 
-def _says(row: SheetRow | None) -> object:
+def _says(row: RunTableRow | None) -> object:
     """What a row says; the line where it stands is no part of it."""
     return None if row is None else (row.run, row.origin, row.conditions)
 
@@ -92,31 +90,31 @@ class Watch:
     ingest: Ingest
     settle_s: float = 2.0
     """A file that did not change for so long has stopped growing [s]."""
-    sheet: WatchedSheet | None = None
-    """The sheet of run conditions; it may lie in the folder."""
+    run_table: WatchedRunTable | None = None
+    """The run table; it may lie in the folder."""
     store_unnamed: bool = False
-    """Whether files that the sheet does not name are ingested without conditions; otherwise they wait."""
+    """Whether files that the run table does not name are ingested without conditions; otherwise they wait."""
     growing: list[Path] = field(default_factory=list, init=False)
     """Files that had changed shortly before the last look."""
     waiting: dict[Path, str] = field(default_factory=dict, init=False)
     """Files that have stopped growing, and what they wait for."""
     _done: dict[Path, State] = field(default_factory=dict, init=False)
     _seen: dict[Path, tuple[State, float]] = field(default_factory=dict, init=False)
-    _others: OtherLogs = field(init=False)
+    _siblings: SiblingLogs = field(init=False)
 
     def __post_init__(self) -> None:
-        self._others = OtherLogs((), self.ingest.options)
-        self.ingest = replace(self.ingest, elsewhere=self._elsewhere)
+        self._siblings = SiblingLogs((), self.ingest.options)
+        self.ingest = replace(self.ingest, sibling_log=self._sibling_log)
 
-    def _elsewhere(self, channels: Collection[str]) -> str | None:
-        return self._others.holding(channels) if self.sheet is None else None
+    def _sibling_log(self, channels: Collection[str]) -> str | None:
+        return self._siblings.holding(channels) if self.run_table is None else None
 
     def once(self) -> Iterator[Outcome]:
         """One pass: what is there and does not grow. Files that still grow are named by ``growing``."""
         self._look()
-        if any(path not in self._done for path in self._seen) or self.sheet is not None:
-            if self.sheet is not None:
-                self.sheet.note(time.monotonic())
+        if any(path not in self._done for path in self._seen) or self.run_table is not None:
+            if self.run_table is not None:
+                self.run_table.note(time.monotonic())
             time.sleep(self.settle_s)
         yield from self.look()
 
@@ -134,37 +132,37 @@ class Watch:
         pending = sorted((path, *seen) for path, seen in self._seen.items() if path not in self._done)
         self.growing = [path for path, _, since in pending if now - since < self.settle_s]
         settled = [path for path, _, _ in pending if path not in self.growing]
-        if self.sheet is None:
+        if self.run_table is None:
             self.waiting = {}
             for path in settled:
                 yield from self._one(PlannedRun(path.stem, (path,)))
         else:
-            yield from self._by_sheet(settled)
+            yield from self._by_run_table(settled)
 
     def _reread(self, now: float) -> Iterator[Outcome]:
-        """Read the sheet again if it changed; files whose row changed come again."""
-        if self.sheet is None:
+        """Read the run table again if it changed; files whose row changed come again."""
+        if self.run_table is None:
             return
         try:
-            changed = self.sheet.look(now)
+            changed = self.run_table.look(now)
         except RigError as error:
-            yield _refused(self.sheet.path, str(error))
+            yield _refused(self.run_table.path, str(error))
             return
         for path in [path for path in self._done if path.name in changed]:
             self._done.pop(path)
 
-    def _by_sheet(self, settled: list[Path]) -> Iterator[Outcome]:
+    def _by_run_table(self, settled: list[Path]) -> Iterator[Outcome]:
         """Ingest the runs that are complete; say of the other files, once, what they wait for."""
-        assert self.sheet is not None
-        if self.sheet.rows is None:
-            reason = f"waits for {self.sheet.path.name}, the sheet of run conditions"
+        assert self.run_table is not None
+        if self.run_table.rows is None:
+            reason = f"waits for {self.run_table.path.name}, the run table"
             yield from self._wait(dict.fromkeys(settled, reason))
             return
         there = [path for path in self._seen if path not in self.growing]
         try:
-            found = ready(self.sheet.rows, there, self.sheet.path)
+            found = ready(self.run_table.rows, there, self.run_table.path)
         except RigError as error:
-            yield from self._wait(dict.fromkeys(settled, f"waits for the sheet to be mended: {error}"))
+            yield from self._wait(dict.fromkeys(settled, f"waits for the run table to be mended: {error}"))
             return
         unnamed = [path for path in found.unnamed if path in settled]
         runs = [run for run in found.runs if any(path in settled for path in run.files)]
@@ -172,7 +170,7 @@ class Watch:
             runs += [PlannedRun(path.stem, (path,)) for path in unnamed]
             unnamed = []
         reasons = {path: reason for path, reason in found.waiting.items() if path in settled}
-        yield from self._wait(reasons | dict.fromkeys(unnamed, f"waits: {self.sheet.path.name} does not name it"))
+        yield from self._wait(reasons | dict.fromkeys(unnamed, f"waits: {self.run_table.path.name} does not name it"))
         for run in runs:
             yield from self._one(run)
 
@@ -195,18 +193,18 @@ class Watch:
     def _look(self) -> None:
         """Note the state of every file, and since when it has been in it."""
         now, there = time.monotonic(), _files(self.folder)
-        for path in [path for path in there if self.sheet is not None and same_file(path, self.sheet.path)]:
+        for path in [path for path in there if self.run_table is not None and same_file(path, self.run_table.path)]:
             there.pop(path)
         for path in [*self._seen]:
             if path not in there:
                 self._seen.pop(path)
                 self._done.pop(path, None)
-                self._others.gone(path)
+                self._siblings.gone(path)
         for path, state in there.items():
             if path not in self._seen or self._seen[path][0] != state:
                 self._seen[path] = state, now
                 self._done.pop(path, None)
-                self._others.changed(path)
+                self._siblings.changed(path)
 
 
 def _refused(path: Path, message: str) -> Outcome:

@@ -126,12 +126,12 @@ class Clipping:
 
 
 def is_dead(values: Floats) -> bool:
-    """Whether a record (n,) shows one value only."""
+    """Whether a record (n,) in any unit, e.g. [m/s2], shows one value only."""
     return bool(np.ptp(values) == 0.0)
 
 
 def stuck_value(values: Floats, rate_hz: float) -> str | None:
-    """Where a record (n,) keeps one value though it changes everywhere else, after it has moved; None if nowhere.
+    """Where a record (n,) in any unit, e.g. [m/s2], keeps one value after it has moved; None if nowhere.
 
     A coarse channel keeps a value whenever it rests: such times are many, or one lies at the beginning.
     """
@@ -148,7 +148,7 @@ def stuck_value(values: Floats, rate_hz: float) -> str | None:
 
 
 def flat_tops(values: Floats, unit: str = "m/s2") -> str | None:
-    """What looks like flat tops at the extremes of a record (n,), whatever range is stated; None if nothing does."""
+    """What looks like flat tops at the extremes of a record (n,) [``unit``], whatever its range; None if none."""
     clipping = Clipping(None)
     clipping.update(np.asarray(values, dtype=np.float64))
     return clipping.message(unit)

@@ -1,7 +1,4 @@
-"""All checks of a group of channels, and of a whole recording.
-
-Numbers of a channel, gathered block by block.
-"""
+"""Numbers of each channel, gathered block by block, and all checks of a group and of a whole recording."""
 
 import math
 import re
@@ -174,15 +171,17 @@ class RecordingCheck:
 
     def findings(self) -> list[Finding]:
         """What the header and the data show."""
-        said = {f.channel for f in self.recording.findings if f.code == "unit_unknown"}
-        found = [replace(f, group=group.name) for group in self.recording.groups for f in header_findings(group, said)]
+        reported = {f.channel for f in self.recording.findings if f.code == "unit_unknown"}
+        found = [
+            replace(f, group=group.name) for group in self.recording.groups for f in header_findings(group, reported)
+        ]
         if self.recording.origin == "simulated":
             found.append(Finding("simulated", None, None, "the log says that it is simulated, and not measured"))
         return found + [replace(f, group=name) for name, check in self.groups.items() for f in check.findings()]
 
 
-def header_findings(group: Group, said: Collection[str | None] = ()) -> list[Finding]:
-    """What the names and units of a group show, but missing units of channels of which they are ``said``."""
+def header_findings(group: Group, reported: Collection[str | None] = ()) -> list[Finding]:
+    """What the names and units of a group show, but missing units of the channels in ``reported``."""
     names = Counter(channel.name for channel in group.channels)
     found = [
         Finding("duplicate_names", name, None, f"{count} channels have this name")
@@ -190,7 +189,9 @@ def header_findings(group: Group, said: Collection[str | None] = ()) -> list[Fin
         if count > 1
     ]
     without = [
-        c.name for i, c in enumerate(group.channels) if c.unit is None and c.name not in said and not _is_time(group, i)
+        c.name
+        for i, c in enumerate(group.channels)
+        if c.unit is None and c.name not in reported and not _is_time(group, i)
     ]
     if without:
         shown = ", ".join(without[:8]) + (f" and {len(without) - 8} more" if len(without) > 8 else "")

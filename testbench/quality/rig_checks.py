@@ -45,22 +45,22 @@ def rate_findings(rig: "Rig | None", groups: Iterable[GroupCheck]) -> list[Findi
 
 
 def of_conditions(rig: "Rig", conditions: Mapping[str, Any]) -> list[Finding]:
-    """Counter-masses that the sheet puts on sites which the rig's mechanism does not have."""
+    """Counter-masses that the run table puts on sites which the rig's mechanism does not have."""
     if rig.names is None:
         return []
     wrong = [rig.names.unknown("site", site) for site in conditions.get("counter_masses", {})]
-    return [Finding("unknown_site", None, None, f"the sheet's counter_masses: {text}") for text in wrong if text]
+    return [Finding("unknown_site", None, None, f"the run table's counter_masses: {text}") for text in wrong if text]
 
 
 def rig_findings(
     rig: "Rig",
     recordings: Iterable[Recording],
-    elsewhere: Callable[[Collection[str]], str | None] = lambda channels: None,
+    sibling_log: Callable[[Collection[str]], str | None] = lambda channels: None,
 ) -> list[Finding]:
     """Where the rig and the logs of one run differ. A logger of which the run holds no channel is not in the run.
 
     A rig describes a whole bench: what any log of the run holds is recorded, and what none holds is said, with the
-    logs that were looked at. ``elsewhere`` names a log outside the run that holds one of these channels.
+    logs that were looked at. ``sibling_log`` names a log outside the run that holds one of these channels.
     """
     recordings = list(recordings)
     channels = {c.label: c for r in recordings for g in r.groups for c in g.channels}
@@ -72,7 +72,7 @@ def rig_findings(
         if present:
             found += [_missing(column, channels) for column in columns if column.channel not in channels]
         elif columns:
-            other = elsewhere({column.channel for column in columns})
+            other = sibling_log({column.channel for column in columns})
             logs = [recording.path.name for recording in recordings]
             absent.append(_absent(logger, columns, logs) if other is None else _apart(logger, columns, other))
         found += _units(present, channels)
@@ -92,7 +92,7 @@ def _absent(logger: str, columns: "Iterable[Column]", logs: Sequence[str]) -> Fi
     own = logs[0] if len(logs) == 1 else f"any of {_listed(logs)}"
     message = (
         f"nothing is recorded of sensors {names} (logger {logger}): no channel of theirs is in {own}, of which the run "
-        "is made; a log that holds them is joined to the run by a sheet (--runs)"
+        "is made; a log that holds them is joined to the run by a run table (--runs)"
     )
     return Finding("sensor_not_recorded", None, None, message)
 
@@ -101,7 +101,7 @@ def _apart(logger: str, columns: "Iterable[Column]", other: str) -> Finding:
     names = ", ".join(dict.fromkeys(column.sensor for column in columns))
     message = (
         f"sensors {names} (logger {logger}) are in {other}, a run of its own; where both are of one test, as "
-        "`testbench align` takes them, a sheet (--runs) joins them"
+        "`testbench align` takes them, a run table (--runs) joins them"
     )
     return Finding("sensor_elsewhere", None, None, message)
 

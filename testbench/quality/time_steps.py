@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from ..recording import Block, Samples
 
 LENGTH = 4096
-"""Steps of one stretch."""
+"""Steps of one segment."""
 _MOST = 16
 
 
 @dataclass
 class StepReservoir:
-    """Up to 16 stretches of 4096 steps in a row, evenly over the column; all of it while it is no longer than that."""
+    """Up to 16 segments of 4096 steps in a row, evenly over the column; all of it while it is no longer than that."""
 
     _kept: dict[int, list[Samples]] = field(default_factory=dict)
     _stride: int = 1
@@ -44,7 +44,7 @@ class StepReservoir:
                 self._kept = {n: parts for n, parts in self._kept.items() if n % self._stride == 0}
 
     def in_a_row(self) -> list[Samples]:
-        """The steps that are kept, each array (n,) without a break."""
+        """The steps that are kept, each array (n,) [unit of the times] without a break."""
         if self._stride == 1:
             parts = [part for parts in self._kept.values() for part in parts]
             return [np.concatenate(parts)] if parts else []
@@ -115,7 +115,10 @@ class Steps:
         return len(firsts), float(values @ counts / counts.sum())
 
     def gathered(self, width: float) -> tuple[Samples, NDArray[np.int64]]:
-        """The steps above 0, neighbours no further apart than ``width`` as one: their means, and how many each is."""
+        """The steps above 0, neighbours no further apart than ``width`` as one.
+
+        Returns their means (m,) [unit of the times] and how many each is (m,) [-].
+        """
         self._merge()
         values, counts = self.values[self.values > 0], self.counts[self.values > 0]
         firsts = np.flatnonzero(np.diff(values, prepend=-math.inf) > width)
@@ -155,7 +158,7 @@ class ClockStats:
     falls: list[tuple[str, float]] = field(default_factory=list)
     longest: list[tuple[float, str]] = field(default_factory=list)
     steps: Steps = field(default_factory=Steps)
-    stretches: StepReservoir = field(default_factory=StepReservoir)
+    segments: StepReservoir = field(default_factory=StepReservoir)
 
     def update(self, block: Block, times: Samples, all_finite: bool = False) -> None:
         """Take in the times of the next block, of which it may be known that all are finite."""
@@ -177,7 +180,7 @@ class ClockStats:
 
     def _take(self, block: Block, steps: Samples, index: range | NDArray[np.int64]) -> None:
         self.steps.add(steps)
-        self.stretches.add(steps)
+        self.segments.add(steps)
         smallest, largest = float(steps.min()), float(steps.max())
         self.dt_min, self.dt_max = min(self.dt_min, smallest), max(self.dt_max, largest)
         if smallest <= 0:
@@ -209,7 +212,7 @@ _WIDTH = 1.5
 _RARER, _PIECE = 32, 128
 """Steps of the rarer kind in a piece that is fitted by one line, and of both kinds, whichever makes it longer."""
 _FEWEST, _SHORTEST = 10, 64
-"""The fewest of either from which a piece is judged: fewer may well come evenly by chance."""
+"""The fewest of either from which a piece is tested: fewer may well come evenly by chance."""
 _MOSTLY = 0.75
 """Share of the pieces that are even where the times are rounded; in the others samples may be lost besides."""
 
@@ -233,7 +236,7 @@ class Grid(NamedTuple):
         return self.longer / (self.shorter + self.longer)
 
     def kinds(self, steps: Samples) -> NDArray[np.int64]:
-        """Each step as 0 (the shorter kind), 1 (the longer kind), or -1 (any other), (n,)."""
+        """Each of ``steps``, (n,) [s or other], as 0 (the shorter kind), 1 (the longer) or -1 (any other), (n,) [-]."""
         places = steps / self.place - self.short
         whole = np.rint(places)
         return np.where((np.abs(places - whole) <= _WHOLE) & (whole >= 0) & (whole <= 1), whole, -1).astype(np.int64)
@@ -249,14 +252,14 @@ class Evenness:
     """The mean step of the even pieces, in the unit of the times; NaN if there are none."""
 
     @property
-    def judged(self) -> int:
+    def tested(self) -> int:
         """Pieces from which it could be told."""
         return self.even + self.uneven
 
     @property
     def rounded(self) -> bool:
         """Whether the steps are those of a steady clock whose times were rounded."""
-        return self.even > 0 and self.even >= _MOSTLY * self.judged
+        return self.even > 0 and self.even >= _MOSTLY * self.tested
 
 
 def known_to(clock: ClockStats, step: float) -> float:
@@ -282,21 +285,21 @@ def grid(clock: ClockStats) -> Grid | None:
 def evenness(clock: ClockStats, steps: Grid) -> Evenness:
     """How evenly the two kinds of steps come, piece by piece."""
     length = max(_PIECE, math.ceil(_RARER / min(steps.longer_share, 1.0 - steps.longer_share)))
-    even, judged, longer, count = 0, 0, 0, 0
+    even, tested, longer, count = 0, 0, 0, 0
     for part in _unbroken(clock, steps):
         pieces = max(1, len(part) // length)
         kinds = part[: len(part) // pieces * pieces].reshape(pieces, -1)
         rarer = np.minimum(kinds.sum(axis=1), (1 - kinds).sum(axis=1))
         kinds = kinds[(rarer >= _FEWEST) & (kinds.shape[1] >= _SHORTEST)]
         straight = kinds[_widths(kinds) <= _WIDTH]
-        even, judged = even + len(straight), judged + len(kinds)
+        even, tested = even + len(straight), tested + len(kinds)
         longer, count = longer + int(straight.sum()), count + straight.size
-    return Evenness(even, judged - even, steps.place * (steps.short + longer / count) if count else math.nan)
+    return Evenness(even, tested - even, steps.place * (steps.short + longer / count) if count else math.nan)
 
 
 def _unbroken(clock: ClockStats, steps: Grid) -> Iterator[NDArray[np.int64]]:
     """The kinds of the steps that are kept, 0 or 1, in rows that no other step interrupts."""
-    for row in clock.stretches.in_a_row():
+    for row in clock.segments.in_a_row():
         kinds = steps.kinds(row)
         for part in np.split(kinds, np.flatnonzero(kinds < 0)):
             yield part[part >= 0]
@@ -359,14 +362,14 @@ def sampling_of_times(clock: ClockStats, stated_step: float | None = None) -> Sa
         return _by_median(clock)
     even = evenness(clock, steps)
     if steps.short == 1 and _may_be_lost(steps, even, stated_step):
-        told = not even.rounded or _near(stated_step, steps.place)
-        return _by_median(clock, steps, even, told)
+        settled = not even.rounded or _near(stated_step, steps.place)
+        return _by_median(clock, steps, even, settled)
     if not even.rounded:
         return _by_median(clock, steps, even)
     longest = max(GAP * steps.mean, (steps.short + 1.5) * steps.place)
     mean = even.mean if even.uneven else clock.steps.mean(0.0, longest)
-    told = steps.short > 1 or steps.longer_share > 0.5 or _near(stated_step, mean)
-    return Sampling(mean, longest, "mean_step", 0.0, steps, even, told)
+    settled = steps.short > 1 or steps.longer_share > 0.5 or _near(stated_step, mean)
+    return Sampling(mean, longest, "mean_step", 0.0, steps, even, settled)
 
 
 def _may_be_lost(steps: Grid, even: Evenness, stated_step: float | None) -> bool:
@@ -427,7 +430,7 @@ def about_gaps(shown: Sampling, gaps: int, steps: int, unit: str) -> str:
     kinds, even = shown.grid, shown.evenness
     if is_cause(shown) and even is not None:
         missing = "the steps do not come as evenly as rounding makes them: samples may be lost there"
-        return f"in {even.uneven} of {even.judged} pieces of the column {missing}" if even.uneven else ""
+        return f"in {even.uneven} of {even.tested} pieces of the column {missing}" if even.uneven else ""
     if kinds is not None and not shown.settled and gaps >= _FEW:
         return (
             f"steps of {_kinds(kinds, unit)}: whether samples were lost, or none and the times have too few digits "
@@ -435,7 +438,7 @@ def about_gaps(shown: Sampling, gaps: int, steps: int, unit: str) -> str:
         )
     if shown.rounded or gaps <= MANY * steps:
         return ""
-    if kinds is None or kinds.short > 1 or even is None or not even.judged:
+    if kinds is None or kinds.short > 1 or even is None or not even.tested:
         return "so many are samples lost all over, or times in too few digits: then the rate is wrong too"
     return "so many are samples lost all over" + ("" if even.rounded else ": they do not come as evenly as rounding")
 

@@ -1,4 +1,4 @@
-"""Runs in HDF5: one immutable file a run, its digest beside it; a campaign is a folder of runs."""
+"""Runs in HDF5: one immutable file a run, with its digest file; a campaign is a folder of runs."""
 
 from .campaign import Campaign, open_campaign
 from .run import Run, StoredGroup, open_run

@@ -1,4 +1,4 @@
-"""Records beside the runs of a campaign: alignments, calibrations, decisions. Dated, only ever added, never changed.
+"""Records about the runs of a campaign: alignments, calibrations, decisions. Dated, only ever added, never changed.
 
 A record is one JSON file in ``records/``; it names the runs that it is about with their SHA-256, so that it says of
 which bytes it holds, and the SHA-256 of what it says itself. What is current is the newest of its kind: that with the
@@ -23,7 +23,7 @@ from .run import identities
 FOLDER = "records"
 LAYOUT = 3
 _KEYS = {"layout", "kind", "written", "software", "runs", "content"}
-"""Of a record, beside its digest, which layout 1 had not, and its number, which layouts 1 and 2 had not."""
+"""Of a record, without its digest, which layout 1 had not, and its number, which layouts 1 and 2 had not."""
 
 
 @dataclass(frozen=True)
@@ -133,8 +133,8 @@ def _files(campaign: Path) -> list[Path]:
 
 def _digest(document: Mapping[str, Any]) -> str:
     """SHA-256 of what a record says: a digit that changes later is noticed."""
-    said = {key: value for key, value in document.items() if key != "sha256"}
-    return hashlib.sha256(json.dumps(said, sort_keys=True, ensure_ascii=True).encode("ascii")).hexdigest()
+    content = {key: value for key, value in document.items() if key != "sha256"}
+    return hashlib.sha256(json.dumps(content, sort_keys=True, ensure_ascii=True).encode("ascii")).hexdigest()
 
 
 def _record(path: Path) -> Record:
@@ -159,7 +159,7 @@ def _record(path: Path) -> Record:
 
 
 def _write(target: Path, text: str) -> None:
-    """Write beside, sync, then give it its name, over nothing."""
+    """Write under a hidden name, sync, then give it its own, over nothing."""
     part = target.with_name(f".{target.name}.part")
     try:
         with part.open("x", encoding="utf-8") as stream:

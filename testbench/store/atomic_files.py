@@ -1,7 +1,7 @@
 """Files that are there whole or not at all: names, digests and locks of what is written, and the journal of it.
 
 A run is written under a hidden name, ``.NAME.TAG.part``, synced, and linked to its own name, never over what is there.
-Its SHA-256 lies beside it, as ``sha256sum`` writes it. A lock ends with the process that holds it, however it ends.
+Its SHA-256 is in a file next to it, as ``sha256sum`` writes it. A lock ends with its process, however that ends.
 
 HDF5 gives up a file whose writer was killed. Its chunks are there nevertheless, each with its checksum; the journal
 says where, one line each time whole chunks lie in the file, so that `testbench recover` finds them without the file's
@@ -31,7 +31,7 @@ _LINE = re.compile(r"([0-9a-f]{64}) [ *](.+)\n")
 
 
 def sha256_of(path: Path, progress: Callable[[int], None] = lambda count: None, at_once: int = _BLOCK) -> str:
-    """SHA-256 of a file's content, in hexadecimal; ``progress`` is told how many bytes were read since last."""
+    """SHA-256 of a file's content, in hexadecimal; ``progress`` is called with the bytes read since last."""
     total = hashlib.sha256()
     with path.open("rb", buffering=0) as stream:
         room = memoryview(bytearray(max(4096, min(at_once, os.fstat(stream.fileno()).st_size))))
@@ -65,7 +65,7 @@ def line_for(run_name: str, digest: str) -> str:
 
 
 def recorded_digest(run: Path) -> str:
-    """The digest that was written beside ``run``."""
+    """The digest that was written with ``run``."""
     place = digest_file(run)
     if not place.is_file():
         what = "is no file" if place.exists() else "is missing"
@@ -85,7 +85,7 @@ def recorded_digest(run: Path) -> str:
 PART = ".part"
 """Ending of a file that is being written."""
 JOURNAL = ".journal"
-"""Ending of the journal beside a run that is being written."""
+"""Ending of the journal of a run that is being written."""
 _HIDDEN = re.compile(rf"\.(.+)\.([0-9a-f]{{12}})({PART}|{JOURNAL}(?:\.new)?)")
 
 
@@ -95,7 +95,7 @@ class Unfinished(NamedTuple):
     name: str
     """Of the run, or of the digest's file."""
     tag: str
-    """What tells apart those who write at one time."""
+    """Different for all who write at one time."""
     ending: str
 
 
@@ -106,19 +106,19 @@ def unfinished(path: Path) -> Unfinished | None:
 
 
 def place_with_digest(part: Path, target: Path, line: str) -> None:
-    """Give a synced file its name and put its digest beside it, the digest first; never over what is there."""
-    beside = digest_file(target)
+    """Give a synced file its name and write its digest file, that first; never over what is there."""
+    digest = digest_file(target)
     named = unfinished(part)
     assert named is not None
-    digest_part = beside.with_name(f".{beside.name}.{named.tag}{PART}")
+    digest_part = digest.with_name(f".{digest.name}.{named.tag}{PART}")
     try:
         digest_part.write_text(line, encoding="utf-8", newline="\n")
         sync(digest_part)
-        take_name(digest_part, beside)
+        take_name(digest_part, digest)
         try:
             take_name(part, target)
         except OSError:
-            beside.unlink()
+            digest.unlink()
             raise
     except FileExistsError as error:
         taken = error.filename2 or error.filename
@@ -173,7 +173,7 @@ def hold_lock(stream: IO[Any]) -> bool:
     return True
 
 
-def is_held(path: Path) -> bool:
+def is_locked(path: Path) -> bool:
     """Whether a process that is alive holds ``path``."""
     try:
         if fcntl is None:

@@ -1,7 +1,4 @@
-"""A campaign: a folder of stored runs, each with its digest beside it.
-
-Which recordings a campaign holds: the run of each source, by the source's size and SHA-256.
-"""
+"""A campaign: a folder of stored runs, each with its digest file; which recordings it holds, by size and SHA-256."""
 
 import os
 from collections.abc import Callable
@@ -54,9 +51,9 @@ class Campaign:
         known = {path.name for path in self.run_paths} | {
             atomic_files.digest_file(path).name for path in self.run_paths
         }
-        left = leftovers(self.path)
-        states += [_unfinished(leftover) for leftover in left]
-        known |= {name for leftover in left for name in (leftover.part.name, leftover.journal.name)}
+        unfinished_runs = leftovers(self.path)
+        states += [_unfinished(leftover) for leftover in unfinished_runs]
+        known |= {name for leftover in unfinished_runs for name in (leftover.part.name, leftover.journal.name)}
         return states + [_other(path) for path in sorted(self.path.iterdir()) if path.name not in known | KEPT]
 
 
@@ -80,19 +77,19 @@ def open_campaign(folder: str | Path) -> Campaign:
 
 def _what_else(path: Path) -> str:
     """What to do about a folder without runs."""
-    left = leftovers(path)
-    if any(atomic_files.is_held(one.journal) for one in left):
+    stopped = leftovers(path)
+    if any(atomic_files.is_locked(one.journal) for one in stopped):
         return " yet; an ingest is writing into it at this moment"
-    if left:
+    if stopped:
         return f", only what a stopped ingest left: `testbench recover {path}` saves what is in it"
     return f"; `testbench ingest FILE... -o {path}` puts some there"
 
 
-def _unfinished(left: Leftover) -> FileState:
-    if atomic_files.is_held(left.journal):
-        return FileState(left.part.name, "unfinished", "an ingest is writing it at this moment")
+def _unfinished(leftover: Leftover) -> FileState:
+    if atomic_files.is_locked(leftover.journal):
+        return FileState(leftover.part.name, "unfinished", "an ingest is writing it at this moment")
     message = "left by an ingest that was stopped; no run of it: `testbench recover` saves what is in it"
-    return FileState(left.part.name, "unfinished", message)
+    return FileState(leftover.part.name, "unfinished", message)
 
 
 def _other(path: Path) -> FileState:

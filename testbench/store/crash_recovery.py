@@ -35,76 +35,78 @@ Save = Callable[[Leftover, Journal], Recovery]
 """How acknowledged samples become a run."""
 
 
-def finish(left: Leftover, save: Save) -> Recovery | None:
+def finish(leftover: Leftover, save: Save) -> Recovery | None:
     """Finish or save what is here, then remove it; what cannot be read stays. None: it was stopped before it began.
 
     A journal says what is meant before anything else is made: without that there is no run, unless the machine
     itself lost what was noted.
     """
     try:
-        with left.journal.open("rb") as stream:
+        with leftover.journal.open("rb") as stream:
             if not atomic_files.hold_lock(stream) or (
-                atomic_files.fcntl is None and atomic_files.is_held(left.journal)
+                atomic_files.fcntl is None and atomic_files.is_locked(leftover.journal)
             ):
-                return Recovery(left.run, "running", "an ingest is writing it at this moment; left alone")
-            found = _recovered(left, save)
+                return Recovery(leftover.run, "running", "an ingest is writing it at this moment; left alone")
+            found = _recovered(leftover, save)
     except FileNotFoundError:
-        return Recovery(left.run, "superseded", "another process has taken care of it")
+        return Recovery(leftover.run, "superseded", "another process has taken care of it")
     except (StoreError, OSError) as error:
-        return Recovery(left.run, "failed", f"{error}; {left.part.name} and its journal stay where they are")
-    left.part.unlink(missing_ok=True)
-    left.journal.unlink(missing_ok=True)
+        return Recovery(leftover.run, "failed", f"{error}; {leftover.part.name} and its journal stay where they are")
+    leftover.part.unlink(missing_ok=True)
+    leftover.journal.unlink(missing_ok=True)
     return found
 
 
-def _recovered(left: Leftover, save: Save) -> Recovery | None:
-    known = read_journal(left.journal)
+def _recovered(leftover: Leftover, save: Save) -> Recovery | None:
+    known = read_journal(leftover.journal)
     if not known.intent:
-        if left.part.exists():
-            raise StoreError(f"{left.journal.name}: is empty, as after a loss of power; ingest the log again")
+        if leftover.part.exists():
+            raise StoreError(f"{leftover.journal.name}: is empty, as after a loss of power; ingest the log again")
         return None
-    if _complete(left, known.sealed):
-        return Recovery(left.run, "completed", "was written whole; nothing is lost", left.target.name)
+    if _complete(leftover, known.sealed):
+        return Recovery(leftover.run, "completed", "was written whole; nothing is lost", leftover.target.name)
     if archive.INTENT in known.intent:
         message = f"the archive of {known.intent[archive.INTENT]} was not finished; that run is whole: archive it again"
-        return Recovery(left.run, "superseded", message)
+        return Recovery(leftover.run, "superseded", message)
     if not any(kept.samples for kept in known.groups):
-        return Recovery(left.run, "empty", "no sample had been acknowledged; ingest the log again")
-    if (stored := _superseded(left, known)) is not None:
-        return Recovery(left.run, "superseded", f"the campaign holds all of it as {stored}; nothing is lost", stored)
-    return save(left, known)
+        return Recovery(leftover.run, "empty", "no sample had been acknowledged; ingest the log again")
+    if (stored := _superseded(leftover, known)) is not None:
+        return Recovery(
+            leftover.run, "superseded", f"the campaign holds all of it as {stored}; nothing is lost", stored
+        )
+    return save(leftover, known)
 
 
-def _complete(left: Leftover, sealed: str | None) -> bool:
+def _complete(leftover: Leftover, sealed: str | None) -> bool:
     """Whether the run was written to its end and is in its place, where it is put if it is not."""
     if sealed is None:
         return False
-    if not left.part.exists():
-        return left.target.exists()  # the part goes only after the run is there
-    if atomic_files.sha256_of(left.part) != sealed:
+    if not leftover.part.exists():
+        return leftover.target.exists()  # the part goes only after the run is there
+    if atomic_files.sha256_of(leftover.part) != sealed:
         return False
-    beside = atomic_files.digest_file(left.target)
-    if left.target.exists():
-        return beside.exists() and atomic_files.recorded_digest(left.target) == sealed
-    if beside.exists() and atomic_files.recorded_digest(left.target) == sealed:
-        beside.unlink()
-    place_with_digest(left.part, left.target, atomic_files.line_for(left.target.name, sealed))
+    digest = atomic_files.digest_file(leftover.target)
+    if leftover.target.exists():
+        return digest.exists() and atomic_files.recorded_digest(leftover.target) == sealed
+    if digest.exists() and atomic_files.recorded_digest(leftover.target) == sealed:
+        digest.unlink()
+    place_with_digest(leftover.part, leftover.target, atomic_files.line_for(leftover.target.name, sealed))
     return True
 
 
-def _superseded(left: Leftover, known: Journal) -> str | None:
+def _superseded(leftover: Leftover, known: Journal) -> str | None:
     """The stored run that holds every acknowledged sample, if there is one."""
-    if not left.target.exists():
+    if not leftover.target.exists():
         return None
-    run = open_run(left.target)
-    whole = all(_holds(run, kept, left.part) for kept in known.groups if kept.samples)
-    return left.target.name if whole else None
+    run = open_run(leftover.target)
+    whole = all(_holds(run, kept, leftover.part) for kept in known.groups if kept.samples)
+    return leftover.target.name if whole else None
 
 
 def orphans(campaign: Path) -> list[Path]:
     """Unfinished files without a journal: digests whose ingest was killed, and what nobody can read."""
     there = [(path, named.tag) for path in sorted(campaign.iterdir()) if (named := unfinished(path)) is not None]
-    with_journal = {left.tag for left in leftovers(campaign)}
+    with_journal = {leftover.tag for leftover in leftovers(campaign)}
     return [path for path, tag in there if tag not in with_journal]
 
 

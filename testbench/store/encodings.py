@@ -20,7 +20,7 @@ LARGEST = 2**53
 GZIP_LEVEL = 4
 """Above it files shrink by no more than one per cent and take several times as long."""
 _TRIED = 4096
-"""Samples on which numbers without fixed decimals are told first."""
+"""Samples by which numbers without fixed decimals are recognised first."""
 _NAN_BITS = np.float64(np.nan).view(np.uint64)
 _COMPRESSED: dict[str, Any] = {"shuffle": True, "compression": "gzip", "compression_opts": GZIP_LEVEL}
 
@@ -34,14 +34,14 @@ class Form(Protocol):
 
     @property
     def options(self) -> Mapping[str, Any]:
-        """Its filters, the checksum apart."""
+        """Its filters without the checksum."""
 
     @property
     def attributes(self) -> Mapping[str, Any]:
         """What tells other people's tools how to read it."""
 
     def stored(self, values: Samples) -> NDArray[Any]:
-        """The samples as they are stored."""
+        """The samples (n,) in their unit as they are stored, (n,) [-]."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Plain:
     attributes: Mapping[str, Any] = field(default_factory=dict)
 
     def stored(self, values: Samples) -> NDArray[Any]:
-        """The values themselves."""
+        """The values (n,) [as recorded] themselves."""
         return values
 
 
@@ -67,7 +67,7 @@ class Decimals:
     """Whole numbers: value = (stored + ``first``) / 10**``decimals``, to the bit.
 
     The largest number that ``kind`` holds stands for NaN. ``negative_zeros`` says that some zeros carry a minus sign,
-    which a whole number cannot: a bit for each sample lies beside.
+    which a whole number cannot: a bit for each sample is stored as well.
     """
 
     decimals: int
@@ -95,13 +95,13 @@ class Decimals:
         return known | ({"_FillValue": np.array(self.missing, self.kind)[()]} if self.has_nan else {})
 
     def stored(self, values: Samples) -> NDArray[Any]:
-        """The values (n,) as whole numbers."""
+        """The values (n,) [as recorded] as whole numbers, (n,) [-]."""
         nan = np.isnan(values)
         whole = np.rint(np.where(nan, self.first / 10**self.decimals, values) * 10.0**self.decimals).astype(np.int64)
         return np.where(nan, self.missing, whole - self.first).astype(self.kind)
 
     def restored(self, stored: NDArray[Any], minus: NDArray[np.uint8] | None = None) -> Samples:
-        """The values (n,); ``minus`` has a bit for each zero with a minus sign."""
+        """The values (n,) [as recorded]; ``minus``, (n / 8,) [-], has a bit for each zero with a minus sign."""
         values: Samples = (stored.astype(np.int64) + self.first) / 10.0**self.decimals
         if self.has_nan:
             values[stored == self.missing] = np.nan
@@ -115,7 +115,7 @@ class Decimals:
 
 
 def minus_bits(values: Samples) -> NDArray[np.uint8]:
-    """A bit for each sample: whether it is a zero with a minus sign."""
+    """A bit for each of the values (n,) [as recorded], (n / 8,) [-]: whether it is a zero with a minus sign."""
     return np.packbits((values == 0.0) & np.signbit(values))
 
 

@@ -47,20 +47,20 @@ class StoredGroup(Group):
         return tuple(i for i in range(len(self.channels)) if i != time)
 
     def places(self, index: int) -> tuple[str, ...]:
-        """Where a channel lies in the file: its samples, and the signs of its zeros where these lie apart."""
+        """Where a channel lies in the file: its samples, and the signs of its zeros where these are stored as well."""
         path, form = f"{self.path}/{self.keys[index]}", self.whole[index] if self.whole else None
-        apart = form is not None and form.negative_zeros
-        return (path, path.replace(metadata.ENTRY, metadata.MINUS, 1)) if apart else (path,)
+        signs = form is not None and form.negative_zeros
+        return (path, path.replace(metadata.ENTRY, metadata.MINUS, 1)) if signs else (path,)
 
     def samples_of(self, file: "h5py.File", index: int, begin: int = 0, end: int | None = None) -> Samples:
         """The values of a channel as recorded, from sample ``begin``, a multiple of eight, to ``end``."""
-        path, *beside = self.places(index)
+        path, *signs = self.places(index)
         form = self.whole[index] if self.whole else None
         if form is None:
             return safe_hdf5.numbers(file, path, begin, end)
         stored = safe_hdf5.whole_numbers(file, path, form.kind, begin, end)
         bits = begin // 8, begin // 8 - (-len(stored) // 8)
-        minus = safe_hdf5.whole_numbers(file, beside[0], "u1", *bits) if beside else None
+        minus = safe_hdf5.whole_numbers(file, signs[0], "u1", *bits) if signs else None
         return form.restored(stored, minus)
 
     def index(self, name: str) -> int | None:
@@ -156,7 +156,7 @@ class Run:
     def to_xarray(self, group: str | None = None, channels: Sequence[str] | None = None) -> "xarray.Dataset":
         """A group as a dataset against time [s], as `open_dataset` gives it: HDF5 names, ``units``, ``long_name``.
 
-        A time column is the axis, in seconds, and no channel beside it, also where it is asked for.
+        A time column is the axis, in seconds, and no channel too, also where it is asked for.
         """
         import xarray
 
@@ -173,8 +173,8 @@ class Run:
     def _about(self, group: StoredGroup) -> dict[str, Any]:
         """Where the values are from, and by which calibrations in SI, a JSON text: netCDF holds no tables."""
         about = {"run": self.name, "group": group.name, "origin": self.origin}
-        held = self.provenance.get("calibrations")
-        return about if held is None else {**about, "calibrations": json.dumps(held, ensure_ascii=False)}
+        applied = self.provenance.get("calibrations")
+        return about if applied is None else {**about, "calibrations": json.dumps(applied, ensure_ascii=False)}
 
     def _selected(self, group: StoredGroup, channels: Sequence[str] | None) -> list[int]:
         """Indices of the channels that are asked for; without any, all but the time."""
@@ -217,7 +217,7 @@ def open_run(path: str | Path) -> Run:
 
 
 def identities(run: Path) -> frozenset[str]:
-    """SHA-256 of a stored run, and of the run that it is the archive of: what is said of one holds for the other."""
+    """SHA-256 of a stored run, and of the run that it is the archive of: records about one hold for the other."""
     own = atomic_files.recorded_digest(run)
     known = open_run(run).provenance.get(ARCHIVED_FROM)
     return frozenset({own, str(known["sha256"])} if isinstance(known, dict) and "sha256" in known else {own})

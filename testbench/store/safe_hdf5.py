@@ -39,7 +39,7 @@ def open_for_reading(path: Path) -> Iterator["h5py.File"]:
         raise StoreError(f"{path}: cannot be read: no permission; ask its owner, or make it readable")
     if not h5py.is_hdf5(path):
         if atomic_files.digest_file(path).exists():
-            raise StoreError(f"{path.name}: damaged: no HDF5 file, but a digest is beside it: testbench verify")
+            raise StoreError(f"{path.name}: damaged: no HDF5 file, but it has a digest file: testbench verify")
         raise StoreError(
             f"{path.name}: not a stored run, or damaged: no HDF5 file; a log is stored first: testbench ingest"
         )
@@ -78,7 +78,7 @@ def texts(group: "h5py.Group", path: str, largest: int) -> list[str]:
 
 
 def numbers(group: "h5py.Group", path: str, begin: int = 0, end: int | None = None) -> NDArray[np.float64]:
-    """The samples of a dataset of numbers, from ``begin`` to ``end``."""
+    """The samples of a dataset of numbers, from ``begin`` to ``end``, (n,) [as recorded]."""
     dataset = member(group, path)
     if dataset.dtype.kind not in "fiu" or dataset.ndim != 1:
         raise StoreError(f"{group.file.filename}: {path} does not hold one number a sample")
@@ -88,7 +88,7 @@ def numbers(group: "h5py.Group", path: str, begin: int = 0, end: int | None = No
 
 
 def whole_numbers(group: "h5py.Group", path: str, kind: str, begin: int = 0, end: int | None = None) -> NDArray[Any]:
-    """What a dataset of whole numbers of this kind holds from ``begin`` to ``end``, all of it there."""
+    """What a dataset of whole numbers of this kind holds from ``begin`` to ``end``, (n,) [-], all of it there."""
     dataset = member(group, path)
     if dataset.dtype != np.dtype(kind) or dataset.ndim != 1 or (end or 0) > len(dataset):
         raise StoreError(f"{group.file.filename}: {path} does not hold the numbers that its description declares")

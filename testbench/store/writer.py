@@ -1,4 +1,4 @@
-"""Writing a run: beside its place under a hidden name, then flushed, synced, digested and moved there whole.
+"""Writing a run: under a hidden name, then flushed, synced, digested and moved there whole.
 
 A group is a dataset a channel, in whole chunks, with its checksum, unit, written name and clock. Where the chunks lie
 is noted in a journal meanwhile, so that they survive the death of the process.
@@ -44,7 +44,7 @@ _SLOTS = 7
 class GroupWriter:
     """The samples of one group, gathered to whole chunks and written.
 
-    ``acknowledge`` is told where the chunks of each channel lie, once they do; ``writing`` puts failures in words;
+    ``acknowledge`` is given where the chunks of each channel lie, once they do; ``writing`` puts failures in words;
     ``out`` is the file below HDF5. ``forms`` says how the samples of each channel are stored; without it as they are.
     """
 
@@ -326,7 +326,7 @@ class RunWriter:
         provenance: Mapping[str, Any],
         rig: str | None,
     ) -> None:
-        """Write what is known of the run beside its data."""
+        """Write what is known of the run: where it is from, conditions, findings, rig."""
         with self._writing():
             self._describe(origin, conditions, findings, provenance, rig)
 

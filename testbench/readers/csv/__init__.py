@@ -1,3 +1,4 @@
-"""Text with delimiters, as loggers write it. ``reader`` is the way in: ``dialect``, ``header`` and ``preamble`` read
-the first lines, ``table`` the rows in blocks; ``irregular_rows`` sees that nothing odd is taken for a number.
+"""Text with delimiters, as loggers write it. ``reader`` is the way in: ``dialect`` and ``header`` read the first
+lines, ``rewritten_columns`` finds times and numbers in other notations, ``table`` reads the rows in blocks, and
+``irregular_rows`` sees that nothing odd is taken for a number.
 """

@@ -86,7 +86,7 @@ def test_another_log_of_the_same_name_is_refused(folder):
 
 
 def test_logs_of_one_run_are_groups_of_one_file(folder):
-    """Two loggers, two clocks, one run; conditions and origin from the sheet."""
+    """Two loggers, two clocks, one run; conditions and origin from the run table."""
     (folder / "r001_forces.csv").write_text(
         "t;Fz3\ns;N\n" + "".join(f"{i / 50:.2f};{i}\n".replace(".", ",") for i in range(99))
     )
@@ -127,7 +127,7 @@ def test_a_decision_of_a_person_is_stored(folder):
      ("# origin: simulated\n", "unstated", "simulated"), ("# origin: measured\n", None, "unstated")],
 )  # fmt: skip
 def test_nothing_becomes_measured_by_itself(folder, comment, stated, origin):
-    """Simulated if the log says so; measured only if the sheet does."""
+    """Simulated if the log says so; measured only if the run table does."""
     (folder / "r001.csv").write_text(comment + HEADER + "".join(ROWS))
     (outcome,) = ingested(folder, PlannedRun("r001", (folder / "r001.csv",), stated, {}))
     assert outcome.origin == open_run(folder / "campaign" / "r001.h5").origin == origin
@@ -200,10 +200,10 @@ def test_a_disk_that_is_full_leaves_the_campaign_intact(folder, monkeypatch):
 
 
 def test_plan_and_ingest_of_a_sheet(folder):
-    """The sheet's conditions arrive in the run."""
-    sheet = folder / "runs.csv"
-    sheet.write_text("file,origin,payload_kg,counter_masses\nr001.csv,measured,1.451,counter_A0A=10\n")
-    (run,) = plan_runs([folder / "r001.csv"], sheet)
+    """The run table's conditions arrive in the run."""
+    run_table = folder / "runs.csv"
+    run_table.write_text("file,origin,payload_kg,counter_masses\nr001.csv,measured,1.451,counter_A0A=10\n")
+    (run,) = plan_runs([folder / "r001.csv"], run_table)
     ingested(folder, run)
     stored = open_run(folder / "campaign" / "r001.h5")
     assert stored.conditions == {"payload_kg": 1.451, "counter_masses": {"counter_A0A": 10.0}}

@@ -9,8 +9,8 @@ HEAD = "file,origin,payload_kg,counter_masses,motion,peak_acceleration_g,repeat\
 
 
 @pytest.fixture
-def sheet(tmp_path):
-    """Write a sheet and log files beside it."""
+def run_table(tmp_path):
+    """Write a run table and log files beside it."""
 
     def write(rows, *logs, head=HEAD):
         for name in logs:
@@ -22,9 +22,9 @@ def sheet(tmp_path):
     return write
 
 
-def test_conditions_are_read_as_written(sheet):
+def test_conditions_are_read_as_written(run_table):
     """Payload, masses by site, motion, acceleration and repeat; what is empty is absent, no masses are none."""
-    path, _ = sheet("a.csv,simulated,5,counter_A0A=24.2626;counter_B0B=1,x,3,1\nb.csv,,,,y,,\n")
+    path, _ = run_table("a.csv,simulated,5,counter_A0A=24.2626;counter_B0B=1,x,3,1\nb.csv,,,,y,,\n")
     first, second = read_run_table(path)
     assert first.conditions == {
         "payload_kg": 5.0, "counter_masses": {"counter_A0A": 24.2626, "counter_B0B": 1.0}, "motion": "x",
@@ -34,9 +34,9 @@ def test_conditions_are_read_as_written(sheet):
     assert second.conditions == {"counter_masses": {}, "motion": "y"}
 
 
-def test_one_file_is_one_run_unless_the_sheet_says_otherwise(sheet):
+def test_one_file_is_one_run_unless_the_sheet_says_otherwise(run_table):
     """Files of one `run` are together; without that column each is its own."""
-    path, logs = sheet("a.csv,r1\nb.csv,r1\nc.csv,\n", "a.csv", "b.csv", "c.csv", head="file,run\n")
+    path, logs = run_table("a.csv,r1\nb.csv,r1\nc.csv,\n", "a.csv", "b.csv", "c.csv", head="file,run\n")
     assert [(r.name, [p.name for p in r.files]) for r in plan_runs(logs, path)] == [
         ("r1", ["a.csv", "b.csv"]),
         ("c", ["c.csv"]),
@@ -44,14 +44,14 @@ def test_one_file_is_one_run_unless_the_sheet_says_otherwise(sheet):
     assert [r.name for r in plan_runs(logs, None)] == ["a", "b", "c"]
 
 
-def test_the_sheet_among_the_logs_is_not_a_log(sheet):
-    """`ingest folder/*.csv --runs folder/runs.csv` does not ingest the sheet."""
-    path, logs = sheet("a.csv,,,,,,\n", "a.csv")
+def test_the_sheet_among_the_logs_is_not_a_log(run_table):
+    """`ingest folder/*.csv --runs folder/runs.csv` does not ingest the run table."""
+    path, logs = run_table("a.csv,,,,,,\n", "a.csv")
     assert [r.name for r in plan_runs([*logs, path], path)] == ["a"]
 
 
 def test_files_of_one_name_are_told_apart_by_their_folder(tmp_path):
-    """A row means the file at its place beside the sheet."""
+    """A row means the file at its place beside the run table."""
     for folder in ("x", "y"):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "log.csv").write_text("t,a\n")
@@ -81,16 +81,16 @@ def test_files_of_one_name_are_told_apart_by_their_folder(tmp_path):
         (",,,,,,1\n", r"line 2: file: missing: expected name of the log file"),
     ],
 )
-def test_a_wrong_sheet_is_refused_by_line_and_column(sheet, rows, message):
+def test_a_wrong_sheet_is_refused_by_line_and_column(run_table, rows, message):
     """One message that says where, what was found and what was expected."""
-    path, logs = sheet(rows, "a.csv")
+    path, logs = run_table(rows, "a.csv")
     with pytest.raises(RigError, match=message):
         plan_runs(logs, path)
 
 
-def test_a_given_file_that_the_sheet_does_not_name(sheet):
+def test_a_given_file_that_the_sheet_does_not_name(run_table):
     """It is refused by name, for its conditions would be unknown."""
-    path, logs = sheet("a.csv,,,,,,\n", "a.csv", "b.csv")
+    path, logs = run_table("a.csv,,,,,,\n", "a.csv", "b.csv")
     with pytest.raises(RigError, match=r"does not name b\.csv"):
         plan_runs(logs, path)
 
@@ -103,15 +103,15 @@ def test_a_given_file_that_the_sheet_does_not_name(sheet):
         ("", "no column 'file'"),
     ],
 )
-def test_wrong_columns(sheet, head, message):
+def test_wrong_columns(run_table, head, message):
     """A column that is missing or unknown is named."""
-    path, logs = sheet("a.csv,1\n" if head else "", "a.csv", head=head)
+    path, logs = run_table("a.csv,1\n" if head else "", "a.csv", head=head)
     with pytest.raises(RigError, match=message):
         plan_runs(logs, path)
 
 
 def test_runs_that_would_have_one_name(tmp_path):
-    """Two files of one name without a sheet, and conditions that differ within a run, are refused."""
+    """Two files of one name without a run table, and conditions that differ within a run, are refused."""
     logs = [tmp_path / "x" / "log.csv", tmp_path / "y" / "log.csv"]
     assert all("would all be stored as run 'log'" in run.problem for run in plan_runs(logs, None))
     path = tmp_path / "runs.csv"
@@ -120,9 +120,9 @@ def test_runs_that_would_have_one_name(tmp_path):
         plan_runs(logs, path)
 
 
-def test_names_of_runs_stay_in_the_campaign(sheet):
+def test_names_of_runs_stay_in_the_campaign(run_table):
     """A run's name is no way out of the folder."""
-    path, logs = sheet("a.csv,../../etc/x\n", "a.csv", head="file,run\n")
+    path, logs = run_table("a.csv,../../etc/x\n", "a.csv", head="file,run\n")
     with pytest.raises(RigError, match="is no name for a stored run"):
         plan_runs(logs, path)
     assert Path(path).is_file()
@@ -134,9 +134,9 @@ SEMICOLONS = "file;payload_kg;counter_masses;peak_acceleration_g\n"
 @pytest.mark.parametrize(
     "row", ['a.csv;1,451;"A=24,26;B=1";3\n', 'a.csv;1.451;"A=24.26;B=1";3\n', "a.csv;1,451;A=24,26;3\n"]
 )
-def test_a_sheet_with_semicolons(sheet, row):
-    """As spreadsheets of half of Europe write it: decimal commas, or points, and sites within quotes."""
-    path, _ = sheet(row, head=SEMICOLONS)
+def test_a_sheet_with_semicolons(run_table, row):
+    """As spreadrun tables of half of Europe write it: decimal commas, or points, and sites within quotes."""
+    path, _ = run_table(row, head=SEMICOLONS)
     (found,) = read_run_table(path)
     assert found.conditions["payload_kg"] == 1.451
     assert found.conditions["counter_masses"]["A"] == 24.26
@@ -147,13 +147,13 @@ def test_a_sheet_with_semicolons(sheet, row):
     ("rows", "message"),
     [
         ("a.csv;1,451;;3\nb.csv;1.451;;3\n", r"decimal commas \(line 2\) and decimal points \(line 3\)"),
-        ("a.csv;1,451;A=24,26;B=1;3\n", "need quotes in a sheet with semicolons"),
+        ("a.csv;1,451;A=24,26;B=1;3\n", "need quotes in a run table with semicolons"),
         ("a.csv;1.451,5;;3\n", "payload_kg: '1.451,5': expected a number"),
         ("a.csv;1;;3\n./a.csv;2;;3\n", "line 3: names ./a.csv a second time, after line 2"),
     ],
 )
-def test_what_semicolons_leave_unclear(sheet, rows, message):
+def test_what_semicolons_leave_unclear(run_table, rows, message):
     """Two decimal marks, a set of sites that falls apart, two lines for one file: refused, and nothing guessed."""
-    path, _ = sheet(rows, head=SEMICOLONS)
+    path, _ = run_table(rows, head=SEMICOLONS)
     with pytest.raises(RigError, match=message):
         read_run_table(path)

@@ -11,7 +11,7 @@ import pytest
 from testbench.cli.ingest import watch as command
 from testbench.errors import RecordingError
 from testbench.ingest import Ingest
-from testbench.ingest.watch_folder import Watch, WatchedSheet
+from testbench.ingest.watch_folder import Watch, WatchedRunTable
 from testbench.store import open_campaign
 
 HEADER = "Time (s),AccX (g)\n"
@@ -118,20 +118,20 @@ def test_the_command(watching, tmp_path, capsys):
 
 
 def sheet_of(path, *rows):
-    """Write a sheet of run conditions."""
+    """Write a run table."""
     path.write_text("file,run,payload_kg\n" + "".join(f"{row}\n" for row in rows))
 
 
 @pytest.fixture
 def sheeted(watching, tmp_path):
-    """The watched folder with a sheet in it, which names the first log."""
+    """The watched folder with a run table in it, which names the first log."""
     sheet_of(tmp_path / "in" / "runs.csv", "a.csv,ra,5")
-    watching.sheet = WatchedSheet(tmp_path / "in" / "runs.csv", watching.settle_s)
+    watching.run_table = WatchedRunTable(tmp_path / "in" / "runs.csv", watching.settle_s)
     return watching
 
 
 def test_conditions_of_a_sheet_that_goes_on(sheeted, tmp_path):
-    """What the sheet names gets its conditions; the other log waits, said once, until a line is added for it."""
+    """What the run table names gets its conditions; the other log waits, said once, until a line is added for it."""
     assert told(sheeted.once()) == {"a.csv": "stored", "b.csv": "waiting"}
     assert told(sheeted.once()) == {}
     assert {path.name: reason for path, reason in sheeted.waiting.items()} == {
@@ -157,7 +157,7 @@ def test_a_run_waits_for_all_its_files(sheeted, tmp_path):
 
 
 def test_a_sheet_that_cannot_be_read_holds_everything(sheeted, tmp_path):
-    """No log is taken with conditions of yesterday: the sheet is refused once, and all wait until it is mended."""
+    """No log is taken with conditions of yesterday: the run table is refused once, and all wait until it is mended."""
     (tmp_path / "in" / "runs.csv").write_text("file,paylod\na.csv,5\n")
     assert told(sheeted.once()) == {"runs.csv": "refused", "a.csv": "waiting", "b.csv": "waiting"}
     assert told(sheeted.once()) == {}
@@ -176,7 +176,7 @@ def test_a_line_that_changes_after_its_run_was_stored(sheeted, tmp_path):
     (outcome,) = sheeted.once()
     assert (outcome.source, outcome.status) == ("a.csv", "already_stored")
     assert [f.message for f in outcome.findings if f.code == "conditions_differ"] == [
-        "payload_kg is 7.0 in the sheet, 5.0 in the stored ra.h5; stored runs never change"
+        "payload_kg is 7.0 in the run table, 5.0 in the stored ra.h5; stored runs never change"
     ]
 
 

@@ -40,4 +40,4 @@ def test_loggers_that_no_log_of_the_run_holds() -> None:
     assert "is in r1_daq.csv, of which the run is made" in forces.message
     (controller,) = rig_checks.rig_findings(bench, logs[:2])
     assert "(logger controller): no channel of theirs is in any of r1_daq.csv, r1_forces.csv" in controller.message
-    assert "by a sheet (--runs)" in controller.message
+    assert "by a run table (--runs)" in controller.message

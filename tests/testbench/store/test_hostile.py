@@ -237,5 +237,5 @@ def test_flipped_bits_never_change_a_number(run):
 def test_a_run_that_lost_its_first_bytes(run):
     """Its digest tells that it was one: what to do is to verify, and not to ingest it."""
     run.write_bytes(b"x" + run.read_bytes()[1:])
-    with pytest.raises(StoreError, match="damaged: no HDF5 file, but a digest is beside it: testbench verify"):
+    with pytest.raises(StoreError, match="damaged: no HDF5 file, but it has a digest file: testbench verify"):
         open_run(run)

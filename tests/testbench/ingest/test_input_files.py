@@ -6,7 +6,7 @@ import numpy as np
 from nptdms import ChannelObject, TdmsWriter
 
 from testbench.ingest import Ingest
-from testbench.ingest.input_files import apart
+from testbench.ingest.input_files import distinct_groups
 from testbench.ingest.run_conditions import PlannedRun
 from testbench.recording import Block, Channel, Group, Recording, UniformClock
 from testbench.store import open_run
@@ -26,12 +26,14 @@ def _recording(path, *names):
 def test_names_that_differ_stay():
     """Nothing is renamed where no name comes twice."""
     recordings = [_recording("one.x", "a", "b"), _recording("two.x", "c")]
-    assert apart(recordings) == recordings
+    assert distinct_groups(recordings) == recordings
 
 
 def test_names_that_come_twice_get_their_file():
     """All groups of the files that share a name, those included that come while it is read."""
-    one, two, other = apart([_recording("1/run.x", "DAQ"), _recording("2/run.x", "DAQ", "b"), _recording("c.x", "c")])
+    one, two, other = distinct_groups(
+        [_recording("1/run.x", "DAQ"), _recording("2/run.x", "DAQ", "b"), _recording("c.x", "c")]
+    )
     assert [group.name for group in one.groups + two.groups] == ["run 1 DAQ", "run 2 DAQ", "run 2 b"]
     assert [block.group.name for block in two.blocks(print)] == ["run 2 DAQ", "run 2 b", "run 2 late"]
     assert [group.name for group in other.groups] == ["c"]
