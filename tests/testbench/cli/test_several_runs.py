@@ -91,7 +91,7 @@ def test_align(campaign, capsys):
         (["list", "file.csv"], "file.csv: is a file; expected a campaign's folder"),
         (["recover", "file.csv"], "file.csv: is a file; expected a campaign's folder"),
         (["watch", "file.csv", "-o", "c"], "file.csv: is a file; expected a folder that logs arrive in"),
-        (["ingest", "file.csv", "--runs", "dir", "-o", "c"], "dir: is a folder; expected a run table"),
+        (["ingest", "file.csv", "--runs", "dir", "-o", "c"], "dir: is a folder; expected a file"),
         (["ingest", "file.csv", "--rig", "dir", "-o", "c"], "dir: is a folder; expected a file (.toml), or a shipped"),
         (["speed", "dir", "--pulses", "60"], "dir: is a folder; expected"),
     ],
