@@ -77,7 +77,7 @@ Open = Callable[[Path, ReadOptions], Recording]
 
 def _in_module(module: str, function: str) -> Open:
     """A reader's function, its module imported once a file is of its format."""
-    return lambda path, options: getattr(import_module(module), function)(path, options)
+    return lambda path, options: getattr(import_module(f"{__package__}.{module}"), function)(path, options)
 
 
 def _in_subprocess(module: str, extra: str = "") -> Open:
@@ -86,7 +86,7 @@ def _in_subprocess(module: str, extra: str = "") -> Open:
     def opened(path: Path, options: ReadOptions) -> Recording:
         if extra:
             require(extra, path)
-        return open_in_subprocess(path, module)
+        return open_in_subprocess(path, f"{__package__}.{module}")
 
     return opened
 
@@ -101,6 +101,22 @@ def _is_c3d(head: bytes) -> bool:
         return False
     at = (head[0] - 1) * 512
     return at + 4 > len(head) or head[at + 3] in (84, 85, 86)
+
+
+def _is_endaq(head: bytes) -> bool:
+    return head.startswith(b"\x1aE\xdf\xa3") and b"mide" in head[:64].lower()
+
+
+def _is_lvm(head: bytes) -> bool:
+    return head.removeprefix(b"\xef\xbb\xbf").startswith(b"LabVIEW Measurement")
+
+
+def _is_wav(head: bytes) -> bool:
+    return head[:4] in (b"RIFF", b"RIFX", b"RF64", b"BW64") and head[8:12] == b"WAVE"
+
+
+def _is_matlab_5(head: bytes) -> bool:
+    return head.startswith(b"MATLAB 5.0") or (len(head) >= 128 and head[124:128] == b"\x00\x01IM")
 
 
 def _is_matlab_4(head: bytes) -> bool:
@@ -128,92 +144,32 @@ def _is_text(head: bytes) -> bool:
 
 
 _UFF = re.compile(rb"\s{0,6}-1[ \t]*\r?\n[ \t]*\d{1,5}[bB]?(?:[ \t][^\n]*)?\r?\n")
+_HDF5_EXTENSIONS = (".h5", ".hdf5", ".nxs", ".nc", ".mat")
+_TDMS_NEEDS = f"{needs('tdms')} for scales of thermocouples, bridges and tables"
 BUILT_IN = (
-    Reader(
-        "Cortex forces",
-        (".forces",),
-        _begins_with(b"[Force Data]"),
-        _in_module("testbench.readers.cortex", "open_forces"),
-    ),
-    Reader("C3D", (".c3d",), _is_c3d, _in_module("testbench.readers.c3d", "open_c3d")),
-    Reader(
-        "enDAQ IDE",
-        (".ide",),
-        lambda head: head.startswith(b"\x1aE\xdf\xa3") and b"mide" in head[:64].lower(),
-        _in_subprocess("testbench.readers.endaq_ide", "ide"),
-        needs("ide"),
-    ),
-    Reader(
-        "LabVIEW LVM",
-        (".lvm",),
-        lambda head: head.removeprefix(b"\xef\xbb\xbf").startswith(b"LabVIEW Measurement"),
-        _in_module("testbench.readers.lvm", "open_lvm"),
-    ),
-    Reader(
-        "MATLAB v5",
-        (".mat",),
-        lambda head: head.startswith(b"MATLAB 5.0") or (len(head) >= 128 and head[124:128] == b"\x00\x01IM"),
-        _in_subprocess("testbench.readers.matlab_worker"),
-    ),
-    Reader("MATLAB v4", (".mat",), _is_matlab_4, _in_subprocess("testbench.readers.matlab_worker")),
-    Reader(
-        "HDF5, NeXus, netCDF 4, MATLAB v7.3",
-        (".h5", ".hdf5", ".nxs", ".nc", ".mat"),
-        _is_hdf5,
-        _in_subprocess("testbench.readers.hdf5.worker"),
-    ),
-    Reader(
-        "ASAM MDF",
-        (".mf4", ".mdf"),
-        _begins_with(b"MDF     ", b"UnFinMF "),
-        _in_module("testbench.readers.mdf.reader", "open_mdf"),
-    ),
+    Reader("Cortex forces", (".forces",), _begins_with(b"[Force Data]"), _in_module("cortex", "open_forces")),
+    Reader("C3D", (".c3d",), _is_c3d, _in_module("c3d", "open_c3d")),
+    Reader("enDAQ IDE", (".ide",), _is_endaq, _in_subprocess("endaq_ide", "ide"), needs("ide")),
+    Reader("LabVIEW LVM", (".lvm",), _is_lvm, _in_module("lvm", "open_lvm")),
+    Reader("MATLAB v5", (".mat",), _is_matlab_5, _in_subprocess("matlab_worker")),
+    Reader("MATLAB v4", (".mat",), _is_matlab_4, _in_subprocess("matlab_worker")),
+    Reader("HDF5, NeXus, netCDF 4, MATLAB v7.3", _HDF5_EXTENSIONS, _is_hdf5, _in_subprocess("hdf5.worker")),
+    Reader("ASAM MDF", (".mf4", ".mdf"), _begins_with(b"MDF     ", b"UnFinMF "), _in_module("mdf.reader", "open_mdf")),
     Reader(
         "Parquet",
         (".parquet", ".pq"),
         _begins_with(b"PAR1"),
-        _in_subprocess("testbench.readers.parquet_worker", "parquet"),
+        _in_subprocess("parquet_worker", "parquet"),
         needs("parquet"),
     ),
+    Reader("MCAP", (".mcap",), _begins_with(b"\x89MCAP0\r\n"), _in_subprocess("mcap_worker", "mcap"), needs("mcap")),
     Reader(
-        "MCAP",
-        (".mcap",),
-        _begins_with(b"\x89MCAP0\r\n"),
-        _in_subprocess("testbench.readers.mcap_worker", "mcap"),
-        needs("mcap"),
+        "ROS 1 bag", (".bag",), _begins_with(b"#ROSBAG V2"), _in_subprocess("rosbag_worker", "rosbag"), needs("rosbag")
     ),
-    Reader(
-        "ROS 1 bag",
-        (".bag",),
-        _begins_with(b"#ROSBAG V2"),
-        _in_subprocess("testbench.readers.rosbag_worker", "rosbag"),
-        needs("rosbag"),
-    ),
-    Reader(
-        "NI TDMS",
-        (".tdms",),
-        _begins_with(b"TDSm", b"TDSh"),
-        _in_module("testbench.readers.tdms.reader", "open_tdms"),
-        f"{needs('tdms')} for scales of thermocouples, bridges and tables",
-    ),
-    Reader(
-        "UFF",
-        (".uff", ".unv"),
-        lambda head: _UFF.match(head) is not None,
-        _in_module("testbench.readers.uff", "open_uff"),
-    ),
-    Reader(
-        "WAV",
-        (".wav",),
-        lambda head: head[:4] in (b"RIFF", b"RIFX", b"RF64", b"BW64") and head[8:12] == b"WAVE",
-        _in_module("testbench.readers.wav", "open_wav"),
-    ),
-    Reader(
-        "CSV",
-        (".csv", ".txt", ".tsv", ".dat", ".asc"),
-        _is_text,
-        _in_module("testbench.readers.csv.reader", "open_text"),
-    ),
+    Reader("NI TDMS", (".tdms",), _begins_with(b"TDSm", b"TDSh"), _in_module("tdms.reader", "open_tdms"), _TDMS_NEEDS),
+    Reader("UFF", (".uff", ".unv"), lambda head: _UFF.match(head) is not None, _in_module("uff", "open_uff")),
+    Reader("WAV", (".wav",), _is_wav, _in_module("wav", "open_wav")),
+    Reader("CSV", (".csv", ".txt", ".tsv", ".dat", ".asc"), _is_text, _in_module("csv.reader", "open_text")),
 )
 """The formats that are read, in the order in which they are asked; any other text is CSV, so that it comes last."""
 
