@@ -4,12 +4,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .runs.aligned_run import AlignedRun
-    from .runs.physical_run import physical
-    from .runs.si_run import SIRun
+    from .runs.si_run import SIRun, physical
     from .store import Campaign, Run, open_campaign, open_run
 
 __all__ = ["AlignedRun", "Campaign", "Run", "SIRun", "open_campaign", "open_run", "physical"]
-_HOMES = {"AlignedRun": "runs.aligned_run", "SIRun": "runs.si_run", "physical": "runs.physical_run"}
+_HOMES = {"AlignedRun": "runs.aligned_run", "SIRun": "runs.si_run", "physical": "runs.si_run"}
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401

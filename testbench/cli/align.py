@@ -32,15 +32,17 @@ determined, or some run cannot be opened (the others are aligned)."""
     type=click.Choice(["correlation", "tap", "trigger"]),
     default="correlation",
     show_default=True,
-    help="By all that both saw, by taps on what both are fixed to, or by the edges of a trigger that both recorded.",
+    help="By common signals, by taps on what both are fixed to, or by the edges of a trigger that both recorded.",
 )
-@click.option("--pair", metavar="REFERENCE=OWN", help="A channel of each logger, in place of what the rig suggests.")
+@click.option(
+    "--pair", metavar="REFERENCE=OWN", help="A channel of each logger, in place of those that the rig suggests."
+)
 @click.option("--reference", metavar="GROUP", help="The group whose clock is the reference; that of the encoders.")
 @click.option("--cutoff", type=float, metavar="HZ", help="Highest frequency that is compared.")
 @click.option("--no-drift", is_flag=True, help="The offset alone, the drift taken to be within 100 ppm: short records.")
 @click.option("--mechanism", metavar="MECH", help="A mechanism in place of the one that the rig names.")
 @click.option("--rig", help="A rig in place of the one stored with the runs.")
-@click.option("--dry-run", is_flag=True, help="Say it only; store no record in the campaign.")
+@click.option("--dry-run", is_flag=True, help="Print the result only; store no record in the campaign.")
 @json_option
 def align(
     runs: tuple[Path, ...],
@@ -57,7 +59,7 @@ def align(
     """Align the clocks of the loggers of each RUN (a stored run, or a campaign): offset and drift, with intervals.
 
     reference time = offset + (1 + drift) own time. Intervals are of 95 %. What the data do not determine is refused.
-    Gaps in a record are left out, with a finding.
+    Gaps in a record are not used, with a finding.
     The delays of the loggers' filters are taken off where the rig states them (low_pass), else they are in the offsets.
     The result is added to the campaign as a dated record; runs never change.
     """
@@ -78,29 +80,27 @@ def align(
 
     def aligned(run: "Run") -> "RunClocks":
         if pair:
-            return clocks.align_named(run, *_split(pair), not no_drift, cutoff, METHODS[by])
+            return clocks.align_named(run, *_channel_pair(pair), not no_drift, cutoff, METHODS[by])
         si = SIRun.of(run, described)
         return clocks.align_run(
             si, lambda: loaded_mechanism(si, mechanism_of(si, mechanism)), reference, not no_drift, cutoff, METHODS[by]
         )
 
-    done, refused = _each(opened, aligned)
+    done, refused = _aligned_runs(opened, aligned)
     bound = [SIRun.of(run, described) for run in opened if described or run.rig]
     records, unrecorded = ([], []) if dry_run else _store(done)
     if as_json:
         rows = [row for _, found in done for row in found.as_rows()]
-        held = options.calibrations_document(bound)
-        stored = [str(path) for path in records]
         emit_json(
             {
                 "alignments": rows,
                 "refused": [*(one.message for one in unopened), *refused, *unrecorded],
-                "records": stored,
-                "calibrations": held,
+                "records": [str(path) for path in records],
+                "calibrations": options.calibrations_document(bound),
             }
         )
     else:
-        _print([found for _, found in done], refused, records)
+        _print_clocks([found for _, found in done], refused, records)
         options.print_calibrations(bound)
     options.print_not_opened(unopened)
     for reason in unrecorded:
@@ -110,7 +110,7 @@ def align(
     return EXIT_WITH_FINDINGS if refused or any(found.findings for _, found in done) else 0
 
 
-def _each(
+def _aligned_runs(
     runs: "Iterable[Run]", aligned: "Callable[[Run], RunClocks]"
 ) -> "tuple[list[tuple[Path, RunClocks]], list[str]]":
     """Clocks of the runs in which some logger could be aligned; what was refused, and why."""
@@ -129,7 +129,7 @@ def _each(
     return done, refused
 
 
-def _split(pair: str) -> tuple[str, str]:
+def _channel_pair(pair: str) -> tuple[str, str]:
     one, equals, other = pair.partition("=")
     if not equals or not one.strip() or not other.strip():
         raise click.UsageError(f"--pair {pair!r}: expected REFERENCE=OWN, a channel of each logger")
@@ -145,7 +145,7 @@ def _refuse_read_only(campaigns: set[Path]) -> None:
         try:
             append_only_records.refuse_read_only(folder)
         except StoreError as error:
-            raise StoreError(f"{error}, or say it only: --dry-run") from error
+            raise StoreError(f"{error}, or print the result only: --dry-run") from error
 
 
 def _store(done: "list[tuple[Path, RunClocks]]") -> tuple[list[Path], list[str]]:
@@ -162,7 +162,7 @@ def _store(done: "list[tuple[Path, RunClocks]]") -> tuple[list[Path], list[str]]
     return written, failed
 
 
-def _print(found: "list[RunClocks]", refused: list[str], records: list[Path]) -> None:
+def _print_clocks(found: "list[RunClocks]", refused: list[str], records: list[Path]) -> None:
     rows = [
         [
             str(row["run"]),
@@ -197,13 +197,15 @@ def _print_filters(found: "list[RunClocks]") -> None:
     """Which delays of filters are taken off, and whose may be in the offsets."""
     delays = {group: delay for clocks in found for group, delay in clocks.delays.items()}
     stated = sorted({delay for delay in delays.values() if delay is not None})
-    if texts := [f"{1e3 * d:.3f} ms of {_some([g for g, own in delays.items() if own == d])}" for d in stated]:
+    if texts := [f"{1e3 * d:.3f} ms of {_first_names([g for g, own in delays.items() if own == d])}" for d in stated]:
         click.echo(f"Delays of the loggers' filters, taken off: {'; '.join(texts)}.")
     if unstated := [group for group, delay in delays.items() if delay is None]:
-        click.echo(f"The rig states no filter (low_pass) of {_some(unstated)}: a delay of one is in the offsets.")
+        click.echo(
+            f"The rig states no filter (low_pass) of {_first_names(unstated)}: a delay of one is in the offsets."
+        )
 
 
-def _some(names: list[str]) -> str:
+def _first_names(names: list[str]) -> str:
     """The first three, and how many more."""
     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
     return ", ".join(names[:3]) + more

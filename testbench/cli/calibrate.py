@@ -43,19 +43,19 @@ not lead to what it measures, every run damaged."""
 )
 @click.option("--raw", metavar="UNIT", help="The unit that a polynomial or matrix takes.")
 @click.option("--physical", multiple=True, metavar="[AXIS=]UNIT", help="The unit that it gives.")
-@click.option("--unit", metavar="UNIT", help="In which the logger wrote, where neither log nor rig says so.")
+@click.option("--unit", metavar="UNIT", help="In which the logger wrote, where neither log nor rig states it.")
 @click.option("--date", metavar="YYYY-MM-DD", help="When the sensor was calibrated.")
 @click.option("--reference", metavar="TEXT", default="", help="Certificate, laboratory.")
 @click.option("--reason", metavar="TEXT", help="Why it is corrected; it must be given.")
 @click.option(
-    "--list", "listed", is_flag=True, help="Which calibration holds for which run, and all that were recorded."
+    "--list", "listed", is_flag=True, help="Which calibration is in force for which run, and all that were recorded."
 )
 @json_option
 def calibrate(words: tuple[str, ...], listed: bool, reason: str | None, as_json: bool, **given: Any) -> int:  # noqa: ANN401
     """Correct the calibration of SENSOR in stored runs: a record in the campaign, dated, with a reason.
 
-    It holds from now on for those runs, before earlier records and the rig; the runs themselves never change. SENSOR is
-    called as in the rig.
+    It is in force from now on for those runs, instead of earlier records and the rig; the runs themselves never change.
+    SENSOR is the name in the rig.
     """
     if listed:
         runs, damaged = _runs(words)
@@ -68,7 +68,7 @@ def calibrate(words: tuple[str, ...], listed: bool, reason: str | None, as_json:
     calibration = _calibration(given)
     runs, damaged = _runs(words[:-1])
     if not runs:
-        _say(damaged)
+        _report_damaged(damaged)
         return EXIT_REFUSED
     from ..runs.recalibrate import calibrate as correct
     from .options import NotOpened
@@ -90,12 +90,12 @@ def calibrate(words: tuple[str, ...], listed: bool, reason: str | None, as_json:
         if done.without:
             click.echo(f"Runs without this sensor: {', '.join(done.without)}.")
         click.echo(f"Recorded in {plain_text(str(done.record))}.")
-    _say(damaged)
+    _report_damaged(damaged)
     return _exit_code(runs, damaged)
 
 
 def _runs(words: tuple[str, ...]) -> "tuple[list[Run], list[NotOpened]]":
-    """The runs that can be opened, and those that cannot. Raises StoreError for a place where nothing is."""
+    """The runs that can be opened, and those that cannot. Raises StoreError for a path that does not exist."""
     from ..errors import StoreError
     from ..store import open_campaign
     from . import options
@@ -110,8 +110,8 @@ def _runs(words: tuple[str, ...]) -> "tuple[list[Run], list[NotOpened]]":
     return options.each_run(paths)
 
 
-def _say(damaged: "list[NotOpened]") -> None:
-    """Print to stderr which runs were left out, and what becomes of them."""
+def _report_damaged(damaged: "list[NotOpened]") -> None:
+    """Print to stderr which runs were skipped, and how to recover them."""
     for one in damaged:
         name = plain_text(one.name)
         message = (
@@ -128,7 +128,7 @@ def _exit_code(runs: "list[Run]", damaged: "list[NotOpened]") -> int:
 
 
 def _calibration(given: dict[str, Any]) -> "Calibration":
-    """The calibration that the options describe. What pydantic says of it is said of the command line."""
+    """The calibration that the options describe; an error of the table is reported as one of the option."""
     from pydantic import ValidationError
 
     from ..calibration.definition import Calibration
@@ -171,7 +171,7 @@ def _each(texts: tuple[str, ...], option: str) -> str | dict[str, str] | None:
 def _list(runs: "list[Run]", damaged: "list[NotOpened]", as_json: bool) -> None:
     from ..runs import calibration_history
 
-    holding = options.in_force(runs)
+    in_force = options.in_force(runs)
     folders = dict.fromkeys(run.path.parent for run in runs)
     names = {run.path.name for run in runs}
     records = [
@@ -182,36 +182,36 @@ def _list(runs: "list[Run]", damaged: "list[NotOpened]", as_json: bool) -> None:
     ]
     if as_json:
         emit_json({
-            "holds": [held.as_dict() for held in holding],
-            "records": [_document(r, holding) for r in records],
+            "holds": [one.as_dict() for one in in_force],
+            "records": [_document(r, in_force) for r in records],
             "refused": [one.as_dict() for one in damaged],
         })  # fmt: skip
-        _say(damaged)
+        _report_damaged(damaged)
         return
     header = ["sensor", "calibration", "since", "reason", "runs"]
-    emit_table("Calibrations that hold", header, [_row(held) for held in holding], "" if holding else _NONE)
+    emit_table("Calibrations that hold", header, [_row(one) for one in in_force], "" if in_force else _NONE)
     if records:
-        rows = [[r.written[:19], r.sensor, str(r.calibration), r.reason, _state(r, holding)] for r in records]
+        rows = [[r.written[:19], r.sensor, str(r.calibration), r.reason, _state(r, in_force)] for r in records]
         emit_table("Recorded", ["written (UTC)", "sensor", "calibration", "reason", ""], rows)
-    _say(damaged)
+    _report_damaged(damaged)
 
 
 _NONE = "none: what the logs hold is taken to be in the physical units that they write"
 
 
-def _row(held: "CalibrationInForce") -> list[str]:
-    since = "rig" if held.written is None else held.written[:19]
-    return [held.sensor, str(held.calibration), since, held.reason or "", " ".join(held.runs)]
+def _row(found: "CalibrationInForce") -> list[str]:
+    since = "rig" if found.written is None else found.written[:19]
+    return [found.sensor, str(found.calibration), since, found.reason or "", " ".join(found.runs)]
 
 
-def _state(record: "CalibrationRecord", holding: "list[CalibrationInForce]") -> str:
-    runs = [run for held in holding if held.source == record.record for run in held.runs]
+def _state(record: "CalibrationRecord", in_force: "list[CalibrationInForce]") -> str:
+    runs = [run for one in in_force if one.source == record.record for run in one.runs]
     if not runs:
         return "superseded"
     return f"holds for {' '.join(runs)}"
 
 
-def _document(record: "CalibrationRecord", holding: "list[CalibrationInForce]") -> dict[str, Any]:
+def _document(record: "CalibrationRecord", in_force: "list[CalibrationInForce]") -> dict[str, Any]:
     return {
         "record": record.record,
         "written": record.written,
@@ -219,5 +219,5 @@ def _document(record: "CalibrationRecord", holding: "list[CalibrationInForce]") 
         "calibration": record.calibration.document(),
         "reason": record.reason,
         "runs": [Path(name).stem for name in record.runs],
-        "holds_for": [run for held in holding if held.source == record.record for run in held.runs],
+        "holds_for": [run for one in in_force if one.source == record.record for run in one.runs],
     }

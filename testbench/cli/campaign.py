@@ -79,7 +79,7 @@ def _files(
     from balance.errors import CounterpoiseError
 
     from ..export import export as write
-    from ..runs.physical_run import physical as in_si
+    from ..runs.si_run import physical as in_si
 
     written, refused = [], []
     with progress("exporting", sum(run.path.stat().st_size for run in runs)) as done:

@@ -1,6 +1,6 @@
 """A run on one clock, that of its encoders, with the motion of its mechanism.
 
-What is recorded is carried over to an even grid of the encoders' clock; gaps are masks, and nothing is invented there.
+Channels are interpolated on an even grid of the encoders' clock; gaps are masks, for nothing was measured there.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -30,14 +30,14 @@ if TYPE_CHECKING:
     from ..rig import Column, Rig
 
 LONG_S = 5.0
-"""From which the drift between clocks matters and can be told [s]."""
+"""Duration from which a drift between clocks matters and can be estimated [s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class AlignedRun:
     """A run with its mechanism, on the clock of its encoders.
 
-    What lacks (encoders, a clock that cannot be aligned, loops that do not close) is raised when it is asked for.
+    Errors (no encoders, a clock that cannot be aligned, loops that do not close) are raised where the value is read.
     """
 
     run: SIRun
@@ -98,7 +98,7 @@ class AlignedRun:
 
     @cached_property
     def base(self) -> base_motion.BaseAcceleration | None:
-        """What accelerometers on the base recorded, on their own clock; None where there is none."""
+        """Readings of the accelerometers on the base, on their own clock; None where there is none."""
         return base_motion.base_acceleration(self.run)
 
     def clock(self, group: str) -> ClockMap:
@@ -109,16 +109,16 @@ class AlignedRun:
         if group == self.reference:
             return same_clock((0.0, 0.0))
         if group not in self.known_clocks and group not in self._found:
-            from ..synchronization.run_alignment import align_run  # runs of one logger need none of it
-
             times = self.run.time(self.reference)
-            long = bool(times[-1] - times[0] >= LONG_S)
-            found = align_run(self.run, lambda: self.mechanism, self.reference, drift=long, among={group})
+            drift = bool(times[-1] - times[0] >= LONG_S)
+            found = run_alignment.align_run(
+                self.run, lambda: self.mechanism, self.reference, drift=drift, among={group}
+            )
             self._found.update({group: found.map_of(group)} | {name: one.clock for name, one in found.aligned.items()})
         return self.known_clocks.get(group) or self._found[group]
 
     def gaps(self, groups: Collection[str] = ()) -> Gaps:
-        """Where the encoders and other groups hold no samples, on the encoders' clock."""
+        """Gaps of the encoders and other groups, on the encoders' clock."""
         others = sorted(set(groups) - {self.reference})
         if not others:
             return encoder_gaps(self.run)
@@ -126,11 +126,11 @@ class AlignedRun:
         return Gaps.of({self.reference: self.run.instants(self.encoders[0])} | times)
 
     def valid_samples(self, bandwidth_hz: float, groups: Collection[str] = ()) -> Mask:
-        """Samples of the grid (n,) that no gap touches, positions smoothed below ``bandwidth_hz``."""
+        """Samples of the grid that no gap touches, (n,) [-], positions smoothed below ``bandwidth_hz``."""
         return self.gaps(groups).valid_samples(self.grid, gap_reach(bandwidth_hz))
 
     def on_grid(self, group: str, time: Floats, values: Floats) -> Floats:
-        """Values (m, k) at instants (m,) [s] of a group's clock on the grid, (n, k); smoothed where that is coarser."""
+        """Values (m, k) at instants (m,) [s] of a group's clock interpolated on the grid, (n, k); low-passed first."""
         at = time if group == self.reference else self.clock(group).to_reference(time)
         rate = (len(time) - 1) / float(time[-1] - time[0])
         if rate > self.grid.rate:

@@ -1,4 +1,4 @@
-"""Calibrations as records of a campaign: dated, with a reason, only ever added; the newest about a run holds."""
+"""Calibrations as records of a campaign: dated, with a reason, only ever added; the newest about a run is in force."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ KIND = "calibration"
 
 @dataclass(frozen=True)
 class CalibrationRecord:
-    """One record."""
+    """One stored correction of a sensor's calibration."""
 
     record: str
     """Name of its file."""
@@ -32,7 +32,7 @@ class CalibrationRecord:
 
 @dataclass(frozen=True)
 class CalibrationInForce:
-    """A calibration that holds for a sensor, and where it is from."""
+    """The calibration in force for a sensor, and its source."""
 
     sensor: str
     calibration: Calibration
@@ -45,11 +45,11 @@ class CalibrationInForce:
 
     @classmethod
     def by_record(cls, found: CalibrationRecord, run: str) -> "CalibrationInForce":
-        """Of a record, in one run."""
+        """That of a record, in one run."""
         return cls(found.sensor, found.calibration, found.record, found.written, found.reason, (run,))
 
     def as_dict(self) -> dict[str, Any]:
-        """As it is printed."""
+        """As a JSON document."""
         return {
             "sensor": self.sensor,
             "calibration": str(self.calibration),
@@ -90,7 +90,7 @@ def refuse_other_bytes(found: CalibrationRecord, run: Path) -> None:
 
 
 def _state(campaign: Path) -> tuple[Any, ...]:
-    """What changes when a record is added or touched, so that what is remembered is what is there."""
+    """Key that changes when a record is added or touched: what is cached under it is what is stored."""
     files = (campaign / append_only_records.FOLDER).glob("*.json")
     return tuple(sorted((p.name, p.stat().st_mtime_ns, p.stat().st_size) for p in files))
 

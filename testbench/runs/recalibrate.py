@@ -28,7 +28,7 @@ class Corrected:
     runs: tuple[str, ...]
     without: tuple[str, ...]
     left_out: dict[str, str]
-    """Runs that no record can be about, and why, by name: the digest beside them is missing or damaged."""
+    """Why a run cannot be named in a record, by its name: its digest file is missing or damaged."""
 
 
 def calibrate(runs: "Sequence[Run]", sensor: str, calibration: Calibration, reason: str) -> Corrected:
@@ -42,7 +42,7 @@ def calibrate(runs: "Sequence[Run]", sensor: str, calibration: Calibration, reas
     folders = {run.path.parent for run in runs}
     if len(folders) != 1:
         raise RigError("a record is about runs of one campaign: give each campaign a command of its own")
-    held: list[Run] = []
+    calibrated: list[Run] = []
     without: list[str] = []
     left_out: dict[str, str] = {}
     for run in runs:
@@ -60,15 +60,15 @@ def calibrate(runs: "Sequence[Run]", sensor: str, calibration: Calibration, reas
         except StoreError as error:
             left_out[run.name] = str(error)
         else:
-            held.append(run)
-    if left_out and not held:
+            calibrated.append(run)
+    if left_out and not calibrated:
         raise StoreError("; ".join(left_out.values()))
-    if not held:
-        raise RigError(f"sensor {sensor}: none of the runs holds a channel of it")
+    if not calibrated:
+        raise RigError(f"sensor {sensor}: none of the runs holds a channel of it: give the runs that do")
     record = calibration_history.write_calibration(
-        folders.pop(), [run.path for run in held], sensor, calibration, reason.strip()
+        folders.pop(), [run.path for run in calibrated], sensor, calibration, reason.strip()
     )
-    return Corrected(record, tuple(run.name for run in held), tuple(without), left_out)
+    return Corrected(record, tuple(run.name for run in calibrated), tuple(without), left_out)
 
 
 def _columns(run: SIRun, sensor: str) -> "list[Column]":

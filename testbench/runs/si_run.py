@@ -1,11 +1,11 @@
-"""A stored run with its rig, in SI: calibrations, units, masks and findings are looked up here and nowhere after.
+"""A stored run bound to its rig, in SI: calibrations, units, masks and findings are looked up here and nowhere after.
 
-Channels are computed when they are asked for and kept with the run: what goes through a campaign holds stored runs, and
-binds one after the other.
+Channels are computed when they are first read and cached with the run; what goes through a campaign therefore keeps
+stored runs and binds them one after the other. ``physical`` gives the same as a run whose channels are in SI.
 """
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
@@ -21,24 +21,23 @@ from ..calibration.definition import is_electrical
 from ..calibration.evaluation import CalibrationLaw, bind_sensor
 from ..errors import AnalysisError
 from ..quality.clipping import flat_tops, is_dead
-from ..recording import Finding, Severity
+from ..recording import Channel, Finding, Severity
 from ..rig import Column, Rig, rig_from_text
+from ..store.run import Run, StoredGroup
 from . import calibration_history
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from ..recording import Conditions, Origin, Samples
-    from ..store import Run
-    from ..store.run import StoredGroup
     from .calibration_history import CalibrationInForce
 
 Mask = NDArray[np.bool_]
 
 AT_RANGE = 1.0 - 1e-4
 """Share of its range from which a sensor counts as saturated."""
-MENDED = frozenset({"uncalibrated", "calibration_contradiction"})
-"""Findings that a later record mends; until then reading the channel is refused."""
+RESOLVED_BY_CALIBRATION = frozenset({"uncalibrated", "calibration_contradiction"})
+"""Findings that a later calibration resolves; until then reading the channel is refused."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +47,8 @@ class SIRun:
     A channel is named by its :class:`Column` in the rig. Errors of a channel are raised when it is read.
     """
 
-    recorded: "Run"
-    """As it is stored, in the loggers' units."""
+    recorded: Run
+    """The stored run, in the loggers' units."""
     rig: Rig
     _preloaded: "Mapping[tuple[str, int], Samples]" = field(default_factory=dict, repr=False)
     """Recorded values that are in memory, by group and index."""
@@ -57,13 +56,10 @@ class SIRun:
     _values: dict[str, Floats] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
-    def of(cls, run: "Run", rig: Rig | None = None) -> "SIRun":
+    def of(cls, run: Run, rig: Rig | None = None) -> "SIRun":
         """Bind a run to the rig that is stored with it, or to the one given. Raises AnalysisError without either."""
         if rig is None and run.rig is None:
-            raise AnalysisError(
-                f"{run.name}: stored without a rig, so that nothing says which channel is of which sensor; "
-                "ingest with --rig"
-            )
+            raise AnalysisError(f"{run.name}: stored without a rig, so that no channel has a sensor; ingest with --rig")
         return cls(run, rig or _stored_rig(run.rig or ""))
 
     @property
@@ -92,11 +88,11 @@ class SIRun:
         return self.recorded.findings
 
     @property
-    def groups(self) -> "tuple[StoredGroup, ...]":
+    def groups(self) -> tuple[StoredGroup, ...]:
         """Groups of channels, each with its clock."""
         return self.recorded.groups
 
-    def group(self, name: str) -> "StoredGroup":
+    def group(self, name: str) -> StoredGroup:
         """The group of this name. Raises StoreError if there is none."""
         return self.recorded.group(name)
 
@@ -118,7 +114,7 @@ class SIRun:
         return self.recorded.time(group)
 
     def instants(self, column: Column) -> Floats:
-        """When what a channel's samples show happened, on its logger's clock, (n,) [s].
+        """Instants of what a channel's samples show, on its logger's clock, (n,) [s].
 
         Where the rig states the logger's filter (``low_pass``), that is earlier than the sample by the filter's delay.
         """
@@ -175,11 +171,11 @@ class SIRun:
         return found is not None and found.calibration.matrix is not None
 
     def at_range(self, column: Column) -> Mask:
-        """Which samples (n,) are at the end of the range that the rig states; none where it states none."""
+        """Samples at the end of the range that the rig states, (n,) [-]; none where it states none."""
         return np.asarray(np.abs(self.values(column)) >= AT_RANGE * (column.range or np.inf))
 
     def clipped(self, column: Column) -> Mask:
-        """Which samples (n,) are at the end of the range; else the extremes of a channel that is suspected to clip."""
+        """Samples at the end of the range, else at the extremes of a channel that is suspected to clip, (n,) [-]."""
         full = self.at_range(column)
         if full.any() or self.saturation(column) is None:
             return full
@@ -205,12 +201,14 @@ class SIRun:
         return is_dead(self.values(column))
 
     def doubts(self, columns: Iterable[Column]) -> list[Finding]:
-        """What ingest found wrong with channels, but for what a later calibration mends."""
+        """Warnings of ingest about channels, except those that a later calibration resolves."""
         used = {column.channel for column in columns}
         return [
             self._finding(found.code, found.channel, f"{self.name}: {found.channel}: {found.message}")
             for found in self.findings
-            if found.code not in MENDED and found.severity >= Severity.WARNING and self._label(found) in used
+            if found.code not in RESOLVED_BY_CALIBRATION
+            and found.severity >= Severity.WARNING
+            and self._label(found) in used
         ]
 
     def calibration(self, column: Column) -> "CalibrationInForce | None":
@@ -233,7 +231,7 @@ class SIRun:
         return [found for column in sensors.values() if (found := self.calibration(column)) is not None]
 
     def dimension(self, column: Column) -> str:
-        """What a channel measures, of all that it may: an encoder an angle or a length, by its unit."""
+        """Quantity that a channel measures by its unit, of those that it may: of an encoder an angle or a length."""
         for found in column.dimensions[:-1]:
             narrow = replace(column, dimensions=(found,))
             try:
@@ -334,3 +332,49 @@ def calibrations_in_force(runs: Iterable[SIRun]) -> "list[CalibrationInForce]":
 @cache
 def _stored_rig(text: str) -> Rig:
     return rig_from_text(text, "stored rig")
+
+
+@dataclass(frozen=True)
+class PhysicalRun(Run):
+    """A stored run in SI: channels of the rig as calibrated now, all others as recorded.
+
+    Values are computed on reading; ``provenance["calibrations"]`` states by which calibrations.
+    """
+
+    si: SIRun
+    columns: Mapping[tuple[str, int], Column]
+    """Channels of the rig by group and index."""
+
+    def channels_at(self, places: Sequence[tuple[StoredGroup, int]]) -> "list[Samples]":
+        """Values of channels by group and index, (n,) each, in SI where the rig knows them, else as recorded."""
+        return [
+            self.si.recorded.channel_at(group.name, index)
+            if (column := self.columns.get((group.name, index))) is None
+            else np.asarray(self.si.loads(column), dtype=np.float64)
+            for group, index in places
+        ]
+
+
+def physical(run: Run) -> PhysicalRun:
+    """A stored run in SI by the rig that is stored with it. Raises AnalysisError if there is none."""
+    if isinstance(run, PhysicalRun):
+        return run
+    si = SIRun.of(run)
+    places = {}
+    for column in si.rig.columns():
+        if si.holds(column):
+            group, index = run.find(column.channel)
+            places[group.name, index] = column
+    units = {place: SI_UNITS[si.dimension(column)] for place, column in places.items()}
+    given = {f.name: getattr(run, f.name) for f in fields(Run)}
+    given["groups"] = tuple(_in_si(group, units) for group in run.groups)
+    given["provenance"] = {**run.provenance, "calibrations": [one.as_dict() for one in calibrations_in_force([si])]}
+    return PhysicalRun(**given, si=si, columns=places)
+
+
+def _in_si(group: StoredGroup, units: Mapping[tuple[str, int], str]) -> StoredGroup:
+    channels = list(group.channels)
+    for i, channel in enumerate(channels):
+        if (unit := units.get((group.name, i))) is not None:
+            channels[i] = Channel(f"{channel.label} ({unit})", unit, channel.label)
+    return replace(group, channels=tuple(channels))

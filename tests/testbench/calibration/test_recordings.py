@@ -14,9 +14,8 @@ from testbench.calibration.definition import Calibration
 from testbench.ingest import Ingest
 from testbench.ingest.run_conditions import PlannedRun
 from testbench.loads.shaking_wrench import shaking_wrench
-from testbench.runs.physical_run import physical
 from testbench.runs.recalibrate import calibrate
-from testbench.runs.si_run import SIRun
+from testbench.runs.si_run import SIRun, physical
 from testbench.store import open_campaign, open_run
 
 A, B = 0.12, 0.20

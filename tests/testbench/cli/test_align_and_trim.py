@@ -66,7 +66,7 @@ def test_align_of_a_campaign_that_is_read_only(campaign, monkeypatch):
     computed = []
     monkeypatch.setattr("testbench.synchronization.run_alignment.align_run", lambda *words: computed.append(words))
     with pytest.raises(
-        StoreError, match=r"cannot be written, so nothing can be recorded .*, or say it only: --dry-run"
+        StoreError, match=r"cannot be written, so nothing can be recorded .*, or print the result only: --dry-run"
     ):
         invoke(align, campaign)
     assert not computed

@@ -15,7 +15,7 @@ from testbench.cli import main
 from testbench.cli.calibrate import calibrate
 from testbench.cli.campaign import export, verify
 from testbench.errors import RigError
-from testbench.runs.physical_run import physical
+from testbench.runs.si_run import physical
 from testbench.store import open_run
 
 from ..calibration import volts

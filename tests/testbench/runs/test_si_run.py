@@ -15,9 +15,8 @@ from testbench.ingest import Ingest
 from testbench.ingest.run_conditions import PlannedRun
 from testbench.loads.shaking_wrench import shaking_wrench
 from testbench.readers import open_recording
-from testbench.runs.physical_run import physical
 from testbench.runs.recalibrate import calibrate
-from testbench.runs.si_run import SIRun
+from testbench.runs.si_run import SIRun, physical
 from testbench.store import append_only_records, open_campaign, open_run
 
 from ..calibration import volts

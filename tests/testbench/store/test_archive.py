@@ -16,7 +16,7 @@ from testbench.export import export
 from testbench.ingest import Ingest
 from testbench.ingest.run_conditions import plan_runs
 from testbench.recording import Channel, Group, TimeColumn, UniformClock
-from testbench.runs.physical_run import physical
+from testbench.runs.si_run import physical
 from testbench.store import append_only_records, atomic_files, encodings, open_campaign, open_run, writer
 from testbench.store import archive as archives
 from testbench.store.archive import archive
