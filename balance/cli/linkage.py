@@ -1,24 +1,23 @@
-"""``balance linkage``.
+"""``balance linkage``: planar linkages balanced completely, and their tables for people."""
 
-Tables of ``balance linkage`` for people.
-"""
-
-from collections.abc import Mapping
 from math import isfinite, isnan
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..linkages import equations as symbols
-from ..linkages.equivalence_method import LinkageBalance
-from ..linkages.printed_tables import COLUMNS, Comparison, PublishedRow
-from ..linkages.verification import SimulatedLinkage, Verification
 from . import options
 from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 from .options import Quantity
 
 if TYPE_CHECKING:
+    from ..linkages.equivalence_method import LinkageBalance
     from ..linkages.linkage import Linkage
+    from ..linkages.published_values import Comparison
+    from ..linkages.verification import SimulatedLinkage, Verification
+
+_STAGE = {"before": "before", "force": "counter-masses", "complete": "counter-masses and gears"}
+_TORQUES = ("torque_constant_speed", "torque_varying_speed")
 
 
 @click.command(
@@ -42,7 +41,7 @@ A linkage is a TOML file; every quantity has a unit, positions are sums of named
   mass = "0.47 kg"
   centre = ["L2/2", "0 m"]                      in the frame of the link
   inertia = "1.68e-3 kg m^2"                    about its own centre
-  counter_mass = { at = ["-L2/4", "0 m"], bar = "L2/2" }       or { radius = "45 mm" }, on whatever side is needed;
+  counter_mass = { at = ["-L2/4", "0 m"], bar = "L2/2" }       or { radius = "45 mm" }, on the side that is needed;
                                                 its inertia by bar, radius_of_gyration or inertia, else none;
                                                 several in a list, each with a name
   gear_counter_mass = { ... }                   optional: against gears, else at the same places
@@ -60,11 +59,11 @@ A linkage is a TOML file; every quantity has a unit, positions are sums of named
                                                 also joint = "B", where it is not the reduction joint;
                                                 disc = { mass = "6 kg", diameter = "1 m" }, by its pitch diameter;
                                                 counter = { radius_of_gyration = "...", at = [...], on = "CARRIER" }
-  [start]                                       about how each body stands: chooses the assembly branch
+  [start]                                       approximate angle of each body: chooses the assembly branch
   2 = "60 deg"
 
 \b
-Exit code 3: balanced, but not simulated, or what the source prints differs."""
+Exit code 3: balanced, but not simulated, or a published value differs."""
 )
 @click.argument("linkage", metavar="LINKAGE")
 @click.option(
@@ -109,7 +108,7 @@ def linkage(
     """
     from ..linkages.equivalence_method import balance_linkage
     from ..linkages.linkage_files import load_linkage
-    from ..linkages.printed_tables import compare_published
+    from ..linkages.published_values import compare_published
     from ..linkages.results import linkage_document
     from ..linkages.verification import verify_linkage
 
@@ -119,31 +118,38 @@ def linkage(
     result = balance_linkage(described, gears=False if force_only else None)
     check = verify_linkage(result, speed, variation) if described.is_placed else None
     comparison = None if force_only else compare_published(result)
-    _write(result, check, csv, mjcf, figure)
+    _write_files(result, check, csv, mjcf, figure)
+    document = linkage_document(result, check, comparison)
     if as_json:
-        emit_json(linkage_document(result, check, comparison))
+        emit_json(document)
     else:
-        _print(result, check, comparison, with_equations)
+        _print_balance(document, with_equations)
+        if check is None:
+            click.echo(f"Not simulated: {_unplaced(described)}.")
+        else:
+            _print_dynamics(check)
+        if comparison:
+            _print_comparison(comparison, check)
     if check is None or (comparison and any(row.verdict == "differs" for row in comparison.rows)):
         raise click.exceptions.Exit(EXIT_WITH_FINDINGS)
 
 
-def _write(
+def _write_files(
     result: "LinkageBalance", check: "Verification | None", csv: str | None, mjcf: str | None, figure: str | None
 ) -> None:
-    """Files asked for. Raises ModelError where there is nothing simulated to write."""
+    """Write CSV, MJCF and figure. Raises ModelError where there is nothing simulated to write."""
     from ..errors import ModelError
 
     if check is None:
         if csv or mjcf or figure:
-            raise ModelError(f"{result.linkage.name}: {unplaced(result.linkage)}, so there is nothing to draw or write")
+            raise ModelError(
+                f"{result.linkage.name}: {_unplaced(result.linkage)}, so there is nothing to draw or write"
+            )
         return
     if mjcf:
-        from pathlib import Path
+        from ..linkages.mjcf_writer import linkage_mjcf
 
-        from ..linkages.mjcf_writer import linkage_mjcf as text_of
-
-        text = text_of(result, "complete" if result.moment else "force", couplings=True)
+        text = linkage_mjcf(result, "complete" if result.moment else "force", couplings=True)
         Path(mjcf).write_text(text + "\n", encoding="utf-8")
     if csv:
         _write_csv(check, csv)
@@ -165,105 +171,70 @@ def _write_csv(check: "Verification", path: str) -> None:
     write_csv_file(path, columns)
 
 
-def _print(
-    result: "LinkageBalance", check: "Verification | None", comparison: "Comparison | None", with_equations: bool
-) -> None:
-
-    counter_masses(result)
-    gears(result)
-    if with_equations:
-        equations(result)
-    if check is None:
-        click.echo(f"Not simulated: {unplaced(result.linkage)}.")
-    else:
-        dynamics(check)
-    if comparison:
-        printed(comparison, check)
-
-
-def unplaced(linkage: "Linkage") -> str:
+def _unplaced(linkage: "Linkage") -> str:
     """Which joints have no place on the ground."""
     names = [j.name for j in linkage.joints.values() if any(end.point is None for end in j.ends)]
     return f"where {', '.join(names)} {'is' if len(names) == 1 else 'are'} on the ground is not given"
 
 
-TORQUES = ("torque_constant_speed", "torque_varying_speed")
-STAGE = {"before": "before", "force": "counter-masses", "complete": "counter-masses and gears"}
-
-
-def counter_masses(result: LinkageBalance) -> None:
-    """The reduction tree, and the counter-masses."""
+def _print_balance(document: dict[str, Any], with_equations: bool) -> None:
+    """The reduction tree, counter-masses, gears, and the inertia that two-point bodies must have."""
     rows = [
-        [name, result.tree[name], " + ".join(f"{share:.4f} at {joint}" for joint, share in balance.shares.items())]
-        for name, balance in result.force.items()
+        [r["body"], r["joint"], " + ".join(f"{share:.4f} at {joint}" for joint, share in r["point_masses_kg"].items())]
+        for r in document["reduction"]
     ]
-    click.echo(f"{result.linkage.title}\n")
+    click.echo(f"{document['title']}\n")
     emit_table("Reduction, leaves first", ["body", "joint", "point mass [kg]"], rows)
-    count = len(result.counters("force"))
     rows = [
-        [
-            counter.symbol,
-            body,
-            "gears" if k >= count else "links",
-            f"{counter.mass:.4f}",
-            *(f"{x * 1e3:.2f}" for x in counter.position),
-            f"{counter.inertia:.4g}",
-        ]
-        for k, (body, counter) in enumerate(result.counters())
-    ]
+        [c["symbol"], c["body"], c["against"], f"{c['mass_kg']:.4f}",
+         *(f"{x * 1e3:.2f}" for x in c["position_from_reduction_joint_m"]), f"{c['inertia_kgm2']:.4g}"]
+        for c in document["counter_masses"]
+    ]  # fmt: skip
     header = ["counter-mass", "body", "against", "mass [kg]", "x [mm]", "y [mm]", "inertia [kg m2]"]
     emit_table("Counter-masses, from the reduction joint of their body", header, rows)
-
-
-def gears(result: LinkageBalance) -> None:
-    """Gear pairs, and the inertia that two-point bodies must have."""
-    if result.moment is None:
-        click.echo("No gears: the force is balanced, the moment is not.")
-        return
     rows = [
-        [
-            name,
-            gear.gear.body,
-            gear.joint,
-            gear.carrier,
-            f"{gear.gear.teeth[0]}:{gear.gear.teeth[1]}",
-            f"{gear.inertia:.4g}",
-            "-" if gear.counter_mass is None else f"{gear.counter_mass:.4f}",
-            f"{gear.wheel_mass:.4f}" if gear.wheel_mass else "-",
-            f"{gear.wheel_inertia:.4g}" if gear.wheel_mass else "-",
-        ]
-        for name, gear in result.moment.gears.items()
-    ]
-    header = ["gear", "body", "at", "carrier", "Z:Z*", "I_z [kg m2]", "m_z* [kg]", "m_z [kg]", "I_m_z [kg m2]"]
-    emit_table("Gears: counter-gear I_z and m_z*, real gear on the body m_z and I_m_z", header, rows)
-    for link, inertia in result.moment.reshaped.items():
+        [g["name"], g["body"], g["joint"], g["carrier"], "{}:{}".format(*g["teeth"]),
+         f"{g['counter_gear_inertia_kgm2']:.4g}",
+         "-" if g["counter_gear_mass_kg"] is None else f"{g['counter_gear_mass_kg']:.4f}",
+         f"{g['gear_mass_kg']:.4f}" if g["gear_mass_kg"] else "-",
+         f"{g['gear_inertia_kgm2']:.4g}" if g["gear_mass_kg"] else "-"]
+        for g in document["gears"]
+    ]  # fmt: skip
+    if document["inertias"]:
+        header = ["gear", "body", "at", "carrier", "Z:Z*", "I_z [kg m2]", "m_z* [kg]", "m_z [kg]", "I_m_z [kg m2]"]
+        emit_table("Gears: counter-gear I_z and m_z*, real gear on the body m_z and I_m_z", header, rows)
+    else:
+        click.echo("No gears: the force is balanced, the moment is not.")
+    for link, inertia in document["reshaped_inertia_kgm2"].items():
         click.echo(
-            f"Link {link} must be shaped to an inertia of {inertia:.4g} kg m2: then two point masses stand for it."
+            f"Link {link} must be shaped to an inertia of {inertia:.4g} kg m2: then two point masses replace it."
         )
+    for equation in document["equations"] if with_equations else ():
+        values = [(equation[f"value_{unit}"], text) for unit, text in _MASS_UNITS if f"value_{unit}" in equation]
+        value = "".join(f"   = {value:.5g} {text}" for value, text in values)
+        click.echo(f"  [{equation['body']}]  {equation['equation']}{value}")
 
 
-def equations(result: LinkageBalance) -> None:
-    """The equations in symbols, with their values."""
-    for equation in symbols.linkage_equations(result):
-        unit = "kg" if equation.text.startswith("m") else "kg m2"
-        value = "" if equation.value is None else f"   = {equation.value:.5g} {unit}"
-        click.echo(f"  [{equation.body}]  {equation.text}{value}")
+_MASS_UNITS = (("kg", "kg"), ("kgm2", "kg m2"))
 
 
-def dynamics(check: Verification) -> None:
-    """RMS values by stage at both speeds, what is left, what it costs."""
+def _print_dynamics(check: "Verification") -> None:
+    """RMS values by stage at both speeds, the residual, the cost."""
     for label, run in zip(check.labels, (check.constant, check.varying), strict=True):
         rows = [
-            [STAGE[stage], *(f"{value:.4g}" for value in run.rms(stage).values()), *_left(run, stage)]
+            [_STAGE[stage], *(f"{value:.4g}" for value in run.rms(stage).values()),
+             *(f"{share:.2g}" if isfinite(share) else "-" for share in run.residual(stage).values())]
             for stage in run.responses
-        ]
-        header = ["stage", "FX [N]", "FY [N]", "M [N m]", "torque [N m]", "force left", "moment left"]
-        emit_table(f"Simulated, {label}: RMS", header, rows, _how_fast(check, run))
+        ]  # fmt: skip
+        header = ["stage", "FX [N]", "FY [N]", "M [N m]", "torque [N m]", "residual force", "residual moment"]
+        emit_table(f"Simulated, {label}: RMS", header, rows, _motion(check, run))
     for stage in list(check.mass)[1:]:
         cost = check.penalty(stage)
-        torque = [f"{cost[k]:.3g} times ({label})" for k, label in zip(TORQUES, check.labels, strict=True) if k in cost]
+        torque = [
+            f"{cost[k]:.3g} times ({label})" for k, label in zip(_TORQUES, check.labels, strict=True) if k in cost
+        ]
         click.echo(
-            f"Cost of {STAGE[stage]}: moving mass {check.mass['before']:.3f} -> {check.mass[stage]:.3f} kg "
+            f"Cost of {_STAGE[stage]}: moving mass {check.mass['before']:.3f} -> {check.mass[stage]:.3f} kg "
             f"({cost['mass']:.3g} times); RMS drive torque {', '.join(torque) or 'not compared'}."
         )
     click.echo(
@@ -271,56 +242,43 @@ def dynamics(check: Verification) -> None:
     )
 
 
-def printed(comparison: Comparison, check: Verification | None) -> None:
-    """What the source prints beside what its printed inputs give."""
+def _motion(check: "Verification", run: "SimulatedLinkage") -> str:
+    """Motion of the driven joint."""
+    what = "cycles of" if check.swings else "at"
+    varied = f" (1 + {check.variation:g} sin wt)" if run is check.varying else ""
+    speed = f"driven joint {run.drive} {what} {check.speed:.5g}{varied} rad/s"
+    return f"{speed}; residual: largest as a share of before"
+
+
+def _print_comparison(comparison: "Comparison", check: "Verification | None") -> None:
+    """What the source publishes, and what its published inputs give."""
     rows = [
-        [row.name, *(f"{x:.5g}" for x in (row.printed.value, row.computed, *row.interval)), _verdict(row)]
+        [row.name, *(f"{x:.5g}" for x in (row.published.value, row.computed, *row.interval)),
+         row.verdict + (", see below" if row.why else "")]
         for row in comparison.rows
-    ]
-    header = ["symbol", "printed", "computed", "from", "to", "verdict"]
-    emit_table("Printed by the source, and computed from its printed inputs as rounded [kg, kg m2]", header, rows)
+    ]  # fmt: skip
+    header = ["symbol", "published", "computed", "from", "to", "verdict"]
+    emit_table("Published, and computed from the published inputs as rounded [kg, kg m2]", header, rows)
     for row in comparison.rows:
         if row.why and row.explained is not None:
-            fits = "as printed, within the rounding" if row.is_explained else "not as printed either"
-            click.echo(f"{row.name}: printed {row.printed.value:g}, computed {row.computed:.5g}: {row.why}. "
+            fits = "as published, within the rounding" if row.is_explained else "not as published either"
+            click.echo(f"{row.name}: published {row.published.value:g}, computed {row.computed:.5g}: {row.why}. "
                        f"Computed like that it is {row.explained:.5g}, {fits}.")  # fmt: skip
     names = {row.name for row in comparison.rows if row.explained is not None}
     for entry in comparison.contradictions:
         if entry.about not in names:
-            click.echo(f"{STAGE.get(entry.about, entry.about)}: {entry.why}.")
-    _rms(comparison.rms, check)
-    for name, what in comparison.restored.items():
-        click.echo(f"Restored in the printed copy, {name}: {what}.")
-
-
-def _rms(rms: Mapping[str, Mapping[str, float]], check: Verification | None) -> None:
-    if not rms:
-        return
+            click.echo(f"{_STAGE.get(entry.about, entry.about)}: {entry.why}.")
     rows = []
-    for stage, values in rms.items():
-        rows.append([f"{STAGE[stage]}, printed", *(f"{values[c]:.4g}" for c in COLUMNS)])
+    for stage, published in comparison.rms.items():
+        rows.append([f"{_STAGE[stage]}, published", *(f"{value:.4g}" for value in published.values())])
         if check is not None and stage in check.constant.responses:
             ours = check.constant.rms(stage)
-            rows.append([f"{STAGE[stage]}, simulated", *(f"{ours[c]:.4g}" for c in COLUMNS)])
-            rows.append(["  simulated / printed", *(_ratio(ours[c], values[c]) for c in COLUMNS)])
-    emit_table("RMS at constant speed", ["stage", "FX [N]", "FY [N]", "M [N m]", "torque [N m]"], rows)
-
-
-def _ratio(ours: float, theirs: float) -> str:
-    return f"{100 * (ours / theirs - 1):+.2f} %" if theirs > 0.05 else "-"
-
-
-def _how_fast(check: Verification, run: SimulatedLinkage) -> str:
-    """What moves the driven joint."""
-    what = "cycles of" if check.swings else "at"
-    varied = f" (1 + {check.variation:g} sin wt)" if run is check.varying else ""
-    return f"driven joint {run.drive} {what} {check.speed:.5g}{varied} rad/s; left: largest as a share of before"
-
-
-def _left(run: SimulatedLinkage, stage: str) -> list[str]:
-    """Shares of before; a dash where there was nothing before."""
-    return [f"{share:.2g}" if isfinite(share) else "-" for share in run.residual(stage).values()]
-
-
-def _verdict(row: PublishedRow) -> str:
-    return row.verdict + (", see below" if row.why else "")
+            ratios = [
+                f"{100 * (ours[c] / value - 1):+.2f} %" if value > 0.05 else "-" for c, value in published.items()
+            ]
+            rows.append([f"{_STAGE[stage]}, simulated", *(f"{ours[c]:.4g}" for c in published)])
+            rows.append(["  simulated / published", *ratios])
+    if rows:
+        emit_table("RMS at constant speed", ["stage", "FX [N]", "FY [N]", "M [N m]", "torque [N m]"], rows)
+    for name, what in comparison.restored.items():
+        click.echo(f"Restored in the published copy, {name}: {what}.")

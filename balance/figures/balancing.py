@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..linkages.printed_tables import COLUMNS
+from ..linkages.published_values import COLUMNS
 from ..linkages.verification import Verification
 
 if TYPE_CHECKING:

@@ -1,10 +1,10 @@
-"""The method's equations in symbols, as the source prints them: counter-masses, inertias, gears, two-point masses."""
+"""The method's equations in symbols, as the source writes them: counter-masses, inertias, gears, two-point masses."""
 
 from dataclasses import dataclass
 
 from .equivalence_method import LinkageBalance
 from .expressions import Expression, Point
-from .force_balance import CounterMass, ForceBalance, pin_load
+from .force_balance import CounterMass, ForceBalance, joint_point
 from .moment_balance import BodyMoment, GearResult
 
 
@@ -57,7 +57,7 @@ def _axis(result: LinkageBalance, balance: ForceBalance, axis: str) -> Equation 
     loads = [
         f"{load.text} {_on(load.at, axis).factor_text()}" for load in balance.loads if not _on(load.at, axis).is_zero
     ]
-    origin = pin_load(result.linkage, balance.joint, balance.body)
+    origin = joint_point(result.linkage, balance.joint, balance.body)
     arms = [(c, _on(c.place.point.plus(origin, -1.0), axis)) for c in balance.counters if c.place.point is not None]
     arms = [(counter, arm) for counter, arm in arms if not arm.is_zero]
     if len(arms) != 1:

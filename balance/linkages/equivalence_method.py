@@ -1,8 +1,7 @@
 """The equivalence method of Z. Ye and M. R. Smith: counter-masses and gears that balance a planar linkage.
 
-What every body is made of in a stage of balancing, as point masses with inertia, and their sum.
-
-What the last printed digits of the inputs leave open in the results.
+Its result gives every number by symbol, the interval that the rounding of the inputs allows it, and what every body is
+made of in a stage of balancing.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -12,17 +11,17 @@ from types import MappingProxyType
 import numpy as np
 
 from ..arrays import Floats
-from .force_balance import CounterMass, ForceBalance, force_balance, pin_load, reduction_tree
+from .force_balance import CounterMass, ForceBalance, force_balance, joint_point, reduction_tree
 from .linkage import Linkage
 from .moment_balance import MomentBalance, moment_balance
 
 NOTHING: Mapping[str, Collection[str]] = MappingProxyType({})
-"""No terms left out."""
+"""No terms omitted."""
 
 
 @dataclass(frozen=True)
 class LinkageBalance:
-    """A linkage balanced by the method: force balance, and where gears are asked for, moment balance."""
+    """A linkage balanced by the method: force balance, and with gears moment balance."""
 
     linkage: Linkage
     values: Mapping[str, float]
@@ -34,15 +33,15 @@ class LinkageBalance:
 
     def counters(self, stage: str = "complete") -> list[tuple[str, CounterMass]]:
         """Counter-masses with their bodies: those of ``force``, and with ``complete`` those against gears too."""
-        found = [(name, counter) for name, balance in self.force.items() for counter in balance.counters]
+        counters = [(name, counter) for name, balance in self.force.items() for counter in balance.counters]
         if stage == "complete" and self.moment is not None:
-            found += [(name, c) for name, done in self.moment.bodies.items() for c in done.extra.counters]
-        return found
+            counters += [(name, c) for name, done in self.moment.bodies.items() for c in done.extra.counters]
+        return counters
 
     def residual(self) -> float:
-        """Largest first moment that any body that turns keeps about its reduction joint [kg m]."""
-        kept = [abs(x) for b in self.force.values() if self.linkage.bodies[b.body].places for x in b.residual]
-        return float(max(kept, default=0.0))
+        """Largest residual first moment of any turning body about its reduction joint [kg m]."""
+        moments = [abs(x) for b in self.force.values() if self.linkage.bodies[b.body].places for x in b.residual]
+        return float(max(moments, default=0.0))
 
     def results(self) -> dict[str, float]:
         """Every number that the method gives, by symbol: m2*, I2*, m_z2, I_m_z2, I_z1, point masses, inertias, SI."""
@@ -101,7 +100,7 @@ def composite_bodies(result: LinkageBalance, stage: str) -> dict[str, list[Compo
     """Pieces of every body in the stage ``before``, ``force`` (counter-masses) or ``complete`` (and gears)."""
     linkage, values = result.linkage, result.values
     reshaped = result.moment.reshaped if result.moment and stage != "before" else {}
-    found = {
+    pieces = {
         body.name: [
             CompositeBody(values[p.mass], reshaped.get(p.link, values.get(p.inertia, 0.0)), p.centre.at(values))
             for p in body.parts
@@ -110,13 +109,14 @@ def composite_bodies(result: LinkageBalance, stage: str) -> dict[str, list[Compo
     }
     if stage != "before":
         for body, counter in result.counters(stage):
-            found[body].append(_counter(result, body, counter))
+            origin = joint_point(linkage, result.tree[body], body).at(values)
+            pieces[body].append(CompositeBody(counter.mass, counter.inertia, origin + counter.position))
     if stage == "complete" and result.moment:
         for gear in result.moment.gears.values():
             if gear.wheel_mass:
-                at = pin_load(linkage, gear.joint, gear.gear.body).at(values)
-                found[gear.gear.body].append(CompositeBody(gear.wheel_mass, gear.wheel_inertia, at))
-    return found
+                at = joint_point(linkage, gear.joint, gear.gear.body).at(values)
+                pieces[gear.gear.body].append(CompositeBody(gear.wheel_mass, gear.wheel_inertia, at))
+    return pieces
 
 
 def merged_body(pieces: Sequence[CompositeBody]) -> CompositeBody:
@@ -127,32 +127,24 @@ def merged_body(pieces: Sequence[CompositeBody]) -> CompositeBody:
     return CompositeBody(mass, inertia, centre)
 
 
-def _counter(result: LinkageBalance, body: str, counter: CounterMass) -> CompositeBody:
-    origin = pin_load(result.linkage, result.tree[body], body).at(result.values)
-    return CompositeBody(counter.mass, counter.inertia, origin + counter.position)
-
-
 def rounding_intervals(
     result: LinkageBalance, omit: Mapping[str, Collection[str]] = NOTHING
 ) -> dict[str, tuple[float, float]]:
-    """Every result with the interval that its inputs' rounding leaves it, worst cases added, SI.
+    """Interval of every result by the rounding of its inputs, worst cases added, SI.
 
-    Each input is moved by half a unit of its last digit, both ways, on the same tree; ``omit`` as in ``balance``.
+    Each input is moved by half a unit of its last digit, both ways, on the same tree; ``omit`` as in balance_linkage.
     """
     nominal = result.results()
     low, high = dict(nominal), dict(nominal)
     for name, symbol in result.linkage.symbols.items():
         if symbol.half_unit:
-            moved = [_moved(result, name, half, omit) for half in (-symbol.half_unit, symbol.half_unit)]
+            moved = []
+            for half in (-symbol.half_unit, symbol.half_unit):
+                values = {**result.values, name: result.values[name] + half}
+                geared = result.moment is not None
+                moved.append(balance_linkage(result.linkage, values, geared, omit, result.tree).results())
             for key, value in nominal.items():
                 changes = [other.get(key, 0.0) - value for other in moved]
                 low[key] += min(0.0, *changes)
                 high[key] += max(0.0, *changes)
     return {key: (low[key], high[key]) for key in nominal}
-
-
-def _moved(result: LinkageBalance, name: str, change: float, omit: Mapping[str, Collection[str]]) -> dict[str, float]:
-    values = {**result.values, name: result.values[name] + change}
-    return balance_linkage(
-        result.linkage, values, gears=result.moment is not None, omit=omit, tree=result.tree
-    ).results()

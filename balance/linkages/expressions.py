@@ -1,4 +1,4 @@
-"""Lengths as linear expressions of named lengths, so that results can be printed in symbols and perturbed."""
+"""Lengths as linear expressions of named lengths, so that results can be written in symbols and perturbed."""
 
 import re
 from collections.abc import Mapping
@@ -19,12 +19,12 @@ _ROUNDING = 1e-15
 
 @dataclass(frozen=True)
 class Symbol:
-    """A number of the description by name, such as L2, m2 or I2, with what its last printed digit leaves open."""
+    """A number of the description by name, such as L2, m2 or I2, with the rounding of its last digit."""
 
     value: float
     """In SI [m, kg, kg m2]."""
     half_unit: float
-    """Half a unit of the last digit as written: the printed number stands for value +- half_unit."""
+    """Half a unit of the last digit as written: the number means value +- half_unit."""
 
 
 @dataclass(frozen=True)

@@ -1,20 +1,14 @@
 """Force balance, leaves to root: every body becomes a point mass at its reduction joint.
 
-With own parts and the point masses received from the bodies that it carries, S = sum(m r) about that joint; its
-counter-masses satisfy sum(m* p) = -S, m* >= 0.
-
-Point masses on a body, and what they leave of it: a counter-massed body stands as point masses at joints.
+The reduction tree gives every body the revolute joint to which its mass is reduced, all leading to the ground. With own
+parts and the point masses received from the bodies that it carries, S = sum(m r) about that joint; its counter-masses
+satisfy sum(m* p) = -S, m* >= 0. A body that only translates is a point mass at its revolute joint.
 
 The two-point alternative: a body shaped so that point masses at two of its joints replace it, and no gear is needed.
-
 m_B = S / L, m_A = m - m_B about joint A; its inertia must be I_cg = m_A m_B L^2 / (m_A + m_B).
-
-The reduction tree: for every body the revolute joint to which its mass is reduced, all leading to the ground.
-
-Bodies that only translate: each is a point mass at its revolute joint.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
 from math import inf, prod
@@ -23,12 +17,13 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import ModelError, SizingError
-from .body_groups import leaves_first, translating_parts, tree_depth, tree_parents
 from .expressions import Point
-from .linkage import GROUND, Body, Linkage, Place
+from .linkage import GROUND, Body, Linkage, Place, translating_bodies
 
 ROUNDING = 1e-13
-"""A first moment this small beside those that it is the sum of is zero."""
+"""Share of its terms below which a first moment is rounding error."""
+MOST_TREES = 20_000
+"""Combinations of joints beyond which the shortest paths to the ground are taken."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +37,7 @@ class EquivalentLoad:
     at: Point
     """From the body's reduction joint, in the body's frame."""
     source: str = ""
-    """What puts it there: a link, a body received, a gear."""
+    """Where it is from: a link, a received body, a gear."""
 
     @property
     def text(self) -> str:
@@ -52,7 +47,7 @@ class EquivalentLoad:
 
 @dataclass(frozen=True)
 class CounterMass:
-    """A counter-mass: the place, its mass and where it came to lie."""
+    """A counter-mass: its place, mass and position."""
 
     place: Place
     mass: float
@@ -77,9 +72,9 @@ class ForceBalance:
     loads: tuple[EquivalentLoad, ...]
     counters: tuple[CounterMass, ...]
     shares: Mapping[str, float]
-    """Point masses that stand for it, by joint: one, or two of a two-point body [kg]."""
+    """Point masses that replace it, by joint: one, or two of a two-point body [kg]."""
     residual: Floats
-    """First moment left about the reduction joint, (2,) [kg m]."""
+    """Residual first moment about the reduction joint, (2,) [kg m]."""
 
     @property
     def mass(self) -> float:
@@ -90,22 +85,113 @@ class ForceBalance:
     def symbols(self) -> tuple[str, ...]:
         """Symbols whose sum is its mass."""
         counters = {counter.symbol: counter.symbol for counter in self.counters}
-        found: list[str] = []
+        symbols: list[str] = []
         for load in self.loads:
-            found += load.symbols
-            found += [counters.pop(f"{load.text}*")] if f"{load.text}*" in counters else []
-        return (*found, *counters)
+            symbols += load.symbols
+            symbols += [counters.pop(f"{load.text}*")] if f"{load.text}*" in counters else []
+        return (*symbols, *counters)
 
 
-def pin_load(linkage: Linkage, joint: str, body: str) -> Point:
-    """A joint's place in a body's frame; the ground's own places need not be known."""
+def reduction_tree(linkage: Linkage, values: Mapping[str, float]) -> dict[str, str]:
+    """Reduction joint of every body: as stated, or else the choice of least counter-mass.
+
+    Raises ModelError, naming the body, where one has no revolute path to the ground.
+    """
+    choices = {body: _choices(linkage, body) for body in linkage.bodies}
+    _check_paths(linkage)
+    if prod(len(joints) for joints in choices.values()) > MOST_TREES:
+        choices = {body: [_shortest(linkage, choices, body)] for body in linkage.bodies}
+    best, least, refusal = None, inf, None
+    for joints in product(*choices.values()):
+        tree = dict(zip(choices, joints, strict=True))
+        if not all(tree_depth(linkage, tree, body) < inf for body in tree):
+            continue
+        try:
+            mass = sum(c.mass for balanced in force_balance(linkage, tree, values).values() for c in balanced.counters)
+        except SizingError as error:
+            refusal = refusal or error
+            continue
+        if best is None or mass < least - 1e-9 * abs(least):
+            best, least = tree, mass
+    if best is None:
+        raise refusal or ModelError(_circle(linkage, choices))
+    return best
+
+
+def _choices(linkage: Linkage, body: str) -> list[str]:
+    own = [joint.name for joint in linkage.joints_of(body)]
+    if body not in linkage.reduction:
+        return own
+    named = linkage.reduction[body]
+    joint = linkage.joints[named]
+    if not joint.joins(body):
+        raise ModelError(f"reduction of {body}: joint {named} is not one of its own: {', '.join(own) or 'none'}")
+    if not joint.revolute:
+        raise ModelError(f"reduction of {body}: mass does not pass through the prismatic joint {named}")
+    return [named]
+
+
+def _check_paths(linkage: Linkage) -> None:
+    """Raise ModelError for a body without a revolute path to the ground."""
+    reached = {GROUND}
+    for _ in linkage.bodies:
+        reached |= {b for b in linkage.bodies if any(joint.other(b) in reached for joint in linkage.joints_of(b))}
+    for body in linkage.bodies:
+        if body not in reached:
+            joints = ", ".join(j.name for kind in (True, False) for j in linkage.joints_of(body, kind)) or "none"
+            raise ModelError(
+                f"{linkage.name}: body {body} has no revolute path to the ground (its joints: {joints}); mass does "
+                "not pass through prismatic joints, so the method cannot balance it"
+            )
+
+
+def _circle(linkage: Linkage, choices: Mapping[str, list[str]]) -> str:
+    tree = {body: joints[0] for body, joints in choices.items()}
+    circular = [body for body in tree if tree_depth(linkage, tree, body) == inf]
+    stated = [f"{b} at {' and '.join(joint for joint, _ in tree_parents(linkage, tree, b))}" for b in circular]
+    return f"{linkage.name}: the reductions of {', '.join(stated)} lead in a circle, not to the ground: change one"
+
+
+def _shortest(linkage: Linkage, choices: Mapping[str, list[str]], body: str) -> str:
+    """The joint that leads to the ground over the fewest joints."""
+    distance = {GROUND: 0.0}
+    for _ in linkage.bodies:
+        for b, joints in choices.items():
+            distance[b] = 1 + min(distance.get(linkage.joints[j].other(b), inf) for j in joints)
+    return min(choices[body], key=lambda joint: distance[linkage.joints[joint].other(body)])
+
+
+def leaves_first(linkage: Linkage, tree: Mapping[str, str]) -> list[str]:
+    """Bodies so that every one comes before the bodies that carry it."""
+    return sorted(linkage.bodies, key=lambda body: -tree_depth(linkage, tree, body))
+
+
+def tree_parents(linkage: Linkage, tree: Mapping[str, str], body: str) -> list[tuple[str, str]]:
+    """Joints to which a body's mass is reduced, each with the body across: one, or two of a two-point body."""
+    shaped = linkage.two_point.get(body)
+    names = shaped.joints if shaped else (tree[body],)
+    return [(name, linkage.joints[name].other(body)) for name in names]
+
+
+def tree_depth(linkage: Linkage, tree: Mapping[str, str], body: str, most: int | None = None) -> float:
+    """Joints between a body and the ground; infinite in a circle, where they are more than ``most``."""
+    most = len(tree) if most is None else most
+    if body == GROUND:
+        return 0
+    if most < 0:
+        return inf
+    return 1 + max(tree_depth(linkage, tree, parent, most - 1) for _, parent in tree_parents(linkage, tree, body))
+
+
+def joint_point(linkage: Linkage, joint: str, body: str) -> Point:
+    """A joint's place in a body's frame. Raises ModelError for a place on the ground that is not given."""
     point = linkage.joints[joint].end(body).point
     if point is None:
         raise ModelError(f"joint {joint} of {linkage.name}: its place on {body} is not given")
     return point
 
 
-def two_point_balanced(
+def two_point_balance(
     linkage: Linkage,
     tree: Mapping[str, str],
     values: Mapping[str, float],
@@ -115,12 +201,15 @@ def two_point_balanced(
     first: Floats,
     total: float,
 ) -> ForceBalance:
-    """Counter-masses that bring the centre of mass onto the line of the two joints, and the two point masses."""
+    """Counter-masses that bring the centre of mass onto the line of the two joints, and the two point masses.
+
+    ``first`` is the first moment of the loads about the reduction joint, (2,) [kg m], ``total`` their mass [kg].
+    """
     joints = linkage.two_point[body.name].joints
     arm = span_vector(linkage, values, body.name)
     length = float(np.linalg.norm(arm))
     across = np.array([-arm[1], arm[0]]) / length
-    origin = pin_load(linkage, tree[body.name], body.name)
+    origin = joint_point(linkage, tree[body.name], body.name)
     counters = _onto_line(places, origin, values, across, first, total * length, body.name)
     first = first + sum((c.mass * c.position for c in counters), np.zeros(2))
     total += sum(c.mass for c in counters)
@@ -128,7 +217,7 @@ def two_point_balanced(
     if total and not 0.0 < share < total:
         raise SizingError(
             f"two_point of {body.name}: its centre of mass is not between {joints[0]} and {joints[1]}: one of the two "
-            f"point masses would be {min(share, total - share):.4g} kg"
+            f"point masses would be {min(share, total - share):.4g} kg: choose other joints"
         )
     shares = {joints[0]: total - share, joints[1]: share}
     return ForceBalance(body.name, tree[body.name], loads, counters, shares, np.zeros(2))
@@ -140,9 +229,11 @@ def span_vector(linkage: Linkage, values: Mapping[str, float], body: str) -> Flo
     for joint in joints:
         if not linkage.joints[joint].joins(body) or not linkage.joints[joint].revolute:
             raise ModelError(f"two_point of {body}: joint {joint} is not a revolute joint of it")
-    arm = pin_load(linkage, joints[1], body).plus(pin_load(linkage, joints[0], body), -1.0).at(values)
+    arm = joint_point(linkage, joints[1], body).plus(joint_point(linkage, joints[0], body), -1.0).at(values)
     if not arm.any():
-        raise ModelError(f"two_point of {body}: joints {' and '.join(joints)} lie in one point")
+        raise ModelError(
+            f"two_point of {body}: joints {' and '.join(joints)} are in one point: give two that are apart"
+        )
     return arm
 
 
@@ -167,8 +258,8 @@ def _onto_line(
     ]
     if not fit:
         raise SizingError(
-            f"two_point of {body}: its centre of mass lies beside the line of the two joints (first moment {off:.4g} "
-            "kg m); two point masses can only stand for a body whose centre is on that line: give a counter_mass place "
+            f"two_point of {body}: its centre of mass is off the line of the two joints (first moment {off:.4g} "
+            "kg m); two point masses can only replace a body whose centre is on that line: give a counter_mass place "
             "on the other side"
         )
     mass, place, position = min(fit, key=lambda found: found[0])
@@ -176,19 +267,19 @@ def _onto_line(
 
 
 def force_balance(linkage: Linkage, tree: Mapping[str, str], values: Mapping[str, float]) -> dict[str, ForceBalance]:
-    """Counter-masses of every body, leaves first. Raises SizingError, naming the body, where its places do not do."""
+    """Counter-masses of every body, leaves first. Raises SizingError, naming the body, where its places cannot."""
     done: dict[str, ForceBalance] = {}
-    still = translating_parts(linkage)
+    translating = translating_bodies(linkage)
     for name in leaves_first(linkage, tree):
         body = linkage.bodies[name]
-        origin = pin_load(linkage, tree[name], name)
+        origin = joint_point(linkage, tree[name], name)
         loads = [
             EquivalentLoad((part.mass,), values[part.mass], part.centre.plus(origin, -1.0), part.link)
             for part in body.parts
         ]
         loads += received_load(linkage, tree, done, name)
-        done[name] = force_balanced(
-            linkage, tree, values, body, loads, body.places, free=name in still and not body.places
+        done[name] = balanced_body(
+            linkage, tree, values, body, loads, body.places, free=name in translating and not body.places
         )
     return done
 
@@ -197,18 +288,18 @@ def received_load(
     linkage: Linkage, tree: Mapping[str, str], done: Mapping[str, ForceBalance], body: str, mass: str = "m"
 ) -> list[EquivalentLoad]:
     """Point masses that a body receives from those that it carries; ``mass`` begins the symbols of two-point ones."""
-    origin = pin_load(linkage, tree[body], body)
+    origin = joint_point(linkage, tree[body], body)
     found = []
     for child, balance in done.items():
         for joint, parent in tree_parents(linkage, tree, child):
             if parent == body and balance.shares[joint]:
                 symbols = balance.symbols if len(balance.shares) == 1 else (f"{mass}[{child} at {joint}]",)
-                at = pin_load(linkage, joint, body).plus(origin, -1.0)
+                at = joint_point(linkage, joint, body).plus(origin, -1.0)
                 found.append(EquivalentLoad(symbols, balance.shares[joint], at, child))
     return found
 
 
-def force_balanced(
+def balanced_body(
     linkage: Linkage,
     tree: Mapping[str, str],
     values: Mapping[str, float],
@@ -224,10 +315,10 @@ def force_balanced(
     first[np.abs(first) <= ROUNDING * (np.abs(mass) @ np.abs(at) if len(loads) else np.zeros(2))] = 0.0
     total = float(mass.sum())
     if body.name in linkage.two_point:
-        return two_point_balanced(linkage, tree, values, body, tuple(loads), places, first, total)
+        return two_point_balance(linkage, tree, values, body, tuple(loads), places, first, total)
     if free:
         return ForceBalance(body.name, tree[body.name], tuple(loads), (), {tree[body.name]: total}, first)
-    origin = pin_load(linkage, tree[body.name], body.name)
+    origin = joint_point(linkage, tree[body.name], body.name)
     counters = solve_force_balance(first, places, origin, values, body.name)
     total += sum(c.mass for c in counters)
     residual = first + sum((c.mass * c.position for c in counters), np.zeros(2))
@@ -237,7 +328,7 @@ def force_balanced(
 def solve_force_balance(
     first: Floats, places: Sequence[Place], origin: Point, values: Mapping[str, float], body: str
 ) -> tuple[CounterMass, ...]:
-    """The lightest counter-masses with sum(m* p) = -first: at one place, or at two (no more are ever needed).
+    """The lightest counter-masses with sum(m* p) = -first (2,) [kg m]: at one place, or at two, which is always enough.
 
     Raises SizingError where no choice of places can do it.
     """
@@ -278,83 +369,6 @@ def _impossible(first: Floats, at: Sequence[Floats], body: str) -> str:
     )
 
 
-MOST_TREES = 20_000
-"""Beyond so many combinations the shortest paths to the ground are taken."""
-
-
-def reduction_tree(linkage: Linkage, values: Mapping[str, float]) -> dict[str, str]:
-    """Reduction joint of every body: as described, and where nothing is, the choice of least counter-mass.
-
-    Raises ModelError, naming the body, where one has no revolute path to the ground.
-    """
-    choices = {body: _choices(linkage, body) for body in linkage.bodies}
-    _check_paths(linkage)
-    if prod(len(joints) for joints in choices.values()) > MOST_TREES:
-        choices = {body: [_shortest(linkage, choices, body)] for body in linkage.bodies}
-    best, least, refusal = None, inf, None
-    for tree in _trees(linkage, choices):
-        try:
-            mass = sum(c.mass for balanced in force_balance(linkage, tree, values).values() for c in balanced.counters)
-        except SizingError as error:
-            refusal = refusal or error
-            continue
-        if best is None or mass < least - 1e-9 * abs(least):
-            best, least = tree, mass
-    if best is None:
-        raise refusal or ModelError(_circle(linkage, choices))
-    return best
-
-
-def _choices(linkage: Linkage, body: str) -> list[str]:
-    own = [joint.name for joint in linkage.joints_of(body)]
-    if body not in linkage.reduction:
-        return own
-    named = linkage.reduction[body]
-    joint = linkage.joints[named]
-    if not joint.joins(body):
-        raise ModelError(f"reduction of {body}: joint {named} is not one of its own: {', '.join(own) or 'none'}")
-    if not joint.revolute:
-        raise ModelError(f"reduction of {body}: mass does not pass through the prismatic joint {named}")
-    return [named]
-
-
-def _check_paths(linkage: Linkage) -> None:
-    """Raise ModelError for a body without a revolute path to the ground."""
-    reached = {GROUND}
-    for _ in linkage.bodies:
-        reached |= {b for b in linkage.bodies if any(joint.other(b) in reached for joint in linkage.joints_of(b))}
-    for body in linkage.bodies:
-        if body not in reached:
-            joints = ", ".join(j.name for kind in (True, False) for j in linkage.joints_of(body, kind)) or "none"
-            raise ModelError(
-                f"{linkage.name}: body {body} has no revolute path to the ground (its joints: {joints}); mass does "
-                "not pass through prismatic joints, so the method cannot balance it"
-            )
-
-
-def _trees(linkage: Linkage, choices: Mapping[str, list[str]]) -> Iterator[dict[str, str]]:
-    for joints in product(*choices.values()):
-        tree = dict(zip(choices, joints, strict=True))
-        if all(tree_depth(linkage, tree, body) < inf for body in tree):
-            yield tree
-
-
-def _circle(linkage: Linkage, choices: Mapping[str, list[str]]) -> str:
-    tree = {body: joints[0] for body, joints in choices.items()}
-    lost = [body for body in tree if tree_depth(linkage, tree, body) == inf]
-    given = [f"{b} at {' and '.join(joint for joint, _ in tree_parents(linkage, tree, b))}" for b in lost]
-    return f"{linkage.name}: the reductions of {', '.join(given)} lead in a circle, not to the ground"
-
-
-def _shortest(linkage: Linkage, choices: Mapping[str, list[str]], body: str) -> str:
-    """The joint that leads to the ground over the fewest joints."""
-    distance = {GROUND: 0.0}
-    for _ in linkage.bodies:
-        for b, joints in choices.items():
-            distance[b] = 1 + min(distance.get(linkage.joints[j].other(b), inf) for j in joints)
-    return min(choices[body], key=lambda joint: distance[linkage.joints[joint].other(body)])
-
-
 def check_point_mass(linkage: Linkage, force: ForceBalance, extra: ForceBalance) -> None:
     """Raise SizingError where a translating body is no point mass at its joint for the moment too.
 
@@ -369,6 +383,6 @@ def check_point_mass(linkage: Linkage, force: ForceBalance, extra: ForceBalance)
         off = abs(float(np.cos(along) * first[1] - np.sin(along) * first[0]))
     if off > 1e-12 * scale:
         raise SizingError(
-            f"body {force.body} only translates, and its centre of mass moves {off / mass:.4g} m beside its joint "
+            f"body {force.body} only translates, and its centre of mass moves {off / mass:.4g} m off its joint "
             f"{force.joint}: its moment would remain; give it a counter_mass"
         )

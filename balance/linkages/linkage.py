@@ -32,7 +32,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a counter-mass may go: at a point, or at a radius about the body's joint on whatever side is needed."""
+    """Where a counter-mass may go: at a point, or at a radius about the body's joint on the side that is needed."""
 
     name: str
     point: Point | None
@@ -43,7 +43,7 @@ class Place:
     gyration: Expression | None = None
     """Its radius of gyration about its own centre; a point mass where neither is given."""
     stated_inertia: bool = False
-    """Whether its inertia is given as a number, under the symbol ``I<name>*``, whatever the mass."""
+    """Whether its inertia is stated as a number, under the symbol ``I<name>*``, whatever the mass."""
 
     def inertia(self, mass: float, values: Mapping[str, float]) -> float:
         """Inertia about its own centre [kg m2]: m l^2 / 12 of a bar, m k^2, or as given."""
@@ -93,7 +93,7 @@ class Joint:
     revolute: bool
     ends: tuple[End, End]
     both: bool = False
-    """Sliding in both directions: what is between bodies that turn together without a joint, as in a parallelogram."""
+    """Sliding in both directions, between bodies that turn together without a joint, as in a parallelogram."""
 
     def end(self, body: str) -> End:
         """The side of ``body``."""
@@ -110,7 +110,7 @@ class Joint:
 
 @dataclass(frozen=True)
 class Wheel:
-    """What is known of a real gear: mass and inertia, or a disc whose mass grows with the square of its diameter."""
+    """A real gear: mass and inertia, or a disc whose mass grows with the square of its diameter."""
 
     mass: float
     """Its mass, or that of a disc of ``diameter`` [kg]."""
@@ -134,11 +134,11 @@ class Gear:
     teeth: tuple[int, int]
     """Z on the body, Z* of the counter-gear."""
     wheel: Wheel | None
-    """The real gear on the body; None for one whose mass is left out."""
+    """The real gear on the body; None for one without mass."""
     pivot: Point | None
     """Pivot of the counter-gear in the carrier's frame; None for the carrier's own reduction joint."""
     pivot_on: str | None
-    """The body that the pivot is said to be on: the carrier."""
+    """The body that the pivot is stated to be on: the carrier."""
     counter_mass: float | None
     """Mass of the counter-gear and what gives it its inertia [kg]; None where it is not given."""
     counter_gyration: float | None
@@ -157,7 +157,7 @@ class TwoPoint:
     joints: tuple[str, str]
     """The first is the body's reduction joint."""
     reshaped: str
-    """Link whose own inertia is made what the condition asks for."""
+    """Link whose own inertia is made to satisfy the condition."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ class Contradiction:
     about: str
     why: str
     omit: Mapping[str, Sequence[str]]
-    """Terms that it leaves out of the inertia of bodies."""
+    """Terms that it omits from the inertia of bodies."""
 
 
 @dataclass(frozen=True)
@@ -175,11 +175,11 @@ class Published:
     """What a source publishes for a linkage."""
 
     values: Mapping[str, str]
-    """Masses and inertias as printed, with their units, by symbol."""
+    """Masses and inertias as published, with their units, by symbol."""
     rms: Mapping[str, Sequence[float]]
     """RMS values by stage: force along x and y, moment, drive torque [N, N m]."""
     restored: Mapping[str, str]
-    """What had to be restored in the printed copy."""
+    """What had to be restored in the published copy."""
     contradictions: tuple[Contradiction, ...]
 
 
@@ -195,7 +195,7 @@ class Linkage:
     """Moving bodies by name: that of their links, joined by +."""
     joints: Mapping[str, Joint]
     reduction: Mapping[str, str] = field(default_factory=dict)
-    """Reduction joint of bodies where the description says so."""
+    """Reduction joint of bodies where the file states it."""
     two_point: Mapping[str, TwoPoint] = field(default_factory=dict)
     gears: Mapping[str, Gear] = field(default_factory=dict)
     turns_with: tuple[tuple[str, str], ...] = ()
@@ -209,7 +209,7 @@ class Linkage:
     gravity: tuple[float, float] = (0.0, 0.0)
     """[m/s2]."""
     start: Mapping[str, float] = field(default_factory=dict)
-    """About how every body stands in one position, which chooses the assembly branch [rad]."""
+    """Approximate angle of every body in one position, which chooses the assembly branch [rad]."""
     published: Published | None = None
     """What a source publishes for it, to be compared with."""
 
@@ -239,3 +239,22 @@ class Linkage:
     def joints_of(self, body: str, revolute: bool = True) -> list[Joint]:
         """Revolute or prismatic joints of a body."""
         return [joint for joint in self.joints.values() if joint.revolute is revolute and joint.joins(body)]
+
+
+def rotation_groups(linkage: Linkage) -> dict[str, str]:
+    """For every body and the ground, a name that it shares with those that always turn together with it.
+
+    They are joined by a prismatic joint, or stated to turn together, as in a parallelogram.
+    """
+    group = {name: name for name in (GROUND, *linkage.bodies)}
+    pairs = [(j.ends[0].body, j.ends[1].body) for j in linkage.joints.values() if not j.revolute]
+    for first, second in [*pairs, *linkage.turns_with]:
+        old, new = group[second], group[first]
+        group = {body: new if value == old else value for body, value in group.items()}
+    return group
+
+
+def translating_bodies(linkage: Linkage) -> set[str]:
+    """Bodies that cannot turn."""
+    group = rotation_groups(linkage)
+    return {body for body in linkage.bodies if group[body] == group[GROUND]}

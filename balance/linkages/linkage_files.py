@@ -15,12 +15,12 @@ from . import expressions
 from .expressions import ORIGIN, Expression, Point, Symbol
 from .linkage import GROUND, Body, Contradiction, End, Gear, Joint, Linkage, Part, Place, Published, TwoPoint, Wheel
 
-RESERVED = {GROUND: "the ground is not described, it is there", "base": "the name of the frame that all stands on"}
+RESERVED = {GROUND: "the ground needs no description", "base": "the name of the frame of the base"}
 """Names that no link can have, and why."""
 
 
 class _Stated(Quantity):
-    """A quantity as written, with what its last digit leaves open."""
+    """A quantity as written, with the rounding of its last digit."""
 
     def _parse(self, text: str, context: object) -> Symbol:
         super()._parse(text, context)
@@ -81,7 +81,7 @@ Name = Annotated[Text, BeforeValidator(lambda value: str(value) if type(value) i
 
 
 class PlaceTable(Table):
-    """Where a counter-mass may go: at a point, or at a radius on whatever side of the joint is needed."""
+    """Where a counter-mass may go: at a point, or at a radius on the side of the joint that is needed."""
 
     name: Name | None = None
     """Name of the counter-mass; that of its link where it is left out."""
@@ -149,7 +149,7 @@ class _JointTable(Table):
 
     @property
     def ends(self) -> dict[str, Any]:
-        """What is given of the joint on each of its links."""
+        """Place of the joint on each of its links."""
         return self.__pydantic_extra__ or {}
 
     def _check(self) -> None:
@@ -253,7 +253,7 @@ class TwoPointTable(Table):
     joints: tuple[Name, Name]
     """The two joints; the first is the body's reduction joint."""
     reshaped: Name
-    """Link whose own inertia is made what the condition asks for."""
+    """Link whose own inertia is made to satisfy the condition."""
 
 
 class ContradictionTable(Table):
@@ -264,18 +264,18 @@ class ContradictionTable(Table):
     why: str
     """What is wrong with it."""
     omit: dict[str, list[str]] = Field(default_factory=dict)
-    """Terms that it leaves out of the inertia of bodies, by link."""
+    """Terms that it omits from the inertia of bodies, by link."""
 
 
-class PrintedTable(Table):
+class PublishedTable(Table):
     """What a source publishes for the linkage, to be compared with and never returned as a result."""
 
     values: dict[str, Text] = Field(default_factory=dict)
-    """Masses and inertias by symbol, such as ``"m2*" = "1.451 kg"``, as printed [kg, kg m2]."""
+    """Masses and inertias by symbol, such as ``"m2*" = "1.451 kg"``, as published [kg, kg m2]."""
     rms: dict[Literal["before", "force", "complete"], tuple[Force, Force, Moment, Moment]] = Field(default_factory=dict)
     """RMS values by stage, [FX, FY, M, torque] [N, N m]."""
     restored: dict[str, str] = Field(default_factory=dict)
-    """What had to be restored in the printed copy, by symbol."""
+    """What had to be restored in the published copy, by symbol."""
     contradiction: tuple[ContradictionTable, ...] = ()
     """Where the source contradicts itself."""
 
@@ -310,13 +310,13 @@ class LinkageTable(Table):
     turns_with: tuple[tuple[Name, Name], ...] = ()
     """Pairs of links that always turn together without a prismatic joint, as in a parallelogram."""
     start: dict[str, Angle] = Field(default_factory=dict)
-    """About how every body stands in one position, which chooses the assembly branch [rad]."""
-    printed: PrintedTable = PrintedTable()
+    """Approximate angle of every body in one position, which chooses the assembly branch [rad]."""
+    printed: PublishedTable = PublishedTable()
     """What a source publishes for it."""
 
     def _check(self) -> None:
         if self.swing is not None and self.swing[0] == self.swing[1]:
-            raise DataError("swing: both ends are the same angle, so nothing would move")
+            raise DataError("swing: both ends are the same angle, so nothing would move: give two")
 
 
 class _LengthsTable(Table):
@@ -359,7 +359,7 @@ class _Placement:
 
 
 class _Builder:
-    """Puts a linkage together: knows where every link sits in its body, and every symbol."""
+    """Puts a linkage together, with the place of every link in its body, and every symbol."""
 
     def __init__(self, table: LinkageTable) -> None:
         self.table = table
@@ -374,8 +374,7 @@ class _Builder:
 
     def linkage(self, name: str) -> Linkage:
         """The linkage; what refers to bodies is still by the name of one of their links."""
-        table = self.table
-        bodies = self._bodies()
+        table, bodies = self.table, self._bodies()
         return Linkage(
             name=name,
             title=table.title or name,
@@ -428,15 +427,15 @@ class _Builder:
 
     def _places(self, link: str, tables: tuple[PlaceTable, ...], mark: str) -> list[Place]:
         names = [link] if len(tables) == 1 else [f"{link}{chr(97 + i)}" for i in range(len(tables))]
-        found = []
+        places = []
         for name, table in zip(names, tables, strict=True):
             called = table.name or f"{name}{mark}"
             at = self.where[link].of(Point(*table.at)) if table.at else None
             if table.inertia is not None:
                 self.symbols[f"I{called}*"] = table.inertia
             known = table.inertia is not None
-            found.append(Place(called, at, table.radius, table.bar, table.radius_of_gyration, known))
-        return found
+            places.append(Place(called, at, table.radius, table.bar, table.radius_of_gyration, known))
+        return places
 
     def _joint(self, name: str, table: RevoluteTable | PrismaticTable) -> Joint:
         first, second = (self._end(f"joints.{name}.{link}", link, value) for link, value in table.ends.items())
@@ -485,8 +484,8 @@ def _check_distinct(places: Mapping[str, list[Place]]) -> None:
             seen[place.name] = body
 
 
-def _published(table: PrintedTable) -> Published | None:
-    if table == PrintedTable():
+def _published(table: PublishedTable) -> Published | None:
+    if table == PublishedTable():
         return None
     contradictions = tuple(Contradiction(each.about, each.why, each.omit) for each in table.contradiction)
     return Published(table.values, {str(k): v for k, v in table.rms.items()}, table.restored, contradictions)

@@ -1,16 +1,12 @@
-"""A linkage, balanced or not, as a MJCF text that the core, Pinocchio and MuJoCo read alike.
+"""A linkage, balanced or not, as a MJCF text that this package, Pinocchio and MuJoCo read in one way.
 
-Bodies lie in x-y; a body's frame has the axes of its described frame at angle zero and its origin at its tree joint.
-Counter-gears are bodies of their own; that they are geared stands beside the text, in ``coupling``.
+Bodies lie in x-y; a body's frame has the axes of its described frame at angle zero and its origin at its tree joint. A
+spanning tree of joints carries the bodies, pins close its loops, and the start position has every body placed near the
+described one so that all joints close.
 
-A position of the linkage to start from: every body placed so that all joints close, near the described one.
-
-The spanning tree of joints that a linkage is modelled with, and the pins that close its loops.
-
-Gears as couplings of joint coordinates: a counter-gear's angle is linear in those of the linkage.
-
-Relative to the carrier it turns -(Z/Z*) times as far as the body does; in a plane the angle of a body is the sum of the
-revolute coordinates towards the base, so the coupling holds for velocities and accelerations alike.
+Counter-gears are bodies of their own, coupled to the linkage outside the text: relative to the carrier one turns
+-(Z/Z*) times as far as the body does. In a plane the angle of a body is the sum of the revolute coordinates towards the
+base, so the coupling is linear and holds for velocities and accelerations too.
 """
 
 from collections.abc import Mapping
@@ -24,27 +20,36 @@ from ..arrays import Floats
 from ..closure import Trajectory
 from ..errors import ClosureError, ModelError
 from ..mechanism.mechanism import Mechanism
-from .body_groups import translating_parts, turning_groups
 from .equivalence_method import CompositeBody, LinkageBalance, composite_bodies, merged_body
 from .expressions import ORIGIN
-from .linkage import GROUND, End, Joint, Linkage
+from .linkage import GROUND, End, Joint, Linkage, rotation_groups, translating_bodies
 from .moment_balance import GearResult
+
+Z_AXIS = np.array([0.0, 0.0, 1.0])
+TRANSLATING_GYRATION = 1e-6
+"""Square of the radius of gyration of a body that never turns: any will do [m2]."""
+POINT_GYRATION = 1e-14
+"""Likewise of a point mass that turns: negligible, but MuJoCo and Pinocchio refuse zero [m2]."""
+MUJOCO_LEAST = 1e-15
+"""Inertia below which MuJoCo refuses a file (its mjMINVAL) [kg m2]."""
+FIXED_GEAR_MASS = 1.0
+"""Mass in the model of a counter-gear on a fixed pivot that has none given: it has no effect [kg]."""
 
 
 @dataclass(frozen=True)
 class Assembly:
-    """Where the bodies are: origin [m] and angle [rad] of every body's frame in the base."""
+    """Positions of the bodies: origin [m] and angle [rad] of every body's frame in the base."""
 
     origin: Mapping[str, Floats]
     angle: Mapping[str, float]
 
     def point(self, body: str, at: Floats) -> Floats:
-        """A point of a body in the base, (2,) [m]."""
+        """A point of a body, in its frame (2,) [m], in the base, (2,) [m]."""
         return self.origin[body] + rotated(self.angle[body], at)
 
 
 def assemble(linkage: Linkage, values: Mapping[str, float]) -> Assembly:
-    """Close all joints near the angles under [start], the driven body staying as it is said to stand.
+    """Close all joints near the angles under [start], the driven body at its own.
 
     Raises ModelError where a place on the ground or an angle is not given, ClosureError where it cannot be closed.
     """
@@ -69,7 +74,7 @@ def assemble(linkage: Linkage, values: Mapping[str, float]) -> Assembly:
 
 
 class _Closing:
-    """What all joints leave open, as a function of where the bodies are: x, y and angle of each in turn."""
+    """Gaps of all joints as a function of the positions: x, y and angle of each body in turn."""
 
     def __init__(self, linkage: Linkage, values: Mapping[str, float]) -> None:
         self.linkage = linkage
@@ -78,17 +83,20 @@ class _Closing:
         self.angles, self.driven = _angles(linkage), _driven_body(linkage)
 
     def guess(self) -> Floats:
-        """All bodies at the origin, as they are said to stand, (3 bodies,) [m, rad]."""
+        """All bodies at the origin, at their angles under [start], (3 bodies,) [m, rad]."""
         return np.array([[0.0, 0.0, self.angles[name]] for name in self.names]).ravel()
 
     def state(self, x: Floats) -> Assembly:
-        """Where the bodies are."""
+        """Positions from x, y and angle of each body, (3 bodies,) [m, rad]."""
         parts = dict(zip(self.names, x.reshape(-1, 3), strict=True))
         origin = {GROUND: np.zeros(2)} | {name: part[:2] for name, part in parts.items()}
         return Assembly(origin, {GROUND: 0.0} | {name: float(part[2]) for name, part in parts.items()})
 
     def gaps(self, x: Floats) -> Floats:
-        """Of all joints [m, -], and how far the driven body is from where it is said to stand [rad]."""
+        """Of all joints [m, -], then the driven body's angle off its one under [start] [rad]: (gaps + 1,).
+
+        At positions (3 bodies,) [m, rad].
+        """
         at = self.state(x)
         rows = [row for joint in self.linkage.joints.values() for row in _gaps(joint, at, *self.pins[joint.name])]
         return np.array([*rows, at.angle[self.driven] - self.angles[self.driven]])
@@ -99,13 +107,13 @@ class _Closing:
 
 
 def _angles(linkage: Linkage) -> dict[str, float]:
-    """About how every body stands; those that only translate need not be described."""
-    group = turning_groups(linkage)
+    """Approximate angle of every body; those that only translate need none."""
+    group = rotation_groups(linkage)
     angles = dict(linkage.start)
     for body in linkage.bodies:
         if body not in angles:
             if group[body] != group[GROUND]:
-                raise ModelError(f"{linkage.name}: [start] does not say how body {body} stands: add its angle, about")
+                raise ModelError(f"{linkage.name}: [start] has no angle of body {body}: add it, approximately")
             angles[body] = 0.0
     return angles
 
@@ -127,7 +135,7 @@ def _pin(linkage: Linkage, joint: Joint, side: int, values: Mapping[str, float])
 
 
 def _gaps(joint: Joint, at: Assembly, first: Floats, second: Floats) -> list[float]:
-    """What a joint leaves open: two lengths of a pin; across the line and in direction of a slide."""
+    """Gaps of a joint: two lengths of a pin; across the line and in direction of a slide."""
     a, b = joint.ends
     gap = at.point(a.body, first) - at.point(b.body, second)
     if joint.revolute:
@@ -138,7 +146,7 @@ def _gaps(joint: Joint, at: Assembly, first: Floats, second: Floats) -> list[flo
 
 
 def rotated(angle: float, at: Floats) -> Floats:
-    """A vector turned by an angle [rad], (2,)."""
+    """A vector (2,) turned by an angle [rad], (2,) [its unit]."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([c * at[0] - s * at[1], s * at[0] + c * at[1]])
 
@@ -153,12 +161,12 @@ class Skeleton:
 
     def path(self, body: str) -> list[tuple[str, Joint]]:
         """Bodies and their joints from ``body`` down to the ground."""
-        found = []
+        path = []
         while body != GROUND:
             joint = self.parent[body]
-            found.append((body, joint))
+            path.append((body, joint))
             body = joint.other(body)
-        return found
+        return path
 
 
 def skeleton(result: LinkageBalance, together: bool = True) -> Skeleton:
@@ -169,7 +177,12 @@ def skeleton(result: LinkageBalance, together: bool = True) -> Skeleton:
     """
     linkage = result.linkage
     geared = {gear.joint for gear in result.moment.gears.values()} if result.moment else set()
-    joints = [*linkage.joints.values(), *(_sliding(pair) for pair in linkage.turns_with if together)]
+    sliding = [
+        Joint(f"{first}~{second}", False, (End(first, ORIGIN), End(second, ORIGIN)), both=True)
+        for first, second in linkage.turns_with
+        if together
+    ]
+    joints = [*linkage.joints.values(), *sliding]
     order = sorted(
         joints, key=lambda j: (j.name != linkage.drive, j.revolute, j.name not in geared, not j.joins(GROUND))
     )
@@ -188,24 +201,18 @@ def skeleton(result: LinkageBalance, together: bool = True) -> Skeleton:
     return Skeleton(_rooted(edges), tuple(loops))
 
 
-def _sliding(pair: tuple[str, str]) -> Joint:
-    """Between bodies that turn together: both directions of sliding, no turn."""
-    first, second = pair
-    return Joint(f"{first}~{second}", False, (End(first, ORIGIN), End(second, ORIGIN)), both=True)
-
-
 def _rooted(edges: list[Joint]) -> dict[str, Joint]:
     """Joints towards the ground by body."""
-    found: dict[str, Joint] = {}
+    parents: dict[str, Joint] = {}
     reached = {GROUND}
-    while len(found) < len(edges):
+    while len(parents) < len(edges):
         for joint in edges:
             first, second = (end.body for end in joint.ends)
             if (first in reached) != (second in reached):
                 body = second if first in reached else first
-                found[body] = joint
+                parents[body] = joint
                 reached.add(body)
-    return found
+    return parents
 
 
 @dataclass(frozen=True)
@@ -235,9 +242,9 @@ class Couplings:
         return replace(
             trajectory,
             mechanism=geared.name,
-            q=_times(trajectory.q, matrix),
-            v=_times(trajectory.v, matrix),
-            a=_times(trajectory.a, matrix),
+            q=np.ascontiguousarray(trajectory.q @ matrix.T),
+            v=np.ascontiguousarray(trajectory.v @ matrix.T),
+            a=np.ascontiguousarray(trajectory.a @ matrix.T),
             per_drive=np.einsum("ij,njk->nik", matrix, trajectory.per_drive),
         )
 
@@ -249,25 +256,10 @@ def _turns(tree: Skeleton, body: str) -> dict[str, float]:
     return {joint.name: 1.0 for _, joint in tree.path(body) if joint.revolute}
 
 
-def _times(samples: Floats, matrix: Floats) -> Floats:
-    return np.ascontiguousarray(samples @ matrix.T)
-
-
-Z_AXIS = np.array([0.0, 0.0, 1.0])
-STILL = 1e-6
-"""Square of the radius of gyration of what never turns: any will do [m2]."""
-POINT = 1e-14
-"""And of a point mass that turns: too little to matter, as engines refuse none [m2]."""
-MUJOCO_LEAST = 1e-15
-"""Inertia below which MuJoCo refuses a file (its mjMINVAL) [kg m2]."""
-STANDING = 1.0
-"""Mass in the model of a counter-gear that stands still and has none given: it moves nothing [kg]."""
-
-
 def linkage_mjcf(result: LinkageBalance, stage: str, couplings: bool = False, together: bool = True) -> str:
     """MJCF text of a stage: ``before``, ``force`` (counter-masses) or ``complete`` (and gears).
 
-    ``couplings`` writes the gear ratios as joint equalities, for MuJoCo; the core refuses them by name.
+    ``couplings`` writes the gear ratios as joint equalities, for MuJoCo; this package refuses them by name.
     """
     linkage, values, tree = result.linkage, result.values, skeleton(result, together)
     start = assemble(linkage, values)
@@ -295,7 +287,7 @@ class _Writer:
 
     def __init__(self, result: LinkageBalance, stage: str, tree: Skeleton, start: Assembly) -> None:
         self.linkage, self.result, self.tree, self.start = result.linkage, result, tree, start
-        self.lumps = composite_bodies(result, stage)
+        self.pieces = composite_bodies(result, stage)
         self.gears = list(result.moment.gears.values()) if stage == "complete" and result.moment else []
         self.positions: list[float] = []
 
@@ -343,8 +335,8 @@ class _Writer:
             kind = "hinge" if joint.revolute else "slide"
             SubElement(body, "joint", name=label, type=kind, axis=_text(*axis))
             self.positions.append(self._position(name, joint, axis))
-        least = STILL if name in translating_parts(self.linkage) else POINT
-        self._inertial(body, merged_body(self.lumps[name]), self._origin(name), least)
+        least = TRANSLATING_GYRATION if name in translating_bodies(self.linkage) else POINT_GYRATION
+        self._inertial(body, merged_body(self.pieces[name]), self._origin(name), least)
         self.children(body, name)
 
     def _counter_gear(self, element: Element, gear: GearResult) -> None:
@@ -353,8 +345,8 @@ class _Writer:
         body = SubElement(element, "body", name=f"{gear.gear.name}*", pos=_text(*at, 0.0))
         SubElement(body, "joint", name=f"{gear.gear.name}*", type="hinge", axis="0 0 1")
         self.positions.append(0.0)
-        mass = STANDING if gear.counter_mass is None else gear.counter_mass
-        self._inertial(body, CompositeBody(mass, gear.inertia, np.zeros(2)), np.zeros(2), POINT)
+        mass = FIXED_GEAR_MASS if gear.counter_mass is None else gear.counter_mass
+        self._inertial(body, CompositeBody(mass, gear.inertia, np.zeros(2)), np.zeros(2), POINT_GYRATION)
 
     def _pivot(self, gear: GearResult) -> Floats:
         """In the carrier's frame; a fixed pair without a described one at the joint of its gear."""
@@ -363,12 +355,12 @@ class _Writer:
         assert point is not None
         return point.at(self.result.values) - self._origin(gear.carrier)
 
-    def _inertial(self, element: Element, lump: CompositeBody, origin: Floats, least: float) -> None:
+    def _inertial(self, element: Element, body: CompositeBody, origin: Floats, least: float) -> None:
         """A flat body: its inertia about z is the sum of the other two, ``least`` [m2] times its mass or more."""
-        inertia = max(lump.inertia, least * lump.mass, 4 * MUJOCO_LEAST)
+        inertia = max(body.inertia, least * body.mass, 4 * MUJOCO_LEAST)
         diagonal = _text(inertia / 2, inertia / 2, inertia)
         SubElement(
-            element, "inertial", pos=_text(*(lump.at - origin), 0.0), mass=_text(lump.mass), diaginertia=diagonal
+            element, "inertial", pos=_text(*(body.at - origin), 0.0), mass=_text(body.mass), diaginertia=diagonal
         )
 
     def _origin(self, body: str) -> Floats:
@@ -389,15 +381,15 @@ class _Writer:
     def _turn(self, body: str, parent: str, joint: Joint) -> float:
         """Fixed angle of a body's frame in its parent's [rad]; a pin starts aligned.
 
-        A line of sliding has no sense: bodies stand along it as they were assembled, or the other way round.
+        A line of sliding has no sense: bodies are along it as they were assembled, or the other way round.
         """
-        stands = self.start.angle[body] - self.start.angle[parent]
+        angle = self.start.angle[body] - self.start.angle[parent]
         if joint.both:
-            return stands
+            return angle
         if joint.revolute:
             return 0.0
         along = joint.end(parent).along - joint.end(body).along
-        return along + np.pi * float(np.rint((stands - along) / np.pi))
+        return along + np.pi * float(np.rint((angle - along) / np.pi))
 
     def _position(self, body: str, joint: Joint, axis: Floats = Z_AXIS) -> float:
         """Joint coordinate in the start configuration [rad, m]; ``axis`` in the body's frame."""

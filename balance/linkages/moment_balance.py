@@ -2,11 +2,8 @@
 
 A gear Z on a body of inertia I about its joint drives a counter-gear of inertia I_z = (Z*/Z) I the other way. On a
 carrier, omega* = (1 + Z/Z*) omega_c - (Z/Z*) omega: the carrier gains I_z (1 + Z/Z*). (Ye and Smith's method; the
-source's equations 3.14 to 3.19.)
-
-Which body's inertia is cancelled by which gear: where gears sit, and what passes through prismatic joints.
-
-Real gears: a disc has the pitch diameter 2 a Z / (Z + Z*), a the distance of the two axes.
+source's equations 3.14 to 3.19.) The inertia of a body without a gear passes through prismatic joints to one that turns
+with it. A real gear as a disc has the pitch diameter 2 a Z / (Z + Z*), a the distance of the two axes.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -16,19 +13,19 @@ from graphlib import CycleError, TopologicalSorter
 import numpy as np
 
 from ..errors import ModelError, SizingError
-from .body_groups import check_inertias, translating_parts, tree_parents, turning_groups
 from .expressions import Point
 from .force_balance import (
     CounterMass,
     EquivalentLoad,
     ForceBalance,
+    balanced_body,
     check_point_mass,
-    force_balanced,
-    pin_load,
+    joint_point,
     received_load,
     span_vector,
+    tree_parents,
 )
-from .linkage import GROUND, Gear, Linkage
+from .linkage import GROUND, Gear, Linkage, rotation_groups, translating_bodies
 
 
 @dataclass(frozen=True)
@@ -47,44 +44,41 @@ class Gearing:
 
 def gearing(linkage: Linkage, tree: Mapping[str, str]) -> Gearing:
     """Assign gears. Raises ModelError, naming the body, where one that turns has none, or two."""
-    check_inertias(linkage)
+    translating = translating_bodies(linkage)
+    for body in linkage.bodies.values():
+        for part in body.parts:
+            if not part.turns and body.name not in translating:
+                raise ModelError(f"link {part.link} of {linkage.name} turns: give its inertia")
     own: dict[str, Gear] = {}
     joint: dict[str, str] = {}
     for gear in linkage.gears.values():
         if gear.body in own:
-            raise ModelError(f"gears {own[gear.body].name} and {gear.name} are both on body {gear.body}: keep one")
+            raise ModelError(
+                f"gears {own[gear.body].name} and {gear.name} are both on body {gear.body}: keep one of them"
+            )
         if gear.body in linkage.two_point:
-            raise ModelError(f"gear {gear.name}: body {gear.body} is two point masses and needs no gear")
+            raise ModelError(f"gear {gear.name}: body {gear.body} is two point masses and needs no gear: remove it")
         own[gear.body] = gear
-        joint[gear.name] = _joint_of(linkage, tree, gear)
+        at = linkage.joint(gear.joint or tree[gear.body])
+        if not at.joins(gear.body) or not at.revolute:
+            raise ModelError(f"gear {gear.name}: joint {at.name} is not a revolute joint of body {gear.body}")
+        joint[gear.name] = at.name
     carrier = {name: linkage.joints[joint[name]].other(gear.body) for name, gear in linkage.gears.items()}
     for gear in linkage.gears.values():
-        _check_pivot(gear, carrier[gear.name])
+        on = carrier[gear.name]
+        if gear.pivot_on not in (None, on):
+            raise ModelError(
+                f"gear {gear.name}: its counter-gear is stated to be pivoted on {gear.pivot_on}, but the pair is "
+                f"carried by {on}: give its place on {on}, or another joint for the gear"
+            )
     return Gearing(own, joint, carrier, _passes_to(linkage, own, carrier))
-
-
-def _check_pivot(gear: Gear, carrier: str) -> None:
-    """Raise ModelError for a counter-gear that is said to be pivoted on another body than its carrier."""
-    if gear.pivot_on not in (None, carrier):
-        raise ModelError(
-            f"gear {gear.name}: its counter-gear is said to be pivoted on {gear.pivot_on}, but the pair is carried by "
-            f"{carrier}: give its place on {carrier}, or another joint for the gear"
-        )
-
-
-def _joint_of(linkage: Linkage, tree: Mapping[str, str], gear: Gear) -> str:
-    name = gear.joint or tree[gear.body]
-    joint = linkage.joint(name)
-    if not joint.joins(gear.body) or not joint.revolute:
-        raise ModelError(f"gear {gear.name}: joint {name} is not a revolute joint of body {gear.body}")
-    return name
 
 
 def _passes_to(linkage: Linkage, own: Mapping[str, Gear], carrier: Mapping[str, str]) -> dict[str, str]:
     """Prismatic transport: to the body that turns with it and has a gear, best one pivoted on the ground."""
-    group, still, found = turning_groups(linkage), translating_parts(linkage), {}
+    group, translating, passes_to = rotation_groups(linkage), translating_bodies(linkage), {}
     for body in linkage.bodies:
-        if body in own or body in still or body in linkage.two_point:
+        if body in own or body in translating or body in linkage.two_point:
             continue
         partners = [other for other in own if group[other] == group[body]]
         if not partners:
@@ -92,37 +86,31 @@ def _passes_to(linkage: Linkage, own: Mapping[str, Gear], carrier: Mapping[str, 
                 f"{linkage.name}: body {body} turns and has no gear, nor has one that always turns with it; add for "
                 f'example [gears.z{body}] with body = "{body}"'
             )
-        found[body] = min(partners, key=lambda other: carrier[own[other].name] != GROUND)
-    return found
+        passes_to[body] = min(partners, key=lambda other: carrier[own[other].name] != GROUND)
+    return passes_to
 
 
 def wheel_inertia(
     linkage: Linkage, tree: Mapping[str, str], values: Mapping[str, float], gear: Gear, joint: str, carrier: str
 ) -> tuple[float, float]:
     """Mass [kg] and inertia [kg m2] of the gear on the body: m d^2 / 8 of a disc; zero where nothing is given."""
-    given = gear.wheel
-    if given is None:
+    wheel = gear.wheel
+    if wheel is None:
         return 0.0, 0.0
-    if given.diameter is None:
-        return given.mass, given.inertia
-    diameter = _pitch_diameter(linkage, tree, values, gear, joint, carrier)
-    mass = given.mass * (diameter / given.diameter) ** 2
-    return mass, mass * diameter**2 / 8.0
-
-
-def _pitch_diameter(
-    linkage: Linkage, tree: Mapping[str, str], values: Mapping[str, float], gear: Gear, joint: str, carrier: str
-) -> float:
+    if wheel.diameter is None:
+        return wheel.mass, wheel.inertia
     if carrier == GROUND and gear.pivot is None:
         raise ModelError(
             f"gear {gear.name}: a disc on the ground needs the pivot of its counter-gear: "
             "counter = { on = 'ground', at = [...] }"
         )
-    pivot = gear.pivot if gear.pivot is not None else pin_load(linkage, tree[carrier], carrier)
-    distance = float(np.linalg.norm(pivot.plus(pin_load(linkage, joint, carrier), -1.0).at(values)))
+    pivot = gear.pivot if gear.pivot is not None else joint_point(linkage, tree[carrier], carrier)
+    distance = float(np.linalg.norm(pivot.plus(joint_point(linkage, joint, carrier), -1.0).at(values)))
     if not distance > 0:
-        raise ModelError(f"gear {gear.name}: both gears would sit on one axis: give its counter-gear another pivot")
-    return 2.0 * distance * gear.teeth[0] / sum(gear.teeth)
+        raise ModelError(f"gear {gear.name}: both gears would be on one axis: give its counter-gear another pivot")
+    diameter = 2.0 * distance * gear.teeth[0] / sum(gear.teeth)
+    mass = wheel.mass * (diameter / wheel.diameter) ** 2
+    return mass, mass * diameter**2 / 8.0
 
 
 @dataclass(frozen=True)
@@ -137,7 +125,7 @@ class Term:
 
 @dataclass(frozen=True)
 class BodyMoment:
-    """What gears put on a body, and its inertia about its reduction joint with everything that it carries."""
+    """Masses of gears on a body, and its inertia about its reduction joint with everything that it carries."""
 
     body: str
     extra: ForceBalance
@@ -164,7 +152,7 @@ class GearResult:
     wheel_inertia: float
     """About its own axis [kg m2]."""
     counter_mass: float | None
-    """Of the counter-gear [kg]; None where it is not given, and stands still."""
+    """Of the counter-gear [kg]; None where it is not given and its pivot is fixed."""
 
 
 @dataclass(frozen=True)
@@ -184,7 +172,7 @@ def moment_balance(
     force: Mapping[str, ForceBalance],
     omit: Mapping[str, Collection[str]],
 ) -> MomentBalance:
-    """Size the gears; ``omit`` leaves terms, as they are printed, out of a body's inertia, as a source may have done.
+    """Size the gears; ``omit`` names terms that a source omits from a body's inertia.
 
     Raises ModelError or SizingError, naming the body, where the method cannot balance it.
     """
@@ -212,7 +200,7 @@ class _Step:
         self.bodies: dict[str, BodyMoment] = {}
         self.gears: dict[str, GearResult] = {}
         self.reshaped: dict[str, float] = {}
-        self.still = translating_parts(linkage)
+        self.translating = translating_bodies(linkage)
 
     def order(self) -> Iterable[str]:
         """Bodies after those that they carry, whose gears they carry, or whose inertia passes to them."""
@@ -235,7 +223,7 @@ class _Step:
     def visit(self, body: str) -> None:
         """Balance the gear masses on a body, sum its inertia, size its gear."""
         extra = self._extra(body)
-        if body not in self.still:
+        if body not in self.translating:
             terms = [term for term in self._terms(body, extra) if term.text not in self.omit.get(body, ())]
         else:
             check_point_mass(self.linkage, self.force[body], extra)
@@ -243,23 +231,23 @@ class _Step:
         self.bodies[body] = BodyMoment(body, extra, tuple(terms))
         if shaped := self.linkage.two_point.get(body):
             self.reshaped[shaped.reshaped] = self._reshaped(body, shaped.reshaped, shaped.joints)
-        elif body not in self.still and body not in self.pairs.passes_to:
+        elif body not in self.translating and body not in self.pairs.passes_to:
             self._size(self.pairs.own[body])
 
     def _extra(self, body: str) -> ForceBalance:
         linkage, tree, values = self.linkage, self.tree, self.values
         extras = {name: done.extra for name, done in self.bodies.items()}
         loads = [load for load in received_load(linkage, tree, extras, body, "m_z") if load.mass]
-        origin = pin_load(linkage, tree[body], body)
+        origin = joint_point(linkage, tree[body], body)
         for done in self.gears.values():
             if done.carrier == body:
-                at = pin_load(linkage, done.joint, body).plus(origin, -1.0)
+                at = joint_point(linkage, done.joint, body).plus(origin, -1.0)
                 loads += self._load(done.gear.name, done.wheel_mass, at)
                 pivot = done.gear.pivot.plus(origin, -1.0) if done.gear.pivot is not None else Point()
                 loads += self._load(f"{done.gear.name}*", self._carried(done, pivot), pivot)
         places = linkage.bodies[body].gear_places
-        return force_balanced(
-            linkage, tree, values, linkage.bodies[body], loads, places, body in self.still and not places
+        return balanced_body(
+            linkage, tree, values, linkage.bodies[body], loads, places, body in self.translating and not places
         )
 
     @staticmethod
@@ -280,33 +268,33 @@ class _Step:
 
     def _terms(self, body: str, extra: ForceBalance) -> list[Term]:
         """I = sum(I_cg + m r^2) + received m r^2 + counter-masses' I* + m* p^2 + gears."""
-        balance, found = self.force[body], []
+        balance, terms = self.force[body], []
         for part in self.linkage.bodies[body].parts:
-            found.append(Term(part.inertia, self.values.get(part.inertia, 0.0)))
+            terms.append(Term(part.inertia, self.values.get(part.inertia, 0.0)))
         for load in (*balance.loads, *extra.loads):
             if not load.at.is_zero:
                 r2 = float(load.at.at(self.values) @ load.at.at(self.values))
-                found.append(Term(f"{load.text} {load.at.squared_text()}", load.mass * r2))
+                terms.append(Term(f"{load.text} {load.at.squared_text()}", load.mass * r2))
         for counter in (*balance.counters, *extra.counters):
-            found += self._counter_terms(counter, body)
+            terms += self._counter_terms(counter, body)
         for source, target in self.pairs.passes_to.items():
             if target == body:
-                found.append(Term(f"I[{source}]", self.bodies[source].inertia))
+                terms.append(Term(f"I[{source}]", self.bodies[source].inertia))
         for done in self.gears.values():
             if done.carrier == body:
-                found.append(Term(f"I_{done.gear.name}", done.inertia))
-                found.append(Term(f"I_{done.gear.name} Z/Z*", done.inertia * done.gear.ratio))
+                terms.append(Term(f"I_{done.gear.name}", done.inertia))
+                terms.append(Term(f"I_{done.gear.name} Z/Z*", done.inertia * done.gear.ratio))
         own = self.pairs.own.get(body)
         if own is not None and own.wheel is not None:
-            found.append(Term(f"I_m_{own.name}", self._wheel(own)[1]))
-        return found
+            terms.append(Term(f"I_m_{own.name}", self._wheel(own)[1]))
+        return terms
 
     def _counter_terms(self, counter: CounterMass, body: str) -> list[Term]:
         """Its own inertia, and its mass at its place."""
         squared = float(counter.position @ counter.position)
         place = counter.place
         if place.point is not None:
-            text = place.point.plus(pin_load(self.linkage, self.tree[body], body), -1.0).squared_text()
+            text = place.point.plus(joint_point(self.linkage, self.tree[body], body), -1.0).squared_text()
         else:
             assert place.radius is not None
             text = f"{place.radius.power_text()}^2"
@@ -336,6 +324,6 @@ class _Step:
         if not inertia > 0:
             raise SizingError(
                 f"two_point of {body}: link {link} would need an inertia of {inertia:.4g} kg m2: its other parts alone "
-                "have more than two point masses at its joints may"
+                "have more than two point masses at its joints allow; make them lighter or smaller"
             )
         return inertia

@@ -1,18 +1,18 @@
-"""Every number of a balanced linkage as plain values for JSON, units in the keys."""
+"""Results of linkages as plain values for JSON, units in the keys."""
 
 from math import isfinite
 from typing import Any
 
 from .equations import Equation, linkage_equations
 from .equivalence_method import LinkageBalance
-from .printed_tables import Comparison, PublishedRow
+from .published_values import Comparison, PublishedRow
 from .verification import SimulatedLinkage, Verification
 
 
 def linkage_document(
     result: LinkageBalance, check: Verification | None, comparison: Comparison | None
 ) -> dict[str, Any]:
-    """The whole balance: tree, counter-masses, gears, equations, dynamics, and what the source prints."""
+    """The whole balance: tree, counter-masses, gears, equations, dynamics, and what the source publishes."""
     return {
         "linkage": result.linkage.name,
         "title": result.linkage.title,
@@ -26,8 +26,26 @@ def linkage_document(
         "inertias": _inertias(result),
         "reshaped_inertia_kgm2": dict(result.moment.reshaped) if result.moment else {},
         "equations": [_equation(equation) for equation in linkage_equations(result)],
-        "simulated": _verification(check) if check else None,
-        "printed": _comparison(comparison) if comparison else None,
+        "simulated": None
+        if check is None
+        else {
+            "origin": "simulated",
+            "speed_rad_per_s": check.speed,
+            "variation_share_of_speed": check.variation,
+            "swings": check.swings,
+            "constant_speed": _run(check.constant),
+            "varying_speed": _run(check.varying),
+            "moving_mass_kg": dict(check.mass),
+            "multiple_of_before": {stage: check.penalty(stage) for stage in check.constant.responses},
+        },
+        "printed": None
+        if comparison is None
+        else {
+            "values": [_row(row) for row in comparison.rows],
+            "rms": {stage: dict(values) for stage, values in comparison.rms.items()},
+            "restored": dict(comparison.restored),
+            "contradictions": [{"about": c.about, "why": c.why} for c in comparison.contradictions],
+        },
     }
 
 
@@ -83,40 +101,15 @@ def _inertias(result: LinkageBalance) -> list[dict[str, Any]]:
     ]
 
 
-def _verification(check: Verification) -> dict[str, Any]:
-    stages = list(check.constant.responses)
-    return {
-        "origin": "simulated",
-        "speed_rad_per_s": check.speed,
-        "variation_share_of_speed": check.variation,
-        "swings": check.swings,
-        "constant_speed": _run(check.constant),
-        "varying_speed": _run(check.varying),
-        "moving_mass_kg": dict(check.mass),
-        "multiple_of_before": {stage: check.penalty(stage) for stage in stages},
-    }
-
-
 def _run(run: SimulatedLinkage) -> dict[str, Any]:
     return {
         "rms": {stage: run.rms(stage) for stage in run.responses},
-        "share_of_before": {stage: _shares(run, stage) for stage in run.responses},
+        "share_of_before": {  # None where it was zero before and is not now
+            stage: {name: share if isfinite(share) else None for name, share in run.residual(stage).items()}
+            for stage in run.responses
+        },
         "time_s": run.trajectory.time.tolist(),
         "series": {stage: {k: v.tolist() for k, v in run.series(stage).items()} for stage in run.responses},
-    }
-
-
-def _shares(run: SimulatedLinkage, stage: str) -> dict[str, float | None]:
-    """What is left as a share of before; None where there was nothing before, and now is."""
-    return {name: share if isfinite(share) else None for name, share in run.residual(stage).items()}
-
-
-def _comparison(comparison: Comparison) -> dict[str, Any]:
-    return {
-        "values": [_row(row) for row in comparison.rows],
-        "rms": {stage: dict(values) for stage, values in comparison.rms.items()},
-        "restored": dict(comparison.restored),
-        "contradictions": [{"about": c.about, "why": c.why} for c in comparison.contradictions],
     }
 
 
@@ -124,7 +117,7 @@ def _row(row: PublishedRow) -> dict[str, Any]:
     unit = "kg" if row.name.startswith("m") else "kgm2"
     return {
         "symbol": row.name,
-        f"printed_{unit}": row.printed.value,
+        f"printed_{unit}": row.published.value,
         f"computed_{unit}": row.computed,
         f"rounding_interval_{unit}": list(row.interval),
         "verdict": row.verdict,

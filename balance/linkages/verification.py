@@ -1,9 +1,8 @@
-"""Whether bodies that are said to turn together do.
+"""Check by dynamics: force, moment and drive torque of every stage, at constant and at varying input speed.
 
-Check by dynamics: force, moment and drive torque of every stage, at constant and at varying input speed.
-
-Not by the method's own sums: every stage is a mechanism of the core, and F = -dp/dt, M = -dL/dt over all its bodies. At
-constant speed some errors of gears on the driven crank are invisible, so both are always run.
+Independent of the method's own sums: every stage is a mechanism, and F = -dp/dt, M = -dL/dt over all its bodies. At
+constant speed some errors of gears on the driven crank are invisible, so both are always run. Bodies that are stated to
+turn together are checked first.
 """
 
 from collections.abc import Mapping
@@ -23,14 +22,20 @@ from .equivalence_method import LinkageBalance, composite_bodies
 from .linkage import Linkage
 from .mjcf_writer import Couplings, linkage_mjcf, skeleton
 from .moment_balance import GearResult
-from .printed_tables import COLUMNS, STAGES
+from .published_values import COLUMNS, STAGES
 
 STATES = 8
-"""Configurations, about the start, at which their angular velocities are compared."""
+"""Configurations, about the start, at which angular velocities are compared."""
+VARIATION = 0.3
+"""Amplitude of the varying speed, as a share of its mean."""
+SAMPLES = 720
+"""Instants of one turn."""
+ROUNDING = 1e-13
+"""Share of the largest of all runs and stages below which a force, moment or torque is zero."""
 
 
 def check_turns(result: LinkageBalance) -> None:
-    """Raise ModelError for bodies that are said to turn together and do not, by velocities that the joints allow."""
+    """Raise ModelError for bodies that are stated to turn together and do not, by velocities that the joints allow."""
     linkage = result.linkage
     if not linkage.turns_with:
         return
@@ -52,14 +57,6 @@ def check_turns(result: LinkageBalance) -> None:
             )
 
 
-VARIATION = 0.3
-"""Amplitude of the varying speed, as a share of its mean."""
-SAMPLES = 720
-"""Instants of one turn."""
-ROUNDING = 1e-13
-"""A force, moment or torque this small beside the largest of all runs and stages is nothing."""
-
-
 @dataclass(frozen=True)
 class SimulatedLinkage:
     """All stages along one motion of the driven joint."""
@@ -70,10 +67,10 @@ class SimulatedLinkage:
     responses: Mapping[str, Response]
     """By stage: before, force, complete."""
     noise: Mapping[str, float]
-    """What is nothing, beside the largest force [N], moment and torque [N m] of all runs and stages."""
+    """Below this the largest force [N], moment and torque [N m] are zero."""
 
     def series(self, stage: str) -> dict[str, Floats]:
-        """FX, FY [N], M about the base origin and drive torque [N m] over time, each (n,)."""
+        """FX, FY [N], M about the base origin and drive torque [N m] over time, (n,) each."""
         response = self.responses[stage]
         columns = response.force[:, 0], response.force[:, 1], response.moment[:, 2], response.torque[self.drive]
         return dict(zip(COLUMNS, columns, strict=True))
@@ -83,7 +80,7 @@ class SimulatedLinkage:
         return {name: float(np.sqrt(np.mean(values**2))) for name, values in self.series(stage).items()}
 
     def residual(self, stage: str) -> dict[str, float]:
-        """Largest force and moment as a share of before; infinite where there was nothing before, and now is."""
+        """Largest force and moment as a share of before; infinite where they were zero before and are not now."""
         before, after = _largest(self.responses["before"]), _largest(self.responses[stage])
         shares = {}
         for name in ("force", "moment"):
@@ -94,12 +91,12 @@ class SimulatedLinkage:
 
 @dataclass(frozen=True)
 class Verification:
-    """What dynamics says of a balanced linkage."""
+    """A balanced linkage simulated."""
 
     constant: SimulatedLinkage
     varying: SimulatedLinkage
     mass: Mapping[str, float]
-    """Moving mass by stage, of the counter-gears only what is given [kg]."""
+    """Moving mass by stage, of the counter-gears where it is given [kg]."""
     speed: float
     """Mean speed of the driven joint [rad/s]."""
     variation: float
@@ -109,7 +106,7 @@ class Verification:
 
     @property
     def labels(self) -> tuple[str, str]:
-        """What the two runs are called."""
+        """Names of the two runs."""
         return ("harmonic swing", "uneven swing") if self.swings else ("constant input speed", "varying input speed")
 
     def penalty(self, stage: str) -> dict[str, float]:
@@ -129,12 +126,12 @@ def verify_linkage(
 ) -> Verification:
     """Simulate a balanced linkage; ``speed`` of the driven joint [rad/s] defaults to the described one.
 
-    Raises ModelError or ClosureError where it cannot be simulated, or bodies said to turn together do not.
+    Raises ModelError or ClosureError where it cannot be simulated, or bodies stated to turn together do not.
     """
     linkage = result.linkage
     speed = linkage.speed if speed is None else speed
     if not speed or linkage.drive is None:
-        raise ModelError(f"{linkage.name}: say which joint is driven, and how fast: drive = 'A0', speed = '50 rpm'")
+        raise ModelError(f"{linkage.name}: name the driven joint and its speed: drive = 'A0', speed = '50 rpm'")
     stages = STAGES if result.moment is not None else STAGES[:2]
     check_turns(result)
     models = {stage: mechanism_from_text(linkage_mjcf(result, stage), linkage.name) for stage in stages}
@@ -143,16 +140,16 @@ def verify_linkage(
     paths = [
         _followed(closure, linkage, turn_samples(linkage, speed, share, start, count)) for share in (0.0, variation)
     ]
-    found = [_responses(result, models, path) for path in paths]
-    largest = [_largest(response) for responses in found for response in responses.values()]
+    runs = [_responses(result, models, path) for path in paths]
+    largest = [_largest(response) for responses in runs for response in responses.values()]
     noise = {name: ROUNDING * max(each[name] for each in largest) for name in largest[0]}
-    constant, varying = (SimulatedLinkage(p, linkage.drive, r, noise) for p, r in zip(paths, found, strict=True))
+    constant, varying = (SimulatedLinkage(p, linkage.drive, r, noise) for p, r in zip(paths, runs, strict=True))
     mass = {stage: moving_mass(result, stage) for stage in stages}
     return Verification(constant, varying, mass, speed, variation, linkage.swing is not None)
 
 
 def _followed(closure: Closure, linkage: Linkage, motion: Samples) -> Trajectory:
-    """The trajectory; where the driven joint cannot make its motion, what the description may say is added."""
+    """The trajectory; where the driven joint cannot make its motion, the error names the key that helps."""
     try:
         return closure.follow(motion)
     except ClosureError as error:
@@ -182,7 +179,7 @@ def turn_samples(linkage: Linkage, speed: float, variation: float, start: float,
 
 
 def moving_mass(result: LinkageBalance, stage: str) -> float:
-    """Mass of the linkage in a stage, of the counter-gears what is given [kg]."""
+    """Mass of the linkage in a stage, of the counter-gears where it is given [kg]."""
     total = sum(piece.mass for pieces in composite_bodies(result, stage).values() for piece in pieces)
     gears: list[GearResult] = list(result.moment.gears.values()) if result.moment and stage == "complete" else []
     return float(total + sum(gear.counter_mass or 0.0 for gear in gears))
@@ -196,10 +193,10 @@ def _largest(response: Response) -> dict[str, float]:
 
 
 def _responses(result: LinkageBalance, models: Mapping[str, Mechanism], trajectory: Trajectory) -> dict[str, Response]:
-    found = {}
+    responses = {}
     for stage, model in models.items():
         path = trajectory
         if stage == "complete":
             path = Couplings.of(result).extend(trajectory, models["before"], model)
-        found[stage] = simulate(model, path)
-    return found
+        responses[stage] = simulate(model, path)
+    return responses

@@ -28,7 +28,7 @@ def test_a_balanced_linkage_is_shown_with_force_moment_torque_and_cost(tmp_path)
     files = {kind: tmp_path / f"out.{kind}" for kind in ("png", "csv", "xml")}
     result = run("two-levels", "--figure", files["png"], "--csv", files["csv"], "--mjcf", files["xml"], "--equations")
     assert result.exit_code == 0, result.output
-    assert "moment left" in result.output
+    assert "residual moment" in result.output
     assert "driven joint A0 at 12.566 (1 + 0.3 sin wt) rad/s" in result.output
     assert "I_z5 = (Z*/Z) I[5], Z = 45, Z* = 18" in result.output
     assert "RMS drive torque 14.3 times (constant input speed)" in result.output
@@ -51,7 +51,7 @@ def test_json_holds_what_the_tables_and_the_figure_show():
     m5_star = values["m5*"]["value_kg"]
     m3_star = (0.94 * 0.381 / 2 + 1.53 * 0.381 + (0.26 + m5_star) * 0.381) / 0.095  # (m3 L3/2 + m4 L3 + m5' L3) / R3
     assert values["m3*"]["value_kg"] == pytest.approx(m3_star, rel=1e-12)
-    assert m5_star == pytest.approx(0.26, abs=0.005)  # as printed
+    assert m5_star == pytest.approx(0.26, abs=0.005)  # as published
     assert values["I[2+7]"]["value_kgm2"] == pytest.approx(values["I_z1"]["value_kgm2"])
     differing = [row["symbol"] for row in document["printed"]["values"] if row["verdict"] == "differs"]
     assert differing == ["I_z1", "I_z3"]
@@ -102,17 +102,17 @@ def test_a_swing_is_not_called_constant_speed(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["dwell", "knife", "sewing-machine", "dwell-short", "dwell-short-two-point"])
-def test_what_cannot_be_simulated_is_said_and_compared(name):
+def test_what_cannot_be_simulated_is_named_and_compared(name):
     """Exit code 3: balanced, but the source gives no pivots on the ground."""
     result = run(name)
     assert result.exit_code == 3
     assert "Not simulated: where" in result.output
     assert "are on the ground is not given" in result.output
-    assert "Restored in the printed copy" in result.output
+    assert "Restored in the published copy" in result.output
 
 
 def test_nothing_is_written_where_nothing_is_simulated(tmp_path):
-    """Asked for a figure of a linkage without pivots: refused, no file left."""
+    """Asked for a figure of a linkage without pivots: refused, no file written."""
     with pytest.raises(CounterpoiseError, match="nothing to draw or write"):
         run("dwell", "--figure", tmp_path / "x.png")
     assert not list(tmp_path.iterdir())

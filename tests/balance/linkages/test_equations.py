@@ -16,13 +16,13 @@ def pantograph():
     return [equation.text for equation in linkage_equations(balance_linkage(load_linkage("pantograph")))]
 
 
-def test_counter_masses_read_as_printed(pantograph):
+def test_counter_masses_read_as_published(pantograph):
     """m3* of the source: own part, slider and what the slider's pin receives."""
     assert "m3* = (m3 L3/2 + m4 L3 + (m5 + m5*) L3) / R3" in pantograph
     assert "m8* = (m_z3 (L2 + L7) + m_z2 L2) / (L2/4 + L7/4)" in pantograph
 
 
-def test_gears_read_as_printed(pantograph):
+def test_gears_read_as_published(pantograph):
     """The planet's ratio, and both terms that its carrier gains."""
     assert "I_z2 = (Z*/Z) I[3], Z = 1, Z* = 1" in pantograph
     whole = next(text for text in pantograph if text.startswith("I[2+7]"))
@@ -31,7 +31,7 @@ def test_gears_read_as_printed(pantograph):
 
 @pytest.mark.parametrize("name", ["pantograph", "sewing-machine", "dwell-short-two-point", "two-levels"])
 def test_evaluated_symbols_give_the_results(name):
-    """Sums of products, read back with the values of their symbols, are the numbers beside them."""
+    """Sums of products, read back with the values of their symbols, are the numbers that follow them."""
     result = balance_linkage(load_linkage(name))
     checked = 0
     for equation in linkage_equations(result):

@@ -1,4 +1,4 @@
-"""Lengths in symbols, and what printed digits leave open."""
+"""Lengths in symbols, and the rounding of their digits."""
 
 import pytest
 from hypothesis import given, settings

@@ -70,7 +70,7 @@ def test_momentum_vanishes_at_random_states(random_crank_rocker):
     assert np.abs(momentum(after, q, v)[:, :2]).max() < 1e-13 * np.abs(momentum(before, q, v)[:, :2]).max() * 100
 
 
-def test_mass_of_what_stands_on_the_ground_is_all_there_is(crank_rocker_keys):
+def test_mass_reduced_to_the_ground_is_the_whole_mass(crank_rocker_keys):
     """Point masses that reach the ground add up to the linkage with its counter-masses."""
     result = balance_linkage(linkage_from_table(crank_rocker_keys, "x"), gears=False)
     total = sum(result.values[part.mass] for body in result.linkage.bodies.values() for part in body.parts)

@@ -38,7 +38,7 @@ def changed(keys, where, value):
         ("links/3/fixed_to", "7", "links.3.fixed_to: '7': expected one of 2, 3, 4"),
         ("links/3/fixed_to", "3", "links.3: fixed in a circle: 3 to 3"),
         ("links/3/angle", "3 deg", "links.3: angle is for a link that is fixed_to another"),
-        ("links/ground", {}, "links: 'ground' is no name for a link: the ground is not described"),
+        ("links/ground", {}, "links: 'ground' is no name for a link: the ground needs no description"),
         ("joints/A", {"2": ["0 m", "0 m"]}, "joints.A: joins 2: expected two links"),
         ("joints/A/9", ["0 m", "0 m"], "joints.A: joins 2, 3, 9"),
         ("joints/A", {"2": ["0 m", "0 m"], "9": ["0 m", "0 m"]}, "joints.A.9: '9': no such link"),

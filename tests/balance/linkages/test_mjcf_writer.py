@@ -55,7 +55,7 @@ def test_a_linkage_that_does_not_close_is_refused(slider_crank_keys):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda keys: keys["start"].pop("3"), "does not say how body 3 stands"),
+        (lambda keys: keys["start"].pop("3"), "has no angle of body 3"),
         (lambda keys: keys.pop("drive"), "has no driven joint"),
         (lambda keys: keys.update(drive="A"), "driven joint A must be a revolute joint on the ground"),
     ],

@@ -97,7 +97,7 @@ def test_a_slider_whose_centre_is_off_its_line_is_no_point_mass(slider_crank_key
     """Named: its moment would remain; force balance alone is still possible, and a counter-mass mends it."""
     keys = slider_crank_keys
     keys["links"]["4"]["centre"] = ["15 mm", "6 mm"]
-    with pytest.raises(SizingError, match=r"body 4 only translates, and its centre of mass moves 0\.006 m beside"):
+    with pytest.raises(SizingError, match=r"body 4 only translates, and its centre of mass moves 0\.006 m off"):
         balance_linkage(linkage_from_table(keys, "x"))
     assert (
         verify_linkage(balance_linkage(linkage_from_table(keys, "x"), gears=False), count=60).varying.residual("force")[
@@ -129,7 +129,7 @@ def test_inertia_is_that_of_all_pieces_about_the_joint(slider_crank_keys):
 
 
 def test_a_counter_gear_is_pivoted_on_its_carrier(crank_rocker_keys):
-    """A pivot that is said to be on another body is refused: its place would be read in the wrong frame."""
+    """A pivot that is stated on another body is refused: its place would be read in the wrong frame."""
     keys = crank_rocker_keys
     keys["gears"]["z5"]["counter"] |= {"at": ["20 mm", "0 m"], "on": "2"}
     with pytest.raises(ModelError, match=r"gear z5: .* pivoted on 2, but the pair is carried by 3"):

@@ -5,8 +5,7 @@ from itertools import product
 import pytest
 
 from balance.errors import ModelError
-from balance.linkages.body_groups import leaves_first
-from balance.linkages.force_balance import force_balance, reduction_tree
+from balance.linkages.force_balance import force_balance, leaves_first, reduction_tree
 from balance.linkages.linkage_files import linkage_from_table, load_linkage
 
 
@@ -45,7 +44,7 @@ def test_a_foreign_joint_is_refused(slider_crank_keys):
 
 
 def test_joints_that_lead_in_a_circle_are_refused(crank_rocker_keys):
-    """Two bodies reduced to each other stand on nothing."""
+    """Two bodies reduced to each other do not reach the ground."""
     linkage = linkage_from_table({**crank_rocker_keys, "reduction": {"3": "D", "5": "D"}}, "x")
     with pytest.raises(ModelError, match="lead in a circle"):
         reduction_tree(linkage, linkage.values)

@@ -80,7 +80,7 @@ def test_constant_speed_hides_a_wrong_gear_on_the_crank(crank_rocker_keys):
 
 
 def test_force_balance_raises_the_moment_and_full_balance_the_torque():
-    """What the counter-masses and gears cost is said: mass, and torque at both speeds."""
+    """The cost of counter-masses and gears: mass, and torque at both speeds."""
     check = verify_linkage(balance_linkage(load_linkage("two-levels")))
     assert check.constant.residual("force")["moment"] > 1.0
     cost = check.penalty("complete")
@@ -120,7 +120,7 @@ def test_a_joint_that_makes_no_full_turn_is_told_to_swing(crank_rocker_keys):
 
 
 def test_a_line_of_sliding_has_no_sense(crank_rocker_keys):
-    """A block that stands the other way round slides alike, with no mass off its pivot with equal forces."""
+    """A block the other way round slides the same way; with no mass off its pivot the forces are equal."""
     crank_rocker_keys["links"]["6"] |= {"centre": ["0 m", "0 m"]}
     crank_rocker_keys["joints"]["P"]["6"]["point"] = ["0 m", "0 m"]
     found = {}
@@ -147,13 +147,13 @@ def test_a_linkage_without_ground_pivots_is_not_simulated():
         verify_linkage(balance_linkage(load_linkage("dwell")))
 
 
-def test_pantograph_gives_the_printed_rms_values():
-    """Drive torque within 0.1 % of the interval that the printed digits stand for, other RMS values within 11 %."""
+def test_pantograph_gives_the_published_rms_values():
+    """Drive torque within 0.1 % of the interval that the published digits allow, other RMS values within 11 %."""
     linkage = load_linkage("pantograph")
     run = verify_linkage(balance_linkage(linkage)).constant
-    printed = linkage.published.rms
+    published = linkage.published.rms
     for stage, half in (("before", 0.0005), ("force", 0.0005)):
-        torque = printed[stage][3]
+        torque = published[stage][3]
         off = abs(run.rms(stage)["torque_Nm"] - torque)
         assert max(0.0, off - half) < 1e-3 * torque
     for stage, column, k in (
@@ -163,4 +163,4 @@ def test_pantograph_gives_the_printed_rms_values():
         ("force", "Mz_Nm", 2),
         ("complete", "torque_Nm", 3),
     ):
-        assert run.rms(stage)[column] == pytest.approx(printed[stage][k], rel=0.11)
+        assert run.rms(stage)[column] == pytest.approx(published[stage][k], rel=0.11)

@@ -43,7 +43,7 @@ def test_a_two_point_coupler_needs_no_gear(crank_rocker_keys):
 
 
 def test_the_centre_is_brought_onto_the_line(crank_rocker_keys):
-    """The counter-mass takes up only what lies across the line of the joints."""
+    """The counter-mass balances only what is across the line of the joints."""
     result = balance_linkage(linkage_from_table(four_bar(crank_rocker_keys), "x"))
     (counter,) = result.force["3"].counters
     assert counter.mass == pytest.approx(result.values["m3"] * 12 / 50)
@@ -83,10 +83,10 @@ def test_a_gear_that_rides_on_a_two_point_body_is_in_its_equation(crank_rocker_k
 
 
 def test_without_a_place_on_the_other_side_it_is_refused(crank_rocker_keys):
-    """A centre beside the line is named."""
+    """A centre off the line is named."""
     keys = four_bar(crank_rocker_keys)
     keys["links"]["3"]["counter_mass"] = {"at": ["0.16 m", "50 mm"]}
-    with pytest.raises(SizingError, match="two_point of 3: its centre of mass lies beside the line"):
+    with pytest.raises(SizingError, match="two_point of 3: its centre of mass is off the line"):
         balance_linkage(linkage_from_table(keys, "x"))
 
 

@@ -1,4 +1,4 @@
-"""What a source prints for a linkage, beside what its printed inputs give; a difference is shown with its reason."""
+"""What a source publishes for a linkage, compared with what its published inputs give; differences have a reason."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,32 +9,32 @@ from .expressions import Symbol, symbol
 from .linkage import Contradiction
 
 COLUMNS = ("Fx_N", "Fy_N", "Mz_Nm", "torque_Nm")
-"""Columns of the printed RMS values."""
+"""Columns of the published RMS values."""
 STAGES = ("before", "force", "complete")
 """Without counter-masses, with them, with them and gears."""
 
 
 @dataclass(frozen=True)
 class PublishedRow:
-    """One printed number beside ours."""
+    """One published number and ours."""
 
     name: str
     """Symbol, such as m2* or I_z1."""
-    printed: Symbol
+    published: Symbol
     computed: float
-    """From the printed inputs [kg, kg m2]."""
+    """From the published inputs [kg, kg m2]."""
     interval: tuple[float, float]
-    """What the rounding of the printed inputs leaves open [kg, kg m2]."""
+    """By the rounding of the published inputs [kg, kg m2]."""
     why: str = ""
     """Why it differs, where the source contradicts itself or its own equations."""
     explained: float | None = None
-    """What the method gives with what the source leaves out left out here too [kg, kg m2]."""
+    """What the method gives without the terms that the source omits [kg, kg m2]."""
     explained_interval: tuple[float, float] | None = None
-    """And what the rounding of the printed inputs leaves open in that [kg, kg m2]."""
+    """The same by the rounding of the published inputs [kg, kg m2]."""
 
     @property
     def agrees(self) -> bool:
-        """Whether the printed number, as rounded, is one that the printed inputs, as rounded, can give."""
+        """Whether the published number, as rounded, is one that the published inputs, as rounded, can give."""
         return self._reached(self.interval, 1.0)
 
     @property
@@ -44,33 +44,33 @@ class PublishedRow:
 
     @property
     def is_explained(self) -> bool:
-        """Whether what the source leaves out accounts for the printed number."""
+        """Whether the omitted terms account for the published number."""
         return self.explained_interval is not None and self._reached(self.explained_interval, 1.0)
 
     @property
     def verdict(self) -> str:
-        """In a word: agrees, agrees cut off, differs."""
+        """``agrees``, ``agrees, cut off`` or ``differs``."""
         return "agrees" if self.agrees else "agrees, cut off" if self.cut else "differs"
 
     def _reached(self, interval: tuple[float, float], halves: float) -> bool:
-        slack = halves * self.printed.half_unit * (1 + 1e-9)
-        return interval[0] - slack <= self.printed.value <= interval[1] + slack
+        slack = halves * self.published.half_unit * (1 + 1e-9)
+        return interval[0] - slack <= self.published.value <= interval[1] + slack
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """All that a source prints for a linkage."""
+    """All that a source publishes for a linkage, compared."""
 
     rows: tuple[PublishedRow, ...]
     rms: Mapping[str, Mapping[str, float]]
-    """Printed RMS values by stage and column, [N, N m]."""
+    """Published RMS values by stage and column, [N, N m]."""
     restored: Mapping[str, str]
-    """What had to be restored in the printed copy."""
+    """What had to be restored in the published copy."""
     contradictions: tuple[Contradiction, ...]
 
 
 def compare_published(result: LinkageBalance) -> Comparison | None:
-    """Hold a balance against what its linkage's source prints; None where there is nothing printed."""
+    """Compare a balance with what its linkage's source publishes; None where there is nothing published."""
     published = result.linkage.published
     if published is None:
         return None
@@ -95,14 +95,14 @@ def _row(
     row = PublishedRow(name, number, ours[name], bounds[name], reason.why if reason else "")
     if reason is None or not reason.omit:
         return row
-    omit = _by_body(result, reason)
+    omit = _omitted(result, reason)
     other = balance_linkage(result.linkage, result.values, omit=omit, tree=result.tree)
     return replace(row, explained=other.results()[name], explained_interval=rounding_intervals(other, omit)[name])
 
 
-def _by_body(result: LinkageBalance, reason: Contradiction) -> dict[str, Sequence[str]]:
+def _omitted(result: LinkageBalance, reason: Contradiction) -> dict[str, Sequence[str]]:
     """Omitted terms by body. Raises DataError for a term that is not in its sum."""
-    found: dict[str, Sequence[str]] = {}
+    omitted: dict[str, Sequence[str]] = {}
     assert result.moment is not None
     for link, terms in reason.omit.items():
         body = result.linkage.body(link).name
@@ -112,5 +112,5 @@ def _by_body(result: LinkageBalance, reason: Contradiction) -> dict[str, Sequenc
                 raise DataError(
                     f"contradiction {reason.about}: {term!r} is no term of {body}: there are {', '.join(known)}"
                 )
-        found[body] = terms
-    return found
+        omitted[body] = terms
+    return omitted

@@ -1,4 +1,4 @@
-"""The six linkages of the source against its tables; nothing printed is returned as a result."""
+"""The six linkages of the source against its tables; nothing published is returned as a result."""
 
 import pytest
 
@@ -6,7 +6,7 @@ from balance import datasets
 from balance.errors import DataError
 from balance.linkages.equivalence_method import balance_linkage
 from balance.linkages.linkage_files import linkage_from_table, load_linkage
-from balance.linkages.printed_tables import compare_published
+from balance.linkages.published_values import compare_published
 
 SIX = ["dwell", "knife", "pantograph", "sewing-machine", "dwell-short", "dwell-short-two-point"]
 CUT = {("dwell", "m_z4"), ("sewing-machine", "I12*")}
@@ -18,13 +18,13 @@ CONTRADICTED = {
 
 @pytest.fixture(scope="module")
 def comparisons():
-    """Every linkage of the source, balanced, beside what is printed for it."""
+    """Every linkage of the source, balanced, and compared with its source."""
     return {name: compare_published(balance_linkage(load_linkage(name))) for name in SIX}
 
 
 @pytest.mark.parametrize("name", SIX)
-def test_what_the_printed_inputs_determine_agrees_within_their_rounding(name, comparisons):
-    """Every printed value, but those that the source itself contradicts, is one that the rounded inputs can give."""
+def test_what_the_published_inputs_determine_agrees_within_their_rounding(name, comparisons):
+    """Every published value, but those that the source itself contradicts, is one that the rounded inputs can give."""
     for row in comparisons[name].rows:
         if (name, row.name) in CONTRADICTED:
             assert row.verdict == "differs"
@@ -37,24 +37,24 @@ def test_what_the_printed_inputs_determine_agrees_within_their_rounding(name, co
 
 @pytest.mark.parametrize("name", SIX)
 def test_agreement_is_close_too(name, comparisons):
-    """Nominal values are within 2 % of printed ones that have three digits or more: wide intervals hide nothing."""
+    """Nominal values are within 2 % of published ones that have three digits or more: wide intervals hide nothing."""
     for row in comparisons[name].rows:
-        if row.verdict == "agrees" and row.explained is None and row.printed.half_unit < 0.003 * row.printed.value:
-            assert row.computed == pytest.approx(row.printed.value, rel=0.02), row
+        if row.verdict == "agrees" and row.explained is None and row.published.half_unit < 0.003 * row.published.value:
+            assert row.computed == pytest.approx(row.published.value, rel=0.02), row
 
 
-def test_what_the_source_leaves_out_accounts_for_its_numbers(comparisons):
-    """With the same terms left out, the method gives the contradicted gear values as printed."""
+def test_terms_that_the_source_omits_account_for_its_numbers(comparisons):
+    """Without the same terms the method gives the contradicted gear values as published."""
     explained = [row for comparison in comparisons.values() for row in comparison.rows if row.explained is not None]
     assert {row.name for row in explained} == {"I_z1", "I_z3", "I_z4", "I_z5", "I_z6", "I_z7"}
     for row in explained:
         assert row.is_explained
-        assert row.explained == pytest.approx(row.printed.value, rel=0.006)
-        assert row.computed > 1.03 * row.printed.value
+        assert row.explained == pytest.approx(row.published.value, rel=0.006)
+        assert row.computed > 1.03 * row.published.value
 
 
 def test_carrier_factor_of_the_pantograph(comparisons):
-    """Its own equation, 1 + Z/Z* = 2, gives 1.98 where 1.378 is printed."""
+    """Its own equation, 1 + Z/Z* = 2, gives 1.98 where 1.378 is published."""
     row = next(row for row in comparisons["pantograph"].rows if row.name == "I_z1")
     assert row.computed == pytest.approx(1.98, abs=0.005)
 
@@ -66,8 +66,8 @@ def test_two_point_coupler_needs_five_times_its_inertia():
 
 
 @pytest.mark.parametrize("name", SIX)
-def test_results_do_not_come_from_the_printed_tables(name):
-    """Without its printed part, a linkage is balanced just the same."""
+def test_results_do_not_come_from_the_published_values(name):
+    """Without its published part, a linkage is balanced just the same."""
     import tomllib
 
     keys = tomllib.loads(datasets.find_dataset(name, "linkages", ".toml").read_text(encoding="utf-8"))
@@ -91,7 +91,7 @@ def test_results_do_not_come_from_the_printed_tables(name):
         ),
     ],
 )
-def test_printed_values_that_mean_nothing_are_refused(printed, message, slider_crank_keys):
+def test_published_values_that_mean_nothing_are_refused(printed, message, slider_crank_keys):
     """Each names what is wrong."""
     with pytest.raises(DataError, match=message):
         compare_published(balance_linkage(linkage_from_table({**slider_crank_keys, "printed": printed}, "x")))
