@@ -204,14 +204,14 @@ class _Step:
 
     def order(self) -> Iterable[str]:
         """Bodies after those that they carry, whose gears they carry, or whose inertia passes to them."""
-        before: dict[str, set[str]] = {body: set() for body in self.linkage.bodies}
+        before: dict[str, list[str]] = {body: [] for body in self.linkage.bodies}
         for body in self.linkage.bodies:
             for _, parent in tree_parents(self.linkage, self.tree, body):
-                before.get(parent, set()).add(body)
+                before.get(parent, []).append(body)
         for gear in self.linkage.gears.values():
-            before.get(self.pairs.carrier[gear.name], set()).add(gear.body)
+            before.get(self.pairs.carrier[gear.name], []).append(gear.body)
         for body, target in self.pairs.passes_to.items():
-            before[target].add(body)
+            before[target].append(body)
         try:
             return list(TopologicalSorter(before).static_order())
         except CycleError as error:
