@@ -2,7 +2,7 @@
 
 As it is; springs; counter-masses; with counter-inertias; mirror images; active masses. All act in the plane x-y.
 
-Mirror images stand on the same base, geared to the same motors: an image under the reflection or half turn T about the
+Mirror images are on the same base, geared to the same motors: an image under the reflection or half turn T about the
 base's origin exerts F' = T F and Mz' = det(T) Mz. One image cancels what T reverses and doubles the rest; three images
 (both mirrors and the half turn) cancel all.
 
@@ -169,7 +169,7 @@ def _with_springs(mechanism: Mechanism, trajectory: Trajectory, plain: Outcome, 
     extra = np.einsum("nij,ni->nj", rates, spring_torque)
     torque = {joint: values + extra[:, k] for k, (joint, values) in enumerate(plain.torque.items())}
     needs = {"springs": float(len(found.springs)), "stiffness_N_per_m": sum(s.stiffness for s in found.springs)}
-    note = "static balance only: the motors need not hold the weight, the base shakes as before"
+    note = "static balance only: the motors need not carry the weight, the base shakes as before"
     return Outcome("springs", plain.force, plain.moment, torque, 0.0, 0.0, needs, note)
 
 

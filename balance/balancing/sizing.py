@@ -110,18 +110,16 @@ def balanced_payload(conditions: Conditions, mechanism: Mechanism, body: str) ->
     return mass if mass > 0.0 and residual <= BALANCES * float(np.abs(per_kilogram).max()) * mass else None
 
 
-def sizing_of_given(conditions: Conditions, mechanism: Mechanism, masses: Mapping[str, float]) -> Sizing:
-    """The sizing of given counter-masses [kg] by site; ``mechanism`` is the one without them."""
-    return sizing_result(conditions, mechanism, masses, {})
-
-
-def sizing_result(
-    conditions: Conditions, mechanism: Mechanism, masses: Mapping[str, float], plates: Mapping[str, Sequence[Plate]]
+def sizing_of_given(
+    conditions: Conditions,
+    mechanism: Mechanism,
+    masses: Mapping[str, float],
+    plates: Mapping[str, Sequence[Plate]] | None = None,
 ) -> Sizing:
-    """The sizing of counter-masses [kg] by site and the plates of each, on ``mechanism`` without them."""
+    """Given counter-masses [kg] by site, with the plates of each, on ``mechanism``, which is without them."""
     found = []
     for name, mass in masses.items():
-        site, stack = mechanism.site(name), plates.get(name, ())
+        site, stack = mechanism.site(name), (plates or {}).get(name, ())
         names = tuple(plate.name for plate in stack)
         found.append(CounterMass(name, float(mass), site.position, names, _inertia_of_stack(stack, site)))
     return Sizing(conditions, mechanism, tuple(found), mechanism.payload_bodies)
@@ -293,7 +291,7 @@ def exact_sizing(
         if not limit >= 0.0:
             raise SizingError(f"the limit at {name!r} is {limit:g} kg: expected zero or more")
     masses = distribute_masses(columns, target, upper).masses
-    return sizing_result(conditions, mechanism, dict(zip(names, masses, strict=True)), {})
+    return sizing_of_given(conditions, mechanism, dict(zip(names, masses, strict=True)))
 
 
 def nested_exact_sizing(

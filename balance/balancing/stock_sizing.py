@@ -19,7 +19,7 @@ from ..mechanism.mechanism import Mechanism
 from . import stock_plates
 from .closed_forms import published_sizing
 from .conditions import Conditions
-from .sizing import Sizing, chosen_sites, sizing_of_given, sizing_result, sizing_system
+from .sizing import Sizing, chosen_sites, sizing_of_given, sizing_system
 from .stock_plates import Plate
 
 _SCALE = 1e3
@@ -182,7 +182,9 @@ def nested_size_from_stock(
     quantities = np.array([plate.quantity for plate in plates], dtype=float)
     counts = best_sets(systems[0][0], np.array([target for _, target in systems]), masses, quantities)
     return tuple(
-        sizing_result(conditions, mechanism, dict(zip(names, rows @ masses, strict=True)), _piles(names, rows, plates))
+        sizing_of_given(
+            conditions, mechanism, dict(zip(names, rows @ masses, strict=True)), _piles(names, rows, plates)
+        )
         for mechanism, rows in zip(mechanisms, counts, strict=True)
     )
 

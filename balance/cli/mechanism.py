@@ -11,6 +11,7 @@ from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, first_moment, 
 
 if TYPE_CHECKING:
     from ..balancing import Sizing
+    from ..balancing.conditions import Conditions
     from ..closure import Trajectory
     from ..dynamics.inverse_dynamics import Response
     from ..mechanism.mechanism import Mechanism
@@ -47,18 +48,14 @@ def simulate(
     Shaking force and moment are what the mechanism exerts on its base, weight excluded, the moment about the origin
     of the base frame; drive torque includes gravity.
     """
-    from ..closure import Closure
     from ..dynamics.inverse_dynamics import simulate as respond
-    from ..motion import DEFAULT_RATE_HZ
-    from ..motion.motion_files import load_motion
     from ..units import parse
     from .options import component_label, response_summary
 
     if csv and parquet and Path(csv).resolve() == Path(parquet).resolve():
         raise click.UsageError(f"--csv and --parquet name one file, {csv}: give two names")
     model = options.load_mechanism_option(mechanism, payload).with_counter_mass(options.distinct(counter, "--counter"))
-    samples = load_motion(motion).sample(parse(rate, "frequency") if rate else DEFAULT_RATE_HZ)
-    trajectory = Closure(model).follow(samples)
+    trajectory = options.follow_motion(model, motion, parse(rate, "frequency") if rate else None)
     response = respond(model, trajectory)
     beyond = model.beyond_limits(trajectory.q)
     if csv or parquet:
@@ -66,7 +63,7 @@ def simulate(
     if as_json:
         closure = {"residual_m": trajectory.residual, "condition": trajectory.condition, "branch": trajectory.branch}
         emit_json(
-            {"mechanism": model.name, "motion": motion, "samples": len(samples.time), "closure": closure}
+            {"mechanism": model.name, "motion": motion, "samples": len(trajectory.time), "closure": closure}
             | {"beyond_limits": {joint: list(reached) for joint, reached in beyond.items()}}
             | response_summary(response)
         )
@@ -75,7 +72,7 @@ def simulate(
     rows = [[component_label(name), f"{value:.4g}", f"{peak[name]:.4g}"] for name, value in response.rms().items()]
     emit_table(f"{model.name}, motion {motion}", ["component", "RMS", "peak"], rows)
     click.echo(
-        f"{len(samples.time)} samples over {samples.time[-1]:.4g} s; loops closed to {trajectory.residual:.2g} m "
+        f"{len(trajectory.time)} samples over {trajectory.time[-1]:.4g} s; loops closed to {trajectory.residual:.2g} m "
         f"on the branch of {trajectory.branch!r}; weight excluded from force and moment."
     )
     for joint, (low, high) in beyond.items():
@@ -171,7 +168,7 @@ def conditions(
     )
 
 
-def conditions_document(found: Any, model: Any) -> list[dict[str, Any]]:  # noqa: ANN401
+def conditions_document(found: "Conditions", model: "Mechanism") -> list[dict[str, Any]]:
     """Conditions for JSON, each with its value for a mechanism."""
     return [
         {"coefficients": found.coefficients(i), "value_kgm": float(value)}

@@ -18,7 +18,7 @@ UNITS = {
     "rad_per_s": "rad/s", "m_per_s": "m/s", "N_per_m": "N/m", "percent": "%", "kgm2": "kg m2", "Nm": "N m", "kg": "kg",
     "rad": "rad", "m": "m", "N": "N", "W": "W",
 }  # fmt: skip
-"""Endings of keys, longer ones first, and the units that they stand for."""
+"""Endings of keys, longer ones first, and the units that they mean."""
 
 
 @click.command(
@@ -85,15 +85,12 @@ def methods(
     from ..balancing.closed_forms import compare_conditions
     from ..balancing.conditions import balance_conditions
     from ..balancing.methods import MethodSettings, compare_methods, methods_document
-    from ..closure import Closure
-    from ..motion import DEFAULT_RATE_HZ
-    from ..motion.motion_files import load_motion
 
     if isnan(wheel_ratio):
         raise click.UsageError("--wheel-ratio: expected a number")
     model = options.load_mechanism_option(mechanism, payload)
     name = motion or _own_motion(model.name)
-    trajectory = Closure(model).follow(load_motion(name).sample(DEFAULT_RATE_HZ))
+    trajectory = options.follow_motion(model, name)
     outcomes = compare_methods(model, trajectory, MethodSettings(site, wheel_ratio, wheel_radius, stroke, turn))
     result = methods_document(model.name, name, outcomes, compare_conditions(balance_conditions(model)))
     if figure:

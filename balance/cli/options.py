@@ -9,6 +9,7 @@ from ..errors import UnitError
 from .framework import emit_table
 
 if TYPE_CHECKING:
+    from ..closure import Trajectory
     from ..dynamics.inverse_dynamics import Response
     from ..mechanism.mechanism import Mechanism
 
@@ -92,6 +93,16 @@ def load_mechanism_option(mechanism: str, payload: tuple[tuple[str, float], ...]
     from ..mechanism.mjcf_parser import load_mechanism
 
     return load_mechanism(mechanism).with_payload(distinct(payload, "--payload"))
+
+
+def follow_motion(model: "Mechanism", motion: str, rate_hz: float | None = None) -> "Trajectory":
+    """The closed trajectory of a motion by name or file."""
+    from ..closure import Closure
+    from ..motion import DEFAULT_RATE_HZ
+    from ..motion.motion_files import load_motion
+
+    samples = load_motion(motion).sample(DEFAULT_RATE_HZ if rate_hz is None else rate_hz)
+    return Closure(model).follow(samples)
 
 
 def distinct(pairs: tuple[tuple[str, float], ...], option: str) -> dict[str, float]:

@@ -216,12 +216,9 @@ def _size_one(
 
 
 def _responses(result: "Sizing", motion: str) -> "dict[str, Response]":
-    from ..closure import Closure
     from ..dynamics.inverse_dynamics import simulate
-    from ..motion import DEFAULT_RATE_HZ
-    from ..motion.motion_files import load_motion
 
-    trajectory = Closure(result.before).follow(load_motion(motion).sample(DEFAULT_RATE_HZ))
+    trajectory = options.follow_motion(result.before, motion)
     return {"before": simulate(result.before, trajectory), "after": simulate(result.after, trajectory)}
 
 

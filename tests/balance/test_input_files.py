@@ -1,4 +1,4 @@
-"""Input files: each key is read with its unit; all that is wrong is said at once, by key, with what was expected."""
+"""Input files: each key is read with its unit; all errors are reported at once, by key, with what was expected."""
 
 from pathlib import Path
 from typing import Annotated, Literal

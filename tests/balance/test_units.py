@@ -83,7 +83,7 @@ def test_any_text_is_a_quantity_or_refused(text: str) -> None:
 
 
 def test_a_text_that_is_no_unit_is_none() -> None:
-    """What names no unit is told apart from what names one."""
+    """Text that names no unit gives None."""
     assert parse_unit("kg m/s^2") is not None
     assert parse_unit("") is None
     assert parse_unit("Acc X") is None
@@ -105,7 +105,7 @@ def test_revolutions_a_minute() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "stated"),
     [
         ("1,5kg", "write '1.5kg'"),
         ("-0,25 kg", "write '-0.25 kg'"),
@@ -113,11 +113,11 @@ def test_revolutions_a_minute() -> None:
         ("1.500,5kg", "with a decimal point and without marks of thousands"),
     ],
 )
-def test_a_comma_is_said_with_what_to_write(text: str, said: str) -> None:
+def test_a_comma_is_refused_with_what_to_write(text: str, stated: str) -> None:
     """A decimal comma is refused by what to write instead, and no mark of thousands is taken for one."""
     with pytest.raises(UnitError, match="has a comma") as refused:
         parse(text, "mass")
-    assert said in str(refused.value)
+    assert stated in str(refused.value)
 
 
 def test_vectors_need_an_angle():

@@ -1,4 +1,4 @@
-"""The printed closed forms give the printed numbers, and say which printed number they do not give."""
+"""The published closed forms give the published numbers, but for one."""
 
 import json
 
@@ -8,13 +8,13 @@ import pytest
 from balance import datasets
 from balance.balancing import closed_forms
 
-SHEET = json.loads(datasets.find_dataset("kiper2019", "published", ".json").read_text(encoding="utf-8"))
-AS_BUILT, EARLIER = SHEET["sizing_sheet_A_as_built"], SHEET["sizing_sheet_B_earlier_design"]
+PUBLISHED = json.loads(datasets.find_dataset("kiper2019", "published", ".json").read_text(encoding="utf-8"))
+AS_BUILT, EARLIER = PUBLISHED["sizing_sheet_A_as_built"], PUBLISHED["sizing_sheet_B_earlier_design"]
 
 
-def inputs(sheet: dict[str, float]) -> tuple[float, float, float, float, float]:
+def inputs(published: dict[str, float]) -> tuple[float, float, float, float, float]:
     """Masses and centres of the arms and their length."""
-    return sheet["m1_kg"], sheet["p1_m"], sheet["m2_kg"], sheet["p2_m"], sheet["r_m"]
+    return published["m1_kg"], published["p1_m"], published["m2_kg"], published["p2_m"], published["r_m"]
 
 
 @pytest.mark.parametrize("payload", ["1.451", "5.0"])
@@ -29,7 +29,7 @@ def test_printed_counter_masses(payload: str) -> None:
 
 
 def test_the_printed_counter_mass_for_3_4116_kg_does_not_follow() -> None:
-    """By the sheet's own formula 3.4116 kg need 17.931 kg; the printed 17.1064 kg balance 3.2052 kg."""
+    """By the published formula 3.4116 kg need 17.931 kg; the published 17.1064 kg balance 3.2052 kg."""
     first = closed_forms.manipulator_first_moment(*inputs(AS_BUILT), 3.4116)
     assert closed_forms.manipulator_counter_mass(first, AS_BUILT["p_cm_m"]) == pytest.approx(17.93098, abs=1e-5)
     printed = AS_BUILT["printed_counter_mass_kg_per_arm"]["3.4116"]

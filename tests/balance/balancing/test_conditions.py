@@ -71,7 +71,7 @@ def test_manipulator_conditions_read_as_the_theory_writes_them() -> None:
 
 
 def test_printed_manipulator_condition_is_the_symmetric_case() -> None:
-    """With both arms alike each condition is m1 p1 + (m2 + m5) r + m2 p2, plus the counter-mass."""
+    """With two equal arms each condition is m1 p1 + (m2 + m5) r + m2 p2, plus the counter-mass."""
     mechanism = models.load("parallelogram-6bar").with_payload({"platform": 3.4116})
     first = closed_forms.manipulator_first_moment(1.04642, 0.05943, 0.58909, 0.0187, R, 3.4116)
     np.testing.assert_allclose(balance_conditions(mechanism).values(), [first, 0.0, first, 0.0], atol=1e-12)
@@ -163,7 +163,7 @@ FOUR_BARS = {
     "general": (models.four_bar(0.3, 0.12, 0.31, 0.24, 1.0), 4),
     "parallelogram": (models.four_bar(0.3, 0.2, 0.3, 0.2, 1.0), 2),
     "kite": (models.four_bar(0.2, 0.2, 0.35, 0.35, 1.2), 4),
-    "crank and coupler alike": (models.four_bar(0.3, 0.2, 0.2, 0.3, 1.0), 4),
+    "equal crank and coupler": (models.four_bar(0.3, 0.2, 0.2, 0.3, 1.0), 4),
 }
 
 

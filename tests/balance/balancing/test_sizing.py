@@ -32,7 +32,7 @@ EXACT = {1.451: 10.099021, 3.4116: 17.930978, 5.0: 24.276118}
 @pytest.mark.parametrize("name", models.MANIPULATORS)
 @pytest.mark.parametrize("payload", EXACT)
 def test_exact_counter_masses(name: str, payload: float) -> None:
-    """Found from the model, both models: 10.099021, 17.930978 and 24.276118 kg on each arm; nothing is left."""
+    """Found from the model, both models: 10.099021, 17.930978 and 24.276118 kg on each arm; nothing is sizing."""
     mechanism = models.load(name).with_payload({"platform": payload})
     sized = balancing.exact_sizing(balance_conditions(mechanism), mechanism)
     assert [c.site for c in sized.counter_masses] == list(SITES)
@@ -54,17 +54,17 @@ def test_built_sets(payload: float) -> None:
     """What the sets that were built leave: kg m, and per cent of what there was without."""
     plates, residual, per_cent = BUILT[payload]
     found, mechanism = carrying(payload)
-    left = balancing.sizing_of_given(found, mechanism, dict.fromkeys(SITES, sum(plates)))
-    assert left.residual() == pytest.approx(residual, rel=5e-4)
-    assert left.residual_percent() == pytest.approx(per_cent, abs=5e-4)
+    sizing = balancing.sizing_of_given(found, mechanism, dict.fromkeys(SITES, sum(plates)))
+    assert sizing.residual() == pytest.approx(residual, rel=5e-4)
+    assert sizing.residual_percent() == pytest.approx(per_cent, abs=5e-4)
 
 
 def test_the_built_and_the_printed_set_for_3_4116_kg_balance_less() -> None:
     """17.1105 kg built and 17.1064 kg printed balance 3.206 and 3.205 kg."""
     found, mechanism = carrying(3.4116)
     for counter, payload in ((M1 + M2 + M3, 3.2062), (17.1064, 3.2052)):
-        left = balancing.sizing_of_given(found, mechanism, dict.fromkeys(SITES, counter))
-        assert balancing.balanced_payload(found, left.after, "platform") == pytest.approx(payload, abs=5e-5)
+        sizing = balancing.sizing_of_given(found, mechanism, dict.fromkeys(SITES, counter))
+        assert balancing.balanced_payload(found, sizing.after, "platform") == pytest.approx(payload, abs=5e-5)
 
 
 def test_best_stock_for_3_4116_kg() -> None:
@@ -101,8 +101,8 @@ def test_stock_is_the_best_of_all_combinations(seed: int) -> None:
     for first, second in product(product(*counts), repeat=2):
         if all(a + b <= p.quantity for a, b, p in zip(first, second, plates, strict=True)):
             masses = [sum(n * p.mass for n, p in zip(row, plates, strict=True)) for row in (first, second)]
-            left = balancing.sizing_of_given(found, mechanism, dict(zip(SITES, masses, strict=True)))
-            results.append((left.residual(), left.added_mass))
+            sizing = balancing.sizing_of_given(found, mechanism, dict(zip(SITES, masses, strict=True)))
+            results.append((sizing.residual(), sizing.added_mass))
     least = min(residual for residual, _ in results)
     assert best.residual() == pytest.approx(least, abs=1e-9)
     assert best.added_mass == pytest.approx(min(m for r, m in results if r < least + 1e-9), abs=1e-9)
@@ -111,7 +111,7 @@ def test_stock_is_the_best_of_all_combinations(seed: int) -> None:
 
 
 def test_nothing_in_stock_mounts_nothing() -> None:
-    """Plates of which there are none: no counter-mass, all of the unbalance left."""
+    """Plates of which there are none: no counter-mass, all of the unbalance sizing."""
     found, mechanism = carrying(1.451)
     none = balancing.size_from_stock(found, mechanism, [Plate("M1", 5.0, 0)])
     assert none.added_mass == 0.0
@@ -233,8 +233,8 @@ def test_sets_that_grow_for_the_payloads_of_the_source() -> None:
         ("M1", "M2", "M4"),
         ("M1", "M2", "M3", "M4"),
     ]
-    for left, (_, built, _) in zip(sets, BUILT.values(), strict=True):
-        assert left.residual() <= built + 5e-7
+    for sizing, (_, built, _) in zip(sets, BUILT.values(), strict=True):
+        assert sizing.residual() <= built + 5e-7
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -249,14 +249,14 @@ def test_growing_sets_are_the_best_of_all(seed: int) -> None:
     assert (found[-1].sum(axis=0) <= quantities).all()
     kinds = [[(a, b) for a, b in product(range(q + 1), repeat=2) if a + b <= q] for q in quantities]
     states = [np.array(state).T for state in product(*kinds)]
-    left = np.array([[np.abs(columns @ (s @ masses) - t).max() for s in states] for t in targets])
+    residual = np.array([[np.abs(columns @ (s @ masses) - t).max() for s in states] for t in targets])
     above = np.array([[(b >= a).all() for b in states] for a in states])
     chains = ((i, j, k) for i in range(len(states)) for j in np.flatnonzero(above[i]) for k in np.flatnonzero(above[j]))
     scores = np.array(
         [
             (max(r), sum(r), sum((states[m] @ masses).sum() for m in chain))
             for chain in chains
-            for r in [[left[k, m] for k, m in enumerate(chain)]]
+            for r in [[residual[k, m] for k, m in enumerate(chain)]]
         ]
     )
     score = scores[np.lexsort(np.round(scores, 6).T[::-1])[0]]
@@ -265,7 +265,7 @@ def test_growing_sets_are_the_best_of_all(seed: int) -> None:
 
 
 def test_exact_sets_that_grow() -> None:
-    """Any mass: each payload's own exact counter-mass, the order of payloads rising; nothing is left."""
+    """Any mass: each payload's own exact counter-mass, the order of payloads rising; nothing is sizing."""
     found, _ = carrying(1.451)
     sets = balancing.nested_exact_sizing(found, [carrying(p)[1] for p in EXACT])
     assert [s.counter_masses[1].mass for s in sets] == pytest.approx(list(EXACT.values()), abs=1e-6)
@@ -312,12 +312,12 @@ def test_no_payload_is_balanced_by_unequal_counter_masses() -> None:
 
 
 TWO_ARMS = np.array([[0.1, 0.2, 0.0, 0.0], [0.0, 0.0, 0.1, 0.1]])
-"""Two sites at 0.1 m and 0.2 m on one arm, two alike at 0.1 m on the other."""
+"""Two sites at 0.1 m and 0.2 m on one arm, two at 0.1 m on the other."""
 
 
 @pytest.mark.parametrize("removable", [False, True])
 def test_the_lightest_and_among_equals_even(removable):
-    """The far site carries all of its arm's mass; sites that are alike share it evenly."""
+    """The far site carries all of its arm's mass; equivalent sites share it evenly."""
     found = distribute_masses(TWO_ARMS, np.array([0.3, 0.4]), removable=removable)
     assert found.masses == pytest.approx([0.0, 1.5, 2.0, 2.0], abs=1e-9)
 

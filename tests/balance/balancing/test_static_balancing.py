@@ -54,8 +54,8 @@ def test_pinocchio_s_potential_energy_and_the_springs_by_its_frames(name):
         def place(end: End) -> np.ndarray:
             return end.position if end.body < 0 else data.oMi[end.body + 1].act(end.position)
 
-        stretch = [s.stiffness * np.sum((place(s.first) - place(s.second)) ** 2) / 2 for s in found.springs]
-        total.append(weight + sum(stretch))
+        elastic = [s.stiffness * np.sum((place(s.first) - place(s.second)) ** 2) / 2 for s in found.springs]
+        total.append(weight + sum(elastic))
     assert np.ptp(total) < 1e-12 * found.swing()
 
 
@@ -133,7 +133,7 @@ def test_places_that_cannot_do_it_are_refused():
 
 
 def test_a_spring_file(tmp_path):
-    """The shipped places for the manipulator, stiffness found; the same with stiffness given is judged as it is."""
+    """The shipped places for the manipulator, stiffness found; the same with stiffness given is evaluated unchanged."""
     mechanism = models.load("parallelogram-6bar").with_payload({"platform": 5.0})
     places, given = load_springs("parallelogram-6bar", mechanism)
     assert not given
@@ -148,9 +148,9 @@ def test_a_spring_file(tmp_path):
     springs, given = load_springs(path, mechanism)
     assert given
     assert springs[0].stiffness == pytest.approx(200.0)
-    judged = static_balancing.evaluate_springs(mechanism, springs)
-    assert not judged.is_balanced(1e-3)
-    assert (spring_lengths(mechanism, springs, judged.q) > 0.0).all()
+    evaluated = static_balancing.evaluate_springs(mechanism, springs)
+    assert not evaluated.is_balanced(1e-3)
+    assert (spring_lengths(mechanism, springs, evaluated.q) > 0.0).all()
 
 
 WRONG = {

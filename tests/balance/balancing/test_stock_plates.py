@@ -122,7 +122,7 @@ def test_wrong_plates_as_drawn_are_refused(tmp_path: Path, case: str) -> None:
 
 
 def test_a_stock_has_masses_or_drawings_not_both(tmp_path: Path) -> None:
-    """A mass beside a drawing could contradict it."""
+    """A mass together with a drawing could contradict it."""
     (tmp_path / "both.csv").write_text(HEADER.strip() + ",mass_kg\n", encoding="utf-8")
     with pytest.raises(
         DataError, match=r"both\.csv: expected the columns name,mass_kg,quantity and at least one plate"

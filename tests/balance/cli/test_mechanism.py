@@ -166,7 +166,7 @@ def test_json_of_check(balance):
 
 
 def test_force_per_g_of_the_unbalanced_machine(balance):
-    """59.617 N per g0 at 5 kg without counter-masses, stated beside what is left with them."""
+    """59.617 N per g0 at 5 kg without counter-masses, stated with the residual force with them."""
     counters = ("-c", "counter_A0A=24.2626kg", "-c", "counter_B0B=24.2626kg")
     document = json.loads(balance("check", "parallelogram-6bar", "-p", "platform=5kg", *counters, "--json").out)
     assert document["shaking_force_without_counter_masses_N_per_g"] == pytest.approx(59.617, abs=5e-4)
@@ -174,7 +174,7 @@ def test_force_per_g_of_the_unbalanced_machine(balance):
 
 
 def test_people_read_the_verdict(balance):
-    """Residual with per cent, balanced payload beside the asked one, force per g0; finding a residual is exit 0."""
+    """Residual with per cent, balanced and asked payload, force per g0; finding a residual is exit 0."""
     code, out, _ = balance("check", "parallelogram-6bar", *BUILT)
     assert code == 0
     for text in ("0.03081 kg m", "4.58 %", "3.2062 kg", "asked: 3.4116 kg", "N per g0"):

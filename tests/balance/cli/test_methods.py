@@ -20,7 +20,7 @@ def run(command, *arguments: str) -> tuple[int, str]:
 
 
 def test_methods_side_by_side(tmp_path):
-    """Nine rows, printed conditions beside them; the same numbers in JSON; a figure."""
+    """Nine rows, published conditions compared; the same numbers in JSON; a figure."""
     figure = tmp_path / "methods.svg"
     code, output = run(methods, "four-bar", "--figure", str(figure))
     assert code == 0
@@ -111,7 +111,7 @@ def test_needs_are_printed_with_their_units():
 
 
 def test_springs_that_leave_a_swing_are_a_finding(tmp_path):
-    """Stiffness given and wrong: how much they leave is said, and the exit code is 3."""
+    """Stiffness given and wrong: the residual is stated, and the exit code is 3."""
     path = tmp_path / "springs.toml"
     spring = """[[spring]]
 first = { body = "base", at = ["0 m", "0.2 m", "0 m"] }
@@ -129,17 +129,17 @@ stiffness = "50 N/m"
 
 
 @pytest.mark.parametrize(
-    ("gravity", "said"),
+    ("gravity", "stated"),
     [("0 0 -9.81", "Needs springs 0"), ("0 0 0", "springs: not needed: its file has no gravity.")],
 )
-def test_a_level_mechanism_needs_no_static_balance(tmp_path, gravity, said):
+def test_a_level_mechanism_needs_no_static_balance(tmp_path, gravity, stated):
     """Weight across the plane does no work, and none does none; the other methods are compared all the same."""
     path = tmp_path / "level.xml"
     text = datasets.find_dataset("four-bar", "mechanisms", ".xml").read_text(encoding="utf-8")
     path.write_text(text.replace("0 -9.81 0", gravity), encoding="utf-8")
     code, output = run(methods, str(path), "--motion", "four-bar")
     assert code == 0
-    assert said in output
+    assert stated in output
     if gravity != "0 0 0":
         assert "Nothing to balance: the weight of level does no work" in run(static, str(path))[1]
 

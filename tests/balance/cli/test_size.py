@@ -100,7 +100,7 @@ PAYLOADS = ("-p", "platform=5kg", "-p", "platform=1.451kg", "-p", "platform=3.41
 
 
 def test_sets_that_grow_with_the_payload(balance):
-    """Rising payloads, each set holding the one before; the sets that were built stand beside, not in place."""
+    """Rising payloads, each set holding the one before; the sets that were built are added, not substituted."""
     document = json.loads(balance("size", "parallelogram-6bar", *PAYLOADS, "--stock", "kiper2019", "--json").out)
     assert [s["payload_kg"]["platform"] for s in document["sets"]] == [1.451, 3.4116, 5.0]
     assert all(s.keys() >= KEYS for s in document["sets"])
@@ -116,7 +116,7 @@ def test_sets_that_grow_with_the_payload(balance):
 
 
 def test_exact_sets_that_grow(balance):
-    """Without stock: each payload exactly, and what is added; nothing published stands beside."""
+    """Without stock: each payload exactly, and what is added; nothing published is added."""
     document = json.loads(balance("size", "parallelogram-6bar", *PAYLOADS, "--json").out)
     assert [s["increments_kg"]["counter_B0B"] for s in document["sets"]] == pytest.approx(
         [10.099021, 7.831957, 6.34514], abs=1e-6

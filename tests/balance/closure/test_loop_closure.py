@@ -24,7 +24,7 @@ LOOPED = {
 
 @pytest.mark.parametrize("name", LOOPED)
 def test_degrees_of_freedom_and_rank(name: str) -> None:
-    """Redundant rows are told from independent ones: planar loops as point anchors, Bennett's as a weld."""
+    """Redundant rows are distinguished from independent ones: planar loops as point anchors, Bennett's as a weld."""
     text, dof, rank = LOOPED[name]
     closure = Closure(models.model(text))
     assert (closure.dof, len(closure.rows)) == (dof, rank)
@@ -105,7 +105,7 @@ def test_a_structure_has_no_room_to_move() -> None:
 
 @pytest.mark.parametrize("joints", [("A0",), ("A0", "A", "B0")])
 def test_the_wrong_number_of_driven_coordinates_is_refused(joints: tuple[str, ...]) -> None:
-    """A motion must drive as many coordinates as the mechanism has degrees of freedom; both are said."""
+    """A motion must drive as many coordinates as the mechanism has degrees of freedom; the message has both."""
     closure = Closure(models.load("parallelogram-6bar"))
     n = len(joints)
     samples = Samples(np.zeros(1), np.zeros((1, n)), np.zeros((1, n)), np.zeros((1, n)), joints=joints)

@@ -143,7 +143,7 @@ def test_an_arm_stretched_beyond_its_reach_is_refused() -> None:
 
 
 def test_an_arm_stretched_is_singular() -> None:
-    """At full stretch the tip's position does not determine the joints: refused as singular or out of reach."""
+    """Fully extended, the tip's position does not determine the joints: refused as singular or out of reach."""
     closure = Closure(models.load("serial-2r"))
     position = np.array([[0.4, 0.0], [0.5, 0.0], [0.55, 0.0]])
     samples = Samples(np.arange(3.0), position, 0 * position, 0 * position, point="tip")
@@ -200,7 +200,7 @@ def test_a_point_that_does_not_determine_the_mechanism_is_singular() -> None:
 
 
 def test_from_a_trajectory_near_by():
-    """From a trajectory near by, without continuation, a motion is closed alike; one that is far off is refused."""
+    """A trajectory close by gives the same as continuation; one far off is refused."""
     mechanism = models.load("parallelogram-6bar")
     closure = Closure(mechanism)
     time = np.linspace(0.0, 1.0, 60)

@@ -206,7 +206,7 @@ def test_the_drive_torque_does_not_depend_on_what_the_motion_is_given_in() -> No
 
 
 def test_too_few_motors_are_refused() -> None:
-    """One motor on a mechanism of two degrees of freedom leaves its torque undetermined: said, with both numbers."""
+    """One motor on a mechanism of two degrees of freedom does not determine its torque: refused, with both numbers."""
     text = models.load("parallelogram-6bar").text.replace('<motor name="motor_B0" joint="B0"/>', "")
     mechanism = models.model(text)
     with pytest.raises(ModelError, match="2 degrees of freedom and 1 driven joint"):

@@ -61,12 +61,12 @@ def test_recursion():
     """All samples at once are what one step after the other gives, over several blocks."""
     rng = np.random.default_rng(1)
     a, b, w = rng.normal(size=(4, 4)) - 3.0 * np.eye(4), rng.normal(size=(4, 2)), rng.normal(size=(777, 2))
-    held = np.repeat(w[:1], 777, axis=0)
+    constant = np.repeat(w[:1], 777, axis=0)
     phi, rest, state = expm(0.01 * a), np.zeros(4), []
     for _ in range(777):
         state.append(rest)
         rest = phi @ rest + np.linalg.solve(a, (phi - np.eye(4)) @ b @ w[0])
-    assert linear_response(a, b, held, 0.01) == pytest.approx(np.array(state), abs=1e-12)
+    assert linear_response(a, b, constant, 0.01) == pytest.approx(np.array(state), abs=1e-12)
 
 
 def test_ramp():
@@ -79,7 +79,7 @@ def test_ramp():
 
 @pytest.mark.parametrize("count", [1, 2, 127, 128, 129, 300])
 def test_several_at_once(count):
-    """Several signals through one system are as each for itself, whatever their length beside that of a block."""
+    """Several signals through one system are as each for itself, whatever their length relative to a block."""
     rng = np.random.default_rng(2)
     a, b, w = np.array([[0.0, 1.0], [-400.0, -4.0]]), np.array([[0.0], [1.0]]), rng.normal(size=(count, 3, 1))
     together = linear_response(a, b, w, 0.01)

@@ -232,7 +232,7 @@ def test_loops_of_the_manipulator_are_where_they_are_named() -> None:
     ],
 )
 def test_gravity_is_that_of_the_file(options: str, gravity: list[float]) -> None:
-    """MuJoCo's default where nothing is said, the last word where it is said twice."""
+    """MuJoCo's default where none is stated, the last one where it is stated twice."""
     mechanism = models.model(models.mjcf(models.link("", "a"), options=options))
     np.testing.assert_array_equal(mechanism.gravity, gravity)
 

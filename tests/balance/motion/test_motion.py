@@ -1,4 +1,4 @@
-"""Motions: straight legs of limited jerk from rest to rest, polygons, samples of a file; wrong sheets are refused."""
+"""Motions: straight legs of limited jerk from rest to rest, polygons, samples of a file; wrong files are refused."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from balance.motion import Motion, Samples
 from balance.motion.motion_files import load_motion, motion_from_table
 from balance.units import G0
 
-SHEET: dict[str, object] = {
+KEYS: dict[str, object] = {
     "driven": "platform",
     "start": ["0 m", "0.212 m"],
     "peak_acceleration": "3 g0",
@@ -31,8 +31,8 @@ RATE = 20_000.0
 
 
 def motion(**changes: object) -> Motion:
-    """The sheet with changes; None takes a key out."""
-    return motion_from_table({key: value for key, value in (SHEET | changes).items() if value is not None})
+    """The keys with changes; None takes a key out."""
+    return motion_from_table({key: value for key, value in (KEYS | changes).items() if value is not None})
 
 
 @pytest.mark.parametrize("ramp", [0.05, 0.25, 0.5])
@@ -171,13 +171,13 @@ FILES = {
 
 @pytest.mark.parametrize("case", FILES)
 def test_wrong_files_of_samples(tmp_path: Path, case: str) -> None:
-    """The sheet, the file and what it must hold are named."""
+    """The motion file, the CSV and its expected content are named."""
     content, message = FILES[case]
     if content is not None:
         (tmp_path / "path.csv").write_text(content, encoding="utf-8")
-    (tmp_path / "sheet.toml").write_text('samples = "path.csv"\n', encoding="utf-8")
-    with pytest.raises(DataError, match=rf"^sheet\.toml: samples: .*{message}"):
-        load_motion(tmp_path / "sheet.toml")
+    (tmp_path / "motion.toml").write_text('samples = "path.csv"\n', encoding="utf-8")
+    with pytest.raises(DataError, match=rf"^motion\.toml: samples: .*{message}"):
+        load_motion(tmp_path / "motion.toml")
 
 
 WRONG = {
