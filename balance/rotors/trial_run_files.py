@@ -273,10 +273,11 @@ class _Builder:
             raise DataError("weights: are in the first run: expected the rotor as found, without trial weights")
         trial = np.zeros_like(on) if table.weights is None else self._trial(table.weights)
         values, errors = self._readings(table.readings, "readings")
-        if table.phases_alike and errors is None:
-            raise DataError("phases_alike: needs intervals of the readings, which are not given")
-        if unknown := set(table.phases_alike) - {speed for _, speed in self.rows}:
-            raise DataError(f"phases_alike: {min(unknown)!r} is no speed of this run's readings")
+        with in_file("phases_alike"):
+            if table.phases_alike and errors is None:
+                raise DataError("needs intervals of the readings, which are not given")
+            if unknown := set(table.phases_alike) - {speed for _, speed in self.rows}:
+                raise DataError(f"{min(unknown)!r} is no speed of this run's readings")
         common = {speed: standard_deviation_within(half) for speed, half in table.phases_alike.items()}
         return TrialRun(table.name, on + trial, trial, table.stayed_on, values, errors, common)
 
