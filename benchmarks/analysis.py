@@ -95,11 +95,11 @@ def _force_units() -> dict[str, str]:
 def ours(folder: Path, out: Path) -> None:
     """As the product does."""
     from testbench.store import open_campaign
-    from testbench.vibration.channel_levels import of_runs
+    from testbench.vibration.channel_levels import levels_of_runs
     from testbench.vibration.run_pairs import ConditionKey
 
     found, keys = {}, {}
-    for run, some in of_runs(open_campaign(folder).runs, segment=SEGMENT):
+    for run, some in levels_of_runs(open_campaign(folder).runs, segment=SEGMENT):
         found[run.name] = {one.column.channel: [*one.metrics.values(), one.spectrum.power()] for one in some}
         keys[run.name] = str(ConditionKey.of(run)), bool(run.conditions.get("counter_masses"))
     _write(out, found, keys)

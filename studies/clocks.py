@@ -18,7 +18,7 @@ from testbench.rig import Rig, load_rig
 from testbench.rig.sensors import Encoder
 from testbench.runs.si_run import SIRun
 from testbench.simulator.run import BenchRun, simulate_run
-from testbench.simulator.sensors import Transducer, draw_transducer
+from testbench.simulator.sensors import Transducer, draw_transducers
 from testbench.simulator.simulated_logs import SimulatedRun, lead_s, record_run
 from testbench.synchronization.run_alignment import RunClocks, align_run
 
@@ -70,7 +70,7 @@ class Case:
             for name, logger in self.rig.loggers.items()
         }
         rig = self.rig.model_copy(update={"loggers": loggers})
-        return record_run(rig, self.planned, self.bench, draw_transducer(self.rig, seed) | self._steps(rng), (seed, 0))
+        return record_run(rig, self.planned, self.bench, draw_transducers(self.rig, seed) | self._steps(rng), (seed, 0))
 
     def _steps(self, rng: np.random.Generator) -> dict[str, Transducer]:
         """Encoders with their zero anywhere within a step, as encoders are mounted."""

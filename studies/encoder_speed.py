@@ -11,7 +11,7 @@ import numpy as np
 
 from balance.drives.drive_files import load_drive
 from balance.drives.harmonic_balance import SteadyRotation, steady_rotation
-from testbench.rotating import Disc, SteadySpeedFit, edges_of, periodic_turn
+from testbench.rotating import Disc, SteadySpeedFit, number_edges, periodic_turn
 
 from .table import Row, covered
 
@@ -47,7 +47,7 @@ def log(
     k = np.arange(1, 60)
     time = motion.period * phi / (2 * np.pi) + np.real(np.exp(1j * np.outer(phi, k)) @ (waves / (1j * k)))
     time = time + rng.normal(0.0, jitter, len(edge))
-    return periodic_turn(edges_of("log", np.round(time / clock) * clock if clock else time, Disc(pulses)))
+    return periodic_turn(number_edges("log", np.round(time / clock) * clock if clock else time, Disc(pulses)))
 
 
 def study(count: int, brief: bool) -> Iterator[Row]:
@@ -60,9 +60,9 @@ def study(count: int, brief: bool) -> Iterator[Row]:
         error = np.sqrt(np.mean([(estimate.value - fluctuation) ** 2 for estimate in found]))
         width = np.median([0.5 * (estimate.high - estimate.low) for estimate in found]) / error
         hits = {
-            "fluctuation": sum(estimate.holds(fluctuation) for estimate in found),
-            "fastest": sum(turn.fastest.holds(motion.fastest[1]) for turn in turns),
-            "mean": sum(turn.mean.holds(motion.mean_speed) for turn in turns),
+            "fluctuation": sum(estimate.contains(fluctuation) for estimate in found),
+            "fastest": sum(turn.fastest.contains(motion.fastest[1]) for turn in turns),
+            "mean": sum(turn.mean.contains(motion.mean_speed) for turn in turns),
         }
         for quantity, number in hits.items():
             note = f"half width over rms error {width:.2f}" if quantity == "fluctuation" else ""

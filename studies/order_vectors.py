@@ -1,7 +1,7 @@
 """Coverage of the intervals of ``testbench vectors``: simulated rotors whose truth is known.
 
 Accelerations of one sensor with orders 1 to 3, noise, and a tone that does not turn with the rotor, timed by a sine or
-by short pulses. Where the sampling keeps step with the speed (a finding says so) the interval is a bound.
+by short pulses. Where the sampling is synchronous with the speed (a finding says so) the interval is a bound.
 """
 
 from collections.abc import Iterator

@@ -17,9 +17,9 @@ from testbench.campaign_plan import PlannedRun
 from testbench.kinematics.motion_onset import rest_before
 from testbench.rig import Rig, load_rig
 from testbench.signal.filters import Band
-from testbench.simulator.loggers import instants, reading
+from testbench.simulator.loggers import digitized, sample_instants
 from testbench.simulator.run import simulate_run
-from testbench.simulator.sensors import base_acceleration, signals
+from testbench.simulator.sensors import base_acceleration, true_signals
 from testbench.vibration import Amplitude, AmplitudeLikelihood, ConditionAmplitude, Group, Noise, Ratio, Repeatability
 from testbench.vibration.metrics import METRICS, Measure, Metric
 from testbench.vibration.reduction import analyze
@@ -101,7 +101,7 @@ class Condition:
         rig = self.case.rig
         logger = rig.sensors["base_acc"].logger
         rate = rig.loggers[logger].rate
-        read = {c: reading(c, self.seen[c.channel], rng) * c.factor for c in rig.columns(logger)}
+        read = {c: digitized(c, self.seen[c.channel], rng) * c.factor for c in rig.columns(logger)}
         still = rest_before(list(read.values()), rate)
         assert still is not None
         return {
@@ -114,7 +114,7 @@ class Condition:
         """The amplitude without noise [m/s2]."""
         sensor = self.case.rig.base_accelerometers["base_acc"]
         channel = next(c.channel for c in sensor.columns("base_acc") if c.component == axis)
-        return measure.of(self.seen[channel], self.case.rig.loggers[sensor.logger].rate)
+        return measure.amplitude(self.seen[channel], self.case.rig.loggers[sensor.logger].rate)
 
 
 def conditions(case: Case) -> tuple[Condition, Condition]:
@@ -127,9 +127,9 @@ def conditions(case: Case) -> tuple[Condition, Condition]:
         run = simulate_run(
             case.rig, mechanism, PlannedRun("r", case.payload, masses, case.motion, case.acceleration_g * G0, 1)
         )
-        true = instants(logger, float(run.time[-1]))[1]
+        true = sample_instants(logger, float(run.time[-1]))[1]
         found.append(
-            Condition(case, {name: np.interp(true, run.time, s) for name, s in signals(case.rig, run).items()})
+            Condition(case, {name: np.interp(true, run.time, s) for name, s in true_signals(case.rig, run).items()})
         )
     return found[0], found[1]
 
@@ -159,7 +159,7 @@ def tally(case: Case, seeds: range, repeats: int = 1, axes: str = "xyz") -> dict
             ]
             for count in range(1, repeats + 1):
                 sums, ratio = found.setdefault((count, axis, metric), RatioTally()), ratio_of(judged[:count])
-                sums.add(ratio.speaks_for(truth))  # where no reduction is defined, every truth is possible
+                sums.add(ratio.accepts(truth))  # where no reduction is defined, every truth is possible
                 sums.undefined += not ratio.defined
                 sums.below_noise += ratio.defined and ratio.below_noise
     return found
@@ -200,6 +200,6 @@ def campaigns(seeds: range, repeats: int, metric: Metric) -> dict[tuple[int, str
 def _amplitudes(one: Scene, measure: Measure) -> dict[str, float]:
     """Amplitude at the base accelerometer without noise, by axis [m/s2]."""
     logger, time = one.rig.loggers["daq"], one.bench.time
-    true = instants(logger, float(time[-1]))[1]
+    true = sample_instants(logger, float(time[-1]))[1]
     seen = base_acceleration(one.rig.base_accelerometers["base_acc"], one.bench)
-    return {axis: measure.of(np.interp(true, time, seen[axis]), logger.rate) for axis in "xyz"}
+    return {axis: measure.amplitude(np.interp(true, time, seen[axis]), logger.rate) for axis in "xyz"}

@@ -15,9 +15,9 @@ from testbench.recording import Channel, TimeColumn, UniformClock
 from testbench.rig import Rig
 from testbench.runs.aligned_run import AlignedRun
 from testbench.runs.si_run import SIRun
-from testbench.simulator.loggers import Log, record
+from testbench.simulator.loggers import Log, record_log
 from testbench.simulator.run import BenchRun, simulate_run
-from testbench.simulator.sensors import signals
+from testbench.simulator.sensors import true_signals
 from testbench.simulator.simulated_logs import SimulatedRun
 from testbench.store.run import Run, StoredGroup
 
@@ -55,7 +55,7 @@ class Scene:
             columns = list(self.rig.columns(name))
             if columns and (loggers is None or name in loggers):
                 drawn = logger.model_copy(update=self.starts(seed)[name])
-                log = record(drawn, columns, self.bench.time, self.seen, (seed, number))
+                log = record_log(drawn, columns, self.bench.time, self.seen, (seed, number))
                 recorded[name] = _written(log, self.rig, name)
         return _memory_run(f"seed{seed}.h5", self.rig, self.planned, recorded)
 
@@ -114,7 +114,7 @@ def scene(
     rig = rig or rigs.load_rig(MANIPULATOR)
     planned = planned_run(motion, masses, acceleration_g, payload)
     bench = simulate_run(rig, load_mechanism(MANIPULATOR), planned)
-    return Scene(rig, planned, bench, signals(rig, bench))
+    return Scene(rig, planned, bench, true_signals(rig, bench))
 
 
 def aligned(runs: Sequence[Run], mechanism: Mechanism, rig: Rig | None = None) -> list[AlignedRun]:

@@ -12,7 +12,7 @@ from balance.mechanism.mjcf_parser import load_mechanism
 from testbench import rig as rigs
 from testbench.rig import Rig
 from testbench.simulator.run import simulate_run
-from testbench.simulator.sensors import draw_transducer
+from testbench.simulator.sensors import draw_transducers
 from testbench.simulator.simulated_logs import lead_s, record_run
 from testbench.trim import trim_runs
 
@@ -96,7 +96,7 @@ class _DeepScene(Scene):
             for name, logger in self.rig.loggers.items()
         }
         rig = self.rig.model_copy(update={"loggers": started})
-        made = record_run(rig, self.planned, self.bench, draw_transducer(self.rig, seed // 1000), (seed, 0))
+        made = record_run(rig, self.planned, self.bench, draw_transducers(self.rig, seed // 1000), (seed, 0))
         return stored(made, self.rig, f"seed{seed}.h5")
 
 

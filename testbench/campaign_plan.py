@@ -20,16 +20,16 @@ from .rig import schema
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """One run: what a person sets up at the bench, or what is simulated."""
+    """One run, to be set up at the bench or simulated."""
 
     name: str
     payload: float
     """Everything that the platform carries, itself included [kg]."""
     counter_masses: dict[str, float]
-    """By site [kg]; empty without counter-masses."""
+    """Counter-mass by site [kg]; empty without counter-masses."""
     motion: str
     peak_acceleration: float
-    """[m/s2]"""
+    """Peak acceleration of the motion [m/s2]."""
     repeat: int
 
     @property
@@ -62,7 +62,7 @@ class Condition(Table):
     """Whether every run is made without counter-masses too."""
 
     def combinations(self) -> Iterator[tuple[float, dict[str, float], str, float]]:
-        """Payload [kg], counter-masses [kg], motion, peak acceleration [m/s2]; with counter-masses before without."""
+        """Payload [kg], counter-masses [kg], motion, peak acceleration [m/s2]; runs with counter-masses first."""
         sets = [self.counter_masses] + [{}] * (self.also_without and bool(self.counter_masses))
         for payload, motion, acceleration in product(self.payload, self.motion, self.peak_acceleration):
             for masses in sets:
@@ -84,7 +84,7 @@ class Plan(Table):
     """Conditions of the runs."""
 
     def runs(self) -> list[PlannedRun]:
-        """All runs in order, named ``r001``, ``r002``, ...; what several conditions ask for is run once a repeat."""
+        """All runs in order, named ``r001``, ``r002``, ...; one that several conditions contain is made once."""
         distinct: dict[object, tuple[float, dict[str, float], str, float]] = {}
         for condition in self.conditions:
             for payload, masses, motion, acceleration in condition.combinations():
@@ -104,6 +104,6 @@ def load_plan(name: str | Path) -> Plan:
     return load_model(Plan, path, RigError)
 
 
-def from_text(text: str, source: str = "plan") -> Plan:
+def plan_from_text(text: str, source: str = "plan") -> Plan:
     """Read a plan from its text; ``source`` is what messages call it."""
     return model_from_table(Plan, toml_tables(text, source, RigError), source, RigError)

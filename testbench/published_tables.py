@@ -1,4 +1,4 @@
-"""Printed tables of reductions (``datasets/published``), as printed."""
+"""Published tables of reductions (``datasets/published``), with the numbers as printed."""
 
 import json
 import math
@@ -12,43 +12,43 @@ from balance.errors import DataError
 from .errors import AnalysisError
 
 LABEL_STEP_KG = 0.01
-"""Payloads are printed to two decimals [kg]: 1.451 kg as 1.45, 3.4116 kg as 3.41."""
+"""Step of printed payloads [kg]: 1.451 kg is printed as 1.45, 3.4116 kg as 3.41."""
 ORIGINAL_LOGS = "The original logs of the manipulator tests are not available: only these printed numbers are."
 NO_ORIGINALS = "The original logs of the manipulator tests are not available: what is shown for them here is simulated."
-"""Beside reductions of simulated runs of that manipulator."""
+"""Note with reductions of simulated runs of that manipulator."""
 MANIPULATOR = "parallelogram-6bar"
-"""Beginning of the names of the mechanisms that stand for it."""
+"""Beginning of the names of the mechanisms that model it."""
 _TABLE = "acceleration_amplitude_reduction_percent"
-_SLIDE = "force_x_motion_5kg_3g"
+_EXTREMES = "force_x_motion_5kg_3g"
 """Key of the force sensors' extremes in a file of published numbers."""
 PAYLOAD_KG, MOTION, PEAK_G = 5.0, "x", 3.0
 
 
 @dataclass(frozen=True)
-class ForceSlide:
-    """Smallest and largest reading of the force sensors in one condition [N]; the acceleration's printed fall [%]."""
+class ForceExtremes:
+    """Smallest and largest force of the sensors in one condition [N], and the acceleration's printed reduction [%]."""
 
     without: tuple[float, float]
     balanced: tuple[float, float]
     acceleration_percent: float
 
     @classmethod
-    def of(cls, tests: Mapping[str, Any], acceleration_percent: float | None) -> "ForceSlide | None":
-        """From the tests of a file of published numbers; None where it has no such slide."""
-        if _SLIDE not in tests or acceleration_percent is None:
+    def of(cls, tests: Mapping[str, Any], acceleration_percent: float | None) -> "ForceExtremes | None":
+        """From the tests in a file of published numbers; None where it has no such extremes."""
+        if _EXTREMES not in tests or acceleration_percent is None:
             return None
-        ends = [tuple(map(float, tests[_SLIDE][f"{name}_min_max_N"])) for name in ("unbalanced", "balanced")]
+        ends = [tuple(map(float, tests[_EXTREMES][f"{name}_min_max_N"])) for name in ("unbalanced", "balanced")]
         (low, high), (low_with, high_with) = ends
         return cls((low, high), (low_with, high_with), acceleration_percent)
 
     @property
     def reductions(self) -> dict[str, float]:
-        """By how much each amplitude that extremes allow falls [%]."""
+        """Reduction of each amplitude that the extremes define [%]."""
         (low, high), (low_with, high_with) = self.without, self.balanced
         return {
-            "peak_to_peak": _fall(high - low, high_with - low_with),
-            "positive_peak": _fall(high, high_with),
-            "negative_peak": _fall(-low, -low_with),
+            "peak_to_peak": _reduction(high - low, high_with - low_with),
+            "positive_peak": _reduction(high, high_with),
+            "negative_peak": _reduction(-low, -low_with),
         }
 
     @property
@@ -57,51 +57,52 @@ class ForceSlide:
         return self.without[1] - self.without[0], self.balanced[1] - self.balanced[0]
 
     def contradiction(self) -> str:
-        """What disagrees, in printed numbers alone."""
-        falls, (low, high), (low_with, high_with) = self.reductions, self.without, self.balanced
+        """How the force and the acceleration of one condition disagree, in printed numbers."""
+        reductions, (low, high), (low_with, high_with) = self.reductions, self.without, self.balanced
         return (
             f"Two printed numbers of one condition ({PAYLOAD_KG:g} kg, {MOTION}, {PEAK_G:g} g0) disagree: the base's "
-            f"acceleration along {MOTION} falls by {self.acceleration_percent:.1f} %, the force between mechanism and "
-            f"base by {falls['peak_to_peak']:.1f} % peak to peak ({self.spans[0]:.1f} to {self.spans[1]:.2f} N). "
-            f"Its positive peak goes from {high:.1f} to {high_with:.1f} N, a fall of {falls['positive_peak']:.1f} %, "
-            f"its negative one from {low:.1f} to {low_with:.2f} N, a fall of {falls['negative_peak']:.1f} %."
+            f"acceleration along {MOTION} is reduced by {self.acceleration_percent:.1f} %, the force between mechanism "
+            f"and base by {reductions['peak_to_peak']:.1f} % peak to peak ({self.spans[0]:.1f} to "
+            f"{self.spans[1]:.2f} N). Its positive peak goes from {high:.1f} to {high_with:.1f} N, a reduction of "
+            f"{reductions['positive_peak']:.1f} %, its negative one from {low:.1f} to {low_with:.2f} N, "
+            f"a reduction of {reductions['negative_peak']:.1f} %."
         )
 
 
 @dataclass(frozen=True)
 class Published:
-    """A printed table: reductions of amplitude [%] by payload as printed [kg], motion, peak acceleration [g0]."""
+    """A published table: reductions [%] by axis, by payload as printed [kg], motion and peak acceleration [g0]."""
 
     name: str
     source: str
     definition: str
-    """What the source says on how amplitudes were taken."""
+    """How amplitudes were taken, by the source."""
     rows: dict[tuple[float, str, float], dict[str, float]]
-    slide: ForceSlide | None = None
-    """Extremes of force sensors that are printed beside the table."""
+    force_extremes: ForceExtremes | None = None
+    """Extremes of the force sensors that are printed with the table."""
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a reader of the table must know."""
+        """Notes for who reads the table."""
         logs = (ORIGINAL_LOGS,) if self.name == "kiper2019" else ()
-        if self.slide is None:
+        if self.force_extremes is None:
             return logs
-        return (*logs, f"{self.slide.contradiction()} testbench predict says what can reconcile them, and what cannot.")
+        return (
+            *logs,
+            f"{self.force_extremes.contradiction()} testbench predict names what can reconcile them, and what cannot.",
+        )
 
     def reduction(self, payload_kg: float, motion: str, peak_acceleration_g: float, axis: str) -> float | None:
-        """The printed reduction [%] of a condition and axis, or None if there is none.
-
-        A payload has the label that is nearest to it, if it rounds to that label.
-        """
-        for (label, moved, acceleration), axes in self.rows.items():
-            near = abs(payload_kg - label) <= LABEL_STEP_KG / 2.0
-            if near and moved == motion and abs(acceleration - peak_acceleration_g) < 1e-6:
+        """The printed reduction [%] of a condition and axis; None if there is none. Payloads match rounded."""
+        for (printed_kg, printed_motion, acceleration), axes in self.rows.items():
+            near = abs(payload_kg - printed_kg) <= LABEL_STEP_KG / 2.0
+            if near and printed_motion == motion and abs(acceleration - peak_acceleration_g) < 1e-6:
                 return axes.get(axis)
         return None
 
 
 def load_published(name: str) -> Published:
-    """A shipped table by name, such as ``kiper2019``, or a file of the same form."""
+    """A shipped table by name, such as ``kiper2019``, or a file of the same form. Raises AnalysisError for another."""
     try:
         path = datasets.find_dataset(name, "published", ".json")
         document = json.loads(path.read_text(encoding="utf-8"))
@@ -114,8 +115,8 @@ def load_published(name: str) -> Published:
         for condition, percents in rows.items():
             if not all(map(math.isfinite, (*percents.values(), condition[0], condition[2]))):
                 raise AnalysisError(f"{path.name}: {condition} has {percents}: expected numbers")
-        slide = ForceSlide.of(document.get("tests", {}), _axis(rows, PAYLOAD_KG, MOTION, PEAK_G))
-        return Published(path.stem, str(document["source"]), str(table["definition"]), rows, slide)
+        extremes = ForceExtremes.of(document.get("tests", {}), rows.get((PAYLOAD_KG, MOTION, PEAK_G), {}).get(MOTION))
+        return Published(path.stem, str(document["source"]), str(table["definition"]), rows, extremes)
     except DataError as error:
         raise AnalysisError(str(error)) from error
     except (UnicodeDecodeError, ValueError, KeyError, TypeError, AttributeError) as error:
@@ -124,12 +125,5 @@ def load_published(name: str) -> Published:
         ) from error
 
 
-def _axis(
-    rows: dict[tuple[float, str, float], dict[str, float]], payload: float, motion: str, acceleration: float
-) -> float | None:
-    """The printed reduction along the motion [%]."""
-    return rows.get((payload, motion, acceleration), {}).get(motion)
-
-
-def _fall(without: float, balanced: float) -> float:
+def _reduction(without: float, balanced: float) -> float:
     return 100.0 * (1.0 - balanced / without)

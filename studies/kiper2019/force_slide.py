@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from balance.units import G0
-from testbench.published_tables import MOTION, PAYLOAD_KG, PEAK_G, ForceSlide
+from testbench.published_tables import MOTION, PAYLOAD_KG, PEAK_G, ForceExtremes
 
 from .model import Cases
 
 
-def reading(slide: ForceSlide, cases: Cases) -> "Reading | None":
+def reading(slide: ForceExtremes, cases: Cases) -> "Reading | None":
     """The slide beside the mechanics of its condition; None where the cases lack it."""
     same = np.isclose(cases.payload_kg, PAYLOAD_KG) & (cases.motion == MOTION)
     at = same & np.isclose(cases.peak_acceleration, PEAK_G * G0)
@@ -21,7 +21,7 @@ def reading(slide: ForceSlide, cases: Cases) -> "Reading | None":
 class Reading:
     """The slide beside the shaking force and moment of the rigid mechanism [N, N m]."""
 
-    slide: ForceSlide
+    slide: ForceExtremes
     force_without: float
     force_left: float
     force_taken: float
@@ -31,16 +31,16 @@ class Reading:
     @property
     def unbalanced_mass(self) -> float:
         """Mass at the platform that would cause the span that remains [kg]."""
-        return self.slide.spans[1] / 2.0 / (PEAK_G * G0)
+        return self.force_extremes.spans[1] / 2.0 / (PEAK_G * G0)
 
     @property
     def would_remain(self) -> float:
         """Peak to peak that would remain if the force fell as the acceleration did [N]."""
-        return self.slide.spans[0] * (1.0 - self.slide.acceleration_percent / 100.0)
+        return self.force_extremes.spans[0] * (1.0 - self.force_extremes.acceleration_percent / 100.0)
 
     def cannot(self) -> tuple[str, ...]:
         """What does not reconcile the two."""
-        falls, spans = self.slide.reductions.values(), self.slide.spans
+        falls, spans = self.force_extremes.reductions.values(), self.force_extremes.spans
         off = abs(2.0 * self.force_without / spans[0] - 1.0)
         return (
             "an offset of the sensors: it moves both peaks alike and leaves peak to peak as it is",

@@ -108,7 +108,7 @@ def _group(group: Group) -> dict[str, Any]:
 
 
 def _reading(reading: Reading) -> dict[str, Any]:
-    slide = reading.slide
+    slide = reading.force_extremes
     return {
         "acceleration_reduction_percent": slide.acceleration_percent,
         "force_reduction_percent": slide.reductions,

@@ -253,9 +253,9 @@ class Forecast:
         )
 
     def _slide(self) -> list[str]:
-        if self.published.slide is None:
+        if self.published.force_extremes is None:
             return []
-        said = [self.published.slide.contradiction()]
+        said = [self.published.force_extremes.contradiction()]
         if self.reading:
             said += [f"What cannot reconcile them: {'; '.join(self.reading.cannot())}."]
             said += [f"What could, none of it decidable from print: {'; '.join(self.reading.can())}."]
@@ -269,7 +269,7 @@ def forecast(published: Published, plan: Plan) -> Forecast:
     known, asked = found.of_payload(lightest), found.without_payload(lightest)
     posterior = marginalise(known)
     predicted, interval = posterior.predict(asked)
-    beside = reading(published.slide, found) if published.slide else None
+    beside = reading(published.force_extremes, found) if published.force_extremes else None
     return Forecast(
         published, known, asked, fit(known), posterior, predicted, interval, scores(found, known, asked), beside
     )

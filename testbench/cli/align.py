@@ -74,7 +74,7 @@ def align(
     if cutoff is not None and not cutoff > 0.0:
         raise click.UsageError(f"--cutoff {cutoff:g}: expected a positive frequency")
     described = rigs.load_rig(rig) if rig else None
-    opened, unopened = options.each_run(runs)
+    opened, unopened = options.openable_runs(runs)
     if not dry_run:
         _refuse_read_only({run.path.parent for run in opened})
 

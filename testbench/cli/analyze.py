@@ -1,7 +1,4 @@
-"""``testbench analyze``.
-
-``testbench compare``.
-"""
+"""``testbench analyze`` and ``testbench compare``."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +14,7 @@ if TYPE_CHECKING:
     from ..published_tables import Published
     from ..signal.filters import Band
     from ..vibration.comparison import Comparison, Row
+    from ..vibration.metrics import Metric
     from ..vibration.reduction import Analysis
 
 
@@ -32,18 +30,19 @@ Exit codes: 0 done, 3 done with findings (no partner, doubtful channels, lower b
 @options.measure_options
 @figure_option
 @json_option
-def analyze(campaign: Path, metric: str, band: "Band | None", figure: str | None, as_json: bool) -> int:
-    """How much the vibration amplitude of the base fell, runs with counter-masses against runs without.
+def analyze(campaign: Path, metric: "Metric", band: "Band | None", figure: str | None, as_json: bool) -> int:
+    """By how much counter-masses reduce the vibration amplitude of the base: runs with them against runs without.
 
-    Runs of one payload, motion, acceleration and origin are compared. Noise, as the rest before the motion shows it,
-    is taken off. Intervals (95 %) come from the scatter of the campaign's repeats, pooled over its conditions, else
-    from that noise, propagated. Where what is left is not above the noise, the reduction is a lower bound:
+    Runs of one payload, motion, acceleration and origin are compared. The noise of the rest before the motion is
+    subtracted. Intervals (95 %) come from the scatter of the campaign's repeats, pooled over its conditions, else from
+    that noise, propagated. Where the residual vibration is not above the noise, the reduction is a lower bound:
     ">= 97.2 < noise".
     """
     from ..store import open_campaign
+    from ..vibration.metrics import Measure
     from ..vibration.reduction import analyze as analyzed
 
-    measure = options.measure_option(metric, band)
+    measure = Measure(metric, band)
     runs = open_campaign(campaign).runs
     analysis = analyzed(runs, measure)
     if figure:
@@ -69,11 +68,11 @@ def _print_reductions(campaign: Path, analysis: "Analysis", definition: str) -> 
          r.key.origin, " ".join(r.runs)]
         for r in analysis.reductions
     ]  # fmt: skip
-    header = ["payload kg", "motion", "peak g0", "sensor", "axis", "fell by % [95 %]", "with/without m/s2",
+    header = ["payload kg", "motion", "peak g0", "sensor", "axis", "reduction % [95 %]", "with/without m/s2",
               "noise m/s2", "n", "interval from", "origin", "runs"]  # fmt: skip
-    header, rows = options.with_sets(header, rows, analysis.reductions)
+    header, rows = options.with_counter_masses(header, rows, analysis.reductions)
     emit_table(f"Reduction of the base's vibration, {campaign.name}", header, rows, definition)
-    for note in (options.print_origins(analysis.origins), *analysis.notes):
+    for note in (options.origins_text(analysis.origins), *analysis.notes):
         click.echo(note)
     options.print_findings(analysis.findings)
 
@@ -101,23 +100,24 @@ def compare(
     campaign: Path,
     table: str,
     mechanism: str | None,
-    metric: str,
+    metric: "Metric",
     band: "Band | None",
     figure: str | None,
     as_json: bool,
 ) -> int:
-    """Reductions in three ways: analysed from the logs, simulated anew, and published.
+    """Reductions by three sources: analysed from the logs, simulated anew, and published.
 
     The simulation starts from the rig and the conditions that are stored with the runs, without noise.
     """
     from ..published_tables import load_published
     from ..store import open_campaign
-    from ..vibration.comparison import compare_campaign as compared
+    from ..vibration.comparison import compare_campaign
+    from ..vibration.metrics import Measure
 
     published = load_published(table)
-    measure = options.measure_option(metric, band)
+    measure = Measure(metric, band)
     runs = open_campaign(campaign).runs
-    comparison = compared(runs, published, measure, mechanism)
+    comparison = compare_campaign(runs, published, measure, mechanism)
     if figure:
         options.draw_figures(comparison, figure)
     if as_json:
@@ -144,12 +144,12 @@ def _document(comparison: "Comparison", published: "Published", definition: str)
 def _print_comparison(campaign: Path, comparison: "Comparison", published: "Published", definition: str) -> None:
     header = ["payload kg", "motion", "peak g0", "sensor", "axis", "analysed % [95 %]", "simulated %", "published %",
               "simulated shaking force %", "origin"]  # fmt: skip
-    title = f"Reduction of the base's vibration, {campaign.name}, beside {published.name}"
+    title = f"Reduction of the base's vibration, {campaign.name}, and of {published.name}"
     cells = [_cells(row) for row in comparison.rows]
-    header, cells = options.with_sets(header, cells, [row.analyzed for row in comparison.rows])
+    header, cells = options.with_counter_masses(header, cells, [row.analyzed for row in comparison.rows])
     emit_table(title, header, cells, definition)
-    printed = f"Published values as printed; amplitudes, says the source: {published.definition}."
-    for note in (options.print_origins(comparison.origins), printed, *comparison.notes):
+    printed = f"Published values as printed; amplitudes, according to the source: {published.definition}."
+    for note in (options.origins_text(comparison.origins), printed, *comparison.notes):
         click.echo(click.wrap_text(note, 110))
     options.print_findings(comparison.findings)
 

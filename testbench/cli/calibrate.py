@@ -107,7 +107,7 @@ def _runs(words: tuple[str, ...]) -> "tuple[list[Run], list[NotOpened]]":
             open_campaign(path)  # says what is there instead of runs
         elif not path.exists():
             raise StoreError(f"{path}: no such file; expected a stored run (.h5), or a campaign's folder")
-    return options.each_run(paths)
+    return options.openable_runs(paths)
 
 
 def _report_damaged(damaged: "list[NotOpened]") -> None:
@@ -171,7 +171,7 @@ def _each(texts: tuple[str, ...], option: str) -> str | dict[str, str] | None:
 def _list(runs: "list[Run]", damaged: "list[NotOpened]", as_json: bool) -> None:
     from ..runs import calibration_history
 
-    in_force = options.in_force(runs)
+    in_force = options.applied_calibrations(runs)
     folders = dict.fromkeys(run.path.parent for run in runs)
     names = {run.path.name for run in runs}
     records = [

@@ -50,10 +50,10 @@ def export(stored: Path, to: str, output: Path, licence: str | None, physical: b
         runs = options.opened_runs([stored])
         written = _crate(stored, runs, output, licence)
     else:
-        runs, refused = options.each_run([stored])
+        runs, refused = options.openable_runs([stored])
         written, failed = _files(runs, to, output, physical)
         refused += failed
-    applied = options.in_force(runs) if physical else []
+    applied = options.applied_calibrations(runs) if physical else []
     losses = [loss for one in written for loss in one.losses]
     if as_json:
         files = [{"file": str(one.file), "losses": list(one.losses)} for one in written]
@@ -65,7 +65,7 @@ def export(stored: Path, to: str, output: Path, licence: str | None, physical: b
             click.echo(plain_text(str(one.file)))
         for loss in losses:
             click.echo(f"  lost: {plain_text(loss)}")
-        options.say_each(applied)
+        options.print_applied_calibrations(applied)
     options.print_not_opened(refused)
     if refused:
         return EXIT_REFUSED
@@ -122,7 +122,7 @@ def archive(stored: tuple[Path, ...], output: Path, as_json: bool) -> int:
     """
     from ..store import append_only_records
 
-    runs, unopened = options.each_run(stored)
+    runs, unopened = options.openable_runs(stored)
     for folder in dict.fromkeys(run.path.parent for run in runs):
         append_only_records.read_records(
             folder
@@ -232,7 +232,7 @@ def list_runs(campaign: Path, as_json: bool) -> int:
     """The runs of a campaign, with the conditions of each."""
     from ..store import open_campaign
 
-    runs, refused = options.each_run(open_campaign(campaign).run_paths)
+    runs, refused = options.openable_runs(open_campaign(campaign).run_paths)
     if as_json:
         documents = [*map(run_document, runs), *(one.as_dict() for one in refused)]
         emit_json({"campaign": campaign.resolve().name, "runs": documents})

@@ -1,13 +1,4 @@
-"""Options that say how an amplitude is taken, and how reductions are printed.
-
-Which calibrations a command applied: said by every command that computes physical values.
-
-A bar on stderr with rate and time left: only on a terminal, and only where it is worth it.
-
-What the commands that read logs share: their options, findings for people, exit codes.
-
-RUN... on a command line: stored runs, or campaigns of them.
-"""
+"""What commands share: options of amplitudes and of text logs, RUN arguments, findings, calibrations, progress bar."""
 
 import re
 import sys
@@ -31,10 +22,16 @@ if TYPE_CHECKING:
     from ..signal.filters import Band
     from ..store import Run
     from ..vibration.comparison import Comparison
-    from ..vibration.metrics import Measure
     from ..vibration.reduction import Analysis, Reduction
 
 F = TypeVar("F", bound=Callable[..., Any])
+LEAST_PROGRESS = 20 << 20
+"""Work from which a progress bar is shown [bytes]."""
+SHOWN_PER_CODE = 5
+"""Findings of one code and file that are printed as text."""
+_DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "bar": "|", "blanks": " "}
+_DECIMALS = {"point": ".", "comma": ","}
+_ORDERS = ("dmy", "mdy", "ymd")
 _NUMBER = r"(\d+\.?\d*)"
 
 
@@ -78,20 +75,13 @@ def measure_options(command: F) -> F:
     return metric(band(command))
 
 
-def measure_option(metric: Any, band: "Band | None") -> "Measure":  # noqa: ANN401
-    """The measure that the options ask for."""
-    from ..vibration.metrics import Measure
-
-    return Measure(metric, band)
-
-
 def per_cent(value: float | None) -> str:
-    """One decimal, or a dash where there is none."""
+    """A percentage with one decimal, or a dash for None."""
     return "-" if value is None else f"{value:.1f}"
 
 
 def reduction_text(reduction: "Reduction") -> str:
-    """``94.2 [93.1, 95.0]``; a lower bound as ``>= 97.2``, with what bounds it."""
+    """``94.2 [93.1, 95.0]``; a lower bound as ``>= 97.2`` with its reason."""
     if reduction.limit == "at_least" and reduction.at_least is not None:
         return f">= {per_cent(reduction.at_least)} {'< noise' if reduction.below_noise else 'clipped'}"
     value = per_cent(reduction.percent)
@@ -112,7 +102,7 @@ def draw_figures(found: "Analysis | Comparison", file: str) -> None:
 
 
 def mounting_text(reductions: Sequence["Reduction"]) -> list[str]:
-    """Counter-masses of each reduction as ``12.5 + 12.9`` [kg], where a condition has several sets; else blanks."""
+    """Counter-masses of each reduction as ``12.5 + 12.9`` [kg] where a condition has several sets; else blanks."""
     sets: dict[object, set[str]] = {}
     texts = [" + ".join(f"{mass:g}" for mass in r.counter_masses.values()) for r in reductions]
     for r, text in zip(reductions, texts, strict=True):
@@ -120,10 +110,10 @@ def mounting_text(reductions: Sequence["Reduction"]) -> list[str]:
     return texts if any(len(several) > 1 for several in sets.values()) else [""] * len(texts)
 
 
-def with_sets(
+def with_counter_masses(
     header: list[str], rows: list[list[str]], reductions: Sequence["Reduction"]
 ) -> tuple[list[str], list[list[str]]]:
-    """The table with a column of the counter-masses after the acceleration, where they tell rows apart."""
+    """The table with a column of the counter-masses after the acceleration, where a condition has several sets."""
     sets = mounting_text(reductions)
     if not any(sets):
         return header, rows
@@ -133,19 +123,19 @@ def with_sets(
 
 
 def print_findings(findings: Iterable["Finding"]) -> None:
-    """What could not be analysed or is doubtful, a line each."""
+    """Print findings of an analysis, a line each."""
     for finding in findings:
         click.echo(f"  {finding.code}: {finding.message}")
 
 
-def print_origins(counts: dict[str, int]) -> str:
-    """``52 of 52 runs are simulated``."""
+def origins_text(counts: dict[str, int]) -> str:
+    """``52 of 52 runs are simulated.``"""
     total = sum(counts.values())
     parts: Sequence[str] = [f"{count} of {total} runs are {origin}" for origin, count in counts.items()]
     return "; ".join(parts) + "."
 
 
-def in_force(runs: "Iterable[Run | SIRun]") -> "list[CalibrationInForce]":
+def applied_calibrations(runs: "Iterable[Run | SIRun]") -> "list[CalibrationInForce]":
     """The calibrations in force in runs; none where the logs are in physical units already, or there is no rig."""
     from ..runs.si_run import SIRun, calibrations_in_force
 
@@ -154,30 +144,26 @@ def in_force(runs: "Iterable[Run | SIRun]") -> "list[CalibrationInForce]":
 
 
 def calibrations_document(runs: "Iterable[Run | SIRun]") -> list[dict[str, Any]]:
-    """The same, for ``--json``."""
-    return [found.as_dict() for found in in_force(runs)]
+    """The calibrations in force, for ``--json``."""
+    return [found.as_dict() for found in applied_calibrations(runs)]
 
 
 def print_calibrations(runs: "Iterable[Run | SIRun]") -> None:
-    """A line for each calibration, with the runs in which it is in force."""
-    say_each(in_force(runs))
+    """Print a line for each calibration in force in runs."""
+    print_applied_calibrations(applied_calibrations(runs))
 
 
-def say_each(found: "Sequence[CalibrationInForce]") -> None:
-    """The same of calibrations that are known."""
+def print_applied_calibrations(found: "Sequence[CalibrationInForce]") -> None:
+    """Print a line for each calibration, with the runs in which it is in force."""
     for one in found:
         runs = ", ".join(one.runs[:4]) + (f" and {len(one.runs) - 4} more" if len(one.runs) > 4 else "")
         click.echo(f"Calibrated {one}, in {runs}.")
 
 
-WORTH = 20 << 20
-"""Work from which a bar is shown [bytes]."""
-
-
 @contextmanager
 def progress(what: str, total_bytes: int) -> Iterator[Callable[[int], None]]:
-    """A function that takes the bytes that were done since its last call."""
-    if not sys.stderr.isatty() or total_bytes < WORTH:
+    """A bar on stderr, on a terminal only; gives a function that takes the bytes done since its last call."""
+    if not sys.stderr.isatty() or total_bytes < LEAST_PROGRESS:
         yield lambda count: None
         return
     from rich.console import Console
@@ -189,13 +175,8 @@ def progress(what: str, total_bytes: int) -> Iterator[Callable[[int], None]]:
         yield lambda count: bar.advance(task, count)
 
 
-_DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "bar": "|", "blanks": " "}
-_DECIMALS = {"point": ".", "comma": ","}
-_ORDERS = ("dmy", "mdy", "ymd")
-
-
 def text_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """What a person may say about a text instead of having it detected."""
+    """Add the options of text logs that replace detection."""
     for option in reversed((
         click.option("--encoding", metavar="NAME", help="Encoding of texts, such as cp1254; else detected."),
         click.option("--delimiter", type=click.Choice([*_DELIMITERS]), help="Delimiter of texts; else detected."),
@@ -215,7 +196,7 @@ def read_options(
     header: bool | None,
     date_order: str | None = None,
 ) -> "ReadOptions":
-    """The options as the readers take them."""
+    """The options in the form of the readers."""
     from ..readers import ReadOptions
 
     return ReadOptions(
@@ -228,7 +209,7 @@ def read_options(
 
 
 def refuse_patterns(files: Iterable[Path]) -> None:
-    """Refuse patterns such as ``*.csv`` that the shell handed on because no file matches them."""
+    """Raise RecordingError for patterns such as ``*.csv`` that the shell passed on because no file matches them."""
     from ..errors import RecordingError
     from ..readers.registry import no_such_file
 
@@ -238,7 +219,7 @@ def refuse_patterns(files: Iterable[Path]) -> None:
 
 
 def exit_code(findings: Iterable["Finding"], accepted: Iterable[str] = ()) -> int:
-    """0 without findings that matter, 3 with some, 1 with one for which a recording is refused."""
+    """0 with notes at most, 3 with findings, 1 with one for which a recording is refused."""
     from ..recording import Severity, refusing_findings, worst_severity
 
     findings = list(findings)
@@ -247,12 +228,8 @@ def exit_code(findings: Iterable["Finding"], accepted: Iterable[str] = ()) -> in
     return EXIT_WITH_FINDINGS if worst_severity(findings) > Severity.NOTE else 0
 
 
-SHOWN_ALIKE = 5
-"""Findings of one code and file that are printed for people."""
-
-
 def print_reading_findings(title: str, findings: Iterable["Finding"]) -> None:
-    """Findings as lines for people, the gravest first; of many alike the first ones, and how many more there are."""
+    """Print findings as lines, the gravest first; of one code SHOWN_PER_CODE and the number of the others."""
     ordered = sorted(findings, key=lambda finding: -finding.severity)
     if ordered:
         click.echo(plain_text(title))
@@ -260,9 +237,9 @@ def print_reading_findings(title: str, findings: Iterable["Finding"]) -> None:
     shown: Counter[str] = Counter()
     for finding in ordered:
         shown[finding.code] += 1
-        more = counts[finding.code] - SHOWN_ALIKE
-        if more > 1 and shown[finding.code] > SHOWN_ALIKE:
-            if shown[finding.code] == SHOWN_ALIKE + 1:
+        more = counts[finding.code] - SHOWN_PER_CODE
+        if more > 1 and shown[finding.code] > SHOWN_PER_CODE:
+            if shown[finding.code] == SHOWN_PER_CODE + 1:
                 severity = finding.severity.name.lower()
                 click.echo(f"  {severity:7} {finding.code}: and {more} more like these; --json lists all")
             continue
@@ -273,7 +250,7 @@ def print_reading_findings(title: str, findings: Iterable["Finding"]) -> None:
 
 
 def plain_text(text: str) -> str:
-    """Text from a file without what would steer a terminal."""
+    """Text from a file with control characters escaped."""
     return "".join(c if unicodedata.category(c)[0] != "C" else f"\\x{ord(c):02x}" for c in text)
 
 
@@ -285,19 +262,19 @@ class NotOpened:
     message: str
 
     def as_dict(self) -> dict[str, str]:
-        """As it is printed among the runs."""
+        """The entry among the runs in JSON."""
         return {"run": self.name, "status": "refused", "message": self.message}
 
 
 def opened_runs(paths: Sequence[Path]) -> "list[Run]":
-    """The runs that paths name, all of them: each a stored run, or a folder with all the runs in it."""
+    """All runs at paths, each a stored run or a campaign folder. Raises StoreError for one that cannot be opened."""
     from ..store import open_campaign, open_run
 
     return [run for path in paths for run in (open_campaign(path).runs if path.is_dir() else (open_run(path),))]
 
 
-def each_run(paths: Sequence[Path]) -> "tuple[list[Run], list[NotOpened]]":
-    """The runs that can be opened, and those that cannot: for commands that do each run by itself."""
+def openable_runs(paths: Sequence[Path]) -> "tuple[list[Run], list[NotOpened]]":
+    """The runs that can be opened and those that cannot, for commands that process each run by itself."""
     from ..errors import StoreError
     from ..store import open_campaign, open_run
 
@@ -317,6 +294,6 @@ def each_run(paths: Sequence[Path]) -> "tuple[list[Run], list[NotOpened]]":
 
 
 def print_not_opened(refused: Sequence[NotOpened]) -> None:
-    """Print to stderr what could not be opened."""
+    """Print to stderr the runs that could not be opened."""
     for one in refused:
         click.echo(f"testbench: {plain_text(one.message)}", err=True)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from ..store import Run
 
 _ROUNDING = 1e-9
-"""Change of speed, of its mean, below which it is said to be none."""
+"""Relative change of speed that counts as rounding."""
 
 
 @click.command(
@@ -27,8 +27,8 @@ Examples:
 
 \b
 Phase counts from the pulse. lead: the peak comes so much of a turn before the pulse, and weight angles
-count with the rotation; lag: so much after it. The sheet must say the same (phase, amplitude), as the
-comment above each of its tables says; planes stand at the sheet's head: balance rotor influence --help.
+count with the rotation; lag: so much after it. The file of trial runs must say the same (phase,
+amplitude), as the comment above each table says; planes stand at its head: balance rotor influence --help.
 
 \b
 Exit codes: 0 done, 3 done with findings, 1 refused."""
@@ -52,7 +52,7 @@ Exit codes: 0 done, 3 done with findings, 1 refused."""
     help="Speed that counts as steady.",
 )
 @click.option("--speed", metavar="N", help="Nominal speed, such as 3000rpm: the run's must agree with it.")
-@click.option("--toml", metavar="NAME", help="Print it as this run of a sheet of trial runs; needs --speed.")
+@click.option("--toml", metavar="NAME", help="Write it as this run of a file of trial runs; needs --speed.")
 @click.option("--weight", multiple=True, metavar="PLANE=W@A", help='Trial weight of this run, "fan end=10 g @ 0 deg".')
 @click.option("--stayed-on/--came-off", default=None, help="Whether the trial weight stayed on after this run.")
 @click.option("--figure", type=click.Path(path_type=Path, dir_okay=False), help="Draw them (.png, .svg, .pdf).")
@@ -61,17 +61,17 @@ def vectors(run_file: Path, **options: Any) -> int:  # noqa: ANN401
     """Amplitude and phase of each vibration sensor of RUN, a stored run, at an order of its speed.
 
     The tachometer's pulses cut the record into turns, over which it is averaged; intervals (95 %) come from the noise
-    beside the order, where tones that do not turn with the rotor are fitted and named. Refused: lost or spurious
+    near the order, where tones that do not turn with the rotor are fitted and named. Refused: lost or spurious
     pulses, a speed that is not steady, too few turns.
     """
     _check(options)
-    from ..rotating.order_tracking import Tachometer, of_run
+    from ..rotating.order_tracking import Tachometer, order_vectors
     from ..store import open_run
 
     run = open_run(run_file)
     within = options["steady_within"] / 100.0
     tachometer = Tachometer(options["tacho"], options["level"], options["falling"], within)
-    found = of_run(run, tachometer, options["sensor"], options["order"])
+    found = order_vectors(run, tachometer, options["sensor"], options["order"])
     if options["speed"]:
         _agrees(run, found, options["speed"], within)
     if options["figure"]:
@@ -99,7 +99,7 @@ def _check(options: dict[str, Any]) -> None:
     if twice := [name for i, name in enumerate(options["sensor"]) if name in options["sensor"][:i]]:
         raise click.UsageError(f"--sensor names {twice[0]!r} twice")
     if options["toml"] and not options["speed"]:
-        raise click.UsageError("--toml needs --speed: the runs of a sheet are matched by their nominal speed")
+        raise click.UsageError("--toml needs --speed: trial runs are matched by their nominal speed")
     if options["toml"] and options["order"] != 1:
         raise click.UsageError("--toml is for order 1: unbalance turns with the rotor")
     if (options["weight"] or options["stayed_on"] is not None) and not options["toml"]:
@@ -149,17 +149,18 @@ def _toml(run: "Run", found: "Vectors", options: dict[str, Any]) -> str:
         lines += [f"weights = {{ {weights} }}", f"stayed_on = {str(options['stayed_on']).lower()}"]
     readings = ", ".join(f"{_quoted(v.sensor)} = {_quoted(_reading(v, options))}" for v in found.vectors)
     lines.append(f"readings.{_quoted(options['speed'])} = {{ {readings} }}")
-    if found.phase_shared > _ROUNDING:
-        lines.append(f'phases_alike.{_quoted(options["speed"])} = "{math.degrees(found.phase_shared):.3g} deg"')
+    if found.common_phase_normal_within > _ROUNDING:
+        within = math.degrees(found.common_phase_normal_within)
+        lines.append(f'phases_alike.{_quoted(options["speed"])} = "{within:.3g} deg"')
     return "\n".join([*lines, ""])
 
 
 def _reading(vector: "OrderVector", options: dict[str, Any]) -> str:
-    """A reading of a sheet with its own intervals; one that is not told has its scatter in every direction."""
+    """A reading with its intervals; one within the scatter has no interval of the phase."""
     from ..rotating.order_tracking import UNITS
 
     (size, within), unit = _amplitude(vector, options["amplitude"]), UNITS[vector.dimension]
-    about = f" ± {math.degrees(vector.phase_within_alone):.3g} deg" if vector.is_told else ""
+    about = f" ± {math.degrees(vector.own_phase_within):.3g} deg" if vector.is_significant else ""
     return f"{size:.9g} {unit} ± {within:.3g} {unit} @ {_degrees(vector, options['phase']):.6f} deg{about}"
 
 
@@ -181,7 +182,7 @@ def _document(run: "Run", found: "Vectors", phase: str, metric: "Metric") -> dic
         row |= {"phase_deg": _degrees(v, phase), "phase_deg_within": math.degrees(v.phase_within)}
         rows.append(
             row
-            | {"coherence": v.coherence, "share_of_power": v.share, "told": v.is_told}
+            | {"coherence": v.coherence, "share_of_power": v.share, "told": v.is_significant}
             | {"foreign_tones_Hz": list(v.tones)}
         )
     return {
@@ -194,7 +195,7 @@ def _document(run: "Run", found: "Vectors", phase: str, metric: "Metric") -> dic
         "speed_rpm": 60.0 * found.turns.speed,
         "speed_change_percent": 100.0 * found.turns.change,
         "interval": "95 %",
-        "phases_off_alike_deg_within": math.degrees(found.phase_alike),
+        "phases_off_alike_deg_within": math.degrees(found.common_phase_within),
         "findings": list(found.findings()),
         "vectors": rows,
     }
@@ -206,7 +207,9 @@ def _print(run: "Run", found: "Vectors", phase: str, metric: "Metric") -> None:
     rows = []
     for v in found.vectors:
         size, within = _amplitude(v, metric)
-        angle = f"{_degrees(v, phase):.2f} ± {math.degrees(v.phase_within):.2g}" if v.is_told else "not told"
+        angle = (
+            f"{_degrees(v, phase):.2f} ± {math.degrees(v.phase_within):.2g}" if v.is_significant else "in the scatter"
+        )
         unit = UNITS[v.dimension]
         rows.append([v.sensor, f"{size:.4g} ± {within:.2g} {unit}", angle, f"{v.coherence:.4f}", f"{v.share:.3f}"])
     emit_table(
@@ -220,6 +223,6 @@ def _print(run: "Run", found: "Vectors", phase: str, metric: "Metric") -> None:
     for v in found.vectors:
         if v.tones:
             tones = ", ".join(f"{tone:.4g} Hz" for tone in v.tones)
-            click.echo(f"{v.sensor}: beside the order {tones}, which does not turn with the rotor; fitted with it.")
+            click.echo(f"{v.sensor}: near the order {tones}, which does not turn with the rotor; fitted with it.")
     for finding in found.findings():
         click.echo(f"Finding: {finding}.")

@@ -1,4 +1,4 @@
-"""``testbench predict``: the door to the study of one paper, which is no part of the installed packages."""
+"""``testbench predict``: the study of one paper, which is not in the installed packages."""
 
 import click
 
@@ -21,13 +21,13 @@ Exit codes: 0 done, 1 refused (no such table, a plan without its conditions, no 
 @click.option(
     "--plan", "tests", metavar="PLAN", help="The plan of these tests, shipped or a file; else that of the name."
 )
-@click.option("--forms", "with_forms", is_flag=True, help="Also what the law is without some of its terms.")
+@click.option("--forms", "with_forms", is_flag=True, help="Also with some terms of the law left out.")
 @figure_option
 @json_option
 def predict(published: str, tests: str | None, with_forms: bool, figure: str | None, as_json: bool) -> None:
     """Calibrate on the lightest payload of a published table, and predict all other payloads.
 
-    Beside it: the error on what was calibrated on, each payload left out in turn, and baselines without mechanics.
+    Also: the error on the calibration data, each payload left out in turn, and baselines without mechanics.
     """
     from .. import campaign_plan
     from .. import published_tables as tables
@@ -60,5 +60,5 @@ def _plan_of(table: str) -> str:
     from balance import datasets
 
     if table not in datasets.dataset_names("plans", ".toml"):
-        raise AnalysisError(f"{table}: no plan of that name is shipped: give that of these tests, --plan FILE")
+        raise AnalysisError(f"{table}: no plan of that name is shipped: give the plan of these tests, --plan FILE")
     return table

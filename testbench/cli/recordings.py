@@ -21,7 +21,7 @@ def recordings() -> None:
 @recordings.command("list")
 @json_option
 def list_recordings(as_json: bool) -> None:
-    """What there is: file, content, size, licence and source."""
+    """List them: file, content, size, licence and source."""
     known = list(public.recordings_by_file().values())
     if as_json:
         emit_json({"recordings": [_described(recording) for recording in known]})

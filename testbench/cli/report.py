@@ -1,7 +1,4 @@
-"""``testbench report``.
-
-A report of a run as text.
-"""
+"""``testbench report``."""
 
 import json
 from pathlib import Path
@@ -28,7 +25,7 @@ def print_report(found: "RunReport") -> None:
     from ..figures.style import condition_of, origin_of
 
     click.echo(f"{origin_of([found.run])}{found.run.name}: {condition_of(found.run)}")
-    ways = {
+    printers = {
         "motions": _motions, "command": _command, "vibration": _vibration, "modes": _modes, "response": _response,
         "wrench": _wrench, "torque": _torque,
     }  # fmt: skip
@@ -36,7 +33,7 @@ def print_report(found: "RunReport") -> None:
         if "reason" in part:
             click.echo(f"No {name}: {part['reason']}")
         else:
-            ways[name](part)
+            printers[name](part)
     for finding in found.findings:
         click.echo(f"  {finding['code']}: {finding['message']}")
     click.echo()
@@ -95,15 +92,15 @@ def _mode(mode: Part) -> list[str]:
 def _response(part: Part) -> None:
     rows = []
     for axis in sorted({(r["sensor"], r["axis"]) for r in part["rows"]}):
-        told = [r for r in part["rows"] if (r["sensor"], r["axis"]) == axis]
-        top = max(told, key=lambda r: float(r["gain_1_kg"]))
+        lines = [r for r in part["rows"] if (r["sensor"], r["axis"]) == axis]
+        top = max(lines, key=lambda r: float(r["gain_1_kg"]))
         ends = top["gain_interval_1_kg"]
-        rows.append([*axis, str(len(told)), f"{top['frequency_hz']:.1f}", f"{top['gain_1_kg']:.3g}",
+        rows.append([*axis, str(len(lines)), f"{top['frequency_hz']:.1f}", f"{top['gain_1_kg']:.3g}",
                      f"{ends[0]:.3g} .. {ends[1]:.3g}", f"{top['coherence']:.3f}",
                      ", ".join(top["also_follows"]) or "nothing else"])  # fmt: skip
     header = ["sensor", "axis", "significant lines", "largest at [Hz]", "gain [1/kg]", "95 %", "coherence",
-              "there it also follows"]  # fmt: skip
-    alone = "" if part["of_the_force_alone"] else ", with what follows its moment or other axes: not of the base alone"
+              "also follows"]  # fmt: skip
+    alone = "" if part["of_the_force_alone"] else ", with the effect of other components: no property of the base alone"
     emit_table(f"Acceleration of the base per shaking force{alone}", header, rows, part["definition"])
 
 
@@ -129,10 +126,10 @@ def _torque(part: Part) -> None:
             f"{drive['rms_ratio']:.3f}", f"{drive['scale']:.3f}", f"{100 * drive['residual_share']:.1f}",
             f"{1e3 * drive['delay_s']:z.2f}", unit,
         ])  # fmt: skip
-    header = ["joint", "measured RMS", "model RMS", "ratio", "scale", "left [%]", "delay [ms]", "unit"]
+    header = ["joint", "measured RMS", "model RMS", "ratio", "scale", "residual [%]", "delay [ms]", "unit"]
     band = part["drives"][0]["bandwidth_hz"] if part["drives"] else 0.0
     words = part["definitions"]
-    note = f"below {band:g} Hz; scale: {words['scale']}; left: {words['residual_share']}"
+    note = f"below {band:g} Hz; scale: {words['scale']}; residual: {words['residual_share']}"
     emit_table("Torques of the drives against the model", header, rows, note)
 
 
@@ -204,7 +201,7 @@ def report(
 
     if not bandwidth > 0.0:
         raise click.UsageError(f"--bandwidth {bandwidth:g}: expected a positive frequency")
-    opened, refused = options.each_run(runs)
+    opened, refused = options.openable_runs(runs)
     found = {}
     for run in opened:
         found[run.name] = reported(SIRun.of(run), point, band, bandwidth, mechanism)
@@ -221,7 +218,7 @@ def report(
     else:
         for one in found.values():
             print_report(one)
-        _say_compared(compared)
+        _print_compared(compared)
         for path in written:
             click.echo(f"Wrote {path}.")
         options.print_calibrations(opened)
@@ -232,8 +229,8 @@ def report(
 
 
 def _compared(pair: "Pair", found: "dict[str, RunReport]") -> dict[str, Any]:
-    """What counter-masses do to the torques of one condition."""
-    from ..report.sections import fallen_loads
+    """Effect of the counter-masses on the torques of one condition."""
+    from ..report.sections import torque_changes
 
     sides = [[found[run.name].torque for run in runs] for runs in (pair.balanced, pair.unbalanced)]
     return {
@@ -241,11 +238,11 @@ def _compared(pair: "Pair", found: "dict[str, RunReport]") -> dict[str, Any]:
         "counter_masses_kg": pair.counter_masses,
         "origin": pair.key.origin,
         "runs": [run.name for run in pair.runs],
-        "torques": fallen_loads(sides[0], sides[1]),
+        "torques": torque_changes(sides[0], sides[1]),
     }
 
 
-def _say_compared(compared: list[dict[str, Any]]) -> None:
+def _print_compared(compared: list[dict[str, Any]]) -> None:
     kinds = ("measured", "model")
     rows = []
     for pair in compared:
@@ -264,7 +261,7 @@ def _say_compared(compared: list[dict[str, Any]]) -> None:
 def _write(
     folder: Path, runs: "list[Run]", document: dict[str, Any], mechanism: str | None, bandwidth: float
 ) -> list[Path]:
-    """Figures and the document, in a folder that is made if it is not there."""
+    """Write figures and the JSON document into a folder, which is made if needed."""
     from ..report.run_report import draw
 
     folder.mkdir(parents=True, exist_ok=True)

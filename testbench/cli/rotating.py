@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 _SPEED = Quantity("angular velocity", positive=True)
 _OF_A_DRIVE = ("reading", "motor_speed", "first_edge_at")
-"""Options that change nothing without a drive to hold the log against."""
+"""Options that have no effect without a drive to compare with."""
 
 
 @click.command(
@@ -36,7 +36,7 @@ Exit codes: 0 done, 3 done with findings, 1 refused."""
 @click.option("--pulses", type=click.IntRange(2), required=True, metavar="N", help="Edges per turn of the disc.")
 @click.option("--ratio", type=click.FloatRange(1e-3, 1e3), default=1.0, help="Turns of the disc per turn of the crank.")
 @click.option("--nominal", type=_SPEED, metavar="N", help="Nominal speed of the crank, for the fluctuation.")
-@click.option("--drive", metavar="DRIVE", help="Hold it against this drive file, such as inverted-slider-crank.")
+@click.option("--drive", metavar="DRIVE", help="Compare it with this drive file, such as inverted-slider-crank.")
 @click.option("--reading", type=click.Choice(["geared", "ungeared"]), help="How the gearbox's torque is read.")
 @click.option("--motor-speed", type=_SPEED, metavar="N", help="Nominal speed of the drive's motor [default: nearest].")
 @click.option(
@@ -60,21 +60,25 @@ def speed(log: Path, **options: Any) -> int:  # noqa: ANN401
     """Speed of a crank over a turn, and its fluctuation, from the instants of encoder edges in LOG.
 
     Pulses are timed, never counted in a window. Time over angle is fitted with a few harmonics, so jitter does not
-    push the extremes apart; intervals (95 %) hold jitter, errors of the disc, changes from turn to turn, and the
+    push the extremes apart; intervals (95 %) contain jitter, errors of the disc, changes from turn to turn, and the
     answers with one and two harmonics more. A slow error of the disc (an eccentric one) needs a calibration.
     """
     _check(options)
     from .. import rotating
-    from ..rotating import pitch_error as pitches
+    from ..rotating import pitch_error
 
     disc = rotating.Disc(options["pulses"], options["ratio"])
-    offset = pitches.read_pitch_errors(options["pitch"], disc.pulses) if options["pitch"] else None
-    edges = rotating.edges_of(log.name, rotating.read_times(log), disc, options["bridge"], offset)
+    offset = pitch_error.read_pitch_errors(options["pitch"], disc.pulses) if options["pitch"] else None
+    edges = rotating.number_edges(log.name, rotating.read_edge_times(log), disc, options["bridge"], offset)
     if options["calibrate"]:
         return _calibrate(edges, options["calibrate"], options["as_json"])
     result = _study(log, edges, disc, options)
     if options["csv"]:
-        _write(result["course"], options["csv"])
+        import numpy as np
+
+        from balance.table_files import write_csv_file
+
+        write_csv_file(options["csv"], {name: np.array(values) for name, values in result["course"].items()})
     if options["figure"]:
         from balance.figures.mechanism import save
 
@@ -96,13 +100,12 @@ def _check(options: dict[str, Any]) -> None:
 
 
 def _calibrate(edges: "Edges", path: Path, as_json: bool) -> int:
-    from ..rotating import pitch_error as pitches
-    from ..rotating import speed_results as documents
+    from ..rotating import pitch_error, speed_results
 
-    found = pitches.of_free_run(edges)
-    pitches.write_pitch_errors(found, path)
+    found = pitch_error.pitch_from_free_run(edges)
+    pitch_error.write_pitch_errors(found, path)
     if as_json:
-        emit_json(documents.edges_document(edges) | {"pitch": documents.pitch_document(found)})
+        emit_json(speed_results.edges_document(edges) | {"pitch": speed_results.pitch_document(found)})
     else:
         click.echo(f"Slots are {100 * found.rms:.3g} % of the pitch out of place (rms); written to {path.name}")
     return 0
@@ -111,24 +114,23 @@ def _calibrate(edges: "Edges", path: Path, as_json: bool) -> int:
 def _study(log: Path, edges: "Edges", disc: "Disc", options: dict[str, Any]) -> dict[str, Any]:
     from .. import rotating
     from ..errors import AnalysisError
-    from ..rotating import pitch_error as pitches
-    from ..rotating import speed_results as documents
+    from ..rotating import pitch_error, speed_results
 
-    result = documents.edges_document(edges) | {"origin": rotating.origin_of(log)}
+    result = speed_results.edges_document(edges) | {"origin": rotating.log_origin(log)}
     turn, freed, within = None, None, options["steady_within"] / 100.0
     try:
         turn = rotating.periodic_turn(edges, options["harmonics"], within)
-        if disc.pitch_is_apart and edges.offset is None and turn.turns >= 3:
-            freed, turn = pitches.of_record(edges, options["harmonics"], within)
+        if disc.pitch_is_separable and edges.offset is None and turn.turns >= 3:
+            freed, turn = pitch_error.pitch_from_record(edges, options["harmonics"], within)
     except AnalysisError as error:
         if not options["start_up"]:
             raise
         result["not_steady"] = str(error)
-    course = rotating.speed_course(edges)
-    result["findings"] = documents.speed_findings(edges, turn)
-    result["course"] = documents.speed_course_document(course)
+    course = rotating.speed_history(edges)
+    result["findings"] = speed_results.speed_findings(edges, turn)
+    result["course"] = speed_results.speed_history_document(course)
     if freed:
-        result["pitch"] = documents.pitch_document(freed)
+        result["pitch"] = speed_results.pitch_document(freed)
     _against_the_model(result, turn, course, options)
     return result
 
@@ -136,38 +138,31 @@ def _study(log: Path, edges: "Edges", disc: "Disc", options: dict[str, Any]) -> 
 def _against_the_model(
     result: dict[str, Any], turn: "SteadySpeedFit | None", course: "SpeedHistory", options: dict[str, Any]
 ) -> None:
-    """Add the steady turn and, where a drive is named, what its equation of motion says."""
-    from ..rotating import speed_results as documents
-    from ..rotating import speed_results as models
+    """Add the steady turn and, where a drive is named, the solution of its equation of motion."""
+    from ..rotating import speed_results
 
     mean = float(course.speed[-len(course.speed) // 2 :].mean()) if turn is None else turn.mean.value
     machine = _machine(options, mean) if options["drive"] else None
     nominal, angle = options["nominal"] or (machine.nominal_crank if machine else None), options["first_edge_at"]
     if turn is not None:
-        result["steady"] = documents.turn_document(turn, nominal)
-        result["findings"] += documents.off_nominal(turn, nominal)
+        result["steady"] = speed_results.turn_document(turn, nominal)
+        result["findings"] += speed_results.nominal_speed_findings(turn, nominal)
     if machine is not None and turn is not None:
-        held = models.joint_fit(turn, machine, angle)
-        result["model"] = documents.model_document(held, nominal or machine.nominal_crank)
+        fit = speed_results.joint_fit(turn, machine, angle)
+        result["model"] = speed_results.model_document(fit, nominal or machine.nominal_crank)
     if machine is not None and options["start_up"]:
-        run = models.start_beside(machine, options["start_up"], angle or 0.0)
-        result["start_up"] = documents.start_up_document(run, models.delay(course, run))
+        run = speed_results.computed_start_up(machine, options["start_up"], angle or 0.0)
+        result["start_up"] = speed_results.start_up_document(run, speed_results.start_up_delay(course, run))
 
 
 def _machine(options: dict[str, Any], mean: float) -> Any:  # noqa: ANN401
     from balance.drives.drive_files import load_drive
 
-    from ..rotating import speed_results as models
+    from ..rotating import speed_results
 
     drive = load_drive(options["drive"])
     nearest = min(drive.speeds, key=lambda nominal: abs(nominal / drive.ratio - mean))
-    return models.machine_of(options["drive"], options["motor_speed"] or nearest, options["reading"])
-
-
-def _write(course: dict[str, Any], path: Path) -> None:
-    from balance.table_files import write_csv_file
-
-    write_csv_file(path, course)
+    return speed_results.drive_machine(options["drive"], options["motor_speed"] or nearest, options["reading"])
 
 
 def _print(result: dict[str, Any]) -> None:
@@ -176,7 +171,9 @@ def _print(result: dict[str, Any]) -> None:
     click.echo(
         f"{result['log']}: {result['edges']} edges, {result['crank_turns']:.2f} turns of the crank, clock {clock}"
     )
-    click.echo(_proof(result["motion_repeats_every_edges"], result["pulses_per_disc_turn"]))
+    repeats, pulses = result["motion_repeats_every_edges"], result["pulses_per_disc_turn"]
+    unproven = f"Nothing in the log proves {pulses} edges a turn of the disc: speeds are as right as --pulses."
+    click.echo(unproven if repeats is None else f"The motion repeats every {repeats} edges.")
     if "steady" in result:
         _print_turn(result["steady"], result.get("model"))
     if "not_steady" in result:
@@ -185,16 +182,9 @@ def _print(result: dict[str, Any]) -> None:
         _print_start(result)
     if "pitch" in result:
         error = result["pitch"]["rms_percent_of_pitch"]
-        click.echo(f"Errors of the disc, told apart and put right: {error:.2g} % of the pitch.")
+        click.echo(f"Errors of the disc, estimated and corrected: {error:.2g} % of the pitch.")
     for finding in result["findings"]:
         click.echo(f"Finding: {finding}")
-
-
-def _proof(repeats: int | None, pulses: int) -> str:
-    """What the log itself says about the edges a turn."""
-    if repeats is None:
-        return f"Nothing in the log proves {pulses} edges a turn of the disc: speeds are as right as --pulses."
-    return f"The motion repeats every {repeats} edges."
 
 
 def _print_turn(turn: dict[str, Any], model: dict[str, Any] | None) -> None:
@@ -216,7 +206,7 @@ def _print_turn(turn: dict[str, Any], model: dict[str, Any] | None) -> None:
     header = ["", "from edges", "from", "to (95 %)", "computed"]
     emit_table(f"Steady turn of the crank, {turn['turns_used']} turns", header, rows, note)
     if model:
-        how = "found by laying the curves over each other" if model["first_edge_found_by_alignment"] else "as given"
+        how = "found by aligning the curves" if model["first_edge_found_by_alignment"] else "as given"
         click.echo(
             f"Computed: {model['mechanism']}, motor at {model['motor_nominal_rpm']:.4g} rpm, {model['reading']}; "
             f"first edge at {model['first_edge_at_deg']:.2f} deg, {how}; curves differ by "
@@ -236,5 +226,5 @@ def _print_start(result: dict[str, Any]) -> None:
         rows.append([str(turn["turn"]), *measured, f"{turn['fastest_rpm']:.2f}", f"{turn['slowest_rpm']:.2f}"])
         begin = turn["end_s"]
     header = ["turn", "n_max [rpm]", "n_min [rpm]", "computed n_max", "computed n_min"]
-    note = "Edge by edge: noise and errors of the disc push extremes apart. Computed start moved to end turn 1 alike."
+    note = "Edge by edge: noise and errors of the disc push extremes apart. Both starts end turn 1 together."
     emit_table("Start-up", header, rows, note)

@@ -22,7 +22,7 @@ Examples:
 \b
 What a rig may state of the bench, in [bench], and of its loggers:
   coupling, planes, rotors, weight, tilt    mechanics of a base that moves
-  floor, roughness, modes                   what else vibrates
+  floor, roughness, modes                   other vibration
   errors                                    sensors that are not what their data sheet says
   start_scatter, drift_scatter_ppm, jitter, lost, dropouts_per_minute, low_pass    [loggers.NAME]
 parallelogram-6bar states none of these, parallelogram-6bar-deep all, with reasons; docs/bench.md explains each."""
@@ -38,29 +38,29 @@ parallelogram-6bar states none of these, parallelogram-6bar-deep all, with reaso
 @click.option("-o", "--output", "folder", required=True, type=click.Path(path_type=Path), help="A new or empty folder.")
 @click.option("--seed", type=click.IntRange(min=0), help="Of all that is drawn; the plan's own unless given.")
 def simulate(plan: str, rig: str, folder: Path, seed: int | None) -> None:
-    """Make the logs that a test bench would write, each marked as simulated, and the sheet of runs.
+    """Make the logs that a test bench would write, each marked as simulated, and the run table.
 
-    What really happened lies apart in FOLDER/truth, which no analysis reads. The same plan, rig and seed give the same
-    logs.
+    The truth is in FOLDER/truth, which no analysis reads. The same plan, rig and seed give the same logs.
     """
     from .. import campaign_plan as plans
     from .. import rig as rigs
-    from ..simulator.campaign import SHEET
-    from ..simulator.campaign import simulate_campaign as simulated
+    from ..simulator.campaign import RUN_TABLE, simulate_campaign
 
     planned, bench = plans.load_plan(plan), rigs.load_rig(rig)
     if seed is not None:
         planned = planned.model_copy(update={"seed": seed})
     with _progress(len(planned.runs())) as progress:
-        logs = simulated(planned, bench, folder, progress)
+        logs = simulate_campaign(planned, bench, folder, progress)
     size = sum(path.stat().st_size for path in logs) / 1e6
-    click.echo(f"{len(planned.runs())} simulated runs, {len(logs)} logs, {size:.1f} MB in {folder}; sheet {SHEET}.")
+    click.echo(
+        f"{len(planned.runs())} simulated runs, {len(logs)} logs, {size:.1f} MB in {folder}; run table {RUN_TABLE}."
+    )
     for line in _assumed(bench):
         click.echo(line)
 
 
 def _assumed(rig: "Rig") -> Iterator[str]:
-    """What the rig leaves out and was assumed."""
+    """Assumptions for what the rig does not state."""
     if "bench" not in rig.model_fields_set:
         yield "The rig has no [bench]: a steel frame of 150 kg on four rubber feet was assumed."
     if silent := [name for name, logger in rig.loggers.items() if "rate" not in logger.model_fields_set]:
@@ -69,7 +69,7 @@ def _assumed(rig: "Rig") -> Iterator[str]:
 
 @contextmanager
 def _progress(runs: int) -> Iterator[Callable[[int, int], None]]:
-    """A bar on stderr with time left, only on a terminal."""
+    """A bar on stderr with the remaining time, only on a terminal."""
     if not sys.stderr.isatty():
         yield lambda done, total: None
         return

@@ -1,4 +1,4 @@
-"""Figures of runs, as the source of the manipulator tests shows them; every one of simulated runs says so."""
+"""Figures of runs, like those of the manipulator tests; a figure of simulated runs says so."""
 
 from .reductions import reductions
 from .runs import base_acceleration, base_spectrum, command_performance, force_sensors, motor_torques

@@ -1,4 +1,4 @@
-"""Reductions: analysed from logs, simulated, published."""
+"""Figure of reductions: analysed from logs, simulated, published."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -20,17 +20,15 @@ _LOOKS: tuple[tuple[str, str, dict[str, Any]], ...] = (
      {"marker": "o", "color": style.SIMULATED, "ms": 8.5, "mfc": "none", "mew": 1.8}),
     ("analyzed", "analysed from {} logs", {"marker": "x", "color": style.ANALYSED, "ms": 5.5, "mew": 1.8}),
 )  # fmt: skip
-
-
-_BESIDE = 0.8
-"""Room beside the first and last condition, for the payload's name [conditions]."""
-_BOUND: dict[str, Any] = {"marker": "^", "color": style.ANALYSED, "ms": 4.0}
+_MARGIN = 0.8
+"""Space before the first and after the last condition [conditions]."""
+_LOWER_BOUND: dict[str, Any] = {"marker": "^", "color": style.ANALYSED, "ms": 4.0}
 
 
 def reductions(compared: Comparison | Analysis) -> "Figure":
-    """A panel for each motion, sensor and axis, by payload and acceleration; intervals; a triangle: at least.
+    """A panel for each motion, sensor and axis, by payload and acceleration; triangles are lower bounds.
 
-    Of an analysis alone what was analysed; of a comparison also what was simulated and published.
+    A comparison also shows what was simulated and published.
     """
     if isinstance(compared, Analysis):
         rows = tuple(Row(r, None, None, None) for r in compared.reductions)
@@ -45,7 +43,7 @@ def reductions(compared: Comparison | Analysis) -> "Figure":
                 _panel(panel, [r for r in rows if r.analyzed.key.motion == motion and _place(r) == place])
                 name = "base" if len({sensor for sensor, _ in places}) == 1 else place[0]
                 panel.set_title(f"motion {motion}, {name} along {place[1]}")
-            line[0].set_ylabel("amplitude falls by [%]")
+            line[0].set_ylabel("reduction of the amplitude [%]")
         panels[0, 0].set_ylim(min(0.0, *(_lowest(row) - 10.0 for row in rows)), 105.0)
         for panel in panels[-1]:
             panel.set_xlabel("peak acceleration [g0], by payload")
@@ -54,13 +52,13 @@ def reductions(compared: Comparison | Analysis) -> "Figure":
         origin = "Simulated campaign: reduction" if set(compared.origins) == {"simulated"} else "Reduction"
         band = f"band {measure.band}" if measure.band else "all frequencies"
         about = f"{measure.metric.replace('_', '-')}, {band}"
-        style.headline(figure, "\n".join([f"{origin} of base acceleration", about, *_of_originals(compared)]))
+        style.headline(figure, "\n".join([f"{origin} of base acceleration", about, *_originals_note(compared)]))
     return figure
 
 
-def _of_originals(compared: Comparison | Analysis) -> list[str]:
-    """That the logs behind the published numbers are not available, where those are shown."""
-    return [note for note in getattr(compared, "about_print", ()) if note == ORIGINAL_LOGS]
+def _originals_note(compared: Comparison | Analysis) -> list[str]:
+    """The note that the logs behind published numbers are not available, where those are shown."""
+    return [note for note in getattr(compared, "published_notes", ()) if note == ORIGINAL_LOGS]
 
 
 def _place(row: Row) -> tuple[str, str]:
@@ -73,35 +71,35 @@ def _panel(panel: "Axes", rows: Sequence[Row]) -> None:
     payloads = list(dict.fromkeys(row.analyzed.key.payload_kg for row in rows))
     at = np.array([i + payloads.index(row.analyzed.key.payload_kg) for i, row in enumerate(rows)], dtype=float)
     for name, _, look in _LOOKS:
-        values = [_told(row) if name == "analyzed" else getattr(row, name) for row in rows]
+        values = [_estimate(row) if name == "analyzed" else getattr(row, name) for row in rows]
         panel.plot(at, np.array(values, dtype=float), ls="none", **look)
     for x, row in zip(at, rows, strict=True):
         if row.analyzed.interval:
             panel.vlines(x, *row.analyzed.interval, color=style.ANALYSED, lw=1.2)
         if row.analyzed.at_least is not None:
-            panel.plot(x, row.analyzed.at_least, **_BOUND)
+            panel.plot(x, row.analyzed.at_least, **_LOWER_BOUND)
     panel.set_xticks(at, [f"{row.analyzed.key.peak_acceleration_g:g}" for row in rows], fontsize=8)
     for payload in payloads:
         here = [x for x, row in zip(at, rows, strict=True) if row.analyzed.key.payload_kg == payload]
         panel.text(float(np.mean(here)), 0.02, f"{payload:g} kg", transform=panel.get_xaxis_transform(), ha="center",
                    color="#555555")  # fmt: skip
-    panel.set_xlim(at[0] - _BESIDE, at[-1] + _BESIDE)
+    panel.set_xlim(at[0] - _MARGIN, at[-1] + _MARGIN)
     panel.grid(axis="x", visible=False)
 
 
-def _told(row: Row) -> float | None:
-    """What was analysed, where it is more than a bound."""
+def _estimate(row: Row) -> float | None:
+    """The analysed reduction [%], unless it is a lower bound."""
     return row.analyzed.percent if row.analyzed.at_least is None else None
 
 
 def _lowest(row: Row) -> float:
-    """The lowest value of a row, an interval's lower end included as far as -100 %."""
+    """The lowest value of a row [%], the interval's lower end included down to -100 %."""
     end = max(row.analyzed.interval[0], -100.0) if row.analyzed.interval else None
     return min((v for v in (row.analyzed.percent, end, row.simulated, row.published) if v is not None), default=0.0)
 
 
 def _legend(figure: "Figure", panel: "Axes", rows: Sequence[Row], kinds: str) -> None:
-    """Of what there is."""
+    """A legend of the sources that the rows have."""
     there = {"analyzed"} | {
         name for name in ("simulated", "published") for row in rows if getattr(row, name) is not None
     }
@@ -111,5 +109,5 @@ def _legend(figure: "Figure", panel: "Axes", rows: Sequence[Row], kinds: str) ->
         if name in there
     ]  # fmt: skip
     if any(row.analyzed.at_least is not None for row in rows):
-        handles += panel.plot([], [], ls="none", label="at least", **_BOUND)
+        handles += panel.plot([], [], ls="none", label="at least", **_LOWER_BOUND)
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))

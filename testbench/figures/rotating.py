@@ -1,7 +1,4 @@
-"""Order vectors of a run as a polar diagram, with the intervals of amplitude and phase.
-
-Speed of a crank from encoder edges: over a turn and over time, measured and computed.
-"""
+"""Figures of rotating machines: order vectors as polar diagrams, the speed of a crank over a turn and over time."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +19,7 @@ _COLOURS = (style.ANALYSED, style.WITHOUT, style.ENCODERS, style.ACCELEROMETER, 
 def draw_vectors(document: dict[str, Any]) -> "Figure":
     """A diagram for each quantity that sensors read, from the document of ``testbench vectors``.
 
-    A shaded field is amplitude and phase within their intervals; a disc is a vector whose phase is not told.
+    A shaded field is amplitude and phase within their intervals; a disc is a vector within its scatter.
     """
     from matplotlib.figure import Figure
 
@@ -56,7 +53,7 @@ def _panel(axes: Any, rows: list[dict[str, Any]], kind: str, document: dict[str,
 
 
 def draw_speed(document: dict[str, Any]) -> "Figure":
-    """The steady turn with its interval, the speed edge by edge, and the model beside both where it was asked for."""
+    """The steady turn with its interval, and the speed edge by edge; with the computed ones where there is a model."""
     parts = [name for name in ("steady", "course") if document.get(name)]
     with style.styled():
         figure, panels = style.light_grid(1, max(len(parts), 1), 3.4)

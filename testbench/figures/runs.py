@@ -1,11 +1,4 @@
-"""Torques of the motors and forces between mechanism and base, with and without counter-masses.
-
-How well the commanded acceleration was reached.
-
-Spectrum of the base's acceleration.
-
-Acceleration of the base, with and without counter-masses.
-"""
+"""Figures of runs: motor torques, forces and base acceleration with and without counter-masses; command; spectrum."""
 
 from collections.abc import Sequence
 from math import nan
@@ -37,12 +30,14 @@ if TYPE_CHECKING:
 
     from ..store import Run
 
-_ACROSS = 3
-"""Panels side by side: one for each of x, y, z."""
+_COLUMNS = 3
+"""Panels in a row, for x, y and z."""
+LOWEST, HIGHEST = 1.0, 500.0
+"""Frequencies of a spectrum [Hz]."""
 
 
 def motor_torques(with_run: "Run", without_run: "Run") -> "Figure":
-    """Torque of each motor as its drive reports it, gravity included; band-limited."""
+    """Torque of each motor as its drive reports it, gravity included, band-limited; AnalysisError without any."""
     runs = SIRun.of(without_run), SIRun.of(with_run)
     columns = runs[1].rig.columns_of(Torque)
     if not columns:
@@ -62,13 +57,13 @@ def motor_torques(with_run: "Run", without_run: "Run") -> "Figure":
 
 
 def force_sensors(with_run: "Run", without_run: "Run") -> "Figure":
-    """Every force and moment between mechanism and base, band-limited; a sensor's components side by side."""
+    """Every force and moment between mechanism and base, band-limited. Raises AnalysisError without any."""
     runs = SIRun.of(without_run), SIRun.of(with_run)
     rows = _rows([list(sensor.columns(name)) for name, sensor in runs[1].rig.supports.items()])
     if not rows:
         raise AnalysisError(f"{with_run.name}: its rig has no force sensor between mechanism and base")
     with style.styled():
-        figure, panels = style.light_grid(len(rows), _ACROSS, 1.6, sharex=True)
+        figure, panels = style.light_grid(len(rows), _COLUMNS, 1.6, sharex=True)
         for row, columns in zip(panels, rows, strict=True):
             for axes, column in zip(row, columns, strict=False):
                 _draw(axes, column, runs)
@@ -82,14 +77,14 @@ def force_sensors(with_run: "Run", without_run: "Run") -> "Figure":
 
 
 def _draw(axes: "Axes", column: Column, runs: tuple[SIRun, SIRun]) -> list[float]:
-    """Draw a channel of both runs, the one without counter-masses first; their peaks [SI]."""
+    """Draw a channel of both runs, without counter-masses first, and return their peaks [SI]."""
     signals = [(run.instants(column), DEFAULT_BAND.filtered(*run.signal(column))) for run in runs]
     style.two_runs(axes, *signals)
     return [float(np.abs(values).max()) for _, values in signals]
 
 
 def _limit(bottom: "Sequence[Axes]", columns: Sequence[Column], run: SIRun) -> None:
-    """Show the part in which something moves, by the channel that moves most; panels share their axis of time."""
+    """Limit the shared time axis to the motion, by the channel that moves most."""
     strongest = max(columns, key=lambda column: float(np.ptp(run.values(column))))
     span = moving_interval(*run.signal(strongest))
     time = run.instants(strongest)[span]
@@ -99,14 +94,14 @@ def _limit(bottom: "Sequence[Axes]", columns: Sequence[Column], run: SIRun) -> N
 
 
 def _rows(sensors: Sequence[Sequence[Column]]) -> list[list[Column]]:
-    """Panels by row: three components of a sensor a row, the sensors with one axis together."""
+    """Channels by row of panels: three components of a sensor, then sensors with one axis."""
     several = [s for s in sensors if len(s) > 1]
     single = [column for s in sensors if len(s) == 1 for column in s]
-    return [list(s[i : i + _ACROSS]) for s in [*several, single] for i in range(0, len(s), _ACROSS)]
+    return [list(s[i : i + _COLUMNS]) for s in [*several, single] for i in range(0, len(s), _COLUMNS)]
 
 
 def command_performance(run: "Run", mechanism: Mechanism | None = None, bandwidth_hz: float = BANDWIDTH_HZ) -> "Figure":
-    """Acceleration of the platform by accelerometer, by encoders and as commanded, and how far both are from it.
+    """Acceleration of the platform by accelerometer, by encoders and as commanded, and the deviations from the command.
 
     ``mechanism`` turns joint angles into the platform's motion; by default the one that the rig names.
     """
@@ -139,12 +134,8 @@ def command_performance(run: "Run", mechanism: Mechanism | None = None, bandwidt
     return figure
 
 
-LOWEST, HIGHEST = 1.0, 500.0
-"""Frequencies that are shown [Hz]."""
-
-
 def base_spectrum(run: "Run") -> "Figure":
-    """Power spectral density of the base's acceleration along each axis, with the frequencies where it peaks."""
+    """Power spectral density of the base's acceleration along each axis, with its peaks."""
     si = SIRun.of(run)
     found = [(level, level.spectrum) for level in channel_levels(si, si.rig.base_columns)]
     shown = [(level, spectrum) for level, spectrum in found if spectrum is not None]
@@ -171,15 +162,12 @@ def base_spectrum(run: "Run") -> "Figure":
 
 
 def base_acceleration(with_run: "Run", without_run: "Run", measure: Measure | None = None) -> "Figure":
-    """Acceleration of the base along each axis, as the reductions are taken of it: mean removed, band-limited.
-
-    The grey band is what noise alone shows.
-    """
+    """Acceleration of the base along each axis, filtered as for reductions; the grey band is that of noise alone."""
     measure = measure or Measure()
     runs = SIRun.of(without_run), SIRun.of(with_run)
     found = [base_accelerations(run) for run in runs]
     columns = {(c.sensor, c.component): c for c in runs[1].rig.base_columns}
-    fell = {(r.sensor, r.axis): r for r in reduction_of_pair(_pair(with_run, without_run), measure)}
+    reductions = {(r.sensor, r.axis): r for r in reduction_of_pair(_pair(with_run, without_run), measure)}
     with style.styled():
         figure, panels = style.light_grid(len(columns), 1, 1.7, sharex=True)
         for axes, (place, column) in zip(panels[:, 0], columns.items(), strict=True):
@@ -187,8 +175,8 @@ def base_acceleration(with_run: "Run", without_run: "Run", measure: Measure | No
             times = [run.instants(column) for run in runs]
             style.two_runs(axes, (times[0], shapes[0]), (times[1], shapes[1]))
             axes.set_ylabel(f"{column.component} [g0]")
-            axes.set_title(f"{place[0]}, {column.component} axis: {_said(fell[place])}")
-            _noise(axes, fell[place])
+            axes.set_title(f"{place[0]}, {column.component} axis: {_text(reductions[place])}")
+            _draw_noise(axes, reductions[place])
         first, column = next(iter(columns.items()))
         strongest = max(found[0].values(), key=lambda signal: float(abs(measure.shape(*signal)).max()))
         span = moving_interval(measure.shape(*strongest), strongest[1], margin_s=0.1)
@@ -208,19 +196,19 @@ def _pair(with_run: "Run", without_run: "Run") -> Pair:
     return Pair(key, c.get("counter_masses", {}), (with_run,), (without_run,))
 
 
-def _said(found: Reduction) -> str:
-    """``peak-to-peak falls by 94.2 % [93.1, 95.0]``."""
+def _text(found: Reduction) -> str:
+    """``peak-to-peak reduced by 94.2 % [93.1, 95.0]``."""
     name = found.measure.metric.replace("_", "-")
     if found.percent is None:
         return "nothing moves above the noise"
     if found.at_least is not None:
-        return f"{name} falls by at least {found.at_least:.1f} %"
+        return f"{name} reduced by at least {found.at_least:.1f} %"
     between = f" [{found.interval[0]:.1f}, {found.interval[1]:.1f}]" if found.interval else ""
-    return f"{name} falls by {found.percent:.1f} %{between}"
+    return f"{name} reduced by {found.percent:.1f} %{between}"
 
 
-def _noise(axes: "Axes", found: Reduction) -> None:
-    """What the metric shows of noise alone, about zero."""
+def _draw_noise(axes: "Axes", found: Reduction) -> None:
+    """The reading of noise alone, about zero."""
     floor = max((f for f in found.noise_floor if f is not None), default=0.0) / G0
     half = floor / 2.0 if found.measure.metric == "peak_to_peak" else floor
     axes.axhspan(-half, half, color="#999999", alpha=0.35, lw=0.0)

@@ -1,4 +1,4 @@
-"""One look for all figures: colours that colour-blind eyes tell apart, units on axes, origin in the title."""
+"""One style for all figures: colours that colour-blind eyes distinguish, units on axes, origin in the title."""
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
@@ -17,7 +17,7 @@ WITHOUT, WITH = "#d55e00", "#0072b2"
 TARGET, ENCODERS, ACCELEROMETER = "#000000", "#009e73", "#cc79a7"
 PUBLISHED, SIMULATED, ANALYSED = "#000000", "#56b4e9", "#0072b2"
 WIDTH = 9.0
-"""Of a figure with up to three panels side by side [inch]."""
+"""Width of a figure with up to three panels in a row [inch]."""
 _RC: Any = {
     "font.size": 9.5,
     "axes.titlesize": 10.0,
@@ -34,7 +34,7 @@ _RC: Any = {
 
 
 def styled() -> "AbstractContextManager[None]":
-    """The look, as a context."""
+    """The style, as a context."""
     from matplotlib import rc_context
 
     return rc_context(_RC)
@@ -54,19 +54,19 @@ def figure_title(figure: "Figure", text: str, runs: "Sequence[Run | SIRun]") -> 
 
 
 def headline(figure: "Figure", text: str) -> None:
-    """Text above a figure, at its left."""
+    """Draw a title above a figure, at its left."""
     figure.suptitle(text, x=0.01, ha="left", fontweight="bold")
 
 
 def origin_of(runs: "Sequence[Run | SIRun]") -> str:
-    """``Simulated: `` and the like; nothing before what was measured."""
+    """``Simulated: `` and the like as a prefix; empty for measured runs."""
     origins = sorted({str(run.origin) for run in runs})
     words = {"simulated": "Simulated", "unstated": "Origin unstated", "measured": "Measured"}
     return "" if origins == ["measured"] else " and ".join(words[origin] for origin in origins) + ": "
 
 
 def condition_of(run: "Run | SIRun") -> str:
-    """Payload, motion, acceleration."""
+    """Payload, motion and acceleration of a run in words; its name where none is known."""
     c = run.conditions
     parts = (
         f"payload {c['payload_kg']:g} kg" if "payload_kg" in c else "",
@@ -77,7 +77,7 @@ def condition_of(run: "Run | SIRun") -> str:
 
 
 def two_runs(axes: "Axes", without: tuple[Floats, Floats], balanced: tuple[Floats, Floats]) -> None:
-    """Draw (time, values) of a run without counter-masses, and with."""
+    """Draw time (n,) [s] and values (n,) [unit of the axis] of a run without counter-masses, and of one with."""
     axes.plot(*without, color=WITHOUT, label="without counter-masses")
     axes.plot(*balanced, color=WITH, label="with counter-masses")
 

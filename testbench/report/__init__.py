@@ -1,4 +1,4 @@
-"""One run as a test engineer looks at it: motions, command, base vibration, modes, forces, torques."""
+"""The report of one run: motions, command, base vibration, modes, response, forces, torques."""
 
 from .run_report import RunReport, report
 

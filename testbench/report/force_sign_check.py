@@ -1,9 +1,9 @@
-"""Force channels whose sign goes against the load that the motion makes their sensor carry, by the model.
+"""Force channels of reversed polarity: their readings oppose the load that the model gives their sensor.
 
-The shaking wrench of the mechanism as mounted, along the motion that the encoders show, is shared among the supports as
-their stiffnesses have it. A channel that is turned, or exchanged with one that is loaded the other way, follows its
-load with a correlation near -1. Told only where the loads are large and explain the readings, so that size and time
-leave no doubt: what a balanced mechanism leaves, and what the base's motion adds, follows no model here.
+The shaking wrench of the mechanism along the motion of the encoders is shared among the supports by their stiffnesses.
+A reversed channel, or one exchanged with a channel that is loaded the other way, correlates with its load near -1. It
+is a finding only where loads are large and explain the readings: the residual load of a balanced mechanism, and the
+part that the base's motion adds, are not in this model.
 """
 
 from collections.abc import Callable
@@ -30,15 +30,15 @@ if TYPE_CHECKING:
 
 CODE = "force_sign"
 BANDWIDTH_HZ = 40.0
-"""Of loads and readings alike: most of what the moves excite lies below."""
+"""Low pass of loads and readings: the motions excite little above [Hz]."""
 LARGE = 0.1
-"""Of the largest expected load, of forces and of moments each, from which a channel is looked at."""
-AGAINST = -0.8
-"""Correlation below which a channel goes against its load."""
-LEAST_FOLLOWED = 0.8
-"""Mean square of the correlations, whatever their signs, from which the model explains the readings at all."""
-OF_A_SIZE = 2.0
-"""Up to this factor, either way, readings are of the size of their load."""
+"""Least load of a channel that is checked, over the largest load of forces or of moments [-]."""
+REVERSED = -0.8
+"""Correlation below which a channel counts as reversed."""
+LEAST_EXPLAINED = 0.8
+"""Mean square of the correlations from which the model explains the readings."""
+SIMILAR_SIZE = 2.0
+"""Largest factor, either way, between readings and load of a channel that is checked."""
 
 
 @dataclass(frozen=True)
@@ -47,16 +47,13 @@ class _Loaded:
 
     column: "Column"
     expected: Floats
-    """By the model, less its mean, zero where gaps touch, (n,) [N, N m]."""
+    """Load by the model less its mean, zero at gaps, (n,) [N, N m]."""
     seen: Floats
     """Readings on the same grid, less their mean, (m,) [N, N m]."""
 
 
 def reversed_polarity(run: "SIRun", aligned: Callable[[], AlignedRun]) -> list[Finding]:
-    """A finding for each force channel that goes against its load; none where signs cannot be told.
-
-    ``aligned`` gives the run with its mechanism.
-    """
+    """A finding for each reversed force channel; none where that cannot be decided."""
     if not run.rig.supports:
         return []
     try:
@@ -66,15 +63,15 @@ def reversed_polarity(run: "SIRun", aligned: Callable[[], AlignedRun]) -> list[F
     lag = clock if clock is not None else _lag(channels)
     if lag is None:
         return []
-    every = [(one, *_followed(one, lag)) for one in channels]
-    found = [each for each in every if 1.0 / OF_A_SIZE < each[2] < OF_A_SIZE]
-    if not found or np.mean([correlation**2 for _, correlation, _ in found]) < LEAST_FOLLOWED:
+    every = [(one, *_correlation(one, lag)) for one in channels]
+    found = [each for each in every if 1.0 / SIMILAR_SIZE < each[2] < SIMILAR_SIZE]
+    if not found or np.mean([correlation**2 for _, correlation, _ in found]) < LEAST_EXPLAINED:
         return []
-    return [_finding(run, *each) for each in found if each[1] < AGAINST]
+    return [_finding(run, *each) for each in found if each[1] < REVERSED]
 
 
 def _channels(run: AlignedRun) -> tuple[list[_Loaded], int | None]:
-    """The channels with large loads, and the samples by which readings are late, where that is known."""
+    """The channels with large loads, and the lag of the readings [samples] where clocks give it."""
     grid, rig = run.grid, run.run.rig
     made = simulate(run.mechanism, run.trajectory(2.0 * BANDWIDTH_HZ))
     wrench = np.hstack([made.force, made.moment])
@@ -86,11 +83,11 @@ def _channels(run: AlignedRun) -> tuple[list[_Loaded], int | None]:
         if support.crosstalk is not None and not run.run.has_matrix(columns[0]):
             loads = loads @ np.array(support.crosstalk).T
         smooth = low_pass(loads, BANDWIDTH_HZ, grid.rate)
-        found += [_of(run.run, c, grid, load, kept) for c, load in zip(columns, smooth.T, strict=True)]
+        found += [_loaded(run.run, c, grid, load, kept) for c, load in zip(columns, smooth.T, strict=True)]
     return _large(found), _known_lag(run)
 
 
-def _of(run: "SIRun", column: "Column", grid: "Grid", load: Floats, kept: NDArray[np.bool_]) -> _Loaded:
+def _loaded(run: "SIRun", column: "Column", grid: "Grid", load: Floats, kept: NDArray[np.bool_]) -> _Loaded:
     values, rate = run.signal(column)
     time = run.instants(column)
     even = np.arange(float(time[0]), float(time[-1]), grid.step)
@@ -102,14 +99,14 @@ def _large(channels: list[_Loaded]) -> list[_Loaded]:
     """Those whose load is large, among forces and among moments."""
     found = []
     for kind in "FM":
-        alike = [one for one in channels if (one.column.component or "F")[0] == kind]
-        largest = max((float(one.expected.std()) for one in alike), default=0.0)
-        found += [one for one in alike if one.expected.std() > LARGE * largest > 0.0]
+        same_kind = [one for one in channels if (one.column.component or "F")[0] == kind]
+        largest = max((float(one.expected.std()) for one in same_kind), default=0.0)
+        found += [one for one in same_kind if one.expected.std() > LARGE * largest > 0.0]
     return found
 
 
 def _known_lag(aligned: AlignedRun) -> int | None:
-    """By the clocks that the campaign holds, samples from the readings' first to the encoders' first; None: unknown."""
+    """Samples from the first reading to the first of the encoders by the stored clocks; None if unknown."""
     run, grid = aligned.run, aligned.grid
     name, support = next(iter(run.rig.supports.items()))
     column = next(iter(support.columns(name)))
@@ -123,23 +120,23 @@ def _known_lag(aligned: AlignedRun) -> int | None:
 
 
 def _lag(channels: list[_Loaded]) -> int | None:
-    """The samples by which readings are late, at which they follow their loads most, whatever the signs."""
+    """The lag [samples] at which readings correlate best with their loads, of either sign; None without channels."""
     if not channels:
         return None
-    follows = np.sum([_correlations(one) ** 2 for one in channels], axis=0)
-    return int(np.argmax(follows)) - (len(channels[0].expected) - 1)
+    total = np.sum([_correlations(one) ** 2 for one in channels], axis=0)
+    return int(np.argmax(total)) - (len(channels[0].expected) - 1)
 
 
 def _correlations(one: _Loaded) -> Floats:
-    """Of readings with their load at each lag."""
+    """Correlation of the readings with their load at each lag, (n + m - 1,) [-]."""
     from scipy.signal import correlate
 
     both = correlate(one.seen, one.expected, method="fft")
     return np.asarray(both / max(float(np.linalg.norm(one.seen) * np.linalg.norm(one.expected)), 1e-300))
 
 
-def _followed(one: _Loaded, lag: int) -> tuple[float, float]:
-    """Correlation of the readings with their load, and how many times as large they are, where both are known."""
+def _correlation(one: _Loaded, lag: int) -> tuple[float, float]:
+    """Correlation of the readings with their load, and the ratio of their standard deviations."""
     place = np.arange(len(one.expected)) + lag
     used = (place >= 0) & (place < len(one.seen)) & (one.expected != 0.0)
     load, seen = one.expected[used], one.seen[place[used]]
@@ -154,7 +151,7 @@ def _finding(run: "SIRun", one: _Loaded, correlation: float, ratio: float) -> Fi
         CODE,
         column.channel,
         run.name,
-        f"{run.name}: {column.channel}: goes against the load {column.component} that the motion makes {column.sensor} "
-        f"carry: correlation {correlation:.2f}, {ratio:.2f} times its size, expected near 1; is its sign turned in the "
-        "rig or the wiring, or is the channel exchanged with another?",
+        f"{run.name}: {column.channel}: reversed polarity: it opposes the load {column.component} that the motion puts "
+        f"on {column.sensor}: correlation {correlation:.2f}, expected near 1, at {ratio:.2f} times the load's size; "
+        "check its sign in the rig and the wiring, and whether it is exchanged with another channel",
     )

@@ -1,7 +1,4 @@
-"""All that one run tells, each part with what it is by definition, or with why it is not known.
-
-Figures of a report: each run by itself, and runs with counter-masses beside those without.
-"""
+"""The report of one run, each part with its definition or the reason why it is unknown, and the figures of a report."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -35,13 +32,13 @@ if TYPE_CHECKING:
     from ..store import Run
 
 Point = tuple[float, float, float]
-OF_A_SIZE = 2.0
-"""Up to this factor a torque and its model may differ without a finding: friction, a payload that was estimated."""
+SIMILAR_SIZE = 2.0
+"""Largest factor between a torque and its model without a finding: friction, an estimated payload."""
 
 
 @dataclass(frozen=True)
 class RunReport:
-    """One run; every part is a document, or has a ``reason`` alone."""
+    """The parts of a report; one that is unknown has a ``reason`` alone."""
 
     run: "Run"
     motions: Part
@@ -55,12 +52,12 @@ class RunReport:
 
     @property
     def parts(self) -> dict[str, Part]:
-        """By name, in the order in which they are printed."""
+        """Parts by name, in the order of the text."""
         names = ("motions", "command", "vibration", "modes", "response", "wrench", "torque")
         return {name: getattr(self, name) for name in names}
 
     def as_dict(self) -> dict[str, Any]:
-        """As it is printed."""
+        """The report as it stands in JSON."""
         return {
             "run": self.run.name,
             "origin": str(self.run.origin),
@@ -79,7 +76,7 @@ def report(
 ) -> RunReport:
     """Analyse one run: vibration and forces in ``band``, accelerations and torques below ``bandwidth_hz``.
 
-    ``given`` is a mechanism in place of the one that the rig names.
+    ``given`` is a mechanism in place of the one that the rig names; ``point`` [m] that of the moments.
     """
     aligned = cache(lambda: AlignedRun(run, mechanism_of(run, given)))
     found, reasons = motion_recognition.recognized_motions(run, aligned)
@@ -97,7 +94,7 @@ def report(
     torque = attempt_part(lambda: sections.torque_part(aligned(), bandwidth_hz))
     findings += _gaps(run, bandwidth_hz)
     findings += [finding.as_dict() for finding in reversed_polarity(run, aligned)]
-    findings += _contradicted(run, torque)
+    findings += _torque_contradictions(run, torque)
     return RunReport(
         run.recorded,
         _motions(run, found, reasons, findings),
@@ -129,7 +126,7 @@ def _command(
 
 
 def _gaps(run: "SIRun", bandwidth_hz: float) -> list[Part]:
-    """What of the encoders' record is left out, if they have a gap."""
+    """A finding for each gap of the encoders, with what it removes from the analysis."""
     if not run.rig.columns_of(Encoder):
         return []
     try:
@@ -139,18 +136,19 @@ def _gaps(run: "SIRun", bandwidth_hz: float) -> list[Part]:
     return [finding.as_dict() for finding in gaps.findings(run.name, gap_reach(bandwidth_hz))]
 
 
-def _contradicted(run: "SIRun", torque: Part) -> list[Part]:
-    """Drives whose torque is of another size than the model's, a finding each."""
+def _torque_contradictions(run: "SIRun", torque: Part) -> list[Part]:
+    """A finding for each drive whose torque differs from the model's by more than SIMILAR_SIZE."""
     return [
         Finding(
             "torque_contradiction",
             None,
             run.name,
             f"{run.name}: torque of {drive['joint']} is {drive['rms_ratio']:.2g} times the model's (RMS): expected "
-            f"{1.0 / OF_A_SIZE:g} to {OF_A_SIZE:g}; units in rig and log, payload and counter-masses on the sheet?",
+            f"{1.0 / SIMILAR_SIZE:g} to {SIMILAR_SIZE:g}; check units in rig and log, payload and counter-masses in "
+            "the run table",
         ).as_dict()
         for drive in torque.get("drives", [])
-        if not 1.0 / OF_A_SIZE <= drive["rms_ratio"] <= OF_A_SIZE
+        if not 1.0 / SIMILAR_SIZE <= drive["rms_ratio"] <= SIMILAR_SIZE
     ]
 
 
@@ -160,13 +158,13 @@ def _motions(
     reasons: "dict[motion_recognition.Source, str]",
     findings: list[Part],
 ) -> Part:
-    """The motions by each source; where sources or the sheet contradict each other, a finding."""
+    """The motions by each source; a finding where a source contradicts the run table."""
     names = {source: [one.name for one in some] for source, some in found.items()}
     known = {source: some for source, some in names.items() if some and "unknown" not in some}
-    said = run.conditions.get("motion")
+    stated = run.conditions.get("motion")
     for source, some in known.items():
-        if said is not None and any(name != said for name in some):
-            message = f"{run.name}: its sheet says motion {said}, by {source} it is {', '.join(some)}"
+        if stated is not None and any(name != stated for name in some):
+            message = f"{run.name}: the run table states motion {stated}, by {source} it is {', '.join(some)}"
             findings.append(Finding("motion_contradiction", None, run.name, message).as_dict())
     return {
         "found": [one.as_dict() for some in found.values() for one in some],
@@ -176,14 +174,14 @@ def _motions(
 
 
 def draw(runs: "Sequence[Run]", folder: Path, mechanism: str | None, bandwidth_hz: float) -> list[Path]:
-    """Write what can be drawn as SVG; what a rig lacks is not drawn, as the report says why."""
+    """Write figures as SVG; what cannot be drawn is left out, since the report has the reason."""
     written = []
     for run in runs:
-        written += _one(folder / f"{run.name}-command.svg", partial(_draw_command, run, mechanism, bandwidth_hz))
-        written += _one(folder / f"{run.name}-spectrum.svg", partial(figures.base_spectrum, run))
+        written += _saved(folder / f"{run.name}-command.svg", partial(_draw_command, run, mechanism, bandwidth_hz))
+        written += _saved(folder / f"{run.name}-spectrum.svg", partial(figures.base_spectrum, run))
     for pair in pairs(runs)[0]:
         for name, path in _names(pair, folder).items():
-            written += _one(path, partial(getattr(figures, name), pair.balanced[0], pair.unbalanced[0]))
+            written += _saved(path, partial(getattr(figures, name), pair.balanced[0], pair.unbalanced[0]))
     return written
 
 
@@ -197,7 +195,7 @@ def _names(pair: Pair, folder: Path) -> dict[str, Path]:
     return {name: folder / f"{both}-{end}.svg" for name, end in ends.items()}
 
 
-def _one(path: Path, work: "Callable[[], Figure]") -> list[Path]:
+def _saved(path: Path, work: "Callable[[], Figure]") -> list[Path]:
     try:
         figure = work()
     except CounterpoiseError:

@@ -1,14 +1,9 @@
-"""What the base's acceleration has in step with the shaking force, and whether it follows the moment as well.
+"""Parts of a report: base vibration, modes from the decay after the motion, response, wrench, torques of the drives.
 
-In one motion force and moment come together: a run is too short to tell their responses apart line by line. So the
-gain is that of the force alone (H1), and each line names the other components that explain more of the acceleration
-than the force does: where there are some, their effect is in the gain, which is then no property of the base.
-
-A part of a report: what was found, or why nothing was.
-
-Base vibration, and its modes from the decay after the motion.
-
-Shaking force and moment at a point, and torques of the drives.
+The response is the acceleration of the base coherent with the shaking force (H1). In one motion force and moment come
+together, and a run is too short to separate them line by line, so each line names the other components that explain
+more of the acceleration than the force does. Where there are some, their effect is in the gain, which is then no
+property of the base.
 """
 
 from collections.abc import Callable, Mapping
@@ -26,7 +21,7 @@ from ..runs.aligned_run import recorded_clocks
 from ..signal.filters import Band
 from ..signal.free_decay_modes import free_decay_modes
 from ..signal.frequency_response import FrequencyResponse, conditioned_response, frequency_response
-from ..vibration.channel_levels import channel_levels, definitions
+from ..vibration.channel_levels import channel_levels, level_definitions
 from ..vibration.metrics import METRICS
 
 if TYPE_CHECKING:
@@ -38,38 +33,42 @@ if TYPE_CHECKING:
     from ..runs.si_run import SIRun
 
 Part = dict[str, Any]
+HIGHEST_HZ = 100.0
+"""Highest frequency of modes that are searched: a base on its mounts, and what a motion excites [Hz]."""
+SETTLED_S = 0.02
+"""Time after the motion from which the base decays freely: the zero-phase band smears as far [s]."""
+SEGMENT_S = 0.25
+"""Segments of the response: several in a motion of a second, 4 Hz apart [s]."""
+PROMINENCE = 3.0
+"""Least standard deviation of a component over that in the quietest twentieth of the record [-]."""
+LEAST_GAP_S = 1e-6
+"""Time missing from a record, beyond rounding [s]."""
 
 
 def attempt_part(work: Callable[[], Part]) -> Part:
-    """The part, or ``{"reason": ...}`` where the run does not tell."""
+    """The part, or ``{"reason": ...}`` where the run lacks what it needs."""
     try:
         return work()
     except CounterpoiseError as error:
         return {"reason": str(error)}
 
 
-HIGHEST_HZ = 100.0
-"""Of the modes that are looked for [Hz]: a base on its mounts, and what a motion excites."""
-SETTLED_S = 0.02
-"""After the end of the motion from which on the base rings freely; the zero-phase band smears as far [s]."""
-
-
 def base_columns(run: "SIRun") -> "list[Column]":
     """The channels of the accelerometers on the base. Raises AnalysisError if there is none."""
     columns = run.rig.base_columns
     if not columns:
-        raise AnalysisError(f"{run.name}: its rig has no accelerometer that is attached_to the base")
+        raise AnalysisError(f"{run.name}: its rig has no accelerometer on the base (attached_to)")
     return columns
 
 
 def base_levels(run: "SIRun", band: Band | None) -> Part:
-    """Every metric of every axis, and where its spectrum peaks."""
+    """Every metric of every axis, and the peaks of its spectrum."""
     found = channel_levels(run, base_columns(run), band)
-    return {"axes": [level.as_dict() for level in found], "definitions": definitions(band)}
+    return {"axes": [level.as_dict() for level in found], "definitions": level_definitions(band)}
 
 
 def base_modes(run: "SIRun", moved: tuple[float, float]) -> Part:
-    """Modes from what rings after the motion ``moved``, on the clock of the accelerometers on the base [s]."""
+    """Modes from the decay after the motion, ``moved`` its start and end on the base accelerometers' clock [s]."""
     start, end = moved
     columns = base_columns(run)
     group = run.group_of(columns[0])
@@ -86,8 +85,8 @@ def base_modes(run: "SIRun", moved: tuple[float, float]) -> Part:
         "to_s": float(time[-1]),
         "group": group,
         "band_hz": [band.low_hz, band.high_hz],
-        "definition": "free decay after the motion as damped sines that all channels share; intervals of 95 %, in them "
-        "what shakes the base before the motion",
+        "definition": "free decay after the motion as damped sines that all channels share; intervals of 95 %, with "
+        "the vibration of the base before the motion",
     }
 
 
@@ -98,9 +97,9 @@ def _named(mode: Part) -> Part:
 def motion_on_base_clock(
     run: "SIRun", found: "Mapping[Source, list[RecognizedMotion]]", shown: "CommandPerformance | None"
 ) -> tuple[float, float]:
-    """When the first motion began and the last ended, on the clock of the base's accelerometers [s].
+    """Start of the first and end of the last motion on the clock of the base's accelerometers [s].
 
-    Raises AnalysisError where no source of motions tells it on that clock.
+    Raises AnalysisError where no source of motions is on that clock.
     """
     group = run.group_of(base_columns(run)[0])
     for motions in found.values():
@@ -109,28 +108,22 @@ def motion_on_base_clock(
     if shown is not None and shown.group == group and found.get("command"):
         shift = shown.lag_s + shown.first - float(shown.time[0])
         return found["command"][0].start + shift, found["command"][-1].end + shift
-    if (felt := found.get("acceleration")) and felt[-1].group == group:
-        return felt[0].start, felt[-1].end
+    if (measured := found.get("acceleration")) and measured[-1].group == group:
+        return measured[0].start, measured[-1].end
     raise AnalysisError(
-        f"{run.name}: no source of motions shares the clock of the base's accelerometers, {group}: nothing says when "
-        "the base rings freely"
+        f"{run.name}: no source of motions shares the clock of the base's accelerometers, {group}, so the free decay "
+        "of the base is unknown: testbench align first"
     )
-
-
-SEGMENT_S = 0.25
-"""Of the response's segments [s]: several in a motion of a second, 4 Hz apart."""
-STANDS_OUT = 3.0
-"""How many times its scatter in the quietest twentieth of the record a component must scatter in all of it to count."""
 
 
 def base_response(run: "SIRun", wrench: "MeasuredWrench", highest_hz: float = HIGHEST_HZ) -> Part:
     """Acceleration of the base along each axis per shaking force along it, where the coherence is significant."""
-    pushes = _pushes(wrench)
+    forces = _significant_components(wrench)
     rows: list[Part] = []
     for column in base_columns(run):
-        if (along := f"F{column.component}") in pushes:
-            answer = _beside(run, wrench, column)
-            rows += _rows(column, along, pushes, answer, wrench.rate, highest_hz)
+        if (along := f"F{column.component}") in forces:
+            response = _at_force_instants(run, wrench, column)
+            rows += _rows(column, along, forces, response, wrench.rate, highest_hz)
     return {
         "rows": rows,
         "definition": "acceleration of the base per shaking force along the same axis (H1), where coherence is over "
@@ -141,47 +134,46 @@ def base_response(run: "SIRun", wrench: "MeasuredWrench", highest_hz: float = HI
     }
 
 
-def _pushes(wrench: "MeasuredWrench") -> dict[str, Floats]:
-    """The components that are determined throughout and stand out of their noise."""
+def _significant_components(wrench: "MeasuredWrench") -> dict[str, Floats]:
+    """The components that are determined throughout and exceed their noise, (n,) [N, N m]."""
     found = {}
     for name, values in wrench.values.items():
         if values is not None and not np.isnan(values).any():
             quiet = min(float(part.std()) for part in np.array_split(values, 20))
-            if values.std() > STANDS_OUT * quiet:
+            if values.std() > PROMINENCE * quiet:
                 found[name] = values
     return found
 
 
 def _rows(
-    column: "Column", along: str, pushes: dict[str, Floats], answer: Floats, rate: float, highest_hz: float
+    column: "Column", along: str, forces: dict[str, Floats], response: Floats, rate: float, highest_hz: float
 ) -> list[Part]:
     """The lines of one channel."""
     segment = 2 * round(0.5 * SEGMENT_S * rate)
-    told = frequency_response(pushes[along], answer, rate, segment)
-    kept = told.significant & (told.frequency > 0.0) & (told.frequency <= highest_hz)
-    beside = {name: _explains(pushes[along], pushes[name], answer, rate, segment) for name in pushes if name != along}
+    found = frequency_response(forces[along], response, rate, segment)
+    used = found.significant & (found.frequency > 0.0) & (found.frequency <= highest_hz)
+    others = {  # lines in which a component explains the acceleration beyond the force
+        name: conditioned_response([forces[along], other], response, rate, segment).significant[1]
+        for name, other in forces.items()
+        if name != along
+    }
     return [
-        _row(column, told, int(i)) | {"also_follows": [name for name, more in beside.items() if more[i]]}
-        for i in np.flatnonzero(kept)
+        _row(column, found, int(i)) | {"also_follows": [name for name, more in others.items() if more[i]]}
+        for i in np.flatnonzero(used)
     ]
 
 
-def _explains(force: Floats, other: Floats, answer: Floats, rate: float, segment: int) -> Floats:
-    """Whether another component explains, line by line, what the force leaves of the acceleration."""
-    return np.asarray(conditioned_response([force, other], answer, rate, segment).significant[1])
-
-
-def _row(column: "Column", told: FrequencyResponse, i: int) -> Part:
-    gain, share = float(np.abs(told.response[i])), coverage_factor() * float(told.relative_deviation[i])
+def _row(column: "Column", found: FrequencyResponse, i: int) -> Part:
+    gain, share = float(np.abs(found.response[i])), coverage_factor() * float(found.relative_deviation[i])
     return {
-        "sensor": column.sensor, "axis": column.component, "frequency_hz": float(told.frequency[i]),
+        "sensor": column.sensor, "axis": column.component, "frequency_hz": float(found.frequency[i]),
         "gain_1_kg": gain, "gain_interval_1_kg": [gain * max(1.0 - share, 0.0), gain * (1.0 + share)],
-        "phase_rad": float(np.angle(told.response[i])), "coherence": float(told.coherence[i]),
+        "phase_rad": float(np.angle(found.response[i])), "coherence": float(found.coherence[i]),
     }  # fmt: skip
 
 
-def _beside(run: "SIRun", wrench: "MeasuredWrench", column: "Column") -> Floats:
-    """A channel at the instants of the forces, (n,). Raises AnalysisError where their clocks are not in line."""
+def _at_force_instants(run: "SIRun", wrench: "MeasuredWrench", column: "Column") -> Floats:
+    """A channel at the instants of the forces, (n,) [SI]. Raises AnalysisError for clocks that are not aligned."""
     group, time = run.group_of(column), run.instants(column)
     values, at = run.values(column), wrench.time
     if group != wrench.group:
@@ -194,21 +186,17 @@ def _beside(run: "SIRun", wrench: "MeasuredWrench", column: "Column") -> Floats:
     return np.interp(at, time, values)
 
 
-LEAST_GAP_S = 1e-6
-"""What is left out of a record, beyond rounding [s]."""
-
-
 def wrench_part(wrench: "MeasuredWrench", band: Band | None) -> Part:
-    """Every metric of every component; null with the reason where the sensors do not determine it."""
+    """Every metric of every component; null with a reason where the sensors do not determine it."""
     components: dict[str, dict[str, float] | None] = {}
     reasons = dict(wrench.reasons)
     for name, values in wrench.values.items():
         if values is None:
             components[name] = None
-        elif stretches := wrench.clipped.get(name):
+        elif spans := wrench.clipped.get(name):
             components[name] = None
-            where = ", ".join(f"{a:.4f}..{b:.4f} s" for a, b in stretches[:5]) + (" ..." if len(stretches) > 5 else "")
-            reasons[name] = f"a sensor that it rests on is at the end of its range in {where}"
+            where = ", ".join(f"{a:.4f}..{b:.4f} s" for a, b in spans[:5]) + (" ..." if len(spans) > 5 else "")
+            reasons[name] = f"a sensor that it needs is at the end of its range in {where}"
         else:
             shape = values - values.mean()
             shape = band.filtered(shape, wrench.rate) if band else shape
@@ -218,17 +206,17 @@ def wrench_part(wrench: "MeasuredWrench", band: Band | None) -> Part:
         "point_m": list(wrench.point),
         "components": components,
         "reasons": reasons,
-        "clipped_s": {name: [list(ends) for ends in stretches] for name, stretches in wrench.clipped.items()},
+        "clipped_s": {name: [list(ends) for ends in spans] for name, spans in wrench.clipped.items()},
         "tare": wrench.tare,
         "band_hz": [band.low_hz, band.high_hz] if band else None,
-        "definition": "what the mechanism exerts on the base, base axes, moments about the point; mean removed, "
+        "definition": "wrench of the mechanism on the base, base axes, moments about the point; mean removed, "
         f"band {band or 'not limited'}",
         "group": wrench.group,
     }
 
 
 def torque_part(run: "AlignedRun", bandwidth_hz: float) -> Part:
-    """Each drive against the model."""
+    """Torque of each drive compared with the model."""
     drives = drive_torque.drive_torques(run, bandwidth_hz)
     return {"drives": [drive.as_dict() for drive in drives], "definitions": drive_torque.DEFINITIONS}
 
@@ -237,11 +225,11 @@ def _gapped(part: Part) -> bool:
     return any(drive["left_out_s"] > LEAST_GAP_S for drive in part.get("drives", []))
 
 
-def fallen_loads(balanced: list[Part], unbalanced: list[Part]) -> list[Part]:
-    """How torques changed with counter-masses: root mean square, measured and by the model, means of repeats.
+def torque_changes(balanced: list[Part], unbalanced: list[Part]) -> list[Part]:
+    """RMS torques with and without counter-masses, measured and by the model, means of repeats.
 
-    Of parts by :func:`torque_part`; drives that are not in all of them are left out, and so are runs with a gap, whose
-    root mean square is of another span.
+    From parts of :func:`torque_part`; without drives that are not in all of them, and without runs with a gap, whose
+    RMS is over another span.
     """
     sides = [
         [{d["joint"]: d for d in part.get("drives", [])} for part in some if not _gapped(part)]

@@ -1,11 +1,13 @@
-"""Speed from the instants of encoder edges: pulses are timed, never counted in a window.
+"""Rotating machines: the speed of a crank from encoder edges, and vibration at multiples of a rotor's speed.
 
-Vibration at multiples of a shaft's speed: its turns by a tacho, vectors by least squares.
+Speed: ``encoder_edges`` numbers the edges of a log (pulses are timed, never counted in a window), ``speed_fit``
+estimates the steady turn, ``pitch_error`` the errors of the disc, ``speed_results`` the speed edge by edge and the
+comparison with a drive's equation of motion. Vibration: ``tachometer`` gives the turns, ``order_tracking`` the vectors.
 """
 
-from .encoder_edges import Disc, Edges, LostEdges, edges_of, origin_of, read_times
+from .encoder_edges import Disc, Edges, LostEdges, log_origin, number_edges, read_edge_times
 from .speed_fit import SpeedEstimate, SteadySpeedFit, periodic_turn
-from .speed_results import SpeedHistory, speed_course
+from .speed_results import SpeedHistory, speed_history
 
 __all__ = [
     "Disc",
@@ -14,9 +16,9 @@ __all__ = [
     "SpeedEstimate",
     "SpeedHistory",
     "SteadySpeedFit",
-    "edges_of",
-    "origin_of",
+    "log_origin",
+    "number_edges",
     "periodic_turn",
-    "read_times",
-    "speed_course",
+    "read_edge_times",
+    "speed_history",
 ]

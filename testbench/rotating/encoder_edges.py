@@ -1,8 +1,8 @@
-"""Encoder edges: their instants, the pulse that each is, and the clock they were timed with.
+"""Encoder edges: their instants, the number of each pulse, and checks that the log is what it claims to be.
 
-Edges that are lost or too many, told from the intervals beside them.
-
-After how many edges the motion repeats: once a turn, where the edges per turn are as stated.
+Lost and spurious edges show as intervals much longer or shorter than their neighbours, unless a wide or narrow slot of
+the disc explains them, which comes again a turn later. A wrong number of edges per turn shows by autocorrelation: the
+motion then repeats after another number of edges than stated.
 """
 
 from dataclasses import dataclass
@@ -15,15 +15,28 @@ from balance.arrays import Floats, Indices
 
 from ..errors import RecordingError
 
+HDF5 = {".h5", ".hdf5", ".nxs"}
 _NEIGHBOURS = 3
-"""Intervals looked at on each side."""
+"""Intervals, or lags, compared on each side."""
 _LONG, _SHORT = 1.5, 0.4
-"""Shares of the expected interval above which an edge counts as lost, below which as one too many.
+"""Shares of the expected interval above which an edge is lost, below which one is spurious.
 
 Discs with slots 10 % out of place make intervals of 0.6 to 1.4, and more now and then.
 """
 _WIDE, _NARROW = 1.3, 0.7
-"""Shares above and below which an interval counts as alike when the same slot comes again."""
+"""Shares above and below which the interval of the same slot a turn later confirms a wide or narrow slot."""
+_NEAR_TICK = 0.01
+"""Distance of an interval from whole nanoseconds at which its clock is finer than that [ns]."""
+_COARSEST = 0.35
+"""Step of the clock over the interval, up to which rounding makes no interval half as long again as its neighbours."""
+_LEAST_LAG = 8
+"""Shortest repetition that is searched [edges]."""
+_MOST_TURNS = 5
+"""Stated turns over which a repetition is searched."""
+_ROUNDING_STEPS = 3.0
+"""Scatter in steps of the clock up to which it may be rounding."""
+_CLEAR = 0.35
+"""Scatter at a lag over that at its neighbours below which the motion repeats."""
 
 
 @dataclass(frozen=True)
@@ -31,16 +44,16 @@ class Gap:
     """A place where edges are lost."""
 
     after: int
-    """The edge before it, counted from 0."""
+    """Index of the edge before it."""
     time: float
-    """Its instant [s]."""
+    """Instant of that edge [s]."""
     missing: int
-    """How many edges are lost."""
+    """Number of lost edges."""
     ratio: float
-    """The interval over the one to expect."""
+    """The interval over the expected one [-]."""
 
     def text(self) -> str:
-        """The place for people."""
+        """The place in words."""
         return (
             f"{self.missing} after edge {self.after} at {self.time:.6f} s (interval {self.ratio:.2f} times the usual)"
         )
@@ -49,49 +62,51 @@ class Gap:
 def lost_edges(time: Floats, pulses: int) -> list[Gap]:
     """Gaps in the instants of edges (n,) [s] of a disc with so many pulses a turn.
 
-    An interval as long one turn of the disc before or after is a wide slot, not a loss; a slot that is missing from
-    the disc comes again one edge earlier each turn, and is a loss.
+    An interval that is as long one turn of the disc before or after is a wide slot, no loss; a slot that is missing on
+    the disc comes one edge earlier each turn, and counts as a loss.
     """
     ratio = interval_ratios(time)
     return [
         Gap(int(k), float(time[k]), max(1, round(float(ratio[k])) - 1), float(ratio[k]))
         for k in np.flatnonzero(ratio > _LONG)
-        if not _comes_again(ratio, int(k), pulses, ratio > _WIDE)
+        if not _repeats_next_turn(ratio, int(k), pulses, ratio > _WIDE)
     ]
 
 
 def spurious_edges(time: Floats, pulses: int) -> list[int]:
-    """Edges that come far too early after the one before, counted from 0; not those of a narrow slot."""
+    """Indices of the edges (n,) [s] that come far too soon after the one before, other than by a narrow slot."""
     ratio = interval_ratios(time)
     close = np.flatnonzero(ratio < _SHORT)
-    return [int(k) + 1 for k in close if not _comes_again(ratio, int(k), pulses, ratio < _NARROW)]
+    return [int(k) + 1 for k in close if not _repeats_next_turn(ratio, int(k), pulses, ratio < _NARROW)]
 
 
-def _comes_again(ratio: Floats, k: int, pulses: int, alike: "np.ndarray[tuple[int], np.dtype[np.bool_]]") -> bool:
-    return any(0 <= i < len(ratio) and bool(alike[i]) for i in (k - pulses, k + pulses))
+def _repeats_next_turn(
+    ratio: Floats, k: int, pulses: int, similar: "np.ndarray[tuple[int], np.dtype[np.bool_]]"
+) -> bool:
+    return any(0 <= i < len(ratio) and bool(similar[i]) for i in (k - pulses, k + pulses))
 
 
 def interval_ratios(time: Floats) -> Floats:
-    """Each interval over the one to expect: geometric mean of the medians of those before and after, (n - 1,).
+    """Each interval between edges (n,) [s] over the expected one, (n - 1,) [-].
 
-    So a steady gain of speed counts as regular. The first and last intervals have one side only: they are judged where
-    that side is even, and count as 1 elsewhere (a start from standstill).
+    Expected is the geometric mean of the medians before and after, so that a steadily changing speed is regular. The
+    first and last intervals have one side only: their ratio is 1 where that side is uneven (a start from standstill).
     """
     log = np.log(np.diff(time))
     count = len(log)
     padded = np.concatenate([np.full(_NEIGHBOURS, np.nan), log, np.full(_NEIGHBOURS, np.nan)])
     before = np.stack([padded[k : k + count] for k in range(_NEIGHBOURS)])
     after = np.stack([padded[_NEIGHBOURS + 1 + k : _NEIGHBOURS + 1 + k + count] for k in range(_NEIGHBOURS)])
-    left, right = _median(before), _median(after)
-    expected = np.where(np.isnan(left), right, np.where(np.isnan(right), left, 0.5 * (left + right)))
-    one_sided = np.isnan(left) | np.isnan(right)
-    side = np.where(np.isnan(left), _spread(after), _spread(before))
+    earlier, later = _median(before), _median(after)
+    expected = np.where(np.isnan(earlier), later, np.where(np.isnan(later), earlier, 0.5 * (earlier + later)))
+    one_sided = np.isnan(earlier) | np.isnan(later)
+    side = np.where(np.isnan(earlier), _spread(after), _spread(before))
     ratio = np.exp(log - expected)
     return np.where(one_sided & (side > np.log(1.3)), 1.0, ratio)
 
 
 def _median(rows: Floats) -> Floats:
-    """Median down the columns, NaN left out; NaN where a column holds nothing else."""
+    """Median of each column without NaN; NaN where a column has nothing else."""
     order = np.sort(rows, axis=0)
     have = np.isfinite(rows).sum(axis=0)
     columns = np.arange(rows.shape[1])
@@ -100,26 +115,19 @@ def _median(rows: Floats) -> Floats:
 
 
 def _spread(rows: Floats) -> Floats:
-    """Largest less smallest down the columns, NaN left out."""
+    """Largest less smallest value of each column without NaN."""
     return np.where(np.isnan(rows), -np.inf, rows).max(axis=0) - np.where(np.isnan(rows), np.inf, rows).min(axis=0)
 
 
-_NEAR_TICK = 0.01
-"""Distance of an interval from whole nanoseconds, at which its clock is finer than that [ns]."""
-_COARSEST = 0.35
-"""Step of the clock, of an interval, up to which rounding makes none half as long again as its neighbours."""
-HDF5 = {".h5", ".hdf5", ".nxs"}
-
-
 class LostEdges(RecordingError):
-    """A log that misses edges, each place named."""
+    """A log with lost edges; the message names each place."""
 
     def __init__(self, name: str, gaps: list[Gap]) -> None:
         places = "; ".join(gap.text() for gap in gaps[:8]) + ("; ..." if len(gaps) > 8 else "")
         count = sum(gap.missing for gap in gaps)
         super().__init__(
-            f"{name}: {count} edge{'s' * (count > 1)} lost: {places}. A speed computed through a gap would be wrong "
-            "there, and every later edge at the wrong angle; --bridge counts the lost edges and goes on"
+            f"{name}: {count} edge{'s' * (count > 1)} lost: {places}. Through a gap the speed would be wrong, and the "
+            "angle of every later edge; --bridge counts the lost edges and goes on"
         )
         self.gaps = gaps
 
@@ -139,27 +147,27 @@ class Disc:
         return self.pulses * self.ratio
 
     @property
-    def whole(self) -> int | None:
-        """Edges per turn of the crank where that is a whole number: then every turn meets the same angles."""
+    def whole_per_turn(self) -> int | None:
+        """Edges per turn of the crank if that is a whole number, so that every turn has edges at the same angles."""
         count = round(self.per_turn)
         return count if abs(self.per_turn - count) < 1e-9 * self.per_turn else None
 
     @property
-    def pitch_is_apart(self) -> bool:
-        """Whether errors of the disc repeat with another period than the crank, so that they can be told apart."""
+    def pitch_is_separable(self) -> bool:
+        """Whether errors of the disc have another period than the crank, so that both can be estimated."""
         return abs(self.ratio - round(self.ratio)) > 0.02
 
 
 @dataclass(frozen=True)
 class Edges:
-    """Edges in time, each with the number of its pulse."""
+    """Instants of edges, each with the number of its pulse."""
 
     name: str
     disc: Disc
     time: Floats
     """Instants, (n,) [s]."""
     pulse: Indices
-    """Pulses since the first edge, lost ones counted, (n,)."""
+    """Pulses since the first edge, lost ones counted, (n,) [-]."""
     gaps: tuple[Gap, ...] = ()
     """Where edges are lost."""
     offset: Floats | None = None
@@ -167,7 +175,7 @@ class Edges:
 
     @cached_property
     def angle(self) -> Floats:
-        """Angle of the crank at each edge, from the first one, the disc's known errors put right, (n,) [rad]."""
+        """Angle of the crank at each edge, from the first one, corrected for the disc's known errors, (n,) [rad]."""
         even = 2.0 * np.pi * self.pulse / self.disc.per_turn
         if self.offset is None:
             return even
@@ -180,25 +188,25 @@ class Edges:
         return _clock_step(self.time)
 
     def part(self, where: Indices) -> "Edges":
-        """Some of the edges, pulses still counted from the same first edge."""
+        """The edges with indices ``where`` (k,) [-], pulses still counted from the same first edge."""
         return Edges(self.name, self.disc, self.time[where], self.pulse[where], self.gaps, self.offset)
 
 
-def edges_of(name: str, time: Floats, disc: Disc, bridge: bool = False, offset: Floats | None = None) -> Edges:
-    """Number the edges of a log; ``offset`` (pulses,) [rad] puts the disc's known errors right.
+def number_edges(name: str, time: Floats, disc: Disc, bridge: bool = False, offset: Floats | None = None) -> Edges:
+    """Number the edges (n,) [s] of a log; ``offset`` (pulses,) [rad of the encoder's shaft] corrects the disc's errors.
 
     Raises RecordingError for too few edges, time that does not increase or spurious edges, LostEdges for lost ones
-    unless ``bridge`` asks to count them.
+    unless ``bridge`` allows to count them.
     """
     if len(time) < 8:
-        raise RecordingError(f"{name}: {len(time)} edges; expected at least 8 to tell a speed")
-    _refuse_disorder(name, time)
-    _refuse_coarse_clock(name, time)
+        raise RecordingError(f"{name}: {len(time)} edges; expected at least 8 for a speed: take a longer log")
+    _require_increasing(name, time)
+    _require_fine_clock(name, time)
     if extra := spurious_edges(time, disc.pulses):
         places = ", ".join(f"edge {k} at {time[k]:.6f} s" for k in extra[:8])
         raise RecordingError(
             f"{name}: {len(extra)} edge{'s' * (len(extra) > 1)} too many, far closer than their neighbours: {places}; "
-            "noise on the signal or both flanks counted: remove them from the log"
+            "from noise on the signal, or both flanks counted: remove them from the log"
         )
     gaps = lost_edges(time, disc.pulses)
     if gaps and not bridge:
@@ -209,8 +217,8 @@ def edges_of(name: str, time: Floats, disc: Disc, bridge: bool = False, offset: 
     return Edges(name, disc, time, np.concatenate([[0], np.cumsum(step)]), tuple(gaps), offset)
 
 
-def read_times(path: Path) -> Floats:
-    """Instants of edges of a log or a stored run: its time column, (n,) [s].
+def read_edge_times(path: Path) -> Floats:
+    """Instants of the edges of a log or a stored run: its only column, (n,) [s].
 
     Raises RecordingError where the file has other channels too, no unit of time, or rows that cannot be trusted.
     """
@@ -218,13 +226,13 @@ def read_times(path: Path) -> Floats:
         from ..store import open_run
 
         run = open_run(path)
-        _only_times(path, len(run.group().channels))
+        _require_one_channel(path, len(run.group().channels))
         return run.time()
-    return _logged(path)
+    return _log_times(path)
 
 
-def origin_of(path: Path) -> str:
-    """Whether a log or stored run is measured, simulated, or does not say."""
+def log_origin(path: Path) -> str:
+    """Origin of a log or stored run: measured, simulated or unstated."""
     if path.suffix.lower() in HDF5:
         from ..store import open_run
 
@@ -234,13 +242,13 @@ def origin_of(path: Path) -> str:
     return open_recording(path).origin
 
 
-def _logged(path: Path) -> Floats:
+def _log_times(path: Path) -> Floats:
     from ..readers.registry import open_recording
     from ..recording import Finding, TimeColumn, refusing_findings
 
     recording = open_recording(path)
     group, found = recording.groups[0], list[Finding](recording.findings)
-    _only_times(path, len(group.channels))
+    _require_one_channel(path, len(group.channels))
     blocks = [block.columns[0] for block in recording.blocks(found.append)]
     if bad := refusing_findings(found):
         raise RecordingError(f"{path.name}: {bad[0].where or ''} {bad[0].message}".replace("  ", " "))
@@ -252,11 +260,11 @@ def _logged(path: Path) -> Floats:
     ticks = np.concatenate(blocks) if blocks else np.empty(0)
     if not np.isfinite(ticks).all():
         row = int(np.flatnonzero(~np.isfinite(ticks))[0])
-        raise RecordingError(f"{path.name}: row {row + 1} of {name!r} is no number: an edge without an instant")
+        raise RecordingError(f"{path.name}: row {row + 1} of {name!r} is no number: remove the row from the log")
     return ticks * group.clock.seconds_per_unit
 
 
-def _only_times(path: Path, channels: int) -> None:
+def _require_one_channel(path: Path, channels: int) -> None:
     if channels != 1:
         raise RecordingError(
             f"{path.name}: {channels} channels; expected one column, the instants of the encoder's edges, such as t_us"
@@ -271,8 +279,8 @@ def _clock_step(time: Floats) -> float | None:
     return step * 1e-9 if step > 1 else None
 
 
-def _refuse_coarse_clock(name: str, time: Floats) -> None:
-    """Intervals of two or three steps look like lost edges where none is, and hide those that are."""
+def _require_fine_clock(name: str, time: Floats) -> None:
+    """Raise RecordingError where intervals of two or three clock steps would imitate and hide lost edges."""
     step, interval = _clock_step(time), float(np.median(np.diff(time)))
     if step is None or step <= _COARSEST * interval:
         return
@@ -280,82 +288,71 @@ def _refuse_coarse_clock(name: str, time: Floats) -> None:
         return
     raise RecordingError(
         f"{name}: the clock's step of {step * 1e6:g} us is {100 * step / interval:.0f} % of an interval between edges: "
-        f"lost edges cannot be told from rounding above {100 * _COARSEST:g} %; log with a finer clock"
+        f"above {100 * _COARSEST:g} % lost edges cannot be distinguished from rounding; log with a finer clock"
     )
 
 
-def _refuse_disorder(name: str, time: Floats) -> None:
+def _require_increasing(name: str, time: Floats) -> None:
     step = np.diff(time)
     if (step > 0.0).all():
         return
     k = int(np.flatnonzero(~(step > 0.0))[0])
-    hint = ": a counter that ran over" if step[k] < -1.0 else ""
+    hint = " (a counter that overflowed)" if step[k] < -1.0 else ""
     raise RecordingError(
         f"{name}: time goes from {time[k]:.6f} to {time[k + 1]:.6f} s at edge {k + 1}{hint}; expected increasing"
     )
 
 
-_LEAST = 8
-"""Shortest repetition that is looked for, in edges."""
-_FARTHEST = 5
-"""Stated turns over which a repetition is looked for."""
-_NEIGHBOURS_IN_TURN = 3
-_STEPS = 3.0
-"""Steps of the clock, above which scatter is no rounding."""
-_CLEAR = 0.35
-"""Scatter of the time for a number of edges, of that for a few more or less, below which the motion repeats."""
-
-
-def refuse_other_turn(edges: Edges) -> None:
-    """Raise RecordingError where the motion in the later half plainly repeats, but not after the stated turn."""
-    if edges.disc.pitch_is_apart:
+def require_stated_turn(edges: Edges) -> None:
+    """Raise RecordingError where the motion in the later half clearly repeats, but not after the stated turn."""
+    if edges.disc.pitch_is_separable:
         return
     stated = round(edges.disc.per_turn)
-    lags, scatter = _scatter(edges)
-    found = _repetitions(edges, lags, scatter)
+    lags, scatter = _lag_scatter(edges)
+    found = _repetition_lags(edges, lags, scatter)
     at_stated = dict(zip(lags.tolist(), scatter.tolist(), strict=True)).get(stated)
-    if at_stated is None:  # too short a log to hold a stated turn against the next
+    if at_stated is None:  # the log is too short to compare a stated turn with the next
         other = found[:1] if found and stated % found[0] else []
     else:
         other = [lag for lag in found if scatter[lag - lags[0]] < _CLEAR * at_stated]
     if other:
         raise RecordingError(
-            f"{edges.name}: the motion repeats every {other[0]} edges, not every {stated}: state the edges per turn of "
-            "the disc (--pulses) and its turns per turn of the crank (--ratio) as they are"
+            f"{edges.name}: the motion repeats every {other[0]} edges, not every {stated}: correct the edges per turn "
+            "of the disc (--pulses) or its turns per turn of the crank (--ratio)"
         )
 
 
 def repetition(edges: Edges) -> int | None:
-    """Edges after which the motion of the later half repeats, a turn or a whole part of one; None: nothing shows it."""
+    """Edges after which the motion of the later half repeats, a turn or a whole part of one; None if it does not."""
     per_turn = edges.disc.per_turn
-    parts = [lag for lag in _repetitions(edges, *_scatter(edges)) if _divides(lag, per_turn)]
+    parts = [lag for lag in _repetition_lags(edges, *_lag_scatter(edges)) if _divides(lag, per_turn)]
     return min(parts, default=None)
 
 
 def _divides(lag: int, per_turn: float) -> bool:
-    """Whether so many edges are a turn or a whole part of one, to the next edge."""
+    """Whether a lag [edges] is a turn or a whole part of one, to the nearest edge."""
     times = round(per_turn / lag)
     return times >= 1 and abs(per_turn / times - lag) <= 0.5
 
 
-def _scatter(edges: Edges) -> tuple[Indices, Floats]:
-    """Numbers of edges, and how the time for each scatters along the later half of the log [s]; lost ones left out."""
+def _lag_scatter(edges: Edges) -> tuple[Indices, Floats]:
+    """Lags (k,) [edges], and the scatter of the time for each along the later half of the log (k,) [s]."""
     stated = round(edges.disc.per_turn)
     time = np.full(edges.pulse[-1] + 1, np.nan)
     time[edges.pulse] = edges.time
-    time = time[len(time) // 2 :][-4 * _FARTHEST * stated :]
-    most = min(_FARTHEST * stated + 2 * _NEIGHBOURS_IN_TURN, 3 * len(time) // 4)
-    if most < _LEAST + _NEIGHBOURS_IN_TURN:
+    time = time[len(time) // 2 :][-4 * _MOST_TURNS * stated :]
+    most = min(_MOST_TURNS * stated + 2 * _NEIGHBOURS, 3 * len(time) // 4)
+    if most < _LEAST_LAG + _NEIGHBOURS:
         return np.arange(0), np.empty(0)
-    lags = np.arange(_LEAST - _NEIGHBOURS_IN_TURN, most)
+    lags = np.arange(_LEAST_LAG - _NEIGHBOURS, most)
     return lags, np.array([np.nanstd(time[lag:] - time[:-lag]) for lag in lags]) + 1e-12
 
 
-def _repetitions(edges: Edges, lags: Indices, scatter: Floats) -> list[int]:
-    """Numbers of edges after which the motion plainly repeats; scatter of a few clock steps is rounding that beats."""
-    found, least = [], _STEPS * (edges.clock_step or 0.0)
-    for k in range(_NEIGHBOURS_IN_TURN, len(lags) - _NEIGHBOURS_IN_TURN):
-        beside = np.r_[scatter[k - _NEIGHBOURS_IN_TURN : k], scatter[k + 1 : k + 1 + _NEIGHBOURS_IN_TURN]]
-        if np.median(beside) > max(least, scatter[k] / _CLEAR) and scatter[k] < beside.min():
+def _repetition_lags(edges: Edges, lags: Indices, scatter: Floats) -> list[int]:
+    """Lags [edges] after which the motion clearly repeats; a scatter of a few clock steps may be rounding."""
+    found, least = [], _ROUNDING_STEPS * (edges.clock_step or 0.0)
+    for k in range(_NEIGHBOURS, len(lags) - _NEIGHBOURS):
+        nearby = np.r_[scatter[k - _NEIGHBOURS : k], scatter[k + 1 : k + 1 + _NEIGHBOURS]]
+        if np.median(nearby) > max(least, scatter[k] / _CLEAR) and scatter[k] < nearby.min():
             found.append(int(lags[k]))
     return found

@@ -1,16 +1,12 @@
 """Order vectors of a stored run: amplitude and phase of each sensor at a multiple of the speed, by its tachometer.
 
 x = mean + sum over n of Re(X_n exp(i n theta)), theta the rotor's angle since the tachometer's pulse; over whole turns
-these least squares are the synchronous average's Fourier coefficients. So the phase of X is a **lead**: the angle by
-which the peak comes before the pulse; a heavy spot turned on with the rotation raises it alike.
+the least-squares fit gives the Fourier coefficients of the synchronous average. The phase of X is a **lead**, the angle
+by which the peak comes before the pulse. Moving a heavy spot on by an angle with the rotation raises it by that angle.
 
-One order of a signal by least squares, and its noise from the order's own neighbourhood.
-
-The record is weighted by a Hann window, whose side lobes fall off fast: what is a few lines away leaks little into the
-order. A line is one period a record. Tones that do not turn with the rotor are found in the neighbourhood, and fitted
-with the orders; what is then left on lines beside the order, where neither order nor tone is, is the noise on it.
-
-What order vectors of a run are: amplitude and phase of each sensor with their intervals, and what is odd.
+The record is weighted by a Hann window, whose side lobes fall off fast, so that distant lines (a line is one period a
+record) leak little into the order. Tones that do not turn with the rotor are found near the order and fitted with it.
+The residual on the lines near the order, away from order and tones, is the noise of the vector.
 """
 
 from collections.abc import Iterator, Sequence
@@ -33,14 +29,14 @@ if TYPE_CHECKING:
 _MOST_TONES = 4
 _FALSE_TONE = 1e-3
 """Probability of taking noise for a tone."""
-_BESIDE = 2.0
-"""Lines nearer to the order or a tone are within its main lobe."""
+_MAIN_LOBE = 2.0
+"""Half width of the main lobe of an order or a tone [lines]."""
 _LEAST_LINES, _MOST_LINES = 4, 24
-"""Lines looked at for noise on each side: half the way to the next order, but within these."""
+"""Limits of the lines used for noise on each side; else half the way to the next order."""
 _REFINED = 2
-"""Rounds of Gauss and Newton on the frequency of a tone."""
+"""Gauss-Newton iterations on the frequency of a tone."""
 _BLOCKS = 1024
-"""Parts of the record that are summed before its neighbourhood is transformed: far more than lines."""
+"""Blocks of the record that are summed before the transform near the order: many more than lines."""
 _CHUNK = 16_384
 
 
@@ -51,11 +47,11 @@ class OrderFit:
     value: complex
     """Peak amplitude and phase of lead."""
     covariance: Floats
-    """Of its real and imaginary part, (2, 2)."""
-    spare: int
+    """Of the real and imaginary part, (2, 2) [unit^2]."""
+    degrees_of_freedom: int
     """Degrees of freedom of the noise."""
     tones: tuple[float, ...]
-    """Periods a record of the foreign tones that were fitted."""
+    """Periods per record of the tones that were fitted."""
 
 
 @dataclass
@@ -66,27 +62,27 @@ class _Tone:
 
 
 def fit_orders(values: Floats, angle: Floats, turns: int, order: int, orders: int, stepped: float = 0.0) -> OrderFit:
-    """Vector of an order in a record (n,) of whole turns; ``angle`` (n,) [turns], orders up to ``orders`` together.
+    """Vector of an order in ``values`` (n,) [unit] over whole turns, at the rotor's ``angle`` (n,) [turns].
 
-    ``stepped`` [rad] is how far the order's phase may jump where the pulses move on by a sample: such a jump shows
-    beside the order like tones of up to half its size, so what is weaker is left to the noise.
+    Orders up to ``orders`` are fitted together. ``stepped`` [rad] is the jump of the order's phase where pulses move by
+    one sample: it causes lines near the order of up to half its size, so weaker tones are left to the noise.
     """
     record = _Record(values, angle, order, orders)
     lines = int(np.clip(turns // 2, _LEAST_LINES, _MOST_LINES))
     tones: list[_Tone] = []
     while True:
         solved, normal, spread = record.solve(tones)
-        beside = record.neighbourhood(solved, tones)
+        nearby = record.neighbourhood(solved, tones)
         size = float(np.hypot(solved[order], solved[orders + order]))
         least = 0.5 * record.window.sum() * 0.5 * stepped * size
-        found = _tone(beside, lines, order * turns, tones, least) if len(tones) < _MOST_TONES else None
+        found = _tone(nearby, lines, order * turns, tones, least) if len(tones) < _MOST_TONES else None
         if found is None:
             break
         tones.append(_Tone(found))
         record.refine(tones)
     value = complex(solved[order], solved[orders + order])
     near = int(np.clip(turns // 4, _LEAST_LINES, _MOST_LINES))
-    noise, spare = _noise(beside * np.exp(-1j * np.angle(value)), near, order * turns, tones)
+    noise, spare = _noise(nearby * np.exp(-1j * np.angle(value)), near, order * turns, tones)
     inverse = np.linalg.inv(normal)
     pick = np.ix_([order, orders + order], [order, orders + order])
     covariance = _turned_phase(noise, np.angle(value), (inverse @ spread @ inverse)[pick]) * 2.0 / record.power
@@ -94,7 +90,7 @@ def fit_orders(values: Floats, angle: Floats, turns: int, order: int, orders: in
 
 
 def _turned_phase(noise: Floats, angle: float, shape: Floats) -> Floats:
-    """Covariance of the parts: ``shape`` is that for noise of one, ``noise`` the power along and across the vector."""
+    """Covariance of both parts: ``shape`` (2, 2) for unit noise, ``noise`` (2,) the power along and across."""
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     root = turn @ np.diag(np.sqrt(noise)) @ turn.T
     found: Floats = root @ shape @ root
@@ -102,7 +98,7 @@ def _turned_phase(noise: Floats, angle: float, shape: Floats) -> Floats:
 
 
 class _Record:
-    """Values with their window and the columns of the fit, taken in chunks."""
+    """A record with its window and the regressor of the fit, in chunks."""
 
     def __init__(self, values: Floats, angle: Floats, order: int, orders: int) -> None:
         self.values, self.angle, self.order, self.orders = values, angle, order, orders
@@ -111,7 +107,7 @@ class _Record:
         self.power = float((self.window**2).sum())
 
     def _chunks(self, tones: list[_Tone]) -> Iterator[tuple[slice, Floats]]:
-        """Columns: 1; cos, then -sin of the orders; cos, sin of each tone and its change with frequency."""
+        """Columns: 1; cos, then -sin of the orders; cos, sin of each tone and its derivative by frequency."""
         for begin in range(0, len(self.values), _CHUNK):
             part = slice(begin, begin + _CHUNK)
             turned = np.exp(2j * np.pi * self.angle[part, None])
@@ -125,7 +121,7 @@ class _Record:
             yield part, np.hstack(columns)
 
     def solve(self, tones: list[_Tone]) -> tuple[Floats, Floats, Floats]:
-        """Coefficients, and the sums of columns times columns times window, and times window squared."""
+        """Coefficients (p,), and the products of the columns weighted by the window and by its square, (p, p)."""
         count = 1 + 2 * self.orders + 3 * len(tones)
         normal, spread, target = np.zeros((count, count)), np.zeros((count, count)), np.zeros(count)
         for part, columns in self._chunks(tones):
@@ -134,13 +130,13 @@ class _Record:
             spread += weighted.T @ weighted
             target += weighted.T @ self.values[part]
         for k, tone in enumerate(tones):
-            if not tone.cos and not tone.sin:  # a tone of no size yet does not change with its frequency
+            if not tone.cos and not tone.sin:  # the derivative of a tone of amplitude zero is zero
                 last = 2 * self.orders + 3 * k + 3
                 normal[last, last] = 1.0
         return np.linalg.solve(normal, target), normal, spread
 
     def refine(self, tones: list[_Tone]) -> None:
-        """Frequency and size of the tones by rounds of linear least squares."""
+        """Frequency and amplitude of the tones by Gauss-Newton iterations."""
         for _ in range(_REFINED + 1):
             solved, *_ = self.solve(tones)
             for tone, (c, s, moved) in zip(tones, solved[1 + 2 * self.orders :].reshape(-1, 3), strict=True):
@@ -148,22 +144,22 @@ class _Record:
                 tone.cos, tone.sin = float(c), float(s)
 
     def neighbourhood(self, solved: Floats, tones: list[_Tone]) -> NDArray[np.complex128]:
-        """What is left, turned back by the order and windowed, summed in blocks of equal length, (blocks,)."""
-        left = np.empty(len(self.values))
+        """The windowed residual demodulated by the order, summed in blocks of equal length, (blocks,) [unit]."""
+        residual = np.empty(len(self.values))
         for part, columns in self._chunks(tones):
-            left[part] = self.values[part] - columns @ solved
-        turned = self.window * left * np.exp(-2j * np.pi * self.order * self.angle)
-        edges = np.linspace(0, len(left), min(_BLOCKS, len(left)) + 1).astype(int)[:-1]
+            residual[part] = self.values[part] - columns @ solved
+        turned = self.window * residual * np.exp(-2j * np.pi * self.order * self.angle)
+        edges = np.linspace(0, len(residual), min(_BLOCKS, len(residual)) + 1).astype(int)[:-1]
         return np.asarray(np.add.reduceat(turned, edges))
 
 
-def _tone(beside: NDArray[np.complex128], lines: int, order: int, tones: list[_Tone], least: float) -> float | None:
-    """Periods a record of the strongest tone on fractional lines beside the order; None where all may be noise.
+def _tone(nearby: NDArray[np.complex128], lines: int, order: int, tones: list[_Tone], least: float) -> float | None:
+    """Periods per record of the strongest tone on quarter lines near the order; None where all may be noise.
 
-    A tone of amplitude A is A / 2 times the window's sum; what is below ``least`` of that is none.
+    A tone of amplitude A reads A / 2 times the window's sum; below ``least`` in these units it counts as none.
     """
     fine = 4
-    power = np.abs(np.fft.fft(beside, fine * len(beside))) ** 2
+    power = np.abs(np.fft.fft(nearby, fine * len(nearby))) ** 2
     at = np.arange(-fine * lines, fine * lines + 1)
     at = at[(np.abs(at) >= fine * 1.25) & (order + at / fine > 0.5)]
     at = at[[all(abs(order + k / fine - tone.line) > 1.0 for tone in tones) for k in at]]
@@ -174,16 +170,16 @@ def _tone(beside: NDArray[np.complex128], lines: int, order: int, tones: list[_T
     return order + best / fine if power[best] > max(least**2, usual * np.log(2 * lines / _FALSE_TONE)) else None
 
 
-def _noise(beside: NDArray[np.complex128], lines: int, order: int, tones: list[_Tone]) -> tuple[Floats, int]:
-    """Mean power along and across the vector (2,), on lines beside it and off the tones; degrees of freedom of each.
+def _noise(nearby: NDArray[np.complex128], lines: int, order: int, tones: list[_Tone]) -> tuple[Floats, int]:
+    """Mean power along and across the vector, (2,), on lines near it and off the tones; degrees of freedom of each.
 
-    Apart, since pulses that jitter disturb the phase alone. Every second line, since a Hann window joins neighbours;
-    a part's lines on both sides are one.
+    They are separate, since jitter of the pulses disturbs the phase alone. Only every second line counts, since a Hann
+    window correlates neighbours, and the lines of a part on both sides are one.
     """
     at = np.arange(2, lines + 1, 2)
-    off = np.array([[abs(abs(tone.line - order) - k) >= _BESIDE for tone in tones] for k in at]).reshape(len(at), -1)
+    off = np.array([[abs(abs(tone.line - order) - k) >= _MAIN_LOBE for tone in tones] for k in at]).reshape(len(at), -1)
     chosen = at[off.all(axis=1)] if off.all(axis=1).sum() >= 2 else at
-    power = [float(np.mean(np.abs(np.fft.fft(part)[chosen]) ** 2)) for part in (beside.real, beside.imag)]
+    power = [float(np.mean(np.abs(np.fft.fft(part)[chosen]) ** 2)) for part in (nearby.real, nearby.imag)]
     return np.array(power), 2 * len(chosen)
 
 
@@ -194,7 +190,7 @@ METRICS: dict[Metric, float] = {"peak": 1.0, "peak_to_peak": 2.0, "rms": 0.5**0.
 
 @dataclass(frozen=True)
 class OrderVector:
-    """One sensor's vector; its intervals (95 %) are from the noise on lines beside the order."""
+    """One sensor's vector; its 95 % intervals come from the noise on lines near the order."""
 
     sensor: str
     dimension: str
@@ -203,26 +199,26 @@ class OrderVector:
     amplitude_within: float
     """Half the interval of the amplitude [m, m/s or m/s2]."""
     phase_within: float
-    """Half the interval of the phase, at most pi [rad]; it holds what the samples leave open of steep pulses."""
-    phase_within_alone: float
-    """The same without what the pulses' timing does to the phases of all sensors alike [rad]."""
+    """Half the interval of the phase, at most pi, the common timing error of the pulses included [rad]."""
+    own_phase_within: float
+    """The same without the timing error that is common to all sensors [rad]."""
     coherence: float
-    """|sum of the parts' vectors|^2 over parts times the sum of their squares: 1 where all parts agree."""
+    """|sum of the parts' vectors|^2 over the number of parts times the sum of their squares [-]; 1 where all agree."""
     share: float
-    """Power of the order over that of the whole signal, mean removed."""
+    """Power of the order over that of the whole signal without its mean [-]."""
     tones: tuple[float, ...] = ()
-    """Frequencies of tones beside the order that do not turn with the rotor, fitted with it [Hz]."""
+    """Frequencies of tones near the order that do not turn with the rotor, fitted with it [Hz]."""
 
     @property
-    def is_told(self) -> bool:
-        """Whether amplitude is told from the scatter; else the phase means nothing."""
+    def is_significant(self) -> bool:
+        """Whether the amplitude exceeds its scatter; else the phase means nothing."""
         return self.phase_within < np.pi / 2
 
     def findings(self, order: int) -> tuple[str, ...]:
-        """What is odd about it."""
-        if self.is_told:
+        """Findings about the vector."""
+        if self.is_significant:
             return ()
-        return (f"order {order} is not told from the scatter; its phase means nothing",)
+        return (f"order {order} does not exceed the scatter, so its phase means nothing",)
 
 
 @dataclass(frozen=True)
@@ -234,27 +230,28 @@ class Vectors:
     vectors: tuple[OrderVector, ...]
 
     @property
-    def phase_alike(self) -> float:
-        """How far all phases may be off alike, by the timing of the pulses, half a 95 % interval [rad]."""
+    def common_phase_within(self) -> float:
+        """Half the 95 % interval of the phase error common to all sensors, by the timing of the pulses [rad]."""
         return 2.0 * np.pi * self.order * self.turns.speed * self.turns.timing
 
     @property
-    def phase_shared(self) -> float:
-        """The same as half the interval of a normal error of its deviation, for sums with others [rad]."""
-        return 2.0 * np.pi * self.order * self.turns.speed * self.turns.timing_within
+    def common_phase_normal_within(self) -> float:
+        """The same for a normal error of equal standard deviation, for sums with other errors [rad]."""
+        return 2.0 * np.pi * self.order * self.turns.speed * self.turns.timing_normal_within
 
     def findings(self) -> tuple[str, ...]:
-        """What is odd; nothing where all is well."""
-        return (*self._in_step(), *(f"{v.sensor}: {text}" for v in self.vectors for text in v.findings(self.order)))
+        """Findings about the run and each vector."""
+        each = (f"{v.sensor}: {text}" for v in self.vectors for text in v.findings(self.order))
+        return (*self._synchronous_sampling(), *each)
 
-    def _in_step(self) -> tuple[str, ...]:
-        if not self.turns.keeps_step:
+    def _synchronous_sampling(self) -> tuple[str, ...]:
+        if not self.turns.is_synchronous:
             return ()
         samples = 1.0 / (self.turns.resolution * self.turns.speed)
         return (
-            f"the sampling keeps step with the speed ({samples:.6g} samples a turn): where the pulses lie within a "
-            f"sample does not average out, all phases may be off by {np.degrees(self.phase_alike):.2g} deg alike; it "
-            "is in their intervals; sample faster, or at a rate that is no multiple of the speed",
+            f"the sampling is synchronous with the speed ({samples:.6g} samples a turn): timing errors of the pulses "
+            f"do not average out, and shift all phases by up to {np.degrees(self.common_phase_within):.2g} deg; their "
+            "intervals contain it; sample faster, or at a rate that is no multiple of the speed",
         )
 
 
@@ -262,25 +259,25 @@ UNITS = {"length": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 """What a vibration sensor may read, and the unit in which its vectors are given."""
 _BATCHES = 10
 _ORDERS = 8
-"""Orders that are fitted together, so that strong ones do not disturb the one that is asked for."""
+"""Orders that are fitted together, so that strong ones do not disturb the requested one."""
 _SAMPLES_AN_ORDER = 2.5
 
 
 @dataclass(frozen=True)
 class Tachometer:
-    """Channel of the tachometer, one pulse a turn, and how its pulses are told."""
+    """Channel of the tachometer, one pulse a turn, and how its pulses are detected."""
 
     channel: str = "tacho"
     level: float | None = None
-    """In the channel's unit; None for half its swing."""
+    """Level of a pulse in the channel's unit; None for half its swing."""
     falling: bool = False
     steady_within: float = STEADY_WITHIN
 
 
-def of_run(run: "Run", tachometer: Tachometer, sensors: Sequence[str] = (), order: int = 1) -> Vectors:
+def order_vectors(run: "Run", tachometer: Tachometer, sensors: Sequence[str] = (), order: int = 1) -> Vectors:
     """Order vectors of ``sensors``, by default all of length, velocity or acceleration timed with the tachometer.
 
-    Raises AnalysisError for an order that the samples or turns do not resolve, and as ``tacho.steady_turns``.
+    Raises AnalysisError for an order that the samples do not resolve, and as ``tachometer.steady_turns``.
     """
     group, index = run.find(tachometer.channel)
     where = f"{run.name}: channel {tachometer.channel!r}"
@@ -306,8 +303,8 @@ def _chosen(run: "Run", group: "StoredGroup", tacho: int, sensors: Sequence[str]
         found = [i for i, c in enumerate(group.channels) if i != tacho and c.unit and _dimension(c.unit)]
         if not found:
             raise AnalysisError(
-                f"{run.name}: no channel beside {group.channels[tacho].name!r} in a unit of length, velocity or "
-                "acceleration: name the sensors"
+                f"{run.name}: no channel but {group.channels[tacho].name!r} in a unit of length, velocity or "
+                "acceleration: name the sensors (--sensor) and ingest with a rig that states their units"
             )
         return found
     indices = []
@@ -359,7 +356,7 @@ def _finite(run: "Run", group: "StoredGroup", index: int) -> Floats:
 
 
 def _alive(run: "Run", group: "StoredGroup", index: int) -> Floats:
-    """Values of a channel that moves: of one that does not, rounding errors would be given as a vector."""
+    """Values (n,) of a channel. Raises AnalysisError for a constant one, whose vector would be rounding errors."""
     values = _finite(run, group, index)
     if np.ptp(values) == 0.0:
         channel = group.channels[index]
@@ -373,16 +370,16 @@ def _alive(run: "Run", group: "StoredGroup", index: int) -> Floats:
 def order_vector(
     sensor: str, dimension: str, values: Floats, turns: Turns, time: Floats, order: int, orders: int
 ) -> OrderVector:
-    """Vector of ``values`` (n,) [SI] sampled at ``time`` (n,) [s]; orders up to ``orders`` are fitted together."""
+    """Vector of ``values`` (n,) [m, m/s or m/s2] at ``time`` (n,) [s]; orders up to ``orders`` are fitted together."""
     inside = (time >= turns.pulses[0]) & (time < turns.pulses[-1])
     stepped = 2.0 * np.pi * order * turns.speed * turns.resolution if turns.steep else 0.0
     found = fit_orders(values[inside], turns.angle(time[inside]), turns.count, order, orders, stepped)
-    value, reach = found.value, coverage_factor(found.spare)
+    value, reach = found.value, coverage_factor(found.degrees_of_freedom)
     u = np.array([value.real, value.imag]) / abs(value) if value else np.array([1.0, 0.0])
     along, across = (reach * float(np.sqrt(x @ found.covariance @ x)) for x in (u, np.array([-u[1], u[0]])))
-    if turns.keeps_step:  # a phase that jumps once takes up to 1 - cos(stepped / 2) off the mean of the turned vectors
+    if turns.is_synchronous:  # one jump of the phase reduces the mean vector by up to 1 - cos(stepped / 2)
         along = float(np.hypot(along, abs(value) * (1.0 - np.cos(min(np.pi, 0.5 * stepped)))))
-    told = max(along, across) < abs(value)
+    significant = max(along, across) < abs(value)
     both = float(np.hypot(across, abs(value) * 2.0 * np.pi * order * turns.speed * turns.timing))
     parts = _parts(values, turns, time, order, orders)
     squares = float((np.abs(parts) ** 2).mean())
@@ -392,8 +389,8 @@ def order_vector(
         dimension,
         value,
         along,
-        _turned(both, abs(value)) if told else np.pi,
-        _turned(across, abs(value)) if told else np.pi,
+        _turned(both, abs(value)) if significant else np.pi,
+        _turned(across, abs(value)) if significant else np.pi,
         abs(parts.mean()) ** 2 / squares if squares else 0.0,
         abs(value) ** 2 / 2.0 / power if power else 0.0,
         tuple(tone / turns.count * turns.speed for tone in found.tones),
@@ -401,12 +398,12 @@ def order_vector(
 
 
 def _turned(across: float, size: float) -> float:
-    """Angle by which so much across turns a vector at most [rad]."""
+    """Largest angle between a vector and one that differs by ``across`` [rad]."""
     return float(np.arcsin(min(1.0, across / size)))
 
 
 def _parts(values: Floats, turns: Turns, time: Floats, order: int, orders: int) -> NDArray[np.complex128]:
-    """Vectors of parts of whole turns, as many as batches, so that slow beats between turns count as scatter."""
+    """Vectors of _BATCHES parts of whole turns, (parts,) [unit]."""
     angle = 2.0 * np.pi * turns.angle(time)
     edges = np.linspace(0, turns.count, min(_BATCHES, turns.count // 2) + 1).astype(int)
     bounds = np.searchsorted(time, turns.pulses[edges])

@@ -1,4 +1,8 @@
-"""Errors of the disc: slots that are not where they should be."""
+"""Errors of an encoder disc: slots that are not at their even places.
+
+They are estimated from a free run of the disc at nearly constant speed, or together with the steady turn where the disc
+has another period than the crank.
+"""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,38 +16,42 @@ from balance.estimation.estimate import coverage_factor
 
 from ..errors import AnalysisError
 from .encoder_edges import Edges
-from .speed_fit import SteadySpeedFit, periodic_turn
+from .speed_fit import STEADY, SteadySpeedFit, periodic_turn
 
 COLUMNS = ("slot", "ahead_deg")
 _ROUNDS = 8
+"""Alternating estimates of the turn and the errors."""
 
 
 @dataclass(frozen=True)
-class Pitch:
+class PitchErrors:
     """Errors of a disc, slot 0 being that of the first edge."""
 
     ahead: Floats
-    """Angle by which each slot comes ahead of its even place, mean zero, (pulses,) [rad of the encoder's shaft]."""
+    """Angle by which each slot is ahead of its even place, mean zero, (pulses,) [rad of the encoder's shaft]."""
     error: Floats
     """Half width of the 95 % interval of each, (pulses,) [rad]."""
 
     @property
     def rms(self) -> float:
-        """Root mean square of the errors, in shares of the pitch."""
+        """Root mean square of the errors over the pitch [-]."""
         return float(np.sqrt(np.mean(self.ahead**2)) * len(self.ahead) / (2.0 * np.pi))
 
 
-def of_free_run(edges: Edges) -> Pitch:
+def pitch_from_free_run(edges: Edges) -> PitchErrors:
     """Errors of the disc from a log of its shaft turning freely, at nearly constant speed.
 
-    Each instant is held against the mean of the turn of the disc about it, in which its errors cancel. A fluctuation
-    that repeats every turn of this shaft cannot be told from an error: the shaft must be free of the mechanism.
+    Each instant is compared with the mean of the turn of the disc about it, over which the errors cancel. A fluctuation
+    that repeats every turn of this shaft would count as an error: the shaft must be uncoupled from the mechanism.
+    Raises AnalysisError for lost edges or fewer than three turns.
     """
     pulses = edges.disc.pulses
     if edges.gaps:
-        raise AnalysisError(f"{edges.name}: edges are lost: calibrate with a log that has all")
+        raise AnalysisError(f"{edges.name}: edges are lost: calibrate with a complete log")
     if len(edges.time) < 3 * pulses:
-        raise AnalysisError(f"{edges.name}: {len(edges.time) / pulses:.1f} turns of the disc; expected 3 or more")
+        raise AnalysisError(
+            f"{edges.name}: {len(edges.time) / pulses:.1f} turns of the disc: expected 3 or more; take a longer log"
+        )
     window = np.full(pulses + 1, 1.0 / pulses)
     window[[0, -1]] = 0.5 / pulses
     if pulses % 2:
@@ -55,16 +63,18 @@ def of_free_run(edges: Edges) -> Pitch:
     return _by_slot(rate * late, edges.pulse[middle] % pulses, pulses)
 
 
-def of_record(edges: Edges, harmonics: int | None = None, steady_within: float = 1e-3) -> tuple[Pitch, SteadySpeedFit]:
-    """Errors of a disc that turns with another period than the crank, and the steady turn freed of them.
+def pitch_from_record(
+    edges: Edges, harmonics: int | None = None, steady_within: float = STEADY
+) -> tuple[PitchErrors, SteadySpeedFit]:
+    """Errors of a disc that has another period than the crank, and the steady turn corrected for them.
 
-    Turn and errors are estimated in turn until they agree. Raises AnalysisError where both have one period.
+    Both are estimated alternately. Raises AnalysisError where both have one period.
     """
     disc = edges.disc
-    if not disc.pitch_is_apart:
+    if not disc.pitch_is_separable:
         raise AnalysisError(
             f"{edges.name}: the disc turns {disc.ratio:g} times a turn of the crank: its errors repeat with the "
-            "fluctuation and cannot be told from it; calibrate it with a log of a free run"
+            "fluctuation and cannot be separated from it; calibrate the disc with a log of a free run (--calibrate)"
         )
     turn = periodic_turn(edges, harmonics, steady_within)
     ahead = np.zeros(disc.pulses)
@@ -74,29 +84,29 @@ def of_record(edges: Edges, harmonics: int | None = None, steady_within: float =
         change = _by_slot(rate * turn.residual, slot, disc.pulses)
         ahead = ahead + change.ahead
         turn = periodic_turn(replace(edges, offset=ahead), turn.harmonics, steady_within)
-    return Pitch(ahead, change.error), periodic_turn(replace(edges, offset=ahead), harmonics, steady_within)
+    return PitchErrors(ahead, change.error), periodic_turn(replace(edges, offset=ahead), harmonics, steady_within)
 
 
-def _by_slot(late: Floats, slot: "np.ndarray[Any, np.dtype[np.signedinteger[Any]]]", pulses: int) -> Pitch:
-    """Mean of angles [rad] by slot, a slot that comes late lying ahead; its interval from their scatter."""
+def _by_slot(late: Floats, slot: "np.ndarray[Any, np.dtype[np.signedinteger[Any]]]", pulses: int) -> PitchErrors:
+    """Mean of angles (n,) [rad] by slot, a late slot being ahead, and its interval from their scatter."""
     have = np.bincount(slot, minlength=pulses)
     if (have == 0).any():
         raise AnalysisError(f"slot {int(np.argmin(have))} of the disc does not appear in the log")
     mean = np.bincount(slot, late, pulses) / have
     spread = late - mean[slot]
-    spare = max(len(late) - pulses, 1)
-    error = coverage_factor(spare) * np.sqrt((spread**2).sum() / spare / have)
-    return Pitch(mean - mean.mean(), error)
+    degrees_of_freedom = max(len(late) - pulses, 1)
+    error = coverage_factor(degrees_of_freedom) * np.sqrt((spread**2).sum() / degrees_of_freedom / have)
+    return PitchErrors(mean - mean.mean(), error)
 
 
-def write_pitch_errors(pitch: Pitch, path: Path) -> None:
-    """Write the errors of a disc as CSV."""
+def write_pitch_errors(pitch: PitchErrors, path: Path) -> None:
+    """Write the errors of a disc as CSV, in the columns COLUMNS."""
     rows = [f"{k},{np.degrees(angle):.9g}" for k, angle in enumerate(pitch.ahead)]
     path.write_text("\n".join([",".join(COLUMNS), *rows, ""]), encoding="utf-8")
 
 
 def read_pitch_errors(path: Path, pulses: int) -> Floats:
-    """Read the errors of a disc with so many slots, (pulses,) [rad]. Raises DataError for another table."""
+    """Errors of a disc with ``pulses`` slots from a CSV, (pulses,) [rad]. Raises DataError for another table."""
     import csv
 
     try:

@@ -1,8 +1,6 @@
-"""What a log of encoder edges has to say, as one document with units in the keys.
+"""Results of a log of encoder edges: the speed edge by edge, the comparison with a machine's equation of motion, JSON.
 
-Speed edge by edge along a whole log, start-up included: local cubics of time over pulses.
-
-A measured turn or start held against the machine's equation of motion.
+The speed edge by edge, start-up included, is the slope of local cubics of time over pulses. Keys carry their units.
 """
 
 import math
@@ -16,7 +14,7 @@ from balance.estimation.estimate import coverage_factor
 
 from ..errors import AnalysisError
 from .encoder_edges import Edges, repetition
-from .pitch_error import Pitch
+from .pitch_error import PitchErrors
 from .speed_fit import SpeedEstimate, SteadySpeedFit
 
 if TYPE_CHECKING:
@@ -25,31 +23,40 @@ if TYPE_CHECKING:
     from balance.drives.time_integration import StartUp
 
 HALF_WIDTH = 4
-"""Edges on each side of a local cubic, unless asked otherwise."""
+"""Edges on each side of a local cubic."""
+RPM = math.pi / 30.0
+"""One revolution per minute [rad/s]."""
+FAR_FROM_NOMINAL = 1.5
+"""Factor between mean and nominal speed from which there is a finding: slip of a motor is less, a gearbox more."""
+COARSE_CLOCK = 0.01
+"""Step of the clock over the interval between edges from which there is a finding."""
+_GRID = 720
+"""Angles of a turn for comparing curves."""
+_DEGREES = np.arange(361.0)
 
 
 @dataclass(frozen=True)
 class SpeedHistory:
-    """Speed of the crank at edges; the ends of the log and the edges beside gaps are left out."""
+    """Speed of the crank at edges, except at the ends of the log and next to gaps."""
 
     time: Floats
-    """(n,) [s]"""
+    """Instants of the edges, (n,) [s]."""
     angle: Floats
     """Angle of the crank from the first edge, (n,) [rad]."""
     speed: Floats
-    """(n,) [rad/s]"""
+    """Speed of the crank, (n,) [rad/s]."""
     error: Floats
-    """Half width of its 95 % interval, from what the local cubics leave over, (n,) [rad/s]."""
+    """Half width of the 95 % interval, from the residual of the local cubics, (n,) [rad/s]."""
 
 
-def speed_course(edges: Edges, half_width: int = HALF_WIDTH) -> SpeedHistory:
-    """Speed wherever ``2 half_width + 1`` edges in a row have no gap; the disc is taken as even."""
+def speed_history(edges: Edges, half_width: int = HALF_WIDTH) -> SpeedHistory:
+    """Speed wherever ``2 half_width + 1`` edges in a row have no gap; errors of the disc are neglected."""
     slope, rest = _cubic(half_width)
     pieces = [piece for piece in _pieces(edges) if len(piece) > 2 * half_width]
     middle = np.concatenate([piece[half_width:-half_width] for piece in pieces] or [np.empty(0, dtype=int)])
-    per_pulse, left = _weighted(edges, pieces, slope), _weighted(edges, pieces, rest)
+    per_pulse, residual = _weighted(edges, pieces, slope), _weighted(edges, pieces, rest)
     per_edge = 2.0 * np.pi / edges.disc.per_turn
-    noise = float(np.median(np.abs(left))) / 0.6745 / float(np.linalg.norm(rest)) if len(left) else 0.0
+    noise = float(np.median(np.abs(residual))) / 0.6745 / float(np.linalg.norm(rest)) if len(residual) else 0.0
     speed = per_edge / per_pulse
     error = coverage_factor() * noise * float(np.linalg.norm(slope)) * speed**2 / per_edge
     return SpeedHistory(edges.time[middle], edges.angle[middle], speed, error)
@@ -67,7 +74,7 @@ def _pieces(edges: Edges) -> list[Indices]:
 
 
 def _cubic(half_width: int) -> tuple[Floats, Floats]:
-    """Weights that give the slope in the middle, and what is left over in the middle, (2 half_width + 1,)."""
+    """Weights of the slope and of the residual in the middle, (2 half_width + 1,) each [-]."""
     k = np.arange(-half_width, half_width + 1.0)
     inverse = np.linalg.pinv(np.vander(k, 4, increasing=True))
     rest = -inverse[0]
@@ -75,22 +82,19 @@ def _cubic(half_width: int) -> tuple[Floats, Floats]:
     return inverse[1], rest
 
 
-_GRID = 720
-
-
 @dataclass(frozen=True)
 class JointFit:
-    """A measured steady turn beside the computed one."""
+    """A measured steady turn and the computed one."""
 
     turn: SteadySpeedFit
     solution: "SteadyRotation"
     first_edge: float
     """Angle of the crank at the first edge [rad]."""
     aligned: bool
-    """Whether that angle was found by laying the curves over each other; else it was given."""
+    """Whether that angle was found by aligning both curves; else it was given."""
 
     def computed(self, phi: Floats) -> Floats:
-        """Computed speed at angles from the first edge [rad/s]."""
+        """Computed speed at angles (n,) [rad] from the first edge, (n,) [rad/s]."""
         return self.solution.rate(self.solution.machine.reduced.direction * self.first_edge + phi)
 
     def rms_difference(self) -> float:
@@ -99,24 +103,24 @@ class JointFit:
         return float(np.sqrt(np.mean((self.turn.speed(phi) - self.computed(phi)) ** 2)))
 
 
-def machine_of(name: str, nominal: float, reading: str | None) -> "Machine":
+def drive_machine(name: str, nominal: float, reading: str | None) -> "Machine":
     """The machine of a drive file at a nominal speed of its motor [rad/s].
 
-    Raises AnalysisError where the file leaves open how the gearbox's torque is read and nothing is said of it.
+    ``reading`` is how the gearbox's torque is read. Raises AnalysisError where neither it nor the file says so.
     """
     from balance.drives.drive_files import load_drive
 
     drive = load_drive(name)
     if reading is None and drive.reading is None:
         raise AnalysisError(
-            f"{drive.name} leaves open how the gearbox's torque is read: say --reading geared or ungeared"
+            f"{drive.name} does not state how the gearbox's torque is read: give --reading geared or ungeared"
         )
     drive = replace(drive, speeds=(nominal,), reading=reading or drive.reading)
     return drive.machines(drive.load_mechanism())[0]
 
 
 def joint_fit(turn: SteadySpeedFit, machine: "Machine", first_edge: float | None = None) -> JointFit:
-    """The measured turn beside the machine's steady rotation; without ``first_edge`` [rad] the curves are aligned."""
+    """The measured turn and the machine's steady rotation; without ``first_edge`` [rad] the curves are aligned."""
     from balance.drives.harmonic_balance import steady_rotation
 
     solution = steady_rotation(machine)
@@ -125,14 +129,14 @@ def joint_fit(turn: SteadySpeedFit, machine: "Machine", first_edge: float | None
     return JointFit(turn, solution, angle, aligned)
 
 
-def start_beside(machine: "Machine", turns: int, start: float) -> "StartUp":
+def computed_start_up(machine: "Machine", turns: int, start: float) -> "StartUp":
     """The machine's computed start from standstill at a crank angle [rad]."""
     from balance.drives.time_integration import start_up
 
     return start_up(machine, turns, machine.reduced.direction * start)
 
 
-def delay(measured: SpeedHistory, computed: "StartUp") -> float:
+def start_up_delay(measured: SpeedHistory, computed: "StartUp") -> float:
     """Time to add to the computed start so that both end their first turn together [s]."""
     turn = computed.travel[0] + 2.0 * np.pi
     theirs = float(np.interp(turn, computed.travel, computed.time))
@@ -148,17 +152,8 @@ def _alignment(turn: SteadySpeedFit, solution: "SteadyRotation") -> float:
     return float(np.mod(solution.machine.reduced.direction * travel, 2.0 * np.pi))
 
 
-RPM = math.pi / 30.0
-"""One revolution per minute [rad/s]."""
-_DEGREES = np.arange(361.0)
-FAR_FROM_NOMINAL = 1.5
-"""Factor between mean and nominal speed above which it is said: slip of a motor is less, a gearbox left out is more."""
-COARSE_CLOCK = 0.01
-"""Share of an interval between edges above which a clock step is named."""
-
-
 def edges_document(record: Edges) -> dict[str, Any]:
-    """The log itself: edges, clock, gaps."""
+    """The log as JSON: edges, clock, gaps."""
     step = record.clock_step
     return {
         "log": record.name,
@@ -176,11 +171,11 @@ def edges_document(record: Edges) -> dict[str, Any]:
 
 
 def turn_document(found: SteadySpeedFit, nominal: float | None) -> dict[str, Any]:
-    """The steady turn with its 95 % intervals."""
+    """The steady turn with its 95 % intervals as JSON."""
     phi = np.radians(_DEGREES)
     return {
         "turns_used": found.turns,
-        "turns_left_out": found.left_out,
+        "turns_left_out": found.unsteady_turns,
         "harmonics": found.harmonics,
         "jitter_us": found.jitter * 1e6,
         "repeated_percent_of_pitch": 100.0 * found.repeated,
@@ -200,30 +195,30 @@ def turn_document(found: SteadySpeedFit, nominal: float | None) -> dict[str, Any
     }
 
 
-def model_document(held: JointFit, nominal: float) -> dict[str, Any]:
-    """The measured turn beside the computed one."""
-    solution, found = held.solution, held.turn
+def model_document(fit: JointFit, nominal: float) -> dict[str, Any]:
+    """The comparison with the computed turn as JSON."""
+    solution, found = fit.solution, fit.turn
     return {
         "mechanism": solution.machine.reduced.mechanism.name,
         "reading": solution.machine.reading,
         "motor_nominal_rpm": solution.machine.nominal / RPM,
-        "first_edge_at_deg": math.degrees(held.first_edge),
-        "first_edge_found_by_alignment": held.aligned,
+        "first_edge_at_deg": math.degrees(fit.first_edge),
+        "first_edge_found_by_alignment": fit.aligned,
         "fluctuation": solution.fluctuation(),
-        "fluctuation_in_interval": found.fluctuation(nominal).holds(solution.fluctuation()),
+        "fluctuation_in_interval": found.fluctuation(nominal).contains(solution.fluctuation()),
         "fastest_rpm": solution.fastest[1] / RPM,
         "slowest_rpm": solution.slowest[1] / RPM,
         "mean_rpm": solution.mean_speed / RPM,
-        "rms_difference_rpm": held.rms_difference() / RPM,
+        "rms_difference_rpm": fit.rms_difference() / RPM,
         "turn": {
             "angle_deg_from_first_edge": _DEGREES.tolist(),
-            "speed_rpm": (held.computed(np.radians(_DEGREES)) / RPM).tolist(),
+            "speed_rpm": (fit.computed(np.radians(_DEGREES)) / RPM).tolist(),
         },
     }
 
 
-def speed_course_document(found: SpeedHistory) -> dict[str, Any]:
-    """Speed edge by edge."""
+def speed_history_document(found: SpeedHistory) -> dict[str, Any]:
+    """Speed edge by edge as JSON."""
     return {
         "time_s": found.time.tolist(),
         "angle_deg_from_first_edge": np.degrees(found.angle).tolist(),
@@ -233,7 +228,7 @@ def speed_course_document(found: SpeedHistory) -> dict[str, Any]:
 
 
 def start_up_document(computed: "StartUp", later: float) -> dict[str, Any]:
-    """The computed start, moved in time so that its first turn ends with the measured one."""
+    """The computed start as JSON, shifted by ``later`` [s] so that its first turn ends with the measured one."""
     thin = slice(None, None, 6)
     return {
         "moved_by_s": later,
@@ -246,8 +241,8 @@ def start_up_document(computed: "StartUp", later: float) -> dict[str, Any]:
     }
 
 
-def pitch_document(found: Pitch) -> dict[str, Any]:
-    """Errors of the disc."""
+def pitch_document(found: PitchErrors) -> dict[str, Any]:
+    """Errors of the disc as JSON."""
     return {
         "rms_percent_of_pitch": 100.0 * found.rms,
         "ahead_deg": np.degrees(found.ahead).tolist(),
@@ -256,7 +251,7 @@ def pitch_document(found: Pitch) -> dict[str, Any]:
 
 
 def speed_findings(record: Edges, found: SteadySpeedFit | None) -> list[str]:
-    """What is odd in a log; nothing where all is well."""
+    """Findings about a log and its steady turn."""
     odd = [f"lost edges bridged: {gap.text()}" for gap in record.gaps]
     interval, step = float(np.median(np.diff(record.time))), record.clock_step
     if step is not None and step > COARSE_CLOCK * interval:
@@ -266,26 +261,27 @@ def speed_findings(record: Edges, found: SteadySpeedFit | None) -> list[str]:
     again = repetition(record) if found is not None else None
     if again is not None and (times := round(record.disc.per_turn / again)) > 1:
         odd.append(
-            f"the motion repeats every {again} edges already, {times} times a turn of {record.disc.per_turn:g}: so it "
-            f"does where the disc has {record.disc.pulses / times:g} edges a turn, not {record.disc.pulses}; all "
-            f"speeds are then {times} times as high"
+            f"the motion repeats every {again} edges already, {times} times a turn of {record.disc.per_turn:g}: if the "
+            f"disc has {record.disc.pulses / times:g} edges a turn, not {record.disc.pulses}, all speeds are {times} "
+            "times as high; check --pulses"
         )
     if found is not None and found.repeated > 0.0:
         odd.append(
-            f"slots of the disc are {100 * found.repeated:.2g} % of the pitch out of place: edge by edge that shows as "
-            "fluctuation of speed, the harmonics hold it down; --pitch takes a calibration"
+            f"slots of the disc are {100 * found.repeated:.2g} % of the pitch out of place: in the speed edge by edge "
+            "that looks like fluctuation, the steady turn suppresses it; --pitch takes a calibration"
         )
     return odd
 
 
-def off_nominal(found: SteadySpeedFit, nominal: float | None) -> list[str]:
-    """That the mean speed is far from the ``nominal`` one [rad/s], to which the fluctuation is related."""
+def nominal_speed_findings(found: SteadySpeedFit, nominal: float | None) -> list[str]:
+    """A finding if the mean speed is far from the ``nominal`` one [rad/s], by which the fluctuation is divided."""
     times = 1.0 if nominal is None else found.mean.value / nominal
     if nominal is None or 1.0 / FAR_FROM_NOMINAL <= times <= FAR_FROM_NOMINAL:
         return []
     return [
         f"the mean speed of {found.mean.value / RPM:.4g} rpm is {times:.3g} times the nominal {nominal / RPM:.4g} rpm: "
-        "is that the crank's, not the motor's? the fluctuation is related to it; see --nominal, --ratio, --pulses"
+        "the fluctuation is divided by the nominal speed; it must be the crank's, not the motor's: check --nominal, "
+        "--ratio, --pulses"
     ]
 
 

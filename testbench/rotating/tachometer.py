@@ -1,10 +1,9 @@
-"""A tachometer's pulses, one a turn: their instants, and whether the speed between them is steady.
+"""The turns of a rotor by a tachometer with one pulse a turn: instants of the pulses, and whether the speed is steady.
 
-Where steep pulses lie between the samples that saw them, and what the samples leave open of it.
-
-A pulse that rises within one step is known to lie between two samples. Where its places within a step cover it evenly,
-the errors average out; where sampling keeps step with the rotor, all pulses are early or late alike. Instants are
-taken as an even motion with normal scatter, seen in steps; what every scatter and motion leaves likely is the answer.
+A pulse that rises within one sampling step is only known to lie between two samples. Where the positions within a step
+are spread evenly, these errors average out; where the sampling is synchronous with the rotor, all pulses are early or
+late by the same time. That common error and its interval are estimated by the profile likelihood of a smooth motion
+with normal scatter, observed in steps.
 """
 
 from dataclasses import dataclass
@@ -18,22 +17,22 @@ from ..errors import AnalysisError
 from .encoder_edges import Gap, lost_edges, spurious_edges
 
 DITHERED = 0.6
-"""Scatter of instants, in steps, above which each is off on its own: two neighbouring samples explain at most 0.5."""
+"""Scatter of instants [steps] above which errors are independent: two neighbouring samples explain at most 0.5."""
 _DEGREE = 3
 _MOST_PULSES = 400
 _SHARPNESS = (0.2, 100.0)
-"""One over the scatter of single pulses, in steps: a hundredth is always allowed for."""
+"""Range of one over the scatter of single pulses [1/steps]."""
 _LIKELY = coverage_factor() ** 2
-"""Twice the logarithm of likelihood, below its largest, that an interval of 95 % reaches down to (chi2, one)."""
+"""Twice the drop of the log-likelihood to the ends of a 95 % interval (chi squared, one degree of freedom)."""
 _PLACES = np.linspace(-1.0, 1.0, 81)
 _ROUNDS, _HALVINGS, _ENOUGH = 40, 6, 1e-3
 
 
-def open_offset(before: Floats, after: Floats, found: Floats) -> tuple[float, float]:
-    """How much later all of ``found`` (n,) lie, and half the interval of that, in the unit of the samples' instants.
+def common_timing_error(before: Floats, after: Floats, found: Floats) -> tuple[float, float]:
+    """Time by which all pulses ``found`` (n,) [s] are too early, and half its 95 % interval [s].
 
-    ``before`` and ``after`` (n,) are the samples on both sides of each pulse. Scatter of single pulses about an even
-    motion is not in the interval. Zero, zero where it is large enough to cover the steps.
+    ``before`` and ``after`` (n,) [s] are the instants of the samples around each pulse. The scatter of single pulses
+    about a smooth motion is not in the interval. Both are zero where that scatter exceeds the steps.
     """
     step = float(np.median(after - before))
     if len(found) > _MOST_PULSES:
@@ -47,18 +46,18 @@ def open_offset(before: Floats, after: Floats, found: Floats) -> tuple[float, fl
     off = motion - motion.mean() + found.mean()
     low, high = _likely(_shapes(number), (before - off) / step, (after - off) / step)
     own = coverage_factor() * scatter / np.sqrt(len(found))
-    left = float(np.sqrt(max(0.0, (0.5 * (high - low)) ** 2 - own**2)))
-    return 0.5 * (low + high) * step, left * step
+    half = float(np.sqrt(max(0.0, (0.5 * (high - low)) ** 2 - own**2)))
+    return 0.5 * (low + high) * step, half * step
 
 
 def _shapes(number: Floats) -> Floats:
-    """Changes of an even motion that leave its mean alone, (n, degree)."""
+    """Polynomials of the motion with mean zero, (n, degree) [-]."""
     shapes = np.polynomial.legendre.legvander(number, _DEGREE)[:, 1:]
     return shapes - shapes.mean(axis=0)
 
 
 def _likely(shapes: Floats, low: Floats, high: Floats) -> tuple[float, float]:
-    """Ends of the likely places of the mean, in steps from the mean of what was found."""
+    """Ends of the likely common error [steps]."""
     profile = _profile(_PLACES[:, None], shapes, low, high)
     likely = _PLACES[profile >= profile.max() - 0.5 * _LIKELY]
     half = 0.5 * (_PLACES[1] - _PLACES[0])
@@ -66,7 +65,7 @@ def _likely(shapes: Floats, low: Floats, high: Floats) -> tuple[float, float]:
 
 
 def _profile(place: Floats, shapes: Floats, low: Floats, high: Floats) -> Floats:
-    """Largest logarithm of likelihood at each place (places, 1), by Newton's method.
+    """Profile log-likelihood at each common error (places, 1) [steps], by Newton's method.
 
     It is concave in the shape over the scatter and in one over the scatter.
     """
@@ -94,7 +93,7 @@ def _times(end: Floats, x: Floats) -> Floats:
 
 
 def _newton(x: Floats, ends: list[Floats]) -> Floats:
-    """Newton's step, (places, parameters); the sharpness rests where it would leave its bounds."""
+    """Newton's step, (places, parameters); the sharpness stays where it would leave its bounds."""
     at = [_times(end, x) for end in ends]
     slopes = _log_between(*at)[1]
     gradient = sum(np.einsum("pn,pnk->pk", s, end) for s, end in zip(slopes, ends, strict=True))
@@ -122,18 +121,18 @@ def _log_between(low: Floats, high: Floats) -> tuple[Floats, tuple[Floats, Float
 
 
 LEAST_TURNS = 10
-"""Turns below which no interval can be given."""
+"""Least number of turns."""
 STEADY_WITHIN = 0.01
 """Largest change of speed in a record, of its mean, that counts as steady."""
 _REARM = 0.2
-"""The signal must fall so far below the level, of its whole swing, before the next pulse counts."""
+"""Share of the swing by which the signal must fall below the level before the next pulse counts."""
 _BLOCKS = 8
 _UNIFORM = coverage_factor() / (LEVEL * np.sqrt(3.0))
 """Twice the deviation of a uniform error, of the half width that holds 95 % of it."""
 _IN_STEP = 0.1
-"""How early or late steep pulses may be alike, in samples, from which it is said that the sampling keeps step."""
+"""Common timing error of steep pulses [samples] above which the sampling counts as synchronous."""
 _STEEP = 0.3
-"""Share of the swing within one sample above which the crossing between the samples cannot be told."""
+"""Share of the swing within one sample above which the crossing cannot be interpolated."""
 
 
 @dataclass(frozen=True)
@@ -145,18 +144,18 @@ class Turns:
     resolution: float
     """Step of the samples that the pulses were timed with [s]."""
     timing: float = 0.0
-    """How early or late all pulses may be alike, half a 95 % interval [s]."""
+    """Half the 95 % interval of a timing error common to all pulses [s]."""
     steep: bool = False
-    """Whether pulses rise within a sample, so that their places between two samples are not seen."""
+    """Whether pulses rise within a sample, so that their instants between two samples are unknown."""
 
     @property
-    def timing_within(self) -> float:
-        """Half a 95 % interval of a normal error of the same standard deviation: what sums of such errors need [s]."""
+    def timing_normal_within(self) -> float:
+        """Half the 95 % interval of a normal error of the same standard deviation, for sums of errors [s]."""
         return self.timing * (_UNIFORM if self.steep else 1.0)
 
     @property
-    def keeps_step(self) -> bool:
-        """Whether the sampling keeps step with the rotor, so that the pulses' places in a sample do not average out."""
+    def is_synchronous(self) -> bool:
+        """Whether the sampling is synchronous with the rotor, so that timing errors do not average out."""
         return self.steep and self.timing > _IN_STEP * self.resolution
 
     @property
@@ -171,9 +170,9 @@ class Turns:
 
     @property
     def change(self) -> float:
-        """Largest less smallest speed, of the mean: of blocks of turns, and of single turns beyond what timing blurs.
+        """Largest less smallest speed over the mean [-], of blocks of turns and of single turns.
 
-        A pulse is timed to a sample, so the time of one turn is blurred by up to two.
+        A pulse is timed to a sample, so up to two samples of a single turn's duration are no change.
         """
         edges = np.linspace(0, self.count, min(_BLOCKS, self.count // 2) + 1).astype(int)
         blocks = np.diff(edges) / np.diff(self.pulses[edges])
@@ -181,20 +180,24 @@ class Turns:
         return float(max(np.ptp(blocks), np.ptp(1.0 / np.diff(self.pulses)) - blur * self.speed) / self.speed)
 
     def angle(self, time: Floats) -> Floats:
-        """Angle of the rotor since the first pulse, in turns: even between pulses, (n,)."""
+        """Angle of the rotor since the first pulse at ``time`` (n,) [s], linear between pulses, (n,) [turns]."""
         return np.interp(time, self.pulses, np.arange(len(self.pulses), dtype=float))
 
 
 def tacho_pulses(time: Floats, signal: Floats, level: float | None = None, falling: bool = False) -> Floats:
-    """Instants at which ``signal`` (n,) rises (falls) through ``level``, by default half its swing, (pulses,) [s]."""
+    """Instants (pulses,) [s] at which ``signal`` (n,) at ``time`` (n,) [s] rises (falls) through ``level`` [unit].
+
+    The default level is half the swing.
+    """
     level = half_swing(time, signal, falling)[0] if level is None else level
     return _crossings(time, signal, level, falling)
 
 
 def half_swing(time: Floats, signal: Floats, falling: bool = False) -> tuple[float, float]:
-    """Midway between largest and smallest value of a turn, the mean of all turns, and its standard error.
+    """Mean over the turns of the middle between a turn's extremes, and its standard error [unit].
 
-    Of the whole record the extremes lie as far apart as noise has it. Without turns: its middle, no error.
+    ``signal`` (n,) [unit] at ``time`` (n,) [s]. The extremes of the whole record would depend on noise; without turns
+    they give the middle, with error zero.
     """
     middle = 0.5 * float(signal.min() + signal.max())
     begins = np.searchsorted(time, _crossings(time, signal, middle, falling))
@@ -217,7 +220,7 @@ def _crossings(time: Floats, signal: Floats, level: float, falling: bool) -> Flo
 
 
 def steady_turns(name: str, time: Floats, signal: Floats, level: float | None, falling: bool, within: float) -> Turns:
-    """Turns of a record at steady speed.
+    """Turns of a record at steady speed: ``signal`` (n,) [unit of ``level``] at ``time`` (n,) [s].
 
     Raises AnalysisError for a signal without pulses, too few turns, lost or spurious pulses, a speed that changes by
     more than ``within`` of its mean.
@@ -226,42 +229,42 @@ def steady_turns(name: str, time: Floats, signal: Floats, level: float | None, f
     if len(found) < LEAST_TURNS + 1:
         raise AnalysisError(
             f"{name}: {len(found)} pulses in {time[-1] - time[0]:.3g} s, values {signal.min():g} to {signal.max():g}: "
-            f"expected at least {LEAST_TURNS + 1}, one a turn; another channel, --level, or a longer record"
+            f"expected at least {LEAST_TURNS + 1}, one a turn; try another channel, --level, or a longer record"
         )
-    _refuse_gaps(name, found)
+    _require_all_pulses(name, found)
     turns = _timed(time, signal, found, half_swing(time, signal, falling)[1] if guessed else 0.0)
     if turns.change > within:
         raise AnalysisError(
             f"{name}: the speed changes by {100 * turns.change:.2g} % of its mean {60 * turns.speed:.5g} rpm; expected "
-            f"at most {100 * within:g} %: amplitude and phase belong to one speed; cut a steady part, or state "
+            f"at most {100 * within:g} %: amplitude and phase belong to one speed; cut out a steady part, or give "
             "--steady-within"
         )
     return turns
 
 
 def _timed(time: Floats, signal: Floats, found: Floats, level_error: float) -> Turns:
-    """Pulses with how early or late all may be alike: slow ones by the level's error, steep ones by the samples."""
+    """Turns with the common timing error: of slow pulses by the level's error, of steep ones by the samples."""
     step = float(np.median(np.diff(time)))
     after = np.searchsorted(time, found, side="right").clip(1, len(time) - 1)
     rise = float(np.median(np.abs(signal[after] - signal[after - 1])))
     if rise <= _STEEP * float(np.ptp(signal)):
         return Turns(found, step, coverage_factor() * level_error / rise * step)
-    later, within = open_offset(time[after - 1], time[after], found)
+    later, within = common_timing_error(time[after - 1], time[after], found)
     return Turns(found + later, step, within, steep=True)
 
 
 def _count(gaps: list[Gap]) -> str:
-    lost_ones = sum(gap.missing for gap in gaps)
-    return f"{lost_ones} pulse{'s' * (lost_ones > 1)}"
+    missing = sum(gap.missing for gap in gaps)
+    return f"{missing} pulse{'s' * (missing > 1)}"
 
 
-def _refuse_gaps(name: str, found: Floats) -> None:
+def _require_all_pulses(name: str, found: Floats) -> None:
     never_again = len(found)  # no slot of a disc explains an odd interval: there is one pulse a turn
     if gaps := lost_edges(found, never_again):
         places = "; ".join(gap.text().replace("edge", "pulse") for gap in gaps[:8])
         raise AnalysisError(
             f"{name}: {_count(gaps)} lost: {places}. Turns counted through a gap would be "
-            "wrong: check --level and the sensor's distance, or cut the record"
+            "wrong: check --level and the distance of the sensor, or cut the record"
         )
     if extra := spurious_edges(found, never_again):
         places = ", ".join(f"{found[k]:.6f} s" for k in extra[:8])

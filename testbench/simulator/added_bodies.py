@@ -1,10 +1,9 @@
-"""Bodies and counter-masses in planes of their own: balanced in projection, they still tip the base about x and y.
+"""What a rig adds to the mechanism of a file: planes of bodies and counter-masses, rotors of the motors.
 
-Rotors of motors on the base: their angular momentum, which the mechanism's file lacks, and the torque that it costs.
-
-Drive torque itself is internal: what a motor exerts on its joint it exerts back on the base, and the shaking moment
--d(angular momentum)/dt holds both. A rotor of inertia J that turns N times as fast as its joint adds the angular
-momentum J N q' about its axis, so the moment -J N q'' on the base, and the torque J N^2 q'' on its own joint.
+Bodies in different planes still tip the base about x and y when they are balanced in projection. A rotor of inertia J
+that turns N times as fast as its joint adds the angular momentum J N q' about its axis, hence the moment -J N q'' on
+the base and the torque J N^2 q'' on its joint. The drive torque itself is internal: a motor exerts it on its joint and
+back on the base, and the shaking moment -d(angular momentum)/dt contains both.
 """
 
 from collections.abc import Mapping
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def with_planes(mechanism: Mechanism, planes: Mapping[str, float]) -> Mechanism:
-    """The mechanism with bodies, and counter-masses that are mounted later, moved out along the body's z axis [m].
+    """The mechanism with bodies, and sites of counter-masses, moved along the body's z axis by ``planes`` [m].
 
     Raises RigError for what is neither a body nor a site of a moving body.
     """
@@ -50,7 +49,7 @@ def _with_body(mechanism: Mechanism, body: str, z: float) -> Mechanism:
 
 
 def shifted(row: Floats, z: float) -> Floats:
-    """Inertial parameters (10,) of a body that is moved by z along its z axis [m].
+    """Inertial parameters (10,) [kg, kg m, kg m2] of a body after moving it by z [m] along its z axis.
 
     mcz' = mcz + m z, Ixx' = Ixx + 2 z mcz + m z^2 and Iyy alike, Ixz' = Ixz - z mcx, Iyz' = Iyz - z mcy.
     """
@@ -60,15 +59,18 @@ def shifted(row: Floats, z: float) -> Floats:
 
 
 def with_rotors(mechanism: Mechanism, rotors: "Mapping[str, Rotor]") -> Mechanism:
-    """The mechanism with the rotors' inertia at their joints. Raises RigError for a joint that it has not."""
+    """The mechanism with the rotors' inertia at their joints. Raises RigError for an unknown joint."""
     armature = mechanism.armature.copy()
     for joint, rotor in rotors.items():
         armature[_index(mechanism, joint)] += rotor.inertia * rotor.ratio**2
     return replace(mechanism, armature=armature)
 
 
-def momentum(mechanism: Mechanism, rotors: "Mapping[str, Rotor]", rates: Floats) -> Floats:
-    """Angular momentum of the rotors, base axes, (n, 3) [kg m2/s], at joint rates (n, nv); its rate at their rates."""
+def rotor_momentum(mechanism: Mechanism, rotors: "Mapping[str, Rotor]", rates: Floats) -> Floats:
+    """Angular momentum of the rotors at joint ``rates`` (n, nv) [rad/s], base axes, (n, 3) [kg m2/s].
+
+    Joint accelerations [rad/s2] instead of rates give its rate [N m].
+    """
     total = np.zeros((len(rates), 3))
     for joint, rotor in rotors.items():
         axis = np.array(rotor.axis) / np.linalg.norm(rotor.axis)

@@ -1,11 +1,8 @@
-"""What really happened in a simulated campaign, for tests and for judging an analysis; the analysis never reads it.
+"""A simulated campaign on disk: logs as loggers would write them, the run table, and the truth in a folder of its own.
 
-A Parquet file a run: noise-free time series, those of base and drives in single precision; one JSON document: what was
-drawn, and what is true of each run.
-
-Logs as text: comments that say what they are, a header with units, fixed decimals in the logger's own marks.
-
-A simulated campaign: a folder of logs as loggers would write them, the sheet of runs, and the truth apart.
+A log is text: comments that name its origin, a header with units, fixed decimals in the logger's notation. The truth
+serves tests and the evaluation of an analysis, which never reads it: a Parquet file a run with the time series without
+noise (base and drives in single precision), and one JSON document with all that was drawn.
 """
 
 import csv
@@ -30,7 +27,7 @@ from ..rig.bench import Logger
 from . import simulated_logs
 from .loggers import Log, is_irregular
 from .run import payload_body
-from .sensors import base_acceleration, draw_transducer
+from .sensors import base_acceleration, draw_transducers
 from .simulated_logs import SimulatedRun
 
 if TYPE_CHECKING:
@@ -41,7 +38,7 @@ if TYPE_CHECKING:
 
     from .run import BenchRun
 
-FOLDER = "truth"
+TRUTH_FOLDER = "truth"
 _WRENCH = ("Fx_N", "Fy_N", "Fz_N", "Mx_Nm", "My_Nm", "Mz_Nm")
 _DISPLACEMENT = ("base_x_m", "base_y_m", "base_z_m", "base_phi_x_rad", "base_phi_y_rad", "base_phi_z_rad")
 _ACCELERATION = tuple(
@@ -51,12 +48,12 @@ _ACCELERATION = tuple(
 )
 
 
-def write_run(folder: Path, rig: "Rig", run: "SimulatedRun", balance: "Conditions") -> dict[str, Any]:
-    """Write a run's time series, SI; returns what else is true of it. ``balance`` are the mechanism's conditions."""
-    _write_table(folder / run.planned.name, time_series(rig, run.bench))
+def write_run_truth(folder: Path, rig: "Rig", run: "SimulatedRun", balance: "Conditions") -> dict[str, Any]:
+    """Write a run's true time series and return its other true values; ``balance`` are the mechanism's conditions."""
+    _write_table(folder / run.planned.name, true_series(rig, run.bench))
     for name, log in run.logs.items():
         if is_irregular(rig.loggers[name]):
-            instants = {"logged_s": log.time, "true_s": log.true}
+            instants = {"logged_s": log.time, "true_s": log.true_time}
             _write_table(folder / f"{run.planned.name}_{name}.instants", instants)
     return {
         "run": run.planned.name,
@@ -77,35 +74,35 @@ def write_run(folder: Path, rig: "Rig", run: "SimulatedRun", balance: "Condition
 
 
 def _write_table(stem: Path, columns: "Mapping[str, Floats | NDArray[np.float32]]") -> None:
-    """As Parquet where polars is installed, which CSV needs ten times the room of; else as CSV."""
+    """Write columns (n,) as Parquet where polars is installed; else as CSV, ten times as large."""
     if can_write_parquet():
         write_parquet(f"{stem}.parquet", columns)
     else:
         write_csv_file(f"{stem}.csv", columns)
 
 
-def time_series(rig: "Rig", run: "BenchRun") -> "dict[str, Floats | NDArray[np.float32]]":
-    """Shaking wrench, base motion, drive torques, and what accelerometers on the base are exposed to, (n,) each."""
+def true_series(rig: "Rig", run: "BenchRun") -> "dict[str, Floats | NDArray[np.float32]]":
+    """Columns (n,) of SI units: shaking wrench, base motion, drive torques, acceleration at the base accelerometers."""
     columns = {"time_s": run.time} | dict(zip(_WRENCH, run.wrench.T, strict=True))
     for name, sensor in rig.base_accelerometers.items():
-        seen = base_acceleration(sensor, run)
-        columns |= {f"{column.channel}_m_s2": seen[column.component] for column in sensor.columns(name)}
+        acceleration = base_acceleration(sensor, run)
+        columns |= {f"{column.channel}_m_s2": acceleration[column.component] for column in sensor.columns(name)}
     moved = dict(zip(_DISPLACEMENT, run.motion.displacement.T, strict=True))
     moved |= dict(zip(_ACCELERATION, run.motion.acceleration.T, strict=True))
     moved |= {f"torque_{joint}_Nm": torque for joint, torque in run.torque.items()}
     return columns | {name: values.astype(np.float32) for name, values in moved.items()}
 
 
-def write_campaign(folder: Path, rig: "Rig", seed: int, runs: list[dict[str, Any]]) -> None:
-    """Write what is true of the whole campaign: seed, clocks as the rig has them, sensors, runs."""
+def write_campaign_truth(folder: Path, rig: "Rig", seed: int, runs: list[dict[str, Any]]) -> None:
+    """Write the true values of the campaign: seed, clocks as the rig states them, sensors, runs."""
     clocks = {name: {"start_s": logger.start, "drift_ppm": logger.drift_ppm} for name, logger in rig.loggers.items()}
-    sensors = {name: sensor.truth for name, sensor in draw_transducer(rig, seed).items()}
+    sensors = {name: sensor.truth for name, sensor in draw_transducers(rig, seed).items()}
     document = {"origin": "simulated", "seed": seed, "clocks": clocks, "sensors": sensors, "runs": runs}
     (folder / "truth.json").write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
 
 
 def write_log(path: Path, logger: Logger, columns: Sequence[Column], log: Log, about: Mapping[str, str]) -> None:
-    """Write a log as CSV; ``about`` goes into comments. Marked as simulated, whatever ``about`` says."""
+    """Write a log as CSV, marked as simulated; ``about`` goes into comments."""
     timed = logger.clock == "recorded"
     if not timed:
         about = {**about, "rate": f"{logger.rate:g} Hz"}
@@ -117,7 +114,7 @@ def write_log(path: Path, logger: Logger, columns: Sequence[Column], log: Log, a
         write_csv(file, table, logger.delimiter, logger.decimals, decimal_comma=logger.decimal == ",")
 
 
-SHEET = "runs.csv"
+RUN_TABLE = "runs.csv"
 _COLUMNS = ("run", "file", "origin", "payload_kg", "counter_masses", "motion", "peak_acceleration_g", "repeat")
 
 
@@ -126,19 +123,20 @@ def simulate_campaign(
 ) -> list[Path]:
     """Simulate all runs of a plan into ``folder``, which must be new or empty; returns the logs.
 
-    The logs are made beside and moved there at the end: a failure leaves nothing behind.
+    The logs are written to a temporary folder and moved at the end, so a failure leaves nothing behind. Raises RigError
+    for a plan of another mechanism or a folder that is not empty.
     """
     if plan.mechanism != rig.mechanism:
         raise RigError(
-            f"the plan is for {plan.mechanism!r}, the rig for {rig.mechanism!r}: expected the same mechanism"
+            f"the plan names the mechanism {plan.mechanism!r}, the rig {rig.mechanism!r}: make them the same"
         )
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise RigError(f"{folder}: exists and is not empty; name a new folder")
     mechanism = load_mechanism(rig.mechanism)
     payload_body(mechanism, plan.payload_body)
     folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as beside:
-        made = Path(beside) / "logs"
+    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as temporary:
+        made = Path(temporary) / "logs"
         names = _write_all(plan, rig, mechanism, made, progress)
         if folder.exists():
             folder.rmdir()
@@ -149,21 +147,21 @@ def simulate_campaign(
 def _write_all(
     plan: Plan, rig: Rig, mechanism: Mechanism, folder: Path, progress: Callable[[int, int], None] | None
 ) -> list[str]:
-    (folder / FOLDER).mkdir(parents=True)
-    total, sheet, facts = len(plan.runs()), [], []
+    (folder / TRUTH_FOLDER).mkdir(parents=True)
+    total, table, facts = len(plan.runs()), [], []
     balance = conditions.balance_conditions(mechanism)
     for number, run in enumerate(simulated_logs.simulate_logs(plan, rig), 1):
         names = _write_logs(folder, rig, run)
-        sheet += [_row(run.planned, name) for name in names]
-        facts.append(write_run(folder / FOLDER, rig, run, balance))
+        table += [_row(run.planned, name) for name in names]
+        facts.append(write_run_truth(folder / TRUTH_FOLDER, rig, run, balance))
         if progress:
             progress(number, total)
-    write_campaign(folder / FOLDER, rig, plan.seed, facts)
-    with (folder / SHEET).open("w", encoding="utf-8", newline="") as file:
+    write_campaign_truth(folder / TRUTH_FOLDER, rig, plan.seed, facts)
+    with (folder / RUN_TABLE).open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, _COLUMNS, lineterminator="\n")
         writer.writeheader()
-        writer.writerows(sheet)
-    return [row["file"] for row in sheet]
+        writer.writerows(table)
+    return [row["file"] for row in table]
 
 
 def _write_logs(folder: Path, rig: Rig, run: SimulatedRun) -> list[str]:
@@ -176,7 +174,7 @@ def _write_logs(folder: Path, rig: Rig, run: SimulatedRun) -> list[str]:
 
 
 def _row(planned: PlannedRun, file: str) -> dict[str, str]:
-    """A line of the sheet, as a person at the bench would keep it."""
+    """A line of the run table, as a person at the bench would keep it."""
     masses = ";".join(f"{site}={mass:.12g}" for site, mass in planned.counter_masses.items())
     acceleration = f"{planned.conditions['peak_acceleration_g']:.12g}"
     cells = (planned.name, file, "simulated", f"{planned.payload:.12g}", masses, planned.motion, acceleration)

@@ -1,10 +1,7 @@
-"""What shakes the bench besides the motion: its floor through the mounts, and the roughness of drives and joints.
+"""What shakes the bench besides the motion: the floor through the mounts, and the roughness of drives and joints.
 
-Random signals of a stated power spectral density, and the vibration that floors may have.
-
-All densities are one-sided; a signal is one period of a stationary Gaussian process, made on its Fourier lines.
-
-Streams of random numbers, one for each thing that is drawn: what is drawn of one does not depend on the others.
+Each is one period of a stationary Gaussian process of a given one-sided power spectral density, made on its Fourier
+lines. Every random quantity has a stream of random numbers of its own, so that one does not depend on the others.
 """
 
 import zlib
@@ -27,19 +24,22 @@ FLOOR_VELOCITY = {
 """Root mean square in each third-octave band from 8 to 80 Hz [m/s]: generic vibration criteria, Amick et al., "Evolving
 criteria for research facilities", Proc. SPIE 5933 (2005), table 1."""
 FLOOR_BAND = (4.0, 8.0, 80.0)
-"""Below the second, the curves down to VC-B allow the acceleration at it; outside, nothing is added [Hz]."""
+"""Lowest, corner and highest frequency [Hz]: below the corner, curves down to VC-B have constant acceleration."""
 THIRD_OCTAVE = 2.0 ** (1.0 / 6.0) - 2.0 ** (-1.0 / 6.0)
-"""Width of a third-octave band, per its centre."""
+"""Width of a third-octave band over its centre [-]."""
 
 
 def fourier_lines(density: Floats, rng: np.random.Generator, count: int, step: float) -> np.ndarray:
-    """Fourier lines, as irfft takes them, of ``count`` samples every ``step`` [s]; ``density`` [unit2/Hz] a line."""
+    """Random lines (m,) [unit] for irfft to ``count`` samples every ``step`` [s], of ``density`` (m,) [unit2/Hz]."""
     normal = rng.normal(size=(*density.shape, 2))
     return np.sqrt(density * count / (4.0 * step)) * (normal[..., 0] + 1j * normal[..., 1])
 
 
 def floor_density(level: str, frequency: Floats) -> Floats:
-    """Displacement of the floor that fills a curve in every band, one axis [m2/Hz]: v^2 / (0.23 f) / (2 pi f)^2."""
+    """Density of the floor's displacement along an axis at ``frequency`` (m,) [Hz], (m,) [m2/Hz].
+
+    It fills a curve of FLOOR_VELOCITY in every third-octave band: v^2 / (0.23 f) / (2 pi f)^2.
+    """
     low, corner, high = FLOOR_BAND
     inside = (frequency >= low) & (frequency <= high)
     f = np.where(inside, frequency, corner)
@@ -49,29 +49,29 @@ def floor_density(level: str, frequency: Floats) -> Floats:
 
 
 def flat_density(rms: float, band: tuple[float, float], frequency: Floats) -> Floats:
-    """A flat density within a band, of a signal of root mean square ``rms``."""
+    """Density (m,) [unit2/Hz] of a signal of ``rms`` [unit], flat in a band [Hz], at ``frequency`` (m,) [Hz]."""
     inside = (frequency >= band[0]) & (frequency <= band[1])
     return np.where(inside, rms**2 / (band[1] - band[0]), 0.0)
 
 
 def random_stream(*key: int | str) -> np.random.Generator:
-    """The generator of a key of numbers and words, the same each time."""
+    """A generator seeded by a key of numbers and words."""
     return np.random.default_rng([zlib.crc32(part.encode()) if isinstance(part, str) else part for part in key])
 
 
 @dataclass(frozen=True)
 class Disturbance:
-    """A stationary vibration of the base, on top of what the motion does to it."""
+    """A stationary vibration of the base, to be added to the response to the motion."""
 
     motion: BaseMotion
     wrench: Floats
-    """What the mechanism exerts on the base beyond its shaking wrench, about the origin, (n, 6) [N, N m]."""
+    """Roughness: wrench on the base beyond the shaking wrench, about the base's origin, (n, 6) [N, N m]."""
 
 
 def draw_disturbance(
     bench: "Bench", base: ElasticBase, count: int, step: float, seed: tuple[int, int]
 ) -> Disturbance | None:
-    """``count`` samples every ``step`` [s] of all that the bench states; None where it states nothing.
+    """``count`` samples every ``step`` [s] of floor and roughness of the bench; None where it states neither.
 
     On each Fourier line x = (K - w^2 M + i w C)^-1 (W + (K + i w C) x_floor): stationary from the first sample.
     """
@@ -108,8 +108,8 @@ def _roughness(bench: "Bench", frequency: Floats, count: int, step: float, seed:
 
 
 def _floor(bench: "Bench", frequency: Floats, count: int, step: float, seed: tuple[int, int]) -> Iterator[Floats]:
-    """Fourier lines of the floor's displacement, component by component; it does not turn."""
+    """Fourier lines of the floor's displacement, component by component; it does not rotate."""
     for i in range(6):
-        quiet = bench.floor is None or i > 2
-        density = np.zeros_like(frequency) if quiet else floor_density(str(bench.floor), frequency)
+        still = bench.floor is None or i > 2
+        density = np.zeros_like(frequency) if still else floor_density(str(bench.floor), frequency)
         yield fourier_lines(density, random_stream("floor", *seed, i), count, step)

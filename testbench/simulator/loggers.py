@@ -1,8 +1,7 @@
-"""What a logger makes of a signal: anti-alias filter, instants, noise, the sensor's range, the converter's steps.
+"""What a logger makes of a signal: anti-alias filter, sampling instants, noise, range, quantization.
 
-Analogue filters, as they answer a signal that is linear between its samples; at rest before the first.
-
-When a logger really takes its samples: a clock that drifts, scatter of the instants, lost samples.
+Filters are analogue: their exact response to a signal that is linear between its samples, from rest. A clock starts
+late, drifts, scatters from sample to sample, and loses samples.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,7 +17,10 @@ from ..rig.bench import Logger
 
 
 def low_pass(signal: Floats, corner: float, step: float) -> Floats:
-    """Butterworth of fourth order, two sections w^2 / (s^2 + s w / Q + w^2), (n, ...); ``corner`` [Hz]."""
+    """Fourth-order Butterworth filter of a signal (n, ...) [unit], (n, ...) [unit]; ``corner`` [Hz], ``step`` [s].
+
+    Two sections w^2 / (s^2 + s w / Q + w^2); at rest before the first sample.
+    """
     omega, rest, passed = 2.0 * np.pi * corner, signal[0], signal - signal[0]
     for angle in (np.pi / 8.0, 3.0 * np.pi / 8.0):
         section = np.array([[0.0, 1.0], [-(omega**2), -2.0 * np.cos(angle) * omega]])
@@ -27,7 +29,10 @@ def low_pass(signal: Floats, corner: float, step: float) -> Floats:
 
 
 def high_pass(signal: Floats, corner: float, step: float) -> Floats:
-    """First order, as of AC coupling or a charge amplifier: s / (s + w), (n, ...); zero at the first sample."""
+    """First-order high pass s / (s + w) of a signal (n, ...) [unit], as of AC coupling, (n, ...) [unit].
+
+    ``corner`` [Hz], ``step`` [s]; zero at the first sample.
+    """
     omega, moved = 2.0 * np.pi * corner, signal - signal[0]
     return moved - linear_response(np.array([[-omega]]), np.array([[omega]]), moved[..., None], step)[..., 0]
 
@@ -36,23 +41,23 @@ def high_pass(signal: Floats, corner: float, step: float) -> Floats:
 class Sampling:
     """The samples that a logger kept."""
 
-    own: Floats
-    """Time that its log gives them, from its start, (n,) [s]."""
-    true: Floats
-    """When they were taken, from the start of the motion, (n,) [s]."""
+    logged: Floats
+    """Time in the log, from its start, (n,) [s]."""
+    true_time: Floats
+    """True instants from the start of the motion, (n,) [s]."""
     lost: int = 0
-    """How many are missing between the first and the last."""
+    """Samples missing between the first and the last."""
 
 
-def started(logger: Logger, rng: np.random.Generator) -> Logger:
-    """The logger as it is started for one run: start and drift drawn about what the rig states."""
+def start_logger(logger: Logger, rng: np.random.Generator) -> Logger:
+    """The logger of one run: start and drift drawn about those that the rig states."""
     start = logger.start + logger.start_scatter * float(rng.normal())
     drift = logger.drift_ppm + logger.drift_scatter_ppm * float(rng.normal())
     return logger.model_copy(update={"start": start, "drift_ppm": drift})
 
 
-def instants(logger: Logger, end: float) -> tuple[Floats, Floats]:
-    """Its own time, from zero, and the true time of each sample until ``end``, (n,) [s].
+def sample_instants(logger: Logger, end: float) -> tuple[Floats, Floats]:
+    """Time in the log, from zero, and true time of each sample until ``end`` [s], (n,) [s] each.
 
     t = start + own / (1 + drift).
     """
@@ -62,9 +67,9 @@ def instants(logger: Logger, end: float) -> tuple[Floats, Floats]:
     return own, logger.start + own / pace
 
 
-def sampled(logger: Logger, end: float, rng: np.random.Generator) -> Sampling:
-    """The samples until ``end`` [s]. A recorded clock knows when they were taken; a uniform one counts what it kept."""
-    own, true = instants(logger, end)
+def draw_samples(logger: Logger, end: float, rng: np.random.Generator) -> Sampling:
+    """The samples until ``end`` [s]. A recorded clock logs when they were taken; a uniform one counts those kept."""
+    own, true = sample_instants(logger, end)
     if not is_irregular(logger):
         return Sampling(own, true)
     scatter = np.clip(rng.normal(0.0, logger.jitter, len(own)), -0.45 / logger.rate, 0.45 / logger.rate)
@@ -78,7 +83,7 @@ def sampled(logger: Logger, end: float, rng: np.random.Generator) -> Sampling:
 
 
 def is_irregular(logger: Logger) -> bool:
-    """Whether its samples are not all there at even distances."""
+    """Whether its samples are jittered or incomplete."""
     return bool(logger.jitter or logger.lost or logger.dropouts_per_minute)
 
 
@@ -92,8 +97,8 @@ def _kept(logger: Logger, count: int, rng: np.random.Generator) -> np.ndarray:
     return kept
 
 
-CLOCK = 1_000_003
-"""Which stream of a logger's seed its clock draws from, beside those of the channels."""
+_CLOCK_STREAM = 1_000_003
+"""Number of the clock's stream of random numbers, apart from those of the channels."""
 
 
 @dataclass(frozen=True)
@@ -101,16 +106,16 @@ class Log:
     """What one logger recorded of one run."""
 
     time: Floats
-    """On its own clock, from its own start, (n,) [s]."""
+    """Time in the log, from its start, (n,) [s]."""
     columns: Mapping[str, Floats]
-    """By channel, in the unit in which it is written, (n,)."""
-    true: Floats
-    """When the samples were taken, from the start of the motion, (n,) [s]; no log tells it."""
+    """By channel, (n,) [unit of the log]."""
+    true_time: Floats
+    """True instants from the start of the motion, (n,) [s]; no log contains them."""
     lost: int = 0
     """Samples that are missing."""
 
 
-def record(
+def record_log(
     logger: Logger,
     columns: Sequence[Column],
     time: Floats,
@@ -119,20 +124,20 @@ def record(
 ) -> Log:
     """Record the channels ``columns`` of ``signals`` (n,) [SI] at ``time`` (n,) [s]; at rest before and after.
 
-    Every channel draws its noise from ``seed`` and its place among the columns, whatever other channels there are.
+    The noise of a channel depends on ``seed`` and its place among the columns, not on other channels.
     """
-    taken = sampled(logger, float(time[-1]), np.random.default_rng([*seed, CLOCK]))
+    taken = draw_samples(logger, float(time[-1]), np.random.default_rng([*seed, _CLOCK_STREAM]))
     passed, read = _anti_aliased(logger, columns, time, signals), {}
     for i, column in enumerate(columns):
         rng = np.random.default_rng([*seed, i])
-        read[column.channel] = reading(column, np.interp(taken.true, time, passed[column.channel]), rng)
-    return Log(taken.own, read, taken.true, taken.lost)
+        read[column.channel] = digitized(column, np.interp(taken.true_time, time, passed[column.channel]), rng)
+    return Log(taken.logged, read, taken.true_time, taken.lost)
 
 
 def _anti_aliased(
     logger: Logger, columns: Sequence[Column], time: Floats, signals: Mapping[str, Floats]
 ) -> dict[str, Floats]:
-    """The signals behind the logger's filter; what a controller computes does not pass it."""
+    """The signals after the logger's filter, which commanded ones do not pass."""
     found = {column.channel: signals[column.channel] for column in columns}
     through = [column.channel for column in columns if not column.commanded]
     if logger.low_pass is None or not through:
@@ -141,8 +146,8 @@ def _anti_aliased(
     return found | dict(zip(through, passed.T, strict=True))
 
 
-def reading(column: Column, signal: Floats, rng: np.random.Generator) -> Floats:
-    """A signal (n,) [SI] with noise, clipped to the range, in steps of the resolution, in the unit of the log."""
+def digitized(column: Column, signal: Floats, rng: np.random.Generator) -> Floats:
+    """A signal (n,) [SI] with noise, clipped to the range and quantized, (n,) [unit of the log]."""
     values = signal + rng.normal(0.0, column.noise, len(signal)) if column.noise else signal
     if column.range is not None:
         values = np.clip(values, -column.range, column.range)

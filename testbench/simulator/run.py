@@ -1,8 +1,12 @@
 """One run of the bench: the mechanism moves, its shaking wrench moves the base.
 
-``simulate_run`` makes it without anything random, ``disturbed`` adds what shakes the bench besides. What the rig's
-``[bench]`` does not state is left out: see ``Bench``. Left out in any case: flexible links, play and ripple of gears,
-what the drives' control does (the joints follow the command), and what is of second order in the base's motion.
+``simulate_run`` makes it without anything random, ``disturbed`` adds floor and roughness. Effects that the rig's
+``[bench]`` does not state are neglected (see ``Bench``), and in any case flexible links, backlash and gear ripple, the
+drives' control (the joints follow the command), and second order in the base's motion.
+
+Elastic modes of the frame are lightly damped oscillators m (e'' + 2 z w e' + w^2 e) = psi W, W the mechanism's wrench
+on the base and psi the mode's shape where it acts; a sensor where the shape is s has the additional acceleration s e''.
+The shapes are those of the free frame, so that the modes do not change its rigid-body motion.
 """
 
 from collections.abc import Mapping
@@ -14,7 +18,14 @@ import numpy as np
 from balance.arrays import Floats
 from balance.closure import Closure, Trajectory
 from balance.dynamics.inverse_dynamics import Response, simulate
-from balance.dynamics.moving_base import BaseMotion, ElasticBase, first_moment, locked_inertia, times
+from balance.dynamics.moving_base import (
+    BaseMotion,
+    ElasticBase,
+    first_moment,
+    linear_response,
+    locked_inertia,
+    times,
+)
 from balance.errors import DataError
 from balance.mechanism.mechanism import Mechanism
 from balance.motion import Samples
@@ -23,53 +34,53 @@ from balance.motion.motion_files import load_motion
 from ..campaign_plan import PlannedRun
 from ..errors import RigError
 from ..rig import Rig
-from ..rig.bench import Bench, Rotor
+from ..rig.bench import Bench, Mode, Rotor
 from ..rig.support_loads import elastic_base
-from . import added_bodies, disturbances, moving_base_coupling, structural_response
+from . import added_bodies, disturbances, moving_base_coupling
 from .added_bodies import with_planes
-from .moving_base_coupling import Coupling, torque_of_base
+from .moving_base_coupling import Coupling, base_motion_torque
 
 RATE_HZ = 10_000.0
-"""Of the simulation [Hz], or twice that of the fastest logger: the loggers interpolate between its samples."""
+"""Least rate of the simulation; twice that of the fastest logger where that is more: loggers interpolate [Hz]."""
 Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class BenchRun:
-    """What happened on the bench, from the start of the motion, or a lead before it, until the loggers stop."""
+    """The bench from the start of the motion, or a lead before it, until the loggers stop."""
 
     mechanism: Mechanism
-    """With its payload and counter-masses, planes and rotors, and gravity as it is on the tilted base."""
+    """With payload, counter-masses, planes and rotors, in the gravity of the tilted base."""
     command: Samples
     trajectory: Trajectory
     response: Response
-    """With the moment of the rotors."""
-    carried: Floats
-    """Inertia of the mechanism about the base frame's origin, (6, 6)."""
+    """Shaking force and moment, rotors included, and torques."""
+    mechanism_inertia: Floats
+    """Of the locked mechanism about the base frame's origin, (6, 6) [kg, kg m, kg m2]."""
     base: ElasticBase
     motion: BaseMotion
     """Of the base."""
     gravity: Floats = field(default_factory=lambda: np.zeros(3))
-    """Gravity that the base turns in, (3,) [m/s2]; zero where the rig leaves it out."""
-    at_rest: Floats = field(default_factory=lambda: np.zeros(3))
-    """What accelerometers that were zeroed level show at rest on the tilted base, base axes, (3,) [m/s2]."""
+    """Gravity in which the base turns, (3,) [m/s2]; zero where the rig neglects it."""
+    tilt_offset: Floats = field(default_factory=lambda: np.zeros(3))
+    """Reading at rest, on the tilted base, of accelerometers that were zeroed level, base axes, (3,) [m/s2]."""
     coupling: Coupling | None = None
-    """None: the mechanism's inertia is that at the start."""
+    """None for a mechanism that is locked at its start."""
     rotors: Mapping[str, Rotor] = field(default_factory=dict)
-    """Of the motors, by joint."""
-    rough: Floats | None = None
-    """What the mechanism exerts on the base beyond wrench and weight, (n, 6) [N, N m]."""
-    elastic: Mapping[Point, Floats] = field(default_factory=dict)
-    """What the frame's modes add to the acceleration of points of the base, (n, 3) [m/s2]."""
+    """Rotors of the motors by joint."""
+    roughness: Floats | None = None
+    """Random wrench of drives and joints on the base, (n, 6) [N, N m]."""
+    modal_acceleration: Mapping[Point, Floats] = field(default_factory=dict)
+    """Acceleration by the frame's modes at points of the base, (n, 3) [m/s2]."""
 
     @property
     def time(self) -> Floats:
-        """Uniform, zero where the motion starts, (n,) [s]."""
+        """Uniform time, zero where the motion starts, (n,) [s]."""
         return self.command.time
 
     @property
     def step(self) -> float:
-        """Between two samples [s]."""
+        """Step of time [s]."""
         return float(self.time[1] - self.time[0])
 
     @cached_property
@@ -78,48 +89,48 @@ class BenchRun:
         return np.hstack([self.response.force, self.response.moment])
 
     @cached_property
-    def transmitted(self) -> Floats:
-        """What the mechanism exerts on the moving base beyond its weight at rest, about its origin, (n, 6) [N, N m].
+    def transmitted_wrench(self) -> Floats:
+        """Wrench on the moving base beyond the weight at rest, about its origin, (n, 6) [N, N m].
 
-        w - M_mechanism x'', and what the rig states of weight, coupling and roughness.
+        w - M_mechanism x'', with weight, coupling and roughness where the rig states them.
         """
         if self.coupling is None:
-            found = self.wrench - times(self.carried, self.motion.acceleration)
+            found = self.wrench - times(self.mechanism_inertia, self.motion.acceleration)
         else:
             found = self.wrench - self.coupling.reaction(self.motion)
         if np.any(self.gravity):
-            found = found + moving_base_coupling.wandering(self.response.weight_moment) + self._turned_weight
-        return found if self.rough is None else found + self.rough
+            found = found + moving_base_coupling.weight_wrench_change(self.response.weight_moment) + self._turned_weight
+        return found if self.roughness is None else found + self.roughness
 
     @property
     def _turned_weight(self) -> Floats:
-        first = first_moment(self.carried if self.coupling is None else self.coupling.inertia)
+        first = first_moment(self.mechanism_inertia if self.coupling is None else self.coupling.inertia)
         place = np.broadcast_to(first, (len(self.time), 3))
-        return moving_base_coupling.turned_weight(
+        return moving_base_coupling.tilted_weight_wrench(
             self.gravity, place, self.mechanism.total_mass, self.motion.displacement
         )
 
     @cached_property
-    def felt(self) -> Floats:
-        """Accelerations of the base as accelerometers feel them, tilt in gravity included, (n, 6) [m/s2, rad/s2]."""
-        turned = moving_base_coupling.apparent_gravity(self.gravity, self.motion.displacement) + self.at_rest
+    def sensed_acceleration(self) -> Floats:
+        """Accelerations of the base as accelerometers sense them, tilt in gravity included, (n, 6) [m/s2, rad/s2]."""
+        turned = moving_base_coupling.apparent_gravity(self.gravity, self.motion.displacement) + self.tilt_offset
         return self.motion.acceleration + np.hstack([turned, np.zeros_like(turned)])
 
     @cached_property
     def torque(self) -> Mapping[str, Floats]:
-        """Torque of each driven joint on its body, (n,) [N m, N]; with the base's share where the rig couples them."""
+        """Torque of each driven joint on its body, (n,) [N m, N]; with the base's motion where the rig couples them."""
         still = self.response.torque
         if self.coupling is None:
             return still
         field = self.motion.acceleration.copy()
         field[:, :3] += moving_base_coupling.apparent_gravity(self.gravity, self.motion.displacement)
-        turning, driven = self.motion.velocity[:, 3:], tuple(still)
-        more = torque_of_base(self.mechanism, self.trajectory, self.rotors, field, turning, driven)
+        omega, driven = self.motion.velocity[:, 3:], tuple(still)
+        more = base_motion_torque(self.mechanism, self.trajectory, self.rotors, field, omega, driven)
         return {joint: torque + more[joint] for joint, torque in still.items()}
 
 
 def payload_body(mechanism: Mechanism, named: str | None = None) -> str:
-    """The body whose mass is the payload. A run records its payload's mass alone, so it must be the mechanism's own."""
+    """The body whose mass is the payload, the one that the mechanism's file names. Raises RigError for another one."""
     own = mechanism.payload_bodies
     if len(own) != 1:
         raise RigError(
@@ -132,9 +143,9 @@ def payload_body(mechanism: Mechanism, named: str | None = None) -> str:
 
 
 def simulate_run(rig: Rig, mechanism: Mechanism, planned: PlannedRun, lead: float = 0.0) -> BenchRun:
-    """Run the bench. ``mechanism`` comes without payload and counter-masses; those of ``planned`` are put on it.
+    """Simulate a planned run: ``mechanism`` with the payload and the counter-masses of ``planned``.
 
-    ``lead`` is how long the bench rests before the motion, at times below zero [s].
+    ``lead`` [s] is the rest before the motion, at times below zero. Raises RigError for what cannot be simulated.
     """
     bench = rig.bench
     loaded = _loaded(mechanism, bench, planned)
@@ -153,48 +164,60 @@ def simulate_run(rig: Rig, mechanism: Mechanism, planned: PlannedRun, lead: floa
     run = BenchRun(
         loaded, command, trajectory, response, carried, base, moved, turning, at_rest, coupling, bench.rotors
     )
-    return replace(run, elastic=_elastic(rig, run.transmitted, run.step)) if bench.modes else run
+    return (
+        replace(run, modal_acceleration=_modal_acceleration(rig, run.transmitted_wrench, run.step))
+        if bench.modes
+        else run
+    )
 
 
 def disturbed(run: BenchRun, rig: Rig, seed: tuple[int, int]) -> BenchRun:
-    """The run with what else shakes the bench, drawn from ``seed``; the run itself where the rig states nothing."""
+    """The run with floor and roughness drawn from ``seed``; the run itself where the rig states neither."""
     drawn = disturbances.draw_disturbance(rig.bench, run.base, len(run.time), run.step, seed)
     if drawn is None:
         return run
-    shaken = replace(run, motion=run.motion.plus(drawn.motion), rough=drawn.wrench)
-    return replace(shaken, elastic=_elastic(rig, shaken.transmitted, run.step)) if rig.bench.modes else shaken
+    shaken = replace(run, motion=run.motion.plus(drawn.motion), roughness=drawn.wrench)
+    return (
+        replace(shaken, modal_acceleration=_modal_acceleration(rig, shaken.transmitted_wrench, run.step))
+        if rig.bench.modes
+        else shaken
+    )
 
 
 def _loaded(mechanism: Mechanism, bench: Bench, planned: PlannedRun) -> Mechanism:
-    """The mechanism as it stands on the bench."""
+    """The mechanism on the bench: planes, rotors, tilt, payload, counter-masses."""
     placed = added_bodies.with_rotors(with_planes(mechanism, bench.planes), bench.rotors)
     if any(bench.tilt):
-        placed = replace(placed, gravity=moving_base_coupling.tilted(mechanism.gravity, np.array(bench.tilt)))
+        placed = replace(
+            placed, gravity=moving_base_coupling.gravity_in_tilted_axes(mechanism.gravity, np.array(bench.tilt))
+        )
     loaded = placed.with_payload({payload_body(mechanism): planned.payload})
     return loaded.with_counter_mass(planned.counter_masses)
 
 
 def _standing(bench: Bench, carried: Floats, mechanism: Mechanism) -> ElasticBase:
-    """The base under what it carries; where the rig states the weight, with what that does to its stiffness."""
+    """The base with the inertia of the locked mechanism; with geometric stiffness where the rig states the weight."""
     base = elastic_base(bench, carried)
     if not bench.weight:
         return base
-    added = moving_base_coupling.stiffness(bench.mounts, base.stiffness, base.mass, mechanism.gravity)
+    added = moving_base_coupling.gravitational_stiffness(bench.mounts, base.stiffness, base.mass, mechanism.gravity)
     return replace(base, stiffness=base.stiffness + added)
 
 
 def _with_rotors(response: Response, mechanism: Mechanism, bench: Bench, trajectory: Trajectory) -> Response:
     if not bench.rotors:
         return response
-    return replace(response, moment=response.moment - added_bodies.momentum(mechanism, bench.rotors, trajectory.a))
+    return replace(
+        response, moment=response.moment - added_bodies.rotor_momentum(mechanism, bench.rotors, trajectory.a)
+    )
 
 
 def _moved(
     bench: Bench, mechanism: Mechanism, trajectory: Trajectory, response: Response, base: ElasticBase, carried: Floats
 ) -> tuple[BaseMotion, Coupling | None]:
-    """How the base moves under what the mechanism does."""
+    """Motion of the base under the mechanism's wrench, and the coupling unless the mechanism is locked."""
     wrench = np.hstack([response.force, response.moment])
-    push = wrench + moving_base_coupling.wandering(response.weight_moment) if bench.weight else wrench
+    push = wrench + moving_base_coupling.weight_wrench_change(response.weight_moment) if bench.weight else wrench
     step = float(trajectory.time[1] - trajectory.time[0])
     if bench.coupling == "locked":
         return base.respond(push, step), None
@@ -203,16 +226,35 @@ def _moved(
     return coupling.respond(base, carried, push, step), coupling
 
 
-def _elastic(rig: Rig, transmitted: Floats, step: float) -> dict[Point, Floats]:
-    """What the modes add, by the place of the sensor. Raises RigError for a sensor that is not on the base."""
+def _modal_acceleration(rig: Rig, transmitted: Floats, step: float) -> dict[Point, Floats]:
+    """Acceleration by the modes at each sensor's position. Raises RigError for a sensor that is not on the base."""
     known = rig.base_accelerometers
     for i, mode in enumerate(rig.bench.modes):
         if strange := [name for name in mode.at if name not in known]:
             raise RigError(
                 f"bench.modes.{i}.at: no accelerometer {strange[0]!r} on the base: there are {', '.join(known)}"
             )
-    added = structural_response.at_sensors(rig.bench.modes, transmitted, step)
+    added = modal_acceleration(rig.bench.modes, transmitted, step)
     return {known[name].position: values for name, values in added.items()}
+
+
+def mode_acceleration(mode: Mode, wrench: Floats, step: float) -> Floats:
+    """Acceleration e'' of a mode from rest under ``wrench`` (n, 6) [N, N m] in steps of ``step`` [s], (n,) [m/s2]."""
+    omega = 2.0 * np.pi * mode.frequency
+    push = wrench @ np.array([*mode.translation, *mode.rotation]) / mode.mass
+    back = np.array([-(omega**2), -2.0 * mode.damping * omega])
+    state = linear_response(np.array([[0.0, 1.0], back]), np.array([[0.0], [1.0]]), push[:, None], step)
+    return push + state @ back
+
+
+def modal_acceleration(modes: tuple[Mode, ...], wrench: Floats, step: float) -> dict[str, Floats]:
+    """Acceleration of all modes at each sensor under ``wrench`` (n, 6) [N, N m], base axes, (n, 3) [m/s2]."""
+    found: dict[str, Floats] = {}
+    for mode in modes:
+        moved = mode_acceleration(mode, wrench, step)[:, None]
+        for sensor, shape in mode.at.items():
+            found[sensor] = found.get(sensor, 0.0) + moved * np.array(shape)
+    return found
 
 
 def rate_hz(rig: Rig) -> float:
@@ -221,7 +263,7 @@ def rate_hz(rig: Rig) -> float:
 
 
 def _settling(samples: Samples, seconds: float, lead: float) -> Samples:
-    """Rest, the motion, then rest."""
+    """The motion with ``lead`` [s] of rest before it and ``seconds`` of rest after it."""
     step = float(samples.time[1])
     before, after = round(lead / step), round(seconds / step)
     width = ((before, after), (0, 0))

@@ -1,9 +1,7 @@
-"""What sensors make of what they are exposed to: true and unknown sensitivities, cross-talk, offset, drift, coupling.
+"""The sensors of the simulated bench: the true signal at each, by its kind, and what the transducer makes of it.
 
-A sensor that sees s shows H(A s) + b + d t: A its sensitivity matrix, near one; H its high pass; b its offset and d t
-its drift from the reset before the motion. A, b and d are drawn once a campaign, from the scatter that the rig states.
-
-What each sensor of a rig sees of a run, without noise: one law a kind.
+A transducer exposed to s outputs H(A s) + b + d t: A its sensitivity matrix, near one; H its high pass; b its offset
+and d t its drift since the reset before the motion. A, b and d are drawn once a campaign, from the scatter in the rig.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -33,28 +31,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Transducer:
-    """One sensor as it is."""
+    """One sensor with its errors."""
 
     channels: tuple[str, ...]
     sensitivity: Floats
-    """A, in SI, (k, k)."""
+    """A, (k, k) [-, between channels in SI]."""
     offset: Floats
     """b, (k,) [SI]."""
     drift: Floats
     """d, (k,) [SI/s]."""
     corner: float | None
-    """Of the high pass [Hz]."""
+    """Corner of the high pass [Hz]; None without one."""
 
-    def shown(self, seen: Floats, time: Floats) -> Floats:
-        """What it shows, (k, n) [SI], of ``seen`` (k, n) at ``time`` (n,) [s], reset at the first instant."""
-        values: Floats = self.sensitivity @ seen
+    def output(self, signal: Floats, time: Floats) -> Floats:
+        """Output (k, n) [SI] for a true ``signal`` (k, n) [SI] at ``time`` (n,) [s], reset at the first instant."""
+        values: Floats = self.sensitivity @ signal
         if self.corner is not None:
             values = high_pass(values.T, self.corner, float(time[1] - time[0])).T
         return values + self.offset[:, None] + self.drift[:, None] * (time - time[0])
 
     @property
     def truth(self) -> dict[str, Any]:
-        """As the truth file has it."""
+        """As it stands in the truth file."""
         return {
             "channels": list(self.channels),
             "sensitivity_si": self.sensitivity.tolist(),
@@ -64,10 +62,10 @@ class Transducer:
         }
 
 
-def draw_transducer(rig: "Rig", seed: int) -> dict[str, Transducer]:
+def draw_transducers(rig: "Rig", seed: int) -> dict[str, Transducer]:
     """The sensors of a campaign for which the rig states errors or a lower corner.
 
-    Raises RigError for errors of a sensor that it does not have.
+    Raises RigError for errors of an unknown sensor.
     """
     if strange := [name for name in rig.bench.errors if name not in rig.sensors]:
         raise RigError(f"bench.errors: no sensor {strange[0]!r}: there are {', '.join(rig.sensors)}")
@@ -78,7 +76,7 @@ def draw_transducer(rig: "Rig", seed: int) -> dict[str, Transducer]:
 
 
 def _with_corners(rig: "Rig") -> dict[str, SensorErrors]:
-    """Errors by sensor; the corner that a sensor's data sheet states holds where its errors name none."""
+    """Errors by sensor; a corner in the sensor's own table applies where its errors name none."""
     found = dict(rig.bench.errors)
     for name, sensor in rig.of_kind(Accelerometer).items():
         errors = found.get(name, SensorErrors())
@@ -87,13 +85,13 @@ def _with_corners(rig: "Rig") -> dict[str, SensorErrors]:
     return found
 
 
-def sensor_reading(
+def transduced_signals(
     transducers: Mapping[str, Transducer], seen: Mapping[str, Floats], time: Floats
 ) -> dict[str, Floats]:
-    """The signals of all channels, (n,) [SI], from what their sensors are exposed to."""
+    """Signals of all channels (n,) [SI] after the transducers, from the true ones (n,) [SI] at ``time`` (n,) [s]."""
     found = dict(seen)
     for sensor in transducers.values():
-        values = sensor.shown(np.array([seen[channel] for channel in sensor.channels]), time)
+        values = sensor.output(np.array([seen[channel] for channel in sensor.channels]), time)
         found |= dict(zip(sensor.channels, values, strict=True))
     return found
 
@@ -119,8 +117,8 @@ def _drawn(name: str, columns: "Sequence[Column]", errors: "SensorErrors", rng: 
 _WRENCH = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 
 
-def signals(rig: Rig, run: BenchRun) -> dict[str, Floats]:
-    """The signal of every channel, (n,) [SI], at the run's instants."""
+def true_signals(rig: Rig, run: BenchRun) -> dict[str, Floats]:
+    """True signal of every channel at the run's instants, (n,) [SI]."""
     found = support_signals(rig, run)
     for name, sensor in rig.sensors.items():
         if (law := _LAWS.get(type(sensor))) is None:
@@ -134,16 +132,18 @@ def signals(rig: Rig, run: BenchRun) -> dict[str, Floats]:
 
 
 def base_acceleration(sensor: kinds.Accelerometer, run: BenchRun) -> dict[str, Floats]:
-    """Acceleration of a point of the base as a sensor there feels it, by axis, (n,) [m/s2]."""
-    values = times(displacement_at(np.array(sensor.position)), run.felt) + run.elastic.get(sensor.position, 0.0)
+    """Acceleration of a point of the base as a sensor there senses it, by axis, (n,) [m/s2]."""
+    values = times(displacement_at(np.array(sensor.position)), run.sensed_acceleration) + run.modal_acceleration.get(
+        sensor.position, 0.0
+    )
     return dict(zip(kinds.AXES, values.T, strict=True))
 
 
 def support_signals(rig: Rig, run: BenchRun) -> dict[str, Floats]:
-    """Forces [N] and moments [N m] of all supports' channels, tared at rest, with the cross-talk of the rig."""
+    """True forces (n,) [N] and moments (n,) [N m] of all supports' channels, tared at rest, with cross-talk."""
     found: dict[str, Floats] = {}
     for name, share in support_wrenches(rig.supports).items():
-        load = dict(zip(_WRENCH, times(share, run.transmitted).T, strict=True))
+        load = dict(zip(_WRENCH, times(share, run.transmitted_wrench).T, strict=True))
         support = rig.supports[name]
         carried = [load[component] for component in support.measured]
         read = carried if support.crosstalk is None else np.array(support.crosstalk) @ np.array(carried)
@@ -155,7 +155,7 @@ def _accelerometer(sensor: kinds.Accelerometer, run: BenchRun) -> dict[str, Floa
     if sensor.attached_to == "base":
         return base_acceleration(sensor, run)
     values = acceleration_in_body(
-        run.mechanism, run.trajectory, run.felt, sensor.attached_to, np.array(sensor.position)
+        run.mechanism, run.trajectory, run.sensed_acceleration, sensor.attached_to, np.array(sensor.position)
     )
     return dict(zip(kinds.AXES, values.T, strict=True))
 

@@ -1,8 +1,8 @@
-"""Amplitudes in noise, and what a ratio of two of them may be.
+"""Vibration of the base: amplitudes in noise, and by how much counter-masses reduce them.
 
-Downwards: ``ratio`` of two sides, ``side`` of one or several runs, ``repeatability`` of a campaign, ``judged`` and
-``amplitude`` of one run, ``statistic`` the law of each metric, ``noise`` as the rest stretch shows it, ``unified``
-intervals at a bound.
+From the top: ``reduction`` of a campaign (``comparison`` with simulation and print), its ``run_pairs``;
+``ratio_interval`` of two amplitudes; ``condition``: an amplitude from one run or from repeats, their scatter by
+``repeatability``; ``amplitude_likelihood`` and ``amplitude`` of one run, its noise by ``noise_floor``.
 """
 
 from .amplitude import Amplitude

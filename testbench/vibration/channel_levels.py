@@ -1,4 +1,4 @@
-"""How strong every channel of a run is: each metric in a band, the spectrum, and where the spectrum peaks."""
+"""Levels of every channel of a run: each metric in a band, the power spectral density, and its peaks."""
 
 from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Sequence
@@ -20,35 +20,35 @@ if TYPE_CHECKING:
     from ..signal.filters import Band
     from ..store import Run
 
-AT_ONCE = LANES
-"""Channels of one rate that are held in memory together."""
-AT_A_TIME = 2
-"""Runs that are analysed side by side."""
+BLOCK_CHANNELS = LANES
+"""Channels of one rate that are filtered together."""
+PARALLEL_RUNS = 2
+"""Runs that are analysed at the same time."""
 _UNITS = {"acceleration": "m_s2", "force": "N", "moment": "Nm", "angle": "rad", "length": "m"}
-NEAR = 0.1
-"""Share of its frequency within which a peak has no weaker one beside it."""
-SHORTEST = 256
-"""Segment of a short record below which there is no spectrum [samples]."""
-LEAST_PEAK = 10.0
-"""How far a peak of a spectrum must stand above the median of the two octaves around it [times]."""
+PEAK_SEPARATION = 0.1
+"""Least distance between two peaks, as a share of the frequency."""
+LEAST_SEGMENT = 256
+"""Segment below which a short record has no spectrum [samples]."""
+PROMINENCE = 10.0
+"""Least peak over the median of the two octaves around it [-]."""
 
 
 @dataclass(frozen=True)
 class ChannelLevels:
-    """One channel, in SI."""
+    """Levels of one channel, in SI."""
 
     column: "Column"
     rate_hz: float
     mean: float
     band: "Band | None"
     metrics: dict[str, float]
-    """``peak``, ``peak_to_peak``, ``rms``; mean over the record removed, then the band."""
+    """``peak``, ``peak_to_peak``, ``rms``, after removing the mean over the record and filtering by the band."""
     spectrum: Spectra | None
-    """Of the whole record without a band; None where it is shorter than a few short segments."""
+    """Of the whole record without a band; None where it is shorter than two short segments."""
 
     @property
     def unit(self) -> str:
-        """Of the channel, as it stands in keys."""
+        """Unit of the channel as it is written in keys."""
         return _UNITS[self.column.dimensions[0]]
 
     def peaks(self, most: int = 5) -> list[dict[str, float]]:
@@ -58,17 +58,17 @@ class ChannelLevels:
         power, frequency = self.spectrum.power(), self.spectrum.frequency
         tops = [
             i for i in range(2, len(power) - 1)
-            if power[i - 1] < power[i] >= power[i + 1] and power[i] > LEAST_PEAK * np.median(power[i // 2 : 2 * i + 1])
+            if power[i - 1] < power[i] >= power[i + 1] and power[i] > PROMINENCE * np.median(power[i // 2 : 2 * i + 1])
         ]  # fmt: skip
         tops.sort(key=lambda i: -power[i])
         apart: list[int] = []
         for i in tops:
-            if all(abs(i - j) > NEAR * j for j in apart):
+            if all(abs(i - j) > PEAK_SEPARATION * j for j in apart):
                 apart.append(i)
         return [{"frequency_hz": float(frequency[i]), "density_si2_hz": float(power[i])} for i in apart[:most]]
 
     def as_dict(self) -> dict[str, Any]:
-        """The level as it is printed, its definitions with it."""
+        """The levels as they stand in JSON."""
         return {
             "sensor": self.column.sensor,
             "component": self.column.component,
@@ -81,8 +81,8 @@ class ChannelLevels:
         }
 
 
-def definitions(band: "Band | None") -> dict[str, str]:
-    """What each number of a level is."""
+def level_definitions(band: "Band | None") -> dict[str, str]:
+    """Definition of each metric and of the spectrum."""
     shared = f"mean over the record removed, band {band or 'not limited'}"
     return {name: f"{words}, {shared}" for name, (words, _) in METRICS.items()} | {
         "spectrum": "one-sided power spectral density by Welch, Hann window, half overlap, mean of each segment removed"
@@ -92,7 +92,10 @@ def definitions(band: "Band | None") -> dict[str, str]:
 def channel_levels(
     run: SIRun, columns: "Iterable[Column]", band: "Band | None" = DEFAULT_BAND, segment: int = SEGMENT
 ) -> list[ChannelLevels]:
-    """Levels of channels of a run, a few at a time. Raises AnalysisError as the channels and the band do."""
+    """Levels of channels of a run, BLOCK_CHANNELS at a time.
+
+    Raises AnalysisError for a channel that is not in SI, or a band that its rate does not allow.
+    """
     wanted = list(columns)
     run = run.preloaded(wanted)
     together: dict[tuple[float, int], list[tuple[Column, Floats]]] = defaultdict(list)
@@ -101,38 +104,38 @@ def channel_levels(
         values, rate = run.signal(column)
         waiting = together[rate, len(values)]
         waiting.append((column, values))
-        if len(waiting) == AT_ONCE:
-            found += _of(waiting, rate, band, segment)
+        if len(waiting) == BLOCK_CHANNELS:
+            found += _levels_of_block(waiting, rate, band, segment)
             waiting.clear()
     for (rate, _), waiting in together.items():
         if waiting:
-            found += _of(waiting, rate, band, segment)
+            found += _levels_of_block(waiting, rate, band, segment)
     return found
 
 
-def _segment(count: int, wanted: int) -> int:
-    """The segment that is wanted, or a shorter one of which the record holds two; zero where that is too short."""
+def _segment_length(count: int, wanted: int) -> int:
+    """The wanted segment, or a shorter one that fits twice into the record; zero where that is too short."""
     whole = min(wanted, 1 << max(count // 2, 1).bit_length() - 1)
-    return whole if whole >= min(SHORTEST, wanted) else 0
+    return whole if whole >= min(LEAST_SEGMENT, wanted) else 0
 
 
-def of_runs(
+def levels_of_runs(
     runs: "Iterable[Run]", band: "Band | None" = DEFAULT_BAND, segment: int = SEGMENT
 ) -> "Iterator[tuple[Run, list[ChannelLevels]]]":
-    """Levels of all channels that the rig of each run names, in the order of the runs; two runs in memory at a time."""
+    """Levels of all channels of each run's rig, in the order of the runs; PARALLEL_RUNS in memory at a time."""
     waiting: deque[tuple[Run, Future[list[ChannelLevels]]]] = deque()
-    with ThreadPoolExecutor(AT_A_TIME) as pool:
+    with ThreadPoolExecutor(PARALLEL_RUNS) as pool:
         for run in runs:
             si = SIRun.of(run)
             waiting.append((run, pool.submit(channel_levels, si, si.rig.columns(), band, segment)))
-            if len(waiting) > AT_A_TIME:
+            if len(waiting) > PARALLEL_RUNS:
                 done, found = waiting.popleft()
                 yield done, found.result()
         for done, found in waiting:
             yield done, found.result()
 
 
-def _of(
+def _levels_of_block(
     some: "Sequence[tuple[Column, Floats]]", rate: float, band: "Band | None", segment: int
 ) -> Iterator[ChannelLevels]:
     means = [float(v.mean()) for _, v in some]
@@ -141,7 +144,7 @@ def _of(
         np.subtract(values, mean, out=shape)
     if band:
         shaped = band.filtered(shaped, rate, in_place=True)
-    whole = _segment(shaped.shape[1], segment)
+    whole = _segment_length(shaped.shape[1], segment)
     for (column, recorded), mean, shape in zip(some, means, shaped, strict=True):
         spectrum = welch([recorded], rate, whole) if whole else None
         metrics: dict[str, float] = {name: measure(shape) for name, (_, measure) in METRICS.items()}

@@ -1,6 +1,6 @@
-"""Analysed from logs, simulated anew and published, side by side.
+"""Reductions by three sources compared: analysed from logs, simulated without noise, published.
 
-What the bench that a run's rig describes would show in the run's conditions: simulated anew, without noise.
+The simulation knows the rig and the conditions stored with a run, and nothing that was recorded.
 """
 
 from collections.abc import Iterable, Sequence
@@ -21,11 +21,11 @@ from ..errors import AnalysisError
 from ..published_tables import Published
 from ..recording import Finding
 from ..runs.si_run import SIRun
-from ..simulator.loggers import instants
+from ..simulator.loggers import sample_instants
 from ..simulator.run import BenchRun, simulate_run
 from ..simulator.sensors import base_acceleration
 from .metrics import Measure
-from .reduction import Reduction, analyze, percent
+from .reduction import Reduction, analyze, reduction_percent
 from .run_pairs import Pair
 
 if TYPE_CHECKING:
@@ -38,51 +38,51 @@ NOTHING = 1e-9
 
 @dataclass
 class Prediction:
-    """Reductions that a rig and a mechanism lead to; each condition is simulated once."""
+    """Simulated reductions of a rig and a mechanism; each condition is simulated once."""
 
     rig: "Rig"
     mechanism: Mechanism
     measure: Measure
-    _done: dict[object, tuple[dict[tuple[str, str], float], dict[str, float]]] = field(default_factory=dict)
+    _simulated: dict[object, tuple[dict[tuple[str, str], float], dict[str, float]]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, rig: "Rig", measure: Measure, mechanism: str | None = None) -> "Prediction":
-        """From a stored rig. What it names is looked up among the shipped mechanisms only: a stored run opens no file.
+        """From a stored rig, whose mechanism must be a shipped one: a stored run opens no file.
 
-        ``mechanism`` is a name or file that a person gives instead.
+        ``mechanism`` is a name or file that the user gives instead. Raises AnalysisError for an unknown mechanism.
         """
         if mechanism is None and rig.mechanism not in datasets.dataset_names("mechanisms", ".xml"):
             raise AnalysisError(
-                f"the rig is for {rig.mechanism!r}, which is not shipped: give its file, --mechanism FILE"
+                f"the rig names the mechanism {rig.mechanism!r}, which is not shipped: give its file, --mechanism FILE"
             )
         return cls(rig, load_mechanism(mechanism or datasets.ROOT / "mechanisms" / f"{rig.mechanism}.xml"), measure)
 
     def reductions(self, pair: "Pair") -> tuple[dict[tuple[str, str], float | None], dict[str, float | None]]:
         """Reductions [%] of the base's vibration by (sensor, axis), and of the shaking force by axis."""
         with_masses, without = (self._amplitudes(pair, masses) for masses in (pair.counter_masses, {}))
-        base = {place: percent([with_masses[0][place]], [without[0][place]]) for place in without[0]}
-        force = {axis: percent([with_masses[1][axis]], [without[1][axis]]) for axis in without[1]}
+        base = {place: reduction_percent([with_masses[0][place]], [without[0][place]]) for place in without[0]}
+        force = {axis: reduction_percent([with_masses[1][axis]], [without[1][axis]]) for axis in without[1]}
         return base, force
 
     def _amplitudes(
         self, pair: "Pair", masses: dict[str, float]
     ) -> tuple[dict[tuple[str, str], float], dict[str, float]]:
         key = (pair.key, tuple(masses.items()))
-        if key not in self._done:
+        if key not in self._simulated:
             if pair.key.motion not in datasets.dataset_names("motions", ".toml"):
-                raise AnalysisError(f"motion {pair.key.motion!r} is not shipped: the bench cannot repeat it")
+                raise AnalysisError(f"motion {pair.key.motion!r} is not shipped, so it cannot be simulated")
             planned = PlannedRun(
                 "anew", pair.key.payload_kg, masses, pair.key.motion, pair.key.peak_acceleration_g * G0, 1
             )
             run = simulate_run(self.rig, self.mechanism, planned)
-            self._done[key] = self._base(run), self._force(run)
-        return self._done[key]
+            self._simulated[key] = self._base(run), self._force(run)
+        return self._simulated[key]
 
     def _base(self, run: BenchRun) -> dict[tuple[str, str], float]:
         found: dict[tuple[str, str], float] = {}
         for name, sensor in self.rig.base_accelerometers.items():
             logger = self.rig.loggers[sensor.logger]
-            true = instants(logger, float(run.time[-1]))[1]
+            true = sample_instants(logger, float(run.time[-1]))[1]
             for axis, signal in base_acceleration(sensor, run).items():
                 if axis in sensor.channels:
                     found[name, axis] = self._amplitude(np.interp(true, run.time, signal), logger.rate)
@@ -93,17 +93,17 @@ class Prediction:
         return {axis: self._amplitude(force, rate) for axis, force in zip("xyz", run.response.force.T, strict=True)}
 
     def _amplitude(self, signal: Floats, rate_hz: float) -> float:
-        """Rounding errors of a signal that is zero by symmetry are no amplitude."""
-        return self.measure.of(signal, rate_hz) if np.abs(signal).max() > NOTHING else 0.0
+        """The amplitude; zero for rounding errors of a signal that is zero by symmetry."""
+        return self.measure.amplitude(signal, rate_hz) if np.abs(signal).max() > NOTHING else 0.0
 
 
-_OF_THE_ANALYSIS = ("interval_percent", "confidence_percent", "method", "limit", "at_least_percent", "below_noise",
+_ANALYSIS_KEYS = ("interval_percent", "confidence_percent", "method", "limit", "at_least_percent", "below_noise",
                     "amplitude_m_s2", "noise_floor_m_s2", "resolution_m_s2", "n")  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Row:
-    """One reduction in three ways [%]; None where there is none."""
+    """One reduction by three sources [%]; None where there is none."""
 
     analyzed: Reduction
     simulated: float | None
@@ -111,7 +111,7 @@ class Row:
     shaking_force: float | None
 
     def as_dict(self) -> dict[str, Any]:
-        """The row as it is printed."""
+        """The row as it stands in JSON."""
         row = self.analyzed.as_dict()
         return {
             **{
@@ -121,52 +121,54 @@ class Row:
             "simulated_percent": self.simulated,
             "published_percent": self.published,
             "simulated_shaking_force_percent": self.shaking_force,
-            **{name: row[name] for name in (*_OF_THE_ANALYSIS, "origin", "runs", "sensor", "counter_masses_kg")},
+            **{name: row[name] for name in (*_ANALYSIS_KEYS, "origin", "runs", "sensor", "counter_masses_kg")},
         }
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """All rows of a campaign, and what could not be compared or is doubtful."""
+    """All rows of a campaign, and findings about what could not be compared or is doubtful."""
 
     rows: tuple[Row, ...]
     origins: dict[str, int]
-    """How many runs of each origin the rows rest on."""
+    """Number of runs by origin."""
     findings: tuple[Finding, ...]
-    about_print: tuple[str, ...] = ()
-    """What a reader of the published table must know."""
+    published_notes: tuple[str, ...] = ()
+    """Notes for who reads the published table."""
 
     @property
     def notes(self) -> list[str]:
-        """What a reader of the rows must know."""
-        return [*self.about_print, *why_not_compared(self.rows), *standardized_difference(self.rows)]
+        """Notes for who reads the rows."""
+        return [*self.published_notes, *published_difference_note(self.rows), *outside_interval_note(self.rows)]
 
 
-def why_not_compared(rows: Sequence[Row]) -> list[str]:
-    """How far simulation and print are apart in these rows, and what the simulation leaves out; none without both."""
+def published_difference_note(rows: Sequence[Row]) -> list[str]:
+    """Ranges of simulated and published reductions, and what the simulation omits; none without both."""
     both = [row for row in rows if row.simulated is not None and row.published is not None]
     if not both:
         return []
     motions = dict.fromkeys(row.analyzed.key.motion for row in both)
-    ranges = [_ranges(motion, [row for row in both if row.analyzed.key.motion == motion]) for motion in motions]
+    ranges = [
+        _ranges_of_motion(motion, [row for row in both if row.analyzed.key.motion == motion]) for motion in motions
+    ]
     return [
-        f"Why simulated is not published: {'; '.join(ranges)}. The simulated bench is what its rig describes; much of "
-        "that is assumed, and nothing was tuned to the table. Of a real one it has the shaking moment with the "
-        "counter-masses' own inertia; links, frame and drives that give way and couples of planes that lie apart only "
-        "as far as the rig has them. testbench predict calibrates these on one payload and predicts the others."
+        f"Why simulated is not published: {'; '.join(ranges)}. The simulated bench is what its rig describes; much "
+        "of that is assumed, and nothing was tuned to the table. Of a real one it has the shaking moment with the "
+        "counter-masses' own inertia; compliance of links, frame and drives, and couples of separate planes only as "
+        "far as the rig describes them. testbench predict calibrates these on one payload and predicts the others."
     ]
 
 
-def standardized_difference(rows: Sequence[Row]) -> list[str]:
-    """In how many rows the simulation contradicts what was analysed; none where neither can."""
+def outside_interval_note(rows: Sequence[Row]) -> list[str]:
+    """In how many rows the simulation lies outside the interval of the analysis; none where no row has both."""
     known = [(row.simulated, row.analyzed.interval) for row in rows]
     both = [(value, interval) for value, interval in known if value is not None and interval is not None]
     outside = sum(not _within(*one) for one in both)
     if not both:
         return []
-    check = ": the rig or the sheet describes another bench, or the logs begin too late to show their noise"
+    check = ": the rig or the run table describes another bench, or the logs begin too late to show their noise"
     return [
-        f"Simulated lies outside the interval of what was analysed in {outside} of {len(both)} rows"
+        f"Simulated lies outside the interval of the analysis in {outside} of {len(both)} rows"
         f"{check if 2 * outside > len(both) else ''}."
     ]
 
@@ -175,7 +177,7 @@ def _within(value: float, interval: tuple[float, float]) -> bool:
     return interval[0] <= value <= interval[1]
 
 
-def _ranges(motion: str, rows: Sequence[Row]) -> str:
+def _ranges_of_motion(motion: str, rows: Sequence[Row]) -> str:
     """Smallest and largest reduction of each kind in the rows of a motion."""
     kinds = {
         "the simulated base": [row.simulated for row in rows],
@@ -183,12 +185,12 @@ def _ranges(motion: str, rows: Sequence[Row]) -> str:
         "the simulated shaking force": [row.shaking_force for row in rows],
     }
     known = {name: [value for value in values if value is not None] for name, values in kinds.items()}
-    falls = [f"{name} falls by {_between(values)} %" for name, values in known.items() if values]
+    falls = [f"{name} is reduced by {_range_text(values)} %" for name, values in known.items() if values]
     return f"in motion {motion} {', '.join(falls)}"
 
 
-def _between(values: Sequence[float]) -> str:
-    """``53.2 .. 89.5``, or ``99.9`` where both ends are written alike."""
+def _range_text(values: Sequence[float]) -> str:
+    """``53.2 .. 89.5``, or ``99.9`` where both ends round to the same."""
     least, most = (f"{value:.1f}" for value in (min(values), max(values)))
     return least if least == most else f"{least} .. {most}"
 
@@ -196,10 +198,7 @@ def _between(values: Sequence[float]) -> str:
 def compare_campaign(
     runs: Iterable["Run"], published: Published, measure: Measure, mechanism: str | None = None
 ) -> Comparison:
-    """Compare every reduction of a campaign with its simulation and with print.
-
-    The simulation knows the rig and conditions stored with the runs, and nothing that was recorded.
-    """
+    """Compare every reduction of a campaign with its simulation and with the published one."""
     analysis = analyze(runs, measure)
     findings = list(analysis.findings)
     predictions: dict[str, Prediction] = {}
@@ -207,7 +206,7 @@ def compare_campaign(
     for pair in analysis.pairs:
         simulated, force = _simulated(pair, predictions, measure, mechanism, findings)
         rows += [
-            Row(r, simulated.get((r.sensor, r.axis)), _printed(published, r), force.get(r.axis))
+            Row(r, simulated.get((r.sensor, r.axis)), _published(published, r), force.get(r.axis))
             for r in analysis.reductions
             if r.key == pair.key and r.counter_masses == pair.counter_masses
         ]
@@ -221,7 +220,7 @@ def _simulated(
     mechanism: str | None,
     findings: list[Finding],
 ) -> tuple[dict[tuple[str, str], float | None], dict[str, float | None]]:
-    """The simulated reductions of a pair; where the bench cannot be simulated, none and a finding."""
+    """The simulated reductions of a pair; none, and a finding, where the bench cannot be simulated."""
     rig = SIRun.of(pair.runs[0]).rig
     try:
         if rig.text not in predictions:
@@ -236,6 +235,6 @@ def _simulated(
         return {}, {}
 
 
-def _printed(published: Published, reduction: Reduction) -> float | None:
+def _published(published: Published, reduction: Reduction) -> float | None:
     key = reduction.key
     return published.reduction(key.payload_kg, key.motion, key.peak_acceleration_g, reduction.axis)

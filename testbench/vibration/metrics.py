@@ -24,7 +24,7 @@ METRICS: dict[Metric, tuple[str, Callable[[Floats], float]]] = {
 DEFAULT_METRIC: Metric = "peak_to_peak"
 """It does not depend on what counts as zero."""
 DEFAULT_BAND = Band(0.0, 200.0)
-"""Holds the motion (below 60 Hz) and the base's modes; above lies the noise of the accelerometer."""
+"""Contains the motion (below 60 Hz) and the base's modes; above lies the noise of the accelerometer."""
 
 
 @dataclass(frozen=True)
@@ -39,25 +39,28 @@ class Measure:
 
     @property
     def band_hz(self) -> list[float] | None:
-        """The band as it is printed."""
+        """The band as it stands in JSON."""
         return [self.band.low_hz, self.band.high_hz] if self.band else None
 
-    def of(self, values: Floats, rate_hz: float) -> float:
-        """Amplitude of a signal (n,), in the signal's unit."""
+    def amplitude(self, values: Floats, rate_hz: float) -> float:
+        """Amplitude [unit] of a signal (n,) [unit]."""
         return METRICS[self.metric][1](self.shape(values, rate_hz))
 
     def shape(self, values: Floats, rate_hz: float) -> Floats:
-        """The signal (n,) of which the metric is taken."""
+        """The signal (n,) [unit] without its mean and in the band, (n,) [unit]."""
         values = without_mean(values)
         return self.band.filtered(values, rate_hz) if self.band else values
 
 
 def base_accelerations(run: "SIRun") -> dict[tuple[str, str], tuple[Floats, float]]:
-    """Acceleration (n,) [m/s2] and rate [Hz] of each axis of each accelerometer on the base, by (sensor, axis)."""
+    """Acceleration (n,) [m/s2] and rate [Hz] of each axis of each accelerometer on the base, by (sensor, axis).
+
+    Raises AnalysisError for a rig without one.
+    """
     columns = run.rig.base_columns
     if not columns:
         raise AnalysisError(
-            f"{run.name}: its rig has no accelerometer that is attached_to the base: there is no base vibration to "
-            "judge; add the sensor to the rig and ingest again"
+            f'{run.name}: its rig has no accelerometer with attached_to = "base", so there is no base vibration to '
+            "analyse: add the sensor to the rig and ingest again"
         )
     return {(column.sensor, column.component): run.signal(column) for column in columns}

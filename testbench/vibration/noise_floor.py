@@ -1,4 +1,4 @@
-"""The noise of a channel, as the stretch at rest before the motion shows it, or as the rig states it."""
+"""The noise spectrum of a channel, estimated from the rest before the motion or stated by the rig."""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -14,40 +14,42 @@ if TYPE_CHECKING:
     from ..signal.filters import Band
 
 BANDWIDTH = 16.0
-"""Time-bandwidth product of the tapers: 31 of them, so that the noise is known to a fifth also where the signal is."""
+"""Time-bandwidth product: 31 tapers, so that the density is known to a fifth at every frequency."""
 ENOUGH = 12.0
-"""Degrees of freedom below which a stretch tells too little of the noise in a band."""
+"""Least degrees of freedom of the noise power in a band for which a rest is used."""
 STATED_S = 0.2
-"""Seconds at rest that a stated noise is worth: what the shortest of the shipped rigs' rests tells."""
+"""Rest that a stated noise is taken to be worth [s]: the shortest of the shipped rigs' rests."""
 _SEGMENT = 8192
-"""Longest piece of which a spectrum is taken [samples]."""
+"""Longest segment of a spectrum [samples]."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """A spectrum of noise, and how well it is known."""
+    """A noise spectrum and the length of rest that it is known from."""
 
     frequency: Floats
     """(m,) [Hz]"""
     density: Floats
     """One-sided power spectral density, (m,) [unit^2/Hz]."""
     seconds: float
-    """Of the stretch that it was taken of."""
+    """Length of the rest [s]."""
     rate_hz: float
     step: float
     """Resolution of the channel [unit]."""
 
     @classmethod
     def of(cls, resting: Floats, rate_hz: float, step: float = 0.0) -> "Noise":
-        """By Thomson's multitaper method, of a stretch at rest (n,) of a channel with steps of ``step``.
+        """By Thomson's multitaper method, from a rest (n,) [unit] of a channel with the resolution ``step`` [unit].
 
-        A channel with coarse steps may show no noise at rest; in motion its steps are noise of step^2 / 12, spread
-        over all frequencies (GUM, JCGM 100, F.2.2.1). What is slower than the stretch is not seen. Raises
-        AnalysisError for a stretch too short for any spectrum.
+        A coarse channel may show no noise at rest; in motion its quantization is white noise of variance step^2 / 12
+        (JCGM 100:2008, F.2.2.1), so the density is no less than that. Noise slower than the rest is not seen. Raises
+        AnalysisError for a rest too short for any spectrum.
         """
         size = min(len(resting), _SEGMENT)
         if size < 4 * BANDWIDTH:
-            raise AnalysisError(f"{len(resting)} samples at rest are too few for a spectrum of the noise")
+            raise AnalysisError(
+                f"{len(resting)} samples at rest are too few for a spectrum: expected at least {4 * BANDWIDTH:.0f}"
+            )
         pieces = resting[: len(resting) // size * size].reshape(-1, 1, size)
         tapers = _tapers(size)
         power = np.abs(np.fft.rfft((pieces - pieces.mean(axis=-1, keepdims=True)) * tapers)) ** 2
@@ -57,10 +59,7 @@ class Noise:
 
     @classmethod
     def stated(cls, deviation: float, rate_hz: float, step: float = 0.0) -> "Noise | None":
-        """White noise of a standard deviation [unit] that a rig states; None of none.
-
-        It is taken to be as sure as STATED_S of rest would make it.
-        """
+        """White noise of the standard deviation [unit] that a rig states, as if from STATED_S of rest; None of zero."""
         if deviation <= 0.0:
             return None
         frequency = np.linspace(0.0, rate_hz / 2.0, _SEGMENT // 2 + 1)
@@ -68,17 +67,17 @@ class Noise:
         return cls(frequency, np.full_like(frequency, density), STATED_S, rate_hz, step)
 
     def at(self, frequency: Floats) -> Floats:
-        """The density at other frequencies, (k,) [unit^2/Hz]."""
+        """The density at frequencies (k,) [Hz], (k,) [unit^2/Hz]."""
         return np.interp(frequency, self.frequency, self.density)
 
     def power(self, band: "Band | None") -> float:
         """Mean square of the noise in a band [unit^2]."""
         return float(np.trapezoid(self._weighted(band), self._fine))
 
-    def freedom(self, band: "Band | None", seconds: float | None = None) -> float:
-        """Degrees of freedom of the power in a band over ``seconds``; as it is known, of the stretch at rest.
+    def degrees_of_freedom(self, band: "Band | None", seconds: float | None = None) -> float:
+        """Degrees of freedom of the power in a band over ``seconds`` [s], by default over the rest.
 
-        2 T (int S df)^2 / int S^2 df, with the scatter of the tapers taken out of the lower integral.
+        2 T (int S df)^2 / int S^2 df, the lower integral corrected for the scatter of the tapers.
         """
         weighted = self._weighted(band)
         square = np.trapezoid(weighted**2, self._fine) / (1.0 + 1.0 / round(2 * BANDWIDTH - 1))
@@ -87,11 +86,11 @@ class Noise:
         whole = np.trapezoid(weighted, self._fine) ** 2
         return float(2.0 * (self.seconds if seconds is None else seconds) * whole / square)
 
-    def freedom_at(self, frequency: Floats, weights: Floats) -> float:
-        """Degrees of freedom to which a weighted sum of densities (k,) is known from the stretch.
+    def degrees_of_freedom_of_sum(self, frequency: Floats, weights: Floats) -> float:
+        """Degrees of freedom of sum w S, with weights w (k,) [-] at frequencies (k,) [Hz].
 
-        The tapers take frequencies together over their bandwidth, mirrored at zero: 2 T (sum w S)^2 / int (w~ S)^2 df,
-        w~ the weights as they are spread.
+        The tapers average over their bandwidth, mirrored at zero: 2 T (sum w S)^2 / int (w~ S)^2 df, w~ the weights
+        averaged the same way.
         """
         half = BANDWIDTH * float(self.frequency[1])
         density = weights * self.at(frequency)
@@ -115,7 +114,7 @@ class Noise:
 
 @lru_cache(maxsize=8)
 def _tapers(size: int) -> Floats:
-    """Discrete prolate spheroidal sequences, (2 BANDWIDTH - 1, size): the channels of a logger rest alike."""
+    """Discrete prolate spheroidal sequences, (2 BANDWIDTH - 1, size) [-]; a logger's channels share them."""
     from scipy.signal.windows import dpss
 
     return np.asarray(dpss(size, BANDWIDTH, round(2 * BANDWIDTH - 1)))

@@ -1,4 +1,7 @@
-"""By how many per cent the vibration of the base fell, with intervals: from repeats, or from the noise at rest."""
+"""By how many per cent counter-masses reduce the vibration of the base, with intervals.
+
+An interval comes from the scatter of the campaign's repeats or, without repeats, from the noise at rest.
+"""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -7,21 +10,21 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from balance.estimation.estimate import LEVEL
+
 from ..errors import AnalysisError
 from ..published_tables import MANIPULATOR, NO_ORIGINALS
 from ..recording import Finding
 from ..runs.si_run import SIRun
 from . import ConditionAmplitude, Ratio
 from .amplitude import Place
-from .condition import Condition, Scatter, scatter_of
-from .feldman_cousins import CONFIDENCE
+from .condition import Condition, RepeatabilityByPlace, campaign_repeatability
 from .metrics import Measure
 from .run_pairs import ConditionKey, Pair, pairs
 
 if TYPE_CHECKING:
     from ..store import Run
 
-__all__ = ["CONFIDENCE", "Analysis", "Reduction", "analyze", "percent", "reduction_of_pair"]
 Method = Literal["repeats", "propagation"]
 """Where an interval comes from: the scatter of the campaign's repeats, or noise at rest, propagated."""
 Limit = Literal["at_least", "at_most"]
@@ -33,39 +36,39 @@ class Reduction:
 
     key: ConditionKey
     counter_masses: dict[str, float]
-    """By site [kg]."""
+    """Counter-mass by site [kg]."""
     sensor: str
     axis: str
     measure: Measure
     percent: float | None
-    """Of what is left when noise is taken off; None where nothing vibrated above it without counter-masses."""
+    """Of amplitudes without noise; None where nothing vibrated above the noise without counter-masses."""
     interval: tuple[float, float] | None
-    """Of 95 % confidence; None where there is none."""
+    """95 % interval of ``percent``; None where there is none."""
     method: Method | None
     """Where the interval comes from."""
     limit: Limit | None
-    """``at_least``: what is left is below the noise, or the sensor clipped without counter-masses."""
+    """``at_least``: the residual vibration is below the noise, or the sensor clipped without counter-masses."""
     below_noise: bool
-    """Whether what is left with counter-masses is not above the noise."""
+    """Whether the residual vibration with counter-masses is not above the noise."""
     amplitudes: tuple[float, float]
-    """With and without counter-masses, noise taken off [m/s2]."""
+    """With and without counter-masses, without noise [m/s2]."""
     noise_floor: tuple[float | None, float | None]
-    """What the metric shows of noise alone, with and without counter-masses [m/s2]; None where nothing tells it."""
+    """Reading of noise alone, with and without counter-masses [m/s2]; None where the noise is unknown."""
     noise_stated: bool
-    """Whether the noise is what the rig states, since no rest of any of the runs shows it."""
+    """Whether the noise is the one that the rig states, since no rest of the runs shows it."""
     resolution: float
     """Step of the channel [m/s2]; zero where none is known."""
     n: tuple[int, int]
-    """How many runs with and without counter-masses."""
+    """Number of runs with and without counter-masses."""
     runs: tuple[str, ...]
 
     @property
     def at_least(self) -> float | None:
-        """The reduction that is surely reached [%], where it is a lower bound."""
+        """The lower bound [%], where the reduction is one."""
         return self.interval[0] if self.limit == "at_least" and self.interval else None
 
     def as_dict(self) -> dict[str, Any]:
-        """The reduction as it is printed."""
+        """The reduction as it stands in JSON."""
         return {
             "payload_kg": self.key.payload_kg,
             "motion": self.key.motion,
@@ -75,16 +78,16 @@ class Reduction:
             "band_hz": self.measure.band_hz,
             "reduction_percent": self.percent,
             "interval_percent": list(self.interval) if self.interval else None,
-            "confidence_percent": 100.0 * CONFIDENCE,
+            "confidence_percent": 100.0 * LEVEL,
             "method": self.method,
             "limit": self.limit,
             "at_least_percent": self.at_least,
             "below_noise": self.below_noise,
-            "amplitude_m_s2": _both(self.amplitudes),
-            "noise_floor_m_s2": _both(self.noise_floor),
+            "amplitude_m_s2": _with_and_without(self.amplitudes),
+            "noise_floor_m_s2": _with_and_without(self.noise_floor),
             "noise_stated": self.noise_stated,
             "resolution_m_s2": self.resolution,
-            "n": _both(self.n),
+            "n": _with_and_without(self.n),
             "origin": self.key.origin,
             "runs": list(self.runs),
             "sensor": self.sensor,
@@ -94,7 +97,7 @@ class Reduction:
 
 @dataclass(frozen=True)
 class Analysis:
-    """All reductions of a campaign, and what could not be analysed or is doubtful."""
+    """All reductions of a campaign, and findings about what could not be analysed or is doubtful."""
 
     pairs: tuple[Pair, ...]
     reductions: tuple[Reduction, ...]
@@ -102,25 +105,25 @@ class Analysis:
 
     @property
     def origins(self) -> dict[str, int]:
-        """How many runs of each origin the reductions rest on."""
+        """Number of runs by origin."""
         runs = {run.name: str(run.origin) for pair in self.pairs for run in pair.runs}
         return dict(Counter(runs.values()))
 
     @property
     def notes(self) -> list[str]:
-        """What a reader of the reductions must know."""
+        """Notes for who reads the reductions."""
         simulated = [run for pair in self.pairs for run in pair.runs if run.origin == "simulated"]
         shown = any(SIRun.of(run).rig.mechanism.startswith(MANIPULATOR) for run in simulated)
         return [NO_ORIGINALS] if shown else []
 
 
 def analyze(runs: Iterable["Run"], measure: Measure) -> Analysis:
-    """Take every reduction of a campaign. Raises AnalysisError, saying what each run lacks, if there is none."""
+    """Every reduction of a campaign. Raises AnalysisError, naming what each run lacks, if there is none."""
     found, findings = pairs(runs)
     if not found:
         raise AnalysisError("no two runs can be compared:\n" + "\n".join(f"  {f.message}" for f in findings))
     conditions = _conditions(found, measure, findings)
-    scatter, reductions = scatter_of(conditions), []
+    scatter, reductions = campaign_repeatability(conditions), []
     for condition in conditions:
         some = _reductions(condition, scatter)
         findings += [*condition.findings, *reduction_findings(condition, some)]
@@ -132,7 +135,7 @@ def analyze(runs: Iterable["Run"], measure: Measure) -> Analysis:
 
 
 def _conditions(found: Sequence[Pair], measure: Measure, findings: list[Finding]) -> list[Condition]:
-    """Every pair, judged; of those that cannot be, a finding. Raises AnalysisError if none can."""
+    """The pairs that can be analysed, a finding for each other one. Raises AnalysisError if none can."""
     conditions, lacks = [], []
     for pair in found:
         try:
@@ -149,27 +152,29 @@ def _conditions(found: Sequence[Pair], measure: Measure, findings: list[Finding]
 def reduction_of_pair(pair: Pair, measure: Measure) -> list[Reduction]:
     """The reductions of one pair by itself, for each axis of each accelerometer on the base."""
     condition = Condition.of(pair, measure)
-    return _reductions(condition, scatter_of([condition]))
+    return _reductions(condition, campaign_repeatability([condition]))
 
 
-def _reductions(condition: Condition, scatter: Scatter) -> list[Reduction]:
+def _reductions(condition: Condition, scatter: RepeatabilityByPlace) -> list[Reduction]:
     return [
-        _reduction(condition, place, scatter) if condition.judgeable(place) else _bare(condition, place)
+        _reduction(condition, place, scatter)
+        if condition.has_interval(place)
+        else _reduction_without_interval(condition, place)
         for place in condition.groups
     ]
 
 
-def _reduction(condition: Condition, place: Place, scatter: Scatter) -> Reduction:
+def _reduction(condition: Condition, place: Place, scatter: RepeatabilityByPlace) -> Reduction:
     pair, sides = condition.pair, condition.sides(place, scatter)
     ratio = Ratio(*sides)
-    interval = None if ratio.interval is None else (_fall(ratio.interval[1]), _fall(ratio.interval[0]))
-    scattered = any(side.own or side.repeats for side in sides)
+    interval = None if ratio.interval is None else (_percent(ratio.interval[1]), _percent(ratio.interval[0]))
+    scattered = any(side.own_scatter or side.repeats for side in sides)
     return Reduction(
         pair.key,
         pair.counter_masses,
         *place,
         condition.measure,
-        None if ratio.value is None or interval is None else _fall(ratio.value),
+        None if ratio.value is None or interval is None else _percent(ratio.value),
         _bounded(interval, sides),
         None if interval is None else "repeats" if scattered else "propagation",
         _limit(sides, ratio.defined and ratio.below_noise),
@@ -183,8 +188,8 @@ def _reduction(condition: Condition, place: Place, scatter: Scatter) -> Reductio
     )
 
 
-def _bare(condition: Condition, place: Place) -> Reduction:
-    """Of what was read, noise included: neither repeats nor a rest stretch say how sure it is."""
+def _reduction_without_interval(condition: Condition, place: Place) -> Reduction:
+    """Of the readings, noise included: neither repeats nor a rest give an interval."""
     pair, groups = condition.pair, condition.groups[place]
     sides = ConditionAmplitude(groups[0]), ConditionAmplitude(groups[1])
     read = [[run.statistic.amplitude(run.reading) for run in group.runs] for group in groups]
@@ -192,7 +197,7 @@ def _bare(condition: Condition, place: Place) -> Reduction:
     floors = (None, None)
     count = len(read[0]), len(read[1])
     names = tuple(run.name for run in pair.runs)
-    fell = None if condition.dead.get(place) else percent(read[0], read[1])
+    fell = None if condition.dead.get(place) else reduction_percent(read[0], read[1])
     return Reduction(
         pair.key, pair.counter_masses, *place, condition.measure, fell, None, None,
         _limit(sides, False), False, means, floors, False, 0.0, count, names,
@@ -202,37 +207,37 @@ def _bare(condition: Condition, place: Place) -> Reduction:
 def _bounded(
     interval: tuple[float, float] | None, sides: tuple[ConditionAmplitude, ConditionAmplitude]
 ) -> tuple[float, float] | None:
-    """A sensor that clipped without counter-masses leaves the upper end open; one that clipped with them, the lower."""
-    if interval is None or sides[0].bound:
+    """The interval with its upper end open if the sensor clipped without counter-masses; none if it did with them."""
+    if interval is None or sides[0].saturated:
         return None
-    return (interval[0], 100.0) if sides[1].bound else interval
+    return (interval[0], 100.0) if sides[1].saturated else interval
 
 
 def _limit(sides: tuple[ConditionAmplitude, ConditionAmplitude], below_noise: bool) -> Limit | None:
-    if sides[0].bound:
-        return None if sides[1].bound else "at_most"
-    return "at_least" if sides[1].bound or below_noise else None
+    if sides[0].saturated:
+        return None if sides[1].saturated else "at_most"
+    return "at_least" if sides[1].saturated or below_noise else None
 
 
-def _fall(ratio: float) -> float:
+def _percent(ratio: float) -> float:
     return 100.0 * (1.0 - ratio)
 
 
-def _both(values: tuple[Any, Any]) -> dict[str, Any]:
+def _with_and_without(values: tuple[Any, Any]) -> dict[str, Any]:
     return {"with": values[0], "without": values[1]}
 
 
-def percent(balanced: Sequence[float], unbalanced: Sequence[float]) -> float | None:
-    """Reduction of amplitudes without noise [%]; of their geometric means where there are several. None of nothing."""
+def reduction_percent(balanced: Sequence[float], unbalanced: Sequence[float]) -> float | None:
+    """Reduction of amplitudes [%], of geometric means where there are several; None where one without is zero."""
     if min(unbalanced) <= 0.0:
         return None
     if min(balanced) <= 0.0:
         return 100.0
-    return _fall(float(np.exp(np.mean(np.log(balanced)) - np.mean(np.log(unbalanced)))))
+    return _percent(float(np.exp(np.mean(np.log(balanced)) - np.mean(np.log(unbalanced)))))
 
 
 def reduction_findings(condition: Condition, found: Sequence[Reduction]) -> list[Finding]:
-    """What the reductions of a pair cannot say, a finding each."""
+    """Findings about the reductions of a pair that have no value, no interval, or only a bound."""
     pair, dead = condition.pair, {place for place, runs in condition.dead.items() if runs}
     where = " ".join(run.name for run in pair.runs)
     alive = [r for r in found if (r.sensor, r.axis) not in dead]
@@ -243,11 +248,11 @@ def reduction_findings(condition: Condition, found: Sequence[Reduction]) -> list
         ),
         "vibrates_more": (
             [r for r in alive if r.interval and r.interval[1] < 0.0],
-            "it vibrates more with counter-masses than without: if that is not so, runs or sheet are mixed up",
+            "it vibrates more with counter-masses than without: check that the run table does not exchange the runs",
         ),
         "below_noise": (
             [r for r in found if r.below_noise],
-            "what is left with counter-masses is not above the noise: the reductions are lower bounds",
+            "the residual vibration with counter-masses is not above the noise: the reductions are lower bounds",
         ),
         "no_reduction": (
             [r for r in alive if r.percent is None],
@@ -255,37 +260,37 @@ def reduction_findings(condition: Condition, found: Sequence[Reduction]) -> list
         ),
         "noise_stated": (
             [r for r in found if r.noise_stated],
-            "no stretch at rest before the motion shows the noise: that which the rig states is taken off",
+            "no rest before the motion shows the noise: that which the rig states is subtracted",
         ),
         "no_noise_floor": (
             [r for r in alive if None in r.noise_floor],
-            "no stretch at rest before the motion is long enough to show the noise, and the rig states none: it is in "
-            "the amplitudes, so that what falls may be noise",
+            "no rest before the motion is long enough to show the noise, and the rig states none: the amplitudes "
+            "contain it, so that a reduction may be one of noise; log a longer rest or state noise in the rig",
         ),
     }
     return [
-        Finding(code, None, where, f"{pair.key}, {sensor} along {', '.join(axes)}: {says} ({where})")
-        for code, (some, says) in kinds.items()
+        Finding(code, None, where, f"{pair.key}, {sensor} along {', '.join(axes)}: {meaning} ({where})")
+        for code, (some, meaning) in kinds.items()
         for sensor in dict.fromkeys(r.sensor for r in some)
         if (axes := [r.axis for r in some if r.sensor == sensor])
     ]
 
 
-def scatter_findings(condition: Condition, scatter: Scatter) -> list[Finding]:
-    """Repeats of a condition that scatter more than those of the others let expect."""
+def scatter_findings(condition: Condition, scatter: RepeatabilityByPlace) -> list[Finding]:
+    """A finding for each condition whose repeats scatter more than expected from those of the others."""
     odd = [
         (place, group)
         for place, groups in condition.groups.items()
         for group in groups
-        if (repeats := scatter[place]) and repeats.leaves_out(group)
+        if (repeats := scatter[place]) and repeats.excludes(group)
     ]
     return [
         Finding(
             "repeats_differ",
             None,
             where := " ".join(group.names),
-            f"{condition.pair.key}, {sensor} along {axis}: repeats differ more than those of other conditions let "
-            f"expect: the interval comes from them alone ({where})",
+            f"{condition.pair.key}, {sensor} along {axis}: repeats differ more than expected from those of "
+            f"other conditions: the interval comes from them alone ({where})",
         )
         for (sensor, axis), group in odd
     ]

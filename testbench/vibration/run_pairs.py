@@ -1,4 +1,4 @@
-"""Which runs of a campaign are compared with which: all conditions alike but the counter-masses."""
+"""Which runs of a campaign are compared: those whose conditions are equal but for the counter-masses."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
@@ -15,7 +15,7 @@ _NEEDED = ("payload_kg", "motion", "peak_acceleration_g")
 
 @dataclass(frozen=True)
 class ConditionKey:
-    """What two runs must have alike to be compared."""
+    """Conditions that two runs must share to be compared."""
 
     payload_kg: float
     motion: str
@@ -34,11 +34,11 @@ class ConditionKey:
 
 @dataclass(frozen=True)
 class Pair:
-    """Runs of one condition with one set of counter-masses, and without; several are repeats."""
+    """Runs of one condition with one set of counter-masses, and without; several on a side are repeats."""
 
     key: ConditionKey
     counter_masses: dict[str, float]
-    """By site [kg]."""
+    """Counter-mass by site [kg]."""
     balanced: tuple["Run", ...]
     unbalanced: tuple["Run", ...]
 
@@ -49,22 +49,22 @@ class Pair:
 
 
 def pairs(runs: Iterable["Run"]) -> tuple[list[Pair], list[Finding]]:
-    """The pairs of a campaign, and what each run that is in none of them lacks.
+    """The pairs of a campaign, and a finding for each run that is in none of them.
 
-    What was saved of a stopped ingest is in none where another run holds more of the same logs: no test counts twice.
+    A run recovered from a stopped ingest is left out where another run holds more of the same logs: none counts twice.
     """
     runs = list(runs)
     groups: dict[ConditionKey, dict[tuple[tuple[str, float], ...], list[Run]]] = defaultdict(lambda: defaultdict(list))
     findings: list[Finding] = []
     for run in runs:
-        if (whole := _held_by(runs, run)) is not None:
-            twice = f"what was saved of a stopped ingest; {whole.name} holds more of the same logs: left out"
-            findings.append(_about(run, "held_twice", twice))
+        if (whole := _fuller_run(runs, run)) is not None:
+            twice = f"left out: recovered from a stopped ingest, and {whole.name} holds more of the same logs"
+            findings.append(_finding(run, "held_twice", twice))
         elif missing := [name for name in _NEEDED if name not in run.conditions]:
-            lack = f"its conditions lack {', '.join(missing)}; put them into the sheet and ingest with --runs"
-            findings.append(_about(run, "conditions_missing", lack))
+            lack = f"its conditions lack {', '.join(missing)}: add them to the run table and ingest with --runs"
+            findings.append(_finding(run, "conditions_missing", lack))
         else:
-            groups[ConditionKey.of(run)][_mounted(run)].append(run)
+            groups[ConditionKey.of(run)][_mounted_masses(run)].append(run)
     found: list[Pair] = []
     for key, sets in groups.items():
         without = tuple(sets.pop((), ()))
@@ -73,32 +73,32 @@ def pairs(runs: Iterable["Run"]) -> tuple[list[Pair], list[Finding]]:
             continue
         lack = f"no {key.origin} run {'without' if sets else 'with'} counter-masses at {key} to compare it with"
         alone = [*without, *(run for some in sets.values() for run in some)]
-        findings += [_about(run, "no_partner", lack) for run in alone]
+        findings += [_finding(run, "no_partner", lack) for run in alone]
     return found, findings
 
 
-def _mounted(run: "Run") -> tuple[tuple[str, float], ...]:
-    """Counter-masses that are on; a sheet that names none means none."""
+def _mounted_masses(run: "Run") -> tuple[tuple[str, float], ...]:
+    """Counter-masses above zero by site; a run table that names none means none."""
     return tuple(sorted((site, mass) for site, mass in run.conditions.get("counter_masses", {}).items() if mass > 0.0))
 
 
-def _held_by(runs: Sequence["Run"], part: "Run") -> "Run | None":
-    """The run that holds most of the logs of which ``part`` was saved when their ingest was stopped, if not itself."""
-    if not _is_part(part) or not part.provenance["sources"]:
+def _fuller_run(runs: Sequence["Run"], part: "Run") -> "Run | None":
+    """For a run recovered from a stopped ingest: another run that holds more of the same logs, if there is one."""
+    if not _is_recovered(part) or not part.provenance["sources"]:
         return None
-    same = [run for run in runs if _logs(run) == _logs(part)]
-    most = max(same, key=lambda run: (not _is_part(run), sum(group.samples for group in run.groups)))
+    same = [run for run in runs if _log_sizes(run) == _log_sizes(part)]
+    most = max(same, key=lambda run: (not _is_recovered(run), sum(group.samples for group in run.groups)))
     return None if most is part else most
 
 
-def _is_part(run: "Run") -> bool:
+def _is_recovered(run: "Run") -> bool:
     return any(finding.code == "interrupted" for finding in run.findings)
 
 
-def _logs(run: "Run") -> list[tuple[str, int]]:
-    """Names and sizes [bytes] of the logs that a run was made of."""
+def _log_sizes(run: "Run") -> list[tuple[str, int]]:
+    """Names and sizes [bytes] of the logs of a run."""
     return sorted((source["name"], source["size_bytes"]) for source in run.provenance["sources"])
 
 
-def _about(run: "Run", code: str, message: str) -> Finding:
+def _finding(run: "Run", code: str, message: str) -> Finding:
     return Finding(code, None, run.name, f"{run.name}: {message}")

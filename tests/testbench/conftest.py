@@ -26,14 +26,14 @@ def simulated(folder: Path, plan: str, rig: str = "parallelogram-6bar") -> Simul
     from testbench import rig as rigs
     from testbench.ingest import Ingest
     from testbench.ingest.run_conditions import plan_runs as sheet
-    from testbench.simulator.campaign import SHEET, simulate_campaign
+    from testbench.simulator.campaign import RUN_TABLE, simulate_campaign
 
     bench = rigs.load_rig(rig)
-    logs = simulate_campaign(plans.from_text(plan), bench, folder / "logs")
+    logs = simulate_campaign(plans.plan_from_text(plan), bench, folder / "logs")
     campaign = folder / "campaign"
     campaign.mkdir()
     ingest = Ingest(campaign, bench)
-    for run in sheet(logs, folder / "logs" / SHEET):
+    for run in sheet(logs, folder / "logs" / RUN_TABLE):
         assert {outcome.status for outcome in ingest.run(run)} == {"stored"}
     return Simulated(folder / "logs", campaign)
 

@@ -22,7 +22,7 @@ peak_acceleration = ["0.5 g0", "3 g"]
 
 def test_combinations():
     """Two motions, two accelerations, with and without counter-masses, two repeats: sixteen runs of distinct names."""
-    runs = campaign_plan.from_text(TEXT).runs()
+    runs = campaign_plan.plan_from_text(TEXT).runs()
     assert len({run.name for run in runs}) == len(runs) == 16
     assert sum(bool(run.counter_masses) for run in runs) == 8
     assert sorted({run.conditions["peak_acceleration_g"] for run in runs}) == [0.5, 3.0]
@@ -30,7 +30,7 @@ def test_combinations():
 
 def test_without_alone():
     """A condition without counter-masses gives runs without, and only them."""
-    runs = campaign_plan.from_text(TEXT.replace("counter_masses", "#")).runs()
+    runs = campaign_plan.plan_from_text(TEXT.replace("counter_masses", "#")).runs()
     assert len(runs) == 8
     assert not any(run.counter_masses for run in runs)
 
@@ -38,7 +38,7 @@ def test_without_alone():
 def test_shared_without():
     """Two sets of counter-masses for one payload share the run without."""
     second = TEXT[TEXT.index("[[") :].replace("24.2626", "17.1105")
-    assert len(campaign_plan.from_text(TEXT + second).runs()) == 24
+    assert len(campaign_plan.plan_from_text(TEXT + second).runs()) == 24
 
 
 def test_published_plan():
@@ -69,4 +69,4 @@ def test_published_plan():
 def test_wrong_value(old, new, key):
     """A wrong value is blamed on its key."""
     with pytest.raises(RigError, match=rf"plan: {re.escape(key)}: "):
-        campaign_plan.from_text(TEXT.replace(old, new, 1))
+        campaign_plan.plan_from_text(TEXT.replace(old, new, 1))

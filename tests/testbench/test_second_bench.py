@@ -138,7 +138,7 @@ def test_the_bench_shares_nothing_with_the_packages() -> None:
 
 
 def test_reductions(truth, campaign) -> None:
-    """By how much the vibration fell at three places of the frame, peak to peak: within four half intervals everywhere.
+    """Reductions at three places of the frame, peak to peak: within four half intervals everywhere.
 
     The intervals are of 95 %: at least seven of the nine hold what an ideal sensor there would have shown.
     """

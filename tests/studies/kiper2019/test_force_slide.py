@@ -3,13 +3,13 @@
 import pytest
 
 from studies.kiper2019.force_slide import reading
-from testbench.published_tables import ForceSlide, load_published
+from testbench.published_tables import ForceExtremes, load_published
 
 
 @pytest.fixture(scope="module")
 def slide():
     """As printed."""
-    return load_published("kiper2019").slide
+    return load_published("kiper2019").force_extremes
 
 
 def test_the_contradiction(slide):
@@ -37,12 +37,12 @@ def test_beside_the_rigid_mechanism(slide, printed):
 def test_an_offset_changes_no_span(slide):
     """An offset of the sensors moves peaks, not peak to peak."""
     low, high = slide.balanced
-    moved = ForceSlide(slide.without, (low - 25.0, high - 25.0), slide.acceleration_percent)
+    moved = ForceExtremes(slide.without, (low - 25.0, high - 25.0), slide.acceleration_percent)
     assert moved.reductions["peak_to_peak"] == pytest.approx(slide.reductions["peak_to_peak"])
     assert moved.reductions["positive_peak"] > 10.0
 
 
 def test_no_slide(slide, printed):
     """A table without the slide, or cases without its condition, have none."""
-    assert ForceSlide.of({}, 62.76) is None
+    assert ForceExtremes.of({}, 62.76) is None
     assert reading(slide, printed.of_payload(1.451)) is None

@@ -7,7 +7,7 @@ from pathlib import Path
 from testbench import rig as rigs
 from testbench.ingest import Ingest
 from testbench.ingest.run_conditions import plan_runs as sheet
-from testbench.simulator.campaign import SHEET
+from testbench.simulator.campaign import RUN_TABLE
 
 from ..conftest import Simulated
 
@@ -34,6 +34,6 @@ def without_rows(
     campaign = folder / "campaign"
     campaign.mkdir()
     ingest = Ingest(campaign, rigs.load_rig("parallelogram-6bar"))
-    for run in sheet(sorted(logs.glob("r*.csv")), logs / SHEET):
+    for run in sheet(sorted(logs.glob("r*.csv")), logs / RUN_TABLE):
         assert {outcome.status for outcome in ingest.run(run)} == {"stored"}
     return campaign

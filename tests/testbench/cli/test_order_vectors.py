@@ -77,7 +77,7 @@ def test_sampling_in_step_is_a_finding_and_in_every_interval(in_step: str) -> No
     """Half of one of 200 samples a turn, 0.9 deg, in text, document and sheet, whose interval it is."""
     code, output = run(in_step)
     assert code == 3
-    assert "Finding: the sampling keeps step with the speed (200 samples a turn)" in " ".join(output.split())
+    assert "Finding: the sampling is synchronous with the speed (200 samples a turn)" in " ".join(output.split())
     document = json.loads(run(in_step, "--json")[1])
     assert document["phases_off_alike_deg_within"] == pytest.approx(0.9, abs=0.06)
     assert all(row["phase_deg_within"] > 0.8 for row in document["vectors"])
@@ -90,7 +90,7 @@ def test_sampling_in_step_is_a_finding_and_in_every_interval(in_step: str) -> No
         assert np.hypot(alone, document["phases_off_alike_deg_within"]) == pytest.approx(
             row["phase_deg_within"], rel=0.01
         )
-    assert "# finding: the sampling keeps step" in sheet
+    assert "# finding: the sampling is synchronous" in sheet
 
 
 def test_figure(found: str, tmp_path: Path) -> None:

@@ -19,11 +19,11 @@ def moved():
     return memory.scene("x")
 
 
-def transmitted(scene, run, seed, point):
+def transmitted_wrench(scene, run, seed, point):
     """What really went through the supports at the forces' instants, about a point, (n, 6)."""
     start = scene.starts(seed)["forces"]
     time = start["start"] + run.time("forces") / (1.0 + 1e-6 * start["drift_ppm"])
-    about = scene.bench.transmitted.copy()
+    about = scene.bench.transmitted_wrench.copy()
     about[:, 3:] -= np.cross(point, about[:, :3])
     return np.column_stack([np.interp(time, scene.bench.time, v) for v in about.T])
 
@@ -34,7 +34,7 @@ def test_all_six_components_at_any_point(moved, point):
     run = moved.run(0)
     found = shaking_wrench(SIRun.of(run, moved.rig), point)
     assert found.determined(COMPONENTS) == list(COMPONENTS)
-    true = transmitted(moved, run, 0, np.array(point))
+    true = transmitted_wrench(moved, run, 0, np.array(point))
     for k, component in enumerate(COMPONENTS):
         error = found.values[component] - true[:, k]
         assert np.std(error) < (0.3 if component[0] == "F" else 0.1)

@@ -9,7 +9,7 @@ from studies import simulated_runs as memory
 from testbench.errors import AnalysisError
 from testbench.quality.clipping import flat_tops, is_dead, stuck_value
 from testbench.vibration.amplitude import Amplitude
-from testbench.vibration.condition import unlike_in_length
+from testbench.vibration.condition import unequal_durations
 from testbench.vibration.metrics import Measure
 from testbench.vibration.reduction import analyze
 from testbench.vibration.run_pairs import ConditionKey, Pair
@@ -100,8 +100,8 @@ def test_a_record_that_ends_in_the_motion_is_said(runs):
     short = Pair(ConditionKey.of(runs[0]), {}, (runs[0],), (runs[1],))
     whole = [{("base_acc", "x"): Amplitude(v, RATE, Measure(), None)} for v in (values, values)]
     ended = [whole[0], {("base_acc", "x"): Amplitude(values[: len(values) // 3], RATE, Measure(), None)}]
-    assert unlike_in_length(short, whole) == []
-    assert [f.code for f in unlike_in_length(short, ended)] == ["durations_differ"]
+    assert unequal_durations(short, whole) == []
+    assert [f.code for f in unequal_durations(short, ended)] == ["durations_differ"]
 
 
 def test_more_vibration_with_counter_masses_is_said(runs):

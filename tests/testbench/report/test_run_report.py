@@ -53,7 +53,7 @@ def test_modes_are_those_of_the_bench(plain, told):
 
 def test_forces_are_those_of_the_bench(plain, told):
     """Peak to peak of what the mechanism exerts about the point, within 2 %."""
-    about = plain.bench.transmitted.copy()
+    about = plain.bench.transmitted_wrench.copy()
     about[:, 3:] -= np.cross((0.1, 0.0, 0.0), about[:, :3])
     for i, (name, unit) in {1: ("Fy", "N"), 5: ("Mz", "Nm")}.items():
         found = told["wrench"]["components"][name][f"peak_to_peak_{unit}"]
@@ -119,7 +119,7 @@ def test_response_is_that_of_the_base():
     start, run = scene.starts(0)["forces"], scene.run(0)
     time = start["start"] + run.time("forces") / (1.0 + 1e-6 * start["drift_ppm"])
     felt = base_acceleration(scene.rig.sensors["base_acc"], scene.bench)["y"]
-    force, felt = (np.interp(time, scene.bench.time, v) for v in (scene.bench.transmitted[:, 1], felt))
+    force, felt = (np.interp(time, scene.bench.time, v) for v in (scene.bench.transmitted_wrench[:, 1], felt))
     frequency, cross = csd(force, felt, 2000.0, nperseg=500)
     true = np.abs(cross) / welch(force, 2000.0, nperseg=500)[1]
     shared = [f for f in rows if 8.0 <= f <= 28.0]

@@ -106,7 +106,7 @@ def test_foreign_tones_are_found_and_named() -> None:
 def test_steep_pulses_are_off_alike_or_each_on_its_own(speed: float, in_step: bool) -> None:
     """Sampling that keeps step with the speed leaves half a sample of doubt in all pulses, else far less."""
     turns = turns_of(Rotor(speed=speed))
-    assert turns.keeps_step == in_step
+    assert turns.is_synchronous == in_step
     assert 0.45e-4 < turns.timing <= 0.5e-4 if in_step else turns.timing < 1e-5
     amplitude, phase, tries, _ = coverage(6, smooth=False, speed=speed)
     assert min(amplitude, phase) >= tries - 2
@@ -125,7 +125,7 @@ def test_sampling_in_step_at_any_place_within_a_sample(flips: int) -> None:
     turns = steady_turns("run", time, tacho, None, False, 0.01)
     vector = order_vector("A", "acceleration", signal, turns, time, 1, 8)
     off = np.angle(vector.value / np.exp(0.7j))
-    assert turns.keeps_step
+    assert turns.is_synchronous
     assert abs(off) < vector.phase_within < 2 * np.pi * 0.6 / 100.0
     assert abs(off) > 2 * np.pi * 0.2 / 100.0
 
@@ -135,8 +135,8 @@ def test_a_rotor_without_unbalance_has_no_phase() -> None:
     from .machine import UNBALANCE
 
     told = [vector for seed in range(5) for vector in vectors_of(Rotor(seed=seed, weights=-UNBALANCE))]
-    assert sum(vector.is_told for vector in told) <= 2
-    quiet = [vector for vector in told if not vector.is_told]
+    assert sum(vector.is_significant for vector in told) <= 2
+    quiet = [vector for vector in told if not vector.is_significant]
     assert all(vector.phase_within == np.pi for vector in quiet)
     assert np.median([vector.coherence for vector in told]) < 0.4
 

@@ -9,7 +9,7 @@ from scipy.stats import binomtest
 
 from testbench.errors import AnalysisError
 from testbench.public_recordings import FOLDER_VARIABLE
-from testbench.rotating import Disc, edges_of, periodic_turn, read_times
+from testbench.rotating import Disc, number_edges, periodic_turn, read_edge_times
 
 from . import discs
 
@@ -18,7 +18,7 @@ NOMINAL = 276 * discs.RPM / 3.61
 
 def found(time, disc=None, **options):
     """The turn of a log."""
-    return periodic_turn(edges_of("log", time, disc or Disc(100)), **options)
+    return periodic_turn(number_edges("log", time, disc or Disc(100)), **options)
 
 
 def test_a_fine_clock_gives_the_motion_itself():
@@ -51,9 +51,9 @@ def test_intervals_hold_the_truth(case):
     for seed in range(tries):
         ahead = discs.errors(pulses, pitch, seed) if pitch else None
         turn = found(discs.turning(**options, ahead=ahead, start=0.25 * seed, seed=seed), Disc(pulses))
-        hits[0] += turn.fluctuation(NOMINAL).holds(truth.fluctuation())
-        hits[1] += turn.fastest.holds(truth.fastest[1])
-        hits[2] += turn.mean.holds(truth.mean_speed)
+        hits[0] += turn.fluctuation(NOMINAL).contains(truth.fluctuation())
+        hits[1] += turn.fastest.contains(truth.fastest[1])
+        hits[2] += turn.mean.contains(truth.mean_speed)
     assert all(binomtest(int(hit), tries, 0.95).pvalue > 1e-3 for hit in hits), hits
 
 
@@ -112,7 +112,7 @@ def test_turns_that_are_not_steady_are_left_out():
     """From standstill the first turns are left out; where none are steady the log is refused."""
     turn = found(discs.starting(turns=7))
     assert turn.turns == 5
-    assert turn.left_out == 1
+    assert turn.unsteady_turns == 1
     with pytest.raises(AnalysisError, match="no two turns in a row are steady"):
         found(np.cumsum(1e-3 * 0.999 ** np.arange(500)))
     with pytest.raises(AnalysisError, match="two or more"):
@@ -137,8 +137,8 @@ def test_fewer_edges_than_harmonics_are_refused():
 def test_edges_made_elsewhere_from_a_known_motion(name, ratio):
     """True fluctuation 0.223214, largest and smallest speed 84.71183 and 67.64612 rpm: within the intervals."""
     path = Path(os.environ[FOLDER_VARIABLE]).parent / f"{name}.csv"
-    turn = found(read_times(path), Disc(100, ratio))
+    turn = found(read_edge_times(path), Disc(100, ratio))
     assert turn.fluctuation(NOMINAL).value == pytest.approx(0.223214, abs=2e-5)
-    assert turn.fluctuation(NOMINAL).holds(0.223214)
-    assert turn.fastest.holds(84.71183 * discs.RPM)
-    assert turn.slowest.holds(67.64612 * discs.RPM)
+    assert turn.fluctuation(NOMINAL).contains(0.223214)
+    assert turn.fastest.contains(84.71183 * discs.RPM)
+    assert turn.slowest.contains(67.64612 * discs.RPM)

@@ -5,7 +5,7 @@ import pytest
 
 from balance.closure import Closure
 from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
-from testbench.simulator.moving_base_coupling import crossed, second_moment
+from testbench.simulator.moving_base_coupling import second_moment, velocity_cross_product
 
 SPATIAL = """
 <mujoco model="spatial"><compiler angle="radian"/><worldbody><body name="base">
@@ -52,7 +52,7 @@ def test_sum_over_particles():
     one, two = ((places(q + step * r) - places(q - step * r)) / (2 * step) for r in rates)
     expected = (mass[:, None] * np.cross(one, two)).sum(axis=0)
     assert np.abs(expected).min() > 1e-3
-    assert crossed(mechanism, q[None], rates[:1], rates[1:])[0] == pytest.approx(expected, rel=1e-7)
+    assert velocity_cross_product(mechanism, q[None], rates[:1], rates[1:])[0] == pytest.approx(expected, rel=1e-7)
 
 
 def test_nothing_along_itself():
@@ -61,5 +61,7 @@ def test_nothing_along_itself():
     closure = Closure(mechanism)
     q = closure.states(5, seed=2)
     v, u = closure.velocities(q, 1), closure.velocities(q, 2)
-    assert crossed(mechanism, q, v, v) == pytest.approx(np.zeros((5, 3)), abs=1e-15)
-    assert crossed(mechanism, q, v, u) == pytest.approx(-crossed(mechanism, q, u, v), abs=1e-15)
+    assert velocity_cross_product(mechanism, q, v, v) == pytest.approx(np.zeros((5, 3)), abs=1e-15)
+    assert velocity_cross_product(mechanism, q, v, u) == pytest.approx(
+        -velocity_cross_product(mechanism, q, u, v), abs=1e-15
+    )

@@ -26,7 +26,7 @@ RIG = rigs.load_rig("parallelogram-6bar")
 
 def make(folder: Path, plan: str = PLAN, rig: rigs.Rig = RIG) -> Path:
     """Simulate a plan into ``folder``."""
-    campaign.simulate_campaign(plans.from_text(plan), rig, folder)
+    campaign.simulate_campaign(plans.plan_from_text(plan), rig, folder)
     return folder
 
 

@@ -6,9 +6,10 @@ import tomllib
 import numpy as np
 import pytest
 
-from testbench import campaign_plan, simulator
+from testbench import campaign_plan
 from testbench.errors import RigError
 from testbench.rig import load_rig, rig_from_text
+from testbench.simulator import simulated_logs
 
 PLAIN, DEEP = load_rig("parallelogram-6bar"), load_rig("parallelogram-6bar-deep")
 NEW = {"coupling", "weight", "tilt", "floor", "planes", "rotors", "roughness", "modes", "errors"}
@@ -27,7 +28,7 @@ def test_the_same_bench_with_more():
 
 def test_every_effect_shows():
     """Taking out any effect of the deep rig changes what the sensors would show: none is stated and then forgotten."""
-    planned = campaign_plan.from_text("""
+    planned = campaign_plan.plan_from_text("""
     mechanism = "parallelogram-6bar"
     [[conditions]]
     payload = "5 kg"
@@ -36,7 +37,7 @@ def test_every_effect_shows():
     """)
 
     def logs(stand) -> list[np.ndarray]:
-        (run,) = simulator.simulate_logs(planned, stand)
+        (run,) = simulated_logs.simulate_logs(planned, stand)
         return [values for log in run.logs.values() for values in log.columns.values()]
 
     whole = logs(DEEP)

@@ -5,7 +5,7 @@ import pytest
 
 from testbench.rig import Column
 from testbench.rig.bench import Logger
-from testbench.simulator.loggers import high_pass, low_pass, record
+from testbench.simulator.loggers import high_pass, low_pass, record_log
 
 STEP = 1e-4
 TIME = np.arange(60_000) * STEP
@@ -62,6 +62,6 @@ def test_in_a_logger():
     fast, shared = np.sin(2 * np.pi * 900.0 * TIME), ("acc", "x", "daq", "m/s^2", ("acceleration",))
     columns = [Column("A", *shared), Column("T", *shared, commanded=True)]
     logger = Logger.model_validate({"rate": "1 kHz", "start": "0 s", "low_pass": "250 Hz"})
-    log = record(logger, columns, TIME, {"A": fast, "T": fast}, (1, 1))
+    log = record_log(logger, columns, TIME, {"A": fast, "T": fast}, (1, 1))
     assert np.abs(log.columns["A"][500:]).max() < 0.01
     assert np.abs(log.columns["T"][500:]).max() > 0.9

@@ -12,7 +12,7 @@ from testbench.rig.support_loads import elastic_base, wrench_transport
 from testbench.simulator import moving_base_coupling
 from testbench.simulator import run as runs
 from testbench.simulator.run import simulate_run
-from testbench.simulator.sensors import base_acceleration, signals
+from testbench.simulator.sensors import base_acceleration, true_signals
 
 from .freebase import FreeBase
 
@@ -37,7 +37,7 @@ def test_quasi_static(monkeypatch):
     rig = benched(weight=True)
     done = run(rig, 1e-4)
     middle = len(done.time) // 3
-    wandered = moving_base_coupling.wandering(done.response.weight_moment)[middle]
+    wandered = moving_base_coupling.weight_wrench_change(done.response.weight_moment)[middle]
     assert wandered[5] == pytest.approx(-9.81 * _first_moment_x(done, middle), rel=1e-9)
     expected = np.linalg.solve(done.base.stiffness, wandered)
     assert done.motion.displacement[middle] == pytest.approx(expected, rel=2e-2, abs=2e-8)
@@ -64,7 +64,7 @@ def test_wandering_against_mujoco():
     samples = np.arange(0, len(done.time), 97)
     referee = FreeBase(rig, done, 5.0, {}, G)
     asked = referee.linear(samples)[0] - referee.loads(samples[:1], 0.0)[0]
-    bare = elastic_base(rig.bench, done.carried)
+    bare = elastic_base(rig.bench, done.mechanism_inertia)
     sunk = np.linalg.solve(bare.stiffness, np.r_[bare.mass[0, 0] * G, np.cross(first_moment(bare.mass), G)])
     given = np.zeros((len(samples), 6))
     for mount in rig.bench.mounts:
@@ -74,7 +74,7 @@ def test_wandering_against_mujoco():
         moved, moving = (s[:, :3] + np.cross(s[:, 3:], at) for s in (x, v))
         force = -np.array(mount.stiffness) * moved - np.array(mount.damping) * moving
         given += np.hstack([force, np.cross(at, force) + np.cross(np.cross(x[:, 3:], at), held)])
-    wandered = np.abs(moving_base_coupling.wandering(done.response.weight_moment)[:, 5]).max()
+    wandered = np.abs(moving_base_coupling.weight_wrench_change(done.response.weight_moment)[:, 5]).max()
     assert wandered > 1.0
     assert np.abs(asked - given).max() < 3e-5 * np.abs(done.wrench).max()
     assert np.abs(done.motion.displacement - still.motion.displacement)[:, 5].max() > 1e-6
@@ -89,7 +89,9 @@ def test_a_pendulum_upside_down():
     ]
     frame = {"mass": "100 kg", "centre": ["0 m", "0 m", "0 m"], "inertia": "1 kg m^2", "mounts": legs}
     base = elastic_base(Bench.model_validate(frame))
-    added = moving_base_coupling.stiffness(Bench.model_validate(frame).mounts, base.stiffness, base.mass, G)
+    added = moving_base_coupling.gravitational_stiffness(
+        Bench.model_validate(frame).mounts, base.stiffness, base.mass, G
+    )
     assert added[3:, 3:] == pytest.approx(np.diag([-981.0, 0.0, -981.0]), abs=1e-9)
     assert not np.any(added[:3])
 
@@ -98,13 +100,13 @@ def test_what_supports_carry():
     """The sensors' wrench holds the wandering moment and the weight that turns with the base; the bare base answers."""
     rig = benched(weight=True)
     done = run(rig)
-    seen, total = signals(rig, done), np.zeros((len(done.time), 6))
+    seen, total = true_signals(rig, done), np.zeros((len(done.time), 6))
     for name, sensor in rig.supports.items():
         load_of = np.zeros_like(total)
         for column in sensor.columns(name):
             load_of[:, ("Fx", "Fy", "Fz", "Mx", "My", "Mz").index(column.component)] = seen[column.channel]
         total += load_of @ wrench_transport(np.array(sensor.position)).T
-    m, bare = done.motion, done.base.mass - done.carried
+    m, bare = done.motion, done.base.mass - done.mechanism_inertia
     moved = m.acceleration @ bare.T + m.velocity @ done.base.damping.T + m.displacement @ done.base.stiffness.T
     turned = total - moved
     weight = done.mechanism.total_mass * 9.81
@@ -127,9 +129,9 @@ def test_tilt_at_rest():
 def test_tilt_by_turning_gravity():
     """A base turned by a rotation vector sees gravity turned back: lengths stay, small turns add phi x g."""
     turn = np.array([1e-4, 2e-4, -3e-4])
-    assert np.linalg.norm(moving_base_coupling.tilted(G, 1e3 * turn)) == pytest.approx(9.81)
+    assert np.linalg.norm(moving_base_coupling.gravity_in_tilted_axes(G, 1e3 * turn)) == pytest.approx(9.81)
     moved = np.r_[np.zeros(3), turn][None]
-    assert G - moving_base_coupling.tilted(G, turn) == pytest.approx(
+    assert G - moving_base_coupling.gravity_in_tilted_axes(G, turn) == pytest.approx(
         moving_base_coupling.apparent_gravity(G, moved)[0], abs=1e-6
     )
 
@@ -137,5 +139,5 @@ def test_tilt_by_turning_gravity():
 def test_off_is_off():
     """Without weight and tilt nothing of gravity reaches sensors or base."""
     done = run(RIG)
-    assert done.felt == pytest.approx(done.motion.acceleration, abs=0.0)
+    assert done.sensed_acceleration == pytest.approx(done.motion.acceleration, abs=0.0)
     assert not np.any(done.gravity)

@@ -69,8 +69,8 @@ def test_axis():
     """The momentum lies along the axis, of whatever length it is written."""
     across = ROTOR.model_copy(update={"axis": (0.0, 3.0, 4.0)})
     rates = Closure(MECHANISM).follow(load_motion("x").sample(500.0)).v
-    found = added_bodies.momentum(MECHANISM, {"A0": across}, rates)
-    straight = added_bodies.momentum(MECHANISM, {"A0": ROTOR}, rates)
+    found = added_bodies.rotor_momentum(MECHANISM, {"A0": across}, rates)
+    straight = added_bodies.rotor_momentum(MECHANISM, {"A0": ROTOR}, rates)
     assert found == pytest.approx(straight[:, [2]] * np.array([0.0, 0.6, 0.8]))
 
 

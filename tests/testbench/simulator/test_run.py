@@ -9,7 +9,7 @@ from testbench.errors import RigError
 from testbench.rig import Rig, load_rig
 from testbench.rig.support_loads import elastic_base, wrench_transport
 from testbench.simulator.run import payload_body, simulate_run
-from testbench.simulator.sensors import signals
+from testbench.simulator.sensors import true_signals
 
 EXACT = {"counter_A0A": 24.276118, "counter_B0B": 24.276118}
 RIG = load_rig("parallelogram-6bar")
@@ -28,7 +28,7 @@ def heavy() -> Rig:
 
 def supported(done, rig: Rig) -> np.ndarray:
     """Wrench about the origin that the channels of all force sensors add up to, (n, 6)."""
-    seen, total = signals(rig, done), np.zeros((len(done.time), 6))
+    seen, total = true_signals(rig, done), np.zeros((len(done.time), 6))
     for name, sensor in rig.supports.items():
         load = np.zeros((len(done.time), 6))
         for column in sensor.columns(name):
@@ -83,7 +83,7 @@ def test_rest_to_rest():
 def test_every_channel_has_a_signal():
     """Every channel of the shipped rig is simulated, finite, as long as the run."""
     done = run({})
-    found = signals(RIG, done)
+    found = true_signals(RIG, done)
     assert set(found) == {column.channel for column in RIG.columns()}
     assert all(values.shape == done.time.shape and np.isfinite(values).all() for values in found.values())
 
@@ -108,7 +108,7 @@ def test_what_the_mechanism_has_not(old, new, said):
     """A sensor on what the mechanism does not have is blamed by its key."""
     assert old in RIG.text
     with pytest.raises(RigError, match=said):
-        signals(load_rig(RIG.text.replace(old, new)), run({}))
+        true_signals(load_rig(RIG.text.replace(old, new)), run({}))
 
 
 def test_unknown_motion():

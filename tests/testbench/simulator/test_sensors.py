@@ -7,7 +7,7 @@ from balance.mechanism.mjcf_parser import load_mechanism
 from testbench.errors import RigError
 from testbench.rig import Rig, load_rig
 from testbench.rig.bench import Bench
-from testbench.simulator.sensors import draw_transducer, sensor_reading, support_signals
+from testbench.simulator.sensors import draw_transducers, support_signals, transduced_signals
 
 RIG = load_rig("parallelogram-6bar")
 TIME = np.arange(20_000) / 10_000.0
@@ -28,11 +28,11 @@ def seen(rig: Rig, channel: str, values) -> dict[str, np.ndarray]:
 def test_sensitivity():
     """Factors scatter about one as stated; the channel shows the product, others of the rig nothing."""
     rig, wave = with_errors(k6d40={"sensitivity": 0.01}), np.sin(9 * TIME)
-    drawn = [draw_transducer(rig, seed)["k6d40"] for seed in range(300)]
+    drawn = [draw_transducers(rig, seed)["k6d40"] for seed in range(300)]
     factors = np.array([np.diag(d.sensitivity) for d in drawn])
     assert factors.std() == pytest.approx(0.01, rel=0.05)
     assert factors.mean() == pytest.approx(1.0, abs=1e-3)
-    found = sensor_reading({"k6d40": drawn[0]}, seen(rig, "Fx1", wave), TIME)
+    found = transduced_signals({"k6d40": drawn[0]}, seen(rig, "Fx1", wave), TIME)
     assert found["Fx1"] == pytest.approx(factors[0, 0] * wave)
     assert not any(np.any(v) for name, v in found.items() if name != "Fx1")
 
@@ -40,7 +40,7 @@ def test_sensitivity():
 def test_cross():
     """A channel sees others of its sensor; between force and moment as a share of the ranges."""
     rig = with_errors(k6d40={"cross": 0.02})
-    matrices = np.array([draw_transducer(rig, seed)["k6d40"].sensitivity for seed in range(400)])
+    matrices = np.array([draw_transducers(rig, seed)["k6d40"].sensitivity for seed in range(400)])
     assert (np.diagonal(matrices, axis1=1, axis2=2) == 1.0).all()
     assert matrices[:, 0, 1].std() == pytest.approx(0.02, rel=0.15)
     assert matrices[:, 3, 0].std() == pytest.approx(0.02 * 20.0 / 500.0, rel=0.15)
@@ -50,10 +50,10 @@ def test_cross():
 def test_offset_and_drift():
     """Preload and drift are shares of the range: one from the first instant on, the other with time."""
     rig = with_errors(kistler={"offset": 0.01, "drift_per_minute": 0.006})
-    drawn = [draw_transducer(rig, seed)["kistler"] for seed in range(300)]
+    drawn = [draw_transducers(rig, seed)["kistler"] for seed in range(300)]
     assert np.std([d.offset for d in drawn]) == pytest.approx(20.0, rel=0.1)
     assert np.std([d.drift for d in drawn]) == pytest.approx(0.2, rel=0.1)
-    found = sensor_reading({"kistler": drawn[0]}, seen(rig, "Fx2", np.zeros_like(TIME)), TIME - 0.5)["Fx2"]
+    found = transduced_signals({"kistler": drawn[0]}, seen(rig, "Fx2", np.zeros_like(TIME)), TIME - 0.5)["Fx2"]
     assert found[0] == pytest.approx(drawn[0].offset[0])
     assert found[-1] - found[0] == pytest.approx(drawn[0].drift[0] * TIME[-1])
 
@@ -62,7 +62,7 @@ def test_high_pass():
     """An AC-coupled sensor forgets a load that stays."""
     rig = with_errors(kistler={"high_pass": "1 Hz"})
     load_of = np.where(TIME > 0.1, 10.0, 0.0)
-    found = sensor_reading(draw_transducer(rig, 1), seen(rig, "Fx2", load_of), TIME)["Fx2"]
+    found = transduced_signals(draw_transducers(rig, 1), seen(rig, "Fx2", load_of), TIME)["Fx2"]
     assert found[1010] == pytest.approx(10.0, rel=0.01)
     assert found[11_000] == pytest.approx(10.0 * np.exp(-2 * np.pi), rel=0.01)
 
@@ -70,8 +70,8 @@ def test_high_pass():
 def test_no_errors():
     """A sensor without errors shows what it is exposed to."""
     rig, wave = with_errors(k6d40={}), np.sin(9 * TIME)
-    assert np.array_equal(sensor_reading(draw_transducer(rig, 1), seen(rig, "Fx1", wave), TIME)["Fx1"], wave)
-    assert draw_transducer(RIG, 1) == {}
+    assert np.array_equal(transduced_signals(draw_transducers(rig, 1), seen(rig, "Fx1", wave), TIME)["Fx1"], wave)
+    assert draw_transducers(RIG, 1) == {}
 
 
 def test_each_drawn_for_itself():
@@ -81,10 +81,10 @@ def test_each_drawn_for_itself():
         with_errors(k6d40={"sensitivity": 0.01}, base_acc={"sensitivity": 0.01}),
     )
     assert np.array_equal(
-        draw_transducer(one, 5)["base_acc"].sensitivity, draw_transducer(both, 5)["base_acc"].sensitivity
+        draw_transducers(one, 5)["base_acc"].sensitivity, draw_transducers(both, 5)["base_acc"].sensitivity
     )
     assert not np.array_equal(
-        draw_transducer(one, 5)["base_acc"].sensitivity, draw_transducer(one, 6)["base_acc"].sensitivity
+        draw_transducers(one, 5)["base_acc"].sensitivity, draw_transducers(one, 6)["base_acc"].sensitivity
     )
 
 
@@ -98,7 +98,7 @@ def test_each_drawn_for_itself():
 def test_refused(errors, said):
     """A sensor that is not there, or a share of a range that is not stated, is refused."""
     with pytest.raises(RigError, match=said):
-        draw_transducer(with_errors(**errors), 1)
+        draw_transducers(with_errors(**errors), 1)
 
 
 def test_stated_cross_talk():

@@ -8,9 +8,8 @@ from testbench.campaign_plan import PlannedRun
 from testbench.errors import RigError
 from testbench.rig import load_rig
 from testbench.rig.bench import Mode
-from testbench.simulator.run import simulate_run
+from testbench.simulator.run import modal_acceleration, mode_acceleration, simulate_run
 from testbench.simulator.sensors import base_acceleration
-from testbench.simulator.structural_response import at_sensors, coordinate
 
 MODE = Mode.model_validate({
     "frequency": "60 Hz", "damping": 0.02, "mass": "40 kg", "translation": [1, 0, 0], "rotation": [0, 0, 2],
@@ -35,7 +34,7 @@ def test_frequency_response(frequency):
     wrench[:, 0] = 3.0 * np.sin(omega * TIME)
     gain = 3.0 / 40.0 * -(omega**2) / (own**2 - omega**2 + 2j * 0.02 * own * omega)
     late = TIME > 2.0
-    assert coordinate(MODE, wrench, STEP)[late] == pytest.approx(
+    assert mode_acceleration(MODE, wrench, STEP)[late] == pytest.approx(
         np.imag(gain * np.exp(1j * omega * TIME))[late], abs=3e-3 * abs(gain)
     )
 
@@ -44,7 +43,7 @@ def test_impulse():
     """After a short push it rings at its damped frequency and decays by its damping."""
     wrench = np.zeros((len(TIME), 6))
     wrench[1:11, 5] = 1.0
-    found = coordinate(MODE, wrench, STEP)
+    found = mode_acceleration(MODE, wrench, STEP)
     peaks = np.flatnonzero((found[1:-1] > found[:-2]) & (found[1:-1] > found[2:])) + 1
     period = np.diff(peaks[2:20]).mean() * STEP
     assert 1.0 / period == pytest.approx(60.0 * np.sqrt(1 - 0.02**2), rel=1e-3)
@@ -55,12 +54,12 @@ def test_shapes():
     """The mode sees what does work on its shape, and moves a sensor along its shape there."""
     wrench = np.zeros((len(TIME), 6))
     wrench[:, 1:5] = np.random.default_rng(1).normal(size=(len(TIME), 4))
-    assert not np.any(coordinate(MODE, wrench, STEP))
+    assert not np.any(mode_acceleration(MODE, wrench, STEP))
     wrench[:, 0] = np.sin(50.0 * TIME)
-    moved = at_sensors((MODE, MODE), wrench, STEP)["base_acc"]
+    moved = modal_acceleration((MODE, MODE), wrench, STEP)["base_acc"]
     assert moved[:, 0] == pytest.approx(2.5 * moved[:, 2])
     assert not np.any(moved[:, 1])
-    assert moved[:, 0] == pytest.approx(2 * 0.5 * coordinate(MODE, wrench, STEP))
+    assert moved[:, 0] == pytest.approx(2 * 0.5 * mode_acceleration(MODE, wrench, STEP))
 
 
 def test_in_a_run():
@@ -68,7 +67,7 @@ def test_in_a_run():
     with_mode, without = run((MODE,)), run(())
     sensor = RIG.base_accelerometers["base_acc"]
     added = base_acceleration(sensor, with_mode)["x"] - base_acceleration(sensor, without)["x"]
-    push = without.transmitted @ np.array([1.0, 0.0, 0.0, 0.0, 0.0, 2.0]) * 0.5 / 40.0
+    push = without.transmitted_wrench @ np.array([1.0, 0.0, 0.0, 0.0, 0.0, 2.0]) * 0.5 / 40.0
     pushed = np.fft.rfft(np.pad(push, (0, 7 * len(push))))
     i_omega = 2j * np.pi * np.fft.rfftfreq(8 * len(added), with_mode.step)
     expected = pushed * i_omega**2 / (i_omega**2 + 2 * 0.02 * OMEGA * i_omega + OMEGA**2)
@@ -82,7 +81,7 @@ def test_high_harmonics():
     wrench = np.zeros((len(TIME), 6))
     wrench[:, 0] = np.sin(omega * TIME)
     late = TIME > 2.0
-    assert np.abs(coordinate(MODE, wrench, STEP)[late]).max() == pytest.approx(1.0 / 40.0, rel=2e-2)
+    assert np.abs(mode_acceleration(MODE, wrench, STEP)[late]).max() == pytest.approx(1.0 / 40.0, rel=2e-2)
 
 
 def test_unknown_sensor():

@@ -17,7 +17,7 @@ from testbench.cli.align import align
 from testbench.cli.analyze import analyze, compare
 from testbench.cli.trim import trim
 from testbench.simulator import campaign
-from testbench.simulator.sensors import draw_transducer
+from testbench.simulator.sensors import draw_transducers
 
 from ..conftest import call as command
 
@@ -37,7 +37,7 @@ RIG = "parallelogram-6bar-deep"
 def made(tmp_path_factory) -> Path:
     """A condition on the deep rig: logs with their truth, and the campaign that was ingested from them."""
     folder = tmp_path_factory.mktemp("deep")
-    campaign.simulate_campaign(plans.from_text(PLAN), rigs.load_rig(RIG), folder / "logs")
+    campaign.simulate_campaign(plans.plan_from_text(PLAN), rigs.load_rig(RIG), folder / "logs")
     logs = sorted((folder / "logs").glob("r*_*.csv"))
     ingested = command("ingest", *logs, "--rig", RIG, "--runs", folder / "logs" / "runs.csv", "-o", folder / "campaign")
     assert ingested.returncode in {0, 3}
@@ -108,7 +108,7 @@ def test_what_it_says(made):
     )
     assert np.abs(bare["first_moment_residual_kg_m"]).max() == pytest.approx(0.03755 * 24.276118, rel=1e-5)
     assert balanced["clocks"]["daq"]["start_s"] != bare["clocks"]["daq"]["start_s"]
-    sensor = draw_transducer(rigs.load_rig(RIG), 11)["kistler"]
+    sensor = draw_transducers(rigs.load_rig(RIG), 11)["kistler"]
     assert truth["sensors"]["kistler"]["sensitivity_si"] == sensor.sensitivity.tolist()
     assert truth["sensors"]["kistler"]["drift_si_per_s"] == sensor.drift.tolist()
 

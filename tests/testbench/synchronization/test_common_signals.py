@@ -4,7 +4,7 @@ import numpy as np
 
 from testbench.rig import load_rig
 from testbench.simulator.loggers import high_pass
-from testbench.simulator.sensors import draw_transducer
+from testbench.simulator.sensors import draw_transducers
 from testbench.synchronization.common_signals import high_pass_inverted
 
 
@@ -22,7 +22,7 @@ def test_restored_is_the_inverse():
 def test_the_bench_has_the_stated_corner():
     """A sensor whose data sheet states a lower corner is simulated with it, also where no error of it is stated."""
     deep = load_rig("parallelogram-6bar-deep")
-    assert draw_transducer(deep, 1)["base_acc"].corner == 0.3
+    assert draw_transducers(deep, 1)["base_acc"].corner == 0.3
     bare = deep.model_copy(update={"bench": deep.bench.model_copy(update={"errors": {}})})
-    assert draw_transducer(bare, 1)["base_acc"].corner == 0.3
-    assert set(draw_transducer(bare, 1)) == {"base_acc"}
+    assert draw_transducers(bare, 1)["base_acc"].corner == 0.3
+    assert set(draw_transducers(bare, 1)) == {"base_acc"}

@@ -6,7 +6,7 @@ import pytest
 from studies import simulated_runs as memory
 from testbench.runs.si_run import SIRun
 from testbench.store import open_campaign
-from testbench.vibration.channel_levels import channel_levels, definitions, of_runs
+from testbench.vibration.channel_levels import channel_levels, level_definitions, levels_of_runs
 from testbench.vibration.metrics import METRICS, Measure
 
 
@@ -22,14 +22,14 @@ def test_metrics_are_those_of_the_reductions(runs):
     for level in channel_levels(SIRun.of(runs[0]), rig.sensors["base_acc"].columns("base_acc")):
         for metric in METRICS:
             assert level.metrics[metric] == pytest.approx(
-                Measure(metric).of(*SIRun.of(runs[0]).signal(level.column)), rel=1e-12
+                Measure(metric).amplitude(*SIRun.of(runs[0]).signal(level.column)), rel=1e-12
             )
-        assert level.metrics.keys() <= definitions(level.band).keys()
+        assert level.metrics.keys() <= level_definitions(level.band).keys()
 
 
 def test_many_runs_are_each_as_alone(runs):
     """Side by side, in the order of the runs, with the same numbers to the bit."""
-    found = list(of_runs(runs))
+    found = list(levels_of_runs(runs))
     assert [run.name for run, _ in found] == [run.name for run in runs]
     for run, some in found:
         alone = channel_levels(SIRun.of(run), SIRun.of(run).rig.columns())

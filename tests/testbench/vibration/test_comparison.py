@@ -12,7 +12,7 @@ from testbench.rig import load_rig
 from testbench.signal.filters import Band
 from testbench.simulator import campaign
 from testbench.store import open_campaign
-from testbench.vibration.comparison import Prediction, compare_campaign, why_not_compared
+from testbench.vibration.comparison import Prediction, compare_campaign, published_difference_note
 from testbench.vibration.metrics import Measure
 from testbench.vibration.run_pairs import pairs
 
@@ -68,11 +68,11 @@ def test_notes(comparison):
 
 def test_the_reason_is_computed(comparison):
     """Why simulated is not published is said with the numbers of these rows; without both, nothing is said."""
-    (reason,) = why_not_compared(comparison.rows)
+    (reason,) = published_difference_note(comparison.rows)
     y = [row.published for row in comparison.rows if row.analyzed.key.motion == "y"]
-    assert f"the published base falls by {min(y):.1f} .. {max(y):.1f} %" in reason
+    assert f"the published base is reduced by {min(y):.1f} .. {max(y):.1f} %" in reason
     assert reason in comparison.notes
-    assert why_not_compared([dataclasses.replace(row, published=None) for row in comparison.rows]) == []
+    assert published_difference_note([dataclasses.replace(row, published=None) for row in comparison.rows]) == []
 
 
 def test_the_force_sensors_contradict(comparison):
@@ -92,7 +92,7 @@ def test_prediction_is_made_anew(brief, monkeypatch):
     runs = open_campaign(brief.campaign).runs
     pair = pairs(runs)[0][0]
     monkeypatch.setattr(type(runs[0]), "channel", lambda *_: pytest.fail("a channel was read"))
-    monkeypatch.setattr(campaign, "write_run", lambda *_: pytest.fail("truth was touched"))
+    monkeypatch.setattr(campaign, "write_run_truth", lambda *_: pytest.fail("truth was touched"))
     base, force = Prediction.of(RIG, Measure()).reductions(pair)
     assert set(base) == {("base_acc", axis) for axis in "xyz"}
     assert force[pair.key.motion] > 99.0
@@ -109,7 +109,7 @@ def test_prediction_is_the_truth_without_noise(brief, high_hz):
             for run in pair.runs:
                 table = polars.read_parquet(brief.logs / "truth" / f"{run.name}.parquet")
                 signal = np.concatenate([np.zeros(2370), table[f"Acc{axis.upper()}_m_s2"].to_numpy()])
-                peaks.append(measure.of(signal, 10_000.0))
+                peaks.append(measure.amplitude(signal, 10_000.0))
             assert predicted["base_acc", axis] == pytest.approx(100.0 * (1.0 - peaks[0] / peaks[1]), abs=0.1)
 
 
@@ -157,4 +157,4 @@ def test_a_wrong_sheet_shows(brief):
     )
     assert "outside the interval" in right
     assert "another bench" not in right
-    assert "3 of 3 rows: the rig or the sheet describes another bench" in contradicted
+    assert "3 of 3 rows: the rig or the run table describes another bench" in contradicted

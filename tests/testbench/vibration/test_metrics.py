@@ -23,8 +23,8 @@ TIME = np.arange(4000) / RATE
 def test_metrics_of_a_sine(metric, amplitude):
     """A sine of amplitude 3 on an offset has peak 3, peak-to-peak 6, RMS 3 / sqrt 2."""
     sine = 3.0 * np.sin(2 * np.pi * 5 * TIME) + 7.0
-    assert Measure(metric, None).of(sine, RATE) == pytest.approx(amplitude, rel=1e-6)
-    assert Measure(metric, Band(0.0, 200.0)).of(sine, RATE) == pytest.approx(amplitude, rel=2e-2)
+    assert Measure(metric, None).amplitude(sine, RATE) == pytest.approx(amplitude, rel=1e-6)
+    assert Measure(metric, Band(0.0, 200.0)).amplitude(sine, RATE) == pytest.approx(amplitude, rel=2e-2)
 
 
 def test_a_measure_says_what_it_is():

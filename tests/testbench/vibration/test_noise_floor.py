@@ -17,7 +17,7 @@ def test_white_noise():
     noise = Noise.of(2.0 * np.random.default_rng(1).normal(size=100_000), RATE)
     assert noise.power(None) == pytest.approx(4.0, rel=0.02)
     assert noise.power(Band(0.0, 100.0)) == pytest.approx(0.8 * PASSED, rel=0.06)
-    assert noise.freedom(Band(0.0, 100.0)) == pytest.approx(2 * 100.0 * 100.0, rel=0.15)
+    assert noise.degrees_of_freedom(Band(0.0, 100.0)) == pytest.approx(2 * 100.0 * 100.0, rel=0.15)
 
 
 def test_how_well_a_short_rest_knows():
@@ -25,7 +25,7 @@ def test_how_well_a_short_rest_knows():
     rng, band = np.random.default_rng(2), Band(0.0, 100.0)
     found = [Noise.of(rng.normal(size=300), RATE) for _ in range(300)]
     powers = np.array([noise.power(band) for noise in found])
-    freedom = np.median([noise.freedom(band) for noise in found])
+    freedom = np.median([noise.degrees_of_freedom(band) for noise in found])
     assert powers.mean() == pytest.approx(0.2 * PASSED, rel=0.1)
     assert powers.std() / powers.mean() == pytest.approx(np.sqrt(2.0 / freedom), rel=0.2)
 

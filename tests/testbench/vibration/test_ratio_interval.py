@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import ttest_ind
+from scipy.stats import norm, ttest_ind
 
 from testbench.signal.filters import Band
 from testbench.vibration import Amplitude, AmplitudeLikelihood, ConditionAmplitude, Group, Noise, Ratio, Repeatability
 from testbench.vibration.metrics import METRICS, Measure
+from testbench.vibration.ratio_interval import feldman_cousins_acceptance
 
 from ..coverage import assert_holds
 
@@ -50,7 +51,7 @@ def test_without_noise(metric, repeats):
     """Without noise the ratio is that of the amplitudes, and its interval has hardly any width."""
     measure, rng = Measure(metric, BAND), np.random.default_rng(0)
     found = ratio(1.0, 4.0, 0.0, rng, measure, repeats)
-    truth = measure.of(ROCKED, RATE) / measure.of(4.0 * MOVED, RATE)
+    truth = measure.amplitude(ROCKED, RATE) / measure.amplitude(4.0 * MOVED, RATE)
     assert found.value == pytest.approx(truth, rel=1e-5)
     assert found.interval == pytest.approx((truth, truth), rel=2e-5)
     assert not found.below_noise
@@ -62,12 +63,12 @@ def test_without_noise(metric, repeats):
 def test_coverage(metric, size):
     """Of 10 intervals 95 % hold the truth: nothing left, something near the noise, and much."""
     measure, held = Measure(metric, BAND), 0
-    truth = measure.of(size * ROCKED, RATE) / measure.of(60.0 * MOVED, RATE)
+    truth = measure.amplitude(size * ROCKED, RATE) / measure.amplitude(60.0 * MOVED, RATE)
     for seed in range(10):
         found = ratio(size, 60.0, 1.0, np.random.default_rng(seed), measure)
         low, high = found.interval
         held += low <= truth <= high
-        assert found.speaks_for(truth) == (low <= truth <= high)
+        assert found.accepts(truth) == (low <= truth <= high)
     assert_holds(held, 10)
 
 
@@ -75,7 +76,7 @@ def test_coverage(metric, size):
 def test_coverage_of_repeats(repeats):
     """Repeats that differ by 5 % in truth: their scatter is in the interval, which one run's noise knows nothing of."""
     measure, held, alone = Measure("rms", BAND), 0, 0
-    truth = measure.of(ROCKED, RATE) / measure.of(4.0 * MOVED, RATE)
+    truth = measure.amplitude(ROCKED, RATE) / measure.amplitude(4.0 * MOVED, RATE)
     for seed in range(10):
         rng = np.random.default_rng([seed, repeats])
         runs = [
@@ -106,7 +107,11 @@ def test_repeats_against_scipy(known):
         found, larger, within = judged(*runs).interval, 1.0 + 1.0 / sum(len(some) - 1 for some in logs), 2e-3
     else:
         deaf = [Group(tuple(AmplitudeLikelihood.of(replace(run, noise=None)) for run in some)) for some in runs]
-        found, larger, within = Ratio(*(ConditionAmplitude(group, own=True) for group in deaf)).interval, 1.0, 1e-6
+        found, larger, within = (
+            Ratio(*(ConditionAmplitude(group, own_scatter=True) for group in deaf)).interval,
+            1.0,
+            1e-6,
+        )
     between = ttest_ind(*logs, equal_var=False).confidence_interval(0.95)
     middle, half = (between.high + between.low) / 2.0, (between.high - between.low) / 2.0 * larger**0.5
     assert found == pytest.approx((np.exp(middle - half), np.exp(middle + half)), rel=within)
@@ -117,8 +122,8 @@ def test_noise_is_taken_off():
     measure = Measure("rms", BAND)
     read = [amplitude(3.0 * ROCKED, 1.0, np.random.default_rng(s), measure) for s in range(12)]
     squares = [ConditionAmplitude(Group((AmplitudeLikelihood.of(r),))).amplitude ** 2 for r in read]
-    assert np.mean(squares) == pytest.approx(measure.of(3.0 * ROCKED, RATE) ** 2, rel=0.1)
-    assert np.mean([r.reading for r in read]) > 1.3 * measure.of(3.0 * ROCKED, RATE) ** 2
+    assert np.mean(squares) == pytest.approx(measure.amplitude(3.0 * ROCKED, RATE) ** 2, rel=0.1)
+    assert np.mean([r.reading for r in read]) > 1.3 * measure.amplitude(3.0 * ROCKED, RATE) ** 2
     assert np.mean([ConditionAmplitude(Group((AmplitudeLikelihood.of(r),))).floor for r in read]) == pytest.approx(
         SIGMA, rel=0.05
     )
@@ -134,6 +139,38 @@ def test_coarse_steps():
     """Steps far above the noise are in the interval: it is as wide as their noise asks, and holds the truth."""
     measure, rng = Measure("rms", BAND), np.random.default_rng(7)
     low, high = judged(*([amplitude(s, 1e-4, rng, measure, step=0.2)] for s in (ROCKED, 4.0 * MOVED))).interval
-    truth = measure.of(ROCKED, RATE) / measure.of(4.0 * MOVED, RATE)
+    truth = measure.amplitude(ROCKED, RATE) / measure.amplitude(4.0 * MOVED, RATE)
     assert low < truth < high
     assert 1e-3 < high - low < 0.05
+
+
+@pytest.mark.parametrize("mean", [0.5, 1.0, 3.0])
+def test_acceptance_by_likelihood_ratio(mean):
+    """Ends are of equal likelihood ratio, against the likeliest mean that is not negative, and hold 95 %."""
+    low, high = (float(end[0]) + mean for end in feldman_cousins_acceptance(np.array([mean])))
+    assert norm.cdf(high - mean) - norm.cdf(low - mean) == pytest.approx(0.95, abs=2e-4)
+    ratios = [norm.pdf(x - mean) / norm.pdf(x - max(x, 0.0)) for x in (low, high)]
+    assert ratios[0] == pytest.approx(ratios[1], rel=2e-3)
+
+
+@pytest.mark.parametrize("mean", [0.0, 0.3, 1.0, 2.5])
+def test_acceptance_covers(mean):
+    """Every mean is held 95 times in 100, also near zero; cut off at zero and never empty, none would be."""
+    low, high = feldman_cousins_acceptance(np.array([mean]))
+    off = np.random.default_rng(3).normal(size=200_000)
+    held = np.mean((off >= low[0]) & (off <= high[0]))
+    assert held == pytest.approx(0.95, abs=0.002)
+
+
+def test_acceptance_of_zero():
+    """Of a mean of zero every low reading speaks, and 5 % of the high ones do not."""
+    low, high = feldman_cousins_acceptance(np.zeros(1))
+    assert low[0] < -1000.0
+    assert high[0] == pytest.approx(1.645, abs=1e-3)
+
+
+def test_far_from_the_bound():
+    """Where zero is far the interval is the usual one."""
+    low, high = feldman_cousins_acceptance(np.array([2.0, 5.0]))
+    assert low == pytest.approx([-1.96, -1.96], abs=1e-3)
+    assert high == pytest.approx([1.96, 1.96], abs=1e-3)

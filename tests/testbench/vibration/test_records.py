@@ -118,7 +118,7 @@ def _true(runs: list[memory.MemoryRun], axis: str, measure: Measure, start: floa
         group = run.groups[0]
         signal = scene.seen[scene.rig.sensors["base_acc"].channels[axis]]
         instants = start + np.arange(group.samples) / group.rate_hz
-        amplitudes.append(measure.of(np.interp(instants, scene.bench.time, signal, left=0.0), group.rate_hz))
+        amplitudes.append(measure.amplitude(np.interp(instants, scene.bench.time, signal, left=0.0), group.rate_hz))
     return 100.0 * (1.0 - amplitudes[0] / amplitudes[1])
 
 

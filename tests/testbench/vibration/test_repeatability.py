@@ -1,4 +1,4 @@
-"""Scatter of repeats: what it is made of, whether intervals from it hold, and what is not pooled."""
+"""RepeatabilityByPlace of repeats: what it is made of, whether intervals from it hold, and what is not pooled."""
 
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ def test_how_well_they_are_known():
     found = [Repeatability.of([group(100.0, 0.05, rng, 3, name=str(i)) for i in range(8)]) for _ in range(300)]
     variances = np.array([repeats.variance(100.0) for repeats in found])
     assert variances.mean() == pytest.approx(1.0 + 25.0, rel=0.1)
-    freedom = np.median([repeats.freedom(100.0) for repeats in found])
+    freedom = np.median([repeats.degrees_of_freedom(100.0) for repeats in found])
     assert freedom == pytest.approx(16.0, rel=0.15)
     assert variances.std() / variances.mean() == pytest.approx(np.sqrt(2.0 / freedom), rel=0.2)
 
@@ -58,9 +58,9 @@ def test_coverage(conditions, share, noise, repeats):
             for i, scale in enumerate(np.geomspace(1.0, 3.0, conditions))
         ]
         scatter = Repeatability.of([group for pair in campaign for group in pair])
-        held += Ratio(
-            *(ConditionAmplitude(group, scatter, scatter.leaves_out(group)) for group in campaign[0])
-        ).speaks_for(12 / 90)
+        held += Ratio(*(ConditionAmplitude(group, scatter, scatter.excludes(group)) for group in campaign[0])).accepts(
+            12 / 90
+        )
     assert_holds(held, 150)
 
 
@@ -86,8 +86,8 @@ def test_unlike_the_others():
         groups = [group(300.0, 0.02, rng, 3, name=str(i)) for i in range(9)]
         odd = group(300.0, 0.4, rng, 3, name="odd")
         scatter = Repeatability.of([*groups, odd])
-        found += scatter.leaves_out(odd)
-        assert sum(map(scatter.leaves_out, groups)) == 0
+        found += scatter.excludes(odd)
+        assert sum(map(scatter.excludes, groups)) == 0
     assert found >= 15
 
 
@@ -113,8 +113,8 @@ def test_single_run_among_repeats():
         others = [group(a, 0.05, rng, 3) for a in (40.0, 60.0, 300.0, 500.0)]
         pair = [group(50.0, 0.05, rng, 1), group(400.0, 0.05, rng, 1)]
         scatter = Repeatability.of([*others, *pair])
-        held += Ratio(*(ConditionAmplitude(group, scatter) for group in pair)).speaks_for(50 / 400)
-        alone += Ratio(*map(ConditionAmplitude, pair)).speaks_for(50 / 400)
+        held += Ratio(*(ConditionAmplitude(group, scatter) for group in pair)).accepts(50 / 400)
+        alone += Ratio(*map(ConditionAmplitude, pair)).accepts(50 / 400)
     assert_holds(held, 30)
     assert alone < 23
 
@@ -129,8 +129,8 @@ def test_steps_that_repeat():
 def test_clearness():
     """An amplitude of 100 standard deviations is as clear as that, and none that is not there."""
     found = run(100.0, 0.0, np.random.default_rng(6))
-    assert found.clearness(100.0) == pytest.approx(100.0, rel=0.02)
-    assert found.clearness(0.0) == 0.0
+    assert found.signal_to_noise(100.0) == pytest.approx(100.0, rel=0.02)
+    assert found.signal_to_noise(0.0) == 0.0
     assert found.deviation(np.array([found.reading]))[0] == pytest.approx(0.0, abs=1e-6)
     far = found.deviation(np.array([200.0]))[0]
     assert far == pytest.approx(100.0 * np.log(found.reading / 200.0), rel=0.1)
