@@ -10,18 +10,18 @@ from testbench.published_tables import MOTION, PAYLOAD_KG, PEAK_G, ForceExtremes
 from .model import Cases
 
 
-def reading(slide: ForceExtremes, cases: Cases) -> "Reading | None":
-    """The slide beside the mechanics of its condition; None where the cases lack it."""
+def reading(extremes: ForceExtremes, cases: Cases) -> "Reading | None":
+    """The extremes and the mechanics of its condition; None where the cases lack it."""
     same = np.isclose(cases.payload_kg, PAYLOAD_KG) & (cases.motion == MOTION)
     at = same & np.isclose(cases.peak_acceleration, PEAK_G * G0)
-    return Reading(slide, *map(float, cases.mechanics[at][0] * PEAK_G * G0)) if at.any() else None
+    return Reading(extremes, *map(float, cases.mechanics[at][0] * PEAK_G * G0)) if at.any() else None
 
 
 @dataclass(frozen=True)
 class Reading:
-    """The slide beside the shaking force and moment of the rigid mechanism [N, N m]."""
+    """The extremes and the shaking force and moment of the rigid mechanism [N, N m]."""
 
-    slide: ForceExtremes
+    extremes: ForceExtremes
     force_without: float
     force_left: float
     force_taken: float
@@ -31,16 +31,16 @@ class Reading:
     @property
     def unbalanced_mass(self) -> float:
         """Mass at the platform that would cause the span that remains [kg]."""
-        return self.force_extremes.spans[1] / 2.0 / (PEAK_G * G0)
+        return self.extremes.spans[1] / 2.0 / (PEAK_G * G0)
 
     @property
     def would_remain(self) -> float:
         """Peak to peak that would remain if the force fell as the acceleration did [N]."""
-        return self.force_extremes.spans[0] * (1.0 - self.force_extremes.acceleration_percent / 100.0)
+        return self.extremes.spans[0] * (1.0 - self.extremes.acceleration_percent / 100.0)
 
     def cannot(self) -> tuple[str, ...]:
         """What does not reconcile the two."""
-        falls, spans = self.force_extremes.reductions.values(), self.force_extremes.spans
+        falls, spans = self.extremes.reductions.values(), self.extremes.spans
         off = abs(2.0 * self.force_without / spans[0] - 1.0)
         return (
             "an offset of the sensors: it moves both peaks alike and leaves peak to peak as it is",

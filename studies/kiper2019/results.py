@@ -108,13 +108,13 @@ def _group(group: Group) -> dict[str, Any]:
 
 
 def _reading(reading: Reading) -> dict[str, Any]:
-    slide = reading.force_extremes
+    extremes = reading.extremes
     return {
-        "acceleration_reduction_percent": slide.acceleration_percent,
-        "force_reduction_percent": slide.reductions,
-        "without_min_max_N": list(slide.without),
-        "with_min_max_N": list(slide.balanced),
-        "peak_to_peak_N": list(slide.spans),
+        "acceleration_reduction_percent": extremes.acceleration_percent,
+        "force_reduction_percent": extremes.reductions,
+        "without_min_max_N": list(extremes.without),
+        "with_min_max_N": list(extremes.balanced),
+        "peak_to_peak_N": list(extremes.spans),
         "rigid_peak_to_peak_N": [2.0 * reading.force_without, 2.0 * reading.force_left],
         "rigid_moment_peak_Nm": [reading.moment_without, reading.moment_with],
         "would_remain_N": reading.would_remain,

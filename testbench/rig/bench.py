@@ -107,17 +107,17 @@ class Logger(Table):
     """When it is started, from the start of the motion [s]."""
     drift_ppm: float = Field(default=0.0, ge=-1e5, le=1e5)
     """How much too fast its clock runs, in millionths."""
-    start_scatter: schema.Time = Field(default=0.0, ge=0.0)
+    start_scatter: schema.Deviation = 0.0
     """Standard deviation of the start from run to run [s]."""
     drift_scatter_ppm: float = Field(default=0.0, ge=0.0, le=1e4)
     """Standard deviation of the drift from run to run, in millionths."""
-    jitter: schema.Time = Field(default=0.0, ge=0.0)
+    jitter: schema.Deviation = 0.0
     """Standard deviation of the instant of a sample [s]; a recorded time column shows it, a uniform clock does not."""
     lost: Share = 0.0
     """Share of samples lost one by one: a gap in a recorded time, on a uniform clock a shift of all that follows."""
     dropouts_per_minute: float = Field(default=0.0, ge=0.0, le=6e4)
     """How often a whole block is lost."""
-    dropout: schema.Time = Field(default=0.02, gt=0.0)
+    dropout: schema.Duration = 0.02
     """Length of such a block [s]."""
     low_pass: schema.Frequency | None = None
     """Corner of the anti-alias filter, Butterworth of fourth order [Hz]; None: no filter."""

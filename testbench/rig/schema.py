@@ -29,6 +29,9 @@ EACH_AXIS = OneForAll(3)
 """One quantity for all three axes, or a list of three."""
 
 Time = Annotated[float, Quantity("time")]
+Duration = Annotated[float, Quantity("time", above=0.0)]
+Deviation = Annotated[float, Quantity("time", at_least=0.0)]
+"""Standard deviation of a time."""
 Length = Annotated[float, Quantity("length")]
 Point = tuple[Length, Length, Length]
 Turn = Annotated[float, Quantity("angle")]

@@ -82,7 +82,7 @@ def _write_table(stem: Path, columns: "Mapping[str, Floats | NDArray[np.float32]
 
 
 def true_series(rig: "Rig", run: "BenchRun") -> "dict[str, Floats | NDArray[np.float32]]":
-    """Columns (n,) of SI units: shaking wrench, base motion, drive torques, acceleration at the base accelerometers."""
+    """Columns (n,) [SI]: shaking wrench, base motion, drive torques, acceleration at the base accelerometers."""
     columns = {"time_s": run.time} | dict(zip(_WRENCH, run.wrench.T, strict=True))
     for name, sensor in rig.base_accelerometers.items():
         acceleration = base_acceleration(sensor, run)

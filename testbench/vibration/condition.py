@@ -87,7 +87,7 @@ class ConditionAmplitude:
 
     @cached_property
     def amplitudes(self) -> Floats:
-        """Grid around the amplitude, (_FINE,) [unit]: even in the logarithm far above the noise."""
+        """Grid around the amplitude, (k,) [unit]: even in the logarithm far above the noise."""
         tables = np.array([run.amplitudes[[0, -1]] for run in self.runs])
         scale = float(np.mean([run.noise_scale for run in self.runs]))
         reach = max(_REACH, 1.5 * student_quantile(0.9975, self.degrees_of_freedom)) * self._error

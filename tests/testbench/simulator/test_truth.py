@@ -85,16 +85,16 @@ def test_nothing_drawn_is_stored(made):
 
 
 def test_who_imports_it():
-    """Outside the simulated bench and its command, no module imports truth, drawn sensors or recorded runs."""
+    """Outside the simulator and its command, no module imports campaigns, drawn sensors or recorded runs."""
     root = Path(testbench.__file__).parent
-    hidden = {"truth", "transducers", "recorded", "campaign", "sampled", "disturbed", "record_run"}
+    hidden = {"campaign", "simulated_logs", "draw_transducers", "draw_samples", "disturbed", "record_run"}
     for path in sorted(root.rglob("*.py")):
-        if path.parent.name == "bench" or path == root / "cli" / "simulate.py":
+        if path.parent.name == "simulator" or path == root / "cli" / "simulate.py":
             continue
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-            if isinstance(node, ast.ImportFrom) and "bench" in (node.module or "").split("."):
+            if isinstance(node, ast.ImportFrom) and "simulator" in (node.module or "").split("."):
                 names = {alias.name for alias in node.names} | set((node.module or "").split("."))
-                assert not names & hidden, f"{path.name} imports {names & hidden} of the bench"
+                assert not names & hidden, f"{path.name} imports {names & hidden} of the simulator"
 
 
 def test_what_it_says(made):
