@@ -71,7 +71,7 @@ def _trimmed(source: Source, bench: str, seeds: range) -> tuple[Floats, int, int
             refused += 1
             continue
         doubtful += trim.verdict == "doubtful"
-        found.append([[m.first_moment, *m.interval] for m in trim.missing])
+        found.append([[m.first_moment.value, *m.interval] for m in trim.missing])
     return np.array(found).reshape(-1, 2, 3), refused, doubtful
 
 

@@ -52,4 +52,4 @@ def base_parameters(record: RegressionRecord, identifiability: Identifiability) 
     """
     if record.columns.shape[2] != identifiability.rank:
         record = replace(record, columns=identifiability.base_columns(record.columns))
-    return BaseParameters(identifiability, fit([record]))
+    return BaseParameters(identifiability, fit([record], conditions=identifiability.first_moments))

@@ -6,7 +6,7 @@ alone are known, widens an interval by its bounds.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -69,11 +69,14 @@ class Estimate:
         half, (low, high) = self.half_width(level), self.systematic
         return self.value + low - half, self.value + high + half
 
+    def shifted(self, change: float) -> "Estimate":
+        """The values, each plus what is known exactly."""
+        return replace(self, values=self.values + change)
+
     def containing(self, others: Sequence[float]) -> "Estimate":
         """The single value with what is systematic bounded by values that other choices of method give."""
         away = [0.0, *(other - self.value for other in others)]
-        bounds = (min(away), max(away))
-        return Estimate(self.values, self.covariance, self.degrees_of_freedom, self.name, self.unit, bounds)
+        return replace(self, systematic=(min(away), max(away)))
 
     def region(self, level: float = LEVEL) -> "Region":
         """Ellipse about two values that contains the true pair."""

@@ -64,10 +64,28 @@ class MissingMass:
     site: str
     position: Floats
     """In its body's frame, (3,) [m]."""
+    lever_arm: float
+    """Distance from the axis of its body's joint [m]."""
     mass: Estimate
     """[kg]"""
     first_moment: Estimate
-    """About the body's joint, mass times distance [kg m]."""
+    """About the axis of its body's joint, mass times lever arm [kg m]."""
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Of the first moment, 95 % [kg m]."""
+        return self.first_moment.interval()
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether the interval leaves out zero."""
+        low, high = self.interval
+        return not low <= 0.0 <= high
+
+    def with_added(self, mass: float) -> "MissingMass":
+        """What the site lacks once a mass [kg] is mounted there."""
+        first_moment = self.first_moment.shifted(-mass * self.lever_arm)
+        return replace(self, mass=self.mass.shifted(-mass), first_moment=first_moment)
 
 
 @dataclass(frozen=True)
@@ -90,15 +108,18 @@ class Imbalance:
     regression: RegressionFit | None = None
     """Behind the values; its first unknowns are the subspace's coordinates."""
 
-    def estimate(self, combination: Floats) -> Estimate:
-        """A combination (rank,) of the conditions' values. Raises NotIdentifiable if it is not determined."""
+    def estimate(self, combination: Floats, unit: str = "kg m") -> Estimate:
+        """A combination (rank,) of the conditions' values [kg m, or ``unit``].
+
+        Raises NotIdentifiable if it is not determined.
+        """
         own = self._coordinates(combination, self.excited.shape[1])
         outside = own - self.excited.T @ (self.excited @ own)
         if np.abs(outside).max() > _OUTSIDE * np.abs(combination).max(initial=0.0):
             raise NotIdentifiable("what balances is not determined by this record: the motion does not excite it")
         deviation = float(np.sqrt(max(float(combination @ self.covariance @ combination), 0.0)))
         return Estimate.single(
-            float(combination @ self.values), deviation, self.degrees_of_freedom_of(combination), unit="kg m"
+            float(combination @ self.values), deviation, self.degrees_of_freedom_of(combination), unit=unit
         )
 
     @property
@@ -128,16 +149,17 @@ class Imbalance:
     def missing(self, mechanism: Mechanism, sites: Sequence[str]) -> list[MissingMass]:
         """What each site lacks (see ``distribute_masses``). Raises NotIdentifiable as ``estimate`` does."""
         rows = masses_per_value(self.conditions, mechanism, sites, self.values)
-        return [self._missing(mechanism, site, row) for site, row in zip(sites, rows, strict=True)]
+        levers = [mechanism.lever_arm(site) for site in sites]
+        return [
+            MissingMass(
+                site, mechanism.site(site).position, lever, self.estimate(row, "kg"), self.estimate(lever * row)
+            )
+            for site, lever, row in zip(sites, levers, rows, strict=True)
+        ]
 
     def _coordinates(self, combination: Floats, count: int) -> Floats:
         own = self.subspace.directions @ combination
         return np.pad(own, (0, count - len(own)))
-
-    def _missing(self, mechanism: Mechanism, site: str, row: Floats) -> MissingMass:
-        position = mechanism.site(site).position
-        distance = float(np.linalg.norm(position))
-        return MissingMass(site, position, self.estimate(row), self.estimate(distance * row))
 
 
 @dataclass(frozen=True)

@@ -57,6 +57,11 @@ class Identifiability:
         return len(self.pivots)
 
     @property
+    def first_moments(self) -> int:
+        """Number of base parameters that a first moment leads, as it does a balance condition."""
+        return sum(self.names[k].startswith("mc") for k in self.pivots)
+
+    @property
     def weakest(self) -> str:
         """The base parameters that the motion hardly tells from each other."""
         size = np.abs(self.weak)

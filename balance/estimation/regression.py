@@ -8,7 +8,10 @@ Residuals are correlated in time, so intervals do not come from their number: bl
 correlation, are left out in turn, nuisances solved for anew (delete-block jackknife), which also counts what the model
 lacks. Repeats of one motion repeat what is systematic: the same block is left out of all of them. The variance of a
 combination of unknowns has (sum p)^2 / sum p^2 - 1 degrees of freedom, p what each block contributes to it, were the
-noise white (Satterthwaite): few where few blocks determine it, blocks - 1 where all do alike, whatever the unknowns.
+noise white (Satterthwaite): few where few blocks determine it, blocks - 1 where all do alike. That is the most that it
+can be: it takes what the blocks say for independent, but every balance condition that is estimated from them ties them
+once, as unknowns do in any least squares. So degrees of freedom are at most blocks - conditions: in doubt the wider
+interval holds.
 
 Where the columns themselves carry noise, least squares is biased towards zero: Z' W b = Z' y with instruments Z,
 columns made without that noise, is not (instrumental variables; Janot, Vandanjon, Gautier, IEEE Trans. Control Syst.
@@ -83,6 +86,25 @@ class RegressionRecord:
         if len(shapes) > 1:
             raise DataError(f"parts of a regression record differ in samples and rows: {sorted(shapes)}")
         return cls(columns, readings, blocks, none, every, instruments, motion, names)
+
+
+def equal_blocks(information: Floats, shortest: float, count: int | None = None) -> Indices:
+    """Numbers of blocks that share the information (n,) of samples equally, (n,) from zero.
+
+    ``count`` of them, else as many as fit with at least ``shortest`` samples that tell something. One that is shorter,
+    where information is dense, is joined with those after it.
+    """
+    before = np.cumsum(information) - information
+    total = max(float(before[-1] + information[-1]), np.finfo(float).tiny)
+    count = count or max(1, int(np.count_nonzero(information) / shortest))
+    numbers = np.minimum(before * count // total, count - 1).astype(np.intp)
+    joined, current, begun = np.zeros(len(numbers), dtype=np.intp), -1, -np.inf
+    starts = np.flatnonzero(np.diff(numbers, prepend=-1))
+    for a, b in zip(starts, np.r_[starts[1:], len(numbers)], strict=True):
+        if a - begun >= int(shortest):
+            current, begun = current + 1, float(a)
+        joined[a:b] = current
+    return joined
 
 
 class _RecordSums:
@@ -174,6 +196,8 @@ class RegressionFit:
     """Of each row, by name [N, N m, m/s2]."""
     unexplained: float
     """Rms of the residual as a part of that of the readings less nuisances."""
+    conditions: int
+    """Number of the unknowns that are balance conditions, by which degrees of freedom are fewer than blocks."""
     _equations: "_Equations" = field(repr=False)
     _inverse: Floats = field(repr=False)
     """Of the equations, (p, p)."""
@@ -200,11 +224,12 @@ class RegressionFit:
         return Estimate.single(value, float(np.sqrt(variance)), self.degrees_of_freedom(combination))
 
     def degrees_of_freedom(self, combination: Floats) -> float:
-        """Of the variance of a combination (p,)."""
+        """Of the variance of a combination (p,): Satterthwaite's, at most blocks - conditions, at least one."""
         gain = combination @ self._inverse
         part = np.einsum("i,bij,j->b", gain, self._contributions, gain)
         squares = float(np.sum(part**2))
-        return max(float(part.sum()) ** 2 / squares - 1.0, 1.0) if squares > 0.0 else 1.0
+        effective = float(part.sum()) ** 2 / squares - 1.0 if squares > 0.0 else 1.0
+        return max(min(effective, float(self.blocks - self.conditions)), 1.0)
 
     def gains(self, combinations: Floats) -> list[Floats]:
         """By record: how much combinations (c, p) rise by what a reading is more, weights as they are, (n, rows, c)."""
@@ -215,18 +240,25 @@ class RegressionFit:
         """By record: what unknowns and nuisances explain of the readings, (n, rows)."""
         return [np.asarray(one.design @ one.with_nuisances(self.values)) for one in self._equations.sums]
 
+    def residual(self) -> list[Floats]:
+        """By record: what unknowns and nuisances leave of the readings, zero where these do not count, (n, rows)."""
+        records = (one.record for one in self._equations.sums)
+        return [(r.readings - made) * r.used for r, made in zip(records, self.explained(), strict=True)]
+
 
 def fit(
     records: Sequence[RegressionRecord],
     prior: Floats | None = None,
     one_scale: int = 0,
     least_blocks: int = LEAST_BLOCKS,
+    conditions: int | None = None,
 ) -> RegressionFit:
     """Weighted least squares of records.
 
     ``prior`` (p,) is how surely each unknown is zero, 1 / variance times the samples that noise of the records lasts;
     zero where nothing is known. The first ``one_scale`` unknowns are of one kind: one excited far less than the others
-    counts as not excited. Raises DataError with fewer than ``least_blocks`` blocks, NotIdentifiable with no motion.
+    counts as not excited. ``conditions`` of the unknowns are balance conditions (default: those of one kind). Raises
+    DataError with fewer than ``least_blocks`` blocks, NotIdentifiable with no motion.
     """
     equations = _Equations(records, prior, one_scale)
     equations.weigh()
@@ -246,7 +278,15 @@ def fit(
     rms = {row: float(np.sqrt(left[row] / max(equations.samples[row], 1.0))) for row in left}
     contributions = equations.contributions(without)
     return RegressionFit(
-        found.values, covariance, found.excited, rms, unexplained, equations, found.inverse, contributions
+        found.values,
+        covariance,
+        found.excited,
+        rms,
+        unexplained,
+        one_scale if conditions is None else conditions,
+        equations,
+        found.inverse,
+        contributions,
     )
 
 

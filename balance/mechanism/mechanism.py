@@ -120,6 +120,13 @@ class Mechanism:
             raise ModelError(f"{self.name} has no site {name!r}: there are {known}")
         return self.sites[name]
 
+    def lever_arm(self, site: str) -> float:
+        """Distance of a site from its body's joint axis; on a body that slides, from the joint's origin [m]."""
+        found = self.site(site)
+        joint = self.tree.joints[self.tree.bodies[found.body]]
+        along = joint.axis * (joint.axis @ found.position) if joint.revolute else 0.0
+        return float(np.linalg.norm(found.position - along))
+
     def mass(self, body: str) -> float:
         """Own mass of a body [kg], without what is mounted on it."""
         self.body_index(body)

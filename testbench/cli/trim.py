@@ -10,9 +10,11 @@ from balance.cli.framework import EXIT_WITH_FINDINGS, emit_json, emit_table, jso
 from . import options
 
 if TYPE_CHECKING:
+    from balance.estimation.first_moment_imbalance import MissingMass
+
     from ..runs.si_run import SIRun
     from ..synchronization.clock_map import ClockMap
-    from ..trim import Missing, Source, Trim
+    from ..trim import Source, Trim
 
 
 @click.command(
@@ -92,7 +94,7 @@ def trim(
     if figure:
         from balance.figures.mechanism import save
 
-        from ..trim.document import draw
+        from ..trim.figure import draw
 
         save(draw(result), figure)
     if as_json:
@@ -135,9 +137,15 @@ def _print(result: "Trim", stock: str | None) -> None:
         click.echo("The runs are simulated.")
 
 
-def _row(m: "Missing") -> list[str]:
+def _row(m: "MissingMass") -> list[str]:
     low, high = m.interval
-    return [m.site, f"{m.first_moment:.4f}", f"{low:.4f} .. {high:.4f}", f"{m.mass:.3f}", f"{m.position[0] * 1e3:.2f}"]
+    return [
+        m.site,
+        f"{m.first_moment.value:.4f}",
+        f"{low:.4f} .. {high:.4f}",
+        f"{m.mass.value:.3f}",
+        f"{m.position[0] * 1e3:.2f}",
+    ]
 
 
 def _print_sources(result: "Trim") -> None:
@@ -159,7 +167,7 @@ def _print_addition(result: "Trim", stock: str | None) -> None:
     if not added:
         _print_nothing(result, stock)
     for m in result.removal:
-        click.echo(f"{m.site} has {-m.mass:.3f} kg too much: remove it.")
+        click.echo(f"{m.site} has {-m.mass.value:.3f} kg too much: remove it.")
     low, high = result.predicted_residual_interval
     click.echo(
         f"First-moment residual predicted{' with that' if added else ''}: {result.predicted_residual:.4f} kg m, "
@@ -169,7 +177,9 @@ def _print_addition(result: "Trim", stock: str | None) -> None:
 
 def _print_nothing(result: "Trim", stock: str | None) -> None:
     """Why nothing is to be added: plates that do not help, or nothing that is told to be missing."""
-    lacking = [f"{m.mass:.3f} kg at {m.site}" for m in result.missing if m.told and m.first_moment > 0.0]
+    lacking = [
+        f"{m.mass.value:.3f} kg at {m.site}" for m in result.missing if m.is_significant and m.first_moment.value > 0.0
+    ]
     if lacking:
         click.echo(f"No plates of {stock} bring it nearer: what is missing stays: {', '.join(lacking)}.")
     elif not result.removal:

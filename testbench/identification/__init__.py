@@ -10,7 +10,7 @@ from balance.mechanism.mechanism import Mechanism
 from ..recording import Origin
 from ..runs.aligned_run import AlignedRun
 from .cross_validation import Choice, choose, possible_cutoffs
-from .estimators import STRETCH_PERIODS, Method, Methods, allowed
+from .estimators import BLOCK_PERIODS, Method, Methods, allowed
 from .records import JointRecord, assemble, joint_record
 from .regression_equations import one_sided as one_sided_equations
 from .regression_equations import regression_equations
@@ -76,7 +76,7 @@ def _one_sided(
     for factor in (1.0, 2.0**0.5, 2.0):
         cutoff = factor * choice.chosen.cutoff
         evidence = one_sided_equations(records, mechanism, cutoff)
-        blocks = evidence.stretches(STRETCH_PERIODS["ls"] / cutoff)
+        blocks = evidence.blocks(BLOCK_PERIODS["ls"] / cutoff)
         columns = evidence.columns[:, :, list(identifiable.pivots)]
         record = RegressionRecord.of(columns, evidence.low_passed_torque(0.0), blocks, used=evidence.moving)
         found[f"{cutoff:.3g} Hz"] = base_parameters(record, identifiable)

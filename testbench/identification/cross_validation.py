@@ -306,7 +306,7 @@ class MethodErrors:
 
     method: Method
     torque: Floats
-    """RecordEquations of each row as recorded that stays unexplained, (rows,)."""
+    """Part of each row as recorded that stays unexplained, (rows,)."""
     angles: SimulationError | None
     """None where nothing is simulated forward: loops, or no torques."""
 

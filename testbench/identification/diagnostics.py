@@ -44,7 +44,7 @@ class Fit:
     name: str
     first_moments: Mapping[str, Estimate | None]
     left: Mapping[str, float]
-    """RecordEquations of each row below the cut-off that the fit itself leaves."""
+    """Part of each row below the cut-off that the fit itself leaves."""
 
     def document(self) -> dict[str, object]:
         """For the JSON document."""
@@ -97,7 +97,7 @@ class Explanation:
         return self._fit("friction of MECH's file", self._columns[:, :, kept], [names[k] for k in kept], known=known)
 
     def file_left(self) -> dict[str, float]:
-        """RecordEquations of each row below the cut-off that the parameters of the mechanism's file leave."""
+        """Part of each row below the cut-off that the parameters of the mechanism's file leave."""
         left = unexplained(self._rows, self._columns @ self.result.in_file, self.evidence.moving)
         return dict(zip(self.result.rows, left.tolist(), strict=True))
 
@@ -163,7 +163,7 @@ class Explanation:
         return self.result.identified.identifiability
 
     def _fitted(self, columns: Floats, rows: Floats, used: Floats | None = None) -> RegressionFit:
-        blocks = self.evidence.stretches(1.0 / self.evidence.cutoff)
+        blocks = self.evidence.blocks(1.0 / self.evidence.cutoff)
         everything = self.evidence.moving if used is None else used
         return fit([RegressionRecord.of(columns, rows, blocks, used=everything)])
 

@@ -125,7 +125,7 @@ def _integrated(system: Floats, pushed: Floats, step: float) -> Floats:
 Method = Literal["ls", "iv", "oe"]
 METHODS: tuple[Method, ...] = ("ls", "iv", "oe")
 NAMES = {"ls": "least squares", "iv": "instrumental variables", "oe": "output error"}
-STRETCH_PERIODS = {"ls": 1.0, "iv": 1.0, "oe": 1.5}
+BLOCK_PERIODS = {"ls": 1.0, "iv": 1.0, "oe": 1.5}
 """Length of the stretches that are left out in turn for an interval, in periods of the cut-off: beyond half a period
 what a low-pass leaves of white noise is no longer correlated; deviations remember longer."""
 PULL = 0.25
@@ -181,7 +181,7 @@ class Methods:
     def identified(self, method: Method) -> BaseParameters:
         """Base parameters with intervals. Raises AnalysisError for a method that needs torques where there are none."""
         self._refuse(method)
-        blocks = self.evidence.stretches(STRETCH_PERIODS[method] / self.evidence.cutoff)
+        blocks = self.evidence.blocks(BLOCK_PERIODS[method] / self.evidence.cutoff)
         return self._equations(method, None).solve(self.identifiable, blocks)
 
     def held_out(self, method: Method, training: Sequence[Floats]) -> Floats:

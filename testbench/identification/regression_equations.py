@@ -16,6 +16,7 @@ import numpy as np
 from balance.arrays import Floats, Indices
 from balance.closure import Closure, Trajectory
 from balance.dynamics.regressor import JOINT_TERMS, driven_torque_regressor, joint_friction_regressor, wrench_regressor
+from balance.estimation.regression import equal_blocks
 from balance.mechanism.mechanism import Mechanism
 from balance.motion import Samples
 
@@ -189,15 +190,14 @@ class RegressionEquations:
         """The same, low-passed at the cut-off, (n, rows) [N m, N]."""
         return self._joined(lambda part: part.inside(part.low_passed_measured(delay)))
 
-    def stretches(self, seconds: float) -> Indices:
-        """Numbers of stretches with equal motion, at least so long, none over two records, (n,)."""
-        numbers: list[Indices] = []
+    def blocks(self, seconds: float) -> Indices:
+        """Numbers of blocks with equal motion, at least so long, none over two records, (n,)."""
+        numbers = np.zeros(0, dtype=np.intp)
         for part in self.parts:
-            moved = np.cumsum(part.inside(part.moving).any(axis=1))
-            count = max(1, int(moved[-1] * part.record.grid.step / seconds))
-            first = 0 if not numbers else int(numbers[-1][-1]) + 1
-            numbers.append(first + np.maximum(moved - 1, 0) * count // max(int(moved[-1]), 1))
-        return np.concatenate(numbers)
+            moves = part.inside(part.moving).any(axis=1).astype(float)
+            own = equal_blocks(moves, seconds / part.record.grid.step)
+            numbers = np.r_[numbers, own + numbers.max(initial=-1) + 1]
+        return numbers
 
     @property
     def left_out(self) -> list[str]:

@@ -67,7 +67,7 @@ class CounterMassValue:
     """Of the site in its body's frame, (3,) [m]."""
     mass: Value
     first_moment: Value
-    """Mass times the distance of the site from the joint [kg m]."""
+    """Mass times the distance of the site from the joint's axis [kg m]."""
 
 
 def unit_of(mechanism: Mechanism, parameter: str) -> str:
@@ -82,7 +82,7 @@ def unit_of(mechanism: Mechanism, parameter: str) -> str:
 
 
 DOUBTFUL_RATIO = 0.3
-"""RecordEquations of the torque, low-passed like the model, that may stay unexplained before a result is doubtful."""
+"""Part of the torque, low-passed like the model, that may stay unexplained before a result is doubtful."""
 FAIR_CONDITION = 30.0
 POOR_CONDITION = 100.0
 """Of the base columns, scaled to unit length, from which an excitation is no longer good, and poor (Gautier, Khalil,
@@ -138,7 +138,7 @@ class Identification:
 
     @cached_property
     def rms_ratio(self) -> Floats:
-        """RecordEquations of each row as recorded that stays unexplained on held-out stretches, (rows,)."""
+        """Part of each row as recorded that stays unexplained on held-out stretches, (rows,)."""
         evidence = self.choice.evidence
         return unexplained(evidence.torque(self.chosen.delay), self.choice.predicted, evidence.moving)
 
@@ -279,10 +279,9 @@ class Identification:
         return self.identified.identifiability.is_identifiable(row)
 
     def _counter_mass(self, site: str, row: Floats) -> CounterMassValue:
-        position = self.mechanism.site(site).position
-        distance = float(np.linalg.norm(position))
+        position, lever = self.mechanism.site(site).position, self.mechanism.lever_arm(site)
         try:
             mass = self.value(row, f"mass[{site}]", "kg")
         except NotIdentifiable as error:
             raise NotIdentifiable(f"no counter-mass for {site}: {error}") from error
-        return CounterMassValue(site, position, mass, self.value(distance * row, f"first_moment[{site}]", "kg m"))
+        return CounterMassValue(site, position, mass, self.value(lever * row, f"first_moment[{site}]", "kg m"))

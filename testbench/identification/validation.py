@@ -31,7 +31,7 @@ class Validation:
 
     @cached_property
     def rms_ratio(self) -> Floats:
-        """RecordEquations of each row as recorded that stays unexplained, (rows,)."""
+        """Part of each row as recorded that stays unexplained, (rows,)."""
         predicted = self.result.identified.predict(self.evidence.columns)
         return unexplained(self.evidence.torque(self._delay), predicted, self.evidence.moving)
 

@@ -2,13 +2,11 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from balance.balancing import conditions
 from balance.balancing.stock_plates import Plate
 from balance.errors import CounterpoiseError
 from balance.estimation.covariance_weighting import CombinedImbalance, combine
-from balance.estimation.first_moment_imbalance import Imbalance, masses_per_value
+from balance.estimation.first_moment_imbalance import Imbalance, MissingMass, masses_per_value
 from balance.estimation.identifiability import NotIdentifiable
 
 from ..errors import AnalysisError
@@ -17,9 +15,9 @@ from ..runs.aligned_run import AlignedRun
 from .estimators import ESTIMATORS, LONGER, MORE_RUNS, present_sources
 from .force_regression import CUTOFF_HZ
 from .problem import NAMES, Source, SourceEstimate, TrimProblem
-from .result import Missing, Share, Trim, refuse_blur
+from .result import Share, Trim, refuse_blur
 
-__all__ = ["CUTOFF_HZ", "NAMES", "Missing", "Share", "Source", "Trim", "trim_runs"]
+__all__ = ["CUTOFF_HZ", "NAMES", "Share", "Source", "Trim", "trim_runs"]
 
 _HINTS: dict[Source, str] = {
     "wrench": MORE_RUNS, "torque": LONGER, "vibration": MORE_RUNS, "trials": "use heavier trial masses, or more runs",
@@ -125,9 +123,8 @@ def _refuse_silent(told: SourceEstimate, problem: TrimProblem) -> None:
     refuse_blur(missing, _lacking(problem), [run.name for run in problem.runs], hint)
 
 
-def _missing(measured: Imbalance, problem: TrimProblem) -> list[Missing]:
-    lacking = measured.missing(problem.mounted, problem.sites)
-    return [Missing(m.site, m.position, m.first_moment.value, m.first_moment.interval()) for m in lacking]
+def _missing(measured: Imbalance, problem: TrimProblem) -> list[MissingMass]:
+    return measured.missing(problem.mounted, problem.sites)
 
 
 def _result(problem: TrimProblem, told: tuple[list[SourceEstimate], list[str]], plates: Sequence[Plate]) -> Trim:
@@ -175,7 +172,7 @@ def _lacking(problem: TrimProblem) -> list[float]:
     bare = bare if payload is None else bare.with_payload({bare.payload_bodies[0]: payload})
     values = problem.conditions.values(bare)
     masses = masses_per_value(problem.conditions, bare, problem.sites, values) @ values
-    return [float(m * np.linalg.norm(bare.site(site).position)) for m, site in zip(masses, problem.sites, strict=True)]
+    return [float(mass) * bare.lever_arm(site) for mass, site in zip(masses, problem.sites, strict=True)]
 
 
 def _origin(runs: Sequence[AlignedRun]) -> Origin:

@@ -19,14 +19,22 @@ from ..runs.aligned_run import AlignedRun
 from . import sensor_errors
 from .encoder_quantization import step_covariance
 from .force_regression import CUTOFF_HZ, force_regression
-from .problem import Source, SourceEstimate, TrimProblem
-from .regression_blocks import regression_records, shared_unknowns
+from .problem import (
+    Entry,
+    RunEquations,
+    Source,
+    SourceEstimate,
+    TrimProblem,
+    parameter_basis,
+    shared_unknowns,
+    with_shared_unknowns,
+)
 from .torque_regression import CUTOFF_HZ as TORQUE_CUTOFF_HZ
 from .torque_regression import torque_channels, torque_regression
 from .trial_mass_runs import CUTOFF_HZ as TRIALS_CUTOFF_HZ
 from .trial_mass_runs import trial_mass_runs_imbalance, without_gaps
 from .valid_samples import NoValidMotion
-from .vibration_regression import ShakenBase, parameter_basis, shaken_base, states_base, vibration_regression
+from .vibration_regression import ShakenBase, shaken_base, states_base, vibration_regression
 
 if TYPE_CHECKING:
     from ..rig import Column
@@ -53,34 +61,30 @@ class _Equations:
     """The records of a source, what the rigs state of its sensors' errors among the unknowns."""
 
     records: list[RegressionRecord]
-    entries: list[sensor_errors.Entry]
+    entries: list[Entry]
     """Of the sensitivities, the last columns of the records."""
     prior: Floats
 
     @classmethod
-    def of(
-        cls,
-        problem: TrimProblem,
-        records: list[RegressionRecord],
-        effects: Sequence[sensor_errors.Effects],
-        period: float,
-    ) -> "_Equations":
-        """``period`` is that of the cut-off [samples]: noise below it lasts half of that."""
-        joined, entries = sensor_errors.with_error_columns(records, effects, _deviations(problem))
+    def of(cls, problem: TrimProblem, runs: "Sequence[RunEquations]") -> "_Equations":
+        """Noise below a cut-off lasts half of its period: so many samples a prior counts for."""
+        records = [run.record for run in runs]
+        joined, entries = sensor_errors.with_error_columns(records, [r.effects for r in runs], _deviations(problem))
         others = joined[0].columns.shape[2] - problem.conditions.rank - len(entries)
-        return cls(joined, entries, np.r_[np.zeros(others), np.full(len(entries), 0.5 * period)])
+        return cls(joined, entries, np.r_[np.zeros(others), np.full(len(entries), 0.5 * runs[0].period)])
 
     @classmethod
     def channel_by_channel(
-        cls, problem: TrimProblem, records: list[RegressionRecord], columns: "Sequence[Sequence[Column]]", period: float
+        cls, problem: TrimProblem, runs: "Sequence[RunEquations]", columns: "Sequence[Sequence[Column]]", shared: Floats
     ) -> "_Equations":
-        """Of records whose rows are channels: these are exposed to what explains them without errors."""
-        deviations = _deviations(problem)
-        if not deviations:
-            return cls.of(problem, records, [{}] * len(records), period)
-        explained = imbalance_fit(records, problem.conditions).regression.explained()
-        effects = [sensor_errors.reading_effects(e, c, deviations) for e, c in zip(explained, columns, strict=True)]
-        return cls.of(problem, records, effects, period)
+        """Of rows that are channels, exposed to what explains them without errors; ``shared`` (p, k) as excited."""
+        records = with_shared_unknowns([run.record for run in runs], problem.conditions.rank, shared)
+        runs = [replace(run, record=record) for run, record in zip(runs, records, strict=True)]
+        if deviations := _deviations(problem):
+            explained = imbalance_fit(records, problem.conditions).regression.explained()
+            effects = [sensor_errors.reading_effects(e, c, deviations) for e, c in zip(explained, columns, strict=True)]
+            runs = [replace(run, effects=own) for run, own in zip(runs, effects, strict=True)]
+        return cls.of(problem, runs)
 
     def fit(self, problem: TrimProblem, free: Subspace | None = None) -> ImbalanceFit:
         """Values of the conditions."""
@@ -104,12 +108,12 @@ def by_wrench(problem: TrimProblem) -> SourceEstimate:
     every, problem, findings = _each(
         problem, AnalysisError, lambda run: force_regression(run, problem.conditions, cutoff)
     )
-    findings += [f for one in every for f in one.findings if f.code == GAP_FINDING]
-    equations = _Equations.of(problem, [one.record for one in every], [one.effects for one in every], every[0].period)
+    findings += [f for one in every for f in one.findings]
+    equations = _Equations.of(problem, every)
     measured, within = equations.widened(equations.fit(problem))
-    base = "the base's motion taken out." if every[0].base_known else "the base taken for still."
+    base = "the base's motion taken out." if problem.runs[0].base is not None else "the base taken for still."
     about = (f"Forces and model low-passed alike at {cutoff:g} Hz, clocks of the loggers aligned, {base}",)
-    doubts = () if all(one.base_known for one in every) else (BASE_UNKNOWN,)
+    doubts = () if all(run.base is not None for run in problem.runs) else (BASE_UNKNOWN,)
     return SourceEstimate("wrench", measured, (*about, _jackknife(measured, within)), doubts, tuple(findings))
 
 
@@ -121,7 +125,8 @@ def by_torque(problem: TrimProblem) -> SourceEstimate:
     )
     findings += [f for part in parts for f in part.findings]
     columns = [torque_channels(run) for run in problem.runs]
-    equations = _Equations.channel_by_channel(problem, regression_records(parts), columns, parts[0].shortest)
+    shared = shared_unknowns([part.record for part in parts], problem.conditions.rank)
+    equations = _Equations.channel_by_channel(problem, parts, columns, shared)
     found, fixed = _all_or_at_sites(equations, problem)
     measured, within = equations.widened(found)
     about = (
@@ -137,10 +142,9 @@ def by_vibration(problem: TrimProblem) -> SourceEstimate:
     bases, problem, findings = _each(problem, NoValidMotion, lambda run: shaken_base(run, cutoff))
     findings += [f for one in bases for f in one.valid.findings]
     parts = [vibration_regression(one, problem.conditions) for one in bases]
-    combinations = shared_unknowns(parts)
+    combinations = shared_unknowns([part.record for part in parts], problem.conditions.rank)
     columns = [list(one.sensors.columns) for one in bases]
-    records = regression_records(parts, combinations)
-    equations = _Equations.channel_by_channel(problem, records, columns, parts[0].shortest)
+    equations = _Equations.channel_by_channel(problem, parts, columns, combinations)
     found, fixed = _all_or_at_sites(equations, problem)
     measured, within = equations.widened(found)
     measured = _with_encoder_steps(measured, found, problem, bases, combinations)
@@ -189,7 +193,7 @@ def present_sources(problem: TrimProblem, one_mounting: bool) -> list[Source]:
     return found
 
 
-def _deviations(problem: TrimProblem) -> dict[sensor_errors.Entry, float]:
+def _deviations(problem: TrimProblem) -> dict[Entry, float]:
     return sensor_errors.stated_deviations(run.rig for run in problem.runs)
 
 

@@ -1,15 +1,21 @@
-"""What is asked of the runs, and what one source tells."""
+"""What is asked of the runs, the equations of one run in one form for all sources, and what a source estimates."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
+import numpy as np
+from scipy.linalg import null_space
+
+from balance.arrays import Floats
 from balance.balancing.conditions import Conditions
 from balance.estimation.first_moment_imbalance import Imbalance
+from balance.estimation.regression import RegressionRecord, equal_blocks
 from balance.mechanism.mechanism import Mechanism
 
 from ..recording import Finding
 from ..runs.aligned_run import AlignedRun
+from .valid_samples import ValidSamples
 
 Source = Literal["wrench", "torque", "vibration", "trials"]
 NAMES: dict[Source, str] = {
@@ -18,6 +24,16 @@ NAMES: dict[Source, str] = {
     "vibration": "vibration of the base, by the base that the rig states",
     "trials": "vibration of the base, by trial masses",
 }
+BLOCKS = 20
+"""Of a record, of equal information on the conditions, that are left out in turn."""
+INDEPENDENT = 1e-7
+"""Singular value of columns of unit length, relative to the largest, below which a combination is not excited."""
+NOTHING = 1e-12
+"""Length of a column, relative to the longest, that is rounding."""
+Entry = tuple[str, int, int]
+"""Of a sensor's sensitivity matrix: the sensor, which of its channels shows, and which is exposed."""
+Effects = Mapping[Entry, Floats]
+"""By entry: how the readings of a record change per unit of it, (n, rows) [N, N m, m/s2]."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +64,38 @@ class TrimProblem:
 
 
 @dataclass(frozen=True)
+class RunEquations:
+    """One run: readings = columns @ (conditions, then unknowns of all runs) + nuisance @ (unknowns of this run)."""
+
+    record: RegressionRecord
+    period: float
+    """Of the cut-off [samples]."""
+    findings: tuple[Finding, ...]
+    """What gaps take of the run."""
+    effects: Effects = field(default_factory=dict)
+    """Of the sensors' stated errors."""
+
+    @classmethod
+    def of(
+        cls,
+        valid: ValidSamples,
+        period: float,
+        columns: Floats,
+        readings: Floats,
+        nuisance: Floats,
+        used: Floats,
+        motion: str,
+        rows: Sequence[str],
+        rank: int,
+        effects: Effects | None = None,
+    ) -> "RunEquations":
+        """In blocks of equal information on the ``rank`` conditions; arguments as of ``RegressionRecord``."""
+        blocks = equal_blocks(np.sum(columns[:, :, :rank] ** 2, axis=(1, 2)), period, BLOCKS)
+        record = RegressionRecord.of(columns, readings, blocks, nuisance, used, motion=motion, rows=rows)
+        return cls(record, period, valid.findings, effects or {})
+
+
+@dataclass(frozen=True)
 class SourceEstimate:
     """What one source estimates."""
 
@@ -57,3 +105,49 @@ class SourceEstimate:
     """How it was found, for people."""
     doubts: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
+
+
+def parameter_basis(conditions: Conditions) -> Floats:
+    """Parameters per unit of each condition's value, then of each combination that is free beside, (10 nb, 10 nb)."""
+    return np.hstack([np.linalg.pinv(conditions.matrix), null_space(conditions.matrix)])
+
+
+def offset_and_drift(kept: Floats, rows: int) -> Floats:
+    """Nuisances of rows that each have an offset and a drift, zero where ``kept`` (n,) is, (n, rows, 2 rows) [-]."""
+    time = np.linspace(-1.0, 1.0, len(kept))
+    unit = np.eye(rows)[None]
+    return np.concatenate([unit * kept[:, None, None], unit * (time * kept)[:, None, None]], axis=2)
+
+
+def motion_name(run: AlignedRun) -> str:
+    """What repeats of one motion have in common; empty where the conditions do not say."""
+    motion, peak = run.conditions.get("motion"), run.conditions.get("peak_acceleration_g")
+    return "" if motion is None or peak is None else f"{motion} at {peak:.9g} g0"
+
+
+def shared_unknowns(records: Sequence[RegressionRecord], rank: int) -> Floats:
+    """The combinations (p, k) of the unknowns beyond ``rank`` conditions that the runs together excite."""
+    return excited_combinations([record.columns[:, :, rank:] for record in records])
+
+
+def with_shared_unknowns(
+    records: Sequence[RegressionRecord], rank: int, combinations: Floats
+) -> list[RegressionRecord]:
+    """The records with columns of the conditions, then of ``combinations`` (p, k) of their other unknowns."""
+    columns = [np.concatenate([r.columns[:, :, :rank], r.columns[:, :, rank:] @ combinations], axis=2) for r in records]
+    return [replace(record, columns=own) for record, own in zip(records, columns, strict=True)]
+
+
+def excited_combinations(parts: Sequence[Floats], least: float = INDEPENDENT) -> Floats:
+    """The matrix (p, k) that turns columns (n, rows, p) of runs into the combinations that they together excite.
+
+    ``least`` is the singular value of columns of unit length, relative to the largest, that counts.
+    """
+    length = np.sqrt(sum(np.sum(part**2, axis=(0, 1)) for part in parts))
+    used = np.flatnonzero(length > NOTHING * length.max(initial=0.0))
+    stacked = np.concatenate([part[:, :, used].reshape(-1, len(used)) for part in parts])
+    values, rows = np.linalg.svd(np.linalg.qr(stacked / length[used], mode="r"))[1:]
+    kept = rows[: int(np.count_nonzero(values > least * values.max(initial=0.0)))]
+    turned = np.zeros((len(length), len(kept)))
+    turned[used] = (kept / length[used]).T
+    return turned

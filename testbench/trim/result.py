@@ -13,7 +13,7 @@ from balance.balancing.conditions import Conditions, text_of
 from balance.balancing.stock_plates import Plate
 from balance.estimation.covariance_weighting import CombinedImbalance
 from balance.estimation.estimate import Estimate
-from balance.estimation.first_moment_imbalance import Imbalance, with_condition_values
+from balance.estimation.first_moment_imbalance import Imbalance, MissingMass, with_condition_values
 from balance.estimation.identifiability import NotIdentifiable
 from balance.mechanism.mechanism import Mechanism
 
@@ -32,44 +32,11 @@ they contain."""
 
 
 @dataclass(frozen=True)
-class Missing:
-    """What a site lacks; negative where it has too much."""
-
-    site: str
-    position: Floats
-    """In its body's frame, (3,) [m]."""
-    first_moment: float
-    """Mass times distance from the body's joint [kg m]."""
-    interval: tuple[float, float]
-    """Of 95 % [kg m]."""
-
-    @property
-    def mass(self) -> float:
-        """[kg]"""
-        return self.first_moment / float(np.linalg.norm(self.position))
-
-    @property
-    def told(self) -> bool:
-        """Whether the interval leaves out zero."""
-        return not self.interval[0] <= 0.0 <= self.interval[1]
-
-    def as_dict(self) -> dict[str, Any]:
-        """The row as it is printed."""
-        return {
-            "site": self.site,
-            "first_moment_kgm": self.first_moment,
-            "interval": list(self.interval),
-            "mass_kg": self.mass,
-            "position_m": [float(x) for x in self.position],
-        }
-
-
-@dataclass(frozen=True)
 class Share:
     """What one source says, where several do or one does."""
 
     source: Source
-    missing: tuple[Missing, ...]
+    missing: tuple[MissingMass, ...]
     unexplained: float
     """Share of what it measured."""
 
@@ -82,20 +49,21 @@ class Share:
         """The source as it is printed."""
         return {
             "source": self.source,
-            "missing": [m.as_dict() for m in self.missing],
+            "missing": [missing_document(m) for m in self.missing],
             "unexplained": self.unexplained,
         }
 
 
-def refuse_blur(missing: Sequence[Missing], bare: Sequence[float], runs: Sequence[str], hint: str) -> None:
+def refuse_blur(missing: Sequence[MissingMass], bare: Sequence[float], runs: Sequence[str], hint: str) -> None:
     """Refuse intervals so wide that the record tells next to nothing; ``bare`` is what each site lacks without any."""
     largest = max((abs(value) for value in bare), default=0.0)
     for one in missing:
-        half = 0.5 * (one.interval[1] - one.interval[0])
+        half = one.first_moment.half_width()
         if half > RESOLUTION * largest:
             raise AnalysisError(
-                f"{', '.join(runs)}: cannot tell what is missing at {one.site}: {one.first_moment:.3g} kg m, known to "
-                f"{half:.2g} kg m only, where the mechanism without counter-masses lacks {largest:.3g} kg m; {hint}"
+                f"{', '.join(runs)}: cannot tell what is missing at {one.site}: {one.first_moment.value:.3g} kg m, "
+                f"known to {half:.2g} kg m only, where the mechanism without counter-masses lacks {largest:.3g} kg m; "
+                f"{hint}"
             )
 
 
@@ -117,7 +85,7 @@ class Trim:
     origin: Origin
     shares: tuple[Share, ...]
     """By source."""
-    missing: tuple[Missing, ...]
+    missing: tuple[MissingMass, ...]
     """By all sources, weighted."""
     imbalance: Imbalance
     """The conditions' values, by all sources."""
@@ -150,7 +118,7 @@ class Trim:
     @cached_property
     def addition(self) -> balancing.Sizing:
         """What to add to the sites that are told to lack something: from the plates, else of any mass."""
-        lacking = [m.site for m in self.missing if m.told and m.first_moment > 0.0]
+        lacking = [m.site for m in self.missing if m.is_significant and m.first_moment.value > 0.0]
         if not lacking:
             return balancing.sizing_of_given(self.conditions, self._measured, {})
         if self.plates:
@@ -158,9 +126,9 @@ class Trim:
         return balancing.exact_sizing(self.conditions, self._measured, lacking)
 
     @property
-    def removal(self) -> tuple[Missing, ...]:
+    def removal(self) -> tuple[MissingMass, ...]:
         """Sites that are told to have too much."""
-        return tuple(m for m in self.missing if m.told and m.first_moment < 0.0)
+        return tuple(m for m in self.missing if m.is_significant and m.first_moment.value < 0.0)
 
     @property
     def predicted_residual(self) -> float:
@@ -174,14 +142,10 @@ class Trim:
         half = np.array([0.0 if e is None else e.half_width() for _, e in self.values])
         return float(np.maximum(left - half, 0.0).max(initial=0.0)), float((left + half).max(initial=0.0))
 
-    def left(self) -> list[Missing]:
+    def left(self) -> list[MissingMass]:
         """What each site lacks still, with the addition."""
-        added = {c.site: c.mass * float(np.linalg.norm(c.position)) for c in self.addition.counter_masses}
-        return [
-            Missing(m.site, m.position, m.first_moment - by, (m.interval[0] - by, m.interval[1] - by))
-            for m in self.missing
-            for by in [added.get(m.site, 0.0)]
-        ]
+        added = {c.site: c.mass for c in self.addition.counter_masses}
+        return [m.with_added(added.get(m.site, 0.0)) for m in self.missing]
 
     @property
     def _measured(self) -> Mechanism:
@@ -224,10 +188,21 @@ class Trim:
         """``add``, ``remove`` (a site has too much), ``nothing told`` (every interval holds zero), or ``doubtful``."""
         if self.doubts():
             return "doubtful"
-        told = [m.first_moment for m in self.missing if m.told]
+        told = [m.first_moment.value for m in self.missing if m.is_significant]
         if not told:
             return "nothing told"
         return "remove" if min(told) < 0.0 else "add"
+
+
+def missing_document(missing: MissingMass) -> dict[str, Any]:
+    """What a site lacks, units in the keys."""
+    return {
+        "site": missing.site,
+        "first_moment_kgm": missing.first_moment.value,
+        "interval": list(missing.interval),
+        "mass_kg": missing.mass.value,
+        "position_m": [float(x) for x in missing.position],
+    }
 
 
 def trim_document(result: Trim) -> dict[str, Any]:
@@ -239,7 +214,7 @@ def trim_document(result: Trim) -> dict[str, Any]:
         "source": result.source,
         "sources": [share.as_dict() for share in result.shares],
         "agreement": None if result.consensus is None else _agreement(result.consensus),
-        "missing": [m.as_dict() for m in result.missing],
+        "missing": [missing_document(m) for m in result.missing],
         "interval_level": result.interval_level,
         "add": [
             {
@@ -250,7 +225,10 @@ def trim_document(result: Trim) -> dict[str, Any]:
             }
             for c in result.addition.counter_masses
         ],
-        "remove": [{"site": m.site, "mass_kg": -m.mass, "first_moment_kgm": -m.first_moment} for m in result.removal],
+        "remove": [
+            {"site": m.site, "mass_kg": -m.mass.value, "first_moment_kgm": -m.first_moment.value}
+            for m in result.removal
+        ],
         "predicted_residual_kgm": result.predicted_residual,
         "predicted_residual_interval_kgm": list(result.predicted_residual_interval),
         "verdict": result.verdict,

@@ -18,14 +18,10 @@ from balance.estimation.regression import RegressionRecord
 
 from ..rig.sensor_channels import sensitivity_scatter
 from ..runs.aligned_run import AlignedRun
+from .problem import Effects, Entry
 
 if TYPE_CHECKING:
     from ..rig import Column, Rig
-
-Entry = tuple[str, int, int]
-"""Of a sensor's sensitivity matrix: the sensor, which of its channels shows, and which is exposed."""
-Effects = Mapping[Entry, Floats]
-"""By entry: how the readings of a record change per unit of it, (n, rows)."""
 
 
 def stated_deviations(rigs: "Iterable[Rig]") -> dict[Entry, float]:

@@ -8,18 +8,15 @@ drives' own inertia are fitted beside, the same in all runs, offsets and delays 
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import null_space
 
 from balance.arrays import Floats
 from balance.balancing.conditions import Conditions
 from balance.dynamics.regressor import driven_torque_regressor, joint_friction_regressor
-from balance.mechanism.mechanism import Mechanism
 
 from ..errors import AnalysisError
 from ..rig.sensors import Torque
 from ..runs.aligned_run import AlignedRun
-from .force_regression import motion_name
-from .regression_blocks import RunRegression
+from .problem import RunEquations, motion_name, parameter_basis
 from .valid_samples import ValidSamples
 
 if TYPE_CHECKING:
@@ -37,7 +34,7 @@ MARGIN_PERIODS = 3.0
 """Periods of the cut-off kept before and after the motion."""
 
 
-def torque_regression(run: AlignedRun, conditions: Conditions, cutoff: float) -> RunRegression:
+def torque_regression(run: AlignedRun, conditions: Conditions, cutoff: float) -> RunEquations:
     """The equations of a run. Raises AnalysisError where a joint has no torque or encoder, or gaps leave nothing."""
     model, bandwidth = run.mechanism, POSITION_BANDWIDTH * cutoff
     channels = torque_channels(run)
@@ -48,29 +45,29 @@ def torque_regression(run: AlignedRun, conditions: Conditions, cutoff: float) ->
     valid = ValidSamples.of(run, groups, bandwidth)
     valid.refuse_no_motion(path)
     torque = run.channels(channels)
-    own, others = _columns(model, conditions, path, _driven_rates(run, path))
     places = [model.coordinate_index(joint) for joint in model.driven]
     speed = path.v[:, places]
     terms, _ = joint_friction_regressor(model.driven, speed, path.a[:, places])
     joints = len(places)
     friction = terms.reshape(len(terms), joints, joints, 4)[..., [0, 1, 3]].reshape(len(terms), joints, -1)
-    others = np.concatenate([others, friction], axis=2)
-    whole = np.concatenate([own, others, torque[:, :, None], valid.rates(torque)[:, :, None]], axis=2)
+    bodies = driven_torque_regressor(model, path.q, path.v, path.a, _driven_rates(run, path))
+    whole = np.concatenate(
+        [bodies @ parameter_basis(conditions), friction, torque[:, :, None], valid.rates(torque)[:, :, None]], axis=2
+    )
     used = run.motion_span(bandwidth, MARGIN_PERIODS / cutoff)
     moving = (np.abs(speed) > REST_SPEED)[:, :, None]
     smooth = (valid.low_pass(whole, cutoff) * moving)[used]
-    own, others, readings, delay = np.split(smooth, np.cumsum([own.shape[2], others.shape[2], 1]), axis=2)
     counts = (moving * valid.kept[:, None, None])[used]
-    return RunRegression(
-        own,
-        others,
-        readings[:, :, 0],
-        np.concatenate([np.eye(joints)[None] * counts, delay], axis=2),
-        counts[:, :, 0].astype(float),
-        model.driven,
+    return RunEquations.of(
+        valid,
         1.0 / (cutoff * run.grid.step),
+        smooth[:, :, :-2],
+        smooth[:, :, -2],
+        np.concatenate([np.eye(joints)[None] * counts, smooth[:, :, -1:]], axis=2),
+        counts[:, :, 0].astype(float),
         motion_name(run),
-        valid.findings,
+        model.driven,
+        conditions.rank,
     )
 
 
@@ -82,12 +79,6 @@ def _driven_rates(run: AlignedRun, path: "Trajectory") -> Floats:
             f"{run.name}: encoders on {', '.join(seen)}, motors on {', '.join(driven)}: expected the same joints"
         )
     return path.per_drive[:, :, [seen.index(joint) for joint in driven]]
-
-
-def _columns(model: Mechanism, conditions: Conditions, path: "Trajectory", rates: Floats) -> tuple[Floats, Floats]:
-    """W C^+ and W N, (n, joints, rank) and (n, joints, 10 nb - rank)."""
-    whole = driven_torque_regressor(model, path.q, path.v, path.a, rates)
-    return whole @ np.linalg.pinv(conditions.matrix), whole @ null_space(conditions.matrix)
 
 
 def torque_channels(run: AlignedRun) -> "list[Column]":

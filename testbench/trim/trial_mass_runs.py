@@ -27,8 +27,7 @@ from ..kinematics.gaps import GAP_FINDING, Gaps
 from ..loads.shaking_wrench import refuse_clipped_base
 from ..recording import Finding
 from ..runs.aligned_run import AlignedRun
-from .problem import TrimProblem
-from .regression_blocks import excited_combinations
+from .problem import TrimProblem, excited_combinations
 
 if TYPE_CHECKING:
     from balance.arrays import Indices

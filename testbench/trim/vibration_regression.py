@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import null_space
 
 from balance.arrays import Floats
 from balance.balancing.conditions import Conditions
@@ -25,8 +24,7 @@ from ..kinematics.smoothing_and_derivatives import Grid
 from ..loads.shaking_wrench import refuse_clipped_base
 from ..rig.support_loads import elastic_base
 from ..runs.aligned_run import AlignedRun
-from .force_regression import motion_name
-from .regression_blocks import RunRegression, excited_combinations
+from .problem import RunEquations, excited_combinations, motion_name, offset_and_drift, parameter_basis
 from .valid_samples import ValidSamples
 
 if TYPE_CHECKING:
@@ -112,32 +110,25 @@ def states_base(rig: "Rig") -> bool:
     return set(NEEDED) <= rig.bench.model_fields_set
 
 
-def parameter_basis(conditions: Conditions) -> Floats:
-    """Parameters per unit of each condition's value, then of each combination that is free beside, (10 nb, 10 nb)."""
-    return np.hstack([np.linalg.pinv(conditions.matrix), null_space(conditions.matrix)])
-
-
-def vibration_regression(run: ShakenBase, conditions: Conditions) -> RunRegression:
+def vibration_regression(run: ShakenBase, conditions: Conditions) -> RunEquations:
     """The equations of a run."""
     columns = wrench_regressor(run.model, run.path.q, run.path.v, run.path.a) @ parameter_basis(conditions)
     made = run.answers(columns)
     rate = run.valid.rates(run.readings)
     smooth = run.smooth(np.concatenate([made, run.readings[:, :, None], rate[:, :, None]], axis=2))
-    rank = conditions.rank
-    eye = np.eye(run.readings.shape[1])[None]
-    slope = np.linspace(-1.0, 1.0, len(smooth))[:, None, None]
-    kept = run.valid.kept[run.used, None, None]
-    nuisance = np.concatenate([eye * kept, eye * slope * kept, eye * smooth[:, :, -1:], run.ringing()], axis=2)
-    return RunRegression(
-        smooth[:, :, :rank],
-        smooth[:, :, rank:-2],
-        smooth[:, :, -2],
-        nuisance,
-        np.broadcast_to(kept[:, :, 0], (len(smooth), run.readings.shape[1])),
-        tuple(column.channel for column in run.sensors.columns),
+    kept = run.valid.kept[run.used]
+    count = run.readings.shape[1]
+    nuisance = [offset_and_drift(kept, count), np.eye(count)[None] * smooth[:, :, -1:], run.ringing()]
+    return RunEquations.of(
+        run.valid,
         1.0 / (run.cutoff * run.grid.step),
+        smooth[:, :, :-2],
+        smooth[:, :, -2],
+        np.concatenate(nuisance, axis=2),
+        kept[:, None],
         run.motion,
-        run.valid.findings,
+        [column.channel for column in run.sensors.columns],
+        conditions.rank,
     )
 
 

@@ -1,5 +1,7 @@
 """What is missing, from forces: linear in the conditions, with intervals, refused where nothing excites it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import binomtest
@@ -67,7 +69,7 @@ def test_missing_masses_are_those_of_exact_sizing(name):
     for one, other in zip(lacking, sized.counter_masses, strict=True):
         if other.mass > 0.0:
             assert one.mass.value == pytest.approx(other.mass, rel=1e-6)
-        assert one.first_moment.value == pytest.approx(one.mass.value * np.linalg.norm(one.position), rel=1e-12)
+        assert one.first_moment.value == pytest.approx(one.mass.value * one.lever_arm, rel=1e-12)
 
 
 def test_the_built_set_of_the_manipulator():
@@ -188,3 +190,29 @@ def test_few_stretches_that_tell_leave_few_degrees_of_freedom():
         m.estimate(share).half_width() / m.estimate(share).standard_uncertainty for m in (seldom, everywhere)
     )
     assert wide > 1.3 * narrow
+
+
+def test_a_site_beside_the_plane_counts_by_its_distance_from_the_axis():
+    """0.6 kg at (-0.2, 0, 0.04) m, the joint's axis along z, are 0.1200 kg m: the 40 mm along the axis do not turn."""
+    arm = load_mechanism("serial-2r")
+    beside = replace(arm.site("counter_link_1"), position=np.array([-0.2, 0.0, 0.04]))
+    mechanism = replace(arm, sites={**arm.sites, "counter_link_1": beside})
+    found, columns, force = equations(mechanism)
+    heavier = mechanism.with_counter_mass({"counter_link_1": 0.6})
+    lighter = force - columns @ (found.values(heavier) - found.values(mechanism))
+    sites = ["counter_link_1"]
+    before, after = (measure([record(columns, f)], found).missing(mechanism, sites)[0] for f in (force, lighter))
+    assert after.lever_arm == pytest.approx(0.2)
+    assert after.mass.value - before.mass.value == pytest.approx(0.6)
+    assert after.first_moment.value - before.first_moment.value == pytest.approx(0.12)
+    assert after.with_added(0.6).first_moment.value == pytest.approx(before.first_moment.value)
+
+
+def test_every_condition_takes_a_degree_of_freedom():
+    """Twenty blocks that tell all alike have nineteen degrees of freedom by Satterthwaite: four conditions leave 16."""
+    found, columns, force = equations(load_mechanism("four-bar"))
+    noise = np.random.default_rng(4).normal(size=force.shape)
+    equal = np.tile(columns[:20], (20, 1, 1))
+    measured = measure([record(equal, equal @ found.values() + noise)], found)
+    assert found.rank == 4
+    assert measured.degrees_of_freedom_of(np.eye(4)[0]) == pytest.approx(16.0)

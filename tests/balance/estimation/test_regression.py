@@ -10,7 +10,7 @@ from balance.errors import DataError
 from balance.estimation.base_parameters import base_parameters
 from balance.estimation.first_moment_imbalance import masses_per_value
 from balance.estimation.identifiability import NotIdentifiable, identifiability
-from balance.estimation.regression import RegressionRecord
+from balance.estimation.regression import RegressionRecord, equal_blocks, fit
 
 from ...testbench.coverage import assert_holds
 from .. import models
@@ -115,6 +115,39 @@ def test_torques_not_used_have_no_effect():
     np.testing.assert_allclose(
         solve(regressor, torque, seen, BLOCKS, used).values, seen.combinations @ MECHANISM.pi, atol=1e-9
     )
+
+
+def test_a_fit_proves_itself_by_its_residual():
+    """Nothing of the columns is left in the residual; its rms is the noise, zero where readings do not count."""
+    regressor = torque_regressor(MECHANISM, *states(5))
+    seen = identifiability(regressor, MECHANISM.parameter_names)
+    columns = seen.base_columns(regressor)
+    used = np.ones((COUNT, 2))
+    used[:50, 0] = 0.0
+    noise = np.random.default_rng(5).normal(size=(COUNT, 2)) * [0.3, 0.1]
+    found = fit([RegressionRecord.of(columns, regressor @ MECHANISM.pi + noise, BLOCKS, used=used)])
+    (residual,) = found.residual()
+    weights = np.array([1.0 / found.residual_rms[row] ** 2 for row in ("0", "1")])
+    projected = np.einsum("njp,nj,j->p", columns, residual, weights)
+    assert (
+        np.abs(projected).max()
+        < 1e-6 * np.abs(np.einsum("njp,nj,j->p", np.abs(columns), np.abs(residual), weights)).max()
+    )
+    assert np.sqrt(np.sum(residual**2, axis=0) / used.sum(axis=0)) == pytest.approx([*found.residual_rms.values()])
+    assert not residual[:50, 0].any()
+    assert np.std(residual[50:] - noise[50:]) < 0.05
+
+
+@pytest.mark.parametrize("count", [None, 7])
+def test_blocks_share_the_information(count):
+    """Equal information in each, none shorter than asked, though half of the record tells nothing."""
+    information = np.where(np.arange(3000) % 1000 < 500, 1.0, 0.0)
+    blocks = equal_blocks(information, 100.0, count)
+    shares = np.bincount(blocks, information)
+    assert len(shares) == (15 if count is None else 7)
+    assert shares == pytest.approx(shares.mean(), abs=1.0)
+    assert np.bincount(blocks).min() >= 100
+    assert len(np.unique(equal_blocks(np.r_[np.full(50, 20.0), np.full(950, 1.0)], 100.0, 10))) == 5
 
 
 def test_too_few_stretches_and_unobservable_are_refused():

@@ -24,7 +24,7 @@ def biases(cutoff: float, smoothed: str) -> np.ndarray:
         evidence = (regression_equations if smoothed == "both" else one_sided)([record], ARM, cutoff)
         columns = evidence.low_passed_columns(range(len(evidence.names))) if smoothed == "both" else evidence.columns
         seen = identifiability(evidence.columns, evidence.names)
-        blocks = evidence.stretches(0.3)
+        blocks = evidence.blocks(0.3)
         record = RegressionRecord.of(columns, evidence.low_passed_torque(0.0), blocks, used=evidence.moving)
         result = base_parameters(record, seen)
         found.append([result.estimate(moment).value for moment in MOMENTS])
@@ -75,7 +75,7 @@ def test_rest_is_left_out():
 def test_stretches_are_long_enough_and_within_a_record():
     """Stretches last at least as asked, and none holds samples of two records."""
     evidence = regression_equations([arms.record(ARM, seed=s) for s in (0, 1)], ARM, 5.0)
-    stretches = evidence.stretches(0.4)
+    stretches = evidence.blocks(0.4)
     assert np.bincount(stretches).min() >= 0.4 * arms.RATE
     half = len(stretches) // 2
     assert set(stretches[:half]).isdisjoint(stretches[half:])

@@ -88,6 +88,34 @@ def run(
     return MemoryRun(Path("linkage.h5"), tuple(groups), "simulated", conditions, text, (), {"data": data})
 
 
+def exact_run(mechanism: Mechanism, seconds: float = 6.0, rate: float = 500.0) -> MemoryRun:
+    """Encoders, torques and a force plate on one logger, without noise; the motion has nothing above 10 Hz.
+
+    Cosines within a Gaussian window, derivatives written out: filters and splines change them by 1e-11 of their size.
+    The same forwards and backwards in time, so that sensors show the same at rest before and after.
+    """
+    time = np.arange(0.0, seconds, 1.0 / rate)
+    home = np.array([mechanism.home[mechanism.coordinate_index(joint)] for joint in mechanism.driven])
+    z = (time - 0.5 * time[-1])[:, None] / (seconds / 14.0)
+    omega = 2 * np.pi * np.array([1.1, 1.7])[: len(home)]
+    rate_of_window = 14.0 / seconds
+    wave = 0.6 * np.exp(-0.5 * z**2 + 1j * omega * (time[:, None] - 0.5 * time[-1]))
+    slope = 1j * omega - z * rate_of_window
+    samples = Samples(
+        time, home + wave.real, (slope * wave).real, ((slope**2 - rate_of_window**2) * wave).real, mechanism.driven
+    )
+    path = Closure(mechanism).follow(samples)
+    response = simulate(mechanism, path)
+    values = {f"q_{j}": path.q[:, mechanism.coordinate_index(j)] for j in mechanism.driven}
+    values |= {f"tau_{j}": response.torque[j] for j in mechanism.driven}
+    names = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+    values |= dict(zip(names, np.hstack([response.force, response.moment]).T, strict=True))
+    text = rig_text(mechanism).partition("[sensors.base_acc]")[0].replace('logger = "plate"', 'logger = "drive"')
+    data: dict[str, np.ndarray] = {}
+    group = _group("drive", values, data, rate)
+    return MemoryRun(Path("exact.h5"), (group,), "simulated", {"counter_masses": {}}, text, (), {"data": data})
+
+
 UNITS = {"q": "rad", "t": "N m", "F": "N", "M": "N m", "a": "m/s^2"}
 
 

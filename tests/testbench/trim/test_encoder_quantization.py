@@ -13,8 +13,8 @@ from balance.motion import Samples
 from studies import simulated_runs as memory
 from testbench.kinematics.smoothing_and_derivatives import smoothed_derivatives
 from testbench.trim.encoder_quantization import per_reading, step_covariance, wrench_slopes
-from testbench.trim.regression_blocks import regression_records, shared_unknowns
-from testbench.trim.vibration_regression import parameter_basis, shaken_base, vibration_regression
+from testbench.trim.problem import parameter_basis, shared_unknowns, with_shared_unknowns
+from testbench.trim.vibration_regression import shaken_base, vibration_regression
 
 STEP = 4.8e-5
 """Of the encoders [rad]."""
@@ -28,9 +28,9 @@ def case():
     runs = memory.aligned(seen, mechanism)
     found = conditions.balance_conditions(runs[0].mechanism)
     moved = [shaken_base(run, 40.0) for run in runs]
-    parts = [vibration_regression(run, found) for run in moved]
-    turned = shared_unknowns(parts)
-    fit = imbalance_fit(regression_records(parts, turned), found)
+    records = [vibration_regression(run, found).record for run in moved]
+    turned = shared_unknowns(records, found.rank)
+    fit = imbalance_fit(with_shared_unknowns(records, found.rank, turned), found)
     basis = parameter_basis(found)
     pi = basis[:, : found.rank] @ fit.imbalance.values + basis[:, found.rank :] @ (turned @ fit.shared)
     return moved, runs[0].encoders, found, turned, fit, pi
@@ -58,10 +58,9 @@ def test_values_move_by_the_derivatives(case):
     )
     changed = []
     for sign in (1.0, -1.0):
-        parts = [
-            vibration_regression(elsewhere(run, joints, sign * d), found) for run, d in zip(moved, more, strict=True)
-        ]
-        changed.append(imbalance_fit(regression_records(parts, turned), found).imbalance.values)
+        others = [elsewhere(run, joints, sign * d) for run, d in zip(moved, more, strict=True)]
+        records = [vibration_regression(run, found).record for run in others]
+        changed.append(imbalance_fit(with_shared_unknowns(records, found.rank, turned), found).imbalance.values)
     assert 0.5 * (changed[0] - changed[1]) == pytest.approx(expected, abs=0.1 * np.abs(expected).max())
 
 

@@ -12,7 +12,7 @@ from studies.trim import BENCHES
 from testbench import rig as rigs
 from testbench.errors import AnalysisError
 from testbench.trim import trim_runs
-from testbench.trim.document import draw
+from testbench.trim.figure import draw
 from testbench.trim.result import trim_document
 
 from ..coverage import assert_holds

@@ -3,8 +3,10 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from balance.estimation.first_moment_imbalance import MissingMass
+
 from ..figures import style
-from .result import Missing, Trim
+from .result import Trim
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,7 +40,7 @@ def _level(result: Trim) -> str:
 
 def _site(axes: "Axes", result: Trim, k: int) -> None:
     before, after = result.missing[k], result.left()[k]
-    shown: list[tuple[str, Missing, str]] = [(s.source, s.missing[k], _COLOURS[s.source]) for s in result.shares]
+    shown: list[tuple[str, MissingMass, str]] = [(s.source, s.missing[k], _COLOURS[s.source]) for s in result.shares]
     if len(result.shares) > 1:
         shown.append(("all", before, style.TARGET))
     shown.append(("with what is added", after, style.WITHOUT))
@@ -51,13 +53,13 @@ def _site(axes: "Axes", result: Trim, k: int) -> None:
     axes.set_title(f"{before.site}: {plates}")
 
 
-def _bars(axes: "Axes", shown: Sequence[tuple[str, Missing, str]]) -> None:
+def _bars(axes: "Axes", shown: Sequence[tuple[str, MissingMass, str]]) -> None:
     for place, (_, one, colour) in enumerate(shown):
         low, high = one.interval
         axes.errorbar(
             place,
-            one.first_moment,
-            [[one.first_moment - low], [high - one.first_moment]],
+            one.first_moment.value,
+            [[one.first_moment.value - low], [high - one.first_moment.value]],
             fmt="o",
             capsize=5,
             color=colour,
