@@ -1,17 +1,32 @@
-"""Base parameters of a mechanism: the combinations that a record determines, by least squares, and what follows.
+"""Base parameters of a mechanism: the combinations that a record determines, and bodies that may have them.
 
 tau = W pi, W = W[pivots] @ combinations: the base parameters b = combinations @ pi are solved for, nothing else.
+
+A body can exist if its pseudo-inertia, the 4 x 4 matrix [[S, h], [h', m]] of its density's second moments S, first
+moments h and mass m, is positive definite; S = tr(I)/2 1 - I (Wensing, Kim, Slotine, IEEE Robot. Autom. Lett. 3, 2018).
+Frictions and drive inertias are not negative. What a record determines leaves a set of parameters: the one that is
+given is nearest to those of the mechanism's file in the metric tr((P0^-1 dP)^2), which no choice of frame or unit
+changes (Lee, Park, IEEE Robot. Autom. Lett. 3, 2018). Both are convex programmes, solved to a proven optimum.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..arrays import Floats
+from ..errors import DataError
+from ..mechanism.mechanism import PARAMETERS, Mechanism
 from .estimate import Estimate
 from .identifiability import Identifiability
 from .regression import RegressionFit, RegressionRecord, fit
+
+LEAST_SHARE = 1e-3
+"""Pseudo-inertias are kept above this share of those of the file: definite, not merely semidefinite."""
+FEASIBLE_SIGMA = 1e-3
+"""Distance of the nearest feasible set, in standard errors, up to which the free estimate counts as feasible."""
+_SIZE = 4
+_NOT_NEGATIVE = ("coulomb[", "viscous[", "armature[")
 
 
 @dataclass(frozen=True)
@@ -53,3 +68,163 @@ def base_parameters(record: RegressionRecord, identifiability: Identifiability) 
     if record.columns.shape[2] != identifiability.rank:
         record = replace(record, columns=identifiability.base_columns(record.columns))
     return BaseParameters(identifiability, fit([record], conditions=identifiability.first_moments))
+
+
+@dataclass(frozen=True)
+class Consistent:
+    """The nearest parameters that bodies can have."""
+
+    parameters: Floats
+    """All parameters, (p,): what the record does not determine is as near as may be to the file's."""
+    base: Floats
+    """Base parameters of these, (r,)."""
+    distance: float
+    """From the free estimate, in standard errors (Mahalanobis): zero where that is feasible."""
+
+    @property
+    def free_is_feasible(self) -> bool:
+        """Whether bodies exist that have the free estimate's base parameters."""
+        return self.distance <= FEASIBLE_SIGMA
+
+    def least_eigenvalue(self) -> float:
+        """Smallest eigenvalue over all bodies' pseudo-inertias, of the part that the parameters name [SI]."""
+        bodies = self.parameters[: len(self.parameters) // len(PARAMETERS) * len(PARAMETERS)]
+        return min(float(np.linalg.eigvalsh(pseudo_inertia(row))[0]) for row in bodies.reshape(-1, len(PARAMETERS)))
+
+
+def pseudo_inertia(row: Floats) -> Floats:
+    """The 4 x 4 pseudo-inertia of a body's ten parameters, about the origin of its frame [kg m2, kg m, kg]."""
+    m, x, y, z, xx, xy, yy, xz, yz, zz = row
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    moments = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    return np.block([[moments, np.array([[x], [y], [z]])], [np.array([[x, y, z, m]])]])
+
+
+def consistent(identified: BaseParameters, mechanism: Mechanism, file: Floats) -> Consistent:
+    """The nearest feasible base parameters, then the member of their set that is nearest to ``file`` (p,).
+
+    Raises DataError where the solver proves no optimum.
+    """
+    combinations = identified.identifiability.combinations
+    problem = _Problem(mechanism, identified.identifiability.names, file)
+    errors = np.sqrt(np.diag(identified.covariance))
+    floor = 1e-9 * max(float(np.abs(identified.values).max()), 1e-12)
+    whiten = _inverse_root(identified.covariance, np.maximum(errors, floor))
+    nearest = problem.solve(whiten @ combinations, whiten @ identified.values, 1e-8)
+    distance = float(np.linalg.norm(whiten @ (combinations @ nearest - identified.values)))
+    base = identified.values if distance <= FEASIBLE_SIGMA else combinations @ nearest
+    member = problem.solve(whiten @ combinations / _TIGHT, whiten @ base / _TIGHT, 1.0)
+    return Consistent(member, combinations @ member, distance)
+
+
+_TIGHT = 1e-3
+"""Standard errors by which the member may miss the base parameters."""
+
+
+def _inverse_root(covariance: Floats, errors: Floats) -> Floats:
+    """A matrix T with T' T = covariance^-1; directions that so few stretches do not tell apart count with 1e-4."""
+    values, vectors = np.linalg.eigh(covariance / np.outer(errors, errors))
+    return np.asarray((vectors / np.sqrt(np.maximum(values, 1e-4))).T / errors)
+
+
+class _Problem:
+    """min |A pi - b|^2 + w d(pi, file)^2 over parameters of bodies that exist."""
+
+    def __init__(self, mechanism: Mechanism, names: Sequence[str], file: Floats) -> None:
+        self.names, self.file = names, file
+        self.bodies = len(mechanism.bodies)
+        self.reference = [_definite(row) for row in mechanism.parameters]
+        self.scale = self._scale()
+
+    def _scale(self) -> Floats:
+        """Sizes by which the unknowns are counted, so that the solver sees numbers near one, (p,)."""
+        roots = [np.sqrt(np.diag(reference)) for reference in self.reference]
+        units = [pseudo_inertia(unit) for unit in np.eye(len(PARAMETERS))]
+        sizes = [np.abs(unit / np.outer(root, root)).max() for root in roots for unit in units]
+        rest = np.maximum(np.abs(self.file[len(sizes) :]), 0.1)
+        return np.concatenate([1.0 / np.array(sizes), rest])
+
+    def solve(self, rows: Floats, wanted: Floats, weight: float) -> Floats:
+        """The optimum, (p,)."""
+        import clarabel
+        from scipy import sparse
+
+        distance, from_file = self._distance()
+        matrix = np.concatenate([rows * self.scale, np.sqrt(weight) * distance])
+        target = np.concatenate([wanted, np.sqrt(weight) * from_file])
+        cone_rows, cone_right, cones = self._cones()
+        count, slack = matrix.shape[1], matrix.shape[0]
+        # min |s|^2 with s = matrix x - target as unknowns of their own: far better conditioned than matrix' matrix
+        cost = sparse.diags_array(np.concatenate([np.zeros(count), np.ones(slack)]), format="csc")
+        equal = np.hstack([matrix, -np.eye(slack)])
+        held = np.hstack([cone_rows, np.zeros((len(cone_rows), slack))])
+        settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
+        solver = clarabel.DefaultSolver(
+            sparse.csc_matrix(cost),
+            np.zeros(count + slack),
+            sparse.csc_matrix(np.vstack([equal, held])),
+            np.concatenate([target, cone_right]),
+            [clarabel.ZeroConeT(slack), *cones],
+            settings,
+        )
+        solution = solver.solve()
+        if str(solution.status) not in {"Solved", "AlmostSolved"}:
+            raise DataError(f"no proven set of bodies for these parameters: the conic solver says {solution.status}")
+        return np.asarray(solution.x[:count]) * self.scale
+
+    def _distance(self) -> tuple[Floats, Floats]:
+        """Rows D and D x_file with |D x - D x_file|^2 = sum of tr((P0^-1 dP)^2) and of relative terms, squared."""
+        count = len(self.names)
+        rows: list[Floats] = []
+        for body, reference in enumerate(self.reference):
+            root = np.linalg.inv(np.linalg.cholesky(reference))
+            block = np.zeros((_SIZE * _SIZE, count))
+            for k, unit in enumerate(np.eye(len(PARAMETERS))):
+                place = body * len(PARAMETERS) + k
+                block[:, place] = (root @ pseudo_inertia(unit) @ root.T).ravel() * self.scale[place]
+            rows.append(block)
+        rest = np.eye(count)[self.bodies * len(PARAMETERS) :]
+        whole = np.concatenate([*rows, rest])
+        return whole, whole @ (self.file / self.scale)
+
+    def _cones(self) -> tuple[Floats, Floats, list[object]]:
+        """A, b and cones of b - A x in cones: pseudo-inertias above their least share, terms not negative."""
+        import clarabel
+
+        count = len(self.names)
+        rows, right, cones = [], [], []
+        for body, reference in enumerate(self.reference):
+            root = np.linalg.inv(np.linalg.cholesky(reference))
+            block = np.zeros((_SIZE * (_SIZE + 1) // 2, count))
+            for k, unit in enumerate(np.eye(len(PARAMETERS))):
+                place = body * len(PARAMETERS) + k
+                block[:, place] = -_triangle(root @ pseudo_inertia(unit) @ root.T) * self.scale[place]
+            rows.append(block)
+            right.append(-LEAST_SHARE * _triangle(np.eye(_SIZE)))
+            cones.append(clarabel.PSDTriangleConeT(_SIZE))
+        terms = [k for k, name in enumerate(self.names) if name.startswith(_NOT_NEGATIVE)]
+        if terms:
+            rows.append(-np.eye(count)[terms])
+            right.append(np.zeros(len(terms)))
+            cones.append(clarabel.NonnegativeConeT(len(terms)))
+        return np.concatenate(rows), np.concatenate(right), cones
+
+
+def _triangle(matrix: Floats) -> Floats:
+    """Upper triangle, column by column, entries beside the diagonal times sqrt(2): the solver's form."""
+    return np.array(
+        [matrix[i, j] * (1.0 if i == j else np.sqrt(2.0)) for j in range(len(matrix)) for i in range(j + 1)]
+    )
+
+
+def _definite(row: Floats) -> Floats:
+    """A body's pseudo-inertia in its file, made definite where a point mass or a plate has none across it."""
+    matrix = pseudo_inertia(row)
+    mass = max(float(row[0]), 1e-6)
+    size = max(float(np.trace(matrix[:3, :3])) / mass, 1e-6)
+    scale = np.sqrt([mass * size] * 3 + [mass])
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    whole = (vectors * np.maximum(values, 1e-4)) @ vectors.T
+    return np.asarray(whole * np.outer(scale, scale))

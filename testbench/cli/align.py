@@ -66,8 +66,8 @@ def align(
     from .. import rig as rigs
     from ..kinematics.encoder_motion import loaded_mechanism, mechanism_of
     from ..runs.si_run import SIRun
-    from ..synchronization import METHODS
     from ..synchronization import run_alignment as clocks
+    from ..synchronization.event_alignment import METHODS
 
     if by == "trigger" and not pair:
         raise click.UsageError("--by trigger needs --pair: the channel of each logger that holds the trigger")

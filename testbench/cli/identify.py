@@ -14,7 +14,7 @@ from balance.errors import DataError
 
 from ..identification import Identification, Value
 from ..identification.estimators import NAMES
-from ..identification.validation import Validation
+from ..identification.result import Validation
 from . import options as calibrations
 from . import options as stored_runs
 
@@ -218,7 +218,7 @@ def identify(mechanism: str, runs: tuple[Path, ...], figure: Path | None, as_jso
     from .. import rig as rigs
     from ..identification import identify as identified
     from ..identification.records import assemble
-    from ..identification.validation import validate
+    from ..identification.result import validate
     from ..runs.aligned_run import AlignedRun
     from ..runs.si_run import SIRun
 

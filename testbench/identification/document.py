@@ -11,8 +11,7 @@ from .cross_validation import CUTOFFS_HZ, STRETCHES
 from .diagnostics import Explanation
 from .estimators import NAMES
 from .records import LONGEST_DELAY_S
-from .result import CounterMassValue, Identification, Value
-from .validation import Validation
+from .result import CounterMassValue, Identification, Validation, Value
 
 RULE = (
     f"least torque error of least squares, as recorded, on {STRETCHES} held-out stretches, of cut-offs "

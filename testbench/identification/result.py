@@ -1,6 +1,7 @@
-"""Combinations of parameters as identified, and what their units are.
+"""What records say of a mechanism, and how well that foretells runs which had no part in it.
 
-What a record says of a mechanism: observable combinations with intervals, first moments, counter-masses.
+Observable combinations of parameters with intervals, first moments, counter-masses; torques and forces of separate runs
+against what the parameters predict of them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,18 +14,29 @@ from balance.arrays import Floats
 from balance.balancing import conditions
 from balance.balancing.conditions import text_of
 from balance.dynamics.regressor import JOINT_TERMS
-from balance.estimation.base_parameters import BaseParameters
+from balance.errors import ModelError
+from balance.estimation.base_parameters import BaseParameters, Consistent, consistent
 from balance.estimation.estimate import Estimate
 from balance.estimation.first_moment_imbalance import masses_per_value
 from balance.estimation.identifiability import NotIdentifiable
-from balance.estimation.physical_consistency import Consistent, consistent
 from balance.mechanism.mechanism import Mechanism
 
+from ..errors import AnalysisError
 from ..loads.shaking_wrench import COMPONENTS
 from ..recording import Origin
-from .cross_validation import Candidate, Choice, MethodErrors, compare, unexplained
+from .cross_validation import (
+    FOLDS,
+    Candidate,
+    Choice,
+    MethodErrors,
+    SimulationError,
+    compare,
+    simulation_errors,
+    unexplained,
+)
 from .estimators import Method
-from .records import LONGEST_DELAY_S
+from .records import LONGEST_DELAY_S, JointRecord
+from .regression_equations import RegressionEquations, regression_equations
 
 _TERM_UNITS = {
     "coulomb": ("N", "N m"), "viscous": ("N s/m", "N m s"), "offset": ("N", "N m"), "armature": ("kg", "kg m^2"),
@@ -87,6 +99,9 @@ FAIR_CONDITION = 30.0
 POOR_CONDITION = 100.0
 """Of the base columns, scaled to unit length, from which an excitation is no longer good, and poor (Gautier, Khalil,
 Int. J. Robot. Res. 11, 1992)."""
+OWN_FACTOR = 2.0
+NEGLIGIBLE = 0.05
+"""What stays unexplained may be so many times what did on held-out stretches of the identifying runs, or so little."""
 DOUBTFUL_WIDTH = 0.5
 """Half of an interval, as a part of the largest first moment, from which a first moment is doubtful."""
 
@@ -285,3 +300,73 @@ class Identification:
         except NotIdentifiable as error:
             raise NotIdentifiable(f"no counter-mass for {site}: {error}") from error
         return CounterMassValue(site, position, mass, self.value(lever * row, f"first_moment[{site}]", "kg m"))
+
+
+@dataclass(frozen=True)
+class Validation:
+    """How well an identification foretells separate runs."""
+
+    result: Identification
+    runs: tuple[str, ...]
+    evidence: RegressionEquations
+    """Of the separate runs, at the cut-off of the identification."""
+
+    @cached_property
+    def rms_ratio(self) -> Floats:
+        """Part of each row as recorded that stays unexplained, (rows,)."""
+        predicted = self.result.identified.predict(self.evidence.columns)
+        return unexplained(self.evidence.torque(self._delay), predicted, self.evidence.moving)
+
+    @cached_property
+    def rms_ratio_in_band(self) -> Floats:
+        """The same below the cut-off, (rows,)."""
+        found = self.result.identified
+        predicted = self.evidence.low_passed_columns(found.identifiability.pivots) @ found.values
+        return unexplained(self.evidence.low_passed_torque(self._delay), predicted, self.evidence.moving)
+
+    @cached_property
+    def angles(self) -> SimulationError | None:
+        """How far simulated angles stray; None for loops, and where there are no torques."""
+        if not self.result.joints:
+            return None
+        found = self.result.identified
+        same = np.tile(found.values, (FOLDS, 1))
+        try:
+            return simulation_errors(
+                self.evidence, self.result.mechanism, found.identifiability.pivots, [same], self._delay
+            )[0]
+        except ModelError:
+            return None
+
+    def doubts(self) -> list[str]:
+        """Rows that the parameters do not foretell."""
+        doubts = []
+        for row, ratio, own in zip(
+            self.result.rows, self.rms_ratio_in_band, self.result.rms_ratio_in_band, strict=True
+        ):
+            if ratio > min(DOUBTFUL_RATIO, max(NEGLIGIBLE, OWN_FACTOR * own)):
+                doubts.append(
+                    f"{', '.join(self.runs)}: {ratio:.0%} of {self.result.named(row)} below the cut-off stays "
+                    f"unexplained, {own:.0%} did in the runs identified from"
+                )
+        return doubts
+
+    @property
+    def _delay(self) -> float:
+        return self.result.chosen.delay
+
+
+def validate(result: Identification, records: Sequence[JointRecord]) -> Validation:
+    """Hold an identification against records of the same sensors.
+
+    Raises AnalysisError if a record is among those identified from, or measured something else.
+    """
+    names = tuple(record.name for record in records)
+    if twice := set(names) & set(result.runs):
+        raise AnalysisError(f"{', '.join(sorted(twice))}: identified from, so it proves nothing: expected other runs")
+    for record in records:
+        if record.rows(result.mechanism) != result.rows:
+            raise AnalysisError(
+                f"{record.name}: measured {', '.join(record.rows(result.mechanism))}, expected {', '.join(result.rows)}"
+            )
+    return Validation(result, names, regression_equations(records, result.mechanism, result.chosen.cutoff))

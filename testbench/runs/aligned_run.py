@@ -19,7 +19,6 @@ from ..kinematics.gaps import Gaps, gap_reach
 from ..kinematics.motion_onset import moving_interval
 from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF, Grid, grid_of, low_pass
 from ..rig.sensors import Encoder
-from ..synchronization import run_alignment
 from ..synchronization.clock_map import ClockMap, same_clock
 from .si_run import Mask, SIRun
 
@@ -145,4 +144,6 @@ class AlignedRun:
 
 def recorded_clocks(run: SIRun) -> dict[str, ClockMap]:
     """The newest recorded maps of a run's clocks onto that of its encoders; empty where there is none."""
-    return run_alignment.stored_clock_maps(run.path, group_of_encoders(run)) if run.path.parent.is_dir() else {}
+    from ..synchronization.run_alignment import stored_clock_maps
+
+    return stored_clock_maps(run.path, group_of_encoders(run)) if run.path.parent.is_dir() else {}

@@ -14,7 +14,8 @@ from balance.arrays import Floats, Indices
 from ..errors import AnalysisError
 from .clock_map import ASSUMED_DRIFT, MANY_DEGREES_OF_FREEDOM, PPM, ClockMap
 from .coarse_lag import CoarseLag
-from .offset_and_drift import LARGEST_DRIFT, AlignedClock, refine_clock
+from .offset_and_drift import LARGEST_DRIFT, AlignedClock, by_correlation, refine_clock
+from .run_alignment import AlignmentMethod
 from .signal_preparation import PreparedSignals, SharedSignals, prepare
 
 MATCHING_DEVIATIONS = 5.0
@@ -212,3 +213,7 @@ def trigger_edges(name: str, time: Floats, values: Floats) -> Events:
     return Events(
         0.5 * (time[before] + time[after]), max(step, widest) / np.sqrt(12.0), (float(time[0]), float(time[-1]))
     )
+
+
+METHODS: dict[str, AlignmentMethod] = {"correlation": by_correlation, "tap": by_taps, "trigger": by_trigger}
+"""The ways to align two clocks, by name."""

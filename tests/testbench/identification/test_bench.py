@@ -11,7 +11,7 @@ from testbench.errors import AnalysisError
 from testbench.identification import identify
 from testbench.identification.diagnostics import Explanation
 from testbench.identification.records import assemble
-from testbench.identification.validation import validate
+from testbench.identification.result import validate
 from testbench.store import open_campaign
 
 from ..conftest import conditions

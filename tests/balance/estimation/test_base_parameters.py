@@ -4,9 +4,15 @@ import numpy as np
 import pytest
 
 from balance.dynamics.regressor import joint_friction_regressor, torque_regressor
-from balance.estimation.base_parameters import BaseParameters, base_parameters
+from balance.estimation.base_parameters import (
+    LEAST_SHARE,
+    BaseParameters,
+    Consistent,
+    base_parameters,
+    consistent,
+    pseudo_inertia,
+)
 from balance.estimation.identifiability import identifiability
-from balance.estimation.physical_consistency import LEAST_SHARE, Consistent, consistent, pseudo_inertia
 from balance.estimation.regression import RegressionRecord
 from balance.mechanism.mjcf_parser import load_mechanism
 
