@@ -1,25 +1,25 @@
-"""The tables of ``testbench identify``.
-
-``testbench identify``.
-"""
+"""``testbench identify``, and its tables."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from balance.cli.framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 from balance.errors import DataError
 
-from ..identification import Identification, Value
-from ..identification.estimators import NAMES
-from ..identification.result import Validation
 from . import options as calibrations
 from . import options as stored_runs
 
+if TYPE_CHECKING:
+    from ..identification import Identification, Value
+    from ..identification.result import Validation
 
-def print_result(result: Identification, validation: Validation | None = None, left_out: Sequence[str] = ()) -> None:
+
+def print_result(
+    result: "Identification", validation: "Validation | None" = None, left_out: Sequence[str] = ()
+) -> None:
     """The tables for people."""
     about = f"{result.mechanism.name} from {', '.join(result.runs)} (origin {result.origin})"
     header = ["", "value", "unit", "95 % interval", "in MECH's file"]
@@ -43,8 +43,10 @@ def print_result(result: Identification, validation: Validation | None = None, l
     click.echo("\n".join([*_notes(result), *left_out, *_verdict(result, validation)]))
 
 
-def _methods(result: Identification) -> tuple[list[str], list[list[str]]]:
+def _methods(result: "Identification") -> tuple[list[str], list[list[str]]]:
     """Header and rows."""
+    from ..identification.estimators import NAMES
+
     rows = [
         [
             f"{one.method}: {NAMES[one.method]}" + (" (used)" if one.method == result.method else ""),
@@ -57,18 +59,18 @@ def _methods(result: Identification) -> tuple[list[str], list[list[str]]]:
     return ["", f"{_kind(result)} unexplained", "simulated angle off by, rms [rad]", "first moments [kg m]"], rows
 
 
-def _kind(result: Identification) -> str:
+def _kind(result: "Identification") -> str:
     """What was measured: torques, forces and moments, or both."""
     forces = len(result.rows) > len(result.joints)
     return " and ".join([*(["torque"] if result.joints else []), *(["force"] if forces else [])])
 
 
-def _values(result: Identification, method: str) -> list[str]:
+def _values(result: "Identification", method: str) -> list[str]:
     moments = [value for value in result.first_moments() if value.in_file] or result.first_moments()
     return [", ".join(f"{value.value if method == result.method else value.variants[method]:.4f}" for value in moments)]
 
 
-def _notes(result: Identification) -> list[str]:
+def _notes(result: "Identification") -> list[str]:
     """What stands below the tables: how much is unexplained, how it was chosen, what is determined."""
     chosen, seen = result.chosen, result.identified.identifiability
     shares = zip(result.rows, result.rms_ratio_in_band, result.rms_ratio, strict=True)
@@ -91,7 +93,7 @@ def _notes(result: Identification) -> list[str]:
     ]
 
 
-def _scale(result: Identification) -> list[str]:
+def _scale(result: "Identification") -> list[str]:
     """A scale of all torques, where masses that are known to differ tell it; else that it is not told."""
     from ..identification.diagnostics import SCALE_UNKNOWN, Explanation
 
@@ -104,7 +106,7 @@ def _scale(result: Identification) -> list[str]:
     return [f"Scale of the torques by masses known to differ: {scale.value:.3f}, 95 %: {low:.3f} .. {high:.3f}."]
 
 
-def _bodies(result: Identification) -> str:
+def _bodies(result: "Identification") -> str:
     try:
         found = result.consistent
     except DataError as error:
@@ -117,14 +119,14 @@ def _bodies(result: Identification) -> str:
     )
 
 
-def _one_sided(result: Identification) -> list[str]:
+def _one_sided(result: "Identification") -> list[str]:
     if not result.joints:
         return []
     listed = "; ".join(f"{value.name} {_listed(value.one_sided)}" for value in result.first_moments() if value.in_file)
     return [f"Smoothing torque and rates but not positions, as is often done, is biased and would have given: {listed}"]
 
 
-def _verdict(result: Identification, validation: Validation | None) -> list[str]:
+def _verdict(result: "Identification", validation: "Validation | None") -> list[str]:
     lines = []
     doubts = result.doubts()
     if validation is not None:
@@ -140,7 +142,7 @@ def _verdict(result: Identification, validation: Validation | None) -> list[str]
     return [*lines, f"Verdict: {'doubtful' if doubts else 'usable'}", *(f"  {doubt}" for doubt in doubts)]
 
 
-def _named(result: Identification, row: str) -> str:
+def _named(result: "Identification", row: str) -> str:
     name = result.named(row)
     return name[0].upper() + name[1:]
 
@@ -153,12 +155,12 @@ def _listed(values: Mapping[str, float]) -> str:
     return ", ".join(f"{value:.4f} ({label})" for label, value in values.items())
 
 
-def _row(value: Value) -> list[str]:
+def _row(value: "Value") -> list[str]:
     number, interval = _cells(value, 4)
     return [value.name, number, value.unit, interval, f"{value.in_file:.4f}"]
 
 
-def _cells(value: Value, decimals: int) -> tuple[str, str]:
+def _cells(value: "Value", decimals: int) -> tuple[str, str]:
     low, high = value.interval
     return f"{value.value:.{decimals}f}", f"{low:.{decimals}f} .. {high:.{decimals}f}"
 

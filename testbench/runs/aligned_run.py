@@ -108,6 +108,8 @@ class AlignedRun:
         if group == self.reference:
             return same_clock((0.0, 0.0))
         if group not in self.known_clocks and group not in self._found:
+            from ..synchronization import run_alignment  # runs of one logger need none of it
+
             times = self.run.time(self.reference)
             drift = bool(times[-1] - times[0] >= LONG_S)
             found = run_alignment.align_run(
