@@ -122,7 +122,7 @@ _TIGHT = 1e-3
 
 
 def _inverse_root(covariance: Floats, errors: Floats) -> Floats:
-    """A matrix T with T' T = covariance^-1; directions that so few stretches do not tell apart count with 1e-4."""
+    """A matrix T with T' T = covariance^-1; directions that so few blocks do not tell apart count with 1e-4."""
     values, vectors = np.linalg.eigh(covariance / np.outer(errors, errors))
     return np.asarray((vectors / np.sqrt(np.maximum(values, 1e-4))).T / errors)
 

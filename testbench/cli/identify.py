@@ -32,7 +32,7 @@ def print_result(
     moments = [value for value in result.first_moments() if value.in_file] or result.first_moments()
     rows = [[value.name, *(f"{other:.4f}" for other in value.variants.values())] for value in moments]
     emit_table("First moments by other choices [kg m]", ["", *result.variants], rows)
-    emit_table("Methods on held-out stretches", *_methods(result))
+    emit_table("Methods on held-out blocks", *_methods(result))
     if result.mechanism.counter_sites and not result.undetermined_moments():
         rows = [
             [found.site, f"{found.position[0] * 1e3:.4g}", *_cells(found.mass, 3), *_cells(found.first_moment, 4)]
@@ -78,14 +78,14 @@ def _notes(result: "Identification") -> list[str]:
     delay = f", torques logged {abs(chosen.delay) * 1e3:.3g} ms {side} the motion" if result.joints else ""
     return [
         *(
-            f"{_named(result, row)} unexplained on held-out stretches: {below:.1%} below the cut-off, "
+            f"{_named(result, row)} unexplained on held-out blocks: {below:.1%} below the cut-off, "
             f"{raw:.1%} as recorded"
             for row, below, raw in shares
         ),
-        f"Cut-off {chosen.cutoff:.3g} Hz{delay}: chosen by the {_kind(result)} error on held-out stretches.",
+        f"Cut-off {chosen.cutoff:.3g} Hz{delay}: chosen by the {_kind(result)} error on held-out blocks.",
         f"{seen.rank} combinations of {len(seen.names)} parameters are observable; excitation {result.excitation}, "
         f"condition {seen.condition:.3g}. Not determined by themselves: {_few(seen.undetermined)}.",
-        f"Intervals: delete-block jackknife over {result.identified.fit.blocks} stretches, widened to contain the "
+        f"Intervals: delete-block jackknife over {result.identified.fit.blocks} blocks, widened to contain the "
         "other choices.",
         *_scale(result),
         _bodies(result),
@@ -211,7 +211,7 @@ def identify(mechanism: str, runs: tuple[Path, ...], figure: Path | None, as_jso
 
     What the runs determine is found before solving, and what they do not is named. MECH comes bare: payload and
     counter-masses are those of the first run's conditions, what other runs mounted beyond them is taken off. Cut-off
-    and delay are chosen by the torque error on held-out stretches. Intervals (95 %) contain the answers at half and
+    and delay are chosen by the torque error on held-out blocks. Intervals (95 %) contain the answers at half and
     double that cut-off, without the delay, and by the other methods.
     """
 

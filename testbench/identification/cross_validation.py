@@ -1,18 +1,18 @@
 """Which cut-off, and which delay between the torques and the positions, by a rule that is fixed beforehand.
 
-The rule: of CUTOFFS_HZ and of delays up to LONGEST_DELAY_S either way, those with the least torque error on stretches
-that were held out. The record is cut into STRETCHES equal stretches; parameters identified without two of them predict
+The rule: of CUTOFFS_HZ and of delays up to LONGEST_DELAY_S either way, those with the least torque error on blocks
+that were held out. The record is cut into BLOCKS equal blocks; parameters identified without two of them predict
 the torque **as recorded** there. Too low a cut-off smears the motion, too high a one lets in noise of accelerations;
 both show there. No published value has a part in it.
 
-Held-out stretches simulated forward: torque in, angles out, beside the angles that were recorded.
+Held-out blocks simulated forward: torque in, angles out, beside the angles that were recorded.
 
 Torque error favours least squares, which minimizes it; how far a simulation strays does not. A window is a held-out
-stretch, or its first WINDOW_S; it starts from the recorded state and is left alone. Open chains only.
+block, or its first WINDOW_S; it starts from the recorded state and is left alone. Open chains only.
 
-The methods side by side, by what was stated beforehand: error on held-out stretches, of torque and of angles.
+The methods side by side, by what was stated beforehand: error on held-out blocks, of torque and of angles.
 
-The same cut-off, delay, stretches and starting states for all of them; each stretch predicted without it. Torque error:
+The same cut-off, delay, blocks and starting states for all of them; each block predicted without it. Torque error:
 torque as recorded against the model along the recorded motion. Angle error: see ``simulation``.
 """
 
@@ -38,10 +38,10 @@ from .regression_equations import POSITION_BANDWIDTH, RecordEquations, Regressio
 CUTOFFS_HZ = tuple(1.25 * 2 ** (k / 2) for k in range(11))
 """Half octaves from 1.25 to 40 Hz: what arms and linkages of this size do and what their encoders resolve."""
 LEAST_PERIODS = 10.0
-"""Periods of the cut-off that the records must last, so that there are stretches to take an interval from."""
-STRETCHES = 10
+"""Periods of the cut-off that the records must last, so that there are blocks to take an interval from."""
+BLOCKS = 10
 FOLDS = 5
-"""Each holds out two stretches that are half a record apart."""
+"""Each holds out two blocks that are half a record apart."""
 MOST_DELAYS = 10
 """Tried either way, evenly."""
 GUARD_PERIODS = 0.25
@@ -50,7 +50,7 @@ GUARD_PERIODS = 0.25
 
 @dataclass(frozen=True)
 class Candidate:
-    """A cut-off [Hz] and a delay [s] with their torque error on held-out stretches, as a part of the torque's rms."""
+    """A cut-off [Hz] and a delay [s] with their torque error on held-out blocks, as a part of the torque's rms."""
 
     cutoff: float
     delay: float
@@ -66,7 +66,7 @@ class Choice:
     best_of_each: tuple[Candidate, ...]
     held_out: "CrossValidation"
     predicted: Floats
-    """Rows of each stretch as predicted without it, (n, rows) [N m, N]."""
+    """Rows of each block as predicted without it, (n, rows) [N m, N]."""
     predicted_smooth: Floats
     """The same from low-passed columns, to stand beside the low-passed torque."""
 
@@ -147,7 +147,7 @@ def _best(
 
 
 class CrossValidation:
-    """Predictions for stretches from the rest of the record."""
+    """Predictions for blocks from the rest of the record."""
 
     def __init__(self, evidence: RegressionEquations, mechanism: Mechanism, identifiable: Identifiability) -> None:
         self.evidence = evidence
@@ -155,7 +155,7 @@ class CrossValidation:
         pivots = list(identifiable.pivots)
         self.columns = evidence.columns[:, :, pivots]
         self.smooth_columns = evidence.low_passed_columns(pivots)
-        self.fold = np.arange(len(self.columns)) * STRETCHES // len(self.columns) % FOLDS
+        self.fold = np.arange(len(self.columns)) * BLOCKS // len(self.columns) % FOLDS
         self._methods: dict[float, Methods] = {}
         self._training = [_training(self.fold == k, evidence) for k in range(FOLDS)]
 
@@ -171,11 +171,11 @@ class CrossValidation:
         return self._methods[delay]
 
     def predict(self, parameters: Floats, columns: Floats) -> Floats:
-        """Torque of every stretch, from the parameters that were identified without it, (n, joints) [N m, N]."""
+        """Torque of every block, from the parameters that were identified without it, (n, joints) [N m, N]."""
         return np.einsum("njr,nr->nj", columns, parameters[self.fold])
 
     def error(self, delay: float, common: Floats | float = 1.0) -> float:
-        """Rms over the rows of the torque error on held-out stretches, as a part of the torque's rms, where ``common``.
+        """Rms over the rows of the torque error on held-out blocks, as a part of the torque's rms, where ``common``.
 
         That is one where samples count, (n, 1).
         """
@@ -240,17 +240,17 @@ def simulation_errors(
     """
     refuse_loops(mechanism)
     count = len(evidence.time)
-    stretch = np.arange(count) * STRETCHES // count
+    block = np.arange(count) * BLOCKS // count
     rms: list[Floats] = []
     first = 0
     for part in evidence.parts:
         inside = slice(first, first + len(part.inside(part.moving)))
         first = inside.stop
-        rms.append(_windows(part, mechanism, pivots, parameters, delay, stretch[inside]))
+        rms.append(_windows(part, mechanism, pivots, parameters, delay, block[inside]))
     if not sum(one.shape[1] for one in rms):
-        raise ModelError("gaps touch every held-out stretch: there is none to simulate")
+        raise ModelError("gaps touch every held-out block: there is none to simulate")
     step = evidence.parts[0].record.grid.step
-    seconds = min(_length(int(n), step) for n in np.bincount(stretch)) * step
+    seconds = min(_length(int(n), step) for n in np.bincount(block)) * step
     return [SimulationError(found, seconds) for found in np.concatenate(rms, axis=1)]
 
 
@@ -265,10 +265,10 @@ def _windows(
     pivots: tuple[int, ...],
     parameters: Sequence[Floats],
     delay: float,
-    stretch: Indices,
+    block: Indices,
 ) -> Floats:
     """How far each window of a record strays with each of the parameters, (sets, windows, joints)."""
-    labels, firsts, sizes = np.unique(stretch, return_index=True, return_counts=True)
+    labels, firsts, sizes = np.unique(block, return_index=True, return_counts=True)
     count = _length(int(sizes.min()), part.record.grid.step) + 1
     whole = part.inside(part.sound)[firsts[:, None] + np.arange(count), 0].all(axis=1)
     labels, firsts = labels[whole], firsts[whole]
@@ -302,7 +302,7 @@ def _inverse(mechanism: Mechanism, parameters: Floats) -> InverseDynamics:
 
 @dataclass(frozen=True)
 class MethodErrors:
-    """One method's errors on held-out stretches."""
+    """One method's errors on held-out blocks."""
 
     method: Method
     torque: Floats

@@ -7,14 +7,14 @@ from balance.errors import DataError
 
 from ..kinematics.gaps import GAP_FINDING
 from ..recording import Finding
-from .cross_validation import CUTOFFS_HZ, STRETCHES
+from .cross_validation import BLOCKS, CUTOFFS_HZ
 from .diagnostics import Explanation
 from .estimators import NAMES
 from .records import LONGEST_DELAY_S
 from .result import CounterMassValue, Identification, Validation, Value
 
 RULE = (
-    f"least torque error of least squares, as recorded, on {STRETCHES} held-out stretches, of cut-offs "
+    f"least torque error of least squares, as recorded, on {BLOCKS} held-out blocks, of cut-offs "
     f"{CUTOFFS_HZ[0]:g} to {CUTOFFS_HZ[-1]:g} Hz and delays up to {LONGEST_DELAY_S * 1e3:g} ms"
 )
 
@@ -44,7 +44,7 @@ def identification_document(result: Identification, validation: Validation | Non
         "torque_delay_s": result.chosen.delay,
         "interval": {
             "confidence": 0.95,
-            "statistical": f"delete-block jackknife over {result.identified.fit.blocks} stretches",
+            "statistical": f"delete-block jackknife over {result.identified.fit.blocks} blocks",
             "method": f"widened to contain: {', '.join(result.variants)}",
         },
         "evidence": Explanation(result).document(),
@@ -103,7 +103,7 @@ def _consistent(result: Identification) -> dict[str, Any]:
 def _validation(result: Identification, validation: Validation | None) -> dict[str, Any]:
     if validation is None:
         return {
-            "on": "held-out stretches",
+            "on": "held-out blocks",
             "rms_ratio": _by_row(result, result.rms_ratio),
             "rms_ratio_below_cutoff": _by_row(result, result.rms_ratio_in_band),
         }

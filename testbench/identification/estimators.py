@@ -126,7 +126,7 @@ Method = Literal["ls", "iv", "oe"]
 METHODS: tuple[Method, ...] = ("ls", "iv", "oe")
 NAMES = {"ls": "least squares", "iv": "instrumental variables", "oe": "output error"}
 BLOCK_PERIODS = {"ls": 1.0, "iv": 1.0, "oe": 1.5}
-"""Length of the stretches that are left out in turn for an interval, in periods of the cut-off: beyond half a period
+"""Length of the blocks that are left out in turn for an interval, in periods of the cut-off: beyond half a period
 what a low-pass leaves of white noise is no longer correlated; deviations remember longer."""
 PULL = 0.25
 """Frequency of the pull back to the recorded motion, in cut-offs: well below what the comparison looks at."""

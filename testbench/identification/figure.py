@@ -1,11 +1,11 @@
-"""Measured torque beside the torque that the identified model predicts for stretches it was not identified from."""
+"""Measured torque beside the torque that the identified model predicts for blocks it was not identified from."""
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..figures import style
-from .cross_validation import STRETCHES
+from .cross_validation import BLOCKS
 from .result import Identification, unit_of
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ _ORIGIN = {"measured": "", "simulated": "Simulated: ", "unstated": "Origin unsta
 
 
 def draw(result: Identification) -> "Figure":
-    """A panel a joint: torque as recorded, low-passed, and predicted for each held-out stretch from all others."""
+    """A panel a joint: torque as recorded, low-passed, and predicted for each held-out block from all others."""
     evidence, chosen = result.choice.evidence, result.chosen
     time = np.arange(len(evidence.time)) * evidence.parts[0].record.grid.step + evidence.time[0]
     shown = (evidence.torque(chosen.delay), evidence.low_passed_torque(chosen.delay), result.choice.predicted_smooth)
@@ -27,9 +27,9 @@ def draw(result: Identification) -> "Figure":
             axes.plot(time, raw[:, j], color=_RECORDED, lw=0.7, label="as recorded")
             axes.plot(time, smooth[:, j], color=style.TARGET, label=f"below {chosen.cutoff:.3g} Hz")
             axes.plot(time, predicted[:, j], color=style.WITH, ls="--",
-                      label="model, each stretch predicted from the others")  # fmt: skip
-            for k in range(1, STRETCHES):
-                axes.axvline(time[len(time) * k // STRETCHES], color="k", lw=0.4, alpha=0.3)
+                      label="model, each block predicted from the others")  # fmt: skip
+            for k in range(1, BLOCKS):
+                axes.axvline(time[len(time) * k // BLOCKS], color="k", lw=0.4, alpha=0.3)
             axes.set_ylabel(f"torque of {joint} [{unit_of(result.mechanism, f'offset[{joint}]')}]")
             axes.set_title(
                 f"unexplained: {result.rms_ratio_in_band[j]:.0%} below {chosen.cutoff:.3g} Hz, "

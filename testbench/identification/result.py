@@ -101,7 +101,7 @@ POOR_CONDITION = 100.0
 Int. J. Robot. Res. 11, 1992)."""
 OWN_FACTOR = 2.0
 NEGLIGIBLE = 0.05
-"""What stays unexplained may be so many times what did on held-out stretches of the identifying runs, or so little."""
+"""What stays unexplained may be so many times what did on held-out blocks of the identifying runs, or so little."""
 DOUBTFUL_WIDTH = 0.5
 """Half of an interval, as a part of the largest first moment, from which a first moment is doubtful."""
 
@@ -123,7 +123,7 @@ class Identification:
 
     @property
     def chosen(self) -> Candidate:
-        """Cut-off, delay, and torque error on held-out stretches."""
+        """Cut-off, delay, and torque error on held-out blocks."""
         return self.choice.chosen
 
     @property
@@ -143,7 +143,7 @@ class Identification:
 
     @cached_property
     def comparison(self) -> list[MethodErrors]:
-        """All methods side by side on held-out stretches."""
+        """All methods side by side on held-out blocks."""
         return compare(self.choice, self.mechanism, self.identified.identifiability)
 
     @cached_property
@@ -153,7 +153,7 @@ class Identification:
 
     @cached_property
     def rms_ratio(self) -> Floats:
-        """Part of each row as recorded that stays unexplained on held-out stretches, (rows,)."""
+        """Part of each row as recorded that stays unexplained on held-out blocks, (rows,)."""
         evidence = self.choice.evidence
         return unexplained(evidence.torque(self.chosen.delay), self.choice.predicted, evidence.moving)
 

@@ -1,4 +1,4 @@
-"""What the encoders' resolution leaves open in what the base's vibration says: no stretch of a record shows it.
+"""What the encoders' resolution leaves open in what the base's vibration says: no block of a record shows it.
 
 The readings r of an encoder move the columns, A(r) x = y, so that dx = -A^+ dA x: the gain of the least squares times
 the readings of a wrench that changes by dw = w_q dq + w_v dv + w_a da with the driven coordinates. That sum is taken

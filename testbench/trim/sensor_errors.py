@@ -1,4 +1,4 @@
-"""What the sensors' stated errors leave open: one value a campaign, the same in all stretches, so that none shows it.
+"""What the sensors' stated errors leave open: one value a campaign, the same in all blocks, so that none shows it.
 
 A sensor shows A s of what it is exposed to, A near one: where the rig states how far its entries scatter
 (``bench.errors``: sensitivity, cross-talk), each entry changes the readings by what it is exposed to. It is an unknown

@@ -37,7 +37,7 @@ CUTOFF_HZ = 30.0
 """Highest frequency of readings and pushes: the modes of a base on its mounts lie below."""
 POSITION_BANDWIDTH = 4.0
 """Cut-off of the positions, in cut-offs of the readings."""
-BESIDE = 1e-2
+LEAST_EXCITATION = 1e-2
 """Of what turns the base without pushing it: combinations excited less, relative to the strongest, are the file's."""
 PUSHES = 1e-6
 """Share of the largest component of the wrench below which one is none."""
@@ -98,10 +98,10 @@ def trial_mass_runs_imbalance(problem: TrimProblem, first: Mechanism, cutoff: fl
     size = np.max([np.abs(one.wrench @ first.pi).max(axis=0) for one in seen], axis=0)
     rows = np.flatnonzero(size > PUSHES * size.max())
     own, rest = np.linalg.pinv(conditions.matrix), null_space(conditions.matrix)
-    beside = rest @ excited_combinations([one.wrench[:, rows] @ rest for one in seen], BESIDE)
+    nuisance = rest @ excited_combinations([one.wrench[:, rows] @ rest for one in seen], LEAST_EXCITATION)
     at = trial_mass_response.transform_frequencies(max(float(one.time[-1]) for one in seen), cutoff)
     held = first.pi - own @ conditions.values(first)
-    each = [_trial(one, rows, np.hstack([own, beside]), held, at) for one in seen]
+    each = [_trial(one, rows, np.hstack([own, nuisance]), held, at) for one in seen]
     free = Subspace.at_sites(conditions, first, sites)
     return trial_mass_response.trial_mass_imbalance(each, at, conditions, conditions.values(first), free)
 
@@ -127,7 +127,7 @@ def refuse_dependent_masses(
         if "counter_masses" not in run.conditions:
             raise AnalysisError(
                 f"{run.name}: its conditions do not say which masses were mounted: put counter_masses into the "
-                "run table (nothing mounted is said too) and ingest with --runs"
+                "run table (also where nothing is mounted) and ingest with --runs"
             )
     first = runs[0].mechanism
     values = np.array([conditions.values(run.mechanism) - conditions.values(first) for run in runs])

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 MOVES = 1e-3
-"""Change of a joint's position in a stretch from which it moves there [rad, m]."""
+"""Change of a joint's position in a block from which it moves there [rad, m]."""
 
 
 class NoValidMotion(AnalysisError):
@@ -29,7 +29,7 @@ class NoValidMotion(AnalysisError):
 
 @dataclass(frozen=True)
 class ValidSamples:
-    """Where every record that counts holds samples; values there are smoothed stretch by stretch, zero elsewhere."""
+    """Where every record that counts holds samples; values there are smoothed block by block, zero elsewhere."""
 
     run: str
     grid: Grid

@@ -38,7 +38,7 @@ RINGING_S = 0.25
 """How long the base's ringing after the motion counts [s]."""
 IMPULSES = 3
 """Instants of a gap at which pushes stand for all that may have pushed."""
-ALIKE = 1e-6
+LEAST_SHARE = 1e-6
 """Ringings of the base that differ by less, relative to the strongest, are one."""
 
 
@@ -93,7 +93,7 @@ class ShakenBase:
                 pushes[i, :, 6 * k : 6 * k + 6] = np.eye(6)
             shown = self.smooth(self._shown(pushes))
             if shown.any():
-                found.append(shown @ excited_combinations([shown], ALIKE))
+                found.append(shown @ excited_combinations([shown], LEAST_SHARE))
         return np.concatenate(found, axis=2)
 
     def _shown(self, columns: Floats) -> Floats:

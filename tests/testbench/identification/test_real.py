@@ -84,7 +84,7 @@ def test_figure(result):
     assert len(panels) == 2
     labels = [line.get_label() for line in panels[0].get_lines()[:3]]
     assert labels[0] == "as recorded"
-    assert labels[2] == "model, each stretch predicted from the others"
+    assert labels[2] == "model, each block predicted from the others"
     assert figure.get_suptitle().startswith("Origin unstated: two-joint-arm")
     assert panels[0].get_ylabel() == "torque of J1 [N m]"
 

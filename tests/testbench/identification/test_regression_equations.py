@@ -75,7 +75,7 @@ def test_rest_is_left_out():
 def test_stretches_are_long_enough_and_within_a_record():
     """Stretches last at least as asked, and none holds samples of two records."""
     evidence = regression_equations([arms.record(ARM, seed=s) for s in (0, 1)], ARM, 5.0)
-    stretches = evidence.blocks(0.4)
-    assert np.bincount(stretches).min() >= 0.4 * arms.RATE
-    half = len(stretches) // 2
-    assert set(stretches[:half]).isdisjoint(stretches[half:])
+    blocks = evidence.blocks(0.4)
+    assert np.bincount(blocks).min() >= 0.4 * arms.RATE
+    half = len(blocks) // 2
+    assert set(blocks[:half]).isdisjoint(blocks[half:])
