@@ -47,7 +47,7 @@ class BaseParameters:
         return self.fit.covariance
 
     def estimate(self, combination: Mapping[str, float] | Floats) -> Estimate:
-        """Any identifiable combination, by names or as a vector over all parameters (p,).
+        """Any identifiable combination, by names or as a vector over all parameters (p,) [-].
 
         Raises NotIdentifiable, naming it, if the record does not determine it.
         """
@@ -101,7 +101,7 @@ def pseudo_inertia(row: Floats) -> Floats:
 
 
 def consistent(identified: BaseParameters, mechanism: Mechanism, file: Floats) -> Consistent:
-    """The nearest feasible base parameters, then the member of their set that is nearest to ``file`` (p,).
+    """The nearest feasible base parameters, then the member of their set that is nearest to ``file`` (p,) [SI].
 
     Raises DataError where the solver proves no optimum.
     """

@@ -95,7 +95,7 @@ class Region:
     """Of the long axis from the first value's axis to the second's [rad]."""
 
     def outline(self, points: int = 181) -> "np.typing.NDArray[np.complex128]":
-        """Its outline about zero, first value + i second value, closed, (points,)."""
+        """Its outline about zero, first value + i second value, closed, (points,) [unit of the values]."""
         u = np.linspace(0.0, 2.0 * np.pi, points)
         long, short = self.half_axes
         return np.asarray((long * np.cos(u) + 1j * short * np.sin(u)) * np.exp(1j * self.angle))
@@ -119,7 +119,7 @@ def standard_deviation_within(half_width: float, level: float = LEVEL) -> float:
 
 
 def effective_degrees_of_freedom(variances: Floats, degrees_of_freedom: Floats | float) -> float:
-    """Of a sum of variances (n,), each with its degrees of freedom (Welch, Satterthwaite; JCGM 100:2008, G.4.1)."""
+    """Of a sum of variances (n,) [unit squared], each with its own (Welch, Satterthwaite; JCGM 100:2008, G.4.1)."""
     doubt = float(np.sum(np.square(variances) / degrees_of_freedom))
     total = float(np.sum(variances))
     return total**2 / doubt if doubt > 0.0 else np.inf
@@ -133,12 +133,12 @@ def student_quantile(probability: float, degrees_of_freedom: float = np.inf) -> 
 
 
 def student_tail(t: Floats, degrees_of_freedom: float) -> Floats:
-    """Probability that Student's t exceeds ``t``, of any shape."""
+    """Probability that Student's t exceeds ``t`` [-], of any shape (...,)."""
     return np.asarray(scipy.special.stdtr(degrees_of_freedom, -np.asarray(t)))
 
 
 def normal_quantile(probability: Floats) -> Floats:
-    """What the standard normal distribution stays below with probabilities of any shape."""
+    """What the standard normal distribution stays below with probabilities [-] of any shape (...,)."""
     return np.asarray(scipy.special.ndtri(probability))
 
 
@@ -148,7 +148,7 @@ def normal_probability(value: float) -> float:
 
 
 def log_normal_probability(value: Floats) -> Floats:
-    """Logarithm of the same, of any shape, exact far out in the tail."""
+    """Logarithm of the same, [-] of any shape (...,), exact far out in the tail."""
     return np.asarray(scipy.special.log_ndtr(value))
 
 

@@ -129,7 +129,7 @@ class Imbalance:
         return min((self.degrees_of_freedom_of(row) for row in rows), default=np.inf)
 
     def degrees_of_freedom_of(self, combination: Floats) -> float:
-        """Of the deviation of a combination (rank,).
+        """Of the deviation of a combination (rank,) [-].
 
         Those of the jackknife, times the square of the variance over the part that the jackknife estimates (Welch,
         Satterthwaite): what stated errors of sensors add is known.
@@ -142,7 +142,7 @@ class Imbalance:
         return min(self.regression.degrees_of_freedom(own) * max(added, 1.0) ** 2, 1e6)
 
     def is_fixed(self, combination: Floats) -> bool:
-        """Whether a combination (rank,) of the conditions' values was not estimated but fixed."""
+        """Whether a combination (rank,) [-] of the conditions' values was not estimated but fixed."""
         own = np.abs(self.subspace.directions @ combination).max(initial=0.0)
         return bool(own <= _FIXED * np.abs(combination).max(initial=0.0))
 
@@ -217,6 +217,6 @@ def with_condition_values(conditions: Conditions, mechanism: Mechanism, values: 
 
 
 def condition_columns(conditions: Conditions, regressor: Floats) -> Floats:
-    """The columns that the values of the conditions multiply, of a force regressor (n, 3, 10 nb), (n, 3, rank)."""
+    """Columns of a force regressor (n, 3, 10 nb) [N / parameter] that the conditions' values multiply, (n, 3, rank)."""
     pivots = [int(np.flatnonzero(row)[0]) for row in conditions.matrix]
     return np.asarray(regressor[:, :, pivots])

@@ -82,11 +82,11 @@ class Identifiability:
         return text_of(self.coefficients(row))
 
     def base_columns(self, regressor: Floats) -> Floats:
-        """The columns of a regressor (n, rows, p) that the base parameters multiply, (n, rows, r)."""
+        """Columns of a regressor (n, rows, p) that the base parameters multiply, (n, rows, r) [reading / parameter]."""
         return regressor[:, :, list(self.pivots)]
 
     def vector(self, coefficients: Mapping[str, float]) -> Floats:
-        """A combination given by names, over all parameters, (p,). Raises DataError for an unknown name."""
+        """A combination given by names, over all parameters, (p,) [-]. Raises DataError for an unknown name."""
         vector = np.zeros(len(self.names))
         for name, value in coefficients.items():
             if name not in self.names:
@@ -95,7 +95,7 @@ class Identifiability:
         return vector
 
     def share(self, vector: Floats) -> Floats:
-        """Coefficients (r,) over the base parameters that make up a combination of all parameters (p,).
+        """Coefficients (r,) [-] over the base parameters that make up a combination of all parameters (p,).
 
         Raises NotIdentifiable, naming the combination and what is observable instead.
         """
@@ -111,7 +111,7 @@ class Identifiability:
         return share
 
     def is_identifiable(self, vector: Floats) -> bool:
-        """Whether a combination of all parameters (p,) is determined."""
+        """Whether a combination of all parameters (p,) [-] is determined."""
         try:
             self.share(vector)
         except NotIdentifiable:
@@ -120,7 +120,7 @@ class Identifiability:
 
 
 def identifiability(regressor: Floats, names: Sequence[str]) -> Identifiability:
-    """Find what a regressor (n, rows, p) determines of the parameters ``names`` (p).
+    """Find what a regressor (n, rows, p) [reading / parameter] determines of the parameters ``names`` (p).
 
     Raises NotIdentifiable if nothing moves it at all.
     """

@@ -89,7 +89,7 @@ class RegressionRecord:
 
 
 def equal_blocks(information: Floats, shortest: float, count: int | None = None) -> Indices:
-    """Numbers of blocks that share the information (n,) of samples equally, (n,) from zero.
+    """Numbers of blocks that share the information (n,) [-] of samples equally, (n,) from zero.
 
     ``count`` of them, else as many as fit with at least ``shortest`` samples that tell something. One that is shorter,
     where information is dense, is joined with those after it.
@@ -210,13 +210,13 @@ class RegressionFit:
         return len(self._contributions)
 
     def determines(self, combination: Floats) -> bool:
-        """Whether the records determine a combination (p,) of the unknowns."""
+        """Whether the records determine a combination (p,) [-] of the unknowns."""
         own = combination / self._equations.scale
         outside = own - self.excited.T @ (self.excited @ own)
         return not np.abs(outside).max(initial=0.0) > _OUTSIDE * np.abs(own).max(initial=0.0)
 
     def estimate(self, combination: Floats) -> Estimate:
-        """A combination (p,) of the unknowns. Raises NotIdentifiable where the records do not determine it."""
+        """A combination (p,) [-] of the unknowns. Raises NotIdentifiable where the records do not determine it."""
         if not self.determines(combination):
             raise NotIdentifiable("this record does not determine it: the motion does not excite it")
         variance = max(float(combination @ self.covariance @ combination), 0.0)
@@ -224,7 +224,7 @@ class RegressionFit:
         return Estimate.single(value, float(np.sqrt(variance)), self.degrees_of_freedom(combination))
 
     def degrees_of_freedom(self, combination: Floats) -> float:
-        """Of the variance of a combination (p,): Satterthwaite's, at most blocks - conditions, at least one."""
+        """Of the variance of a combination (p,) [-]: Satterthwaite's, at most blocks - conditions, at least one."""
         gain = combination @ self._inverse
         part = np.einsum("i,bij,j->b", gain, self._contributions, gain)
         squares = float(np.sum(part**2))
@@ -232,12 +232,12 @@ class RegressionFit:
         return max(min(effective, float(self.blocks - self.conditions)), 1.0)
 
     def gains(self, combinations: Floats) -> list[Floats]:
-        """By record: how much combinations (c, p) rise by what a reading is more, weights as they are, (n, rows, c)."""
+        """By record: how much combinations (c, p) [-] rise by what a reading is more, weights fixed, (n, rows, c)."""
         solution = combinations @ self._inverse
         return [one.gains(solution) for one in self._equations.sums]
 
     def explained(self) -> list[Floats]:
-        """By record: what unknowns and nuisances explain of the readings, (n, rows)."""
+        """By record: what unknowns and nuisances explain of the readings, (n, rows) [as the readings]."""
         return [np.asarray(one.design @ one.with_nuisances(self.values)) for one in self._equations.sums]
 
     def residual(self) -> list[Floats]:
@@ -291,7 +291,7 @@ def fit(
 
 
 def least_squares(record: RegressionRecord) -> Floats:
-    """The same unknowns (p,) without intervals."""
+    """The same unknowns (p,) [own unit each] without intervals."""
     equations = _Equations([record], None, 0)
     equations.weigh()
     return equations.solve().values

@@ -38,7 +38,7 @@ def step_covariance(run: ShakenBase, encoders: "Sequence[Column]", gain: Floats,
 
 
 def per_reading(run: ShakenBase, joints: Sequence[str], gain: Floats, pi: Floats) -> Floats:
-    """What the values rise by per unit of each encoder's reading, (n, joints, rank)."""
+    """What the values rise by per unit of each encoder's reading, (n, joints, rank) [kg m / rad or m]."""
     weight = _backwards(run, gain)
     by_place, by_speed, by_rate = (
         np.einsum("nij,nik->njk", slope, weight) for slope in wrench_slopes(run.model, run.path, joints, pi)

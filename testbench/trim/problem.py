@@ -126,20 +126,20 @@ def motion_name(run: AlignedRun) -> str:
 
 
 def shared_unknowns(records: Sequence[RegressionRecord], rank: int) -> Floats:
-    """The combinations (p, k) of the unknowns beyond ``rank`` conditions that the runs together excite."""
+    """The combinations (p, k) [-] of the unknowns beyond ``rank`` conditions that the runs together excite."""
     return excited_combinations([record.columns[:, :, rank:] for record in records])
 
 
 def with_shared_unknowns(
     records: Sequence[RegressionRecord], rank: int, combinations: Floats
 ) -> list[RegressionRecord]:
-    """The records with columns of the conditions, then of ``combinations`` (p, k) of their other unknowns."""
+    """The records with columns of the conditions, then of ``combinations`` (p, k) [-] of their other unknowns."""
     columns = [np.concatenate([r.columns[:, :, :rank], r.columns[:, :, rank:] @ combinations], axis=2) for r in records]
     return [replace(record, columns=own) for record, own in zip(records, columns, strict=True)]
 
 
 def excited_combinations(parts: Sequence[Floats], least: float = INDEPENDENT) -> Floats:
-    """The matrix (p, k) that turns columns (n, rows, p) of runs into the combinations that they together excite.
+    """The matrix (p, k) [-] that turns columns (n, rows, p) of runs into the combinations that they together excite.
 
     ``least`` is the singular value of columns of unit length, relative to the largest, that counts.
     """

@@ -50,7 +50,7 @@ class ValidSamples:
 
     @cached_property
     def kept(self) -> Floats:
-        """One where nothing is left out, else zero, (n,)."""
+        """One where nothing is left out, else zero, (n,) [-]."""
         return self.gaps.valid_samples(self.grid, self.reach).astype(float)
 
     def low_pass(self, values: Floats, cutoff: float) -> Floats:
