@@ -109,7 +109,7 @@ def test_a_mechanism_beside_the_drive_s_file_is_found(tmp_path):
 WRONG = {
     "spede = 3": "spede: unknown key; did you mean 'speeds'",
     'speeds = ["900"]': "'900' has no unit: write for example '900 rpm'",
-    'speeds = ["15 Hz"]': "whether it counts turns or radians: write rpm",
+    'speeds = ["15 Hz"]': "may count turns or radians: write rpm",
     'speeds = ["-900 rpm"]': "'-900 rpm': expected more than zero",
     'mechanism = "no-such"': "no such file",
     "[motor]": "motor.kind: missing: expected induction or dc",
