@@ -1,5 +1,6 @@
 """Drive files (``datasets/drives``): which machine, motor, gearbox, inertias and loads, with units."""
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -111,9 +112,9 @@ class _LoadTable(Table):
     joint: Text | None = None
     """Joint that it acts on; the crank where it is left out."""
 
+    @abstractmethod
     def load(self, index: int, turns: bool, folder: Path) -> Load:
         """The load at a coordinate. Raises DataError for a torque where the joint slides, a force where it turns."""
-        raise NotImplementedError
 
     def _given(self, turns: bool) -> tuple[str, str]:
         """Key and dimension of the load of a joint that turns or slides. Raises DataError where it is not given."""
