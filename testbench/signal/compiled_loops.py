@@ -1,6 +1,6 @@
 """Loops over samples, compiled: filters of four channels side by side, segments of a spectrum, their power.
 
-Only this module imports numba, and it is imported only where there is enough to do.
+It imports numba, and is imported only where there is enough to do.
 """
 
 from typing import Any

@@ -131,7 +131,7 @@ class MetricStatistic:
 
     def extremes(self, peaks: ConstrainedPeaks, amplitudes: Floats, noise: Floats) -> Floats:
         """Peaks, or peak-to-peak values, at amplitudes (k,) in records of noise (b, n), (b, k); all [unit]."""
-        at = peaks.with_peak if self.metric == "peak" else peaks.with_peak_to_peak
+        at = {"peak": peaks.with_peak, "peak_to_peak": peaks.with_peak_to_peak}[self.metric]
         return np.stack([self._extreme(at(float(a)).astype(noise.dtype), noise) for a in amplitudes], axis=1)
 
     def _extreme(self, signal: Floats, noise: Floats) -> Floats:
