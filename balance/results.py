@@ -1,0 +1,130 @@
+"""Fields of a result, listed once: the JSON document, the table of a command and the CSV export are made of that list.
+
+A field says in its annotation how it is shown; so does a property, in the annotation of what it returns:
+
+    @dataclass(frozen=True)
+    class Swing:
+        condition: Annotated[Condition, INLINE]
+        speed: Annotated[float, Key("speed_rpm", "speed [rpm]", ".5g", to=rpm)]
+
+        @property
+        def ratio(self) -> Annotated[float, Key("", "ratio", ".3f")]:
+
+``document(swing)`` is the JSON object, ``table(swings)`` the header and the cells of a table. A class without any such
+annotation is shown by the names of its fields.
+"""
+
+import dataclasses
+import inspect
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache, cached_property, reduce
+from typing import Any, NamedTuple, get_args
+
+NO_VALUE = "-"
+"""Cell of a table for what has no value."""
+
+
+class Key(NamedTuple):
+    """How a field of a result is shown."""
+
+    name: str | None = ""
+    """Key in JSON, the unit at its end; empty: the name of the field; None: in the table alone."""
+    label: str = ""
+    """Heading in a table, unit included; empty: in JSON alone."""
+    form: str | Callable[[Any], str] = ""
+    """Format of a cell, as of ``format``, or a function from the value to the text."""
+    to: Callable[[Any], Any] | None = None
+    """From a number in SI to the unit of the key; for tuples and mappings, each value. None stays None."""
+    optional: bool = False
+    """Whether the key is left out of JSON where the value is None."""
+    inline: bool = False
+    """Whether the keys and columns of the value take its place."""
+    inner: type | None = None
+    """Class of such a value."""
+
+
+INLINE = Key(inline=True)
+
+
+def per_cent(share: Any) -> Any:  # noqa: ANN401
+    """A share, or array of shares (...,) [-], in per cent."""
+    return 100.0 * share
+
+
+def rpm(speed: Any) -> Any:  # noqa: ANN401
+    """A speed, or array of speeds (...,) [rad/s], in revolutions per minute."""
+    return speed / (math.pi / 30.0)
+
+
+def document(result: Any) -> dict[str, Any]:  # noqa: ANN401
+    """The JSON object of a result, a dataclass, by its keys; numbers that are not finite are left to who prints it."""
+    found: dict[str, Any] = {}
+    of: type = type(result)
+    for attribute, key in keys(of).items():
+        value = getattr(result, attribute)
+        if key.inline:
+            found |= document(value)
+        elif key.name is not None and not (key.optional and value is None):
+            found[key.name or attribute] = plain(value, key.to)
+    return found
+
+
+def plain(value: Any, to: Callable[[Any], Any] | None = None) -> Any:  # noqa: ANN401
+    """A value in plain JSON types: results and named tuples as objects, arrays and tuples as lists."""
+    if isinstance(value, Mapping):
+        return {name: plain(one, to) for name, one in value.items()}
+    if isinstance(value, tuple) and hasattr(value, "_fields"):
+        return {name: plain(one, to) for name, one in zip(value._fields, value, strict=True)}
+    if isinstance(value, list | tuple):
+        return [plain(one, to) for one in value]
+    if value is not None and to is not None:
+        return plain(to(value))
+    if dataclasses.is_dataclass(value):
+        return document(value)
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
+def table(of: type, results: Iterable[Any], *wanted: str) -> tuple[list[str], list[list[str]]]:
+    """Header and rows of a table of results of a class: the ``wanted`` columns, by attribute, or all with a label."""
+    columns = _columns(of)
+    chosen = [columns[name] for name in wanted or columns]
+    return [key.label for _, key in chosen], [[_cell(one, path, key) for path, key in chosen] for one in results]
+
+
+@cache
+def keys(of: type) -> dict[str, Key]:
+    """The keys of a class of results by attribute: those of its bases, its fields, then its properties."""
+    found: dict[str, Key] = {}
+    for owner in reversed(of.__mro__):
+        shown = dict(inspect.get_annotations(owner))
+        for name, one in vars(owner).items():
+            if isinstance(one, property | cached_property):
+                getter = one.fget if isinstance(one, property) else one.func
+                shown[name] = getattr(getter, "__annotations__", {}).get("return")
+        for name, annotation in shown.items():
+            for key in get_args(annotation)[1:]:
+                if isinstance(key, Key):
+                    found[name] = key._replace(inner=get_args(annotation)[0]) if key.inline else key
+    if not found and dataclasses.is_dataclass(of):
+        return {field.name: Key() for field in dataclasses.fields(of)}
+    return found
+
+
+def _columns(of: type) -> dict[str, tuple[tuple[str, ...], Key]]:
+    """The columns of a class by attribute: the way to the value, and its key."""
+    found: dict[str, tuple[tuple[str, ...], Key]] = {}
+    for attribute, key in keys(of).items():
+        if key.inner is not None:
+            found |= {name: ((attribute, *path), one) for name, (path, one) in _columns(key.inner).items()}
+        elif key.label:
+            found[attribute] = (attribute,), key
+    return found
+
+
+def _cell(result: Any, path: Sequence[str], key: Key) -> str:  # noqa: ANN401
+    value = reduce(getattr, path, result)
+    if value is None:
+        return NO_VALUE
+    value = value if key.to is None else key.to(value)
+    return key.form(value) if callable(key.form) else format(value, key.form)

@@ -1,0 +1,89 @@
+"""Fields of results, listed once."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, NamedTuple
+
+import numpy as np
+import pytest
+
+from balance.results import INLINE, Key, document, per_cent, rpm, table
+
+
+class Pair(NamedTuple):
+    """With and without."""
+
+    with_it: float | None
+    without: float
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What two runs share."""
+
+    motion: Annotated[str, Key("", "motion")]
+    payload: Annotated[float, Key("payload_kg", "payload kg", "g")]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Every kind of field."""
+
+    condition: Annotated[Condition, INLINE]
+    speed: Annotated[float, Key("speed_rpm", "speed [rpm]", ".1f", to=rpm)]
+    course: Annotated[np.ndarray, Key("course_rpm", to=rpm)]
+    sizes: Annotated[Pair, Key("sizes_m", to=per_cent)]
+    parts: Annotated[tuple[Condition, ...], Key()] = ()
+    note: Annotated[str | None, Key("", "note", optional=True)] = None
+    hidden: int = 3
+
+    @cached_property
+    def ends(self) -> Annotated[tuple[float, float], Key("ends_percent", to=per_cent)]:
+        """Both ends."""
+        return 0.25, 0.5
+
+    @property
+    def text(self) -> Annotated[str, Key(None, "text", lambda text: f"<{text}>")]:
+        """In the table alone."""
+        return "word"
+
+
+TURN = 2.0 * np.pi / 60.0
+ONE = Reading(Condition("x", 5.0), TURN, np.array([TURN, 2.0 * TURN]), Pair(None, 0.5), (Condition("y", 1.0),))
+
+
+def test_document_is_what_the_fields_say():
+    """Units converted leaf by leaf, nested results, inlined ones; None stays None, or is left out if optional."""
+    assert document(ONE) == {
+        "motion": "x",
+        "payload_kg": 5.0,
+        "speed_rpm": pytest.approx(1.0),
+        "course_rpm": pytest.approx([1.0, 2.0]),
+        "sizes_m": {"with_it": None, "without": 50.0},
+        "parts": [{"motion": "y", "payload_kg": 1.0}],
+        "ends_percent": [25.0, 50.0],
+    }
+
+
+def test_a_class_without_keys_is_shown_by_its_fields():
+    """As :func:`dataclasses.asdict`."""
+
+    @dataclass(frozen=True)
+    class State:
+        name: str
+        size: int = 1
+
+    assert document(State("a")) == {"name": "a", "size": 1}
+
+
+@pytest.mark.parametrize(
+    ("wanted", "header", "row"),
+    [
+        ((), ["motion", "payload kg", "speed [rpm]", "note", "text"], ["x", "5", "1.0", "-", "<word>"]),
+        (("text", "payload"), ["text", "payload kg"], ["<word>", "5"]),
+    ],
+)
+def test_table_by_labels_and_formats(wanted, header, row):
+    """All columns with a label, or those that are wanted, in that order; a header where there are no rows."""
+    assert table(Reading, [ONE], *wanted) == (header, [row])
+    assert table(Reading, [], *wanted) == (header, [])
