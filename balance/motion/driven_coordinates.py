@@ -57,17 +57,17 @@ class JointDrive:
     indices: tuple[int, ...]
 
     @classmethod
-    def from_names(cls, mechanism: Mechanism, joints: tuple[str, ...], sliding: bool | None = None) -> "JointDrive":
-        """Drive joints by name; ``sliding``, where known: whether they are given in lengths, not angles.
+    def from_names(cls, mechanism: Mechanism, joints: tuple[str, ...], sliding: tuple[bool, ...] = ()) -> "JointDrive":
+        """Drive joints by name; ``sliding``, where known: whether each is given in lengths, not angles.
 
         Raises ModelError for a joint that the mechanism does not have, or that turns where a length is given.
         """
         indices = tuple(mechanism.coordinate_index(joint) for joint in joints)
-        for joint, index in zip(joints, indices, strict=True):
-            if sliding is not None and mechanism.tree.joints[index].revolute == sliding:
+        for joint, index, slides in zip(joints, indices, sliding, strict=False):
+            if mechanism.tree.joints[index].revolute == slides:
                 raise ModelError(
-                    f"joint {joint!r} of {mechanism.name} {'turns' if sliding else 'slides'}, but the motion gives "
-                    f"{'lengths' if sliding else 'angles'}: write it in {'rad or deg' if sliding else 'm or mm'}"
+                    f"joint {joint!r} of {mechanism.name} {'turns' if slides else 'slides'}, but the motion gives "
+                    f"{'lengths' if slides else 'angles'}: write it in {'rad or deg' if slides else 'm or mm'}"
                 )
         return cls(joints, indices)
 

@@ -33,8 +33,8 @@ class Samples:
     """Driven body (its own centre of mass) or site; None for the mechanism's payload body, or its only ``platform``."""
     axes: tuple[str, ...] = ("x", "y")
     """Axes of the base along which the point is driven."""
-    sliding: bool | None = None
-    """Whether driven joints are given in lengths, not angles; None where the motion does not state it."""
+    sliding: tuple[bool, ...] = ()
+    """Whether each driven joint is given in lengths, not angles; empty where the motion does not state it."""
 
     def check(self) -> None:
         """Raise DataError for a motion without samples, of unequal shapes, or with values that are not finite."""
@@ -68,8 +68,8 @@ class Motion:
 
     waypoints: Floats
     """Start and ends of the legs, (k, d) [m or rad]."""
-    peak_acceleration: float
-    """Along each leg [m/s2 or rad/s2]."""
+    peak_acceleration: Floats
+    """Along each leg, (k - 1,) [m/s2 or rad/s2]."""
     ramp: float
     """Share of each acceleration pulse spent in each of its two ramps, 0 to 0.5."""
     rest: float
@@ -79,8 +79,8 @@ class Motion:
     axes: tuple[str, ...] = ("x", "y")
     recorded: Samples | None = None
     """Samples of a file, in place of legs."""
-    sliding: bool | None = None
-    """Whether driven joints are given in lengths, not angles."""
+    sliding: tuple[bool, ...] = ()
+    """Whether each driven joint is given in lengths, not angles; empty where a point is driven."""
 
     def with_peak_acceleration(self, acceleration: float) -> "Motion":
         """The same path with another peak acceleration [m/s2 or rad/s2]."""
@@ -90,7 +90,9 @@ class Motion:
             )
         if not acceleration > 0:
             raise DataError(f"peak acceleration is {acceleration:g}: expected a positive one")
-        return replace(self, peak_acceleration=acceleration)
+        if len(set(self.sliding)) > 1:
+            raise DataError("the motion drives joints that turn and joints that slide: one acceleration cannot be both")
+        return replace(self, peak_acceleration=np.full(len(self.waypoints) - 1, acceleration))
 
     @property
     def duration(self) -> float:
@@ -112,7 +114,7 @@ class Motion:
     def _refuse_coarse(self, rate_hz: float) -> None:
         """Raise DataError where samples would step over the ramps, or the pulses, of the acceleration."""
         legs = np.linalg.norm(np.diff(self.waypoints, axis=0), axis=1)
-        pulse = float(np.sqrt(legs.min() / (self.peak_acceleration * (1.0 - self.ramp))))
+        pulse = float(np.sqrt((legs / self.peak_acceleration).min() / (1.0 - self.ramp)))
         shortest = pulse * (self.ramp or 1.0)
         if rate_hz * shortest < _SAMPLES_IN_RAMP:
             raise DataError(
@@ -131,8 +133,8 @@ class Motion:
     def _phases(self) -> tuple[Floats, Floats, Floats, Floats, Floats]:
         """Bounds of the phases of constant jerk (k + 1,) and the state at the start of each, (k, d)."""
         duration, jerk = [self.rest], [np.zeros(self.waypoints.shape[1])]
-        for start, end in zip(self.waypoints, self.waypoints[1:], strict=False):
-            for seconds, share in self._leg(float(np.linalg.norm(end - start))):
+        for start, end, peak in zip(self.waypoints, self.waypoints[1:], self.peak_acceleration, strict=False):
+            for seconds, share in self._leg(float(np.linalg.norm(end - start)), float(peak)):
                 duration.append(seconds)
                 jerk.append(share * (end - start) / np.linalg.norm(end - start))
             duration.append(self.rest)
@@ -145,9 +147,9 @@ class Motion:
             a.append(a[-1] + t * j)
         return ends, np.array(p[:-1]), np.array(v[:-1]), np.array(a[:-1]), np.array(jerk)
 
-    def _leg(self, length: float) -> list[tuple[float, float]]:
+    def _leg(self, length: float, peak: float) -> list[tuple[float, float]]:
         """Durations [s] and jerks of a leg of ``length``, the acceleration being a step where ``ramp`` is zero."""
-        pulse = np.sqrt(length / (self.peak_acceleration * (1.0 - self.ramp)))
+        pulse = np.sqrt(length / (peak * (1.0 - self.ramp)))
         ramp, flat = max(self.ramp, 1e-9) * pulse, (1.0 - 2.0 * max(self.ramp, 1e-9)) * pulse
-        jerk = self.peak_acceleration / ramp
+        jerk = peak / ramp
         return [(ramp, jerk), (flat, 0.0), (ramp, -jerk), (ramp, -jerk), (flat, 0.0), (ramp, jerk)]

@@ -78,8 +78,8 @@ class MotionTable(Table):
     """Driven joints."""
     start: list[Place] | None = None
     """Start of each driven coordinate [m or rad]."""
-    peak_acceleration: Acceleration | None = None
-    """Along each leg [m/s2 or rad/s2]."""
+    peak_acceleration: Acceleration | list[Acceleration] | None = None
+    """Along each leg, or one for each driven coordinate [m/s2 or rad/s2]."""
     ramp: Annotated[float, Field(strict=True, ge=0.0, le=0.5)] | None = None
     """Share of each acceleration pulse spent in each of its two ramps; by default 0.25."""
     rest: Annotated[float, Quantity("time", at_least=0.0)] | None = None
@@ -143,14 +143,10 @@ def motion_from_table(content: Mapping[str, Any], folder: Path = Path(), source:
         if table.samples is not None:
             with in_file("samples"):
                 recorded = _samples(folder / table.samples, joints, table.point, axes)
-            return Motion(recorded.position[:1], 0.0, 0.25, 0.0, joints, table.point, axes, recorded, recorded.sliding)
-        assert table.start is not None
-        assert table.peak_acceleration is not None
-        kind = table.start[0].dimension if joints else "length"
-        wanted = "acceleration" if kind == "length" else "angular acceleration"
-        peak = _value_of(table.peak_acceleration, wanted, "peak_acceleration")
-        points = _waypoints(table, kind)
-    sliding = kind == "length" if joints else None
+            position, sliding = recorded.position[:1], recorded.sliding
+            return Motion(position, np.empty(0), 0.25, 0.0, joints, table.point, axes, recorded, sliding)
+        points, peak = _waypoints(table)
+    sliding = tuple(place.dimension == "length" for place in table.start or ()) if joints else ()
     ramp = 0.25 if table.ramp is None else table.ramp
     return Motion(points, peak, ramp, table.rest or 0.0, joints, table.point, axes, sliding=sliding)
 
@@ -164,50 +160,70 @@ def _samples(path: Path, joints: tuple[str, ...], point: str | None, axes: tuple
     time, *coordinates = (np.array(column.value) for column in columns.values())
     if len(time) < _LEAST_SAMPLES or not (np.diff(time) > 0).all():
         raise DataError(f"{path.name}: expected at least {_LEAST_SAMPLES} rows with increasing time")
-    kinds = {columns[name].dimension for name in joints}
-    if len(kinds) > 1:
-        raise DataError(f"{path.name}: gives angles and lengths: expected one kind for all joints of a motion")
     position = np.column_stack(coordinates)
     spline = make_interp_spline(time, position, k=5)
-    sliding = kinds == {"length"} if joints else None
+    sliding = tuple(columns[name].dimension == "length" for name in joints)
     return Samples(time, position, spline(time, 1), spline(time, 2), joints, point, axes, sliding)
 
 
-def _waypoints(table: MotionTable, kind: str) -> Floats:
-    """Start and ends of the legs, (k, d) [m or rad]."""
-    start = np.array([_value_of(place, kind, f"start[{i}]") for i, place in enumerate(table.start or ())])
-    points = [start]
+def _waypoints(table: MotionTable) -> tuple[Floats, Floats]:
+    """Start and ends of the legs, (k, d) [m or rad], and the peak acceleration of each leg, (k - 1,)."""
+    kinds = [place.dimension if table.joints else "length" for place in table.start or ()]
+    start = np.array([_value_of(place, kinds[i], f"start[{i}]") for i, place in enumerate(table.start or ())])
+    peaks = _peak_accelerations(table, kinds)
+    points, legs = [start], list[float]()
     for i, move in enumerate(table.moves or ()):
         with in_file(f"moves[{i}]"):
-            steps = _leg(move, table, kind) if isinstance(move, MoveTable) else _polygon(move, table.names, kind)
-        points.extend(start + step for step in steps)
-    distinct = [points[0], *(b for a, b in zip(points, points[1:], strict=False) if not np.array_equal(a, b))]
-    if len(distinct) < 2:
+            along, steps = _leg(move, table, kinds) if isinstance(move, MoveTable) else _polygon(move, table, kinds)
+            if len({peaks[k] for k in along}) > 1:
+                raise DataError("polygon: its two coordinates have different peak accelerations: expected one")
+        for step in steps:
+            if not np.array_equal(start + step, points[-1]):
+                points.append(start + step)
+                legs.append(peaks[along[0]])
+    if not legs:
         raise DataError("moves: nothing moves: expected an end that differs from the start")
-    return np.array(distinct)
+    return np.array(points), np.array(legs)
 
 
-def _leg(move: MoveTable, table: MotionTable, kind: str) -> list[Floats]:
-    """Way-points of one move along a coordinate, from the start of the motion."""
+def _peak_accelerations(table: MotionTable, kinds: list[str]) -> list[float]:
+    """Of each driven coordinate [m/s2 or rad/s2]."""
+    given = table.peak_acceleration
+    listed = given if isinstance(given, list) else [given] * len(kinds)
+    if len(listed) != len(kinds):
+        raise DataError(f"peak_acceleration: has {len(listed)} values: expected one, or one for each coordinate")
+    if not isinstance(given, list) and len(set(kinds)) > 1:
+        raise DataError(
+            f"peak_acceleration: some joints turn and some slide: expected a list, one for each of {table.names}"
+        )
+    wanted = ["acceleration" if kind == "length" else "angular acceleration" for kind in kinds]
+    return [_value_of(m, kind, "peak_acceleration") for m, kind in zip(listed, wanted, strict=True) if m is not None]
+
+
+def _leg(move: MoveTable, table: MotionTable, kinds: list[str]) -> tuple[list[int], list[Floats]]:
+    """The coordinate that moves, and way-points along it, from the start of the motion."""
     key, other = ("joint", "axis") if table.joints else ("axis", "joint")
     if getattr(move, other) is not None:
         raise DataError(f"{other}: the motion drives {', '.join(table.names)}: expected {key}")
     if (name := getattr(move, key)) not in table.names:
         raise DataError(f"{key}: {name!r}: expected one of {', '.join(table.names)}")
-    unit = np.eye(len(table.names))[table.names.index(name)]
-    return [_value_of(place, kind, f"to[{i}]") * unit for i, place in enumerate(move.to)]
+    at = table.names.index(name)
+    unit = np.eye(len(table.names))[at]
+    return [at], [_value_of(place, kinds[at], f"to[{i}]") * unit for i, place in enumerate(move.to)]
 
 
-def _polygon(move: TriangleTable | PolygonTable, names: tuple[str, ...], kind: str) -> list[Floats]:
-    """Corners in turn, closed, and back to the start."""
-    if len(names) != 2:
-        raise DataError(f"polygon: a corner has two coordinates, but the motion drives {', '.join(names)}")
-    at = [np.array([_value_of(place, kind, "polygon") for place in corner]) for corner in move.corners]
-    return [*at, at[0], np.zeros(2)]
+def _polygon(
+    move: TriangleTable | PolygonTable, table: MotionTable, kinds: list[str]
+) -> tuple[list[int], list[Floats]]:
+    """Both coordinates, and corners in turn, closed, and back to the start."""
+    if len(table.names) != 2 or len(set(kinds)) > 1:
+        raise DataError(f"polygon: a corner has two coordinates, but the motion drives {', '.join(table.names)}")
+    at = [np.array([_value_of(place, kinds[0], "polygon") for place in corner]) for corner in move.corners]
+    return [0, 1], [*at, at[0], np.zeros(2)]
 
 
 def _value_of(measured: Measured[float], dimension: str, key: str) -> float:
-    """A value of the one dimension of the motion. Raises DataError for another."""
+    """A value of its coordinate's dimension. Raises DataError for another."""
     if measured.dimension != dimension:
         raise DataError(f"{key}: is {measured.dimension}: expected {dimension}, as in start")
     return measured.value

@@ -301,3 +301,17 @@ def test_joints_are_driven_in_their_own_quantity():
         motion.sample(1000.0).drive(load_mechanism("serial-1r"))
     with pytest.raises(DataError, match="is angular acceleration: expected acceleration"):
         motion_from_table(table | {"peak_acceleration": "3 rad/s^2", "moves": [{"joint": "J1", "to": ["40 mm"]}]})
+
+
+def test_joints_that_turn_and_that_slide_in_one_motion():
+    """Each leg attains the peak acceleration of its own coordinate; one value for both kinds is refused."""
+    motion = load_motion("scara-quill")
+    samples = motion.sample(RATE)
+    assert np.abs(samples.acceleration).max(axis=0) == pytest.approx([60.0, 60.0, G0, 60.0], rel=1e-9)
+    assert motion.sliding == (False, False, True, False)
+    with pytest.raises(DataError, match="one acceleration cannot be both"):
+        motion.with_peak_acceleration(3.0)
+    keys = JOINTS | {"start": ["0.1 rad", "10 mm"]}
+    for peak, refusal in (("50 rad/s^2", "expected a list"), (["50 rad/s^2"], "has 1 values: expected one")):
+        with pytest.raises(DataError, match=refusal):
+            motion_from_table(keys | {"peak_acceleration": peak})
