@@ -21,7 +21,7 @@ from balance.arrays import Floats
 from balance.closure import Closure
 from balance.dynamics.inverse_dynamics import simulate
 from balance.mechanism.mechanism import Mechanism
-from balance.mechanism.mjcf_parser import load_mechanism, pinocchio_model
+from balance.mechanism.mjcf_parser import load_mechanism
 from balance.motion import Samples
 from balance.motion.driven_coordinates import PointDrive
 from balance.motion.motion_files import load_motion
@@ -44,7 +44,7 @@ class Peer:
 
     def __init__(self, mechanism: Mechanism, samples: Samples, tuned: bool) -> None:
         self.tuned = tuned
-        self.model = pinocchio_model(mechanism)
+        self.model = mechanism.pinocchio_model()
         self.ends = [
             tuple(self._frame(end.joint, end.position) for end in (loop.first, loop.second)) for loop in mechanism.loops
         ]

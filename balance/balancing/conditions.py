@@ -11,12 +11,13 @@ import numpy as np
 
 from ..arrays import Floats
 from ..closure import Closure
-from ..dynamics.regressor import momentum_regressor
 from ..errors import ModelError
 from ..mechanism.mechanism import Mechanism
 
 GAP = 1e6
 """Least ratio between the smallest kept and the largest dropped singular value that decides a rank."""
+STATES = 48
+"""Closed states from which a rank is found first."""
 _ZERO = 1e-9
 """Coefficients below this are rounding of the elimination [m, or none]."""
 
@@ -116,11 +117,21 @@ def balance_conditions(mechanism: Mechanism, momentum: str = "linear") -> Condit
     if momentum not in MOMENTA:
         raise ModelError(f"momentum is {momentum!r}: expected one of {', '.join(MOMENTA)}")
     closure = Closure(mechanism)
-    rows, columns = MOMENTA[momentum], 10 * len(mechanism.bodies)
-    q = closure.states(max(16, int(np.ceil(2 * columns / len(rows)))))
-    stacked = momentum_regressor(mechanism, q, closure.velocities(q))[:, rows].reshape(-1, columns)
-    basis, gap = row_space(stacked, mechanism.name)
+    basis, gap = _momentum_space(closure, MOMENTA[momentum])
     return Conditions(mechanism, closure.dof, reduced_row_echelon(basis, pivot_order(mechanism)), gap)
+
+
+def _momentum_space(closure: Closure, rows: list[int]) -> tuple[Floats, tuple[float, float]]:
+    """The row space of a momentum's ``rows`` over as many closed states as decide it: twice its rank in equations."""
+    count = STATES
+    while True:
+        q = closure.states(count)
+        states = zip(q, closure.velocities(q), strict=True)
+        stacked = np.concatenate([closure.engine.momentum_regressor(*state)[rows] for state in states])
+        basis, gap = row_space(stacked, closure.mechanism.name)
+        if 2 * len(basis) <= len(stacked):
+            return basis, gap
+        count = 2 * count
 
 
 def pivot_order(mechanism: Mechanism) -> list[int]:

@@ -4,7 +4,6 @@ Loops of planar and parallelogram mechanisms are redundant: a fixed set of indep
 """
 
 import numpy as np
-from scipy.linalg import qr
 
 from ..arrays import Floats, Indices
 from ..errors import ClosureError
@@ -26,15 +25,18 @@ class Closure:
     """Closes a mechanism's loops.
 
     ``home`` (nv,) [rad, m] is the closed configuration at its keyframe, ``rows`` the independent constraint rows,
-    ``dof`` the degrees of freedom, ``length`` [m] a length of the mechanism.
+    ``dof`` the degrees of freedom, ``length`` [m] a length of the mechanism, ``engine`` its Pinocchio model with data.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
         """Close the home configuration. Raises ClosureError if that cannot be done, or if it is singular."""
+        from ..mechanism.pinocchio_engine import PinocchioEngine  # late: closed forms do without Pinocchio
+
         self.mechanism = mechanism
+        self.engine = PinocchioEngine(mechanism)
         self.length = _length(mechanism)
         self.home = self._closed(mechanism.home)
-        self.rows = independent_rows(self._jacobian(self.home))
+        self.rows = independent_rows(self.engine.constraint_jacobian(self.home))
         self.dof = mechanism.tree.size - len(self.rows)
         self._refuse_uncertain_home()
 
@@ -75,7 +77,7 @@ class Closure:
         for _ in range(40 * count):
             if len(found) == count:
                 return np.array(found)
-            tangent = _null_space(self._jacobian(q)[self.rows])
+            tangent = _null_space(self.engine.constraint_jacobian(q)[self.rows])
             heading = tangent @ (tangent.T @ heading + 0.5 * rng.normal(size=tangent.shape[1]))
             heading /= max(float(np.linalg.norm(heading)), 1e-12)
             trial = self._stepped(q, step * heading)
@@ -96,7 +98,7 @@ class Closure:
     def velocities(self, q: Floats, seed: int = 0) -> Floats:
         """Random velocities that the loops allow at closed configurations ``q``, (n, nv) [rad/s, m/s]."""
         rng = np.random.default_rng(seed)
-        spaces = [_null_space(self._jacobian(state)[self.rows]) for state in q]
+        spaces = [_null_space(self.engine.constraint_jacobian(state)[self.rows]) for state in q]
         return np.array([space @ rng.normal(size=space.shape[1]) for space in spaces])
 
     def residual(self, q: Floats) -> Floats:
@@ -113,31 +115,26 @@ class Closure:
                 f"{name}: {branch!r} is not closed: the nearest closed configuration lies {far:.3g} rad or m from it, "
                 "whose assembly branch is uncertain; give a closed one as <keyframe><key name='home' qpos='...'/>"
             )
-        free = _null_space(self._jacobian(self.home)[self.rows])
+        free = _null_space(self.engine.constraint_jacobian(self.home)[self.rows])
         near = self._stepped(self.home, 0.02 * free @ np.random.default_rng(0).normal(size=free.shape[1]))
-        if near is not None and len(independent_rows(self._jacobian(near))) > len(self.rows):
+        if near is not None and len(independent_rows(self.engine.constraint_jacobian(near))) > len(self.rows):
             raise ClosureError(
                 f"{name} is singular at {branch!r}: its branches meet there; give another closed configuration as "
                 "<keyframe><key name='home' qpos='...'/>"
             )
 
-    def _jacobian(self, q: Floats) -> Floats:
-        at = forward_kinematics.pose(self.mechanism.tree, q[:, None])
-        return loop_constraints.loop_jacobian(self.mechanism.loops, self.mechanism.tree, at)[:, :, 0]
-
     def _distance_to_singularity(self, q: Floats) -> float:
         """Smallest singular value of the independent rows; zero at a singular configuration."""
-        rows = self._jacobian(q)[self.rows]
+        rows = self.engine.constraint_jacobian(q)[self.rows]
         return float(np.linalg.svd(rows, compute_uv=False)[-1]) if len(rows) else np.inf
 
     def _closed(self, q: Floats) -> Floats:
         """Nearest closed configuration by Gauss-Newton steps of least norm, safe for redundant rows."""
         for _ in range(ITERATIONS):
-            at = forward_kinematics.pose(self.mechanism.tree, q[:, None])
-            gap = loop_constraints.constraint_residual(self.mechanism.loops, at)[:, 0]
+            gap = self.engine.constraint_residual(q)
             if np.abs(gap).max(initial=0.0) < 1e-15 * self.length:
                 return q
-            change = np.linalg.lstsq(self._jacobian(q), gap, rcond=RANK_LIMIT)[0]
+            change = np.linalg.lstsq(self.engine.constraint_jacobian(q), gap, rcond=RANK_LIMIT)[0]
             q = q - change
             if np.abs(change).max() < 1e-14 and np.abs(gap).max() < RESIDUAL_LIMIT * self.length:
                 return q
@@ -148,12 +145,22 @@ class Closure:
 
 
 def independent_rows(matrix: Floats) -> Indices:
-    """Indices (rank,) of a largest set of independent rows of ``matrix`` (rows, nv) [-, m], by pivoted QR."""
-    if not matrix.size:
-        return np.empty(0, dtype=np.intp)
-    _, triangle, order = qr(matrix.T, mode="economic", pivoting=True)
-    size = np.abs(np.diag(triangle))
-    return np.sort(order[: int((size > RANK_LIMIT * size[0]).sum())])
+    """Indices (rank,) of a largest set of independent rows of ``matrix`` (rows, nv) [-, m].
+
+    Rows are taken largest first, and their directions removed from the others (Gram-Schmidt with pivoting).
+    """
+    rest, chosen = matrix.copy(), np.empty(0, dtype=np.intp)
+    largest = np.linalg.norm(rest, axis=1).max(initial=0.0)
+    while len(chosen) < min(matrix.shape):
+        size = np.linalg.norm(rest, axis=1)
+        best = int(np.argmax(size))
+        if not size[best] > RANK_LIMIT * largest:
+            break
+        direction = rest[best] / size[best]
+        rest -= np.outer(rest @ direction, direction)
+        rest[best] = 0.0
+        chosen = np.append(chosen, best)
+    return np.sort(chosen)
 
 
 def _null_space(rows: Floats) -> Floats:

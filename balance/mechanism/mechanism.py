@@ -1,8 +1,9 @@
 """A mechanism: rigid bodies on a base, joints, loops, and sites where counter-masses may be mounted."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +11,9 @@ from ..arrays import Floats, frozen
 from ..errors import ModelError
 from .forward_kinematics import Tree
 from .loop_constraints import Loop
+
+if TYPE_CHECKING:
+    import pinocchio
 
 MASS_LIMIT = 1e9
 """A mass from here on is taken for a slip [kg]."""
@@ -74,6 +78,8 @@ class Mechanism:
     """Bodies that carry the payload when none is named."""
     limits: Floats
     """Lower and upper limit of each coordinate that the file states, else infinite, (nv, 2) [rad, m]. Not enforced."""
+    model: "pinocchio.Model" = field(repr=False, compare=False)
+    """Pinocchio's model as read; ``pinocchio_model`` has the present masses."""
 
     def beyond_limits(self, q: Floats) -> dict[str, tuple[float, float]]:
         """For each joint beyond its limits at the configurations ``q`` (n, nv): its least and largest [rad, m]."""
@@ -85,6 +91,16 @@ class Mechanism:
     def pi(self) -> Floats:
         """All inertial parameters in one vector, (nb * 10,) [kg, kg m, kg m2]: what the regressors multiply."""
         return self.parameters.ravel()
+
+    def pinocchio_model(self) -> "pinocchio.Model":
+        """Pinocchio's model with the present masses and gravity, for whoever wants to go on with Pinocchio."""
+        import pinocchio
+
+        model = self.model.copy()
+        for i, row in enumerate(self.parameters):
+            model.inertias[i + 1] = pinocchio.Inertia.FromDynamicParameters(row)
+        model.gravity.linear = self.gravity
+        return model
 
     @property
     def parameter_names(self) -> list[str]:

@@ -161,17 +161,6 @@ def mechanism_from_text(text: str, name: str) -> Mechanism:
         return load_mechanism(path)
 
 
-def pinocchio_model(mechanism: Mechanism) -> "pinocchio.Model":
-    """The Pinocchio model of a mechanism with its present masses, for whoever wants to go on with Pinocchio."""
-    pin = _pinocchio()
-    with _temporary_file(mechanism.text, mechanism.name) as path:
-        model = _read(path)[0]
-    for i, row in enumerate(mechanism.parameters):
-        model.inertias[i + 1] = pin.Inertia.FromDynamicParameters(row)
-    model.gravity.linear = mechanism.gravity
-    return model
-
-
 @contextmanager
 def _temporary_file(text: str, name: str) -> Iterator[Path]:
     """A file of this text for as long as it is read, with the ending that its root element asks for."""
@@ -258,6 +247,7 @@ def _mechanism(
         coulomb=frozen(np.array(_dry_friction(model))),
         payload_bodies=extras.payload_bodies,
         limits=frozen(np.array([model.lowerPositionLimit, model.upperPositionLimit]).T.copy()),
+        model=model,
     )
 
 

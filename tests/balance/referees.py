@@ -10,7 +10,6 @@ import pinocchio
 from balance.arrays import Floats
 from balance.closure import Closure, Trajectory
 from balance.mechanism.mechanism import Mechanism
-from balance.mechanism.mjcf_parser import pinocchio_model
 from balance.motion import Samples
 from balance.motion.driven_coordinates import JointDrive
 
@@ -113,7 +112,7 @@ class MujocoReferee:
 
 def pinocchio_response(mechanism: Mechanism, trajectory: Trajectory) -> tuple[Floats, Floats]:
     """Shaking wrench (n, 6) and joint torques of the open tree (n, nv) by Pinocchio's rnea, a sample at a time."""
-    model = pinocchio_model(mechanism)
+    model = mechanism.pinocchio_model()
     data, gravity = model.createData(), model.gravity.linear.copy()
     wrench, torque = np.empty((len(trajectory.q), 6)), np.empty_like(trajectory.q)
     for k, (q, v, a) in enumerate(zip(trajectory.q, trajectory.v, trajectory.a, strict=True)):
@@ -129,7 +128,7 @@ def pinocchio_response(mechanism: Mechanism, trajectory: Trajectory) -> tuple[Fl
 
 def pinocchio_energy(mechanism: Mechanism, trajectory: Trajectory) -> Floats:
     """Kinetic and potential energy along a trajectory by Pinocchio, (n,) [J]."""
-    model = pinocchio_model(mechanism)
+    model = mechanism.pinocchio_model()
     data = model.createData()
     return np.array(
         [

@@ -12,7 +12,6 @@ from balance.balancing.springs import End, Spring, joint_torques, load_springs, 
 from balance.closure import Closure
 from balance.dynamics.regressor import first_moment, potential
 from balance.errors import DataError, ModelError, SizingError
-from balance.mechanism.mjcf_parser import pinocchio_model
 
 from .. import models
 
@@ -44,7 +43,7 @@ def test_pinocchio_s_potential_energy_and_the_springs_by_its_frames(name):
     """Weight by Pinocchio's potential energy, spring ends by its frames: constant to 1e-12 as well."""
     mechanism = models.load(name)
     found = static_balancing.design_springs(mechanism)
-    pin = pinocchio_model(mechanism)
+    pin = mechanism.pinocchio_model()
     data = pin.createData()
     total = []
     for q in found.q:
@@ -114,7 +113,7 @@ def test_without_gravity_there_is_nothing_to_balance():
 def test_potential_is_minus_gravity_times_first_moment():
     """Pinocchio's centre of mass times total mass is the first moment."""
     mechanism = models.load("parallelogram-6bar-full")
-    pin = pinocchio_model(mechanism)
+    pin = mechanism.pinocchio_model()
     data = pin.createData()
     q = Closure(mechanism).states(5, 1)
     centre = np.array([pinocchio.centerOfMass(pin, data, state) for state in q])

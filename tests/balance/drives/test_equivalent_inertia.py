@@ -10,7 +10,6 @@ from balance.closure import Closure
 from balance.drives import DriveError, equivalent_inertia
 from balance.drives.equivalent_inertia import reduced_to_crank
 from balance.errors import ClosureError, ModelError
-from balance.mechanism.mjcf_parser import pinocchio_model
 from balance.motion import Samples
 
 from .. import models, referees
@@ -53,7 +52,7 @@ def test_energies_are_pinocchio_s(text):
     crank = replace(model, driven=(reduced.crank,))
     rate = np.full((len(U), 1), 1.7)
     trajectory = Closure(crank).follow(Samples(U, U[:, None], rate, 0.0 * rate, joints=(reduced.crank,)))
-    pin = pinocchio_model(model)
+    pin = model.pinocchio_model()
     data = pin.createData()
     pairs = list(zip(trajectory.q, trajectory.v, strict=True))
     kinetic = np.array([pinocchio.computeKineticEnergy(pin, data, q, v) for q, v in pairs])

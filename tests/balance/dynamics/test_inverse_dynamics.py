@@ -18,7 +18,6 @@ from balance.dynamics.inverse_dynamics import (
 from balance.errors import ClosureError, ModelError
 from balance.mechanism import forward_kinematics
 from balance.mechanism.mechanism import Mechanism, Site
-from balance.mechanism.mjcf_parser import pinocchio_model
 from balance.mechanism.sparse_components import dense
 from balance.motion import Samples
 from balance.motion.motion_files import load_motion
@@ -176,7 +175,7 @@ def test_weight_moment_is_that_of_the_centre_of_mass() -> None:
 
     mechanism = models.model(models.skew_arm())
     motion = referees.random_motion(mechanism)
-    model = pinocchio_model(mechanism)
+    model = mechanism.pinocchio_model()
     centres = np.array([pinocchio.centerOfMass(model, model.createData(), q) for q in motion.q])
     expected = np.cross(centres, mechanism.total_mass * mechanism.gravity)
     np.testing.assert_allclose(simulate(mechanism, motion).weight_moment, expected, rtol=1e-10, atol=1e-10)

@@ -6,7 +6,7 @@ from scipy.linalg import expm
 
 from balance.closure import Closure
 from balance.dynamics.moving_base import acceleration_in_body, linear_response, locked_inertia, rigid_body
-from balance.mechanism.mjcf_parser import load_mechanism, pinocchio_model
+from balance.mechanism.mjcf_parser import load_mechanism
 from balance.motion.motion_files import load_motion, motion_from_table
 
 pinocchio = pytest.importorskip("pinocchio")
@@ -19,7 +19,7 @@ def test_locked_inertia(name):
     masses = dict.fromkeys(mechanism.counter_sites, 3.0)
     mechanism = mechanism.with_counter_mass(masses)
     q = Closure(mechanism).states(3, seed=4)[-1]
-    model = pinocchio_model(mechanism)
+    model = mechanism.pinocchio_model()
     data = model.createData()
     pinocchio.ccrba(model, data, q, np.zeros(model.nv))
     about = pinocchio.SE3(np.eye(3), data.com[0]).act(data.Ig)

@@ -6,8 +6,9 @@ import pytest
 from balance.dynamics import regressor
 from balance.dynamics.inverse_dynamics import driven_rates, momentum, simulate
 from balance.dynamics.regressor import JOINT_TERMS, joint_friction_regressor
+from balance.mechanism import forward_kinematics, loop_constraints
 from balance.mechanism.mechanism import Mechanism
-from balance.mechanism.mjcf_parser import pinocchio_model
+from balance.mechanism.pinocchio_engine import PinocchioEngine
 
 from .. import models, referees
 
@@ -40,18 +41,21 @@ def test_regressors_times_parameters_are_the_dynamics(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", EVERY)
-def test_torque_regressor_is_pinocchios(name: str) -> None:
-    """The torque regressor of the open tree equals Pinocchio's, column by column."""
-    import pinocchio
-
+def test_regressors_are_pinocchios(name: str) -> None:
+    """Momentum, wrench and torque of the open tree, column by column, and the Jacobian of the loops."""
     mechanism = mechanism_of(name)
-    motion = referees.random_motion(mechanism, count=6)
-    model = pinocchio_model(mechanism)
-    data = model.createData()
-    mine = regressor.torque_regressor(mechanism, motion.q, motion.v, motion.a)
-    for k, (q, v, a) in enumerate(zip(motion.q, motion.v, motion.a, strict=True)):
-        other = np.atleast_2d(pinocchio.computeJointTorqueRegressor(model, data, q, v, a))
-        np.testing.assert_allclose(mine[k], other, rtol=1e-10, atol=1e-10 * np.abs(other).max())
+    motion, engine = referees.random_motion(mechanism, count=6), PinocchioEngine(mechanism)
+    states = (motion.q, motion.v, motion.a)
+    for mine, other in (
+        (regressor.momentum_regressor(mechanism, *states[:2]), map(engine.momentum_regressor, *states[:2])),
+        (regressor.wrench_regressor(mechanism, *states), map(engine.wrench_regressor, *states)),
+        (regressor.torque_regressor(mechanism, *states), map(engine.torque_regressor, *states)),
+    ):
+        expected = np.array(list(other))
+        np.testing.assert_allclose(mine, expected, rtol=1e-10, atol=1e-12 * np.abs(expected).max())
+    at = forward_kinematics.pose(mechanism.tree, motion.q.T)
+    jacobian = loop_constraints.loop_jacobian(mechanism.loops, mechanism.tree, at).transpose(2, 0, 1)
+    np.testing.assert_allclose(jacobian, [engine.constraint_jacobian(q) for q in motion.q], atol=1e-14)
 
 
 def test_wrench_regressor_is_the_rate_of_the_momentum_regressor() -> None:

@@ -6,7 +6,6 @@ import pytest
 
 from balance.mechanism import forward_kinematics
 from balance.mechanism.mechanism import Mechanism
-from balance.mechanism.mjcf_parser import pinocchio_model
 from balance.mechanism.sparse_components import dense, dense_rows, zeros
 
 from .. import models
@@ -32,7 +31,7 @@ def test_poses_and_rates_are_pinocchios(mechanism: Mechanism) -> None:
     q, v, a = states(mechanism)
     at = forward_kinematics.pose(mechanism.tree, q)
     moving = forward_kinematics.motion(mechanism.tree, at, v, a)
-    model = pinocchio_model(mechanism)
+    model = mechanism.pinocchio_model()
     data = model.createData()
     world = pinocchio.LOCAL_WORLD_ALIGNED
     for k in range(N):

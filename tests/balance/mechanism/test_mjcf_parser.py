@@ -12,7 +12,7 @@ from balance.balancing.conditions import balance_conditions
 from balance.closure import Closure
 from balance.errors import DataError, ModelError
 from balance.mechanism.mechanism import Mechanism
-from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text, pinocchio_model
+from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
 
 from .. import models, referees
 
@@ -82,7 +82,7 @@ def test_urdf_goes_back_to_pinocchio(tmp_path: Path) -> None:
     """The Pinocchio model of a URDF mechanism carries its payload."""
     (tmp_path / "arm.urdf").write_text(URDF, encoding="utf-8")
     arm = load_mechanism(tmp_path / "arm.urdf").with_payload({"fore": 2.0})
-    assert pinocchio_model(arm).inertias[2].mass == pytest.approx(2.0)
+    assert arm.pinocchio_model().inertias[2].mass == pytest.approx(2.0)
 
 
 def test_urdf_continuous_joints_turn(tmp_path: Path) -> None:
@@ -155,7 +155,7 @@ def test_the_pinocchio_model_carries_the_loads() -> None:
     import pinocchio
 
     mechanism = models.loaded("parallelogram-6bar")
-    model = pinocchio_model(mechanism)
+    model = mechanism.pinocchio_model()
     assert pinocchio.computeTotalMass(model) == pytest.approx(mechanism.total_mass)
     np.testing.assert_array_equal(model.gravity.linear, mechanism.gravity)
 

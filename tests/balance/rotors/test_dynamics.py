@@ -9,7 +9,7 @@ import pytest
 
 from balance.closure import Closure
 from balance.dynamics.inverse_dynamics import simulate
-from balance.mechanism.mjcf_parser import mechanism_from_text, pinocchio_model
+from balance.mechanism.mjcf_parser import mechanism_from_text
 from balance.motion import Samples
 from balance.rotors import correction_planes
 from balance.rotors.rotor import Plane, Unbalance
@@ -55,7 +55,7 @@ def test_pinocchio_as_referee():
     expected = (sum(u.vector for u in unbalances) * (OMEGA**2 - 1j * ALPHA) * np.exp(1j * THETA)).tolist()
     size = max(abs(f) for f in expected)
     for state, force in ((unbalances, expected), (corrected, [0.0] * len(TIME))):
-        model = pinocchio_model(mechanism_from_text(_mjcf(state), "rotor"))
+        model = mechanism_from_text(_mjcf(state), "rotor").pinocchio_model()
         data = model.createData()
         for q, v, a, f in zip(THETA, OMEGA, ALPHA, force, strict=True):
             args = (np.array([x]) for x in (q, v, a))
