@@ -16,7 +16,7 @@ from ..mechanism.mechanism import Mechanism
 
 GAP = 1e6
 """Least ratio between the smallest kept and the largest dropped singular value that decides a rank."""
-STATES = 48
+STATES = 64
 """Closed states from which a rank is found first."""
 _ZERO = 1e-9
 """Coefficients below this are rounding of the elimination [m, or none]."""
@@ -27,9 +27,11 @@ def row_space(matrix: Floats, name: str) -> tuple[Floats, tuple[float, float]]:
 
     Raises ModelError if no ratio of at least GAP separates the kept from the dropped singular values.
     """
-    _, values, rows = np.linalg.svd(matrix, full_matrices=False)
+    used = np.flatnonzero(matrix.any(axis=0))
+    rows = np.zeros((min(len(matrix), len(used)), matrix.shape[1]))
+    _, values, rows[:, used] = np.linalg.svd(matrix[:, used], full_matrices=False)
     values = values / np.sqrt(len(matrix))
-    if not values[0] > 0.0:
+    if not values.any():
         return rows[:0], (0.0, 0.0)
     floor = np.maximum(values, np.finfo(float).eps * values[0])
     ratios = floor[:-1] / floor[1:]
@@ -41,8 +43,9 @@ def row_space(matrix: Floats, name: str) -> tuple[Floats, tuple[float, float]]:
 
 def reduced_row_echelon(basis: Floats, order: Sequence[int]) -> Floats:
     """Reduced row echelon form of ``basis`` (rank, k) [-], in the same shape; pivots in the given order of columns."""
-    matrix, row = basis.copy(), 0
-    for column in order:
+    used = [column for column in order if basis[:, column].any()]
+    matrix, row = basis[:, used], 0
+    for column in range(len(used)):
         if row == len(matrix):
             break
         best = row + int(np.argmax(np.abs(matrix[row:, column])))
@@ -54,7 +57,9 @@ def reduced_row_echelon(basis: Floats, order: Sequence[int]) -> Floats:
         matrix[others] -= np.outer(matrix[others, column], matrix[row])
         row += 1
     matrix[np.abs(matrix) < _ZERO] = 0.0
-    return matrix
+    found = np.zeros_like(basis)
+    found[:, used] = matrix
+    return found
 
 
 def text_of(coefficients: Mapping[str, float]) -> str:
@@ -122,16 +127,17 @@ def balance_conditions(mechanism: Mechanism, momentum: str = "linear") -> Condit
 
 
 def _momentum_space(closure: Closure, rows: list[int]) -> tuple[Floats, tuple[float, float]]:
-    """The row space of a momentum's ``rows`` over as many closed states as decide it: twice its rank in equations."""
+    """The row space of a momentum's ``rows`` over so many closed states that a third more of them add nothing."""
     count = STATES
     while True:
         q = closure.states(count)
         states = zip(q, closure.velocities(q), strict=True)
-        stacked = np.concatenate([closure.engine.momentum_regressor(*state)[rows] for state in states])
-        basis, gap = row_space(stacked, closure.mechanism.name)
-        if 2 * len(basis) <= len(stacked):
+        by_state = np.array([closure.engine.momentum_regressor(*state)[rows] for state in states])
+        found, others = (part.reshape(-1, by_state.shape[2]) for part in np.split(by_state, [3 * count // 4]))
+        basis, gap = row_space(found, closure.mechanism.name)
+        if np.abs(others - (others @ basis.T) @ basis).max() <= _ZERO * np.abs(others).max():
             return basis, gap
-        count = 2 * count
+        count *= 2
 
 
 def pivot_order(mechanism: Mechanism) -> list[int]:
