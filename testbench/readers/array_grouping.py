@@ -1,27 +1,34 @@
 """Arrays of a file as groups: those of one place and length belong together, with the one that is their time.
 
-Time is the axis that the file states, else the only array that is named for it and grows; a scalar named ``fs`` or
-``dt`` states a rate.
+Of a table the long side is the samples, the short one the channels. Time is the axis that the file states, else the
+only array that is named for it and grows; a scalar named ``fs`` or ``dt`` states a rate.
 """
 
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from ..recording import Block, Channel, Clock, Group, Samples, TimeColumn, UniformClock
+from ..recording import Block, Channel, Finding, Group, Recording, Samples, TimeColumn, UniformClock
 from ..units import seconds_per
 from . import header_claims
-from .byte_source import block_samples
+from .byte_source import as_float64, block_spans
 from .csv.header import is_time_name, named_channels
+from .format_findings import is_beyond_exact, names_listed, nothing_to_read, rounded_integers, watch_nonfinite
 from .header_claims import clock_of_rate
 
 _TIME_LIKE = re.compile(r"(?:.*[. /])?(?:t|time|timestamps?|zeit|zaman)(?:[_ ].*|\d*)", re.IGNORECASE)
 _RATE_LIKE = re.compile(r"(?:.*[._ /])?(?:fs|sample_?rate|sampling_?(?:rate|frequency)|rate_?hz)", re.IGNORECASE)
 _STEP_LIKE = re.compile(r"(?:.*[._ /])?(?:dt|ts|delta_?t|sample_?time|sampling_?(?:interval|period))", re.IGNORECASE)
 _SAME_RATE = 1e-9
+_MOST_CHANNELS = 4096
+PYTHON_INDEX, MATLAB_INDEX = ("[{0},:]", "[:,{0}]"), ("({1},:)", "(:,{1})")
+"""How the channels of a table are called: the rows of a wide one, the columns of a tall one."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +43,67 @@ class Series:
     channels: tuple[Channel, ...]
     length: int
     block: Callable[[int, int], Sequence[Samples]]
-    may_be_time: bool = True
     axis: str = ""
     is_axis: bool = False
+
+    def is_rounded(self) -> bool:
+        """Whether it holds whole numbers so large that float64 may round them, if it holds such."""
+        spans = block_spans(self.length, len(self.channels))
+        return any(is_beyond_exact(column) for begin, end in spans for column in self.block(begin, end))
+
+
+def number_columns(dtype: np.dtype[Any]) -> list[tuple[str, str]]:
+    """The columns of one element: field and part (``real``, ``imag``); none if it is no number."""
+    if dtype.names:
+        if set(dtype.names) == {"real", "imag"}:
+            return [("real", "real"), ("imag", "imag")]
+        return [(name, "") for name in dtype.names if dtype[name].kind in "iufb" and not dtype[name].shape]
+    if dtype.kind == "c":
+        return [("", "real"), ("", "imag")]
+    return [("", "")] if dtype.kind in "iufb" else []
+
+
+def array_series(
+    name: str,
+    root: str,
+    shape: Sequence[int],
+    dtype: np.dtype[Any],
+    array: Callable[[], Any],
+    index: Sequence[str],
+    unit: str | None = None,
+    physical: Callable[[Samples], Samples] = lambda numbers: numbers,
+) -> Series | None:
+    """An array of up to two sides longer than one as a series; None for any other, or of too many channels.
+
+    ``array`` gives what is cut by slices of samples, as of NumPy or of HDF5; ``index`` names the channels of a table.
+    """
+    long = [axis for axis, side in enumerate(shape) if side != 1]
+    sides, parts = [int(shape[axis]) for axis in long], number_columns(dtype)
+    if not parts or len(sides) > 2 or 0 in sides:
+        return None
+    length, width = max(sides, default=1), min(sides) if len(sides) == 2 else 1
+    if max(width, width * len(parts) // 2) > _MOST_CHANNELS:
+        return None
+    along = len(sides) == 2 and sides[0] < sides[1]
+    titles = [name + (index[not along].format(i, i + 1) if width > 1 else "") for i in range(width)]
+    suffixes = [f" ({part})" if part else f".{of}" if of else "" for of, part in parts]
+    channels = tuple(Channel(title + suffix, unit) for suffix in suffixes for title in titles)
+
+    def block(begin: int, end: int) -> list[Samples]:
+        where = [slice(None)] * len(shape)
+        if long:
+            where[long[-1] if along else long[0]] = slice(begin, end)
+        table = array()[tuple(where)].reshape((width, -1) if along else (-1, width))
+        rows = table if along else table.T
+        return [physical(as_float64(_part(row, of, part))) for of, part in parts for row in rows]
+
+    return Series(root, channels, length, block)
+
+
+def _part(column: Any, of: str, part: str) -> Any:  # noqa: ANN401
+    if column.dtype.names:
+        return column[of]
+    return column if not part else column.real if part == "real" else column.imag
 
 
 @dataclass(frozen=True)
@@ -47,51 +112,79 @@ class SeriesGroup:
 
     group: Group
     members: tuple[Series, ...]
-    samples: int
 
     def blocks(self) -> Iterator[Block]:
         """The samples in blocks."""
-        step = block_samples(len(self.group.channels))
-        for begin in range(0, self.samples, step):
-            end = min(begin + step, self.samples)
+        for begin, end in block_spans(self.members[0].length, len(self.group.channels)):
             columns = tuple(column for member in self.members for column in member.block(begin, end))
             yield Block(self.group, columns, begin)
 
 
 @dataclass
-class Grouping:
-    """The groups of a file, and the rate that it states."""
+class Contents:
+    """What the arrays, single numbers and texts of a file come to, and what is neither."""
 
-    groups: list[SeriesGroup] = field(default_factory=list)
-    stated_rate_hz: float | None = None
+    series: list[Series] = field(default_factory=list)
+    scalars: dict[str, float] = field(default_factory=dict)
+    metadata: dict[str, str] = field(default_factory=dict)
+    left_out: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
+
+    def keep(self, series: Series, dtype: np.dtype[Any], channel: str, where: str | None = None) -> None:
+        """Take a series of this type; that float64 rounds its integers is found under the name of ``channel``."""
+        if dtype.kind in "iu" and dtype.itemsize == 8 and series.is_rounded():
+            self.findings.append(rounded_integers(channel, where))
+        self.series.append(series)
+
+    def recording(
+        self, path: Path, kind: str, reader: str, guard: Callable[[], AbstractContextManager[None]] = nullcontext
+    ) -> Recording:
+        """The recording of the format ``kind``, whose samples are read within ``guard``. Raises Refusal without any."""
+        rate = stated_rate(self.scalars)
+        gathered = group_series(path.stem, self.series, rate)
+        listed = names_listed(self.left_out)
+        if not gathered:
+            grave = [finding for finding in self.findings if finding.severity > 0]
+            raise nothing_to_read(path, grave, f"no array of numbers in it{f'; it holds {listed}' if listed else ''}")
+        if listed:
+            self.findings.append(Finding("left_out", None, None, f"no series of numbers: {listed}"))
+
+        def blocks() -> Iterator[Block]:
+            with guard():
+                for each in gathered:
+                    yield from each.blocks()
+
+        return Recording(
+            path=path,
+            format=kind,
+            reader=reader,
+            groups=tuple(each.group for each in gathered),
+            read=lambda report: watch_nonfinite(blocks(), report),
+            metadata=self.metadata,
+            stated_rate_hz=rate,
+            findings=tuple(self.findings),
+        )
 
 
-def group_series(stem: str, series: Sequence[Series], scalars: Mapping[str, float]) -> Grouping:
-    """Groups of the series of one root and length; ``scalars`` may state a sampling rate."""
-    result = Grouping(stated_rate_hz=stated_rate(scalars))
+def group_series(stem: str, series: Sequence[Series], rate_hz: float | None = None) -> list[SeriesGroup]:
+    """Groups of the series of one root, length and axis; a stated rate is the clock of the only one."""
     by_place: dict[tuple[str, int, str], list[Series]] = {}
     for each in series:
         by_place.setdefault((each.root, each.length, each.axis), []).append(each)
     of_root = Counter(root for root, _, _ in by_place)
     of_length = Counter((root, length) for root, length, _ in by_place)
-    taken: set[str] = set()
+    found: dict[str, SeriesGroup] = {}
     for (root, length, axis), members in by_place.items():
         parts = [stem, *([root] if root else []), *([str(length)] if of_root[root] > 1 else [])]
         if of_length[root, length] > 1 and axis:
             parts.append(axis.rpartition("/")[2])
-        parts += [str(len(taken))] if " ".join(parts) in taken else []
-        taken.add(" ".join(parts))
-        clock = _time(members)
-        if clock is None and len(by_place) == 1 and result.stated_rate_hz is not None:
-            result.groups.append(_series_group(" ".join(parts), members, UniformClock(result.stated_rate_hz)))
-            continue
-        result.groups.append(_series_group(" ".join(parts), members, clock))
-    return result
-
-
-def _series_group(name: str, members: Sequence[Series], clock: Clock | None) -> SeriesGroup:
-    channels = tuple(channel for member in members for channel in member.channels)
-    return SeriesGroup(Group(name, channels, clock), tuple(members), members[0].length)
+        name = " ".join(parts)
+        while name in found:
+            name += f" {len(found)}"
+        clock = _time(members) or (UniformClock(rate_hz) if rate_hz is not None and len(by_place) == 1 else None)
+        channels = tuple(channel for member in members for channel in member.channels)
+        found[name] = SeriesGroup(Group(name, channels, clock), tuple(members))
+    return list(found.values())
 
 
 def stated_rate(scalars: Mapping[str, float]) -> float | None:
@@ -109,16 +202,15 @@ def _time(members: Sequence[Series]) -> TimeColumn | None:
     index = 0
     for member in members:
         channel = member.channels[0]
-        if len(member.channels) == 1 and member.may_be_time and _is_time(member):
-            named = named_channels([channel.name.rpartition(".")[2]], [""])[0]
-            unit = channel.unit or named.unit
-            factor = seconds_per(unit.split(" since ")[0]) if unit else 1.0
-            clock = TimeColumn(index, factor, assumed=unit is None)
+        if len(member.channels) == 1 and _is_time(member):
+            name = channel.name.rpartition(".")[2]
+            unit = channel.unit or named_channels([name], [""])[0].unit
+            clock = TimeColumn(index, seconds_per(unit.split(" since ")[0]) if unit else 1.0, assumed=unit is None)
             if unit is None and _may_be_days(member):
                 clock = TimeColumn(index, None)
             if member.is_axis:
                 return clock
-            found.append((clock, channel.name.rpartition(".")[2]))
+            found.append((clock, name))
         index += len(member.channels)
     plain = [clock for clock, name in found if is_time_name(name)]
     likely = plain or [clock for clock, _ in found]
@@ -140,13 +232,11 @@ def _may_be_days(member: Series) -> bool:
 
 
 def _grows(member: Series) -> bool:
-    if member.length < 2:
-        return False
-    last, step = -np.inf, block_samples(1)
-    for begin in range(0, member.length, step):
-        column = member.block(begin, min(begin + step, member.length))[0]
+    last = -np.inf
+    for begin, end in block_spans(member.length, 1):
+        column = member.block(begin, end)[0]
         with np.errstate(invalid="ignore"):
             if not column[0] > last or not (np.diff(column) > 0).all():
                 return False
         last = float(column[-1])
-    return True
+    return member.length > 1

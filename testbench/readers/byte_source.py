@@ -23,6 +23,12 @@ def block_samples(channels: int) -> int:
     return max(1, BLOCK_BYTES // (8 * max(1, channels)))
 
 
+def block_spans(samples: int, channels: int) -> Iterator[tuple[int, int]]:
+    """First sample and end of the blocks of so many ``samples`` of ``channels`` columns."""
+    step = block_samples(channels)
+    return ((begin, min(begin + step, samples)) for begin in range(0, samples, step))
+
+
 class ByteSource:
     """A file read in pieces; one that would lie beyond its end is refused as cut, by its place and name."""
 

@@ -8,24 +8,23 @@ numbers whose imaginary part is no finite number it would make NaN of the real p
 
 import struct
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from io import BytesIO
 from math import prod
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.io import loadmat
 from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque, MatReadError
 from scipy.sparse import issparse
 
-from ..recording import Block, Channel, Finding, Recording, Refusal, Samples
-from .array_grouping import Series, group_series
-from .byte_source import ByteSource, as_float64
-from .format_findings import cut, damaged, names_listed, nothing_to_read, refusing, rounded_integers, watch_nonfinite
+from ..recording import Finding, Recording, Refusal
+from .array_grouping import MATLAB_INDEX, Contents, array_series
+from .byte_source import ByteSource
+from .format_findings import cut, damaged, refusing
 
 _MATRIX, _COMPRESSED = 14, 15
 _CELL, _STRUCT = 1, 2
@@ -34,13 +33,11 @@ _HEADER_4, _HEADER_5 = struct.calcsize("5i"), 128
 _SIZES_4 = {0: 8, 1: 4, 2: 4, 3: 2, 4: 2, 5: 1}
 """Bytes of a number of version 4, by the third digit of its type."""
 _SPARSE_4 = 2
-_MOST_VARIABLES, _MOST_CHANNELS, _LONGEST_NAME, _LONGEST_TEXT = 100_000, 4096, 256, 1 << 16
+_MOST_VARIABLES, _LONGEST_NAME, _LONGEST_TEXT = 100_000, 256, 1 << 16
 _MOST_RATIO, _ALWAYS_ALLOWED, _MOST_BYTES = 200, 64 << 20, 2 << 30
 """A variable may unpack to so many times its bytes, or to so many; all of a file to so many."""
-_EXACT = 2**53
 _ERRORS = (ValueError, TypeError, KeyError, IndexError, OSError, OverflowError, AttributeError, NotImplementedError,
            struct.error, zlib.error, MatReadError)  # fmt: skip
-Numbers = NDArray[Any]
 
 
 @dataclass(frozen=True)
@@ -52,23 +49,12 @@ class _Variable:
     files: tuple[bytes, ...]
 
 
-@dataclass
-class _Found:
-    """What the variables of a file hold."""
-
-    series: list[Series] = field(default_factory=list)
-    scalars: dict[str, float] = field(default_factory=dict)
-    metadata: dict[str, str] = field(default_factory=dict)
-    left_out: list[str] = field(default_factory=list)
-    findings: list[Finding] = field(default_factory=list)
-
-
 def open_library(path: Path) -> Recording:
     """Read all variables; arrays of one length are a group, single numbers and texts are metadata."""
-    found, total = _Found(), 0
+    found, total = Contents(), 0
     with ByteSource(path) as source:
-        is_5 = source.read(0, min(source.size, _HEADER_5), "the header")[124:128] in (b"\x00\x01IM", b"\x01\x00MI")
-        is_5 |= source.read(0, min(source.size, 10), "the header") == b"MATLAB 5.0"
+        head = source.read(0, min(source.size, _HEADER_5), "the header")
+        is_5 = head[124:128] in (b"\x00\x01IM", b"\x01\x00MI") or head.startswith(b"MATLAB 5.0")
         for variable in (_variables_5 if is_5 else _variables_4)(source, found):
             total += sum(map(len, variable.files))
             if total > _MOST_BYTES:
@@ -78,27 +64,7 @@ def open_library(path: Path) -> Recording:
                 found.left_out.append(f"{variable.name} ({variable.left_out})")
             elif variable.name:
                 _take(variable.name, _loaded(path, variable), found)
-    result = group_series(path.stem, found.series, found.scalars)
-    if not result.groups:
-        raise nothing_to_read(path, found.findings, "no array of numbers in it")
-    if names := found.left_out:
-        message = f"no series of samples: {names_listed(names)}"
-        found.findings.append(Finding("left_out", None, None, message))
-
-    def blocks() -> Iterator[Block]:
-        for gathered in result.groups:
-            yield from gathered.blocks()
-
-    return Recording(
-        path=path,
-        format="MATLAB v5" if is_5 else "MATLAB v4",
-        reader="testbench.readers.matlab",
-        groups=tuple(gathered.group for gathered in result.groups),
-        read=lambda report: watch_nonfinite(blocks(), report),
-        metadata=found.metadata,
-        stated_rate_hz=result.stated_rate_hz,
-        findings=tuple(found.findings),
-    )
+    return found.recording(path, f"MATLAB v{5 if is_5 else 4}", "testbench.readers.matlab")
 
 
 def _loaded(path: Path, variable: _Variable) -> object:
@@ -116,13 +82,11 @@ def _loaded(path: Path, variable: _Variable) -> object:
     return whole
 
 
-def _take(name: str, value: object, found: _Found) -> None:
+def _take(name: str, value: Any, found: Contents) -> None:  # noqa: ANN401
     """Sort a value: a series of samples, a number, a text, fields, cells, or something else."""
-    if isinstance(value, MatlabFunction | MatlabOpaque | MatlabObject) or issparse(value):
-        what = (
-            "a sparse matrix" if issparse(value) else "a function" if isinstance(value, MatlabFunction) else "an object"
-        )
-        found.left_out.append(f"{name} ({what})")
+    others = ((MatlabFunction, "a function"), (MatlabOpaque | MatlabObject, "an object"))
+    if (what := next((what for kind, what in others if isinstance(value, kind)), "")) or issparse(value):
+        found.left_out.append(f"{name} ({what or 'a sparse matrix'})")
     elif not isinstance(value, np.ndarray):
         found.left_out.append(f"{name} ({type(value).__name__})")
     elif value.dtype.names:
@@ -140,38 +104,15 @@ def _take(name: str, value: object, found: _Found) -> None:
         found.metadata[name] = repr(number)
         found.scalars |= {name: number} if isinstance(number, float) else {}
     elif value.size:
-        _take_numbers(name, value, found)
+        root = name.split(".")[0].split("{")[0].split("(")[0]
+        series = array_series(name, root if root != name else "", value.shape, value.dtype, lambda: value, MATLAB_INDEX)
+        if series is None:
+            found.left_out.append(f"{name} (an array of {' x '.join(map(str, value.shape))})")
+        else:
+            found.keep(series, value.dtype, name)
 
 
-def _take_numbers(name: str, value: Numbers, found: _Found) -> None:
-    """A vector is one channel, a matrix one for each of its short side; complex numbers are two."""
-    sides = [size for size in value.shape if size != 1]
-    length, width = max(sides), value.size // max(sides)
-    if len(sides) > 2 or width > _MOST_CHANNELS:
-        found.left_out.append(f"{name} (an array of {' x '.join(map(str, value.shape))})")
-        return
-    along = len(sides) == 2 and sides[0] < sides[1]
-    table = value.reshape(sides if width > 1 else (length, 1), order="F")
-    table = table if along else table.T
-    pattern = "({i},:)" if along else "(:,{i})"
-    names = [name + (pattern.format(i=i + 1) if width > 1 else "") for i in range(width)]
-    is_complex = value.dtype.kind == "c"
-    parts = (table.real, table.imag) if is_complex else (table,)
-    if is_complex:
-        names = [f"{each} ({side})" for side in ("real", "imag") for each in names]
-    is_wide = value.dtype.kind in "iu" and value.dtype.itemsize == 8
-    if is_wide and max(abs(int(value.max())), abs(int(value.min()))) >= _EXACT:
-        found.findings.append(rounded_integers(name))
-
-    def block(begin: int, end: int) -> Sequence[Samples]:
-        return [as_float64(row[begin:end]) for part in parts for row in part]
-
-    root = name.split(".")[0].split("{")[0].split("(")[0]
-    channels = tuple(Channel(each) for each in names)
-    found.series.append(Series(root if root != name else "", channels, length, block, may_be_time=not is_complex))
-
-
-def _variables_5(source: ByteSource, found: _Found) -> Iterator[_Variable]:
+def _variables_5(source: ByteSource, found: Contents) -> Iterator[_Variable]:
     """The variables of a file of version 5; a cut file ends them with a finding."""
     head = source.read(0, _HEADER_5, "the header")
     if head[126:128] not in (b"IM", b"MI"):
@@ -237,7 +178,7 @@ def _unpacked(path: Path, packed: bytes, offset: int) -> bytes:
     return content
 
 
-def _variables_4(source: ByteSource, found: _Found) -> Iterator[_Variable]:
+def _variables_4(source: ByteSource, found: Contents) -> Iterator[_Variable]:
     """The matrices of a file of version 4, which lie one behind the other; a cut file ends them with a finding."""
     order = "<" if source.read(0, 4, "the first type")[2:] == b"\0\0" else ">"
     offset, last = 0, ""

@@ -1,43 +1,25 @@
-"""A dataset of HDF5 as a series of samples: its long side is the samples, its short one the channels.
-
-What its attributes state: unit, packing by the conventions of netCDF, and the axis along which its samples lie, in
-NeXus by attributes of the group, in netCDF by dimension scales.
+"""What the attributes of a dataset of HDF5 state: unit, packing by the conventions of netCDF, and the axis along which
+its samples lie, in NeXus by attributes of the group, in netCDF by dimension scales.
 """
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import h5py
 import numpy as np
 
-from ...recording import Channel, Samples
-from ..array_grouping import Series
-from ..byte_source import as_float64
+from ...recording import Samples
+from ..array_grouping import number_columns
 from .safe_walk import plain
 
-MOST_CHANNELS = 4096
 _UNITS = ("units", "unit", "Units", "Unit", "UNITS", "unit_string")
-_MEANT = frozenset(
-    (
-        *_UNITS,
-        "scale_factor",
-        "add_offset",
-        "_FillValue",
-        "missing_value",
-        "_Unsigned",
-        "NAME",
-        "MATLAB_class",
-        "MATLAB_empty",
-    )
-)
+_PACKING = ("scale_factor", "add_offset", "_FillValue", "missing_value", "_Unsigned")
+_MEANT = frozenset((*_UNITS, *_PACKING, "NAME", "MATLAB_class", "MATLAB_empty"))
 _MOST_ATTRIBUTES = 500
 _LONGEST_TEXT = 2000
 AttributeValue = str | float | int
 """What an attribute says that is one text or number."""
-Reopened = Callable[[h5py.Reference], h5py.Dataset]
-"""Opens the dataset of a reference, once more if need be: thousands are not kept open, each with its cache."""
 
 
 @dataclass(frozen=True)
@@ -83,85 +65,10 @@ def _as_stored(fill: float, dtype: np.dtype[Any]) -> float:
         return float(np.array(fill).astype(dtype)) if dtype.kind == "f" else float(fill)
 
 
-def sample_axis(shape: Sequence[int]) -> tuple[int, int, bool] | None:
-    """Length, width, and whether samples run along the last side; None if there are more than two sides."""
-    long = [int(side) for side in shape if side != 1]
-    if len(long) > 2:
-        return None
-    if len(long) < 2:
-        return (long[0] if long else 1), 1, False
-    length, width = max(long), min(long)
-    return length, width, long[0] < long[1]
-
-
-def number_columns(dtype: np.dtype[Any]) -> list[tuple[str, str]] | None:
-    """The columns of one element: field and part (``real``, ``imag``); None if it is no number."""
-    if dtype.names:
-        if set(dtype.names) == {"real", "imag"}:
-            return [("real", "real"), ("imag", "imag")]
-        plain_fields = [name for name in dtype.names if dtype[name].kind in "iufb" and not dtype[name].shape]
-        return [(name, "") for name in plain_fields] or None
-    if dtype.kind == "c":
-        return [("", "real"), ("", "imag")]
-    return [("", "")] if dtype.kind in "iufb" else None
-
-
 def left_out_fields(dtype: np.dtype[Any]) -> list[str]:
     """The fields of one element that are no columns: texts, arrays, further fields."""
-    kept = {field for field, _ in number_columns(dtype) or [] if field}
+    kept = {of for of, _ in number_columns(dtype) if of}
     return [plain(name) for name in dtype.names or () if name not in kept and name not in ("real", "imag")]
-
-
-def series(
-    dataset: h5py.Dataset, stated: Mapping[str, AttributeValue], name: str, root: str, reopened: Reopened
-) -> Series | None:
-    """The dataset with the attributes ``stated`` as a series of samples; None if it is none."""
-    shape = dataset.shape
-    form, parts = sample_axis(shape), number_columns(dataset.dtype)
-    if form is None or parts is None or form[1] * len(parts) > MOST_CHANNELS or form[0] * form[1] != math.prod(shape):
-        return None
-    length, width, along = form
-    unit, packed, reference = unit_of(stated), stated_packing(stated, dataset.dtype), dataset.ref
-    channels = tuple(
-        Channel(f"{_indexed(name, i, width, along)}{_suffix(field, part)}", unit)
-        for field, part in parts
-        for i in range(width)
-    )
-
-    def block(begin: int, end: int) -> Sequence[Samples]:
-        rows = _read(reopened(reference), begin, end, along, width)
-        return [packed(_part(column, field, part)) for field, part in parts for column in rows]
-
-    return Series(root, channels, length, block, may_be_time=len(channels) == 1)
-
-
-def _indexed(name: str, i: int, width: int, along: bool) -> str:
-    if width == 1:
-        return name
-    return f"{name}[{i},:]" if along else f"{name}[:,{i}]"
-
-
-def _suffix(field: str, part: str) -> str:
-    if part:
-        return f" ({part})"
-    return f".{plain(field)}" if field else ""
-
-
-def _read(dataset: h5py.Dataset, begin: int, end: int, along: bool, width: int) -> list[np.ndarray[Any, Any]]:
-    """Samples ``begin`` to before ``end``, one array a column."""
-    long = [axis for axis, side in enumerate(dataset.shape) if side != 1]
-    axis = (long[-1] if along else long[0]) if long else 0
-    where = tuple(slice(begin, end) if i == axis else slice(None) for i in range(dataset.ndim))
-    table = dataset[where].reshape((width, -1) if along else (-1, width))
-    return list(table if along else table.T)
-
-
-def _part(column: np.ndarray[Any, Any], field: str, part: str) -> Samples:
-    if column.dtype.names:
-        column = column[field]
-    elif part:
-        column = column.real if part == "real" else column.imag
-    return as_float64(column)
 
 
 def unit_of(stated: Mapping[str, AttributeValue]) -> str | None:
@@ -171,12 +78,6 @@ def unit_of(stated: Mapping[str, AttributeValue]) -> str | None:
         if isinstance(value, str) and value.strip():
             return value.strip()
     return None
-
-
-def attribute(node: h5py.Group | h5py.Dataset, name: str) -> AttributeValue | None:
-    """An attribute that is one text or number; None for anything else, or if it is not there."""
-    attrs = node.attrs
-    return _value(attrs, name) if name in attrs else None
 
 
 def _value(attrs: h5py.AttributeManager, name: str) -> AttributeValue | None:
@@ -204,50 +105,29 @@ def attributes(node: h5py.Group | h5py.Dataset) -> dict[str, AttributeValue]:
     return {name: value for name, value in found.items() if value is not None}
 
 
-_NOT_A_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
-
-
-class NexusAxes:
-    """The first axis that each group of NXdata, NXlog or NXdetector names; a group is asked once."""
-
-    def __init__(self) -> None:
-        self._known: dict[str, str] = {}
-
-    def of(self, group: str, dataset: h5py.Dataset) -> str:
-        """The name of the axis in the group at a path that holds ``dataset``; empty if there is none."""
-        if group not in self._known:
-            self._known[group] = _named_axis(dataset.parent)
-        return self._known[group]
-
-
 def stated_axis(
-    path: str, dataset: h5py.Dataset, stated: Mapping[str, AttributeValue], nexus: NexusAxes
+    path: str, dataset: h5py.Dataset, stated: Mapping[str, AttributeValue], nexus: dict[str, str]
 ) -> tuple[str, bool]:
-    """The path of the axis along which the samples of a dataset lie (empty: none), and if it is the dataset itself."""
-    if (scale := _by_scale(path, dataset, stated)) is not None:
-        return scale
-    group, _, name = path.rpartition("/")
-    axis = nexus.of(group, dataset)
-    return (f"{group}/{axis}", name == axis) if axis else ("", False)
+    """The path of the axis along which the samples of a dataset lie (empty: none), and if it is the dataset itself.
 
-
-def _by_scale(path: str, dataset: h5py.Dataset, stated: Mapping[str, AttributeValue]) -> tuple[str, bool] | None:
-    """The dimension scale of the long side."""
+    By the dimension scale of its long side, else as the group names it; ``nexus`` remembers what groups name.
+    """
     if dataset.is_scale:
-        return None if is_netcdf_dimension(stated) else (path, True)
-    if not dataset.shape or "DIMENSION_LIST" not in dataset.attrs:
-        return None
-    side = max(range(dataset.ndim), key=lambda axis: dataset.shape[axis])
-    if len(dataset.dims[side]):
-        scale = dataset.dims[side][0]
-        if scale.shape == (dataset.shape[side],):
+        if not is_netcdf_dimension(stated):
+            return path, True
+    elif dataset.shape and "DIMENSION_LIST" in dataset.attrs:
+        side = max(range(dataset.ndim), key=lambda axis: dataset.shape[axis])
+        if len(dataset.dims[side]) and (scale := dataset.dims[side][0]).shape == (dataset.shape[side],):
             return plain(scale.name), False
-    return None
+    group, _, name = path.rpartition("/")
+    if group not in nexus:
+        nexus[group] = _named_axis(dataset.parent)
+    return (f"{group}/{nexus[group]}", name == nexus[group]) if nexus[group] else ("", False)
 
 
 def _named_axis(group: h5py.Group) -> str:
-    """The first of the axes that the group of NXdata names."""
-    kind = attribute(group, "NX_class")
+    """The first of the axes that a group of NXdata, NXlog or NXdetector names, if it is there; else empty."""
+    kind = _value(group.attrs, "NX_class") if "NX_class" in group.attrs else None
     if kind not in ("NXdata", "NXlog", "NXdetector"):
         return ""
     axes = group.attrs.get("axes")
@@ -260,4 +140,4 @@ def _named_axis(group: h5py.Group) -> str:
 
 def is_netcdf_dimension(stated: Mapping[str, AttributeValue]) -> bool:
     """Whether a dataset of these attributes is a mere length, without values."""
-    return str(stated.get("NAME", "")).startswith(_NOT_A_VARIABLE)
+    return str(stated.get("NAME", "")).startswith("This is a netCDF dimension but not a netCDF variable")

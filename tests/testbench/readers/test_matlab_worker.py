@@ -62,7 +62,7 @@ def test_blocks_give_the_same_numbers(tmp_path, monkeypatch):
     matrix = RANDOM.normal(size=(50, 3)) + 1j * RANDOM.normal(size=(50, 3))
     path = _save(tmp_path, True, tall=matrix, wide=matrix.T.copy(), time=TIME)
     whole = reading.read(path)
-    monkeypatch.setattr("testbench.readers.array_grouping.block_samples", lambda channels: 7)
+    monkeypatch.setattr("testbench.readers.byte_source.block_samples", lambda channels: 7)
     pieces = reading.read(path)
     np.testing.assert_array_equal(pieces.data["test"], whole.data["test"])
     assert len(whole.data["test"]) == 13
