@@ -10,11 +10,11 @@ from typing import Any
 from mcap.exceptions import McapError
 from mcap.stream_reader import CRCValidationError, StreamReader
 
-from ..recording import Block, Finding, Recording, Report
-from .format_findings import damaged, nothing_to_read, refusing, watch_nonfinite
+from ..recording import Finding, Recording
+from .format_findings import damaged, refusing
 from .protobuf_messages import ProtobufDecoder
 from .ros_messages import RosDecoder, message_fields
-from .ros_topics import Message, Topic, UnknownType, Unreadable, json_message
+from .ros_topics import Decode, Topic, UnknownType, Unreadable, json_message, topic_recording
 
 _MAGIC = b"\x89MCAP0\r\n"
 _LARGEST_RECORD = 256 << 20
@@ -37,37 +37,24 @@ class _File:
 def open_library(path: Path) -> Recording:
     """Go through the file once, looking at the first message of each topic."""
     file = _File()
-    for topic, record in _messages(path, file):
+    for topic, _, raw in _messages(path, file):
         with refusing(path, f"topic {topic.name!r}", Unreadable):
-            topic.look(record.data)
-    groups = [shape.group for topic in file.topics.values() for shape in topic.shapes.values()]
-    findings = [*file.findings, *_left_out(file), *_counted(file)]
-    if not groups:
-        raise nothing_to_read(path, findings, "no message with numbers")
-    return Recording(
-        path=path,
-        format="MCAP",
-        reader="testbench.readers.ros_files",
-        groups=tuple(groups),
-        read=lambda report: watch_nonfinite(_blocks(path, report), report),
-        metadata=file.metadata | {"zero": f"{file.zero} ns since 1970"},
-        findings=tuple(findings),
-    )
+            topic.look(raw)
+    findings, found = file.findings, sum(file.counts.values())
+    for key, topic in file.topics.items():
+        if topic.reason and file.counts[key]:
+            message = f"{file.counts[key]} messages are not kept: {topic.reason}"
+            findings.append(Finding("left_out", topic.name, None, message))
+    if file.declared not in (None, found):
+        message = f"the summary counts {file.declared} messages, {found} are there"
+        findings.append(Finding("count_contradiction", None, None, message))
+    metadata = file.metadata | {"zero": f"{file.zero} ns since 1970"}
+    topics = file.topics.values()
+    return topic_recording(path, "MCAP", topics, findings, metadata, lambda report: _messages(path, _File()))
 
 
-def _blocks(path: Path, report: Report) -> Iterator[Block]:
-    file = _File()
-    for topic, record in _messages(path, file):
-        with refusing(path, f"topic {topic.name!r}", Unreadable):
-            block = topic.take(record.log_time, record.data)
-        if block is not None:
-            yield block
-    for topic in file.topics.values():
-        yield from topic.remaining_blocks(report)
-
-
-def _messages(path: Path, file: _File) -> Iterator[tuple[Topic, Any]]:
-    """Every message with its topic; a file that ends too early ends them with a finding."""
+def _messages(path: Path, file: _File) -> Iterator[tuple[Topic, int, bytes]]:
+    """Every message with its topic and time of logging; a file that ends too early ends them with a finding."""
     with path.open("rb") as stream:
         records = StreamReader(stream, validate_crcs=True, record_size_limit=_LARGEST_RECORD).records
         try:
@@ -88,7 +75,7 @@ def _is_closed(path: Path) -> bool:
         return stream.read() == _MAGIC
 
 
-def _record(record: Any, file: _File, path: Path) -> Iterator[tuple[Topic, Any]]:  # noqa: ANN401
+def _record(record: Any, file: _File, path: Path) -> Iterator[tuple[Topic, int, bytes]]:  # noqa: ANN401
     kind = type(record).__name__
     if kind == "Header":
         file.metadata |= {"profile": record.profile, "library": record.library}
@@ -108,7 +95,7 @@ def _record(record: Any, file: _File, path: Path) -> Iterator[tuple[Topic, Any]]
         file.counts[record.channel_id] += 1
         topic = file.topics[record.channel_id]
         topic.zero = file.zero
-        yield topic, record
+        yield topic, record.log_time, record.data
 
 
 def _topic(channel: Any, file: _File) -> Topic:  # noqa: ANN401
@@ -117,37 +104,15 @@ def _topic(channel: Any, file: _File) -> Topic:  # noqa: ANN401
     encodings = (schema.encoding if schema else "", channel.message_encoding)
     taken = [topic.name for topic in file.topics.values()]
     name = channel.topic if channel.topic not in taken else f"{channel.topic} {channel.id}"
-    if channel.message_encoding == "json":
-        return Topic(name, json_message, 0)
-    if schema is not None and encodings == ("protobuf", "protobuf"):
-        try:
-            return Topic(name, ProtobufDecoder(schema.data, schema.name).decode, 0)
-        except UnknownType as error:
-            return Topic(name, _nothing, 0, reason=f"messages are encoded as 'protobuf', and {error}")
-    if schema is None or encodings not in _ENCODINGS:
-        return Topic(name, _nothing, 0, reason=f"messages are encoded as {encodings[1]!r} with {encodings[0]!r}")
-    try:
-        fields = message_fields(schema.data.decode("utf-8", "replace"), schema.name, encodings[1] == "cdr")
-    except UnknownType as error:
-        return Topic(name, _nothing, 0, reason=str(error))
-    return Topic(name, RosDecoder(fields, encodings[1] == "cdr").decode, 0)
 
+    def decoder() -> Decode:
+        if channel.message_encoding == "json":
+            return json_message
+        if schema is not None and encodings == ("protobuf", "protobuf"):
+            return ProtobufDecoder(schema.data, schema.name).decode
+        if schema is None or encodings not in _ENCODINGS:
+            raise UnknownType(f"messages are encoded as {encodings[1]!r} with {encodings[0]!r}")
+        is_cdr = encodings[1] == "cdr"
+        return RosDecoder(message_fields(schema.data.decode("utf-8", "replace"), schema.name, is_cdr), is_cdr).decode
 
-def _nothing(raw: bytes) -> Message:
-    return Message()
-
-
-def _left_out(file: _File) -> list[Finding]:
-    return [
-        Finding("left_out", topic.name, None, f"{file.counts[key]} messages are not kept: {topic.reason}")
-        for key, topic in file.topics.items()
-        if topic.reason and file.counts[key]
-    ]
-
-
-def _counted(file: _File) -> list[Finding]:
-    found = sum(file.counts.values())
-    if file.declared is None or file.declared == found:
-        return []
-    message = f"the summary counts {file.declared} messages, {found} are there"
-    return [Finding("count_contradiction", None, None, message)]
+    return Topic.of(name, decoder)

@@ -28,7 +28,8 @@ class ProtobufDecoder:
             self._type = pool.FindMessageTypeByName(name)
             self._class = message_factory.GetMessageClass(self._type)
         except (DecodeError, TypeError, KeyError, ValueError, RecursionError) as error:
-            raise UnknownType(f"its descriptors do not hold {name}: {error}") from error
+            message = f"messages are encoded as 'protobuf', and its descriptors do not hold {name}: {error}"
+            raise UnknownType(message) from error
 
     def decode(self, raw: bytes) -> Message:
         """The numbers of a message; a field that was not sent is zero, or NaN where it may be unset."""

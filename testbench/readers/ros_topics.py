@@ -1,13 +1,14 @@
 """The messages of each topic as columns: one row a message, its times in nanoseconds from the zero of the file."""
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
-from ..recording import Block, Channel, Finding, Group, Report, Samples, TimeColumn
-from .format_findings import rounded_integers
+from ..recording import Block, Channel, Finding, Group, Recording, Report, Samples, TimeColumn
+from .format_findings import nothing_to_read, refusing, rounded_integers, watch_nonfinite
 
 MOST_NUMBERS = 4096
 """A message of more numbers is a picture or a cloud of points, and no sample."""
@@ -78,6 +79,14 @@ class Topic:
     shapes: dict[tuple[str, ...], Shape] = field(default_factory=dict)
     reason: str = ""
 
+    @classmethod
+    def of(cls, name: str, decoder: Callable[[], Decode], zero: int = 0) -> "Topic":
+        """The topic whose messages are decoded as ``decoder`` says; where it raises UnknownType, they are left out."""
+        try:
+            return cls(name, decoder(), zero)
+        except UnknownType as error:
+            return cls(name, lambda raw: Message(), zero, reason=str(error))
+
     def look(self, raw: bytes) -> None:
         """Learn the shape of the first message."""
         if not self.shapes and not self.reason and (message := self._message(raw)) is not None:
@@ -132,6 +141,41 @@ class Topic:
         if self.shapes and self.reason:
             message = f"from some message on {self.name!r} is not kept: {self.reason}"
             report(Finding("ragged_row", None, None, message))
+
+
+def topic_recording(
+    path: Path,
+    kind: str,
+    topics: Iterable[Topic],
+    findings: list[Finding],
+    metadata: Mapping[str, str],
+    messages: Callable[[Report], Iterator[tuple[Topic, int, bytes]]],
+) -> Recording:
+    """The recording of ``topics`` that have been looked at; ``messages`` gives the topic, time and bytes of each."""
+    groups = tuple(shape.group for topic in topics for shape in topic.shapes.values())
+    if not groups:
+        raise nothing_to_read(path, findings, "no message with numbers")
+
+    def blocks(report: Report) -> Iterator[Block]:
+        met: dict[int, Topic] = {}
+        for topic, logged, raw in messages(report):
+            met.setdefault(id(topic), topic)
+            with refusing(path, f"topic {topic.name!r}", Unreadable):
+                block = topic.take(logged, raw)
+            if block is not None:
+                yield block
+        for topic in met.values():
+            yield from topic.remaining_blocks(report)
+
+    return Recording(
+        path=path,
+        format=kind,
+        reader="testbench.readers.ros_files",
+        groups=groups,
+        read=lambda report: watch_nonfinite(blocks(report), report),
+        metadata=metadata,
+        findings=tuple(findings),
+    )
 
 
 def json_message(raw: bytes) -> Message:

@@ -15,6 +15,7 @@ import threading
 import weakref
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any
 
@@ -74,19 +75,14 @@ def _read_exactly(stream: IO[bytes], count: int) -> bytes:
     return data
 
 
-def group_as_dict(group: Group) -> dict[str, Any]:
-    """A group for the pipe."""
-    clock: dict[str, Any] | None = None
-    if isinstance(group.clock, UniformClock):
-        clock = {"rate_hz": group.clock.rate_hz, "start_s": group.clock.start_s}
-    elif group.clock is not None:
-        factor = group.clock.seconds_per_unit
-        clock = {"index": group.clock.index, "seconds_per_unit": factor, "assumed": group.clock.assumed}
-    return {
-        "name": group.name,
-        "channels": [[channel.name, channel.unit, channel.label] for channel in group.channels],
-        "clock": clock,
-    }
+_AS_THEY_ARE = ("format", "reader", "origin", "settings", "metadata", "comments", "stated_rate_hz")
+"""What of a recording is JSON already."""
+
+
+def recording_as_dict(recording: Recording) -> dict[str, Any]:
+    """All of a recording but its data, for the pipe."""
+    parts = {name: [asdict(each) for each in getattr(recording, name)] for name in ("groups", "ranges", "findings")}
+    return {name: getattr(recording, name) for name in _AS_THEY_ARE} | parts
 
 
 def group_from_dict(document: Mapping[str, Any]) -> Group:
@@ -94,22 +90,7 @@ def group_from_dict(document: Mapping[str, Any]) -> Group:
     clock: Clock | None = None
     if (stated := document["clock"]) is not None:
         clock = TimeColumn(**stated) if "index" in stated else UniformClock(**stated)
-    return Group(document["name"], tuple(Channel(*channel) for channel in document["channels"]), clock)
-
-
-def block_as_dict(block: Block) -> dict[str, Any]:
-    """All of a block but its columns."""
-    return {"group": block.group.name, "start": block.start, "columns": len(block.columns), "read": block.bytes_read}
-
-
-def finding_from_dict(stated: Mapping[str, Any]) -> Finding:
-    """A finding from the pipe."""
-    return Finding(stated["code"], stated["channel"], stated["where"], stated["message"])
-
-
-def range_from_list(stated: tuple[float, str, int | None]) -> SensorRange:
-    """A sensor range from the pipe."""
-    return SensorRange(*stated)
+    return Group(document["name"], tuple(Channel(**channel) for channel in document["channels"]), clock)
 
 
 PATIENCE_S = 60.0
@@ -121,19 +102,11 @@ class Process:
     """A process that reads one file by ``module.function(path)``; whoever starts it ends it."""
 
     def __init__(self, path: Path, module: str, function: str) -> None:
-        command = [
-            sys.executable,
-            "-P",
-            "-m",
-            f"{__package__}.subprocess_worker",
-            module,
-            function,
-            str(path.absolute()),
-        ]
+        worker = f"{__package__}.subprocess_worker"
         threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "POLARS_MAX_THREADS"), "1")
         self._path = path
         self._process = subprocess.Popen(
-            command,
+            [sys.executable, "-P", "-m", worker, module, function, str(path.absolute())],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -183,7 +156,7 @@ class Process:
         finally:
             silent.cancel()
         if "refusal" in document:
-            raise Refusal(self._path.name, finding_from_dict(document["refusal"]))
+            raise Refusal(self._path.name, Finding(**document["refusal"]))
         if "error" in document:
             raise RecordingError(document["error"])
         return document, data
@@ -245,29 +218,21 @@ def open_in_subprocess(path: Path, module: str, function: str = "open_library") 
         known = {group.name: group for group in groups}
         for document, data in (_WAITING.take(process) or _reopened(path, module, function)).data():
             if "finding" in document:
-                report(finding_from_dict(document["finding"]))
+                report(Finding(**document["finding"]))
             elif "group" in document:
                 group = group_from_dict(document["group"])
                 known[group.name] = group
             elif "block" in document:
-                block = document["block"]
-                columns = tuple(data.reshape(block["columns"], -1))
-                yield Block(known[block["group"]], columns, block["start"], None, block["read"])
+                name, count, start, bytes_read = document["block"]
+                yield Block(known[name], tuple(data.reshape(count, -1)), start, None, bytes_read)
 
-    recording = Recording(
-        path=path,
-        format=header["format"],
-        reader=header["reader"],
-        groups=groups,
-        read=read,
-        origin=header["origin"],
-        settings=header["settings"],
-        metadata=header["metadata"],
-        comments=tuple(header["comments"]),
-        ranges=tuple(range_from_list(each) for each in header["ranges"]),
-        stated_rate_hz=header["stated_rate_hz"],
-        findings=tuple(finding_from_dict(finding) for finding in header["findings"]),
-    )
+    lists = {
+        "groups": groups,
+        "comments": tuple(header["comments"]),
+        "ranges": tuple(SensorRange(**each) for each in header["ranges"]),
+        "findings": tuple(Finding(**each) for each in header["findings"]),
+    }
+    recording = Recording(path=path, read=read, **header | lists)
     weakref.finalize(recording, _WAITING.end, process)
     return recording
 

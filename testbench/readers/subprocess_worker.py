@@ -4,6 +4,7 @@ import os
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import asdict
 from importlib import import_module
 from pathlib import Path
 from typing import IO
@@ -25,7 +26,7 @@ def main(arguments: list[str]) -> None:
     try:
         opener: Callable[[Path], Recording] = getattr(import_module(module), function)
         recording = opener(Path(path))
-        _send_header(out, recording)
+        protocol.write_frame(out, {"recording": protocol.recording_as_dict(recording)})
         if sys.stdin.buffer.read(1):
             _send_data(out, recording)
     except Refusal as refusal:
@@ -33,14 +34,11 @@ def main(arguments: list[str]) -> None:
     except CounterpoiseError as error:
         protocol.write_frame(out, {"error": str(error)})
     except MemoryError:
-        message = f"reading it takes more than {MOST_MEMORY >> 30} GiB of memory"
-        protocol.write_frame(out, {"refusal": Finding("too_large", None, None, message).as_dict()})
+        _send_refusal(out, "too_large", f"reading it takes more than {MOST_MEMORY >> 30} GiB of memory")
     except RecursionError:
-        message = "its structure is nested without end"
-        protocol.write_frame(out, {"refusal": Finding("damaged_file", None, None, message).as_dict()})
+        _send_refusal(out, "damaged_file", "its structure is nested without end")
     except Exception as error:  # whatever a library makes of a damaged file
-        message = f"cannot be read: {type(error).__name__}: {error}"
-        protocol.write_frame(out, {"refusal": Finding("damaged_file", None, None, message[:2000]).as_dict()})
+        _send_refusal(out, "damaged_file", f"cannot be read: {type(error).__name__}: {error}"[:2000])
     out.flush()
 
 
@@ -61,20 +59,8 @@ def _limit_memory() -> None:
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
-def _send_header(out: IO[bytes], recording: Recording) -> None:
-    document = {
-        "format": recording.format,
-        "reader": recording.reader,
-        "groups": [protocol.group_as_dict(group) for group in recording.groups],
-        "origin": recording.origin,
-        "settings": dict(recording.settings),
-        "metadata": dict(recording.metadata),
-        "comments": list(recording.comments),
-        "ranges": [[each.limit, each.unit, each.bits] for each in recording.ranges],
-        "stated_rate_hz": recording.stated_rate_hz,
-        "findings": [finding.as_dict() for finding in recording.findings],
-    }
-    protocol.write_frame(out, {"recording": document})
+def _send_refusal(out: IO[bytes], code: str, message: str) -> None:
+    protocol.write_frame(out, {"refusal": Finding(code, None, None, message).as_dict()})
 
 
 def _send_data(out: IO[bytes], recording: Recording) -> None:
@@ -86,8 +72,9 @@ def _send_data(out: IO[bytes], recording: Recording) -> None:
     for block in recording.blocks(report):
         if block.group.name not in known:
             known.add(block.group.name)
-            protocol.write_frame(out, {"group": protocol.group_as_dict(block.group)})
-        protocol.write_frame(out, {"block": protocol.block_as_dict(block)}, block.columns)
+            protocol.write_frame(out, {"group": asdict(block.group)})
+        place = (block.group.name, len(block.columns), block.start, block.bytes_read)
+        protocol.write_frame(out, {"block": place}, block.columns)
     protocol.write_frame(out, {"end": True})
 
 

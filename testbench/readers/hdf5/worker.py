@@ -107,9 +107,7 @@ def _series(
     return array_series(name, root, dataset.shape, dataset.dtype, opened, index, unit, packing)
 
 
-def _keep(
-    path: str, dataset: h5py.Dataset, stated: Mapping[str, AttributeValue], series: Series, found: _File
-) -> None:
+def _keep(path: str, dataset: h5py.Dataset, stated: Mapping[str, AttributeValue], series: Series, found: _File) -> None:
     """Take a series, with what its attributes say of its numbers."""
     if not found.is_matlab:
         axis, is_axis = datasets.stated_axis(path, dataset, stated, found.nexus)
