@@ -93,6 +93,14 @@ def group_from_dict(document: Mapping[str, Any]) -> Group:
     return Group(document["name"], tuple(Channel(**channel) for channel in document["channels"]), clock)
 
 
+def raise_failure(path: Path, document: Mapping[str, Any]) -> None:
+    """Raise what the pipe brings in place of a recording, if it does."""
+    if "refusal" in document:
+        raise Refusal(path.name, Finding(**document["refusal"]))
+    if "error" in document:
+        raise RecordingError(document["error"])
+
+
 PATIENCE_S = 60.0
 """Longest silence of the process, for a small file [s]."""
 _BYTES_PER_SECOND = 1 << 20
@@ -155,10 +163,7 @@ class Process:
             raise self._failure(patience, silent.finished.is_set()) from error
         finally:
             silent.cancel()
-        if "refusal" in document:
-            raise Refusal(self._path.name, Finding(**document["refusal"]))
-        if "error" in document:
-            raise RecordingError(document["error"])
+        raise_failure(self._path, document)
         return document, data
 
     def _failure(self, patience: float, was_silent: bool) -> Refusal:

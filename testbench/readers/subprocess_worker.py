@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import asdict
 from importlib import import_module
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 from balance.errors import CounterpoiseError
 
@@ -29,17 +29,22 @@ def main(arguments: list[str]) -> None:
         protocol.write_frame(out, {"recording": protocol.recording_as_dict(recording)})
         if sys.stdin.buffer.read(1):
             _send_data(out, recording)
-    except Refusal as refusal:
-        protocol.write_frame(out, {"refusal": refusal.finding.as_dict()})
-    except CounterpoiseError as error:
-        protocol.write_frame(out, {"error": str(error)})
-    except MemoryError:
-        _send_refusal(out, "too_large", f"reading it takes more than {MOST_MEMORY >> 30} GiB of memory")
-    except RecursionError:
-        _send_refusal(out, "damaged_file", "its structure is nested without end")
     except Exception as error:  # whatever a library makes of a damaged file
-        _send_refusal(out, "damaged_file", f"cannot be read: {type(error).__name__}: {error}"[:2000])
+        protocol.write_frame(out, failure(error))
     out.flush()
+
+
+def failure(error: Exception) -> dict[str, Any]:
+    """What is sent of an error: a refusal, or the message of one that is no fault of the file."""
+    if isinstance(error, CounterpoiseError) and not isinstance(error, Refusal):
+        return {"error": str(error)}
+    code, message = "damaged_file", f"cannot be read: {type(error).__name__}: {error}"[:2000]
+    if isinstance(error, MemoryError):
+        code, message = "too_large", f"reading it takes more than {MOST_MEMORY >> 30} GiB of memory"
+    elif isinstance(error, RecursionError):
+        message = "its structure is nested without end"
+    finding = error.finding if isinstance(error, Refusal) else Finding(code, None, None, message)
+    return {"refusal": finding.as_dict()}
 
 
 def _private_output() -> IO[bytes]:
@@ -57,10 +62,6 @@ def _limit_memory() -> None:
 
         resource.setrlimit(resource.RLIMIT_DATA, (MOST_MEMORY, MOST_MEMORY))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-
-
-def _send_refusal(out: IO[bytes], code: str, message: str) -> None:
-    protocol.write_frame(out, {"refusal": Finding(code, None, None, message).as_dict()})
 
 
 def _send_data(out: IO[bytes], recording: Recording) -> None:

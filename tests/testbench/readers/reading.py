@@ -2,7 +2,9 @@
 
 import json
 import os
-from dataclasses import dataclass
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 
@@ -11,7 +13,7 @@ import pytest
 
 from testbench.public_recordings import FOLDER_VARIABLE
 from testbench.quality.group_checks import RecordingCheck
-from testbench.readers import open_recording
+from testbench.readers import open_recording, subprocess_reader, subprocess_worker
 from testbench.recording import Group, Recording, TimeColumn
 
 KNOWN = Path(__file__).with_name("known_values.json")
@@ -20,13 +22,14 @@ KNOWN = Path(__file__).with_name("known_values.json")
 
 @dataclass
 class Read:
-    """A recording read to its end: data by group and channel, findings, clocks as checked."""
+    """A recording read to its end: data by group and channel, findings, clocks as checked, the number of blocks."""
 
     recording: Recording
     groups: dict[str, Group]
     data: dict[str, list[np.ndarray]]
     findings: list
     checks: dict
+    count: int
 
     @property
     def codes(self):
@@ -82,15 +85,30 @@ def read(path, options=None) -> Read:
         ]
         for name, blocks in parts.items()
     }
-    return Read(recording, groups, data, findings + check.findings(), check.groups)
+    count = sum(map(len, parts.values()))
+    return Read(recording, groups, data, findings + check.findings(), check.groups, count)
 
 
 @pytest.fixture
 def in_process(monkeypatch):
-    """Libraries read in this process, which is faster; that they can in one of their own is tested elsewhere."""
+    """Libraries read in this process, which is faster; what befalls them there is a refusal here too."""
 
-    def open_here(path, module, function="open_library", extra=""):
-        return getattr(import_module(module), function)(path)
+    @contextmanager
+    def failing(path):
+        try:
+            yield
+        except Exception as error:
+            subprocess_reader.raise_failure(path, subprocess_worker.failure(error))
+
+    def open_here(path, module, function="open_library"):
+        with failing(path):
+            recording = getattr(import_module(module), function)(path)
+
+        def blocks(report):
+            with failing(path):
+                yield from recording.blocks(report)
+
+        return replace(recording, read=blocks)
 
     monkeypatch.setattr("testbench.readers.registry.open_in_subprocess", open_here)
 
@@ -98,6 +116,12 @@ def in_process(monkeypatch):
 def real(name) -> Path:
     """A public recording, for tests that are marked ``recordings``."""
     return Path(os.environ[FOLDER_VARIABLE]) / name
+
+
+@cache
+def read_real(name) -> Read:
+    """A public recording read to its end, once for all tests."""
+    return read(real(name))
 
 
 def malformed(name) -> Path:

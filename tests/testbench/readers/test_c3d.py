@@ -88,15 +88,6 @@ def test_points_and_channels_are_groups_of_their_own_rate(tmp_path):
     assert "not_a_number" not in found.codes
 
 
-def test_blocks_of_few_frames_give_the_same(tmp_path, monkeypatch):
-    """Reading frame by frame changes nothing."""
-    path, _, _ = _written(tmp_path)
-    whole = reading.read(path)
-    monkeypatch.setattr("testbench.readers.c3d.block_samples", lambda words: 3)
-    for name, columns in reading.read(path).data.items():
-        np.testing.assert_array_equal(columns, whole.data[name])
-
-
 @pytest.mark.parametrize("processor", [INTEL, DEC, SGI])
 def test_integers_are_scaled_by_the_law_of_the_standard(tmp_path, processor):
     """(n - offset) * scale * general scale for channels, n * scale for points, whatever machine wrote them."""
@@ -165,21 +156,3 @@ def test_a_header_that_contradicts_itself_is_refused(tmp_path, changed):
     path.write_bytes(raw)
     with pytest.raises(RecordingError):
         reading.read(path)
-
-
-@pytest.mark.recordings
-def test_public_recording_gives_its_known_values():
-    """Force plates at 2000 Hz, markers at 100 Hz, missing positions counted."""
-    name = "14_walk_4_forceplates.c3d"
-    found, stem = reading.read(reading.real(name)), name.removesuffix(".c3d")
-    for what, values in reading.known(name).items():
-        if what == "points":
-            points = np.array(found.data[f"{stem} points"])
-            assert points.shape == (3 * values["n_points"], values["n_frames"])
-            assert (int(np.isnan(points).sum()), points.size) == (values["nan_values"], values["total_values"])
-            assert found.groups[f"{stem} points"].clock.rate_hz == values["rate_hz"]
-        else:
-            channel, _, unit = what.removesuffix("]").partition(" [")
-            reading.assert_values(found.column(channel), values)
-            assert found.unit(channel) == unit
-    assert {c.unit for c in found.groups[f"{stem} analog"].channels} == {None, "N", "Nmm", "V", "mm/s²"}

@@ -36,13 +36,6 @@ def made(tmp_path):
     return make
 
 
-@pytest.mark.parametrize("kind", ["i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "f2", "f4", "f8", ">f8", ">i2", "?"])
-def test_numbers_of_every_type_are_read(made, kind):
-    """Values are those that were written."""
-    values = RANDOM.integers(0, 2, 300).astype(kind)
-    np.testing.assert_array_equal(made(lambda f: f.create_dataset("acc", data=values)).column("acc"), values)
-
-
 def test_groups_lengths_and_times_are_kept_apart(made):
     """Datasets of one group and length belong together; time is what is named so and grows."""
 
@@ -309,20 +302,6 @@ def test_groups_without_end_are_refused(made):
     """A thousand groups, one in the other."""
     with pytest.raises(RecordingError, match="deep"):
         made(lambda f: f.create_dataset("/".join("a" * 200), data=TIME))
-
-
-@pytest.mark.recordings("malformed")
-def test_a_malformed_recording_lists_what_lies_outside():
-    """Three objects of another file, a link to nowhere, a circle; the two channels that are safe are kept."""
-    path = reading.malformed("b13_links_outside.h5")
-    found = reading.read(path)
-    by_code = {code: {f.channel for f in found.findings if f.code == code} for code in found.codes}
-    assert by_code["outside_reference"] == {"/run1/acc_y_external", "/run1/acc_z_rawfile", "/run1/force_virtual"}
-    assert by_code["broken_link"] == {"/run1/torque_dangling"}
-    assert by_code["cyclic_link"] == {"/run1/loop"}
-    assert {c.name for c in found.group().channels} == {"acc_x", "time"}
-    for column in found.data[found.group().name]:
-        assert not np.isin(column, [424242.0, 31337.0]).any()
 
 
 @pytest.mark.parametrize("kind", ["f8", "f4", "i2"])

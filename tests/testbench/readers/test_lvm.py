@@ -171,30 +171,3 @@ def test_headers_that_contradict_themselves_are_refused(tmp_path, segments, said
     """The refusal says what is wrong."""
     with pytest.raises(RecordingError, match=said):
         reading.read(_write(tmp_path, segments))
-
-
-@pytest.mark.recordings
-@pytest.mark.parametrize("name", ["02_hammer_short_decimal_comma.lvm", "03_hammer_two_blocks.lvm"])
-def test_public_recordings_give_their_known_values(name):
-    """Counts, extremes, ends and means are those that are known."""
-    found = reading.read(reading.real(name))
-    stem = name.removesuffix(".lvm")
-    for what, values in reading.known(name).items():
-        channel, _, rows = what.partition(" rows ")
-        reading.assert_values(found.column(channel, f"{stem} part 2" if rows.startswith("8192") else stem), values)
-
-
-@pytest.mark.recordings
-def test_a_force_in_g_is_doubted():
-    """The hammer's channel F in g is kept as written and flagged."""
-    found = reading.read(reading.real("03_hammer_two_blocks.lvm"))
-    assert found.unit("F") == "g"
-    assert {"unit_doubtful", "appended_blocks", "rate_rounded"} == found.codes
-
-
-@pytest.mark.recordings("malformed")
-def test_missing_rows_of_a_malformed_file_are_said():
-    """Three of ten rows are missing."""
-    assert reading.read(reading.malformed("b19_fewer_rows_than_declared.lvm")).message("count_contradiction") == (
-        "declared 10 samples, found 7"
-    )

@@ -26,17 +26,6 @@ def _save(tmp_path, compress=False, **variables):
     return path
 
 
-@pytest.mark.parametrize("compress", [False, True])
-@pytest.mark.parametrize("kind", ["f8", "f4", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8"])
-def test_numbers_of_every_class_are_read(tmp_path, compress, kind):
-    """Values are those that were saved, compressed or not, as a row or as a column."""
-    values = RANDOM.integers(0, 100, 50).astype(kind)
-    for shape in ((50, 1), (1, 50)):
-        found = reading.read(_save(tmp_path, compress, x=values.reshape(shape)))
-        np.testing.assert_array_equal(found.column("x"), values)
-        assert found.group().name == "test"
-
-
 def test_bytes_of_the_other_order_are_read(tmp_path):
     """A big-endian file, by hand."""
     name, data = b"acc", np.arange(5.0)
@@ -55,17 +44,6 @@ def test_matrices_are_a_channel_for_each_of_their_short_side(tmp_path, compress)
     for i in range(3):
         np.testing.assert_array_equal(found.column(f"tall(:,{i + 1})"), matrix[:, i])
         np.testing.assert_array_equal(found.column(f"wide({i + 1},:)"), matrix[:, i])
-
-
-def test_blocks_give_the_same_numbers(tmp_path, monkeypatch):
-    """Small blocks, of tall and wide and complex arrays."""
-    matrix = RANDOM.normal(size=(50, 3)) + 1j * RANDOM.normal(size=(50, 3))
-    path = _save(tmp_path, True, tall=matrix, wide=matrix.T.copy(), time=TIME)
-    whole = reading.read(path)
-    monkeypatch.setattr("testbench.readers.byte_source.block_samples", lambda channels: 7)
-    pieces = reading.read(path)
-    np.testing.assert_array_equal(pieces.data["test"], whole.data["test"])
-    assert len(whole.data["test"]) == 13
 
 
 def test_complex_numbers_are_two_channels(tmp_path):
@@ -153,34 +131,6 @@ def test_declared_sizes_that_are_not_there_are_refused(tmp_path):
     path.write_bytes(path.read_bytes().replace(struct.pack("<ii", 1, 50), struct.pack("<ii", 1, 1 << 30)))
     with pytest.raises(RecordingError, match=r"variable 'x' cannot be read.*reshape"):
         reading.read(path)
-
-
-@pytest.mark.recordings
-def test_public_recording_gives_its_known_values():
-    """Time traces, spectra and correlations of one analyser, complex ones too."""
-    name = "07_ema_case1.mat"
-    found = reading.read(reading.real(name))
-    for what, values in reading.known(name).items():
-        if what == "Time_domain":
-            reading.assert_clock(found.time(), values)
-        elif what.endswith(" (complex)"):
-            channel = what.removesuffix(" (complex)")
-            parts = [found.column(f"{channel} ({part})") for part in ("real", "imag")]
-            assert [p[0] for p in parts] == values["first"]
-            assert [p[-1] for p in parts] == values["last"]
-            assert parts[0].mean() == pytest.approx(values["mean_re"], rel=1e-9)
-            assert np.hypot(*parts).max() == pytest.approx(values["abs_max"], rel=1e-9)
-        else:
-            reading.assert_values(found.column(what), values)
-    assert "1280 Hz, the times give 1279.95" in found.message("rate_rounded")
-
-
-@pytest.mark.recordings("malformed")
-def test_a_malformed_recording_names_its_last_whole_variable():
-    """70 % of a file: what is cut, and what was whole before."""
-    found = reading.read(reading.malformed("b18_truncated.mat"))
-    assert "inside variable 'Hf_chan_2'" in found.message("cut_file")
-    assert "last whole variable is 'Auto_Correlation_2'" in found.message("cut_file")
 
 
 def matrix(name, values, kind=0, order="<", text=0):

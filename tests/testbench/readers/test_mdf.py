@@ -10,7 +10,6 @@ from asammdf import MDF, Signal
 from testbench.errors import RecordingError
 from testbench.readers.mdf import conversions, records
 from testbench.readers.mdf.records import Member
-from testbench.recording import TimeColumn
 
 from . import reading
 
@@ -29,27 +28,6 @@ def _save(tmp_path, version, *groups, **options):
 
 def _signal(name, values, time=TIME, **details):
     return Signal(values, time, name=name, **{"unit": "N"} | details)
-
-
-@pytest.mark.parametrize("version", VERSIONS)
-@pytest.mark.parametrize("kind", ["i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "f4", "f8"])
-def test_numbers_of_every_type_are_read(tmp_path, version, kind):
-    """Values, time, names and units are those that were written."""
-    values = RANDOM.integers(0, 100, 400).astype(kind)
-    found = reading.read(_save(tmp_path, version, [_signal("Force X", values)]))
-    np.testing.assert_array_equal(found.column("Force X"), values)
-    np.testing.assert_array_equal(found.time(), TIME)
-    assert found.unit("Force X") == "N"
-    assert isinstance(found.group().clock, TimeColumn)
-
-
-@pytest.mark.parametrize("version", ["3.30", "4.10"])
-def test_integers_that_float64_rounds_are_said(tmp_path, version):
-    """2**53 + 1, and its negative; what fits is not said."""
-    values = np.full(400, 5)
-    values[7], values[9] = 2**53 + 1, -(2**53) - 1
-    found = reading.read(_save(tmp_path, version, [_signal("ticks", values), _signal("small", np.arange(400))]))
-    assert [f.channel for f in found.findings if f.code == "not_exact"] == ["ticks"]
 
 
 @pytest.mark.parametrize("version", VERSIONS)
@@ -315,21 +293,6 @@ def test_bombs_and_circles_are_refused(tmp_path):
     for samples, said in ((bomb, "are declared in a file of"), (repeated, "are declared in"), (circle, "comes back")):
         with pytest.raises(RecordingError, match=said):
             reading.read(_made(tmp_path, samples))
-
-
-@pytest.mark.recordings
-def test_public_recording_gives_its_known_values():
-    """Nine groups at two rates, each with its own time."""
-    name = "06_canmod_imu_60FEB5A8.mf4"
-    found = reading.read(reading.real(name))
-    assert len(found.groups) == 9
-    for what, values in reading.known(name).items():
-        channel, _, unit = what.removesuffix("]").partition(" [")
-        reading.assert_values(found.column(channel), values)
-        assert found.unit(channel) == unit
-        group = next(g for g in found.groups.values() if channel in [c.name for c in g.channels])
-        reading.assert_clock(found.time(group.name), values["time_s"])
-        assert group.channels[0].name == "time"
 
 
 COUNT = 1000

@@ -7,7 +7,6 @@ import polars
 import pytest
 
 from testbench.errors import RecordingError
-from testbench.recording import TimeColumn
 
 from . import reading
 from .reading import in_process  # noqa: F401
@@ -21,18 +20,6 @@ def _write(tmp_path, frame, name="run.parquet", **options):
     path = tmp_path / name
     polars.DataFrame(frame).write_parquet(path, **options)
     return path
-
-
-@pytest.mark.parametrize("kind", ["i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "f4", "f8"])
-def test_numbers_of_every_type_are_read(tmp_path, kind):
-    """Values, time and units of the names, in row groups of any size."""
-    values = (np.arange(500) % 100).astype(kind)
-    for rows in (7, 500):
-        path = _write(tmp_path, {"Time (s)": TIME, "Force [N]": values}, row_group_size=rows)
-        found = reading.read(path)
-        np.testing.assert_array_equal(found.column("Force [N]"), values)
-        assert found.unit("Force [N]") == "N"
-        assert found.group().clock == TimeColumn(0, 1.0)
 
 
 def test_missing_values_are_nan_and_counted(tmp_path):

@@ -67,16 +67,6 @@ def test_integers_that_float64_rounds_are_said():
     assert [(f.code, f.channel) for f in findings] == [("not_exact", "ticks")]
 
 
-def test_blocks_follow_one_another(tmp_path, monkeypatch):
-    """Few rows a block give the same."""
-    from testbench.readers import ros_topics, rosbag_worker
-
-    monkeypatch.setattr(ros_topics, "_ROWS", 7)
-    recording = rosbag_worker.open_library(robots.bag(tmp_path / "run.bag"))
-    blocks = [b for b in recording.blocks(lambda f: None) if b.group.name == "/imu"]
-    assert [b.start for b in blocks] == [0, 7, 14, 21, 28, 35]
-
-
 @pytest.mark.parametrize("share", [0.3, 0.7, 0.98])
 def test_a_cut_mcap_keeps_its_whole_messages(tmp_path, share):
     """How many messages come before the end; one who accepts the loss has them."""

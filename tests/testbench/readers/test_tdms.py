@@ -44,27 +44,6 @@ def _index(kind, count, order="<"):
 NONE = struct.pack("<I", 0)
 
 
-@pytest.mark.parametrize("kind", ["i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "f4", "f8"])
-def test_numbers_of_every_type_in_many_segments(tmp_path, kind):
-    """Segments of different lengths, one channel of numbers; the values are those that were written."""
-    values = RANDOM.integers(0, 100, 1000).astype(kind)
-    cuts = [0, 10, 20, 30, 40, 500, 501, 999, 1000]
-    segments = [[_channel("a", values[i:j])] for i, j in zip(cuts[:-1], cuts[1:], strict=True)]
-    np.testing.assert_array_equal(reading.read(_write(tmp_path, *segments)).column("a"), values)
-
-
-def test_blocks_and_windows_of_any_size_give_the_same(tmp_path, monkeypatch):
-    """Reading in small blocks through a small window changes nothing."""
-    a, b = RANDOM.normal(size=(2, 700))
-    path = _write(tmp_path, *([_channel("a", a[i : i + 7]), _channel("b", b[i : i + 7])] for i in range(0, 700, 7)))
-    for block, window in ((13, 64), (100, 1 << 20), (1, 8)):
-        monkeypatch.setattr("testbench.readers.tdms.reader.block_samples", lambda channels, block=block: block)
-        monkeypatch.setattr("testbench.readers.tdms.segments._WINDOW", window)
-        found = reading.read(path)
-        np.testing.assert_array_equal(found.column("a"), a)
-        np.testing.assert_array_equal(found.column("b"), b)
-
-
 def test_units_clock_and_properties_are_as_written(tmp_path):
     """unit_string and wf_increment; the rest is metadata by path."""
     wave = {"wf_increment": 1 / 5120, "wf_start_offset": 0.5, "wf_start_time": np.datetime64("2026-11-21", "us")}
@@ -278,29 +257,6 @@ def test_declared_petabytes_are_not_believed(tmp_path):
     path.write_bytes(_segment(METADATA | NEW_LIST | RAW, objects, bytes(80), size=1 << 53))
     with pytest.raises(RecordingError, match="a 0 of 1125899906842624 declared"):
         reading.read(path)
-
-
-@pytest.mark.recordings
-def test_public_recording_gives_its_known_values():
-    """A load cell in 4310 segments, with timestamps that scatter."""
-    name = "01_loadcell_wagon55.tdms"
-    found = reading.read(reading.real(name))
-    for what, values in reading.known(name).items():
-        if what.startswith("Time"):
-            reading.assert_clock(found.time(), values)
-        else:
-            channel = what.partition("/")[2]
-            reading.assert_values(found.column(channel), values)
-            assert found.unit(channel) is None
-
-
-@pytest.mark.recordings("malformed")
-def test_a_malformed_recording_is_refused_with_its_counts():
-    """60 % of the bytes: which segment is cut, and what there is of which channel."""
-    found = reading.read(reading.malformed("b01_truncated_data.tdms"))
-    message = found.message("cut_file")
-    for part in ("the file ends at byte 970283", "segment 2586", "Time 12940", "Load Cell 4040. 1 12930"):
-        assert part in message
 
 
 def test_metadata_repeated_and_changed_and_repeated(tmp_path):

@@ -143,21 +143,6 @@ def test_functions_of_one_abscissa_share_a_group(tmp_path):
     np.testing.assert_array_equal(found.column("b"), two)
 
 
-def test_long_functions_are_read_in_pieces(tmp_path, monkeypatch):
-    """Small blocks give the same numbers, with the frequency counted on."""
-    from testbench.readers import uff
-
-    monkeypatch.setattr(uff, "_TEXT_BYTES", 100)
-    monkeypatch.setattr(uff, "block_samples", lambda channels: 5)
-    numbers = RANDOM.normal(size=N)
-    for binary in (0, 1):
-        path = _write(tmp_path, _function("a", numbers, binary=binary, abscissa_spec_data_type=18,
-                                          abscissa_axis_lab="Frequency", x=np.arange(N) / 4))  # fmt: skip
-        found = reading.read(path)
-        np.testing.assert_allclose(found.column("a"), numbers, rtol=1e-11)
-        np.testing.assert_array_equal(found.column("Frequency"), np.arange(N) / 4)
-
-
 def test_one_node_and_direction_twice_is_said(tmp_path):
     """Two channels of node 4 -Y are told apart by name."""
     found = reading.read(_write(tmp_path, _function("a", np.ones(N)), _function("b", np.zeros(N))))
@@ -202,16 +187,3 @@ def test_a_count_that_the_data_do_not_bear_out_is_refused(tmp_path):
         path.write_bytes(path.read_bytes().replace(b"        37", b"        38", 1))
         with pytest.raises(RecordingError, match=r"declares 38 samples, 37|its samples take 304 bytes"):
             reading.read(path)
-
-
-@pytest.mark.recordings
-def test_public_recording_gives_its_known_values():
-    """Four channels of 222400 samples at 3200 Hz, two of them at one node."""
-    name = "04_mpstd_4acc.uff"
-    found = reading.read(reading.real(name))
-    for what, values in reading.known(name).items():
-        channel = what.split(":")[1].split(" (")[0]
-        reading.assert_values(found.column(channel), values)
-        assert found.unit(channel) == "m/s2"
-    assert found.group().clock == UniformClock(3200.0, 0.0)
-    assert "duplicate_dof" in found.codes

@@ -5,7 +5,6 @@ import wave
 
 import numpy as np
 import pytest
-from scipy.io import wavfile
 
 from testbench.errors import RecordingError
 from testbench.recording import UniformClock
@@ -43,15 +42,6 @@ def test_integers_are_as_recorded(tmp_path, width):
     np.testing.assert_array_equal(found.column("channel 2"), values[:, 1])
     assert found.group().clock == UniformClock(51200.0)
     assert found.unit("channel 1") is None
-
-
-@pytest.mark.parametrize("kind", ["f4", "f8"])
-def test_floats_are_as_recorded(tmp_path, kind, monkeypatch):
-    """Floats of both sizes, in small blocks too."""
-    values = RANDOM.normal(size=(300, 3)).astype(kind)
-    wavfile.write(tmp_path / "run.wav", 1000, values)
-    monkeypatch.setattr("testbench.readers.wav.block_samples", lambda channels: 7)
-    np.testing.assert_array_equal(reading.read(tmp_path / "run.wav").data["run"], values.T)
 
 
 def test_extensible_formats_and_texts_are_read(tmp_path):
