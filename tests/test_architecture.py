@@ -19,7 +19,7 @@ import testbench
 ROOTS = {package.__name__: Path(package.__path__[0]) for package in (balance, testbench)}
 LAYERS: tuple[str, ...] = (
     "balance.errors balance.arrays",
-    "balance.units balance.datasets balance.results",
+    "balance.task_pool balance.units balance.datasets balance.results",
     "balance.input_files balance.table_files",
     "balance.mechanism",
     "balance.motion",
@@ -74,6 +74,8 @@ HEAVY = {
     "polars",
     "matplotlib",
     "sympy",
+    "dask",
+    "distributed",
 }
 
 

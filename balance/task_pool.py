@@ -1,0 +1,101 @@
+"""Independent tasks in other processes: on this machine or on a Dask cluster (extra ``distributed``).
+
+A worker that dies loses nothing: its tasks run again elsewhere, up to ATTEMPTS times. Results come as they are ready,
+each with the place of its task, so that what is written to disk can be resumed. Whoever reaches a scheduler runs code on
+its workers: name only one of your own network.
+"""
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
+
+from .errors import CounterpoiseError
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+ATTEMPTS = 3
+"""Workers that may die with a task before it counts as the task's fault."""
+LOCAL = "local"
+"""As a scheduler's address: processes of this machine."""
+_CONNECT_S = 10.0
+
+
+@dataclass(frozen=True)
+class TaskPool:
+    """Where tasks run."""
+
+    client: "Client | None"
+    """None runs them one after the other in this process."""
+
+    def results(self, work: Callable[[Task], Result], tasks: Sequence[Task]) -> Iterator[tuple[int, Result]]:
+        """``work`` of each task with the task's place, in order of completion; what ``work`` raises is raised here."""
+        if self.client is None:
+            yield from ((place, work(task)) for place, task in enumerate(tasks))
+            return
+        import cloudpickle
+        from distributed import as_completed
+
+        def attempt(pickled: bytes) -> Result:
+            """Travels by value: a worker that cannot import ``work`` says so, where Dask would lose the worker."""
+            import pickle
+
+            work, task = pickle.loads(pickled)  # noqa: S301 - from this client, over its own scheduler
+            return work(task)  # type: ignore[no-any-return]
+
+        futures = self.client.map(attempt, [cloudpickle.dumps((work, task)) for task in tasks], pure=False)
+        places = {future.key: place for place, future in enumerate(futures)}
+        for future in as_completed(futures):
+            try:
+                yield places[future.key], future.result()
+            except ModuleNotFoundError as error:
+                raise CounterpoiseError(
+                    f"a worker has no module {error.name}: install there what this process runs, with the same versions"
+                ) from None
+            future.release()
+
+    @property
+    def workers(self) -> int:
+        """Processes that work on tasks at this moment, at least 1."""
+        return 1 if self.client is None else max(1, len(self.client.scheduler_info()["workers"]))
+
+
+@contextmanager
+def task_pool(scheduler: str | None, processes: int | None = None) -> Iterator[TaskPool]:
+    """Tasks in this process (None), in ``processes`` of this machine (LOCAL), or at a scheduler such as tcp://host:8786.
+
+    Raises CounterpoiseError where Dask is not installed or the scheduler does not answer.
+    """
+    if scheduler is None:
+        yield TaskPool(None)
+        return
+    try:
+        import dask
+        from distributed import Client, LocalCluster
+    except ImportError:
+        raise CounterpoiseError(
+            "tasks in other processes need Dask: pip install 'counterpoise[distributed]', or leave out --scheduler"
+        ) from None
+    settings = {"distributed.scheduler.allowed-failures": ATTEMPTS, "distributed.worker.daemon": True}
+    with dask.config.set(settings):
+        if scheduler == LOCAL:
+            local = {"processes": True, "threads_per_worker": 1, "dashboard_address": None, "host": "127.0.0.1"}
+            with LocalCluster(n_workers=processes, **local) as cluster, Client(cluster) as client:
+                yield TaskPool(client)
+            return
+        try:
+            client = Client(scheduler, timeout=_CONNECT_S)
+        except (OSError, ValueError, TimeoutError) as error:
+            raise CounterpoiseError(
+                f"no Dask scheduler answers at {scheduler}: {type(error).__name__}; expected an address such as "
+                "tcp://127.0.0.1:8786, where `dask scheduler` runs"
+            ) from None
+        with client:
+            if not client.scheduler_info()["workers"]:
+                sys.stderr.write(f"{scheduler} has no worker yet: waiting; start one with `dask worker {scheduler}`\n")
+            yield TaskPool(client)

@@ -1,0 +1,81 @@
+"""Tasks in other processes: the same results in any pool, none lost with a worker, errors as they were raised."""
+
+import os
+import signal
+import sys
+import time
+from types import FunctionType, ModuleType
+
+import cloudpickle
+import distributed
+import pytest
+
+from balance.errors import CounterpoiseError, DataError
+from balance.task_pool import task_pool
+
+cloudpickle.register_pickle_by_value(sys.modules[__name__])
+
+
+def square(number: int) -> tuple[int, int]:
+    """The square, slowly, and the process that computed it."""
+    if number < 0:
+        raise DataError(f"{number}: expected zero or more")
+    time.sleep(0.05)
+    return number**2, os.getpid()
+
+
+@pytest.fixture(scope="module")
+def scheduler():
+    """The address of a scheduler on loopback with two worker processes."""
+    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None, "host": "127.0.0.1"}
+    with distributed.LocalCluster(processes=True, **options) as cluster:
+        yield cluster.scheduler_address
+
+
+def test_one_process_and_two_give_the_same(scheduler):
+    """Squares of twelve numbers; the tasks go to both workers."""
+    with task_pool(None) as here, task_pool(scheduler) as there:
+        assert there.workers == 2
+        alone, shared = dict(here.results(square, range(12))), dict(there.results(square, range(12)))
+    assert [value for value, _ in alone.values()] == [shared[place][0] for place in range(12)]
+    assert len({process for _, process in shared.values()}) == 2
+
+
+def test_a_worker_that_dies_loses_no_task(scheduler):
+    """One of both workers is killed after the first result: all forty results come, each once."""
+    with task_pool(scheduler) as pool:
+        found, killed = {}, None
+        for place, (value, process) in pool.results(square, range(40)):
+            if killed is None:
+                killed = process
+                os.kill(killed, signal.SIGKILL)
+            assert place not in found
+            found[place] = value
+    assert found == {number: number**2 for number in range(40)}
+
+
+def test_an_error_of_a_task_is_raised(scheduler):
+    """The error that the task raised, not one of the pool."""
+    for address in (None, scheduler):
+        with pytest.raises(DataError, match="-1: expected zero"), task_pool(address) as pool:
+            list(pool.results(square, [-1]))
+
+
+def test_a_worker_without_a_module_is_named(scheduler, monkeypatch):
+    """What only this process can import: the module is named, and the workers live on."""
+    module = ModuleType("only_here")
+    module.work = FunctionType((lambda number: number).__code__, {}, "work")
+    module.work.__module__, module.work.__qualname__ = "only_here", "work"
+    monkeypatch.setitem(sys.modules, "only_here", module)
+    with task_pool(scheduler) as pool:
+        with pytest.raises(CounterpoiseError, match="a worker has no module only_here"):
+            list(pool.results(module.work, [1]))
+        assert pool.workers == 2
+
+
+def test_an_address_without_a_scheduler_is_refused(monkeypatch):
+    """With the address, and what to start there."""
+    monkeypatch.setattr("balance.task_pool._CONNECT_S", 0.5)
+    refusal = pytest.raises(CounterpoiseError, match=r"no Dask scheduler answers at tcp://127.0.0.1:9")
+    with refusal, task_pool("tcp://127.0.0.1:9"):
+        pass
