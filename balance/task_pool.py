@@ -1,8 +1,8 @@
 """Independent tasks in other processes: on this machine or on a Dask cluster (extra ``distributed``).
 
 A worker that dies loses nothing: its tasks run again elsewhere, up to ATTEMPTS times. Results come as they are ready,
-each with the place of its task, so that what is written to disk can be resumed. Whoever reaches a scheduler runs code on
-its workers: name only one of your own network.
+each with the place of its task, so that what is written to disk can be resumed. Whoever reaches a scheduler runs code
+on its workers: name only one of your own network.
 """
 
 import sys
@@ -46,7 +46,7 @@ class TaskPool:
             import pickle
 
             work, task = pickle.loads(pickled)  # noqa: S301 - from this client, over its own scheduler
-            return work(task)  # type: ignore[no-any-return]
+            return work(task)
 
         futures = self.client.map(attempt, [cloudpickle.dumps((work, task)) for task in tasks], pure=False)
         places = {future.key: place for place, future in enumerate(futures)}
