@@ -86,6 +86,11 @@ site_option = click.option(
 figure_option = click.option(
     "--figure", type=click.Path(dir_okay=False), metavar="FILE", help="Also draw it, as .png, .svg or .pdf."
 )
+scheduler_option = click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Compute on Dask: local for processes of this machine, or an address such as tcp://host:8786.",
+)
 
 
 def load_mechanism_option(mechanism: str, payload: tuple[tuple[str, float], ...]) -> "Mechanism":

@@ -1,9 +1,11 @@
-"""Figures of balancing: a linkage before and after, the named methods as bars, potential energy with springs."""
+"""Figures of balancing: a linkage before and after, methods as bars, potential energy with springs, sweeps."""
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arrays import Floats
 from ..linkages.published_values import COLUMNS
 from ..linkages.verification import Verification
 
@@ -88,4 +90,24 @@ def draw_energy(document: dict[str, Any]) -> "Figure":
     axes.set_title(f"{document['mechanism']}: static balance, computed")
     axes.legend()
     axes.grid(alpha=0.25)
+    return figure
+
+
+def draw_sweep(columns: Mapping[str, Floats], variables: Sequence[str], shown: str) -> "Figure":
+    """The column ``shown`` (n,) [N, N m] of a sweep over one variable, or as contours over two."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.0, 4.5), layout="constrained")
+    axes, x = figure.subplots(), columns[variables[0]]
+    axes.set_xlabel(variables[0])
+    if len(variables) == 1:
+        order = np.argsort(x)
+        axes.plot(x[order], columns[shown][order], color="#3b6ea5")
+        axes.set_ylabel(shown)
+        axes.set_ylim(bottom=0.0)
+        axes.grid(alpha=0.25)
+    else:
+        axes.set_ylabel(variables[1])
+        figure.colorbar(axes.tricontourf(x, columns[variables[1]], columns[shown], levels=20), label=shown)
+    axes.set_title("simulated", fontsize=10)
     return figure

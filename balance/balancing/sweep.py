@@ -1,0 +1,334 @@
+"""Many designs on one motion: force, moment and torque of each, exactly, from a few responses.
+
+Along a given motion force, moment and torque are affine in the inertial parameters: one response for each parameter
+that designs change gives those of all designs as products of matrices. A varied joint or end of a loop changes the
+motion: designs of one geometry share their responses.
+"""
+
+import hashlib
+import json
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+from ..arrays import Floats
+from ..closure import Closure, Trajectory
+from ..dynamics.inverse_dynamics import Response, simulate
+from ..errors import DataError, ModelError
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.mjcf_parser import mechanism_from_text
+from ..motion import Samples
+from ..task_pool import TaskPool
+
+AXES = "xyz"
+PART = 20_000
+"""Designs of one task, and rows of one file of results, at most."""
+GEOMETRIES = 32
+"""Geometries of one task, where each has few designs."""
+_VALUES_AT_ONCE = 2**21
+"""Samples times designs that are in memory at once."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A quantity of the mechanism that designs differ in."""
+
+    name: str
+    """A site or a body."""
+    part: str
+    """``mass``: counter-mass at the site, or mass of the body [kg]; ``x``, ``y``, ``z``: its place in its body [m]."""
+    values: Floats
+    """(n,) [kg or m]"""
+
+    @property
+    def column(self) -> str:
+        """Heading of its column, unit included."""
+        return f"{self.name}_{self.part}_{'kg' if self.part == 'mass' else 'm'}"
+
+
+@dataclass(frozen=True)
+class Grid:
+    """All combinations of the values of some variables, the last one varying first."""
+
+    variables: tuple[Variable, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of designs."""
+        return int(np.prod([len(variable.values) for variable in self.variables]))
+
+    def designs(self, part: slice) -> Floats:
+        """Values of the designs ``part``, a row a design, a column a variable, (n, variables) [kg or m]."""
+        places = np.unravel_index(np.arange(part.start, part.stop), [len(v.values) for v in self.variables])
+        return np.stack([v.values[at] for v, at in zip(self.variables, places, strict=True)], axis=1)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A mechanism with counter-masses on a motion."""
+
+    mechanism: Mechanism
+    """Without its counter-masses."""
+    samples: Samples
+    counter_masses: Mapping[str, float] = field(default_factory=dict)
+    """By site [kg]; where the mass of a site is varied, that takes its place."""
+    peaks: bool = True
+    """Whether peak values are found too: they take every sample of every design."""
+
+    def check(self, variables: Sequence[Variable]) -> None:
+        """Raise ModelError for a variable that the mechanism does not have, or that is given twice."""
+        places = [(v.name, v.part) for v in variables]
+        for variable in variables:
+            sites = {name for name, site in self.mechanism.sites.items() if site.body >= 0}
+            known = sites | (set(self.mechanism.own_mass) if variable.part == "mass" else self._placed)
+            if variable.name not in known:
+                what = "site or moving body" if variable.part == "mass" else "site or body with a place"
+                raise ModelError(
+                    f"{self.mechanism.name} has no {what} {variable.name!r}: there are {', '.join(sorted(known))}"
+                )
+            if places.count((variable.name, variable.part)) > 1:
+                raise ModelError(f"{variable.name}.{variable.part} is varied twice: give its values once")
+
+    def results(self, variables: Sequence[Variable], designs: Floats) -> dict[str, Floats]:
+        """RMS and peak values of each design of (n, variables) [kg or m], by column, (n,) [N, N m, kg]."""
+        moved = [i for i, v in enumerate(variables) if self.moves(v)]
+        if not moved:
+            return self._on_one_motion(variables, designs)
+        found: dict[str, Floats] = {}
+        geometries, group = np.unique(designs[:, moved], axis=0, return_inverse=True)
+        others = [i for i in range(len(variables)) if i not in moved]
+        for k, geometry in enumerate(geometries):
+            places = {(variables[i].name, variables[i].part): float(x) for i, x in zip(moved, geometry, strict=True)}
+            rows = np.flatnonzero(group.ravel() == k)
+            changed = self.with_points(places)
+            part = changed._on_one_motion([variables[i] for i in others], designs[rows][:, others])
+            for name, values in part.items():
+                found.setdefault(name, np.empty(len(designs)))[rows] = values
+        return found
+
+    def with_points(self, places: Mapping[tuple[str, str], float]) -> "Problem":
+        """With points of the file at other places, such as ``{("A", "x"): 0.12}`` [m]: the file as if so written."""
+        root = ElementTree.fromstring(self.mechanism.text)
+        for (name, axis), place in places.items():
+            for element in _points(root):
+                if element.get("name") == name:
+                    at = (element.get("pos") or "0 0 0").split()
+                    at[AXES.index(axis)] = repr(place)
+                    element.set("pos", " ".join(at))
+        given = self.mechanism
+        anew = mechanism_from_text(ElementTree.tostring(root, encoding="unicode"), given.name)
+        masses = {body: given.mass(body) for body in given.own_mass if given.mass(body) != anew.mass(body)}
+        return replace(self, mechanism=anew.with_payload(masses))
+
+    @cached_property
+    def _trajectory(self) -> Trajectory:
+        return Closure(self.mechanism).follow(self.samples)
+
+    @cached_property
+    def _placed(self) -> set[str]:
+        """Bodies and sites whose place the mechanism's file states, an MJCF file."""
+        if not self.mechanism.text.lstrip("\ufeff").lstrip().startswith("<") or "<mujoco" not in self.mechanism.text:
+            return set()
+        return {e.get("name", "") for e in _points(ElementTree.fromstring(self.mechanism.text))} - {""}
+
+    def moves(self, variable: Variable) -> bool:
+        """Whether a variable changes the motion: any place but that of a site where no loop closes, and not driven."""
+        if variable.part == "mass":
+            return False
+        site = self.mechanism.sites.get(variable.name)
+        if site is None or self.samples.point == variable.name:
+            return True
+        joint = self.mechanism.tree.bodies[site.body]
+        ends = [end for loop in self.mechanism.loops for end in (loop.first, loop.second) if end.joint == joint]
+        return any(np.allclose(end.position, site.position, rtol=0.0, atol=1e-12) for end in ends)
+
+    def _parameters(self, variables: Sequence[Variable], designs: Floats) -> Floats:
+        """Inertial parameters of each design, (n, 10 nb) [kg, kg m, kg m2]."""
+        mechanism, count = self.mechanism, len(designs)
+        column = {(v.name, v.part): designs[:, i] for i, v in enumerate(variables)}
+        found = np.tile(mechanism.pi, (count, 1)).reshape(count, -1, 10)
+        for name in dict.fromkeys([*(v.name for v in variables), *self.counter_masses]):
+            if name in mechanism.sites:
+                site = mechanism.site(name)
+                added = column.get((name, "mass"), np.full(count, self.counter_masses.get(name, 0.0)))
+                place = np.stack([column.get((name, axis), np.full(count, at)) for axis, at in
+                                  zip(AXES, site.position, strict=True)])  # fmt: skip
+                found[:, site.body] += added[:, None] * _unit_masses(place, site.radius_of_gyration)
+            else:
+                row, own = mechanism.own_mass[name]
+                found[:, row] += (column[name, "mass"] / own[0] - 1.0)[:, None] * own
+        return found.reshape(count, -1)
+
+    def _on_one_motion(self, variables: Sequence[Variable], designs: Floats) -> dict[str, Floats]:
+        parameters = self._parameters(variables, designs)
+        changed = np.flatnonzero((parameters != self.mechanism.pi).any(axis=0))
+        responses = Responses.along(self.mechanism, self._trajectory, changed)
+        found = responses.levels(parameters[:, changed] - self.mechanism.pi[changed], self.peaks)
+        sites = {v.name: designs[:, i] for i, v in enumerate(variables) if v.part == "mass"}
+        masses = {name: mass for name, mass in self.counter_masses.items() if name not in sites}
+        mounted = [values for name, values in sites.items() if name in self.mechanism.sites]
+        return found | {"added_mass_kg": sum(masses.values()) + sum(mounted, np.zeros(len(designs)))}
+
+
+@dataclass(frozen=True)
+class Responses:
+    """Force, moment and torques along a motion, and their change per changed parameter."""
+
+    names: tuple[str, ...]
+    """Of the components: three of force, three of moment, the drives."""
+    values: Floats
+    """As the mechanism is, then per unit of each changed parameter, (components, n, 1 + parameters) [N, N m; ...]."""
+
+    @classmethod
+    def along(cls, mechanism: Mechanism, trajectory: Trajectory, changed: Iterable[int]) -> "Responses":
+        """One simulation for each of the parameters ``changed``, places in ``mechanism.pi``."""
+        base = simulate(mechanism, trajectory)
+        whole = _stacked(base)
+        columns, step = [whole], max(float(np.abs(mechanism.pi).max()), 1e-3)
+        for place in changed:
+            parameters = mechanism.parameters.copy()
+            parameters.flat[place] += step
+            columns.append((_stacked(simulate(replace(mechanism, parameters=parameters), trajectory)) - whole) / step)
+        return cls(tuple(base.columns()), np.stack(columns, axis=2))
+
+    def levels(self, steps: Floats, peaks: bool) -> dict[str, Floats]:
+        """RMS and, with ``peaks``, peak of each component and of the vectors F and M, for (n, parameters) changes."""
+        designs = np.column_stack([np.ones(len(steps)), steps])
+        groups = {"F_N": [0, 1, 2], "M_Nm": [3, 4, 5]} | {name: [i] for i, name in enumerate(self.names)}
+        found: dict[str, Floats] = {}
+        for name, members in groups.items():
+            factor: Floats = np.linalg.qr(self.values[members].reshape(-1, designs.shape[1])).R
+            found[f"rms_{name}"] = np.linalg.norm(designs @ factor.T, axis=1) / np.sqrt(self.values.shape[1])
+        if peaks:
+            largest = self._largest_squares(designs, list(groups.values()))
+            found |= {f"peak_{name}": np.sqrt(values) for name, values in zip(groups, largest, strict=True)}
+        return found
+
+    def _largest_squares(self, designs: Floats, groups: list[list[int]]) -> Floats:
+        """Largest sum of squares of the components of each group over the samples, (groups, n)."""
+        largest = np.empty((len(groups), len(designs)))
+        block = max(1, _VALUES_AT_ONCE // self.values.shape[1])
+        for start in range(0, len(designs), block):
+            part = slice(start, start + block)
+            squares = [np.square(component @ designs[part].T) for component in self.values]
+            for row, members in zip(largest, groups, strict=True):
+                row[part] = sum(squares[i] for i in members).max(axis=0)
+        return largest
+
+
+def _stacked(response: Response) -> Floats:
+    """Components of a response, (components, n) [N, N m]."""
+    return np.stack(list(response.columns().values()))
+
+
+def _unit_masses(place: Floats, gyration: float) -> Floats:
+    """PARAMETERS of 1 kg at each place (3, n) [m], a disc normal to the body's z axis, (n, 10): as Site.unit_mass."""
+    x, y, z = place
+    k2 = gyration**2
+    about = (y * y + z * z + k2 / 2, -x * y, x * x + z * z + k2 / 2, -x * z, -y * z, x * x + y * y + k2)
+    return np.stack([np.ones_like(x), x, y, z, *about], axis=1)
+
+
+def _points(root: ElementTree.Element) -> Iterator[ElementTree.Element]:
+    return (element for tag in ("body", "site") for element in root.iter(tag))
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """All designs of a grid, their results in memory or in a folder, a file a part."""
+
+    problem: Problem
+    variables: tuple[Variable, ...]
+    folder: Path | None = None
+    """Where results are kept; a sweep that was interrupted goes on there."""
+
+    @cached_property
+    def grid(self) -> Grid:
+        """All combinations; those of one geometry follow each other."""
+        return Grid(tuple(sorted(self.variables, key=lambda v: not self.problem.moves(v))))
+
+    @cached_property
+    def designs_per_part(self) -> int:
+        """Of one task, and rows of one file: whole geometries where places are varied that change the motion."""
+        masses = [len(v.values) for v in self.variables if not self.problem.moves(v)]
+        of_one_geometry = int(np.prod(masses))
+        if len(masses) == len(self.variables) or of_one_geometry > PART:
+            return PART
+        return of_one_geometry * max(1, GEOMETRIES // of_one_geometry)
+
+    def run(self, pool: TaskPool) -> Iterator[tuple[int, dict[str, Floats]]]:
+        """Compute each part that is not yet in the folder; its number of designs and its columns, as they are ready.
+
+        Raises DataError where the folder holds another sweep.
+        """
+        self.problem.check(self.variables)
+        size, step = self.grid.size, self.designs_per_part
+        parts = [slice(start, min(start + step, size)) for start in range(0, size, step)]
+        left = parts if self.folder is None else self._left(parts)
+        for part in (part for part in parts if part not in left):
+            yield part.stop - part.start, read_part(self._path(part))
+        for place, columns in pool.results(self._part, left):
+            if self.folder is not None:
+                write_part(self._path(left[place]), columns)
+            yield left[place].stop - left[place].start, columns
+
+    def _part(self, part: slice) -> dict[str, Floats]:
+        designs = self.grid.designs(part)
+        varied = {variable.column: designs[:, i] for i, variable in enumerate(self.grid.variables)}
+        return varied | self.problem.results(self.grid.variables, designs)
+
+    def _path(self, part: slice) -> Path:
+        assert self.folder is not None
+        return self.folder / f"part-{part.start // self.designs_per_part:05d}.parquet"
+
+    def _left(self, parts: Sequence[slice]) -> list[slice]:
+        """Parts that are not in the folder, which is made or must be that of the same sweep."""
+        assert self.folder is not None
+        self.folder.mkdir(parents=True, exist_ok=True)
+        manifest, own = self.folder / "sweep.json", self._manifest()
+        if manifest.is_file() and json.loads(manifest.read_text(encoding="utf-8")) != own:
+            raise DataError(f"{self.folder}: holds another sweep (sweep.json differs): name another folder")
+        manifest.write_text(json.dumps(own, indent=2) + "\n", encoding="utf-8")
+        return [part for part in parts if not self._path(part).is_file()]
+
+    def _manifest(self) -> dict[str, object]:
+        problem = self.problem
+        digest = hashlib.sha256(problem.mechanism.text.encode() + problem.mechanism.pi.tobytes())
+        for values in (problem.samples.time, problem.samples.position, problem.samples.acceleration):
+            digest.update(np.ascontiguousarray(values).tobytes())
+        return {
+            "mechanism": problem.mechanism.name,
+            "mechanism_and_motion_sha256": digest.hexdigest(),
+            "counter_masses_kg": dict(problem.counter_masses),
+            "peaks": problem.peaks,
+            "variables": {v.column: [float(x) for x in v.values] for v in self.grid.variables},
+            "designs_per_part": self.designs_per_part,
+        }
+
+
+def write_part(path: Path, columns: Mapping[str, Floats]) -> None:
+    """Write columns (n,) of one part as Parquet; it is there whole or not at all."""
+    polars = _polars()
+    unfinished = path.with_suffix(".unfinished")
+    polars.DataFrame(dict(columns)).write_parquet(unfinished)
+    unfinished.replace(path)
+
+
+def read_part(path: Path) -> dict[str, Floats]:
+    """Columns (n,) of one part."""
+    return {column.name: column.to_numpy() for column in _polars().read_parquet(path)}
+
+
+def _polars() -> ModuleType:
+    try:
+        import polars
+    except ImportError:
+        raise DataError(
+            "results are written as Parquet, which needs polars: pip install 'counterpoise[parquet]', or leave out -o"
+        ) from None
+    return polars
