@@ -6,9 +6,7 @@ from dataclasses import dataclass
 from datetime import date
 
 MINUS = "\N{MINUS SIGN}"
-_POINT = re.compile(r"[+-]?(?:\d+\.\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
-_COMMA = re.compile(r"[+-]?(?:\d+,\d*|,\d+)(?:[eE][+-]?\d+)?", re.ASCII)
-_INTEGER = re.compile(r"[+-]?\d+(?:[eE][+-]?\d+)?", re.ASCII)
+_NUMBER = re.compile(r"[+-]?(?:\d++(?:[.,]\d*+)?|[.,]\d++)(?:[eE][+-]?\d++)?", re.ASCII)
 _LOOSE = re.compile(
     r"[+-]?(?:(?=[.,'’]*\d)[\d.,'’]++|\d{1,3}(?:[ \u00a0\u202f]\d{3})+(?:[.,]\d*)?)(?:[eE][+-]?\d+)?", re.ASCII
 )
@@ -31,11 +29,9 @@ _MISSING = frozenset((
 def decimal_mark(cell: str) -> str | None:
     """``.`` or ``,`` if the cell is a number with that decimal mark; ``""`` for an integer; None otherwise."""
     cell = cell.strip()
-    if _INTEGER.fullmatch(cell):
-        return ""
-    if _POINT.fullmatch(cell):
-        return "."
-    return "," if _COMMA.fullmatch(cell) else None
+    if _NUMBER.fullmatch(cell) is None:
+        return None
+    return "." if "." in cell else "," if "," in cell else ""
 
 
 def may_be_thousands(cell: str) -> bool:
@@ -50,7 +46,7 @@ def is_ambiguous(cell: str) -> bool:
 
 def is_number_like(cell: str) -> bool:
     """Whether the cell has the look of a number, in whatever dialect."""
-    return _LOOSE.fullmatch(plain_number(cell.strip())) is not None
+    return decimal_mark(cell) is not None or _LOOSE.fullmatch(plain_number(cell.strip())) is not None
 
 
 def is_word(cell: str) -> bool:

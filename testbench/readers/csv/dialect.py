@@ -73,11 +73,12 @@ def is_data(cells: Sequence[str]) -> bool:
 
     A row of nothing but times of day is one too, as of events.
     """
-    times = [moment for cell in cells if (moment := read_timestamp(cell)) is not None]
-    numbers = sum(is_number_like(cell) and read_timestamp(cell) is None for cell in cells)
+    others = [cell for cell in cells if decimal_mark(cell) is None]
+    times = [moment for cell in others if (moment := read_timestamp(cell)) is not None]
+    numbers = len(cells) - len(others) + sum(is_number_like(cell) and read_timestamp(cell) is None for cell in others)
     if not numbers:
         return 0 < len(times) == len(cells) and any(moment.notation.clock for moment in times)
-    return numbers + len(times) + sum(map(is_missing, cells)) >= 0.5 * len(cells)
+    return numbers + len(times) + sum(map(is_missing, others)) >= 0.5 * len(cells)
 
 
 def detect_dialect(lines: Sequence[str], delimiter: str | None = None, decimal: str | None = None) -> Dialect:
@@ -96,6 +97,8 @@ def detect_dialect(lines: Sequence[str], delimiter: str | None = None, decimal: 
 
 def _delimiter(lines: Sequence[str], decimal: str | None) -> str:
     for delimiter in _DELIMITERS:
+        if delimiter != " " and not any(delimiter in line for line in lines):
+            continue
         rows = [split_line(line, delimiter) for line in lines]
         data = [cells for cells in rows if len(cells) > 1 and is_data(cells)]
         if len(data) <= 0.5 * (len(rows) - _first_data(rows)):

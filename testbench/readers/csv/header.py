@@ -12,7 +12,7 @@ from fractions import Fraction
 from ... import units
 from ...recording import Block, Channel, Finding, Report, SensorRange, TimeColumn, UniformClock
 from .. import header_claims
-from .cell_syntax import is_missing, is_number_like, may_be_thousands, read_timestamp
+from .cell_syntax import decimal_mark, is_missing, is_number_like, may_be_thousands, read_timestamp
 from .dialect import Dialect, UnclearDialect, is_comment, is_data
 
 _LONGEST_UNIT = 20
@@ -77,7 +77,7 @@ def _first_data(rows: Sequence[Sequence[str]]) -> int:
 
     Raises LookupError if there is none.
     """
-    data = [i for i, cells in enumerate(rows) if is_data(cells) and not any(map(is_time_name, cells))]
+    data = [i for i, cells in enumerate(rows) if is_data(cells) and not _names_time(cells)]
     lengths = Counter(len(rows[i]) for i in data)
     if not lengths:
         raise LookupError
@@ -86,6 +86,10 @@ def _first_data(rows: Sequence[Sequence[str]]) -> int:
     while first and len(rows[first - 1]) == fields and _is_all_missing(rows[first - 1]):
         first -= 1
     return first
+
+
+def _names_time(cells: Sequence[str]) -> bool:
+    return any(is_time_name(cell) for cell in cells if decimal_mark(cell) is None)
 
 
 def _end_of_pairs(rows: Sequence[Sequence[str]], first: int) -> int | None:
