@@ -32,7 +32,7 @@ real = atomic_files.JournalWriter.acknowledge
 def told(self, number, pieces):
     real(self, number, pieces)
     print(sum(piece.count for piece in pieces[0]), flush=True)
-    time.sleep(0.002)
+    time.sleep(float(sys.argv[3]))
 atomic_files.JournalWriter.acknowledge = told
 whole = writer.GroupWriter.append
 def in_pieces(self, columns):
@@ -46,7 +46,10 @@ print("ready", flush=True)
 outcomes = work.run(run)
 print("end", *(outcome.status for outcome in outcomes), flush=True)
 """
-"""An ingest that says each time how many samples it has acknowledged, in small chunks so that there are many."""
+"""An ingest that says each time how many samples it has acknowledged, in small chunks so that there are many.
+
+After each it waits for so many seconds.
+"""
 ARCHIVING = """
 import sys
 from pathlib import Path
@@ -66,9 +69,10 @@ def write_log(path: Path, rows: int = ROWS) -> list[np.ndarray]:
     return columns
 
 
-def start(log: Path, campaign: Path, code: str = CHILD) -> subprocess.Popen[str]:
+def start(log: Path, campaign: Path, code: str = CHILD, pause_s: float = 0.002) -> subprocess.Popen[str]:
     """An ingest, or an archive, in a process of its own, about to begin."""
-    child = subprocess.Popen([sys.executable, "-c", code, str(log), str(campaign)], stdout=subprocess.PIPE, text=True)
+    command = [sys.executable, "-c", code, str(log), str(campaign), str(pause_s)]
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert child.stdout is not None
     assert child.stdout.readline() == "ready\n"
     return child
@@ -82,16 +86,13 @@ def duration(log: Path, folder: Path, code: str = CHILD) -> float:
     return time.perf_counter() - begin
 
 
-def kill(log: Path, campaign: Path, chance: random.Random, whole: float) -> int:
-    """Kill an ingest at a random moment, half of them amid its data; returns how many samples it had acknowledged."""
-    child = start(log, campaign)
+def kill(log: Path, campaign: Path, pieces: int, wait_s: float = 0.0, pause_s: float = 0.002) -> int:
+    """Kill an ingest that long after it acknowledged so many pieces; returns how many samples it had acknowledged."""
+    child = start(log, campaign, pause_s=pause_s)
     lines = []
     try:
-        if chance.random() < 0.5:
-            lines = [next(child.stdout or iter(()), "") for _ in range(chance.randint(1, ROWS // 8192))]
-            time.sleep(chance.uniform(0, 0.01))
-        else:
-            time.sleep(chance.uniform(0, whole))
+        lines = [next(child.stdout or iter(()), "") for _ in range(pieces)]
+        time.sleep(wait_s)
     finally:
         child.kill()
     lines += child.communicate()[0].splitlines()
@@ -153,14 +154,34 @@ def flipped(run: Path, chance: random.Random) -> bool:
     return found == ["damaged"]
 
 
+def misread(run: Path, chance: random.Random) -> bool:
+    """Flip up to three bits of a run, and flip them back; whether another number was read, and not an error."""
+    whole = run.read_bytes()
+    expected = _channels(run)
+    content = bytearray(whole)
+    for _ in range(chance.randrange(1, 4)):
+        content[chance.randrange(len(content))] ^= 1 << chance.randrange(8)
+    run.write_bytes(content)
+    try:
+        return _channels(run) != expected
+    except StoreError:
+        return False
+    finally:
+        run.write_bytes(whole)
+
+
+def _channels(run: Path) -> list[bytes]:
+    opened = open_run(run)
+    return [opened.channel(channel.name).tobytes() for channel in opened.groups[0].channels]
+
+
 def cut(run: Path, chance: random.Random) -> bool:
     """Cut a run at a random byte; whether verify says so, and no more samples than there are are read from it."""
     whole = run.read_bytes()
     run.write_bytes(whole[: chance.randrange(len(whole))])
     damaged = [state.status for state in open_campaign(run.parent).verify()] == ["damaged"]
     try:
-        opened = open_run(run)
-        [opened.channel(channel.name) for channel in opened.groups[0].channels]
+        _channels(run)
         silent = True
     except StoreError:
         silent = False
@@ -189,12 +210,17 @@ def study(count: int, brief: bool) -> Iterator[Row]:
             for what, trial in (("bits flipped", flipped), ("cuts", cut)):
                 found = sum(trial(file, chance) for _ in range(3 * count))
                 yield all_of(f"{kind}, {what}: found by verify", found, 3 * count)
+            wrong = sum(misread(file, chance) for _ in range(3 * count))
+            yield all_of(f"{kind}, bits flipped: an error or the numbers as stored", 3 * count - wrong, 3 * count)
 
 
 def _ingest_killed(
     folder: Path, name: str, columns: Sequence[np.ndarray], chance: random.Random, whole: float
 ) -> int:  # fmt: skip
-    acknowledged = kill(folder / "log.csv", folder / name, chance, whole)
+    """At a random moment, half of them amid the data."""
+    amid = chance.random() < 0.5
+    pieces, wait_s = (chance.randint(1, ROWS // 8192), 0.01) if amid else (0, whole)
+    acknowledged = kill(folder / "log.csv", folder / name, pieces, chance.uniform(0, wait_s))
     (folder / name).mkdir(exist_ok=True)
     return recovered(folder / name, acknowledged, columns)
 

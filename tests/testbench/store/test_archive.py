@@ -1,6 +1,7 @@
 """The archive: small, the same bits through our accessor, readable without a plugin, provably made of its run."""
 
 import json
+import shutil
 import subprocess
 import sys
 import warnings
@@ -229,16 +230,20 @@ def test_refusals_do_not_keep_other_runs_back(tmp_path, capsys):
 
 
 def test_a_campaign_is_analysed_from_its_archive(brief, tmp_path, capsys):
-    """`testbench analyze` of the archive prints what it prints of the campaign."""
+    """`testbench analyze` of the archive prints what it prints of the campaign, here of two runs."""
     from testbench.cli.analyze import analyze
 
-    command.main([str(brief.campaign), "-o", str(tmp_path / "a")], standalone_mode=False)
+    (tmp_path / "c").mkdir()
+    for path in brief.campaign.glob("r00[12].*"):
+        shutil.copy(path, tmp_path / "c")
+    command.main([str(tmp_path / "c"), "-o", str(tmp_path / "a")], standalone_mode=False)
     capsys.readouterr()
     documents = []
-    for folder in (brief.campaign, tmp_path / "a"):
+    for folder in (tmp_path / "c", tmp_path / "a"):
         analyze.main([str(folder), "--json"], standalone_mode=False)
         documents.append(capsys.readouterr().out.replace(str(folder), "").replace(f'"{folder.name}"', '"campaign"'))
     assert json.loads(documents[0]) == json.loads(documents[1])
+    assert json.loads(documents[0])["reductions"]
     assert len(testbench.open_run(tmp_path / "a" / "r001.h5").groups) == 3
 
 
