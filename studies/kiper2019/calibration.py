@@ -140,10 +140,11 @@ class _Grid:
     @cached_property
     def log_weights(self) -> Floats:
         """Of common parameters and scatter, the couples summed out, (cells, SCATTERS)."""
-        from scipy.special import logsumexp
-
+        least = self.squares.min(axis=2, keepdims=True)
+        above, least = -0.5 * (self.squares - least), -0.5 * least[..., 0].sum(axis=0)
         return np.stack([
-            logsumexp(-0.5 * self.squares / s**2, axis=2).sum(axis=0) - self.count * np.log(s) for s in self.scatter
+            np.log(np.exp(above / s**2).sum(axis=2)).sum(axis=0) + least / s**2 - self.count * np.log(s)
+            for s in self.scatter
         ], axis=1)  # fmt: skip
 
     def drawn(self) -> dict[str, Floats]:

@@ -16,12 +16,13 @@ F, D, T, M are computed from the mechanism, nothing of them is typed in; m_res, 
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from balance.arrays import Floats
-from balance.closure import Closure
+from balance.closure import Closure, Trajectory
 from balance.dynamics.inverse_dynamics import Response, simulate
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism
@@ -106,6 +107,12 @@ def cases(published: Published, plan: Plan) -> Cases:
     Raises AnalysisError where a printed condition is not in the plan, or one payload alone is.
     """
     mechanism = load_mechanism(plan.mechanism)
+    closure = Closure(mechanism)
+
+    @cache
+    def followed(motion: str, peak: float) -> Trajectory:  # of any payload
+        return closure.follow(load_motion(motion).with_peak_acceleration(peak).sample(DEFAULT_RATE_HZ))
+
     rows = []
     for run in plan.runs():
         if not run.counter_masses or run.repeat > 1:
@@ -113,7 +120,7 @@ def cases(published: Published, plan: Plan) -> Cases:
         acceleration_g = run.peak_acceleration / G0
         values = {axis: published.reduction(run.payload, run.motion, acceleration_g, axis) for axis in AXES}
         if None not in values.values():
-            loads = _mechanics(mechanism, run)
+            loads = _mechanics(mechanism, run, followed(run.motion, run.peak_acceleration))
             rows += [(run, axis, value, loads) for axis, value in values.items()]
     if len(rows) != sum(map(len, published.rows.values())):
         raise AnalysisError(
@@ -137,10 +144,8 @@ def _stacked(rows: list[tuple[PlannedRun, str, float | None, Mechanics]]) -> Cas
     )
 
 
-def _mechanics(mechanism: Mechanism, run: PlannedRun) -> Mechanics:
+def _mechanics(mechanism: Mechanism, run: PlannedRun, trajectory: Trajectory) -> Mechanics:
     loaded = mechanism.with_payload({payload_body(mechanism): run.payload})
-    samples = load_motion(run.motion).with_peak_acceleration(run.peak_acceleration).sample(DEFAULT_RATE_HZ)
-    trajectory = Closure(loaded).follow(samples)
     bare, balanced = (simulate(m, trajectory) for m in (loaded, loaded.with_counter_mass(run.counter_masses)))
     return _by_acceleration(bare, balanced, run.peak_acceleration)
 

@@ -7,7 +7,6 @@ import shutil
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 
 from studies import store_faults as faults
@@ -108,7 +107,7 @@ def at_once(*commands):
 
 
 def test_two_ingests_at_once(tmp_path):
-    """Of logs of their own, of one that is common and of the same under two names: each is stored once, all end well."""
+    """Logs of their own, one that is common, one under two names: each is stored once, and both ingests end well."""
     for number, name in enumerate(("log", "common", "a", "b")):
         faults.write_log(tmp_path / f"{name}.csv", 20_000 + number)
     (tmp_path / "copy.csv").write_bytes((tmp_path / "log.csv").read_bytes())
