@@ -86,6 +86,8 @@ class Conditions:
     """A condition a row, in reduced row echelon form: pivots 1 on first moments, masses in m, (rank, 10 nb) [-, m]."""
     singular_values: tuple[float, float]
     """Smallest kept and largest dropped singular value of the stacked momentum regressor."""
+    closure_residual: float = 0.0
+    """Largest residual of the loops in the closed configuration that is the home of all others [m, rad]."""
 
     @property
     def rank(self) -> int:
@@ -123,7 +125,8 @@ def balance_conditions(mechanism: Mechanism, momentum: str = "linear") -> Condit
         raise ModelError(f"momentum is {momentum!r}: expected one of {', '.join(MOMENTA)}")
     closure = Closure(mechanism)
     basis, gap = _momentum_space(closure, MOMENTA[momentum])
-    return Conditions(mechanism, closure.dof, reduced_row_echelon(basis, pivot_order(mechanism)), gap)
+    residual = float(closure.residual(closure.home[None])[0])
+    return Conditions(mechanism, closure.dof, reduced_row_echelon(basis, pivot_order(mechanism)), gap, residual)
 
 
 def _momentum_space(closure: Closure, rows: list[int]) -> tuple[Floats, tuple[float, float]]:

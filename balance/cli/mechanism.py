@@ -147,6 +147,9 @@ def conditions(
                 "mechanism": model.name,
                 "momentum": momentum,
                 "dof": found.dof,
+                "moving_mass_kg": model.total_mass,
+                "loops": len(model.loops),
+                "residual_m": found.closure_residual,
                 "rank": found.rank,
                 "singular_value_gap": list(found.singular_values),
                 "conditions": conditions_document(found, model),
@@ -159,6 +162,7 @@ def conditions(
     click.echo(
         f"{model.name}: {found.dof} degree{'s' * (found.dof != 1)} of freedom, {found.rank} conditions "
         f"on {momentum} momentum (singular values kept down to {kept:.3g}, dropped from {dropped:.3g})\n"
+        f"{model.total_mass:.6g} kg move; {len(model.loops)} loops, closed to {found.closure_residual:.2g} m or rad\n"
     )
     for i, value in enumerate(values):
         click.echo(f"  {found.text(i):<70}  now {value:+.6g} kg m")

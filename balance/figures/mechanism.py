@@ -51,7 +51,7 @@ def draw_on(axes: "Axes", mechanism: Mechanism, counter_masses: Sequence[Counter
             ground = elementary.parent < 0
             axes.plot(*_flat(at.position[joint]), "^" if ground else "o", ms=11 if ground else 6, mfc="white",
                       mec=GROUND, mew=1.6, zorder=5)  # fmt: skip
-    for loop in mechanism.loops:
+    for loop in mechanism.closed_loops:
         axes.plot(*_flat(at.point(loop.first.joint, loop.first.position)), "o", ms=6, mfc="white", mec=GROUND, mew=1.6,
                   zorder=5)  # fmt: skip
     for counter in counter_masses:
@@ -71,7 +71,7 @@ def _corners(mechanism: Mechanism, at: forward_kinematics.Pose, body: int, joint
     points = [_flat(at.position[child]) for child, j in enumerate(mechanism.tree.joints) if j.parent == joint]
     if mechanism.tree.joints[joint].revolute:
         points.append(_flat(at.position[joint]))
-    ends = [end for loop in mechanism.loops for end in (loop.first, loop.second) if end.joint == joint]
+    ends = [end for loop in mechanism.closed_loops for end in (loop.first, loop.second) if end.joint == joint]
     points += [_flat(at.point(end.joint, end.position)) for end in ends]
     if len(points) < 2:
         sites = [site for site in mechanism.sites.values() if site.body == body and not site.name.startswith("counter")]

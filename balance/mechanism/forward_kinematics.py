@@ -68,15 +68,21 @@ class Tree:
 
 @dataclass(frozen=True)
 class Pose:
-    """Pose of every elementary joint's frame in the base frame, at ``count`` samples."""
+    """Pose of every elementary joint's frame in the base frame, at n samples."""
 
-    count: int
+    q: Floats
+    """The joint positions, (nv, n) [rad, m]."""
     rotation: list[Matrix]
     """Rotation from each joint's frame to the base."""
     position: list[Vector]
     """Origin of each joint's frame in the base frame [m]."""
     axis: list[Vector]
     """Unit axis of each joint in the base frame."""
+
+    @property
+    def count(self) -> int:
+        """Number of samples n."""
+        return self.q.shape[1]
 
     def arm(self, joint: int, offset: Floats) -> Vector:
         """Base components of a vector ``offset`` (3,) [m] fixed in a joint's frame (the base for joint -1)."""
@@ -91,6 +97,8 @@ class Pose:
 class Motion:
     """Angular velocity [rad/s] and origin's velocity [m/s] of every joint's frame, base axes, and the rates of both."""
 
+    rate: Floats
+    """The joint rates, (nv, n) [rad/s, m/s]."""
     omega: list[Vector]
     velocity: list[Vector]
     alpha: list[Vector]
@@ -99,7 +107,7 @@ class Motion:
 
 def pose(tree: Tree, q: Floats) -> Pose:
     """Poses at joint positions ``q`` (nv, n) [rad, m]."""
-    at = Pose(q.shape[1], [], [], [])
+    at = Pose(q, [], [], [])
     for i, joint in enumerate(tree.joints):
         parent = at.rotation[joint.parent] if joint.parent >= 0 else IDENTITY
         frame = parent if np.array_equal(joint.rotation, np.eye(3)) else product(parent, matrix(joint.rotation))
@@ -125,7 +133,7 @@ def _rotated(frame: Matrix, axis: Floats, angle: Floats) -> Matrix:
 
 def motion(tree: Tree, at: Pose, v: Floats, a: Floats | None = None) -> Motion:
     """Velocities and accelerations at joint rates ``v`` and ``a`` (nv, n) [rad/s, m/s; rad/s2, m/s2]; None is zero."""
-    moving = Motion([], [], [], [])
+    moving = Motion(v, [], [], [], [])
     for i, joint in enumerate(tree.joints):
         for values, value in zip(
             (moving.omega, moving.velocity, moving.alpha, moving.acceleration),

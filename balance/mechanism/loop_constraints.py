@@ -1,4 +1,4 @@
-"""Loop constraints between two frames: residual, Jacobian and acceleration bias, for many states at once.
+"""Constraints between two frames, or two joints: residual, Jacobian and acceleration bias, for many states at once.
 
 A loop closes where the residual r(q) vanishes: J q' = 0, J q'' = -bias. Rows are of the base axes; n is the number of
 samples, nv that of the joint coordinates.
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
 
 from ..arrays import Floats
 from . import forward_kinematics
@@ -102,22 +103,80 @@ class Loop:
         return product(at.rotation[end.joint], own) if end.joint >= 0 else own
 
 
-def constraint_residual(loops: tuple[Loop, ...], at: Pose) -> Floats:
+@dataclass(frozen=True)
+class Coupling:
+    """Two coordinates of which the first follows a polynomial of the second, such as two gears; or one that is held.
+
+    q_first - zero_first = c0 + c1 (q_second - zero_second) + ... + c4 (q_second - zero_second)^4.
+    """
+
+    name: str
+    first: int
+    second: int | None
+    """None where the first is held at c0."""
+    coefficients: Floats
+    """c0 to c4, (5,) [rad, m, ...]."""
+    zero: tuple[float, float]
+    """What the two are counted from [rad, m]."""
+    size = 1
+    """Number of rows."""
+
+    def gap(self, q: Floats) -> Floats:
+        """First coordinate less what the second asks of it [rad, m], for each configuration of ``q`` (nv, ...)."""
+        return q[self.first] - self.zero[0] - self._polynomial(q, 0)
+
+    def row(self, q: Floats) -> Floats:
+        """Rate of the gap per joint rate at a configuration ``q`` (nv,), (nv,)."""
+        rates = np.zeros_like(q)
+        rates[self.first] = 1.0
+        if self.second is not None:
+            rates[self.second] = -self._polynomial(q, 1)
+        return rates
+
+    def residual(self, at: Pose) -> Floats:
+        """The gap, (1, n) [rad, m]."""
+        return self.gap(at.q)[None]
+
+    def jacobian(self, tree: Tree, at: Pose) -> Rows:
+        """Rate of the residual per joint rate, (1, nv)."""
+        rows = zeros(1, tree.size)
+        rows[0][self.first] = 1.0
+        if self.second is not None:
+            rows[0][self.second] = -self._polynomial(at.q, 1)
+        return rows
+
+    def bias(self, at: Pose, moving: Motion) -> Floats:
+        """Second rate of the residual at zero joint accelerations (``moving``), (1, n) [rad/s2, m/s2]."""
+        if self.second is None:
+            return np.zeros((1, at.count))
+        return (-self._polynomial(at.q, 2) * moving.rate[self.second] ** 2)[None]
+
+    def _polynomial(self, q: Floats, order: int) -> Floats:
+        """The polynomial, or its derivative of an ``order``, for each configuration."""
+        from_zero = np.zeros_like(q[0]) if self.second is None else q[self.second] - self.zero[1]
+        return polyval(from_zero, polyder(self.coefficients, order))
+
+
+Constraint = Loop | Coupling
+"""What ties coordinates to each other."""
+
+
+def constraint_residual(loops: tuple[Constraint, ...], at: Pose) -> Floats:
     """Residuals of all loops stacked, (rows, n) [m, rad]; no rows for an open chain."""
     return _stack([loop.residual(at) for loop in loops], (at.count,))
 
 
-def constraint_jacobian(loops: tuple[Loop, ...], tree: Tree, at: Pose) -> Rows:
+def constraint_jacobian(loops: tuple[Constraint, ...], tree: Tree, at: Pose) -> Rows:
     """Jacobians of all loops stacked, by component, (rows, nv)."""
     return [row for loop in loops for row in loop.jacobian(tree, at)]
 
 
-def loop_jacobian(loops: tuple[Loop, ...], tree: Tree, at: Pose) -> Floats:
+def loop_jacobian(loops: tuple[Constraint, ...], tree: Tree, at: Pose) -> Floats:
     """Jacobians of all loops stacked as an array, (rows, nv, n) [-, m]."""
     return dense_rows(constraint_jacobian(loops, tree, at), tree.size, at.count)
 
 
-def constraint_bias(loops: tuple[Loop, ...], at: Pose, moving: Motion) -> Floats:
+def constraint_bias(loops: tuple[Constraint, ...], at: Pose, moving: Motion) -> Floats:
     """Acceleration bias of all loops stacked, (rows, n) [m/s2, rad/s2]."""
     return _stack([loop.bias(at, moving) for loop in loops], (at.count,))
 

@@ -1,16 +1,16 @@
 """A mechanism: rigid bodies on a base, joints, loops, and sites where counter-masses may be mounted."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..arrays import Floats, frozen
 from ..errors import ModelError
-from .forward_kinematics import Tree
-from .loop_constraints import Loop
+from .forward_kinematics import Joint, Tree
+from .loop_constraints import Constraint, Loop
 
 if TYPE_CHECKING:
     import pinocchio
@@ -51,7 +51,7 @@ class Mechanism:
     text: str
     """The file's text, so that a result can be computed anew from what was stored with it."""
     tree: Tree
-    loops: tuple[Loop, ...]
+    loops: tuple[Constraint, ...]
     bodies: tuple[str, ...]
     coordinates: tuple[str, ...]
     """Names of the joint coordinates, in the order of q, v and a."""
@@ -78,8 +78,8 @@ class Mechanism:
     """Bodies that carry the payload when none is named."""
     limits: Floats
     """Lower and upper limit of each coordinate that the file states, else infinite, (nv, 2) [rad, m]. Not enforced."""
-    model: "pinocchio.Model" = field(repr=False, compare=False)
-    """Pinocchio's model as read; ``pinocchio_model`` has the present masses."""
+    left_out: tuple[str, ...] = ()
+    """Forces that the file has and no torque computed from it, such as springs; balance does not depend on them."""
 
     def beyond_limits(self, q: Floats) -> dict[str, tuple[float, float]]:
         """For each joint beyond its limits at the configurations ``q`` (n, nv): its least and largest [rad, m]."""
@@ -93,19 +93,43 @@ class Mechanism:
         return self.parameters.ravel()
 
     def pinocchio_model(self) -> "pinocchio.Model":
-        """Pinocchio's model with the present masses and gravity, for whoever wants to go on with Pinocchio."""
+        """Pinocchio's model with the present masses: joint i + 1 carries body i, by several axes where it has them."""
         import pinocchio
 
-        model = self.model.copy()
-        for i, row in enumerate(self.parameters):
-            model.inertias[i + 1] = pinocchio.Inertia.FromDynamicParameters(row)
-        model.gravity.linear = self.gravity
+        model, numbers = pinocchio.Model(), {-1: 0}
+        model.name, model.gravity.linear = self.name, self.gravity
+        for row, (body, joint) in enumerate(zip(self.bodies, self.tree.bodies, strict=True)):
+            path = self.tree.path(joint)
+            axes = path[max((k + 1 for k, other in enumerate(path[:-1]) if other in numbers), default=0) :]
+            placed = [(_pinocchio_joint(self.tree.joints[k]), self.tree.joints[k]) for k in axes]
+            whole, first = placed[0]
+            if len(axes) > 1:
+                whole = pinocchio.JointModelComposite()
+                for k, (kind, other) in enumerate(placed):
+                    whole.addJoint(
+                        kind, pinocchio.SE3(other.rotation, other.position) if k else pinocchio.SE3.Identity()
+                    )
+            at = pinocchio.SE3(first.rotation, first.position)
+            number = model.addJoint(numbers[first.parent], whole, at, "+".join(self.coordinates[k] for k in axes))
+            model.appendBodyToJoint(number, _pinocchio_inertia(self.parameters[row]), pinocchio.SE3.Identity())
+            model.addBodyFrame(body, number, pinocchio.SE3.Identity(), 0)
+            numbers[joint] = number
+        for site in self.sites.values():
+            at = pinocchio.SE3(np.eye(3), site.position)
+            model.addFrame(pinocchio.Frame(site.name, site.body + 1, 0, at, pinocchio.FrameType.OP_FRAME))
+        model.armature, model.damping, model.upperDryFrictionLimit = self.armature, self.viscous, self.coulomb
+        model.lowerPositionLimit, model.upperPositionLimit = self.limits[:, 0], self.limits[:, 1]
         return model
 
     @property
     def parameter_names(self) -> list[str]:
         """Names of ``pi``: ``m[A0A]``, ``mcx[A0A]``, ..."""
         return [f"{parameter}[{body}]" for body in self.bodies for parameter in PARAMETERS]
+
+    @property
+    def closed_loops(self) -> tuple[Loop, ...]:
+        """The constraints between two frames, those between two joints left out."""
+        return tuple(loop for loop in self.loops if isinstance(loop, Loop))
 
     @property
     def total_mass(self) -> float:
@@ -186,3 +210,21 @@ class Mechanism:
                 raise ModelError(f"counter-mass at {name!r} is {mass:g} kg: expected zero or a positive mass")
             parameters[site.body] += mass * site.unit_mass()
         return replace(self, parameters=frozen(parameters))
+
+
+def _pinocchio_joint(joint: Joint) -> Any:  # noqa: ANN401
+    import pinocchio
+
+    letter = next(
+        (letter for letter, unit in zip("XYZ", np.eye(3), strict=True) if np.array_equal(joint.axis, unit)), ""
+    )
+    if letter:
+        return getattr(pinocchio, f"JointModel{'R' if joint.revolute else 'P'}{letter}")()
+    kind = pinocchio.JointModelRevoluteUnaligned if joint.revolute else pinocchio.JointModelPrismaticUnaligned
+    return kind(joint.axis)
+
+
+def _pinocchio_inertia(row: Floats) -> "pinocchio.Inertia":
+    import pinocchio
+
+    return pinocchio.Inertia.FromDynamicParameters(row) if row[0] > 0.0 else pinocchio.Inertia.Zero()

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio
 
 from ..arrays import Floats
-from .loop_constraints import Anchor, Loop
+from .loop_constraints import Anchor, Coupling, Loop
 from .mechanism import PARAMETERS, Mechanism
 
 
@@ -25,13 +25,17 @@ class PinocchioEngine:
         self._columns = len(PARAMETERS) * len(mechanism.bodies)
         self._constraints = pinocchio.StdVec_RigidConstraintModel()
         self._constraint_data = pinocchio.StdVec_RigidConstraintData()
-        for loop in mechanism.loops:
+        self._couplings = [loop for loop in mechanism.loops if isinstance(loop, Coupling)]
+        for loop in mechanism.closed_loops:
             constraint = _constraint_model(self.model, mechanism, loop)
             self._constraints.append(constraint)
             self._constraint_data.append(constraint.createData())
 
     def constraint_residual(self, q: Floats) -> Floats:
-        """First anchor less the second of all loops: origins [m], of a weld also the rotation vector [rad], (rows,)."""
+        """First anchor less the second of all loops: origins [m], of a weld also the rotation vector [rad], (rows,).
+
+        Those of couplings come last [rad, m], as in ``mechanism.loops``.
+        """
         self._place_loops(q)
         parts = [np.empty(0)]
         for loop, data in zip(self._constraints, self._constraint_data, strict=True):
@@ -39,41 +43,35 @@ class PinocchioEngine:
             parts.append(first.translation - second.translation)
             if loop.type == pinocchio.ContactType.CONTACT_6D:
                 parts.append(pinocchio.log3(first.rotation @ second.rotation.T))
-        return np.concatenate(parts)
+        return np.concatenate([*parts, [coupling.gap(q) for coupling in self._couplings]])
 
     def constraint_jacobian(self, q: Floats) -> Floats:
         """Rates of the residuals per joint rate, base axes, (rows, nv) [-, m]."""
+        couplings = np.array([coupling.row(q) for coupling in self._couplings]).reshape(-1, self.model.nv)
         if not len(self._constraints):
-            return np.empty((0, self.model.nv))
+            return couplings
         self._place_loops(q)
-        return np.array(
-            pinocchio.getConstraintsJacobian(self.model, self.data, self._constraints, self._constraint_data)
-        )
+        loops = pinocchio.getConstraintsJacobian(self.model, self.data, self._constraints, self._constraint_data)
+        return np.concatenate([loops, couplings])
 
     def momentum_regressor(self, q: Floats, v: Floats) -> Floats:
         """W with ``W @ pi`` = linear [kg m/s] and angular momentum [kg m2/s], (6, 10 nb)."""
-        pinocchio.forwardKinematics(self.model, self.data, self.configuration(q), v)
+        pinocchio.forwardKinematics(self.model, self.data, q, v)
         still = pinocchio.Motion.Zero()
         return self._in_base([pinocchio.bodyRegressor(still, rate) for rate in self.data.v])
 
     def wrench_regressor(self, q: Floats, v: Floats, a: Floats) -> Floats:
         """W with ``W @ pi`` = shaking force [N] and moment [N m] on the base, weight excluded, (6, 10 nb)."""
-        pinocchio.forwardKinematics(self.model, self.data, self.configuration(q), v, a)
+        pinocchio.forwardKinematics(self.model, self.data, q, v, a)
         return -self._in_base(list(map(pinocchio.bodyRegressor, self.data.v, self.data.a)))
 
     def torque_regressor(self, q: Floats, v: Floats, a: Floats) -> Floats:
         """W with ``W @ pi`` = torques of the joints of the open tree, gravity included, (nv, 10 nb) [N m, N]."""
-        found = pinocchio.computeJointTorqueRegressor(self.model, self.data, self.configuration(q), v, a)
+        found = pinocchio.computeJointTorqueRegressor(self.model, self.data, q, v, a)
         return np.array(found).reshape(self.model.nv, self._columns)
 
-    def configuration(self, q: Floats) -> Floats:
-        """Pinocchio's configuration (nq,) of coordinates ``q`` (nv,): a joint without limits has cosine and sine."""
-        if self.model.nq == self.model.nv:
-            return q
-        return pinocchio.integrate(self.model, pinocchio.neutral(self.model), q)
-
     def _place_loops(self, q: Floats) -> None:
-        pinocchio.computeJointJacobians(self.model, self.data, self.configuration(q))
+        pinocchio.computeJointJacobians(self.model, self.data, q)
         for loop, data in zip(self._constraints, self._constraint_data, strict=True):
             loop.calc(self.model, self.data, data)
 

@@ -36,7 +36,7 @@ REFUSED = {
         ("rotor", "correct", "three-masses", "--bearing=-100mm", "--bearing=900mm", "--speed", "1e200rpm", "--json"),
         "a result is no finite number",
     ),
-    "unknown mechanism": (("conditions", "five-bar"), "five-bar: no such file"),
+    "unknown mechanism": (("conditions", "six-bar"), "six-bar: no such file"),
     "unknown body": (("size", MECH, "-p", "crate=1kg"), "no moving body 'crate'"),
     "unknown site": (("check", MECH, "-c", "nowhere=1kg"), "no site 'nowhere'"),
     "unknown site to size": (("size", MECH, "--site", "nowhere"), "no site 'nowhere'"),

@@ -1,4 +1,4 @@
-"""Mechanisms from files: what is read from MJCF, through Pinocchio and from the file itself; URDF and SDF."""
+"""Mechanisms by name and from MJCF files: names, loops, keyframe, motors, gravity."""
 
 import subprocess
 import sys
@@ -8,27 +8,12 @@ import numpy as np
 import pytest
 
 from balance import datasets
-from balance.balancing.conditions import balance_conditions
 from balance.closure import Closure
 from balance.errors import DataError, ModelError
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
 
 from .. import models, referees
-
-URDF = """<?xml version="1.0"?>
-<robot name="arm">
-  <link name="ground"/>
-  <link name="upper"><inertial><origin xyz="0.14 0 0"/><mass value="1.2"/>
-    <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.009" iyz="0" izz="0.009"/></inertial></link>
-  <link name="fore"><inertial><origin xyz="0.11 0 0"/><mass value="0.9"/>
-    <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.005" iyz="0" izz="0.005"/></inertial></link>
-  <joint name="shoulder" type="revolute"><parent link="ground"/><child link="upper"/><axis xyz="0 0 1"/>
-    <limit lower="-3" upper="3" effort="10" velocity="10"/><dynamics damping="0.2" friction="0.1"/></joint>
-  <joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/><origin xyz="0.3 0 0"/>
-    <axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="10" velocity="10"/></joint>
-</robot>
-"""
 
 
 @pytest.mark.parametrize("name", models.BUILT_IN)
@@ -65,67 +50,13 @@ def test_printed_masses_are_in_the_manipulator() -> None:
     assert whole.total_mass == pytest.approx(reduced.total_mass, abs=1e-12)
 
 
-def test_urdf_loads_with_every_joint_driven(tmp_path: Path) -> None:
-    """A 2R arm as URDF: gravity along -z, friction and damping read, the printed conditions found."""
-    (tmp_path / "arm.urdf").write_text(URDF, encoding="utf-8")
-    arm = load_mechanism(tmp_path / "arm.urdf")
-    assert (arm.bodies, arm.coordinates) == (("upper", "fore"), ("shoulder", "elbow"))
-    np.testing.assert_array_equal(arm.gravity, [0.0, 0.0, -9.81])
-    assert (arm.viscous[0], arm.coulomb[0]) == (0.2, 0.1)
-    found = balance_conditions(arm)
-    assert found.rank == 4
-    assert found.coefficients(0) == pytest.approx({"mcx[upper]": 1.0, "m[fore]": 0.3})
-    np.testing.assert_allclose(found.values()[0], 1.2 * 0.14 + 0.9 * 0.3)
-
-
-def test_urdf_goes_back_to_pinocchio(tmp_path: Path) -> None:
-    """The Pinocchio model of a URDF mechanism carries its payload."""
-    (tmp_path / "arm.urdf").write_text(URDF, encoding="utf-8")
-    arm = load_mechanism(tmp_path / "arm.urdf").with_payload({"fore": 2.0})
-    assert arm.pinocchio_model().inertias[2].mass == pytest.approx(2.0)
-
-
-def test_urdf_continuous_joints_turn(tmp_path: Path) -> None:
-    """A continuous joint is a hinge without limits: same conditions as the limited one."""
-    text = URDF.replace('name="elbow" type="revolute"', 'name="elbow" type="continuous"')
-    (tmp_path / "arm.urdf").write_text(text, encoding="utf-8")
-    assert balance_conditions(load_mechanism(tmp_path / "arm.urdf")).rank == 4
-
-
-def test_urdf_mimic_joints_are_refused(tmp_path: Path) -> None:
-    """A joint that mimics another is a gear: refused by name."""
-    elbow = '<joint name="elbow" type="revolute">'
-    text = URDF.replace(elbow, elbow + '<mimic joint="shoulder" multiplier="2"/>')
-    (tmp_path / "arm.urdf").write_text(text, encoding="utf-8")
-    with pytest.raises(ModelError, match=r"arm\.urdf: joint 'elbow' mimics 'shoulder'"):
-        load_mechanism(tmp_path / "arm.urdf")
-
-
-@pytest.mark.parametrize("text", ["", "<robot/>", "<robot><link/>", "no xml", "<mujoco/>"])
-def test_broken_urdf_is_refused(tmp_path: Path, text: str) -> None:
-    """One message that names the file."""
-    (tmp_path / "broken.urdf").write_text(text, encoding="utf-8")
-    with pytest.raises(ModelError, match=r"^broken\.urdf"):
-        load_mechanism(tmp_path / "broken.urdf")
-
-
-def test_sdf_loads_or_says_that_it_cannot(tmp_path: Path) -> None:
-    """Where Pinocchio was built without SDF, the message says so and what to do."""
-    import pinocchio
-
-    (tmp_path / "arm.sdf").write_text("<sdf version='1.7'/>", encoding="utf-8")
-    expected = "arm.sdf" if hasattr(pinocchio, "buildModelFromSdf") else "built without SDF; convert the file"
-    with pytest.raises(ModelError, match=expected):
-        load_mechanism(tmp_path / "arm.sdf")
-
-
 def test_other_files_are_refused(tmp_path: Path) -> None:
     """An ending that is no mechanism's, and a name that is neither shipped nor a file."""
     (tmp_path / "arm.step").write_text("solid", encoding="utf-8")
     with pytest.raises(ModelError, match=r"arm\.step: expected a MJCF \(\.xml, \.mjcf\), URDF"):
         load_mechanism(tmp_path / "arm.step")
-    with pytest.raises(DataError, match=r"five-bar: no such file.*four-bar.*serial-1r"):
-        load_mechanism("five-bar")
+    with pytest.raises(DataError, match=r"six-bar: no such file.*four-bar.*serial-1r"):
+        load_mechanism("six-bar")
 
 
 def test_a_file_in_another_encoding(tmp_path: Path) -> None:
@@ -160,17 +91,16 @@ def test_the_pinocchio_model_carries_the_loads() -> None:
     np.testing.assert_array_equal(model.gravity.linear, mechanism.gravity)
 
 
-def test_without_pinocchio_the_message_says_how_to_get_it() -> None:
-    """Pinocchio hidden: one message, pip and conda named."""
+def test_without_mujoco_the_message_says_how_to_get_it() -> None:
+    """MuJoCo hidden: one message that names the package."""
     code = (
-        "import sys; sys.modules['pinocchio'] = None\n"
+        "import sys; sys.modules['mujoco'] = None\n"
         "from balance.mechanism.mjcf_parser import load_mechanism\nfrom balance.errors import ModelError\n"
         "try: load_mechanism('four-bar')\n"
         "except ModelError as error: print(error)\n"
     )
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert "'pin' with pip" in shown
-    assert "conda-forge" in shown
+    assert "'mujoco-core' with pip" in shown
 
 
 def test_joint_references_and_degrees_agree_with_mujoco() -> None:

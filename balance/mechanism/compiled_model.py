@@ -1,0 +1,308 @@
+"""From MuJoCo's compiled model to a Mechanism: elementary joints, inertial parameters, loops, sites, keyframe."""
+
+from collections.abc import Collection, Iterable
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Floats, frozen
+from ..errors import ModelError
+from .forward_kinematics import Joint, Tree
+from .loop_constraints import Anchor, Constraint, Coupling, Loop
+from .mechanism import Mechanism, Site
+
+COORDINATE_LIMIT = 1000
+"""Most coordinates of a mechanism."""
+_BALL, _SLIDE = 1, 2
+_CONNECT, _WELD = 0, 1
+_SITE = 6
+_JOINT_DRIVES = (0, 1)
+_LOOPS_OFF, _SPRINGS_OFF, _DAMPERS_OFF, _GRAVITY_OFF = 1 << 0 | 1 << 1, 1 << 5, 1 << 6, 1 << 7
+_RADIUS = ".radius_of_gyration"
+
+
+def mechanism_of(model: Any, file: str, name: str, text: str) -> Mechanism:  # noqa: ANN401
+    """The Mechanism ``name`` of MuJoCo's ``model``, compiled from ``text``; ``file`` is what messages call it.
+
+    A ball joint becomes three hinges about one point, their axes x, y and z of its body as it stands in the keyframe:
+    the coordinates NAME_x, NAME_y and NAME_z are zero there, and singular where NAME_y is a quarter turn.
+    Raises ModelError, naming the file, where nothing moves or has mass, and where a name means nothing.
+    """
+    if not 0 < model.nv <= COORDINATE_LIMIT:
+        what = (
+            "no moving body; joints belong to the bodies under <worldbody>"
+            if not model.nv
+            else f"{model.nv} coordinates"
+        )
+        raise ModelError(f"{file}: {what}; expected 1 to {COORDINATE_LIMIT} coordinates")
+    return _Parts(model, file).mechanism(name, text)
+
+
+class _Parts:
+    """The compiled model taken apart, body by body."""
+
+    def __init__(self, model: Any, file: str) -> None:  # noqa: ANN401
+        import mujoco
+
+        self.model, self.file = model, file
+        kinds = mujoco.mjtObj
+        self.names = {
+            kind: [mujoco.mj_id2name(model, value, i) or "" for i in range(count)]
+            for kind, value, count in (
+                ("body", kinds.mjOBJ_BODY, model.nbody),
+                ("joint", kinds.mjOBJ_JOINT, model.njnt),
+                ("site", kinds.mjOBJ_SITE, model.nsite),
+                ("equality", kinds.mjOBJ_EQUALITY, model.neq),
+                ("key", kinds.mjOBJ_KEY, model.nkey),
+                ("actuator", kinds.mjOBJ_ACTUATOR, model.nactuator),
+                ("text", kinds.mjOBJ_TEXT, model.ntext),
+                ("numeric", kinds.mjOBJ_NUMERIC, model.nnumeric),
+            )
+        }
+        self._name_all("body", ["body"] * model.nbody)
+        self._name_all("joint", [f"{self.names['body'][body]}_joint" for body in model.jnt_bodyid])
+        self.qpos, self.branch = self._keyframe()
+        self.joints: list[Joint] = []
+        self.coordinates: list[str] = []
+        self.home: list[float] = []
+        self.limits: list[tuple[float, float]] = []
+        self.rows: list[int] = []
+        """The elementary joint that carries each row of the inertial parameters."""
+        self.placed, self.row_of = [Anchor(-1, np.eye(3), np.zeros(3))], [-1]
+        """Of each of the file's bodies: where it is fixed, and its row."""
+        for body in range(1, model.nbody):
+            self._place(body)
+
+    def mechanism(self, name: str, text: str) -> Mechanism:
+        """All of it."""
+        model, bodies = self.model, self.names["body"]
+        parameters = np.zeros((len(self.rows), 10))
+        own_mass: dict[str, tuple[int, Floats]] = {}
+        for body, row in enumerate(self.row_of):
+            if row >= 0:
+                own_mass[bodies[body]] = row, self._inertia(body)
+                parameters[row] += own_mass[bodies[body]][1]
+        if not np.any(parameters[:, 0] > 0.0):
+            raise ModelError(
+                f"{self.file}: no moving body has mass; give each an <inertial>, or geometry with a density"
+            )
+        heads = [next(b for b, r in enumerate(self.row_of) if r == row) for row in range(len(self.rows))]
+        payload, radii = self._payload(), self._radii()
+        sites = {
+            name: Site(name, self.row_of[model.site_bodyid[i]], frozen(self._site(i).position), radii.get(name, 0.0))
+            for i, name in enumerate(self.names["site"])
+            if name
+        }
+        self._refuse_unknown("<text name='payload'> names body", payload, own_mass)
+        self._refuse_unknown(f"<numeric name='...{_RADIUS}'> names site", radii, sites)
+        driven, reflected, notes = self._drives()
+        return Mechanism(
+            name=name,
+            text=text,
+            tree=Tree(tuple(self.joints), tuple(self.rows)),
+            loops=self._loops(),
+            bodies=tuple(bodies[head] for head in heads),
+            coordinates=tuple(self.coordinates),
+            parameters=frozen(parameters),
+            own_mass=own_mass,
+            sites=sites,
+            gravity=frozen(np.zeros(3) if model.opt.disableflags & _GRAVITY_OFF else model.opt.gravity.copy()),
+            home=frozen(np.array(self.home)),
+            branch=self.branch,
+            driven=driven,
+            armature=frozen(model.dof_armature + reflected),
+            viscous=frozen(model.dof_damping * (0.0 if model.opt.disableflags & _DAMPERS_OFF else 1.0)),
+            coulomb=frozen(model.dof_frictionloss.copy()),
+            payload_bodies=payload,
+            limits=frozen(np.array(self.limits)),
+            left_out=(*self._left_out(), *notes),
+        )
+
+    def _name_all(self, kind: str, stems: list[str]) -> None:
+        """Give those without a name one that no other has."""
+        names = self.names[kind]
+        for i, stem in enumerate(stems):
+            k = i
+            while not names[i]:
+                k, candidate = k + 1, f"{stem}_{k}"
+                names[i] = "" if candidate in names else candidate
+
+    def _keyframe(self) -> tuple[Floats, str]:
+        """``home``, or else the first that differs from the configuration in which the file is written."""
+        model = self.model
+        moved = [k for k in range(model.nkey) if np.any(model.key_qpos[k] != model.qpos0)]
+        named = [k for k, name in enumerate(self.names["key"]) if name == "home"]
+        for k in named or moved:
+            return model.key_qpos[k], self.names["key"][k] or f"keyframe {k + 1}"
+        return model.qpos0, "zero configuration"
+
+    def _place(self, body: int) -> None:
+        """Add the joints of a body, and where they leave it."""
+        model = self.model
+        frame = _moved(self.placed[model.body_parentid[body]], _rotation(model.body_quat[body]), model.body_pos[body])
+        first, count = model.body_jntadr[body], model.body_jntnum[body]
+        for joint in range(first, first + count):
+            frame = self._add_joint(frame, joint)
+        self.placed.append(frame)
+        self.row_of.append(len(self.rows) if count else self.row_of[model.body_parentid[body]])
+        if count:
+            self.rows.append(frame.joint)
+
+    def _add_joint(self, frame: Anchor, joint: int) -> Anchor:
+        """A joint on a body at ``frame``: where the body is fixed then."""
+        model, address, name = self.model, self.model.jnt_qposadr[joint], self.names["joint"][joint]
+        axis, kind, point = model.jnt_axis[joint], model.jnt_type[joint], model.jnt_pos[joint]
+        limits = tuple(model.jnt_range[joint]) if model.jnt_limited[joint] else (-np.inf, np.inf)
+        reference = model.qpos0[address]
+        if kind == _SLIDE:
+            start = _moved(frame, np.eye(3), -reference * axis if reference else np.zeros(3))
+            return self._add_axis(start, axis, False, name, self.qpos[address], limits)
+        if kind == _BALL:
+            at = _moved(frame, _rotation(self.qpos[address : address + 4]), point)
+            for letter, unit in zip("xyz", np.eye(3), strict=True):
+                at = self._add_axis(at, unit, True, f"{name}_{letter}", 0.0, (-np.inf, np.inf))
+        else:
+            at = _moved(frame, _turn(axis, -reference), point)
+            at = self._add_axis(at, axis, True, name, self.qpos[address], limits)
+        return _moved(at, np.eye(3), 0.0 - point)
+
+    def _add_axis(
+        self, at: Anchor, axis: Floats, revolute: bool, name: str, home: float, limits: tuple[float, float]
+    ) -> Anchor:
+        self.joints.append(Joint(at.joint, at.rotation, at.position, axis.copy(), revolute))
+        self.coordinates.append(name)
+        self.home.append(float(home))
+        self.limits.append(limits)
+        return Anchor(len(self.joints) - 1, np.eye(3), np.zeros(3))
+
+    def _inertia(self, body: int) -> Floats:
+        """Inertial parameters of a body's own mass in the frame of the joint that carries it, (10,)."""
+        model = self.model
+        centre = _moved(self.placed[body], _rotation(model.body_iquat[body]), model.body_ipos[body])
+        mass, c, turn = model.body_mass[body], centre.position, centre.rotation
+        i = turn @ np.diag(model.body_inertia[body]) @ turn.T + mass * (c @ c * np.eye(3) - np.outer(c, c))
+        return np.array([mass, *(mass * c), i[0, 0], i[0, 1], i[1, 1], i[0, 2], i[1, 2], i[2, 2]])
+
+    def _site(self, site: int) -> Anchor:
+        model = self.model
+        return _moved(self.placed[model.site_bodyid[site]], _rotation(model.site_quat[site]), model.site_pos[site])
+
+    def _loops(self) -> tuple[Constraint, ...]:
+        """Connects in the order of the file, then welds, then couplings."""
+        model = self.model
+        if model.neq and model.opt.disableflags & _LOOPS_OFF:
+            raise ModelError(f"{self.file}: <flag> switches <equality> off; remove the flag, or the <equality>")
+        return tuple(self._loop(k) for k in sorted(range(model.neq), key=lambda k: int(model.eq_type[k])))
+
+    def _loop(self, k: int) -> Constraint:
+        model, data, ends = (
+            self.model,
+            self.model.eq_data[k],
+            (int(self.model.eq_obj1id[k]), int(self.model.eq_obj2id[k])),
+        )
+        kind = model.eq_type[k]
+        if kind not in (_CONNECT, _WELD):
+            first, second = (model.jnt_dofadr[end] if end >= 0 else None for end in ends)
+            zero = tuple(model.qpos0[model.jnt_qposadr[end]] if end >= 0 else 0.0 for end in ends)
+            label = "-".join(self.names["joint"][end] for end in ends if end >= 0)
+            return Coupling(self._loop_name(k, "joint", label), first, second, frozen(data[:5].copy()), zero)
+        by_site = model.eq_objtype[k] == _SITE
+        label = "-".join(self.names["site" if by_site else "body"][end] for end in ends if by_site or end > 0)
+        if by_site:
+            anchors = [self._site(end) for end in ends]
+        else:
+            of_first, of_second = (data[3:6], data[:3]) if kind == _WELD else (data[:3], data[3:6])
+            turn = _rotation(data[6:10]) if kind == _WELD else np.eye(3)
+            anchors = [
+                _moved(self.placed[ends[0]], turn, of_first),
+                _moved(self.placed[ends[1]], np.eye(3), of_second),
+            ]
+        word = "weld" if kind == _WELD else "connect"
+        return Loop(self._loop_name(k, word, label), *anchors, kind == _WELD and data[10] != 0.0)
+
+    def _loop_name(self, k: int, kind: str, ends: str) -> str:
+        return self.names["equality"][k] or f"{kind} {ends}"
+
+    def _payload(self) -> tuple[str, ...]:
+        """Bodies that ``<custom><text name="payload">`` names."""
+        model = self.model
+        for k, name in enumerate(self.names["text"]):
+            if name == "payload":
+                start = model.text_adr[k]
+                return tuple(bytes(model.text_data[start : start + model.text_size[k]]).decode().rstrip("\0").split())
+        return ()
+
+    def _radii(self) -> dict[str, float]:
+        """Radii of gyration of counter-masses, by site [m], of ``<custom><numeric name="SITE.radius_of_gyration">``."""
+        model, radii = self.model, {}
+        for k, name in enumerate(self.names["numeric"]):
+            if name.endswith(_RADIUS):
+                radius = float(model.numeric_data[model.numeric_adr[k]])
+                if model.numeric_size[k] != 1 or not radius >= 0.0:
+                    raise ModelError(f"{self.file}: {name}: expected one number, zero or more")
+                radii[name.removesuffix(_RADIUS)] = radius
+        return radii
+
+    def _drives(self) -> tuple[tuple[str, ...], Floats, list[str]]:
+        """Coordinates that a motor drives, the inertia of its rotor reflected to each, and what is left out."""
+        model, reflected = self.model, np.zeros(self.model.nv)
+        driven: dict[str, None] = {}
+        others: list[str] = []
+        for k, name in enumerate(self.names["actuator"]):
+            joint = model.actuator_trnid[k, 0]
+            if model.actuator_trntype[k] not in _JOINT_DRIVES or model.jnt_type[joint] == _BALL:
+                others.append(repr(name))
+                continue
+            dof, gear = model.jnt_dofadr[joint], model.actuator_gear[k, 0]
+            driven[self.coordinates[dof]] = None
+            reflected[dof] += gear**2 * model.actuator_armature[k]
+        notes = [f"what actuators {', '.join(others)} do: they drive no single hinge or slide"] if others else []
+        return tuple(driven), reflected, notes
+
+    def _left_out(self) -> list[str]:
+        """Forces of the file that no force or torque computed here has."""
+        model = self.model
+        springs = not model.opt.disableflags & _SPRINGS_OFF
+        stiff = model.jnt_stiffness.astype(bool) | np.any(model.jnt_stiffnesspoly, axis=1)
+        pulled = np.any(model.tendon_stiffness) or np.any(model.tendon_damping) or np.any(model.tendon_frictionloss)
+        found = {
+            f"springs of joints {', '.join(self._joints_where(stiff))}": springs and np.any(stiff),
+            "springs, damping and friction of tendons": pulled,
+            "damping that grows with speed": np.any(model.dof_dampingpoly),
+            "damping of actuators": np.any(model.actuator_damping),
+            "the medium (<option density, viscosity, wind>)": model.opt.density or model.opt.viscosity,
+            "weight taken off bodies (gravcomp)": np.any(model.body_gravcomp),
+        }
+        return [what for what, present in found.items() if present]
+
+    def _joints_where(self, mask: Floats) -> list[str]:
+        return [self.names["joint"][i] for i in np.flatnonzero(mask)]
+
+    def _refuse_unknown(self, what: str, names: Iterable[str], known: Collection[str]) -> None:
+        """Raise ModelError for the first of ``names`` that is not among the known."""
+        for name in names:
+            if name not in known:
+                raise ModelError(f"{self.file}: {what} {name!r}: there are {', '.join(known) or 'none'}")
+
+
+def _moved(at: Anchor, rotation: Floats, position: Floats) -> Anchor:
+    """A frame at ``rotation`` (3, 3) and ``position`` (3,) [m] in the frame ``at``."""
+    return Anchor(at.joint, at.rotation @ rotation, at.position + at.rotation @ position)
+
+
+def _rotation(quaternion: Floats) -> Floats:
+    """Rotation matrix (3, 3) of a unit quaternion (4,), scalar first."""
+    import mujoco
+
+    matrix = np.empty(9)
+    mujoco.mju_quat2Mat(matrix, quaternion)
+    return matrix.reshape(3, 3)
+
+
+def _turn(axis: Floats, angle: float) -> Floats:
+    """Rotation matrix (3, 3) by ``angle`` [rad] about a unit ``axis`` (3,)."""
+    import mujoco
+
+    quaternion = np.empty(4)
+    mujoco.mju_axisAngle2Quat(quaternion, axis, angle)
+    return _rotation(quaternion)

@@ -1,0 +1,292 @@
+"""MJCF compiled by MuJoCo, so that a file means what MuJoCo says, within bounds on what it may open and cost.
+
+Included files are put into the text first, from the file's own folder alone. Meshes, height fields and textures on
+which no moving body's mass depends are not opened: MuJoCo would only draw them or let them collide.
+"""
+
+import re
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import ModelError
+
+TEXT_LIMIT = 20_000_000
+"""Longest text of a mechanism, what it includes counted [characters]."""
+ELEMENT_LIMIT = 100_000
+"""Most elements of a mechanism once every <replicate> is written out, and most user numbers of one."""
+ASSET_LIMIT = 200_000_000
+"""Largest sum of the mesh files that masses depend on [bytes]."""
+MEMORY_LIMIT = 1_500_000_000
+"""Memory that compiling may take beyond what is in use [bytes]."""
+MASSLESS = 2e-15
+"""What a body without mass is given for MuJoCo, which takes none below 1e-15, and rid of after [kg, kg m2]."""
+
+_TAG = re.compile(
+    r"<!--.*?-->|<!\[CDATA\[.*?\]\]>|<(?P<close>/?)(?P<tag>[\w:.-]+)(?P<rest>(?:[^>\"']|\"[^\"]*\"|'[^']*')*)>", re.S
+)
+_ATTRIBUTE = re.compile(r"([\w:.-]+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
+_SKIPPED = re.compile(r"<!--.*?-->|<\?.*?\?>|<!DOCTYPE[^>]*>", re.S)
+_ROOT = re.compile(r"\s*<(\w+)\b(?:[^>\"']|\"[^\"]*\"|'[^']*')*>(.*)</\1\s*>\s*", re.S)
+_REFUSED = {
+    **dict.fromkeys(("plugin", "extension"), "code of its own, which is not run here; remove it"),
+    **dict.fromkeys(("flex", "flexcomp"), "a flexible body; replace it by rigid ones"),
+    "attach": "another model, which is not read; write the mechanism out in one file, or use <include>",
+}
+_EQUALITIES = {"CONNECT", "WELD", "JOINT"}
+
+
+def read_text(path: Path) -> str:
+    """The text of a mechanism's file. Raises ModelError unless it is short UTF-8 that defines no entities."""
+    size = path.stat().st_size
+    if size > TEXT_LIMIT:
+        raise ModelError(f"{path.name}: has {size} bytes; at most {TEXT_LIMIT} are read")
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ModelError(f"{path.name}: not in UTF-8: {error}") from error
+    for found, what in (("\0", "a NUL character"), ("<!ENTITY", "entities (<!ENTITY>)")):
+        if found in text:
+            raise ModelError(f"{path.name}: holds {what}, which is not read; write it as plain XML")
+    return text
+
+
+def with_includes(text: str, name: str, folder: Path | None) -> str:
+    """The text with each <include> replaced by what it names.
+
+    Raises ModelError for a file outside ``folder``, also by a link, for one that is missing, and for one named twice.
+    """
+    seen: set[Path] = set()
+
+    def included(match: re.Match[str]) -> str:
+        if match["tag"] != "include":
+            return match[0]
+        if match["close"]:
+            return ""
+        file = _attributes(match).get("file", "")
+        path = _located(file, "", folder, name)
+        if path in seen:
+            raise ModelError(f"{name}: {element_label(match)} includes the file once more; MuJoCo takes each once")
+        seen.add(path)
+        root = _ROOT.fullmatch(_SKIPPED.sub("", read_text(path)))
+        return _TAG.sub(included, root[2]) if root else ""
+
+    whole = _TAG.sub(included, text)
+    if len(whole) > TEXT_LIMIT:
+        raise ModelError(f"{name}: has {len(whole)} characters with what it includes; at most {TEXT_LIMIT} are read")
+    return whole
+
+
+def parse_mjcf(text: str, name: str) -> Any:  # noqa: ANN401
+    """MuJoCo's MjSpec of a text without <include>.
+
+    Raises ModelError, naming the file and what was found, for what MuJoCo cannot parse, for a flexible body or a
+    plugin, and for more than ELEMENT_LIMIT elements.
+    """
+    _refuse_tags(text, name)
+    mujoco = import_mujoco()
+    with _bounded(mujoco, text, name):
+        return mujoco.MjSpec.from_string(text)
+
+
+def compile_spec(spec: Any, text: str, name: str, folder: Path | None) -> Any:  # noqa: ANN401
+    """MuJoCo's MjModel of what :func:`parse_mjcf` gave; paths in it are relative to ``folder``, None for no files.
+
+    Raises ModelError, naming the file, the element and the cure, for what would change the motion and is not understood
+    here, for what MuJoCo refuses, and for what would cost more than the limits of this module.
+    """
+    mujoco = import_mujoco()
+    _refuse_parts(mujoco, spec, name)
+    spec.compiler.fusestatic = False
+    bounds = {key: getattr(spec.compiler, key) for key in ("boundmass", "boundinertia")}
+    for key, bound in bounds.items():
+        setattr(spec.compiler, key, bound or MASSLESS)
+    _take_assets(mujoco, spec, name, folder)
+    with _bounded(mujoco, text, name):
+        model = spec.compile()
+    for values, bound in zip((model.body_mass, model.body_inertia), bounds.values(), strict=True):
+        if not bound:
+            values[values == MASSLESS] = 0.0
+    for part in ("body_pos", "body_mass", "body_inertia", "jnt_pos", "jnt_axis", "site_pos", "key_qpos", "eq_data"):
+        if not np.isfinite(getattr(model, part)).all():
+            raise ModelError(f"{name}: a {part.replace('_', ' ')} is infinite; expected finite numbers")
+    return model
+
+
+def element_label(match: re.Match[str]) -> str:
+    """An element as written in the file, cut at 120 characters."""
+    return f"<{' '.join([match['tag'], *(f'{k}={v!r}' for k, v in _attributes(match).items())])[:120]}>"
+
+
+def _attributes(match: re.Match[str]) -> dict[str, str]:
+    return {key: double or single for key, double, single in _ATTRIBUTE.findall(match["rest"])}
+
+
+def import_mujoco() -> Any:  # noqa: ANN401
+    """The module. Raises ModelError, saying how to get it, where it is not installed."""
+    try:
+        import mujoco
+    except ImportError as error:
+        raise ModelError(
+            "reading a mechanism needs MuJoCo: install 'mujoco-core' with pip; without it, "
+            "balance size parallelogram-6bar --closed-form works"
+        ) from error
+    return mujoco
+
+
+@contextmanager
+def _bounded(mujoco: Any, text: str, name: str) -> Iterator[None]:  # noqa: ANN401
+    """Bound the memory of what MuJoCo does, take its warnings, and turn what it raises into ModelError of one line."""
+    said: list[str] = []
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(said.append)
+    try:
+        with _bounded_memory(), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except MemoryError as error:
+        raise ModelError(f"{name}: needs more than {MEMORY_LIMIT / 1e9:g} GB of memory; make it smaller") from error
+    except (ValueError, TypeError, mujoco.FatalError, mujoco.UnexpectedError) as error:
+        raise ModelError(f"{name}: MuJoCo refuses it: {' '.join(str(error).split())}") from error
+    finally:
+        mujoco.set_mju_user_warning(before)
+    if any("NaN" in warning for warning in said):
+        where = next((element_label(m) for m in _TAG.finditer(text) if re.search(r"\bnan\b", m[0], re.I)), "an element")
+        raise ModelError(f"{name}: {where} holds 'nan'; expected finite numbers")
+
+
+@contextmanager
+def _bounded_memory() -> Iterator[None]:
+    """Let the process grow by MEMORY_LIMIT only, where the system can bound it."""
+    try:
+        import resource
+
+        used = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
+    except (ImportError, OSError):
+        yield
+        return
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    bound = used + MEMORY_LIMIT
+    if soft != resource.RLIM_INFINITY:
+        bound = min(bound, soft)
+    resource.setrlimit(resource.RLIMIT_AS, (bound, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+
+
+def _refuse_tags(text: str, name: str) -> None:
+    """What must not reach MuJoCo's parser: code, flexible bodies, and copies without end."""
+    count, copies = 0, [1]
+    for match in _TAG.finditer(text):
+        tag = match["tag"]
+        if tag in _REFUSED:
+            raise ModelError(f"{name}: {element_label(match)} is {_REFUSED[tag]}")
+        if tag == "replicate":
+            if match["close"]:
+                copies = copies[:-1] or [1]
+            elif not match["rest"].endswith("/"):
+                number = _attributes(match).get("count", "1")
+                copies.append(copies[-1] * (int(number) if number.isdigit() else 1))
+        if tag is not None and not match["close"]:
+            count += copies[-1]
+        if count > ELEMENT_LIMIT:
+            raise ModelError(f"{name}: has more than {ELEMENT_LIMIT} elements with its <replicate> written out")
+
+
+def _refuse_parts(mujoco: Any, spec: Any, name: str) -> None:  # noqa: ANN401
+    """What would move the mechanism, or hold it, in a way that is not understood here; sizes without bounds."""
+    for joint in spec.joints:
+        if joint.type == mujoco.mjtJoint.mjJNT_FREE:
+            raise ModelError(
+                f"{name}: body {joint.parent.name!r} floats (<freejoint> {joint.name!r}): a balance needs a base; "
+                "remove it to fix the body to the world, or give the body slides and a ball joint"
+            )
+    for body in spec.bodies:
+        if body.mocap:
+            raise ModelError(f"{name}: body {body.name!r} is moved from outside (mocap='true'); remove that")
+    for loop in spec.equalities:
+        kind = loop.type.name.removeprefix("mjEQ_")
+        label = f"{name}: <equality> <{kind.lower()} name={loop.name!r}> of {loop.name1!r} and {loop.name2!r}"
+        if kind not in _EQUALITIES:
+            raise ModelError(f"{label} is not understood here; understood are <connect>, <weld> and <joint>")
+        if not loop.active:
+            raise ModelError(f"{label} is not active; remove it from the file, or its active='false'")
+    sizes = {key: getattr(spec, key) for key in dir(spec) if key.startswith("nuser_")}
+    for key, size in sizes.items():
+        if size > ELEMENT_LIMIT:
+            raise ModelError(f"{name}: {key} is {size}; at most {ELEMENT_LIMIT} are read")
+
+
+def _take_assets(mujoco: Any, spec: Any, name: str, folder: Path | None) -> None:  # noqa: ANN401
+    """Hand over the meshes that masses depend on, and take out all else that is drawn or collides.
+
+    A file that is missing is refused all the same, as MuJoCo does.
+    """
+    needed = set()
+    for geom in spec.geoms:
+        geom.contype = geom.conaffinity = 0
+        if geom.meshname and _weighs(mujoco, spec, geom.parent):
+            needed.add(geom.meshname)
+        elif geom.meshname or geom.hfieldname:
+            geom.type, geom.size, geom.meshname, geom.hfieldname = mujoco.mjtGeom.mjGEOM_SPHERE, [1, 1, 1], "", ""
+    mesh_folder, texture_folder = spec.compiler.meshdir, spec.compiler.texturedir
+    assets: dict[str, bytes] = {}
+    for mesh in list(spec.meshes):
+        mesh.name = mesh.name or Path(mesh.file).stem
+        if mesh.name not in needed:
+            _refuse_missing(mesh.file, mesh_folder, spec, folder, name)
+            spec.delete(mesh)
+        elif mesh.file:
+            path = _located(_stripped(mesh.file, spec), mesh_folder, folder, name)
+            mesh.file = f"{len(assets)}{path.suffix}"
+            assets[mesh.file] = path.read_bytes() if path.stat().st_size <= ASSET_LIMIT else b""
+            if not assets[mesh.file] or sum(map(len, assets.values())) > ASSET_LIMIT:
+                raise ModelError(f"{name}: its meshes have more than {ASSET_LIMIT} bytes; give bodies an <inertial>")
+    for texture in spec.textures:
+        for file in (texture.file, *texture.cubefiles):
+            _refuse_missing(file, texture_folder, spec, folder, name)
+        texture.file, texture.cubefiles = "", [""] * len(texture.cubefiles)
+        texture.builtin, texture.width, texture.height = mujoco.mjtBuiltin.mjBUILTIN_FLAT, 2, 2
+    for field in list(spec.hfields):
+        _refuse_missing(field.file, mesh_folder, spec, folder, name)
+        spec.delete(field)
+    for skin in list(spec.skins):
+        spec.delete(skin)
+    spec.compiler.meshdir, spec.assets = "", assets
+
+
+def _weighs(mujoco: Any, spec: Any, body: Any) -> bool:  # noqa: ANN401
+    """Whether the mass of a moving body comes from its geometry."""
+    rule, rules = spec.compiler.inertiafromgeom, mujoco.mjtInertiaFromGeom
+    if rule == rules.mjINERTIAFROMGEOM_FALSE or (rule == rules.mjINERTIAFROMGEOM_AUTO and body.explicitinertial):
+        return False
+    while body is not None and not body.joints and spec.compiler.settotalmass <= 0.0:
+        body = body.parent
+    return body is not None
+
+
+def _stripped(file: str, spec: Any) -> str:  # noqa: ANN401
+    return re.split(r"[/\\]", file)[-1] if spec.strippath else file
+
+
+def _refuse_missing(file: str, subfolder: str, spec: Any, folder: Path | None, name: str) -> None:  # noqa: ANN401
+    if file and folder is not None and not (folder / subfolder / _stripped(file, spec)).is_file():
+        raise ModelError(f"{name}: names the file {file!r}, which is not there; put it there, or remove the element")
+
+
+def _located(file: str, subfolder: str, folder: Path | None, name: str) -> Path:
+    """The file that is meant. Raises ModelError if it is missing or lies outside ``folder``, links followed."""
+    if folder is None:
+        raise ModelError(f"{name}: names the file {file!r}, but is itself read from a text without a folder")
+    path = (folder / subfolder / file).resolve()
+    if not path.is_relative_to(folder.resolve()):
+        raise ModelError(f"{name}: {file!r} lies outside the folder of {name}; copy it there")
+    if not path.is_file():
+        raise ModelError(f"{name}: names the file {file!r}, which is not there; put it there, or remove the element")
+    return path
