@@ -202,23 +202,22 @@ class _Parts:
         )
         kind = model.eq_type[k]
         if kind not in (_CONNECT, _WELD):
-            first, second = (model.jnt_dofadr[end] if end >= 0 else None for end in ends)
-            zero = tuple(model.qpos0[model.jnt_qposadr[end]] if end >= 0 else 0.0 for end in ends)
-            label = "-".join(self.names["joint"][end] for end in ends if end >= 0)
-            return Coupling(self._loop_name(k, "joint", label), first, second, frozen(data[:5].copy()), zero)
+            names = [self.names["joint"][end] for end in ends if end >= 0]
+            dofs = [int(model.jnt_dofadr[end]) if end >= 0 else None for end in ends]
+            zeros = [float(model.qpos0[model.jnt_qposadr[end]]) if end >= 0 else 0.0 for end in ends]
+            label, law = self._loop_name(k, "joint", "-".join(names)), frozen(data[:5].copy())
+            return Coupling(label, dofs[0] or 0, dofs[1], law, (zeros[0], zeros[1]))
         by_site = model.eq_objtype[k] == _SITE
         label = "-".join(self.names["site" if by_site else "body"][end] for end in ends if by_site or end > 0)
         if by_site:
-            anchors = [self._site(end) for end in ends]
+            first, second = (self._site(end) for end in ends)
         else:
             of_first, of_second = (data[3:6], data[:3]) if kind == _WELD else (data[:3], data[3:6])
             turn = _rotation(data[6:10]) if kind == _WELD else np.eye(3)
-            anchors = [
-                _moved(self.placed[ends[0]], turn, of_first),
-                _moved(self.placed[ends[1]], np.eye(3), of_second),
-            ]
+            first = _moved(self.placed[ends[0]], turn, of_first)
+            second = _moved(self.placed[ends[1]], np.eye(3), of_second)
         word = "weld" if kind == _WELD else "connect"
-        return Loop(self._loop_name(k, word, label), *anchors, kind == _WELD and data[10] != 0.0)
+        return Loop(self._loop_name(k, word, label), first, second, bool(kind == _WELD and data[10] != 0.0))
 
     def _loop_name(self, k: int, kind: str, ends: str) -> str:
         return self.names["equality"][k] or f"{kind} {ends}"

@@ -89,7 +89,7 @@ class _SpecOfRobot:
         self.bodies = {"world": self.spec.worldbody}
         self._place_all()
         for first, second, weld in robot.loops:
-            self._tie(*(self._site(name) for name in (first, second)), f"{first}-{second}", weld)
+            self._tie(self._site(first), self._site(second), f"{first}-{second}", weld)
         for name, joint in robot.joints.items():
             if joint.follows:
                 leader, ratio, offset = joint.follows

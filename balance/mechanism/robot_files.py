@@ -199,9 +199,9 @@ def _urdf(root: Element, file: str) -> Robot:
             links[name] = Link()
     for name, element in read.named(root, "joint").items():
         kind, where = read.joint_type(element, name), f"joint {name!r}"
-        ends = [(element.find(end) if element.find(end) is not None else Element("")).get("link", "") for end in _ENDS]
+        parent, child = (getattr(element.find(end), "attrib", {}).get("link", "") for end in _ENDS)
         limit, losses, mimic, axis = (element.find(tag) for tag in ("limit", "dynamics", "mimic", "axis"))
-        joint = RobotJoint(kind, *ends, origin(element, where))
+        joint = RobotJoint(kind, parent, child, origin(element, where))
         if kind in _BOUNDED and limit is not None:
             low, high = (read.number(limit, key, 0.0, where) for key in ("lower", "upper"))
             joint = replace(joint, limits=(low, high) if low < high else joint.limits)
@@ -226,9 +226,8 @@ def _sdf(root: Element, file: str) -> Robot:
     """The one model of an SDF file. Frames are resolved at zero, as SDF 1.7 and later define them."""
     read = _Reader(file)
     models = root.findall(".//model")
-    for tag, found in (("model", len(models) != 1), ("include", any(root.iter("include")))):
-        if found:
-            raise ModelError(f"{file}: expected one <model> with its links, and no <include>; write it out ({tag})")
+    if len(models) != 1 or root.find(".//include") is not None:
+        raise ModelError(f"{file}: expected one <model> with its links, and no <include>; write it out")
     model = models[0]
     own_axes = tuple(int(part) for part in root.get("version", "1.7").split(".")[:2]) >= (1, 5)
     world, gravity = root.find("world"), np.array([0.0, 0.0, -9.81])
@@ -277,10 +276,10 @@ def _sdf(root: Element, file: str) -> Robot:
     for name, element in elements["joint"].items():
         parent, child = (element.findtext(end, "").strip() for end in _ENDS)
         at, where = placed(name), f"joint {name!r}"
-        ends = [placed(end).inverse() @ at if end in stated else Placement() for end in (parent, child)]
-        joint = RobotJoint(read.joint_type(element, name), parent, child, *ends)
+        in_parent, in_child = (placed(end).inverse() @ at if end in stated else Placement() for end in (parent, child))
+        joint = RobotJoint(read.joint_type(element, name), parent, child, in_parent, in_child)
         tags = {"universal": ("axis", "axis2"), "fixed": (), "ball": (), "spherical": ()}.get(joint.kind, ("axis",))
-        axes = {}
+        axes: dict[str, Floats] = {}
         for tag in tags:
             axis = element.find(tag)
             xyz = None if axis is None else axis.find("xyz")

@@ -14,10 +14,8 @@ from .. import models
 OPEN_RING = models.load("four-bar").text.replace('site name="B_B0B" pos="0.2 0 0"', 'site name="B_B0B" pos="9 0 0"')
 FILES = {
     "open.xml": OPEN_RING,
-    "flat.xml": models.four_bar(0.3, 0.2, 0.3, 0.2, 1.0).replace("qpos=", "ctrl="),
-    "geared.xml": models.mjcf(
-        models.link("", "a") + models.link("", "b"), '<equality><joint name="gear" joint1="a" joint2="b"/></equality>'
-    ),
+    "flat.xml": models.four_bar(0.3, 0.2, 0.3, 0.2, 1.0).split("<keyframe>")[0] + "</mujoco>",
+    "afloat.xml": models.mjcf(models.link("", "a") + models.link("", "b", "<freejoint/>")),
     "broken.xml": "<mujoco><worldbody>",
     "arm.urdf": "<robot/>",
     "motion.toml": 'start = ["0 m", "9 m"]\npeak_acceleration = "1 g0"\nmoves = [ { axis = "x", to = ["1 mm"] } ]\n',
@@ -46,8 +44,8 @@ REFUSED = {
     "negative counter-mass": (("check", MECH, "-c", "counter_A0A=-1kg"), "expected zero or a positive mass"),
     "does not close": (("conditions", "open.xml"), "cannot be closed from 'home': the loops (B)"),
     "singular start": (("conditions", "flat.xml"), "singular at 'zero configuration'"),
-    "gears": (("conditions", "geared.xml"), "gear"),
-    "broken file": (("size", "broken.xml"), "not well-formed XML"),
+    "a body afloat": (("conditions", "afloat.xml"), "body 'b' floats"),
+    "broken file": (("size", "broken.xml"), "XML parse error"),
     "broken urdf": (("size", "arm.urdf"), "arm.urdf"),
     "out of reach": (("simulate", MECH, "--motion", "motion.toml"), "cannot be closed at platform.x = 0"),
     "typo in a motion": (("simulate", MECH, "--motion", "typo.toml"), "typo.toml: drven: unknown key; did you mean"),
@@ -57,7 +55,7 @@ REFUSED = {
     "too fast": (("simulate", MECH, *X, "--rate", "1e15 Hz"), "expected fewer than"),
     "no stock": (("size", MECH, "--stock", "shelf"), "shelf: no such file"),
     "wrong stock": (("size", MECH, "--stock", "plates.csv"), "expected the columns name,mass_kg,quantity"),
-    "no sites": (("size", "geared.xml"), "gear"),
+    "no sites": (("size", "serial-1r", "--site", "tip", "--limit", "nowhere=1kg"), "nowhere"),
     "folder that is not there": (("simulate", MECH, *X, "--rate", "500 Hz", "--csv", "no/such/run.csv"), "run.csv"),
     "parquet into nowhere": (("simulate", MECH, *X, "--rate", "500 Hz", "--parquet", "no/such/run.pq"), "run.pq"),
 }  # fmt: skip

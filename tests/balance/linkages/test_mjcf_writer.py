@@ -4,6 +4,7 @@ import xml.etree.ElementTree as ElementTree
 
 import pytest
 
+from balance.balancing.conditions import balance_conditions
 from balance.closure import Closure
 from balance.errors import ClosureError, ModelError
 from balance.linkages.equivalence_method import balance_linkage
@@ -37,11 +38,12 @@ def test_gears_in_mujoco_follow_their_ratios():
         assert np.abs(data.efc_vel).max() < 1e-9
 
 
-def test_the_core_refuses_the_couplings_by_name():
-    """A file with gears as joint equalities is for MuJoCo: the core does not drop them silently."""
+def test_gears_in_the_file_keep_all_momenta_zero():
+    """With its gears as couplings, the linkage has one freedom, and linear and angular momentum that stay zero."""
     text = linkage_mjcf(balance_linkage(load_linkage("two-levels")), "complete", couplings=True)
-    with pytest.raises(ModelError, match="coupling between joints"):
-        mechanism_from_text(text, "x")
+    found = balance_conditions(mechanism_from_text(text, "x"), "planar")
+    assert (found.dof, len(found.mechanism.loops)) == (1, 6)
+    assert found.residual() < 1e-6
 
 
 def test_a_linkage_that_does_not_close_is_refused(slider_crank_keys):
