@@ -8,7 +8,7 @@ motion: designs of one geometry share their responses.
 import hashlib
 import json
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +18,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..closure import Closure, Trajectory
-from ..dynamics.inverse_dynamics import Response, simulate
+from ..dynamics.inverse_dynamics import simulate
 from ..errors import DataError, ModelError
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.mjcf_parser import mechanism_from_text
@@ -26,12 +26,13 @@ from ..motion import Samples
 from ..task_pool import TaskPool
 
 AXES = "xyz"
+QUANTITIES = ("force", "moment", "torque")
 PART = 20_000
 """Designs of one task, and rows of one file of results, at most."""
 GEOMETRIES = 32
 """Geometries of one task, where each has few designs."""
-_VALUES_AT_ONCE = 2**21
-"""Samples times designs that are in memory at once."""
+_VALUES_AT_ONCE = 2**16
+"""Samples times designs that are looked at together: so few that they stay in the processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,8 @@ class Problem:
     """By site [kg]; where the mass of a site is varied, that takes its place."""
     peaks: bool = True
     """Whether peak values are found too: they take every sample of every design."""
+    quantities: frozenset[str] = frozenset(QUANTITIES)
+    """Which of QUANTITIES are found."""
 
     def check(self, variables: Sequence[Variable]) -> None:
         """Raise ModelError for a variable that the mechanism does not have, or that is given twice."""
@@ -126,7 +129,8 @@ class Problem:
         return replace(self, mechanism=anew.with_payload(masses))
 
     @cached_property
-    def _trajectory(self) -> Trajectory:
+    def trajectory(self) -> Trajectory:
+        """The closed motion."""
         return Closure(self.mechanism).follow(self.samples)
 
     @cached_property
@@ -147,83 +151,107 @@ class Problem:
         ends = [end for loop in self.mechanism.loops for end in (loop.first, loop.second) if end.joint == joint]
         return any(np.allclose(end.position, site.position, rtol=0.0, atol=1e-12) for end in ends)
 
-    def _parameters(self, variables: Sequence[Variable], designs: Floats) -> Floats:
-        """Inertial parameters of each design, (n, 10 nb) [kg, kg m, kg m2]."""
+    def _directions(self, variables: Sequence[Variable], designs: Floats) -> tuple[Floats, Floats]:
+        """What designs change: coefficients (n, k) of directions (k, 10 nb) in the inertial parameters."""
         mechanism, count = self.mechanism, len(designs)
         column = {(v.name, v.part): designs[:, i] for i, v in enumerate(variables)}
-        found = np.tile(mechanism.pi, (count, 1)).reshape(count, -1, 10)
-        for name in dict.fromkeys([*(v.name for v in variables), *self.counter_masses]):
-            if name in mechanism.sites:
-                site = mechanism.site(name)
-                added = column.get((name, "mass"), np.full(count, self.counter_masses.get(name, 0.0)))
-                place = np.stack([column.get((name, axis), np.full(count, at)) for axis, at in
-                                  zip(AXES, site.position, strict=True)])  # fmt: skip
-                found[:, site.body] += added[:, None] * _unit_masses(place, site.radius_of_gyration)
-            else:
+        coefficients, directions = list[Floats](), list[Floats]()
+        for name in dict.fromkeys(v.name for v in variables):
+            varied = column.get((name, "mass"))
+            if name not in mechanism.sites:
                 row, own = mechanism.own_mass[name]
-                found[:, row] += (column[name, "mass"] / own[0] - 1.0)[:, None] * own
-        return found.reshape(count, -1)
+                coefficients.append(column[name, "mass"] / own[0] - 1.0)
+                directions.append(_one_body(mechanism, row, own))
+                continue
+            site, fixed = mechanism.site(name), self.counter_masses.get(name, 0.0)
+            mass = np.full(count, fixed) if varied is None else varied
+            unit = np.tile(site.unit_mass(), (count, 1))
+            if any((name, axis) in column for axis in AXES):
+                place = [
+                    column.get((name, axis), np.full(count, x)) for axis, x in zip(AXES, site.position, strict=True)
+                ]
+                unit = _unit_masses(np.array(place), site.radius_of_gyration)
+                coefficients += list((mass[:, None] * unit - fixed * site.unit_mass()).T)
+                directions += [_one_body(mechanism, site.body, row) for row in np.eye(unit.shape[1])]
+            else:
+                coefficients.append(mass - fixed)
+                directions.append(_one_body(mechanism, site.body, site.unit_mass()))
+        used = [k for k, values in enumerate(coefficients) if values.any()]
+        shape = len(used), mechanism.pi.size
+        return np.array([coefficients[k] for k in used]).reshape(-1, count).T, np.reshape(
+            [directions[k] for k in used], shape
+        )
 
     def _on_one_motion(self, variables: Sequence[Variable], designs: Floats) -> dict[str, Floats]:
-        parameters = self._parameters(variables, designs)
-        changed = np.flatnonzero((parameters != self.mechanism.pi).any(axis=0))
-        responses = Responses.along(self.mechanism, self._trajectory, changed)
-        found = responses.levels(parameters[:, changed] - self.mechanism.pi[changed], self.peaks)
-        sites = {v.name: designs[:, i] for i, v in enumerate(variables) if v.part == "mass"}
-        masses = {name: mass for name, mass in self.counter_masses.items() if name not in sites}
-        mounted = [values for name, values in sites.items() if name in self.mechanism.sites]
-        return found | {"added_mass_kg": sum(masses.values()) + sum(mounted, np.zeros(len(designs)))}
+        coefficients, directions = self._directions(variables, designs)
+        mounted = self.mechanism.with_counter_mass(self.counter_masses)
+        responses = Responses.along(mounted, self.trajectory, directions)
+        varied = {v.name: designs[:, i] for i, v in enumerate(variables) if v.part == "mass"}
+        fixed = sum(mass for name, mass in self.counter_masses.items() if name not in varied)
+        added = sum((mass for name, mass in varied.items() if name in mounted.sites), np.full(len(designs), fixed))
+        return responses.levels(coefficients, self.peaks, self.quantities) | {"added_mass_kg": added}
 
 
 @dataclass(frozen=True)
 class Responses:
-    """Force, moment and torques along a motion, and their change per changed parameter."""
+    """Force, moment and torques along a motion, and their change along directions of the inertial parameters."""
 
     names: tuple[str, ...]
     """Of the components: three of force, three of moment, the drives."""
     values: Floats
-    """As the mechanism is, then per unit of each changed parameter, (components, n, 1 + parameters) [N, N m; ...]."""
+    """As the mechanism is, then per unit of each direction, (components, n, 1 + k) [N, N m; ...]."""
 
     @classmethod
-    def along(cls, mechanism: Mechanism, trajectory: Trajectory, changed: Iterable[int]) -> "Responses":
-        """One simulation for each of the parameters ``changed``, places in ``mechanism.pi``."""
+    def along(cls, mechanism: Mechanism, trajectory: Trajectory, directions: Floats) -> "Responses":
+        """One simulation for each of the ``directions`` (k, 10 nb) [kg, kg m, kg m2]."""
         base = simulate(mechanism, trajectory)
-        whole = _stacked(base)
-        columns, step = [whole], max(float(np.abs(mechanism.pi).max()), 1e-3)
-        for place in changed:
-            parameters = mechanism.parameters.copy()
-            parameters.flat[place] += step
-            columns.append((_stacked(simulate(replace(mechanism, parameters=parameters), trajectory)) - whole) / step)
+        columns = [np.stack(list(base.columns().values()))]
+        size = max(float(np.abs(mechanism.pi).max()), 1e-3)
+        for direction in directions:
+            step = size / float(np.abs(direction).max())
+            changed = replace(mechanism, parameters=mechanism.parameters + step * direction.reshape(-1, 10))
+            values = np.stack(list(simulate(changed, trajectory).columns().values()))
+            columns.append((values - columns[0]) / step)
         return cls(tuple(base.columns()), np.stack(columns, axis=2))
 
-    def levels(self, steps: Floats, peaks: bool) -> dict[str, Floats]:
-        """RMS and, with ``peaks``, peak of each component and of the vectors F and M, for (n, parameters) changes."""
-        designs = np.column_stack([np.ones(len(steps)), steps])
+    def levels(self, coefficients: Floats, peaks: bool, quantities: Collection[str]) -> dict[str, Floats]:
+        """RMS and, with ``peaks``, peak of each component and of the vectors F and M, of designs (n, k)."""
+        designs = np.column_stack([np.ones(len(coefficients)), coefficients])
         groups = {"F_N": [0, 1, 2], "M_Nm": [3, 4, 5]} | {name: [i] for i, name in enumerate(self.names)}
+        groups = {
+            name: members for name, members in groups.items() if QUANTITIES[min(members[0] // 3, 2)] in quantities
+        }
         found: dict[str, Floats] = {}
         for name, members in groups.items():
             factor: Floats = np.linalg.qr(self.values[members].reshape(-1, designs.shape[1])).R
             found[f"rms_{name}"] = np.linalg.norm(designs @ factor.T, axis=1) / np.sqrt(self.values.shape[1])
         if peaks:
-            largest = self._largest_squares(designs, list(groups.values()))
-            found |= {f"peak_{name}": np.sqrt(values) for name, values in zip(groups, largest, strict=True)}
+            found |= {f"peak_{name}": self._peak(designs, members) for name, members in groups.items()}
         return found
 
-    def _largest_squares(self, designs: Floats, groups: list[list[int]]) -> Floats:
-        """Largest sum of squares of the components of each group over the samples, (groups, n)."""
-        largest = np.empty((len(groups), len(designs)))
-        block = max(1, _VALUES_AT_ONCE // self.values.shape[1])
+    def _peak(self, designs: Floats, members: list[int]) -> Floats:
+        """Largest norm of some components over the samples, (n,).
+
+        The square is a quadratic form of the design at each sample: its largest is found as a product of matrices,
+        which near zero is right to half of the digits only; the norm is then computed where that largest is.
+        """
+        rows = self.values[members]
+        first, second = np.triu_indices(rows.shape[2])
+        forms = np.einsum("cnk,cnk->nk", rows[:, :, first], rows[:, :, second]) * np.where(first == second, 1.0, 2.0)
+        peak = np.empty(len(designs))
+        block = max(1, _VALUES_AT_ONCE // len(forms))
         for start in range(0, len(designs), block):
-            part = slice(start, start + block)
-            squares = [np.square(component @ designs[part].T) for component in self.values]
-            for row, members in zip(largest, groups, strict=True):
-                row[part] = sum(squares[i] for i in members).max(axis=0)
-        return largest
+            part = designs[start : start + block]
+            at = ((part[:, first] * part[:, second]) @ forms.T).argmax(axis=1)
+            peak[start : start + block] = np.linalg.norm(np.einsum("cnk,nk->cn", rows[:, at], part), axis=0)
+        return peak
 
 
-def _stacked(response: Response) -> Floats:
-    """Components of a response, (components, n) [N, N m]."""
-    return np.stack(list(response.columns().values()))
+def _one_body(mechanism: Mechanism, row: int, parameters: Floats) -> Floats:
+    """A change of the parameters (10,) of one body, as one of all, (10 nb,) [kg, kg m, kg m2]."""
+    change = np.zeros_like(mechanism.parameters)
+    change[row] = parameters
+    return change.ravel()
 
 
 def _unit_masses(place: Floats, gyration: float) -> Floats:
@@ -306,6 +334,7 @@ class Sweep:
             "mechanism_and_motion_sha256": digest.hexdigest(),
             "counter_masses_kg": dict(problem.counter_masses),
             "peaks": problem.peaks,
+            "quantities": sorted(problem.quantities),
             "variables": {v.column: [float(x) for x in v.values] for v in self.grid.variables},
             "designs_per_part": self.designs_per_part,
         }

@@ -74,6 +74,8 @@ where it was interrupted."""
 @options.counter_option
 @click.option("--rate", type=Quantity("frequency", positive=True), metavar="HZ",
               help="Sampling of the motion, such as 1kHz [default: 10 kHz].")  # fmt: skip
+@click.option("--quantity", "quantities", type=click.Choice(["force", "moment", "torque"]), multiple=True,
+              help="Only this, several times for more [default: all].")  # fmt: skip
 @click.option("--rms-only", is_flag=True, help="No peak values: some hundred times quicker on long motions.")
 @click.option("--best", "ranked_by", default="rms_F_N", show_default=True, metavar="COLUMN",
               help="Column by which designs are ranked.")  # fmt: skip
@@ -90,6 +92,7 @@ def sweep(
     payload: tuple[tuple[str, float], ...],
     counter: tuple[tuple[str, float], ...],
     rate: float | None,
+    quantities: tuple[str, ...],
     rms_only: bool,
     ranked_by: str,
     top: int,
@@ -102,7 +105,7 @@ def sweep(
     from rich.console import Console
     from rich.progress import Progress
 
-    from ..balancing.sweep import Grid, Problem, Sweep
+    from ..balancing.sweep import QUANTITIES, Grid, Problem, Sweep
     from ..motion import DEFAULT_RATE_HZ
     from ..motion.motion_files import load_motion
     from ..task_pool import task_pool
@@ -117,7 +120,8 @@ def sweep(
         raise click.UsageError("--figure draws one or two variables")
     model = options.load_mechanism_option(mechanism, payload)
     samples = load_motion(motion).sample(rate or DEFAULT_RATE_HZ)
-    problem = Problem(model, samples, options.distinct(counter, "--counter"), not rms_only)
+    counters, asked = options.distinct(counter, "--counter"), frozenset(quantities or QUANTITIES)
+    problem = Problem(model, samples, counters, not rms_only, asked)
     started = perf_counter()
     found: list[dict[str, Floats]] = []
     bar = Progress(console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True)
