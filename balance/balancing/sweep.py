@@ -121,12 +121,19 @@ class Problem:
             for element in _points(root):
                 if element.get("name") == name:
                     at = (element.get("pos") or "0 0 0").split()
-                    at[AXES.index(axis)] = repr(place)
+                    at[AXES.index(axis)] = repr(float(place))
                     element.set("pos", " ".join(at))
         given = self.mechanism
         anew = mechanism_from_text(ElementTree.tostring(root, encoding="unicode"), given.name)
         masses = {body: given.mass(body) for body in given.own_mass if given.mass(body) != anew.mass(body)}
         return replace(self, mechanism=anew.with_payload(masses))
+
+    def place(self, name: str, axis: str) -> float:
+        """Where the file has a site or a body, along one axis of the body that carries it [m]."""
+        for element in _points(ElementTree.fromstring(self.mechanism.text)):
+            if element.get("name") == name:
+                return float((element.get("pos") or "0 0 0").split()[AXES.index(axis)])
+        raise ModelError(f"{self.mechanism.name} states no place of {name!r}")
 
     @cached_property
     def trajectory(self) -> Trajectory:

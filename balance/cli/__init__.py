@@ -8,6 +8,7 @@ COMMANDS = {
     "check": ("mechanism", "What given counter-masses leave unbalanced."),
     "simulate": ("mechanism", "Shaking force, shaking moment and drive torque of a motion."),
     "sweep": ("sweep", "Force, moment and torque of many designs: all combinations of masses and places."),
+    "tolerance": ("sweep", "What errors of masses, radii and lengths cost in shaking force."),
     "linkage": ("linkage", "Planar linkages balanced completely, by counter-masses and gears."),
     "rotor": ("rotor", "Rigid rotors: correction planes, trial runs, holes and stock weights, permissible unbalance."),
     "engine": ("engine", "Slider-cranks and engines: shaking force, partial balance, free forces and moments, shafts."),

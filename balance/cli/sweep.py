@@ -1,4 +1,4 @@
-"""``balance sweep``: all combinations of masses and places on one motion."""
+"""``balance sweep`` and ``balance tolerance``: designs, and errors, of masses and places on one motion."""
 
 import re
 import sys
@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 import click
 
 from . import options
-from .framework import emit_json, emit_table, json_option
+from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 from .options import Quantity
 
 if TYPE_CHECKING:
     from ..arrays import Floats
     from ..balancing.sweep import Variable
+    from ..balancing.tolerance import Tolerance
 
 _MOST_DESIGNS = 10_000_000
 _MOST_IN_MEMORY = 1_000_000
@@ -165,3 +166,83 @@ def _joined(parts: "list[dict[str, Floats]]") -> "dict[str, Floats]":
     import numpy as np
 
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+class ToleranceType(click.ParamType["Tolerance"]):
+    """``NAME.PART=5g`` or ``NAME.PART=0.1mm``: the largest error to either side."""
+
+    name = "NAME.PART=ERROR"
+
+    def convert(
+        self, value: "str | Tolerance", param: click.Parameter | None, ctx: click.Context | None
+    ) -> "Tolerance":
+        """Read the text; a wrong one fails as a wrong command line."""
+        from ..balancing.tolerance import Tolerance
+
+        if not isinstance(value, str):
+            return value
+        match = re.fullmatch(r"(.+)\.(mass|x|y|z)=(?:±|\+-|\+/-)?(.+)", value)
+        if match is None:
+            self.fail(f"{value!r}: expected such as counter_A0A.mass=5g or A.x=0.1mm", param, ctx)
+        name, part, text = match.groups()
+        size = Quantity("mass" if part == "mass" else "length", positive=True).convert(text, param, ctx)
+        return Tolerance(name, part, size)
+
+
+@click.command(
+    epilog="""\b
+Example:
+  balance tolerance parallelogram-6bar --motion x -p platform=5kg -c counter_A0A=24.28kg -c counter_B0B=24.28kg \\
+    --tolerance counter_A0A.mass=20g --tolerance counter_A0A.x=0.2mm --tolerance platform.mass=10g \\
+    --tolerance BD.x=0.05mm
+
+\b
+Errors are drawn evenly within the tolerances (rectangular distributions, JCGM 101) and act on the force linearly;
+where a tolerance is too wide for that, its curvature is above 0.05 and the exit code is 3. All have the same motion."""
+)
+@options.mechanism_argument
+@click.option("--motion", required=True, metavar="TOML", help="The motion.")
+@click.option("--tolerance", "tolerances", type=ToleranceType(), multiple=True, required=True,
+              metavar="NAME.PART=ERROR", help="A mass or a place and its largest error, to either side.")  # fmt: skip
+@options.payload_option
+@options.counter_option
+@click.option("--draws", type=click.IntRange(1000, 1_000_000), default=20_000, show_default=True,
+              help="Mechanisms that are drawn.")  # fmt: skip
+@click.option("--seed", type=int, default=1, show_default=True, help="Of the draws.")
+@json_option
+def tolerance(
+    mechanism: str,
+    motion: str,
+    tolerances: "tuple[Tolerance, ...]",
+    payload: tuple[tuple[str, float], ...],
+    counter: tuple[tuple[str, float], ...],
+    draws: int,
+    seed: int,
+    as_json: bool,
+) -> int:
+    """What errors of masses, radii and lengths cost: the shaking force that mechanisms made within tolerances keep."""
+    from ..balancing.sweep import Problem
+    from ..balancing.tolerance import ToleranceEffect, analyze_tolerances
+    from ..motion import DEFAULT_RATE_HZ
+    from ..motion.motion_files import load_motion
+    from ..results import document, table
+
+    model = options.load_mechanism_option(mechanism, payload)
+    samples = load_motion(motion).sample(DEFAULT_RATE_HZ)
+    found = analyze_tolerances(Problem(model, samples, options.distinct(counter, "--counter")), tolerances, draws, seed)
+    if as_json:
+        emit_json({"mechanism": model.name, "draws": draws, "seed": seed, **document(found)})
+    else:
+        click.echo(
+            f"95 % of {model.name} made within these tolerances keep at most {found.percentiles['95']:.4g} N RMS of "
+            f"shaking force; without errors {found.nominal:.4g} N."
+        )
+        levels = ", ".join(f"{level} %: {value:.4g} N" for level, value in found.percentiles.items())
+        emit_table("", *table(ToleranceEffect, found.effects), f"RMS force at most: {levels}")
+    for effect in found.doubtful:
+        click.echo(
+            f"balance: {effect.tolerance.text}: its effect is not linear (curvature {effect.curvature:.2g}): "
+            "narrow the tolerance, or vary it with balance sweep",
+            err=True,
+        )
+    return EXIT_WITH_FINDINGS if found.doubtful else 0

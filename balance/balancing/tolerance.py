@@ -1,0 +1,129 @@
+"""What errors of masses and places cost: the shaking force that a mechanism made within its tolerances keeps.
+
+Each quantity is drawn from a rectangular distribution over its tolerance (JCGM 101, 6.4.2). The force along the motion
+is linear in small errors: one mechanism at either end of each tolerance gives the slope, and how far from linear it is.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import numpy as np
+
+from ..arrays import Floats
+from ..closure import Closure
+from ..dynamics.inverse_dynamics import simulate
+from ..errors import ModelError
+from ..results import Key, per_cent
+from .sweep import Problem, Variable
+
+PERCENTILES = (50.0, 90.0, 95.0, 99.0)
+NOT_LINEAR = 0.05
+"""Curvature relative to slope over half a tolerance, above which the answer is doubtful."""
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """A quantity of the drawing, and its largest error."""
+
+    name: str
+    """A site or a body."""
+    part: str
+    """``mass`` of a counter-mass or body [kg]; ``x``, ``y``, ``z`` of the place of a site or body [m]."""
+    half_width: float
+    """[kg or m]"""
+
+    @property
+    def text(self) -> str:
+        """The quantity with its tolerance, as on a drawing."""
+        size = f"{1e3 * self.half_width:.4g} " + ("g" if self.part == "mass" else "mm")
+        return f"{self.name}.{self.part} ± {size}"
+
+
+@dataclass(frozen=True)
+class ToleranceEffect:
+    """What one tolerance does alone."""
+
+    tolerance: Annotated[Tolerance, Key(label="tolerance", form=lambda t: t.text)]
+    variance_share: Annotated[float, Key("variance_share_percent", "share [%]", ".1f", to=per_cent)]
+    """Of the mean square force that all errors together add, 0 to 1."""
+    rms_95: Annotated[float, Key("rms_95_N", "95 % keep at most, RMS [N]", ".4g")]
+    """RMS force that 95 % of the mechanisms with this error alone do not exceed [N]."""
+    curvature: Annotated[float, Key("curvature", "curvature", ".2g")]
+    """Departure from a straight line within the tolerance, relative to the slope [-]."""
+
+
+@dataclass(frozen=True)
+class ToleranceAnalysis:
+    """RMS shaking force of mechanisms made within tolerances."""
+
+    nominal: Annotated[float, Key("nominal_rms_N")]
+    """Without errors [N]."""
+    percentiles: Annotated[dict[str, float], Key("rms_percentiles_N")]
+    """RMS force that so many per cent of the mechanisms do not exceed [N]."""
+    effects: Annotated[tuple[ToleranceEffect, ...], Key("tolerances")]
+    """Largest share first."""
+
+    @property
+    def doubtful(self) -> tuple[ToleranceEffect, ...]:
+        """Tolerances so wide that a straight line does not describe their effect."""
+        return tuple(effect for effect in self.effects if effect.curvature > NOT_LINEAR)
+
+
+def analyze_tolerances(problem: Problem, tolerances: Sequence[Tolerance], draws: int, seed: int) -> ToleranceAnalysis:
+    """Draw ``draws`` mechanisms within the tolerances; the same ``seed`` gives the same draws.
+
+    Raises ModelError for what the mechanism does not have, ClosureError where it cannot move at an end of a tolerance.
+    """
+    problem.check([Variable(t.name, t.part, np.zeros(1)) for t in tolerances])
+    nominal = _force(problem)
+    slopes, curvatures = [], []
+    for tolerance in tolerances:
+        upper, lower = (_force(_with_error(problem, tolerance, sign * tolerance.half_width)) for sign in (1.0, -1.0))
+        slopes.append((upper - lower) / 2.0)
+        size = float(np.linalg.norm(slopes[-1]))
+        curvatures.append(float(np.linalg.norm(upper + lower - 2.0 * nominal)) / 2.0 / size if size > 0.0 else 0.0)
+    factor: Floats = np.linalg.qr(np.stack([nominal, *slopes], axis=1)).R / np.sqrt(nominal.size / 3)
+    errors = np.random.default_rng(seed).uniform(-1.0, 1.0, (draws, len(tolerances)))
+    whole = _rms(factor, errors)
+    added = np.sum(factor[:, 1:] ** 2, axis=0)
+    effects = [
+        ToleranceEffect(t, share, float(np.percentile(_rms(factor, errors * np.eye(len(tolerances))[i]), 95.0)), bend)
+        for i, (t, share, bend) in enumerate(
+            zip(tolerances, (added / max(added.sum(), 1e-300)).tolist(), curvatures, strict=True)
+        )
+    ]
+    return ToleranceAnalysis(
+        float(np.linalg.norm(factor[:, 0])),
+        {
+            f"{level:g}": float(value)
+            for level, value in zip(PERCENTILES, np.percentile(whole, PERCENTILES), strict=True)
+        },
+        tuple(sorted(effects, key=lambda effect: -effect.variance_share)),
+    )
+
+
+def _rms(factor: Floats, errors: Floats) -> Floats:
+    """RMS force of errors (n, k), each relative to its half width, (n,) [N]."""
+    return np.linalg.norm(np.column_stack([np.ones(len(errors)), errors]) @ factor.T, axis=1)
+
+
+def _with_error(problem: Problem, tolerance: Tolerance, error: float) -> Problem:
+    """The mechanism with one quantity ``error`` [kg or m] above its nominal value."""
+    name, mechanism, counters = tolerance.name, problem.mechanism, problem.counter_masses
+    if tolerance.part != "mass":
+        return problem.with_points({(name, tolerance.part): problem.place(name, tolerance.part) + error})
+    if name not in mechanism.sites:
+        return replace(problem, mechanism=mechanism.with_payload({name: mechanism.mass(name) + error}))
+    if counters.get(name, 0.0) + error < 0.0:
+        raise ModelError(
+            f"the counter-mass at {name!r} is {counters.get(name, 0.0):g} kg with a tolerance of {abs(error):g} kg: "
+            "expected at least its tolerance; give it with --counter"
+        )
+    return replace(problem, counter_masses={**counters, name: counters.get(name, 0.0) + error})
+
+
+def _force(problem: Problem) -> Floats:
+    """Shaking force along the motion, (3 n,) [N]."""
+    mounted = problem.mechanism.with_counter_mass(problem.counter_masses)
+    return simulate(mounted, Closure(mounted).follow(problem.samples)).force.ravel()

@@ -1,0 +1,84 @@
+"""Tolerances: the linear answer against mechanisms that are made and simulated, and its own limits."""
+
+import numpy as np
+import pytest
+
+from balance.balancing.sweep import Problem
+from balance.balancing.tolerance import Tolerance, analyze_tolerances
+from balance.closure import Closure
+from balance.dynamics.inverse_dynamics import simulate
+from balance.errors import ModelError
+from balance.mechanism.mjcf_parser import mechanism_from_text
+from balance.motion.motion_files import load_motion
+from tests.balance.models import load
+
+COUNTERS = {"counter_A0A": 24.2761, "counter_B0B": 24.2761}
+TOLERANCES = (
+    Tolerance("counter_A0A", "mass", 0.2), Tolerance("counter_B0B", "x", 1e-3), Tolerance("platform", "mass", 0.1),
+)  # fmt: skip
+
+
+def manipulator() -> Problem:
+    """The manipulator with 5 kg, balanced, on its motion along x."""
+    mechanism = load("parallelogram-6bar").with_payload({"platform": 5.0})
+    return Problem(mechanism, load_motion("x").sample(300.0), COUNTERS)
+
+
+def test_as_mechanisms_that_are_made():
+    """Percentiles of 200 mechanisms, each with its own masses and radius: 3 s of their sampling scatter of 4 %."""
+    problem, rng = manipulator(), np.random.default_rng(5)
+    found = analyze_tolerances(problem, TOLERANCES, 20_000, 1)
+    trajectory, made = Closure(problem.mechanism).follow(problem.samples), []
+    for error in rng.uniform(-1.0, 1.0, (200, 3)):
+        mass, radius, payload = error * [t.half_width for t in TOLERANCES]
+        moved = problem.with_points({("counter_B0B", "x"): problem.place("counter_B0B", "x") + radius}).mechanism
+        counters = {**COUNTERS, "counter_A0A": COUNTERS["counter_A0A"] + mass}
+        mechanism = moved.with_payload({"platform": 5.0 + payload}).with_counter_mass(counters)
+        made.append(float(np.sqrt(np.mean(np.sum(simulate(mechanism, trajectory).force ** 2, axis=1)))))
+    assert np.percentile(made, 50) == pytest.approx(found.percentiles["50"], rel=0.12)
+    assert np.percentile(made, 95) == pytest.approx(found.percentiles["95"], rel=0.12)
+    assert not found.doubtful
+    assert sum(effect.variance_share for effect in found.effects) == pytest.approx(1.0)
+    shares = [effect.variance_share for effect in found.effects]
+    assert shares == sorted(shares, reverse=True)
+
+
+def test_one_error_in_closed_form():
+    """One counter-mass wrong by t: the force is |error| times that of 1 kg there, rectangular: 95 % within 0.95 t."""
+    found = analyze_tolerances(manipulator(), TOLERANCES[:1], 20_000, 1)
+    balanced = manipulator()
+    off = Problem(balanced.mechanism, balanced.samples, {**COUNTERS, "counter_A0A": COUNTERS["counter_A0A"] + 0.2})
+    full = off.results((), np.zeros((1, 0)))["rms_F_N"][0]
+    assert found.percentiles["95"] == pytest.approx(0.95 * full, rel=0.02)
+    assert found.nominal < 1e-3 * full
+
+
+def test_a_length_of_the_mechanism():
+    """The crank's pin moved evenly over its tolerance, each a file of its own: the same percentiles; bend doubles."""
+    four_bar, made = load("four-bar"), []
+    problem = Problem(four_bar, load_motion("four-bar").sample(300.0))
+    found, half = (analyze_tolerances(problem, [Tolerance("AB", "x", x)], 20_000, 1) for x in (4e-4, 2e-4))
+    for x in np.linspace(0.0996, 0.1004, 11):
+        text = four_bar.text.replace('name="AB" pos="0.1 0 0"', f'name="AB" pos="{float(x)!r} 0 0"')
+        other = mechanism_from_text(text, "four-bar")
+        force = simulate(other, Closure(other).follow(problem.samples)).force
+        made.append(float(np.sqrt(np.mean(np.sum(force**2, axis=1)))))
+    for level in ("50", "90"):
+        assert found.percentiles[level] == pytest.approx(np.percentile(made, float(level)), rel=1e-3)
+    assert found.percentiles["90"] > 1.001 * found.percentiles["50"]
+    assert found.effects[0].curvature == pytest.approx(2.0 * half.effects[0].curvature, rel=0.05)
+
+
+def test_too_wide_a_tolerance_is_doubtful():
+    """A crank of 100 mm that may be 30 mm longer or shorter bends the answer: named, not hidden."""
+    problem = Problem(load("four-bar"), load_motion("four-bar").sample(300.0))
+    assert [e.tolerance.name for e in analyze_tolerances(problem, [Tolerance("AB", "x", 0.03)], 1000, 1).doubtful] == [
+        "AB"
+    ]
+
+
+def test_a_counter_mass_below_its_tolerance_is_refused():
+    """A mass cannot be negative: --counter is missing or the tolerance is too wide."""
+    problem = Problem(load("four-bar"), load_motion("four-bar").sample(300.0))
+    with pytest.raises(ModelError, match=r"'counter_A0A' is 0 kg with a tolerance of 0.1 kg"):
+        analyze_tolerances(problem, [Tolerance("counter_A0A", "mass", 0.1)], 1000, 1)
