@@ -20,6 +20,7 @@ from ..arrays import Floats
 from ..closure import Closure, Trajectory
 from ..dynamics.inverse_dynamics import simulate
 from ..errors import DataError, ModelError
+from ..mechanism.loop_constraints import Loop
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.mjcf_parser import mechanism_from_text
 from ..motion import Samples
@@ -155,7 +156,8 @@ class Problem:
         if site is None or self.samples.point == variable.name:
             return True
         joint = self.mechanism.tree.bodies[site.body]
-        ends = [end for loop in self.mechanism.loops for end in (loop.first, loop.second) if end.joint == joint]
+        closed = [loop for loop in self.mechanism.loops if isinstance(loop, Loop)]
+        ends = [end for loop in closed for end in (loop.first, loop.second) if end.joint == joint]
         return any(np.allclose(end.position, site.position, rtol=0.0, atol=1e-12) for end in ends)
 
     def _directions(self, variables: Sequence[Variable], designs: Floats) -> tuple[Floats, Floats]:
