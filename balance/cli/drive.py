@@ -160,27 +160,38 @@ def _fill(
     from ..drives import DriveError
     from ..drives import results as documents
     from ..drives.flywheel import flywheel_for
-    from ..drives.harmonic_balance import steady_rotation
-    from ..drives.time_integration import start_up
+    from ..drives.harmonic_balance import steady_rotations
+    from ..drives.time_integration import reached_from_rest, start_up
 
     result |= {"steady": [], "findings": [], "start_up": [], "flywheel": [], "convergence": []}
     for machine, balanced in machines:
-        solution = steady_rotation(machine)
-        row = documents.steady_document(solution, study.published_at(machine.nominal), balanced)
-        result["steady"].append(row)
-        result["findings"] += documents.drive_findings(solution, row)
+        begin = machine.reduced.direction * study.start_angle
+        solutions = steady_rotations(machine)
+        reached, refusal = None, None
+        try:
+            reached = reached_from_rest(solutions, begin)
+        except DriveError as error:
+            refusal = str(error)
+        result["findings"] += documents.reach_findings(solutions, reached, refusal)
+        published = study.published_at(machine.nominal)
+        for each in solutions:
+            row = documents.steady_document(each, published, balanced, each is reached)
+            result["steady"].append(row)
+            if each.is_stable:
+                result["findings"] += documents.drive_findings(each, row)
+        solution = reached or solutions[0]
         for share in wanted:
-            wheel = flywheel_for(machine, share, side=side)
+            wheel = flywheel_for(machine, share, side=side, near=solution.mean_speed)
             result["flywheel"].append(documents.flywheel_document(machine, wheel, balanced))
         try:
-            if turns:
-                run = start_up(machine, turns, machine.reduced.direction * study.start_angle)
-                result["start_up"].append(documents.start_up_document(machine, run, solution, balanced))
+            if turns and refusal is None:
+                run = start_up(machine, turns, begin)
+                result["start_up"].append(documents.start_up_document(machine, run, reached, balanced))
             if convergence:
                 needed = int(min(60, max(4, -(-solution.turns_to(1e-4) // 1) + 2)))
                 result["convergence"].append(documents.solvers_document(solution, needed, balanced))
         except DriveError as error:
-            result["findings"].append(f"{row['nominal_rpm']:g} rpm, {row['reading']}: {error}")
+            result["findings"].append(f"{machine.nominal / documents.RPM:g} rpm, {machine.reading}: {error}")
 
 
 def _print_study(result: dict[str, Any]) -> None:
@@ -218,14 +229,16 @@ def _print_steady(result: dict[str, Any]) -> None:
             *_setting(row), f"{row['fastest_rpm']:.3f} at {row['fastest_at_deg']:.1f}",
             f"{row['slowest_rpm']:.3f} at {row['slowest_at_deg']:.1f}", f"{row['mean_rpm']:.3f}",
             f"{row['fluctuation']['nominal']:.4f}", "-" if published is None else f"{published:g}",
-            f"{row['floquet_factor']:.3g}", f"{row['periodicity']:.0e}",
+            f"{row['floquet_factor']:.3g}", "-" if row["periodicity"] is None else f"{row['periodicity']:.0e}",
+            "from rest" if row["reached_from_rest"] else "once there" if row["stable"] else "unstable",
         ])  # fmt: skip
     emit_table(
         "Steady rotation of the crank",
-        [*_SETTING, "n_max [rpm] at [deg]", "n_min [rpm] at [deg]", "mean [rpm]", "fluctuation", "published", "Floquet",
-         "periodicity"],
+        [*_SETTING, "n_max [rpm]", "n_min [rpm]", "mean [rpm]", "fluctuation", "published", "Floquet",
+         "periodicity", "kept"],
         rows,
-        "Fluctuation = (n_max - n_min) / n_nominal; periodicity: change of speed over one turn integrated apart.",
+        "Extremes at [deg]; fluctuation = (n_max - n_min) / n_nominal; periodicity: change of speed over one turn "
+        "integrated apart; from rest: where a start from standstill ends.",
     )  # fmt: skip
     for name, meaning in result["readings"].items():
         click.echo(f"{name}: {meaning}.")

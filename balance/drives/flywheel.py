@@ -32,16 +32,19 @@ class Flywheel:
         return self.residual() <= tol
 
 
-def flywheel_for(machine: Machine, wanted: float, definition: str = "nominal", side: str = "crank") -> Flywheel:
+def flywheel_for(
+    machine: Machine, wanted: float, definition: str = "nominal", side: str = "crank", near: float | None = None
+) -> Flywheel:
     """The smallest flywheel that brings the fluctuation down to ``wanted``, the motor's own answer included.
 
+    Of the fastest steady rotation, or of that next to a speed of the crank ``near`` [rad/s].
     Raises DriveError where even 1e6 times the machine's own inertia does not.
     """
     if not 0.0 < wanted < 2.0:
         raise DriveError(f"wanted coefficient of fluctuation is {wanted:g}: expected a number between 0 and 2")
 
     def excess(inertia: float) -> float:
-        return steady_rotation(machine.with_flywheel(inertia, side)).fluctuation(definition) - wanted
+        return steady_rotation(machine.with_flywheel(inertia, side), near=near).fluctuation(definition) - wanted
 
     without = excess(0.0)
     if without <= 0.0:

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Complexes, Floats
+from ..arrays import Floats
 from . import DriveError
 from .fourier_series import Periodic, differentiation, odd_grid
 from .machine import Machine
@@ -19,6 +19,12 @@ TAIL = 1e-12
 HARMONICS = (16, 32, 64, 128, 256, 512)
 """Harmonics tried in turn."""
 _ITERATIONS = 50
+_HALVINGS = 12
+"""Of a Newton step that does not shrink the error; near the solution rounding hides what is gained."""
+_LARGEST_EXPONENT = 700.0
+"""Above it a growth has no number; it is shown as exp of this."""
+_SAME = 1e-6
+"""Relative difference of mean speeds below which two solutions are one."""
 
 DEFINITIONS = {
     "nominal": "(n_max - n_min) / n_nominal",
@@ -79,7 +85,7 @@ class SteadyRotation:
         """Factor by which a small disturbance of the energy shrinks in a turn: exp of the integral of dQ/dT over u."""
         u, rate = self._course
         per_energy = self.machine.torque_slope(u, rate) / (self.machine.inertia(u) * rate)
-        return float(np.exp(2.0 * np.pi * np.mean(per_energy)))
+        return float(np.exp(min(2.0 * np.pi * np.mean(per_energy), _LARGEST_EXPONENT)))
 
     @property
     def is_stable(self) -> bool:
@@ -139,12 +145,52 @@ class SteadyRotation:
         return best, float(self.rate(best))
 
 
-def steady_rotation(machine: Machine, harmonics: tuple[int, ...] = HARMONICS) -> SteadyRotation:
-    """The periodic rotation next to the speed at which the mean torque vanishes.
+def steady_rotations(machine: Machine) -> list[SteadyRotation]:
+    """Every periodic rotation next to a speed at which the mean torque vanishes, the fastest first.
 
-    Raises DriveError where there is none: no such speed, or the crank would have to stop on the way round.
+    Between two stable ones lies an unstable one. Raises DriveError where there is none: no such speed, or the crank
+    would have to stop on the way round.
     """
-    energy, tail, iterations = Periodic(_first_guess(machine)), 1.0, 0
+    found: list[SteadyRotation] = []
+    refusal: DriveError | None = None
+    for speed in _balanced_speeds(machine):
+        for power in (0.0, 1.0):
+            try:
+                solution = _solved(machine, speed, HARMONICS, power)
+            except DriveError as error:
+                refusal = refusal or error
+                continue
+            known = (abs(solution.mean_speed / other.mean_speed - 1.0) < _SAME for other in found)
+            if not any(known) and (solution.is_converged() or not found):
+                found.append(solution)
+    if refusal and not found:
+        raise refusal
+    return sorted(found, key=lambda solution: -solution.mean_speed)
+
+
+def steady_rotation(
+    machine: Machine, harmonics: tuple[int, ...] = HARMONICS, near: float | None = None
+) -> SteadyRotation:
+    """The fastest periodic rotation, or the one next to a speed of the crank ``near`` [rad/s].
+
+    Raises DriveError where there is none.
+    """
+    speeds = _balanced_speeds(machine)
+    speed = speeds[0] if near is None else min(speeds, key=lambda n: abs(n - near))
+    try:
+        return _solved(machine, speed, harmonics, 0.0)
+    except DriveError:
+        return _solved(machine, speed, harmonics, 1.0)
+
+
+def _solved(machine: Machine, speed: float, harmonics: tuple[int, ...], power: float) -> SteadyRotation:
+    """With more and more harmonics, from kinetic energy in proportion to inertia to a ``power``.
+
+    Constant energy (0) is near where the motor gives way, constant speed (1) where it is stiff.
+    """
+    inertia, mean = machine.inertia(odd_grid(harmonics[0])), float(machine.inertia(odd_grid(8)).mean())
+    energy = Periodic.through(0.5 * speed**2 * mean * (inertia[None] / mean) ** power)
+    tail, iterations = 1.0, 0
     for count in harmonics:
         energy, iterations = _balance(machine, energy, count)
         tail = energy.tail()
@@ -154,38 +200,56 @@ def steady_rotation(machine: Machine, harmonics: tuple[int, ...] = HARMONICS) ->
 
 
 def _balance(machine: Machine, guess: Periodic, harmonics: int) -> tuple[Periodic, int]:
-    """Newton's method on D T = Q - V'; its Jacobian is D - diag(dQ/du' / (I u')), as dT = I u' du'."""
+    """Newton's method on D T = Q - V'; its Jacobian is D - diag(dQ/du' / (I u')), as dT = I u' du'.
+
+    A step is halved until the largest error shrinks, and never takes more than four fifths of the energy.
+    """
     u = odd_grid(harmonics)
     matrix, inertia = differentiation(harmonics), machine.inertia(u)
     weight, energy = machine.reduced.potential_slope(u), guess(u)[0]
-    for iteration in range(1, _ITERATIONS + 1):
+
+    def gap(energy: Floats) -> tuple[Floats, Floats]:
         rate = np.sqrt(2.0 * energy / inertia)
-        error = matrix @ energy - (machine.torque(u, rate) - weight)
+        return rate, matrix @ energy - (machine.torque(u, rate) - weight)
+
+    energy = np.maximum(energy, 1e-6 * energy.max())
+    rate, error = gap(energy)
+    for iteration in range(1, _ITERATIONS + 1):
         per_energy = machine.torque_slope(u, rate) / (inertia * rate)
         step = np.linalg.solve(matrix - np.diag(per_energy), error)
         share = min(1.0, 0.8 / max(float((step / energy).max()), 1e-300))
+        size, whole = float(np.linalg.norm(error)), share == 1.0
+        for _ in range(_HALVINGS):
+            rate, error = gap(energy - share * step)
+            if float(np.linalg.norm(error)) < size:
+                break
+            share *= 0.5
         energy = energy - share * step
-        if share == 1.0 and np.abs(step).max() < 1e-13 * energy.max():
+        small = np.abs(step).max() / energy.max()
+        if whole and (small < 1e-13 or (iteration > 8 and small < 1e-10)):  # 1e-10 remains where the torque is steep
             return Periodic.through(energy[None]), iteration
-        if share == 1.0 and iteration > 8 and np.abs(step).max() < 1e-10 * energy.max():
-            return Periodic.through(energy[None]), iteration  # what rounding leaves where the torque is steep
     raise DriveError(
         f"{machine.reduced.mechanism.name}: no steady rotation with {harmonics} harmonics at nominal "
         f"{machine.nominal:.6g} rad/s of the motor: the kinetic energy falls to {energy.min():.3g} J on the way round"
     )
 
 
-def _first_guess(machine: Machine) -> Complexes:
-    """Constant kinetic energy at the highest speed where the torque, averaged over a turn, falls through zero."""
+def _balanced_speeds(machine: Machine) -> list[float]:
+    """Speeds of the crank at which the torque, averaged over a turn, vanishes, the fastest first [rad/s].
+
+    Raises DriveError where there is none that the motor keeps, up to three times the nominal speed.
+    """
     u = odd_grid(8)
-    speeds = machine.nominal_crank * np.linspace(3.0, 0.01, 120)
-    mean = np.mean(machine.torque(u[:, None], speeds + 0.0 * u[:, None]), axis=0)
-    rising = np.flatnonzero((mean[:-1] < 0.0) & (mean[1:] >= 0.0))
-    if not len(rising):
+    speeds = machine.nominal_crank * np.linspace(3.0, 0.01, 300)
+    torque = machine.torque(u[:, None], speeds + 0.0 * u[:, None], machine.reduced.gains(u)[:, :, None])
+    mean = np.mean(torque, axis=0)
+    size = np.abs(np.pad(mean, 1, mode="edge"))
+    pole = size[1:-2] + size[2:-1] > size[:-3] + size[3:]  # of a curve beyond its range: no speed of no torque
+    changes = np.flatnonzero(((mean[:-1] < 0.0) != (mean[1:] < 0.0)) & ~pole)
+    if not (mean[changes] < 0.0).any():
         what = "drives faster and faster" if mean[0] > 0.0 else "never drives its loads"
         raise DriveError(
             f"{machine.reduced.mechanism.name}: no steady rotation: up to 3 times the nominal speed the motor {what}"
         )
-    k = int(rising[0])
-    speed = speeds[k] + (speeds[k + 1] - speeds[k]) * mean[k] / (mean[k] - mean[k + 1])
-    return np.array([[0.5 * float(machine.inertia(u).mean()) * speed**2 + 0j]])
+    steps = np.diff(speeds)[changes] * mean[changes] / (mean[changes] - mean[changes + 1])
+    return [float(speed) for speed in speeds[changes] + steps]

@@ -52,8 +52,10 @@ def inertia_document(machine: Machine) -> dict[str, Any]:
     }
 
 
-def steady_document(solution: SteadyRotation, published: PublishedSpeeds | None, balanced: bool) -> dict[str, Any]:
-    """A steady rotation; ``balanced`` is whether the counter-masses are mounted."""
+def steady_document(
+    solution: SteadyRotation, published: PublishedSpeeds | None, balanced: bool, is_reached: bool
+) -> dict[str, Any]:
+    """A steady rotation; whether the counter-masses are mounted, and whether a start from standstill ends in it."""
     machine = solution.machine
     u = machine.reduced.direction * np.radians(_DEGREES)
     rate = solution.rate(u)
@@ -67,7 +69,9 @@ def steady_document(solution: SteadyRotation, published: PublishedSpeeds | None,
         "fluctuation": {name: solution.fluctuation(name) for name in DEFINITIONS},
         "floquet_factor": solution.floquet,
         "turns_to_1e-8": solution.turns_to(1e-8) if solution.is_stable else None,
-        "periodicity": periodicity(solution),
+        "stable": solution.is_stable,
+        "reached_from_rest": is_reached,
+        "periodicity": periodicity(solution) if solution.is_stable else None,
         "harmonics": solution.harmonics,
         "highest_harmonics": solution.tail,
         "equation_residual": solution.residual(),
@@ -86,13 +90,35 @@ def steady_document(solution: SteadyRotation, published: PublishedSpeeds | None,
     }
 
 
+def reach_findings(
+    solutions: Sequence[SteadyRotation], reached: SteadyRotation | None, refusal: str | None
+) -> list[str]:
+    """Steady rotations that the motor does not bring the crank to from standstill, or does not keep."""
+    machine, stable = solutions[0].machine, [each for each in solutions if each.is_stable]
+    where = f"{machine.nominal / RPM:g} rpm, {machine.reading}"
+    missed = " and ".join(f"{machine.ratio * each.mean_speed / RPM:.5g}" for each in stable if each is not reached)
+    if not stable:
+        return [f"{where}: unstable, a disturbance grows by {solutions[0].floquet:.3g} a turn"]
+    if refusal is not None:
+        return [f"{where}: the motor does not reach its steady {missed} rpm from standstill: {refusal}"]
+    if reached is None:
+        return [
+            f"{where}: a start from standstill ends below the steady {missed} rpm of the motor, which it only keeps"
+        ]
+    if missed:
+        settles = machine.ratio * reached.mean_speed / RPM
+        return [
+            f"{where}: a start from standstill ends at {settles:.5g} rpm of the motor; it keeps {missed} rpm too, once "
+            "brought there: above the unstable speed between them"
+        ]
+    return []
+
+
 def drive_findings(solution: SteadyRotation, row: dict[str, Any]) -> list[str]:
     """What is odd in a steady rotation; empty where nothing is."""
     where = f"{row['nominal_rpm']:g} rpm, {row['reading']}"
     findings = []
-    if not solution.is_stable:
-        findings.append(f"{where}: unstable, a disturbance grows by {solution.floquet:.3g} a turn")
-    if not row["periodicity"] <= PERIODICITY:
+    if row["periodicity"] is not None and not row["periodicity"] <= PERIODICITY:
         findings.append(f"{where}: after an integrated turn the speed is off by {row['periodicity']:.1e} of itself")
     if not solution.is_converged():
         findings.append(f"{where}: harmonics still at {solution.tail:.1e}; a load or friction with a kink")

@@ -4,6 +4,7 @@ A steady solution repeats after an integrated turn, and two disturbed turns give
 depends on harmonics and tolerances is shown by solving with several of them.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, cast
 
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 Solver = Literal["RK45", "DOP853"]
 RTOL = 1e-10
 """Relative tolerance of an integration by default."""
+_COARSE = 1e-6
+"""Where it is only asked whether the crank comes round."""
 _PATIENCE = 200
 """Turns at nominal speed within which a turn must be done."""
 _SAMPLES = 720
@@ -149,6 +152,17 @@ def start_up(
         pieces.append((instants[:-1], course[:, :-1]))
     course = np.hstack([piece for _, piece in pieces] + [state[:, None]])
     return StartUp(np.r_[*(t for t, _ in pieces), time], course[0], course[1], tuple(done), evaluations)
+
+
+def reached_from_rest(solutions: Sequence[SteadyRotation], start: float = 0.0) -> SteadyRotation | None:
+    """Which of all steady rotations of a machine, the fastest first, a start from standstill ends in.
+
+    Courses of the kinetic energy over the travel never cross: a crank that comes round once from rest is below the
+    slowest steady rotation and gains on each turn, up to that. None where that one is unstable. Raises DriveError,
+    naming the angle, where the crank does not come round.
+    """
+    start_up(solutions[0].machine, 1, start, _COARSE)
+    return solutions[-1] if solutions[-1].is_stable else None
 
 
 def _one_turn(machine: Machine, time: float, state: Floats, target: float, rtol: float, method: Solver) -> Segment:

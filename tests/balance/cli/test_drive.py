@@ -67,7 +67,28 @@ def test_what_is_odd_is_listed(tmp_path):
     )
     code, output = run(str(path), "--reading", "geared", "--start-up", "2")
     assert code == 3
+    assert "does not reach its steady" in output
     assert "does not start at 0 deg" in output
+
+
+def test_two_steady_speeds_are_both_listed(tmp_path):
+    """Both with the unstable one between them; that a start from rest ends in the slower one is a finding."""
+    path = tmp_path / "dip.toml"
+    path.write_text(
+        'mechanism = "four-bar"\nspeeds = ["3000 rpm"]\n[motor]\nkind = "table"\n'
+        'speed = ["0 rpm", "1000 rpm", "2000 rpm", "3000 rpm"]\ntorque = ["10 N m", "2 N m", "6 N m", "0 N m"]\n'
+        '[gearbox]\nratio = 20.0\nreading = "geared"\n[[load]]\nkind = "constant"\ntorque = "60 N m"\n'
+        '[[inertia]]\ninertia = "0.02 kg m2"\nside = "motor"\n',
+        encoding="utf-8",
+    )
+    code, output = run(str(path), "--json")
+    found = json.loads(output)
+    assert code == 3
+    assert [round(20 * row["mean_rpm"]) for row in found["steady"]] == [2689, 1326, 673]
+    assert [row["stable"] for row in found["steady"]] == [True, False, True]
+    assert [row["reached_from_rest"] for row in found["steady"]] == [False, False, True]
+    (finding,) = found["findings"]
+    assert "ends at 672.89 rpm of the motor; it keeps 2689.5 rpm too" in finding
 
 
 def test_wrong_command_lines():

@@ -8,7 +8,7 @@ import pytest
 from balance.drives import DriveError, time_integration
 from balance.drives.equivalent_inertia import reduced_to_crank
 from balance.drives.fourier_series import Periodic, differentiation, odd_grid
-from balance.drives.harmonic_balance import steady_rotation
+from balance.drives.harmonic_balance import steady_rotation, steady_rotations
 from balance.drives.machine import Inertia, Load, Machine
 from balance.drives.motors import Constant, DirectCurrent, MeasuredMotor
 
@@ -188,6 +188,39 @@ def test_a_constant_inertia_without_weight_does_not_fluctuate():
     assert found.floquet == pytest.approx(
         np.exp(-2 * np.pi * (4.0 * 3.0 / 200.0 + 0.05) / (inertia * speed)), rel=1e-10
     )
+
+
+@pytest.fixture(scope="module")
+def dipped():
+    """An arm without weight on a motor whose torque dips and rises again: three speeds of no torque."""
+    arm = models.mjcf(models.link("", "arm"), models.motors("arm") + models.key([0.4]), '<option gravity="0 0 0"/>')
+    motor = MeasuredMotor.through(np.array([0.0, 1000.0, 2000.0, 3000.0]) * RPM, np.array([10.0, 2.0, 6.0, 0.0]))
+    shaft, load = Inertia("armature", 0.05, "motor"), Load("brake", "constant", 0, 60.0)
+    return Machine(reduced_to_crank(models.model(arm)), motor, 20.0, "geared", 3000.0 * RPM, (shaft,), (load,))
+
+
+def test_all_steady_speeds_with_their_stability(dipped):
+    """Of a constant inertia: where the motor's curve is at load over ratio, stable where it falls."""
+    found = steady_rotations(dipped)
+    speeds = np.array([20.0 * each.mean_speed for each in found])
+    np.testing.assert_allclose(speeds, np.sort(dipped.motor.curve.solve(3.0, extrapolate=False))[::-1], rtol=1e-10)
+    assert [round(speed) for speed in speeds / RPM] == [2689, 1326, 673]
+    assert [each.is_stable for each in found] == [True, False, True]
+    assert [each.is_stable for each in found] == [bool(s < 0.0) for s in dipped.motor.slope(speeds, 0.0)]
+
+
+def test_the_one_that_a_start_from_rest_ends_in(dipped):
+    """The slowest, as many integrated turns show; started above the unstable speed the fastest is kept."""
+    found = steady_rotations(dipped)
+    reached = time_integration.reached_from_rest(found)
+    assert reached is found[-1]
+    run = time_integration.start_up(dipped, 6, rtol=1e-6)
+    assert run.speed[-1] == pytest.approx(reached.mean_speed, rel=1e-3)
+    for share, end in ((1.02, found[0]), (0.98, found[2])):
+        rate = share * found[1].mean_speed
+        for _ in range(12):
+            rate = time_integration.after_a_turn(dipped, rate, 1e-6)
+        assert rate == pytest.approx(end.mean_speed, rel=1e-2)
 
 
 def test_small_swing_of_weight_is_the_linear_answer():
