@@ -19,7 +19,7 @@ import testbench
 ROOTS = {package.__name__: Path(package.__path__[0]) for package in (balance, testbench)}
 LAYERS: tuple[str, ...] = (
     "balance.errors balance.arrays",
-    "balance.task_pool balance.units balance.datasets balance.results",
+    "balance.task_pool balance.units balance.datasets balance.results balance.compiled_kernels",
     "balance.input_files balance.table_files",
     "balance.mechanism",
     "balance.motion",

@@ -7,8 +7,8 @@ import numpy as np
 
 from ..arrays import Floats, Indices
 from ..errors import ClosureError
-from ..mechanism import forward_kinematics, loop_constraints
 from ..mechanism.mechanism import Mechanism
+from ..mechanism.pinocchio_engine import PinocchioEngine
 from ..motion import Samples
 from ..motion.driven_coordinates import Drive, JointDrive
 from .newton import ITERATIONS, RESIDUAL_LIMIT, LoopSystem
@@ -30,8 +30,6 @@ class Closure:
 
     def __init__(self, mechanism: Mechanism) -> None:
         """Close the home configuration. Raises ClosureError if that cannot be done, or if it is singular."""
-        from ..mechanism.pinocchio_engine import PinocchioEngine  # late: closed forms do without Pinocchio
-
         self.mechanism = mechanism
         self.engine = PinocchioEngine(mechanism)
         self.length = _length(mechanism)
@@ -55,7 +53,7 @@ class Closure:
             )
         if not self.mechanism.loops and isinstance(drive, JointDrive):
             return self._direct(samples, drive)
-        return follow(LoopSystem(self.mechanism, self.rows, self.length, drive), self.home, samples, near)
+        return follow(LoopSystem(self.mechanism, self.engine, self.rows, self.length, drive), self.home, samples, near)
 
     def _direct(self, samples: Samples, drive: JointDrive) -> Trajectory:
         """An open chain whose joints are all driven has nothing to close."""
@@ -103,8 +101,7 @@ class Closure:
 
     def residual(self, q: Floats) -> Floats:
         """Largest loop residual over all rows, (n,) [m, rad], at the configurations ``q`` (n, nv) [rad, m]."""
-        at = forward_kinematics.pose(self.mechanism.tree, np.ascontiguousarray(q.T))
-        return np.abs(loop_constraints.constraint_residual(self.mechanism.loops, at)).max(axis=0, initial=0.0)
+        return np.array([np.abs(self.engine.constraint_residual(state)).max(initial=0.0) for state in q])
 
     def _refuse_uncertain_home(self) -> None:
         """Home must be about where the file has it, and have as many independent rows as its neighbours."""

@@ -1,17 +1,14 @@
-"""Loops and driven coordinates solved together by Newton's method, one configuration or many at once."""
+"""Loops and driven coordinates solved together by Newton's method, one configuration at a time, by Pinocchio."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..arrays import Floats, Indices
 from ..errors import ClosureError
-from ..mechanism import forward_kinematics, loop_constraints
-from ..mechanism.forward_kinematics import Pose
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.sparse_components import Rows, dense_rows
+from ..mechanism.pinocchio_engine import PinocchioEngine
 from ..motion.driven_coordinates import Drive
-from .sparse_lu import Order, SparseLU, dense_columns, pivot_order
 
 RESIDUAL_LIMIT = 1e-10
 """Largest loop residual that counts as closed, relative to the mechanism's length."""
@@ -21,68 +18,31 @@ ITERATIONS = 30
 
 @dataclass(frozen=True)
 class LoopSystem:
-    """Independent loop constraints and driven coordinates as one square system of equations."""
+    """Loop constraints and driven coordinates as one system of equations, redundant rows among them."""
 
     mechanism: Mechanism
+    engine: PinocchioEngine
     rows: Indices
     """Independent rows of the loop constraints."""
     length: float
     """A length of the mechanism, to which residuals are compared [m]."""
     drive: Drive
 
-    def evaluate(self, q: Floats, target: Floats) -> tuple[Pose, Floats, Floats]:
-        """Pose, residual of the loops (rows, n) and of the driven coordinates (dof, n) [m, rad].
+    def gaps(self, q: Floats, target: Floats) -> Floats:
+        """Residuals of all loop rows, then of the driven coordinates to ``target`` (dof,), at ``q`` (nv,) [m, rad]."""
+        return np.concatenate([self.engine.constraint_residual(q), self.drive.value(self.engine, q) - target])
 
-        ``q`` (nv, n) [rad, m]; ``target`` (dof, n) are the driven coordinates asked for.
-        """
-        at = forward_kinematics.pose(self.mechanism.tree, q)
-        return at, loop_constraints.constraint_residual(self.mechanism.loops, at), self.drive.position(at, q) - target
+    def all_rows(self, q: Floats) -> Floats:
+        """Jacobian of all loop rows and of the driven coordinates at ``q`` (nv,), (rows + dof, nv) [-, m]."""
+        return np.concatenate([self.engine.constraint_jacobian(q), self.drive.rates(self.engine, q)])
 
-    def equations(self, at: Pose) -> Rows:
-        """Jacobian of all loop rows and of the driven coordinates, by component."""
-        tree = self.mechanism.tree
-        return loop_constraints.constraint_jacobian(self.mechanism.loops, tree, at) + self.drive.jacobian(tree, at)
-
-    def matrix(self, at: Pose) -> Floats:
-        """Jacobian of independent loop rows and driven coordinates, (n, nv, nv) [-, m]."""
-        rows = self.equations(at)
-        independent = [rows[i] for i in self.rows] + rows[len(rows) - self.drive.size :]
-        return np.ascontiguousarray(dense_rows(independent, self.mechanism.tree.size, at.count).transpose(2, 0, 1))
-
-    def order(self, q: Floats) -> Order:
-        """Pivots for the configurations ``q`` (nv, n) [rad, m], chosen on nine of them."""
-        few = q[:, np.unique(np.linspace(0, q.shape[1] - 1, 9).astype(int))]
-        rows = self.equations(forward_kinematics.pose(self.mechanism.tree, few))
-        return pivot_order(dense_rows(rows, self.mechanism.tree.size, few.shape[1]).transpose(2, 0, 1))
-
-    def newton_from_guesses(self, q: Floats, target: Floats, order: Order) -> Floats:
-        """Newton's method on many samples from good guesses ``q`` to ``target`` (dof, n), (nv, n) [rad, m]; unchecked.
-
-        Factors are used again while the steps are small: the next error is then the product of the last two.
-        """
-        before = np.inf
-        for _ in range(ITERATIONS):
-            at, loops, driven = self.evaluate(q, target)
-            if before > 1e-3:
-                factors = SparseLU.factorise(self.equations(at), order)
-            step = dense_columns(factors.solve([*loops, *driven]), q.shape[1])
-            q, size = q - step, float(np.abs(step).max())
-            if not size * min(before, 1.0) > 1e-15:
-                break
-            before = size
-        return q
-
-    def with_all_rows(self) -> "LoopSystem":
-        """The same with the redundant rows too: more equations than unknowns, all of them met where the loops close."""
-        return replace(self, rows=np.arange(sum(loop.size for loop in self.mechanism.loops)))
-
-    def matrix_at(self, q: Floats) -> Floats:
-        """The matrix (nv, nv) [-, m] at one configuration ``q`` (nv,) [rad, m]."""
-        return self.matrix(forward_kinematics.pose(self.mechanism.tree, q[:, None]))[0]
+    def matrix(self, q: Floats) -> Floats:
+        """Jacobian of independent loop rows and driven coordinates at ``q`` (nv,) [rad, m], (nv, nv) [-, m]."""
+        return np.concatenate([self.engine.constraint_jacobian(q)[self.rows], self.drive.rates(self.engine, q)])
 
     def determinant_sign(self, q: Floats) -> float:
         """Sign of the determinant at ``q`` (nv,) [rad, m]; it changes where a singular position is passed."""
-        return float(np.linalg.slogdet(self.matrix_at(q))[0])
+        return float(np.linalg.slogdet(self.matrix(q))[0])
 
     def rates_per_drive(self, q: Floats, time: float) -> Floats:
         """Rates of all coordinates per rate of the driven ones, (nv, dof) [-, 1/m, m], at ``q`` (nv,) [rad, m].
@@ -90,7 +50,7 @@ class LoopSystem:
         Raises ClosureError, naming ``time`` [s], at a singular configuration.
         """
         try:
-            return pseudo_inverse(self.matrix_at(q)[None])[0, :, -self.drive.size :]
+            return np.linalg.inv(self.matrix(q))[:, -self.drive.size :]
         except np.linalg.LinAlgError as error:
             raise ClosureError(
                 f"{self.mechanism.name} is singular at t = {time:.6g} s of this motion: {', '.join(self.drive.names)} "
@@ -98,14 +58,12 @@ class LoopSystem:
             ) from error
 
     def newton(self, q: Floats, target: Floats) -> Floats:
-        """Iterate from ``q`` (nv, n) to ``target`` (dof, n) on all samples at once, (nv, n) [rad, m]; unchecked."""
+        """Iterate from ``q`` (nv,) to ``target`` (dof,), (nv,) [rad, m]; unchecked."""
         for _ in range(ITERATIONS):
-            at, loops, driven = self.evaluate(q, target)
-            residual = np.concatenate([loops[self.rows], driven])
-            size = np.abs(residual).max()
-            if not size > 1e-14 * self.length:
+            gap = self.gaps(q, target)
+            if not np.abs(gap).max() > 1e-14 * self.length:
                 break
-            change = _solution(self.matrix(at), residual.T[:, :, None])[:, :, 0].T
+            change = np.linalg.lstsq(self.all_rows(q), gap, rcond=1e-13)[0]
             q = q - change
             if np.abs(change).max() < 1e-8 * min(1.0, self.length):
                 break  # quadratic convergence: the next change is below rounding
@@ -130,11 +88,10 @@ class LoopSystem:
 
     def _step(self, q: Floats, target: Floats) -> Floats | None:
         try:
-            trial = self.newton(q[:, None], target[:, None])[:, 0]
-            _, loops, driven = self.evaluate(trial[:, None], target[:, None])
+            trial = self.newton(q, target)
         except np.linalg.LinAlgError:
             return None
-        gap = max(np.abs(loops).max(initial=0.0), np.abs(driven).max(initial=0.0))
+        gap = np.abs(self.gaps(trial, target)).max()
         if not gap < RESIDUAL_LIMIT * self.length or np.abs(trial - q).max() > 0.5 * max(1.0, self.length):
             return None
         return trial
@@ -146,17 +103,3 @@ class LoopSystem:
             f"{self.mechanism.name} cannot be closed at {at} (t = {time:.6g} s): it gets as far as {got} on "
             f"the branch of {self.mechanism.branch!r}; the position is out of reach or singular"
         )
-
-
-def pseudo_inverse(matrix: Floats) -> Floats:
-    """Inverse (n, nv, rows) of each matrix (n, rows, nv) [-, m]; of least squares where rows > nv."""
-    if matrix.shape[1] == matrix.shape[2]:
-        return np.linalg.inv(matrix)
-    u, size, vt = np.linalg.svd(matrix, full_matrices=False)
-    return (vt.transpose(0, 2, 1) / np.maximum(size, 1e-300)[:, None, :]) @ u.transpose(0, 2, 1)
-
-
-def _solution(matrix: Floats, right: Floats) -> Floats:
-    if matrix.shape[1] == matrix.shape[2]:
-        return np.linalg.solve(matrix, right)
-    return pseudo_inverse(matrix) @ right

@@ -10,12 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Floats, Indices, parallel_blocks
-from ..errors import ClosureError
-from ..mechanism import forward_kinematics, loop_constraints
-from ..mechanism.sparse_components import Entry, Rows
+from ..errors import ClosureError, ModelError
+from ..mechanism.pinocchio_engine import AGREEMENT
 from ..motion import Samples
+from .loop_program import LoopProgram, Order
 from .newton import RESIDUAL_LIMIT, LoopSystem
-from .sparse_lu import SparseLU, dense_at_samples, dense_columns
 
 COARSE_STEP = 0.1
 """Travel of the driven coordinates between two steps of continuation [rad, or lengths of the mechanism]."""
@@ -44,7 +43,7 @@ class Continuation:
         Raises ClosureError, naming the time, where that is not possible or a singular position is passed.
         """
         nodes = _nodes(samples.position, COARSE_STEP * system.drive.scale(system.length))
-        targets = np.concatenate([system.drive.value(system.mechanism, home)[None], samples.position[nodes]])
+        targets = np.concatenate([system.drive.value(system.engine, home)[None], samples.position[nodes]])
         q, side, solved, rates = home, system.determinant_sign(home), [], []
         for previous, target, node in zip(targets, targets[1:], nodes, strict=False):
             before, q = q, system.continue_to(q, previous, target, float(samples.time[node]))
@@ -98,15 +97,15 @@ def _refuse_singular_between(system: LoopSystem, q: Floats, start: Floats, end: 
     The determinant changed its sign. Among redundant rows it may be only the chosen ones that depend on each other, so
     bisection finds the place, and all rows decide.
     """
-    whole, side = system.with_all_rows(), system.determinant_sign(q)
+    side = system.determinant_sign(q)
     for _ in range(_BISECTIONS):
         middle = 0.5 * (start + end)
-        trial = whole.continue_to(q, start, middle, time)
+        trial = system.continue_to(q, start, middle, time)
         if system.determinant_sign(trial) == side:
             q, start = trial, middle
         else:
             end = middle
-    sizes = np.linalg.svd(whole.matrix_at(q), compute_uv=False)
+    sizes = np.linalg.svd(system.all_rows(q), compute_uv=False)
     if sizes[-1] < _SINGULAR_CROSSING * sizes[0]:
         at = ", ".join(f"{name} = {value:.6g}" for name, value in zip(system.drive.names, start, strict=True))
         raise ClosureError(
@@ -122,9 +121,6 @@ POOR_LIMIT = 1e4
 """Growth of elimination above which a block of samples is halved: its order of pivots is poor for some of it."""
 BRANCH_LIMIT = 0.1
 """How far a configuration may lie from its guess between coarse samples [rad, m]."""
-
-_Closed = tuple[Floats, Floats, Floats, Floats, float, float]
-"""Positions, velocities, accelerations, rates per drive, largest residual and condition number of a block."""
 
 
 @dataclass(frozen=True)
@@ -159,80 +155,82 @@ def follow(system: LoopSystem, home: Floats, samples: Samples, near: Trajectory 
 
     Raises ClosureError, naming the time, where it cannot be closed, is singular, or changes its branch.
     """
-    guess_of = _guesses(system, home, samples, near)
-    count, size, dof = len(samples.time), system.mechanism.tree.size, system.drive.size
-    q, v, a = np.empty((3, size, count)).transpose(0, 2, 1)
-    per_drive = np.empty((dof, size, count)).transpose(2, 1, 0)
-
-    def close(part: slice) -> tuple[float, float]:
-        guess = guess_of(part)
-        q[part], v[part], a[part], per_drive[part], gap, number = _solve_block(system, samples, part, guess)
-        return gap, number
-
-    found = list(parallel_blocks(count, close))
-    worst, condition = (max(values) for values in zip(*found, strict=True))
-    name, branch = system.mechanism.name, system.mechanism.branch
-    return Trajectory(name, samples.time, q, v, a, per_drive, worst, condition, branch)
-
-
-def _guesses(system: LoopSystem, home: Floats, samples: Samples, near: Trajectory | None) -> Callable[[slice], Floats]:
-    """Where Newton's method starts, (nv, n) [rad, m]: on a trajectory close by, else between coarse samples."""
+    found = _Following(system, samples)
+    guess_of: Callable[[slice], Floats]
     if near is not None:
-        return lambda part: np.ascontiguousarray(near.q[part].T)
-    coarse = Continuation.closed(system, home, samples)
-    return lambda part: coarse.guess(samples.position[part], part)
+        order, closed = found.program.order(near.q.T), near.q
+        guess_of = lambda part: np.ascontiguousarray(closed[part].T)  # noqa: E731
+    else:
+        coarse = Continuation.closed(system, home, samples)
+        order = found.program.order(coarse.q.T)
+        guess_of = lambda part: coarse.guess(samples.position[part], part)  # noqa: E731
+    conditions = list(parallel_blocks(len(samples.time), lambda part: found.close(part, guess_of(part), order)))
+    return found.trajectory(max(conditions))
 
 
-def _solve_block(system: LoopSystem, samples: Samples, part: slice, guess: Floats) -> _Closed:
-    """Close a block of samples in one order of pivots; where that is poor for some, halve the block."""
-    order = system.order(guess)
-    target, rate, rate_of_rate = (x[part].T for x in (samples.position, samples.velocity, samples.acceleration))
-    with np.errstate(all="ignore"):  # a pivot may vanish: the checks below find the infinite values
-        q = system.newton_from_guesses(guess, target, order)
-        at, loops, driven = system.evaluate(q, target)
-        rows = system.equations(at)
-        factors = SparseLU.factorise(rows, order)
-        growth = factors.growth(at.count)
-    if at.count > 1 and not growth.max() < POOR_LIMIT:
-        return _solve_halves(system, samples, part, guess)
-    worst = _largest_residual(system, samples, part, loops, driven)
-    _refuse_other_branch(system, samples, part, q - guess)
-    condition = _condition(system, samples, part, rows, int(np.argmax(growth)))
-    per_drive = _rates(factors, len(rows), system.drive.size, at.count)
-    v = np.einsum("jin,jn->in", per_drive, rate)
-    still = forward_kinematics.motion(system.mechanism.tree, at, v)
-    bias = loop_constraints.constraint_bias(system.mechanism.loops, at, still)
-    a = factors.solve([*(-bias), *(rate_of_rate - system.drive.bias(at, still))])
-    return q.T, v.T, dense_columns(a, at.count).T, per_drive.transpose(2, 1, 0), worst, condition
+class _Following:
+    """Samples being closed, block by block; rows are coordinates, columns samples."""
 
+    def __init__(self, system: LoopSystem, samples: Samples) -> None:
+        mechanism, dof = system.mechanism, system.drive.size
+        self.system, self.samples = system, samples
+        self.program = LoopProgram(mechanism.tree, mechanism.loops, system.drive)
+        self._driven = [np.ascontiguousarray(x.T) for x in (samples.position, samples.velocity, samples.acceleration)]
+        count, size = len(samples.time), mechanism.tree.size
+        self._q, self._v, self._a = np.empty((3, size, count))
+        self._per_drive = np.empty((dof * size, count))
+        self._gap, self._inverse_pivot = np.empty((2, 1, count))
 
-def _solve_halves(system: LoopSystem, samples: Samples, part: slice, guess: Floats) -> _Closed:
-    cut = (part.stop - part.start) // 2
-    middle = part.start + cut
-    q, v, a, per_drive, worst, condition = _solve_block(system, samples, slice(part.start, middle), guess[:, :cut])
-    others = _solve_block(system, samples, slice(middle, part.stop), guess[:, cut:])
-    joined = (np.concatenate(pair) for pair in zip((q, v, a, per_drive), others[:4], strict=True))
-    q, v, a, per_drive = joined
-    return q, v, a, per_drive, max(worst, others[4]), max(condition, others[5])
+    def close(self, part: slice, guess: Floats, order: Order, chosen_here: bool = False) -> float:
+        """Close a block of samples, and return its largest condition number.
 
+        Where the order of pivots is poor for some samples, it is chosen anew for these, then the block is halved.
+        """
+        driven = [x[:, part] for x in self._driven]
+        with np.errstate(all="ignore"):  # a pivot may vanish: the checks below find the infinite values
+            q = self.program.closed(guess, driven[0], order)
+            out = [x[:, part] for x in (self._v, self._a, self._per_drive, self._gap, self._inverse_pivot)]
+            self.program.rates(order).run([q, *driven], out)
+        self._q[:, part] = q
+        growth = self._inverse_pivot[0, part] * max(1.0, self.system.length)
+        if not growth.max() < POOR_LIMIT and not chosen_here:
+            return self.close(part, guess, self.program.order(guess), True)
+        if not growth.max() < POOR_LIMIT and q.shape[1] > 1:
+            middle = (part.start + part.stop) // 2
+            halves = np.split(guess, [middle - part.start], axis=1)
+            parts = (slice(part.start, middle), slice(middle, part.stop))
+            return max(
+                self.close(half, np.ascontiguousarray(its), self.program.order(its), True)
+                for half, its in zip(parts, halves, strict=True)
+            )
+        _refuse_open(self.system, self.samples, part, self._gap[0, part])
+        _refuse_other_branch(self.system, self.samples, part, q - guess)
+        return _condition(self.system, self.samples, part, q, int(np.argmax(growth)))
 
-def _rates(factors: SparseLU, rows: int, dof: int, count: int) -> Floats:
-    """Rates of all coordinates per rate of the driven ones, (dof, nv, n)."""
-    loops: list[Entry] = [0.0] * (rows - dof)
-    columns = [factors.solve([*loops, *(float(i == j) for i in range(dof))]) for j in range(dof)]
-    return np.stack([dense_columns(column, count) for column in columns])
+    def trajectory(self, condition: float) -> Trajectory:
+        """What was found, once all samples are closed; some of them are compared with Pinocchio."""
+        mechanism, dof = self.system.mechanism, self.system.drive.size
+        per_drive = self._per_drive.reshape(dof, mechanism.tree.size, -1).transpose(2, 1, 0)
+        worst = float(self._gap.max(initial=0.0))
+        self._refuse_other_than_pinocchio()
+        return Trajectory(
+            mechanism.name, self.samples.time, self._q.T, self._v.T, self._a.T, per_drive, worst, condition,
+            mechanism.branch,
+        )  # fmt: skip
 
-
-def _largest_residual(system: LoopSystem, samples: Samples, part: slice, loops: Floats, driven: Floats) -> float:
-    """Largest residual over all rows, the redundant ones too. Raises ClosureError where one stays open."""
-    gap = np.maximum(np.abs(loops).max(axis=0, initial=0.0), np.abs(driven).max(axis=0, initial=0.0))
-    worst = float(np.max(gap))
-    if not worst < RESIDUAL_LIMIT * system.length:
-        k = int(np.argmax(~(gap < RESIDUAL_LIMIT * system.length)))
-        raise ClosureError(
-            f"{system.mechanism.name} cannot be closed at t = {samples.time[part][k]:.6g} s: {gap[k]:.3g} m stays open"
-        )
-    return worst
+    def _refuse_other_than_pinocchio(self) -> None:
+        """Raise ModelError where Pinocchio finds loops open, or rates that open them, that were closed here."""
+        for k in np.unique(np.linspace(0, len(self.samples.time) - 1, 5).astype(int)):
+            q, v = self._q[:, k], self._v[:, k]
+            gap = np.abs(self.system.gaps(q, self.samples.position[k])).max()
+            matrix = self.system.all_rows(q)
+            rate = np.abs(matrix @ v - np.r_[np.zeros(len(matrix) - len(self._driven[1])), self._driven[1][:, k]])
+            if not (gap < RESIDUAL_LIMIT * self.system.length and rate.max() <= AGREEMENT * max(1.0, np.abs(v).max())):
+                raise ModelError(
+                    f"{self.system.mechanism.name}: at t = {self.samples.time[k]:.6g} s Pinocchio finds the loops "
+                    f"{gap:.3g} m or rad open where they were closed to {self._gap.max():.3g}: the two engines differ, "
+                    "so no answer is given; please report the file"
+                )
 
 
 def _refuse_other_branch(system: LoopSystem, samples: Samples, part: slice, moved: Floats) -> None:
@@ -245,9 +243,19 @@ def _refuse_other_branch(system: LoopSystem, samples: Samples, part: slice, move
         )
 
 
-def _condition(system: LoopSystem, samples: Samples, part: slice, rows: Rows, worst: int) -> float:
+def _refuse_open(system: LoopSystem, samples: Samples, part: slice, gap: Floats) -> None:
+    """Raise ClosureError where a residual, of the redundant rows too, is not closed."""
+    limit = RESIDUAL_LIMIT * system.length
+    if not gap.max() < limit:
+        k = int(np.argmax(~(gap < limit)))
+        raise ClosureError(
+            f"{system.mechanism.name} cannot be closed at t = {samples.time[part][k]:.6g} s: {gap[k]:.3g} m stays open"
+        )
+
+
+def _condition(system: LoopSystem, samples: Samples, part: slice, q: Floats, worst: int) -> float:
     """Condition number where elimination did worst. Raises ClosureError if the state is singular there."""
-    size = np.linalg.svd(dense_at_samples(rows, np.array([worst]))[0], compute_uv=False)
+    size = np.linalg.svd(system.all_rows(q[:, worst]), compute_uv=False)
     number = float(size[0] / max(float(size[-1]), 1e-300))
     if not number < SINGULAR_LIMIT:
         raise ClosureError(

@@ -16,8 +16,10 @@ from ..errors import ClosureError, ModelError
 from ..mechanism import forward_kinematics
 from ..mechanism.forward_kinematics import Motion, Pose
 from ..mechanism.mechanism import Mechanism
+from ..mechanism.pinocchio_engine import PinocchioEngine, refuse_other_than_pinocchio
 from ..mechanism.sparse_components import (
     ZERO,
+    Entries,
     Entry,
     Matrix,
     Vector,
@@ -25,16 +27,14 @@ from ..mechanism.sparse_components import (
     apply,
     apply_transposed,
     cross,
-    dense,
     dot,
-    fill,
     minus,
     mul,
     plus,
     scale,
-    sub,
-    vector,
+    sign,
 )
+from ..mechanism.tape import Program, Tape
 from ..motion import Samples
 from ..motion.driven_coordinates import PointDrive
 
@@ -67,18 +67,22 @@ class SpatialForce:
         return dot(at.axis[joint], self.force)
 
 
-def body_momentum(row: Floats, at: Pose, moving: Motion, joint: int) -> SpatialForce:
+Parameters = Entries
+"""Ten parameters of a body; those that are zero cost nothing."""
+
+
+def body_momentum(row: Parameters, at: Pose, moving: Motion, joint: int) -> SpatialForce:
     """Linear [kg m/s] and angular momentum about the base origin [kg m2/s] of a body of parameters ``row`` (10,):
 
     p = m v_o + w x h,   L = o x p + h x v_o + I w,   o the joint's origin, h the first moment about it.
     """
     first, omega, velocity = at.arm(joint, row[1:4]), moving.omega[joint], moving.velocity[joint]
-    linear = plus(scale(float(row[0]), velocity), cross(omega, first))
+    linear = plus(scale(row[0], velocity), cross(omega, first))
     spin = _inertia_times(at.rotation[joint], row, omega)
     return SpatialForce(linear, plus(plus(cross(at.position[joint], linear), cross(first, velocity)), spin))
 
 
-def body_force(row: Floats, at: Pose, moving: Motion, joint: int) -> SpatialForce:
+def body_force(row: Parameters, at: Pose, moving: Motion, joint: int) -> SpatialForce:
     """Force [N] and moment about the base origin [N m] that move a body of parameters ``row`` (10,).
 
     Newton-Euler about the joint's origin o:
@@ -88,23 +92,23 @@ def body_force(row: Floats, at: Pose, moving: Motion, joint: int) -> SpatialForc
     first, acceleration = at.arm(joint, row[1:4]), moving.acceleration[joint]
     omega, alpha = moving.omega[joint], moving.alpha[joint]
     swept = plus(cross(alpha, first), cross(omega, cross(omega, first)))
-    force = plus(scale(float(row[0]), acceleration), swept)
+    force = plus(scale(row[0], acceleration), swept)
     spin = _inertia_times(at.rotation[joint], row, alpha)
     gyroscopic = cross(omega, _inertia_times(at.rotation[joint], row, omega))
     moment = plus(plus(cross(at.position[joint], force), cross(first, acceleration)), plus(spin, gyroscopic))
     return SpatialForce(force, moment)
 
 
-def body_weight(row: Floats, at: Pose, gravity: Floats, joint: int) -> SpatialForce:
+def body_weight(row: Parameters, at: Pose, gravity: Entries, joint: int) -> SpatialForce:
     """Weight [N] and its moment about the base origin [N m] of a body ``row`` (10,) in ``gravity`` (3,) [m/s2]."""
-    g = vector(gravity)
-    centre = plus(scale(float(row[0]), at.position[joint]), at.arm(joint, row[1:4]))
-    return SpatialForce(scale(float(row[0]), g), cross(centre, g))
+    g = (gravity[0], gravity[1], gravity[2])
+    centre = plus(scale(row[0], at.position[joint]), at.arm(joint, row[1:4]))
+    return SpatialForce(scale(row[0], g), cross(centre, g))
 
 
-def _inertia_times(rotation: Matrix, row: Floats, angular: Vector) -> Vector:
+def _inertia_times(rotation: Matrix, row: Parameters, angular: Vector) -> Vector:
     """Inertia about the joint's origin times a base-frame vector."""
-    xx, xy, yy, xz, yz, zz = (float(x) for x in row[4:])
+    xx, xy, yy, xz, yz, zz = row[4:]
     inertia = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
     return apply(rotation, apply(inertia, apply_transposed(rotation, angular)))
 
@@ -150,62 +154,89 @@ def simulate(mechanism: Mechanism, trajectory: Trajectory) -> Response:
 
     F = -d(linear momentum)/dt, M = -d(angular momentum)/dt about the base frame's origin.
     """
-    count = len(trajectory.time)
-    force, moment, weight = np.empty((3, 3, count)).transpose(0, 2, 1)
-    joint_torque = np.empty(trajectory.q.shape[::-1]).T
+    count, numbers = len(trajectory.time), _numbers(mechanism)
+    program, states = _loads_program(mechanism), (trajectory.q, trajectory.v, trajectory.a)
+    wrench, weight, joint_torque = np.empty((6, count)), np.empty((3, count)), np.empty((mechanism.tree.size, count))
 
     def load(part: slice) -> None:
-        q, v, a = (np.ascontiguousarray(x[part].T) for x in (trajectory.q, trajectory.v, trajectory.a))
-        rate, load, torques = _loads(mechanism, q, v, a)
-        fill(force[part].T, minus(ZERO, rate.force))
-        fill(moment[part].T, minus(ZERO, rate.moment))
-        fill(weight[part].T, load.moment)
-        for column, entry in zip(joint_torque[part].T, torques, strict=True):
-            column[...] = entry
+        program.run([x[part].T for x in states], [x[:, part] for x in (wrench, weight, joint_torque)], numbers)
 
     for _ in parallel_blocks(count, load):
         pass
-    torque = _drive_torque(mechanism, trajectory, joint_torque)
+
+    def found(k: int) -> Floats:
+        return np.concatenate([wrench[:, k], joint_torque[:, k]])
+
+    def expected(engine: PinocchioEngine, q: Floats, v: Floats, a: Floats) -> tuple[Floats, Floats]:
+        regressor = np.concatenate([engine.wrench_regressor(q, v, a), engine.torque_regressor(q, v, a)])
+        lost = mechanism.armature * a + mechanism.viscous * v + mechanism.coulomb * np.sign(v)
+        lost = np.concatenate([np.zeros(6), lost])
+        return regressor @ mechanism.pi + lost, np.abs(regressor) @ np.abs(mechanism.pi) + np.abs(lost)
+
+    refuse_other_than_pinocchio(mechanism, "wrench or torque", _loads_key(mechanism), states, found, expected)
+    torque = _drive_torque(mechanism, trajectory, joint_torque.T)
     joints = mechanism.tree.joints
     sliding = frozenset(name for name in torque if not joints[mechanism.coordinate_index(name)].revolute)
-    return Response(trajectory.time, force, moment, torque, weight, sliding)
+    return Response(trajectory.time, wrench[:3].T, wrench[3:].T, torque, weight.T, sliding)
 
 
 def momentum(mechanism: Mechanism, q: Floats, v: Floats) -> Floats:
     """Linear momentum [kg m/s], then angular about the base frame's origin [kg m2/s], for (n, nv) states, (n, 6)."""
-    at = forward_kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
-    moving = forward_kinematics.motion(mechanism.tree, at, np.ascontiguousarray(v.T))
-    total = SpatialForce()
-    for row, joint in zip(mechanism.parameters, mechanism.tree.bodies, strict=True):
-        total = total.plus(body_momentum(row, at, moving, joint))
-    return np.concatenate([dense(total.force, at.count), dense(total.moment, at.count)]).T
+    tree, total = mechanism.tree, np.empty((6, len(q)))
+
+    def write() -> Program:
+        tape, load = Tape(), SpatialForce()
+        at = forward_kinematics.pose(tree, tape.rows(tree.size))
+        moving = forward_kinematics.motion(tree, at, tape.rows(tree.size))
+        for row, joint in zip(tape.parameter_rows(mechanism.parameters), tree.bodies, strict=True):
+            load = load.plus(body_momentum(row, at, moving, joint))
+        return tape.program([*load.force, *load.moment])
+
+    program = tree.program(("momentum", (mechanism.parameters != 0.0).tobytes()), write)
+    program.run([q.T, v.T], [total], mechanism.pi)
+    return total.T
 
 
-def _loads(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> tuple[SpatialForce, SpatialForce, list[Entry]]:
-    """Rate of momentum, weight, and the torque of every joint of the open tree."""
+def _numbers(mechanism: Mechanism) -> Floats:
+    """What a mechanism's loads depend on besides its motion: parameters, gravity, armature, friction."""
+    losses = (mechanism.armature, mechanism.viscous, mechanism.coulomb)
+    return np.concatenate([mechanism.pi, mechanism.gravity, *losses])
+
+
+def _loads_program(mechanism: Mechanism) -> Program:
+    """From (q, v, a) to shaking force and moment, moment of the weight, and the torque of every joint."""
     tree = mechanism.tree
+    return tree.program(_loads_key(mechanism), lambda: _write_loads(mechanism))
+
+
+def _loads_key(mechanism: Mechanism) -> tuple[str, bytes]:
+    return "loads", (_numbers(mechanism) != 0.0).tobytes()
+
+
+def _write_loads(mechanism: Mechanism) -> Program:
+    tree, tape = mechanism.tree, Tape()
+    q, v, a = (tape.rows(tree.size) for _ in range(3))
     at = forward_kinematics.pose(tree, q)
     moving = forward_kinematics.motion(tree, at, v, a)
+    rows = tape.parameter_rows(mechanism.parameters)
+    (gravity,) = tape.parameter_rows(mechanism.gravity[None])
+    losses = [tape.parameter_rows(x[None])[0] for x in (mechanism.armature, mechanism.viscous, mechanism.coulomb)]
     inertial, weight = [SpatialForce()] * tree.size, [SpatialForce()] * tree.size
-    for row, joint in zip(mechanism.parameters, tree.bodies, strict=True):
+    for row, joint in zip(rows, tree.bodies, strict=True):
         inertial[joint] = body_force(row, at, moving, joint)
-        weight[joint] = body_weight(row, at, mechanism.gravity, joint)
+        weight[joint] = body_weight(row, at, gravity, joint)
     torque: list[Entry] = [0.0] * tree.size
     total, total_weight = SpatialForce(), SpatialForce()
     for i in reversed(range(tree.size)):
         revolute, parent = tree.joints[i].revolute, tree.joints[i].parent
-        torque[i] = sub(inertial[i].along(at, i, revolute), weight[i].along(at, i, revolute))
+        armature, viscous, coulomb = (entries[i] for entries in losses)
+        lost = add(add(mul(armature, a[i]), mul(viscous, v[i])), mul(coulomb, sign(v[i])))
+        torque[i] = add(inertial[i].minus(weight[i]).along(at, i, revolute), lost)
         if parent >= 0:
             inertial[parent], weight[parent] = inertial[parent].plus(inertial[i]), weight[parent].plus(weight[i])
         else:
             total, total_weight = total.plus(inertial[i]), total_weight.plus(weight[i])
-    return total, total_weight, [add(t, _joint_losses(mechanism, i, v, a)) for i, t in enumerate(torque)]
-
-
-def _joint_losses(mechanism: Mechanism, i: int, v: Floats, a: Floats) -> Entry:
-    """Torque of a joint's drive inertia, viscous and dry friction."""
-    armature, viscous, coulomb = (float(x[i]) for x in (mechanism.armature, mechanism.viscous, mechanism.coulomb))
-    return add(add(mul(armature, a[i]), mul(viscous, v[i])), mul(coulomb, np.sign(v[i]) if coulomb else 0.0))
+    return tape.program([*minus(ZERO, total.force), *minus(ZERO, total.moment), *total_weight.moment, *torque])
 
 
 def _drive_torque(mechanism: Mechanism, trajectory: Trajectory, joint_torque: Floats) -> dict[str, Floats]:
@@ -266,7 +297,7 @@ def shaking_force_per_acceleration(mechanism: Mechanism, body: str) -> float | N
     drive = PointDrive.from_place(mechanism, body, ("x", "y"))
     if drive.size != closure.dof:
         return None
-    at = drive.value(mechanism, closure.home)
+    at = drive.value(closure.engine, closure.home)
     rest = Samples(np.zeros(1), at[None], np.zeros((1, 2)), np.zeros((1, 2)), point=body)
     try:
         columns = [

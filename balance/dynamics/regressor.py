@@ -12,14 +12,15 @@ from ..arrays import Floats
 from ..mechanism import forward_kinematics
 from ..mechanism.forward_kinematics import Motion, Pose
 from ..mechanism.mechanism import PARAMETERS, Mechanism
-from ..mechanism.sparse_components import dense, fill
-from .inverse_dynamics import SpatialForce, body_force, body_momentum, body_weight
+from ..mechanism.pinocchio_engine import PinocchioEngine, refuse_other_than_pinocchio
+from ..mechanism.sparse_components import Entry, dense, sub
+from ..mechanism.tape import Program, Tape
+from .inverse_dynamics import Parameters, body_force, body_momentum, body_weight
 
 COULOMB_SPEED = 0.05
 """Speed at which dry friction has reached 76 % of its value [rad/s, m/s]: noise about zero has no sign."""
 JOINT_TERMS = ("coulomb", "viscous", "offset", "armature")
 """Dry friction [N m], viscous friction [N m s], offset [N m], inertia of the drive [kg m2]; for slides in [N] ..."""
-_UNIT_ROWS = np.eye(len(PARAMETERS))
 
 
 def momentum_regressor(mechanism: Mechanism, q: Floats, v: Floats) -> Floats:
@@ -27,8 +28,7 @@ def momentum_regressor(mechanism: Mechanism, q: Floats, v: Floats) -> Floats:
 
     ``q`` and ``v`` are (n, nv).
     """
-    at, moving = _states(mechanism, q, v)
-    return _six_rows(mechanism, at, lambda row, joint: body_momentum(row, at, moving, joint))
+    return _columns(mechanism, "momentum", (q, v), 6, _momentum, PinocchioEngine.momentum_regressor)
 
 
 def wrench_regressor(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> Floats:
@@ -36,8 +36,7 @@ def wrench_regressor(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> F
 
     What the mechanism exerts on its base, weight excluded, base axes; ``q``, ``v``, ``a`` are (n, nv).
     """
-    at, moving = _states(mechanism, q, v, a)
-    return -_six_rows(mechanism, at, lambda row, joint: body_force(row, at, moving, joint))
+    return _columns(mechanism, "wrench", (q, v, a), 6, _wrench, PinocchioEngine.wrench_regressor)
 
 
 def torque_regressor(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> Floats:
@@ -46,14 +45,56 @@ def torque_regressor(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> F
     ``q``, ``v``, ``a`` are (n, nv). Torques of the driven joints of a closed loop are ``driven_rates.T @ W @ pi``.
     Armature and friction are not in it.
     """
-    tree = mechanism.tree
-    at, moving = _states(mechanism, q, v, a)
-    columns = np.zeros((len(mechanism.bodies) * len(PARAMETERS), tree.size, at.count))
-    for column, (row, joint) in zip(columns, _unit_bodies(mechanism), strict=True):
-        load = body_force(row, at, moving, joint).minus(body_weight(row, at, mechanism.gravity, joint))
-        for i in tree.path(joint):
-            column[i] = load.along(at, i, tree.joints[i].revolute)
-    return _samples_first(columns)
+    tree, gravity = mechanism.tree, mechanism.gravity.tolist()
+
+    def torques(row: Parameters, at: Pose, moving: Motion, joint: int) -> list[Entry]:
+        load = body_force(row, at, moving, joint).minus(body_weight(row, at, gravity, joint))
+        path = tree.path(joint)
+        return [load.along(at, i, tree.joints[i].revolute) if i in path else 0.0 for i in range(tree.size)]
+
+    return _columns(mechanism, f"torque {gravity}", (q, v, a), tree.size, torques, PinocchioEngine.torque_regressor)
+
+
+def _momentum(row: Parameters, at: Pose, moving: Motion, joint: int) -> list[Entry]:
+    load = body_momentum(row, at, moving, joint)
+    return [*load.force, *load.moment]
+
+
+def _wrench(row: Parameters, at: Pose, moving: Motion, joint: int) -> list[Entry]:
+    load = body_force(row, at, moving, joint)
+    return [sub(0.0, entry) for entry in (*load.force, *load.moment)]
+
+
+def _columns(
+    mechanism: Mechanism,
+    name: str,
+    states: tuple[Floats, ...],
+    rows: int,
+    load_of: Callable[[Parameters, Pose, Motion, int], list[Entry]],
+    engine_of: Callable[..., Floats],
+) -> Floats:
+    """A regressor (n, rows, 10 nb) [SI]: the load of each body for each of its parameters at one, all others zero."""
+
+    def expected(engine: PinocchioEngine, *state: Floats) -> tuple[Floats, Floats]:
+        found = engine_of(engine, *state)
+        return found, np.abs(found)
+
+    tree, count = mechanism.tree, len(states[0])
+
+    def write() -> Program:
+        tape = Tape()
+        q, *rates = (tape.rows(tree.size) for _ in states)
+        at = forward_kinematics.pose(tree, q)
+        moving = forward_kinematics.motion(tree, at, *rates)
+        units = [(row, joint) for joint in tree.bodies for row in np.eye(len(PARAMETERS)).tolist()]
+        return tape.program([entry for row, joint in units for entry in load_of(row, at, moving, joint)])
+
+    columns = np.empty((len(mechanism.bodies) * len(PARAMETERS) * rows, count))
+    key = f"regressor of {name}"
+    tree.program(key, write).run([np.ascontiguousarray(x.T) for x in states], [columns])
+    found = np.ascontiguousarray(columns.reshape(-1, rows, count).transpose(2, 1, 0))
+    refuse_other_than_pinocchio(mechanism, key, key, states, found.__getitem__, expected)
+    return found
 
 
 def driven_torque_regressor(mechanism: Mechanism, q: Floats, v: Floats, a: Floats, rates: Floats) -> Floats:
@@ -106,28 +147,3 @@ def joint_friction_regressor(joints: Sequence[str], v: Floats, a: Floats) -> tup
     columns[:, diagonal, diagonal] = terms
     names = tuple(f"{term}[{joint}]" for joint in joints for term in JOINT_TERMS)
     return columns.reshape(count, size, -1), names
-
-
-def _states(mechanism: Mechanism, q: Floats, v: Floats, a: Floats | None = None) -> tuple[Pose, Motion]:
-    at = forward_kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
-    rates = None if a is None else np.ascontiguousarray(a.T)
-    return at, forward_kinematics.motion(mechanism.tree, at, np.ascontiguousarray(v.T), rates)
-
-
-def _unit_bodies(mechanism: Mechanism) -> list[tuple[Floats, int]]:
-    """For each column: the unit row of parameters, and the joint of the body that has it."""
-    return [(row, joint) for joint in mechanism.tree.bodies for row in _UNIT_ROWS]
-
-
-def _six_rows(mechanism: Mechanism, at: Pose, load_of: Callable[[Floats, int], SpatialForce]) -> Floats:
-    columns = np.empty((len(mechanism.bodies) * len(PARAMETERS), 6, at.count))
-    for column, (row, joint) in zip(columns, _unit_bodies(mechanism), strict=True):
-        load = load_of(row, joint)
-        fill(column[:3], load.force)
-        fill(column[3:], load.moment)
-    return _samples_first(columns)
-
-
-def _samples_first(columns: Floats) -> Floats:
-    """(10 nb, rows, n) -> (n, rows, 10 nb)."""
-    return np.ascontiguousarray(columns.transpose(2, 1, 0))

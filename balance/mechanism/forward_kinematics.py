@@ -4,7 +4,8 @@ A tree consists of elementary joints, revolute or prismatic about one axis, in P
 axes (two slides on a body) is several elementary joints with massless bodies between them.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from ..arrays import Floats
 from .sparse_components import (
     IDENTITY,
     ZERO,
+    Entries,
     Entry,
     Matrix,
     Rows,
@@ -24,9 +26,11 @@ from .sparse_components import (
     plus,
     product,
     scale,
+    sincos,
     sub,
     vector,
 )
+from .tape import Node, Program
 
 
 @dataclass(frozen=True)
@@ -44,18 +48,27 @@ class Joint:
     revolute: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Tree:
     """Elementary joints in depth-first order, one velocity each, and which of them carries which body."""
 
     joints: tuple[Joint, ...]
     bodies: tuple[int, ...]
     """For each body, the elementary joint whose frame is the body's frame."""
+    _programs: dict[Hashable, Program] = field(default_factory=dict, repr=False)
+    compared: set[Hashable] = field(default_factory=set, repr=False)
+    """What was found to agree with Pinocchio."""
 
     @property
     def size(self) -> int:
         """Number of elementary joints, which is the number of velocities."""
         return len(self.joints)
+
+    def program(self, key: Hashable, write: Callable[[], Program]) -> Program:
+        """What ``write`` made for this tree and ``key``, made once."""
+        if key not in self._programs:
+            self._programs[key] = write()
+        return self._programs[key]
 
     def path(self, joint: int) -> list[int]:
         """Elementary joints from the base to ``joint``, which is the last."""
@@ -70,7 +83,7 @@ class Tree:
 class Pose:
     """Pose of every elementary joint's frame in the base frame, at n samples."""
 
-    q: Floats
+    q: Entries
     """The joint positions, (nv, n) [rad, m]."""
     rotation: list[Matrix]
     """Rotation from each joint's frame to the base."""
@@ -82,11 +95,12 @@ class Pose:
     @property
     def count(self) -> int:
         """Number of samples n."""
-        return self.q.shape[1]
+        return len(self.q[0])
 
-    def arm(self, joint: int, offset: Floats) -> Vector:
+    def arm(self, joint: int, offset: Entries) -> Vector:
         """Base components of a vector ``offset`` (3,) [m] fixed in a joint's frame (the base for joint -1)."""
-        return apply(self.rotation[joint], vector(offset)) if joint >= 0 else vector(offset)
+        x, y, z = (entry if isinstance(entry, Node) else float(entry) for entry in offset)
+        return apply(self.rotation[joint], (x, y, z)) if joint >= 0 else (x, y, z)
 
     def point(self, joint: int, offset: Floats) -> Vector:
         """Base coordinates of a point at ``offset`` (3,) [m] in a joint's frame (the base for joint -1)."""
@@ -97,7 +111,7 @@ class Pose:
 class Motion:
     """Angular velocity [rad/s] and origin's velocity [m/s] of every joint's frame, base axes, and the rates of both."""
 
-    rate: Floats
+    rate: Entries
     """The joint rates, (nv, n) [rad/s, m/s]."""
     omega: list[Vector]
     velocity: list[Vector]
@@ -105,7 +119,7 @@ class Motion:
     acceleration: list[Vector]
 
 
-def pose(tree: Tree, q: Floats) -> Pose:
+def pose(tree: Tree, q: Entries) -> Pose:
     """Poses at joint positions ``q`` (nv, n) [rad, m]."""
     at = Pose(q, [], [], [])
     for i, joint in enumerate(tree.joints):
@@ -119,19 +133,19 @@ def pose(tree: Tree, q: Floats) -> Pose:
     return at
 
 
-def _rotated(frame: Matrix, axis: Floats, angle: Floats) -> Matrix:
+def _rotated(frame: Matrix, axis: Floats, angle: Entry) -> Matrix:
     """``frame`` turned by ``angle`` (n,) [rad] about its ``axis``. Rodrigues: R + R K sin + R K K (1 - cos)."""
-    c, s = np.cos(angle), np.sin(angle)
+    s, c = sincos(angle)
     if axis[2] == 1.0:
         return plus(scale(c, frame[0]), scale(s, frame[1])), minus(scale(c, frame[1]), scale(s, frame[0])), frame[2]
     k = matrix(np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]]))
     first = product(frame, k)
     second = product(first, k)
-    x, y, z = (plus(plus(frame[j], scale(s, first[j])), scale(1.0 - c, second[j])) for j in range(3))
+    x, y, z = (plus(plus(frame[j], scale(s, first[j])), scale(sub(1.0, c), second[j])) for j in range(3))
     return x, y, z
 
 
-def motion(tree: Tree, at: Pose, v: Floats, a: Floats | None = None) -> Motion:
+def motion(tree: Tree, at: Pose, v: Entries, a: Entries | None = None) -> Motion:
     """Velocities and accelerations at joint rates ``v`` and ``a`` (nv, n) [rad/s, m/s; rad/s2, m/s2]; None is zero."""
     moving = Motion(v, [], [], [], [])
     for i, joint in enumerate(tree.joints):

@@ -8,19 +8,18 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.polynomial.polynomial import polyder, polyval
+from numpy.polynomial.polynomial import polyder
 
 from ..arrays import Floats
 from . import forward_kinematics
 from .forward_kinematics import Motion, Pose, Tree
 from .sparse_components import (
     ZERO,
+    Entry,
     Matrix,
     Rows,
     Vector,
     cross,
-    dense,
-    dense_rows,
     matrix,
     minus,
     plus,
@@ -58,10 +57,10 @@ class Loop:
     second: Anchor
     weld: bool
 
-    def residual(self, at: Pose) -> Floats:
+    def residual(self, at: Pose) -> list[Entry]:
         """First anchor less the second: origins [m], for a weld also orientation [rad], (3, n) or (6, n)."""
         gap = minus(at.point(self.first.joint, self.first.position), at.point(self.second.joint, self.second.position))
-        return self._rows(at, gap, self._small_rotation(at) if self.weld else ZERO)
+        return [*gap, *self._small_rotation(at)] if self.weld else [*gap]
 
     def jacobian(self, tree: Tree, at: Pose) -> Rows:
         """Rate of the residual per joint rate, (3, nv) or (6, nv)."""
@@ -73,23 +72,19 @@ class Loop:
                 forward_kinematics.add_angular_jacobian(tree, at, end.joint, rows[3:], sign)
         return rows
 
-    def bias(self, at: Pose, moving: Motion) -> Floats:
+    def bias(self, at: Pose, moving: Motion) -> list[Entry]:
         """Second rate of the residual at zero joint accelerations (``moving``), (3, n) or (6, n) [m/s2, rad/s2]."""
         ends = [
             forward_kinematics.point_acceleration(at, moving, end.joint, end.position)
             for end in (self.first, self.second)
         ]
         turns = [moving.alpha[end.joint] if end.joint >= 0 else ZERO for end in (self.first, self.second)]
-        return self._rows(at, minus(*ends), minus(*turns))
+        return [*minus(*ends), *minus(*turns)] if self.weld else [*minus(*ends)]
 
     @property
     def size(self) -> int:
         """Number of rows."""
         return 6 if self.weld else 3
-
-    def _rows(self, at: Pose, gap: Vector, turn: Vector) -> Floats:
-        parts = [gap, turn] if self.weld else [gap]
-        return np.concatenate([dense(part, at.count) for part in parts])
 
     def _small_rotation(self, at: Pose) -> Vector:
         """Small rotation from the second anchor to the first: half the sum of second x first over the axes."""
@@ -121,49 +116,51 @@ class Coupling:
     size = 1
     """Number of rows."""
 
-    def gap(self, q: Floats) -> Floats:
+    def gap(self, q: Entries) -> Entry:
         """First coordinate less what the second asks of it [rad, m], for each configuration of ``q`` (nv, ...)."""
-        return q[self.first] - self.zero[0] - self._polynomial(q, 0)
+        return sub(sub(q[self.first], self.zero[0]), self._polynomial(q, 0))
 
-    def row(self, q: Floats) -> Floats:
-        """Rate of the gap per joint rate at a configuration ``q`` (nv,), (nv,)."""
-        rates = np.zeros_like(q)
+    def row(self, q: Entries) -> list[Entry]:
+        """Rate of the gap per joint rate, for each configuration of ``q`` (nv, ...)."""
+        rates: list[Entry] = [0.0] * len(q)
         rates[self.first] = 1.0
         if self.second is not None:
-            rates[self.second] = -self._polynomial(q, 1)
+            rates[self.second] = sub(0.0, self._polynomial(q, 1))
         return rates
 
-    def residual(self, at: Pose) -> Floats:
+    def residual(self, at: Pose) -> list[Entry]:
         """The gap, (1, n) [rad, m]."""
-        return self.gap(at.q)[None]
+        return [self.gap(at.q)]
 
     def jacobian(self, tree: Tree, at: Pose) -> Rows:
         """Rate of the residual per joint rate, (1, nv)."""
-        rows = zeros(1, tree.size)
-        rows[0][self.first] = 1.0
-        if self.second is not None:
-            rows[0][self.second] = -self._polynomial(at.q, 1)
-        return rows
+        return [self.row(at.q)]
 
-    def bias(self, at: Pose, moving: Motion) -> Floats:
+    def bias(self, at: Pose, moving: Motion) -> list[Entry]:
         """Second rate of the residual at zero joint accelerations (``moving``), (1, n) [rad/s2, m/s2]."""
         if self.second is None:
-            return np.zeros((1, at.count))
-        return (-self._polynomial(at.q, 2) * moving.rate[self.second] ** 2)[None]
+            return [0.0]
+        rate = moving.rate[self.second]
+        return [sub(0.0, mul(self._polynomial(at.q, 2), mul(rate, rate)))]
 
-    def _polynomial(self, q: Floats, order: int) -> Floats:
+    def _polynomial(self, q: Entries, order: int) -> Entry:
         """The polynomial, or its derivative of an ``order``, for each configuration."""
-        from_zero = np.zeros_like(q[0]) if self.second is None else q[self.second] - self.zero[1]
-        return polyval(from_zero, polyder(self.coefficients, order))
+        *others, value = (float(c) for c in polyder(self.coefficients, order))
+        if self.second is None:
+            return others[0] if others else value
+        from_zero = sub(q[self.second], self.zero[1])
+        for coefficient in reversed(others):
+            value = add(mul(value, from_zero), coefficient)
+        return value
 
 
 Constraint = Loop | Coupling
 """What ties coordinates to each other."""
 
 
-def constraint_residual(loops: tuple[Constraint, ...], at: Pose) -> Floats:
+def constraint_residual(loops: tuple[Constraint, ...], at: Pose) -> list[Entry]:
     """Residuals of all loops stacked, (rows, n) [m, rad]; no rows for an open chain."""
-    return _stack([loop.residual(at) for loop in loops], (at.count,))
+    return [entry for loop in loops for entry in loop.residual(at)]
 
 
 def constraint_jacobian(loops: tuple[Constraint, ...], tree: Tree, at: Pose) -> Rows:
@@ -171,15 +168,6 @@ def constraint_jacobian(loops: tuple[Constraint, ...], tree: Tree, at: Pose) -> 
     return [row for loop in loops for row in loop.jacobian(tree, at)]
 
 
-def loop_jacobian(loops: tuple[Constraint, ...], tree: Tree, at: Pose) -> Floats:
-    """Jacobians of all loops stacked as an array, (rows, nv, n) [-, m]."""
-    return dense_rows(constraint_jacobian(loops, tree, at), tree.size, at.count)
-
-
-def constraint_bias(loops: tuple[Constraint, ...], at: Pose, moving: Motion) -> Floats:
+def constraint_bias(loops: tuple[Constraint, ...], at: Pose, moving: Motion) -> list[Entry]:
     """Acceleration bias of all loops stacked, (rows, n) [m/s2, rad/s2]."""
-    return _stack([loop.bias(at, moving) for loop in loops], (at.count,))
-
-
-def _stack(parts: list[Floats], shape: tuple[int, ...]) -> Floats:
-    return np.concatenate(parts) if parts else np.empty((0, *shape))
+    return [entry for loop in loops for entry in loop.bias(at, moving)]

@@ -4,12 +4,22 @@ The engine of whatever needs tens of states. Many samples at once go through ``f
 it, which are compared with this one.
 """
 
+from collections.abc import Callable, Hashable
+from typing import TYPE_CHECKING
+
 import numpy as np
-import pinocchio
 
 from ..arrays import Floats
+from ..errors import ModelError
 from .loop_constraints import Anchor, Coupling, Loop
 from .mechanism import PARAMETERS, Mechanism
+
+if TYPE_CHECKING:
+    import pinocchio
+
+AGREEMENT = 1e-10
+"""Largest difference from Pinocchio, relative to the sum of the sizes of what is added up."""
+_COMPARED_STATES = 3
 
 
 class PinocchioEngine:
@@ -20,14 +30,18 @@ class PinocchioEngine:
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
+        import pinocchio  # late: closed forms do without it
+
+        self._pin = pinocchio
         self.model = mechanism.pinocchio_model()
         self.data = self.model.createData()
+        self._bodies = mechanism.tree.bodies
         self._columns = len(PARAMETERS) * len(mechanism.bodies)
-        self._constraints = pinocchio.StdVec_RigidConstraintModel()
-        self._constraint_data = pinocchio.StdVec_RigidConstraintData()
+        self._constraints = self._pin.StdVec_RigidConstraintModel()
+        self._constraint_data = self._pin.StdVec_RigidConstraintData()
         self._couplings = [loop for loop in mechanism.loops if isinstance(loop, Coupling)]
         for loop in mechanism.closed_loops:
-            constraint = _constraint_model(self.model, mechanism, loop)
+            constraint = self._constraint_model(mechanism, loop)
             self._constraints.append(constraint)
             self._constraint_data.append(constraint.createData())
 
@@ -41,8 +55,8 @@ class PinocchioEngine:
         for loop, data in zip(self._constraints, self._constraint_data, strict=True):
             first, second = data.oMc1, data.oMc2
             parts.append(first.translation - second.translation)
-            if loop.type == pinocchio.ContactType.CONTACT_6D:
-                parts.append(pinocchio.log3(first.rotation @ second.rotation.T))
+            if loop.type == self._pin.ContactType.CONTACT_6D:
+                parts.append(self._pin.log3(first.rotation @ second.rotation.T))
         return np.concatenate([*parts, [coupling.gap(q) for coupling in self._couplings]])
 
     def constraint_jacobian(self, q: Floats) -> Floats:
@@ -51,27 +65,36 @@ class PinocchioEngine:
         if not len(self._constraints):
             return couplings
         self._place_loops(q)
-        loops = pinocchio.getConstraintsJacobian(self.model, self.data, self._constraints, self._constraint_data)
+        loops = self._pin.getConstraintsJacobian(self.model, self.data, self._constraints, self._constraint_data)
         return np.concatenate([loops, couplings])
 
     def momentum_regressor(self, q: Floats, v: Floats) -> Floats:
         """W with ``W @ pi`` = linear [kg m/s] and angular momentum [kg m2/s], (6, 10 nb)."""
-        pinocchio.forwardKinematics(self.model, self.data, q, v)
-        still = pinocchio.Motion.Zero()
-        return self._in_base([pinocchio.bodyRegressor(still, rate) for rate in self.data.v])
+        self._pin.forwardKinematics(self.model, self.data, q, v)
+        still = self._pin.Motion.Zero()
+        return self._in_base([self._pin.bodyRegressor(still, rate) for rate in self.data.v])
 
     def wrench_regressor(self, q: Floats, v: Floats, a: Floats) -> Floats:
         """W with ``W @ pi`` = shaking force [N] and moment [N m] on the base, weight excluded, (6, 10 nb)."""
-        pinocchio.forwardKinematics(self.model, self.data, q, v, a)
-        return -self._in_base(list(map(pinocchio.bodyRegressor, self.data.v, self.data.a)))
+        self._pin.forwardKinematics(self.model, self.data, q, v, a)
+        return -self._in_base(list(map(self._pin.bodyRegressor, self.data.v, self.data.a)))
 
     def torque_regressor(self, q: Floats, v: Floats, a: Floats) -> Floats:
         """W with ``W @ pi`` = torques of the joints of the open tree, gravity included, (nv, 10 nb) [N m, N]."""
-        found = pinocchio.computeJointTorqueRegressor(self.model, self.data, q, v, a)
+        found = self._pin.computeJointTorqueRegressor(self.model, self.data, q, v, a)
         return np.array(found).reshape(self.model.nv, self._columns)
 
+    def point(self, q: Floats, joint: int, offset: Floats) -> tuple[Floats, Floats]:
+        """Base coordinates (3,) [m] of a point at ``offset`` (3,) [m] in a joint's frame, and its Jacobian (3, nv)."""
+        body = self._bodies.index(joint) + 1
+        self._pin.computeJointJacobians(self.model, self.data, q)
+        place = self.data.oMi[body]
+        jacobian = self._pin.getJointJacobian(self.model, self.data, body, self._pin.LOCAL_WORLD_ALIGNED)
+        arm = place.rotation @ offset
+        return place.translation + arm, jacobian[:3] - self._pin.skew(arm) @ jacobian[3:]
+
     def _place_loops(self, q: Floats) -> None:
-        pinocchio.computeJointJacobians(self.model, self.data, q)
+        self._pin.computeJointJacobians(self.model, self.data, q)
         for loop, data in zip(self._constraints, self._constraint_data, strict=True):
             loop.calc(self.model, self.data, data)
 
@@ -80,14 +103,43 @@ class PinocchioEngine:
         moved = [place.toDualActionMatrix() @ own for place, own in zip(self.data.oMi[1:], by_joint[1:], strict=True)]
         return np.concatenate(moved, axis=1)
 
+    def _constraint_model(self, mechanism: Mechanism, loop: Loop) -> "pinocchio.RigidConstraintModel":
+        kind = self._pin.ContactType.CONTACT_6D if loop.weld else self._pin.ContactType.CONTACT_3D
+        ends = [value for end in (loop.first, loop.second) for value in self._anchor(end)]
+        return self._pin.RigidConstraintModel(kind, self.model, *ends, self._pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
 
-def _constraint_model(model: pinocchio.Model, mechanism: Mechanism, loop: Loop) -> "pinocchio.RigidConstraintModel":
-    kind = pinocchio.ContactType.CONTACT_6D if loop.weld else pinocchio.ContactType.CONTACT_3D
-    ends = [value for end in (loop.first, loop.second) for value in _anchor(mechanism, end)]
-    return pinocchio.RigidConstraintModel(kind, model, *ends, pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+    def _anchor(self, end: Anchor) -> "tuple[int, pinocchio.SE3]":
+        """Pinocchio's joint that carries an anchor, and its placement there."""
+        joint = 0 if end.joint < 0 else self._bodies.index(end.joint) + 1
+        return joint, self._pin.SE3(end.rotation, end.position)
 
 
-def _anchor(mechanism: Mechanism, end: Anchor) -> tuple[int, pinocchio.SE3]:
-    """Pinocchio's joint that carries an anchor, and its placement there."""
-    joint = 0 if end.joint < 0 else mechanism.tree.bodies.index(end.joint) + 1
-    return joint, pinocchio.SE3(end.rotation, end.position)
+def refuse_other_than_pinocchio(
+    mechanism: Mechanism,
+    what: str,
+    key: Hashable,
+    states: tuple[Floats, ...],
+    found: Callable[[int], Floats],
+    expected: Callable[..., tuple[Floats, Floats]],
+) -> None:
+    """Raise ModelError where ``found`` is not what Pinocchio computes, in a few random ones of n states.
+
+    ``states`` are q, v, ... (n, nv), and ``found`` gets the index of one; ``expected`` gets Pinocchio's engine and a
+    state, and gives a result and the size of what is added up in it, in SI. A ``key`` that was found to agree on this
+    mechanism is not computed again.
+    """
+    if key in mechanism.tree.compared:
+        return
+    finite = np.flatnonzero(np.isfinite(np.hstack(states)).all(axis=1))
+    chosen = np.random.default_rng(0).permutation(finite)[:_COMPARED_STATES]
+    engine = PinocchioEngine(mechanism)
+    for k in chosen:
+        value, size = expected(engine, *(np.ascontiguousarray(state[k]) for state in states))
+        difference = np.abs(found(int(k)) - value)
+        if not (difference <= AGREEMENT * size.max(initial=1e-300)).all():
+            raise ModelError(
+                f"{mechanism.name}: {what} differs from Pinocchio's by {difference.max():.3g}, relative to "
+                f"{size.max():.3g}: expected {AGREEMENT:g} at most. No answer is given; please report the file"
+            )
+    if len(chosen):
+        mechanism.tree.compared.add(key)

@@ -1,14 +1,21 @@
 """Vectors over many samples by component, where a component that is constant zero or one costs nothing.
 
-In a planar mechanism most components are zero: skipping them makes the general code as quick as a planar one.
+In a planar mechanism most components are zero: skipping them makes the general code as quick as a planar one. The same
+code computes with arrays, and writes a tape (see :mod:`.tape`) when it is given nodes of one.
 """
+
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from ..arrays import Floats
+from .tape import Node, Op
 
-Entry = Floats | float
-"""One component: an array over samples (n,), or a constant."""
+Entry = Any
+"""One component: an array over samples (n,), a node of a tape, or a constant (float)."""
+Entries = Floats | Sequence[Entry]
+"""Several of them, such as the joint positions."""
 Vector = tuple[Entry, Entry, Entry]
 """Three components, base axes unless stated otherwise."""
 Matrix = tuple[Vector, Vector, Vector]
@@ -124,6 +131,36 @@ def dense(a: Vector, count: int) -> Floats:
 def zeros(rows: int, columns: int) -> Rows:
     """A matrix of zeros."""
     return [[0.0] * columns for _ in range(rows)]
+
+
+def sincos(angle: Entry) -> tuple[Entry, Entry]:
+    """Sine and cosine of an angle [rad]."""
+    return angle.tape.sincos(angle) if isinstance(angle, Node) else (np.sin(angle), np.cos(angle))
+
+
+def sign(a: Entry) -> Entry:
+    """-1, 0 or 1."""
+    return a.tape.emit(Op.SIGN, a) if isinstance(a, Node) else np.sign(a)
+
+
+def largest(values: Entries) -> Entry:
+    """The largest absolute value, sample by sample."""
+    found: Entry = 0.0
+    for value in values:
+        if isinstance(value, Node) or isinstance(found, Node):
+            tape = value.tape if isinstance(value, Node) else found.tape
+            found = tape.emit(Op.LARGER, found, value)
+        else:
+            found = np.maximum(found, np.abs(value))
+    return found
+
+
+def dense_columns(values: Entries, count: int) -> Floats:
+    """A vector of any length at ``count`` samples as an array (rows, n), in SI."""
+    out = np.empty((len(values), count))
+    for row, value in zip(out, values, strict=True):
+        row[...] = value
+    return out
 
 
 def dense_rows(rows: Rows, columns: int, count: int) -> Floats:

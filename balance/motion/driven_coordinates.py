@@ -1,7 +1,7 @@
 """What a motion drives: joints, or a point of a body along axes of the base."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -10,7 +10,10 @@ from ..errors import ModelError
 from ..mechanism import forward_kinematics
 from ..mechanism.forward_kinematics import Motion, Pose, Tree
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.sparse_components import Rows, dense, zeros
+from ..mechanism.sparse_components import Entry, Rows, zeros
+
+if TYPE_CHECKING:
+    from ..mechanism.pinocchio_engine import PinocchioEngine
 
 AXES = {"x": 0, "y": 1, "z": 2}
 
@@ -28,7 +31,12 @@ class Drive(Protocol):
         """Number of driven coordinates."""
         ...
 
-    def position(self, at: Pose, q: Floats) -> Floats:
+    @property
+    def key(self) -> tuple[object, ...]:
+        """What tells it from other drives of the same mechanism."""
+        ...
+
+    def position(self, at: Pose) -> list[Entry]:
         """Driven coordinates, (size, n) [rad, m]."""
         ...
 
@@ -36,7 +44,7 @@ class Drive(Protocol):
         """Their rates per joint rate, (size, nv)."""
         ...
 
-    def bias(self, at: Pose, moving: Motion) -> Floats:
+    def bias(self, at: Pose, moving: Motion) -> list[Entry]:
         """Their second rates where ``moving`` has zero joint accelerations, (size, n) [rad/s2, m/s2]."""
         ...
 
@@ -44,8 +52,12 @@ class Drive(Protocol):
         """What a step of one radian amounts to in these coordinates, for a mechanism of ``length`` [rad, m]."""
         ...
 
-    def value(self, mechanism: Mechanism, q: Floats) -> Floats:
+    def value(self, engine: "PinocchioEngine", q: Floats) -> Floats:
         """Driven coordinates (size,) [rad, m] of one configuration ``q`` (nv,)."""
+        ...
+
+    def rates(self, engine: "PinocchioEngine", q: Floats) -> Floats:
+        """Their rates per joint rate (size, nv) at one configuration ``q`` (nv,)."""
         ...
 
 
@@ -76,25 +88,34 @@ class JointDrive:
         """Number of driven joints."""
         return len(self.indices)
 
-    def position(self, at: Pose, q: Floats) -> Floats:
-        """Joint positions, (size, n) [rad, m], of ``q`` (nv, n)."""
-        return q[list(self.indices)]
+    @property
+    def key(self) -> tuple[object, ...]:
+        """The joints."""
+        return self.indices
+
+    def position(self, at: Pose) -> list[Entry]:
+        """Joint positions, (size, n) [rad, m]."""
+        return [at.q[index] for index in self.indices]
 
     def jacobian(self, tree: Tree, at: Pose) -> Rows:
         """Rows of the identity, (size, nv)."""
         return [[float(i == index) for i in range(tree.size)] for index in self.indices]
 
-    def bias(self, at: Pose, moving: Motion) -> Floats:
+    def bias(self, at: Pose, moving: Motion) -> list[Entry]:
         """Zero, (size, n) [rad/s2, m/s2]: joint coordinates are linear."""
-        return np.zeros((self.size, at.count))
+        return [0.0] * self.size
 
     def scale(self, length: float) -> float:
         """One radian."""
         return 1.0
 
-    def value(self, mechanism: Mechanism, q: Floats) -> Floats:
+    def value(self, engine: "PinocchioEngine", q: Floats) -> Floats:
         """Joint positions (size,) [rad, m] of one configuration ``q`` (nv,)."""
         return q[list(self.indices)]
+
+    def rates(self, engine: "PinocchioEngine", q: Floats) -> Floats:
+        """Rows of the identity, (size, nv)."""
+        return np.eye(len(q))[list(self.indices)]
 
 
 @dataclass(frozen=True)
@@ -124,9 +145,15 @@ class PointDrive:
         """Number of driven axes."""
         return len(self.axes)
 
-    def position(self, at: Pose, q: Floats) -> Floats:
+    @property
+    def key(self) -> tuple[object, ...]:
+        """Where the point is, and the axes."""
+        return self.joint, self.offset.tobytes(), self.axes
+
+    def position(self, at: Pose) -> list[Entry]:
         """Base coordinates of the point, (size, n) [m]."""
-        return dense(at.point(self.joint, self.offset), at.count)[list(self.axes)]
+        point = at.point(self.joint, self.offset)
+        return [point[axis] for axis in self.axes]
 
     def jacobian(self, tree: Tree, at: Pose) -> Rows:
         """Rows of the point's Jacobian, (size, nv)."""
@@ -134,15 +161,19 @@ class PointDrive:
         forward_kinematics.add_point_jacobian(tree, at, self.joint, at.point(self.joint, self.offset), rows)
         return [rows[axis] for axis in self.axes]
 
-    def bias(self, at: Pose, moving: Motion) -> Floats:
+    def bias(self, at: Pose, moving: Motion) -> list[Entry]:
         """Acceleration of the point at zero joint accelerations, (size, n) [m/s2]."""
         acceleration = forward_kinematics.point_acceleration(at, moving, self.joint, self.offset)
-        return dense(acceleration, at.count)[list(self.axes)]
+        return [acceleration[axis] for axis in self.axes]
 
     def scale(self, length: float) -> float:
         """A length of the mechanism."""
         return length
 
-    def value(self, mechanism: Mechanism, q: Floats) -> Floats:
+    def value(self, engine: "PinocchioEngine", q: Floats) -> Floats:
         """Base coordinates (size,) [m] of the point at one configuration ``q`` (nv,)."""
-        return self.position(forward_kinematics.pose(mechanism.tree, q[:, None]), q[:, None])[:, 0]
+        return engine.point(q, self.joint, self.offset)[0][list(self.axes)]
+
+    def rates(self, engine: "PinocchioEngine", q: Floats) -> Floats:
+        """Velocity of the point along the axes per joint rate, (size, nv), at one configuration ``q`` (nv,)."""
+        return engine.point(q, self.joint, self.offset)[1][list(self.axes)]

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from balance.arrays import Floats
+from balance.compiled_kernels import can_compile
 
-from ..compiled_kernels import can_compile
 from ..errors import AnalysisError
 
 ORDER = 4

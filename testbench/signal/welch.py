@@ -15,8 +15,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from balance.arrays import Floats
+from balance.compiled_kernels import can_compile
 
-from ..compiled_kernels import can_compile
 from ..errors import AnalysisError
 
 SEGMENT = 4096

@@ -24,7 +24,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled_kernels import INTEGER, PLACE, Kernel
+from balance.compiled_kernels import INTEGER, PLACE, Kernel
+
 from ..recording import Samples
 
 if TYPE_CHECKING:
@@ -102,7 +103,7 @@ MUCH_BYTES = 32_000_000
 """What HDF5 writes and reads before the compiled checksum is asked for [bytes]."""
 LONGEST = 1 << 20
 """Samples of a chunk whose sums the compiled loop holds."""
-KERNEL = Kernel("store.fletcher32_kernel", "checksum", (PLACE, INTEGER))
+KERNEL = Kernel("testbench.store.fletcher32_kernel", "checksum", (PLACE, INTEGER))
 _CHECKSUM_BYTES = 4
 _WORDS = 4
 """Words of 16 bits in a sample."""

@@ -14,7 +14,8 @@ from io import BytesIO
 import numpy as np
 from numpy.typing import NDArray
 
-from ...compiled_kernels import BYTE, INTEGER, PLACE, Kernel
+from balance.compiled_kernels import BYTE, INTEGER, PLACE, Kernel
+
 from ...recording import Samples
 from .dialect import Dialect
 from .text_blocks import count_lines
@@ -162,7 +163,7 @@ _MORE = 1.05
 """Room for rows, times that of a block whose rows are as long as those of the block before."""
 _TEXT, _COLUMNS, _DEFERRED, _SHAPES = (PLACE, INTEGER), (PLACE, INTEGER), (PLACE, INTEGER), (PLACE, PLACE)
 _ARGUMENTS = (*_TEXT, BYTE, BYTE, PLACE, INTEGER, *_COLUMNS, *_DEFERRED, *_SHAPES)
-ROWS = Kernel("readers.csv.fast_parser_kernel", "rows", _ARGUMENTS)
+ROWS = Kernel("testbench.readers.csv.fast_parser_kernel", "rows", _ARGUMENTS)
 
 
 class FastParser:

@@ -60,10 +60,10 @@ def test_constraint_bias_is_the_second_rate_of_the_residual() -> None:
     tree, loops, step = closure.mechanism.tree, closure.mechanism.loops, 1e-4
     at = forward_kinematics.pose(tree, q)
     before, here, after = (
-        loop_constraints.constraint_residual(loops, forward_kinematics.pose(tree, q + s * v))
+        np.array(loop_constraints.constraint_residual(loops, forward_kinematics.pose(tree, q + s * v)))
         for s in (-step, 0.0, step)
     )
-    bias = loop_constraints.constraint_bias(loops, at, forward_kinematics.motion(tree, at, v))
+    bias = np.array(loop_constraints.constraint_bias(loops, at, forward_kinematics.motion(tree, at, v)))
     np.testing.assert_allclose((after - 2 * here + before) / step**2, bias, atol=1e-6 * np.abs(bias).max())
 
 

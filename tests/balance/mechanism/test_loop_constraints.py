@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 from balance.mechanism import forward_kinematics, loop_constraints
+from balance.mechanism.mechanism import Mechanism
+from balance.mechanism.sparse_components import dense_rows
 
 from .. import models
 
@@ -16,6 +18,17 @@ def pair(equality: str, second: str = 'pos="-0.2 0 0.1" euler="0.2 0.1 0.3"') ->
         + models.link(f'<site name="s2" {second}/>', "b", '<joint name="b" axis="1 0 0"/>', 'pos="0.5 0 0"'),
         f"<equality>{equality}</equality>",
     )
+
+
+def residual(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
+    """Of all loops, (rows, n)."""
+    return np.array(loop_constraints.constraint_residual(mechanism.loops, forward_kinematics.pose(mechanism.tree, q)))
+
+
+def jacobian_of(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
+    """Of all loops, (rows, nv, n)."""
+    at = forward_kinematics.pose(mechanism.tree, q)
+    return dense_rows(loop_constraints.constraint_jacobian(mechanism.loops, mechanism.tree, at), *q.shape)
 
 
 FORMS = {
@@ -39,9 +52,7 @@ def test_positions_are_mujocos(name: str) -> None:
     data = mujoco.MjData(model)
     data.qpos[:] = q = np.array([0.3, 0.4])
     mujoco.mj_forward(model, data)
-    mine = loop_constraints.constraint_residual(mechanism.loops, forward_kinematics.pose(mechanism.tree, q[:, None]))[
-        :, 0
-    ]
+    mine = residual(mechanism, q[:, None])[:, 0]
     np.testing.assert_allclose(mine[:3], data.efc_pos[:3], atol=1e-12)
     if mechanism.loops[0].weld:
         half = np.arcsin(np.linalg.norm(data.efc_pos[3:6]))
@@ -54,37 +65,19 @@ def test_jacobian_is_the_rate_of_the_residual(name: str) -> None:
     mechanism, step = models.model(pair(FORMS[name], 'pos="-0.2 0 0"')), 1e-6
     q = np.random.default_rng(2).normal(size=(2, 5))
     rows = slice(None) if not mechanism.loops[0].weld else slice(3)
-    jacobian = loop_constraints.loop_jacobian(
-        mechanism.loops, mechanism.tree, forward_kinematics.pose(mechanism.tree, q)
-    )
+    jacobian = jacobian_of(mechanism, q)
     for k in range(2):
         shift = step * np.eye(2)[:, k : k + 1]
-        before, after = (
-            loop_constraints.constraint_residual(
-                mechanism.loops, forward_kinematics.pose(mechanism.tree, q + s * shift)
-            )
-            for s in (-1, 1)
-        )
+        before, after = (residual(mechanism, q + s * shift) for s in (-1, 1))
         np.testing.assert_allclose(((after - before) / (2 * step))[rows], jacobian[rows, k], atol=1e-8)
 
 
 def test_weld_jacobian_where_it_is_closed() -> None:
     """At a closed state the turn's rate is the difference of the angular velocities."""
     mechanism, step = models.model(models.bennett()), 1e-6
-    q, tree = mechanism.home[:, None], mechanism.tree
-    jacobian = loop_constraints.loop_jacobian(mechanism.loops, tree, forward_kinematics.pose(tree, q))[:, :, 0]
+    q = mechanism.home[:, None]
+    jacobian = jacobian_of(mechanism, q)[:, :, 0]
     for k in range(4):
         shift = step * np.eye(4)[:, k : k + 1]
-        before, after = (
-            loop_constraints.constraint_residual(mechanism.loops, forward_kinematics.pose(tree, q + s * shift))
-            for s in (-1, 1)
-        )
+        before, after = (residual(mechanism, q + s * shift) for s in (-1, 1))
         np.testing.assert_allclose(((after - before) / (2 * step))[:, 0], jacobian[:, k], atol=1e-9)
-
-
-def test_an_open_chain_has_no_rows() -> None:
-    """No loops, no rows, whatever the number of samples."""
-    mechanism = models.load("serial-2r")
-    at = forward_kinematics.pose(mechanism.tree, np.zeros((2, 3)))
-    assert loop_constraints.constraint_residual(mechanism.loops, at).shape == (0, 3)
-    assert loop_constraints.loop_jacobian(mechanism.loops, mechanism.tree, at).shape == (0, 2, 3)

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from testbench import compiled_kernels
+from balance import compiled_kernels
 from testbench.readers import ReadOptions, open_recording
 from testbench.readers.csv import row_parser, table, text_blocks
 from testbench.readers.csv.dialect import Dialect

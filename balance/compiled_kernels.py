@@ -2,7 +2,7 @@
 
 What is kept is code for this processor and has no link to numba, which need not be imported to run it. A kernel is a
 module that imports numba and gives, by ``compiled()``, its loop as text that LLVM takes. It is compiled by
-``python -m testbench.compiled_kernels MODULE FILE``.
+``python -m balance.compiled_kernels MODULE FILE``.
 """
 
 import ctypes
@@ -26,7 +26,7 @@ _one_compiles = threading.Lock()
 
 @dataclass(frozen=True)
 class Kernel:
-    """A loop by the module that compiles it, relative to this package, the name of its entry, and its arguments."""
+    """A loop by the module that compiles it, the name of its entry, and its arguments."""
 
     module: str
     entry: str
@@ -34,8 +34,8 @@ class Kernel:
 
     @property
     def source(self) -> Path:
-        """The file of the module, which is not imported to find it."""
-        return Path(__file__).parent.joinpath(*self.module.split(".")).with_suffix(".py")
+        """The file of the module, which is not imported to find it: it lies in one of the packages beside this one."""
+        return Path(__file__).parent.parent.joinpath(*self.module.split(".")).with_suffix(".py")
 
     def loop(self, compiling: Callable[[], None] = lambda: None) -> Callable[..., int] | None:
         """The loop; None if it cannot be had here.
@@ -60,7 +60,7 @@ class Kernel:
         import subprocess
 
         path.parent.mkdir(parents=True, exist_ok=True)
-        command = [sys.executable, "-m", __name__, f"{__package__}.{self.module}", str(path)]
+        command = [sys.executable, "-m", __name__, self.module, str(path)]
         done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False)
         return self.kept(path) if done.returncode == 0 else None
 
