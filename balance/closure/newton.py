@@ -1,19 +1,35 @@
-"""Loops and driven coordinates solved together by Newton's method, one configuration at a time, by Pinocchio."""
+"""Loops and driven coordinates solved together by Newton's method: one configuration by Pinocchio, many by programs.
 
+In a program Gauss's elimination goes in one order of pivots for all samples, chosen on a few of them: among entries
+that are not small, the one that fills in least (H. M. Markowitz, 1957). What is zero for all samples costs
+nothing then. Rows beyond the number of columns depend on the others: they are not used.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from ..arrays import Floats, Indices
 from ..errors import ClosureError
+from ..mechanism import forward_kinematics, loop_constraints
+from ..mechanism.forward_kinematics import Pose, Tree
+from ..mechanism.loop_constraints import Loop
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.pinocchio_engine import PinocchioEngine
+from ..mechanism.sparse_components import Entry, Rows, largest, mul, sub
+from ..mechanism.tape import Program, Tape
 from ..motion.driven_coordinates import Drive
 
 RESIDUAL_LIMIT = 1e-10
 """Largest loop residual that counts as closed, relative to the mechanism's length."""
 ITERATIONS = 30
 """Newton steps after which an iteration counts as lost."""
+_CONVERGED = 1e-9
+"""Newton step after which the next one is below rounding [rad, m]."""
+Order = tuple[tuple[int, int], ...]
+"""Pivots in turn: row and column."""
 
 
 @dataclass(frozen=True)
@@ -103,3 +119,170 @@ class LoopSystem:
             f"{self.mechanism.name} cannot be closed at {at} (t = {time:.6g} s): it gets as far as {got} on "
             f"the branch of {self.mechanism.branch!r}; the position is out of reach or singular"
         )
+
+
+@dataclass(frozen=True)
+class LoopProgram:
+    """Loops and driven coordinates of a mechanism, written down for many samples."""
+
+    tree: Tree
+    loops: tuple[Loop, ...]
+    drive: Drive
+
+    def order(self, q: Floats) -> Order:
+        """Pivots for the configurations ``q`` (nv, n) [rad, m], chosen on nine of them."""
+        few = np.ascontiguousarray(q[:, np.unique(np.linspace(0, q.shape[1] - 1, 9).astype(int))])
+        size, count = self.tree.size, few.shape[1]
+        found = np.empty((self._equations_count * size, count))
+        self._equations.run([few], [found])
+        return pivot_order(found.reshape(-1, size, count).transpose(2, 0, 1))
+
+    def closed(self, guess: Floats, target: Floats, order: Order) -> Floats:
+        """Configurations (nv, n) [rad, m] from good guesses to driven coordinates ``target`` (dof, n); unchecked."""
+        program = self.step(order)
+        q, moved, size = guess, np.empty_like(guess), np.empty((1, guess.shape[1]))
+        for _ in range(ITERATIONS):
+            program.run([q, target], [moved, size])
+            q, moved = moved, np.empty_like(guess) if q is guess else q
+            if not size.max() > _CONVERGED:
+                break
+        return q
+
+    def step(self, order: Order) -> Program:
+        """From configurations and driven coordinates to better ones, and the largest change."""
+        return self.tree.program(("step", order, self.drive.key), lambda: self._step(order))
+
+    def rates(self, order: Order) -> Program:
+        """From configurations, driven coordinates and their two rates to what a motion has.
+
+        In turn: velocities, accelerations, rates of all coordinates per driven one (dof by nv), largest residual, and
+        how near a pivot is to zero, as its inverse.
+        """
+        return self.tree.program(("rates", order, self.drive.key), lambda: self._rates(order))
+
+    @cached_property
+    def _equations_count(self) -> int:
+        return sum(loop.size for loop in self.loops) + self.drive.size
+
+    @cached_property
+    def _equations(self) -> Program:
+        def write() -> Program:
+            tape = Tape()
+            at = forward_kinematics.pose(self.tree, tape.rows(self.tree.size))
+            return tape.program([entry for row in self._jacobian(at) for entry in row])
+
+        return self.tree.program(("equations", self.drive.key), write)
+
+    def _step(self, order: Order) -> Program:
+        tape = Tape()
+        q, target = tape.rows(self.tree.size), tape.rows(self.drive.size)
+        at = forward_kinematics.pose(self.tree, q)
+        change = SparseLU.factorise(self._jacobian(at), order).solve(self._residual(at, target))
+        return tape.program([*(sub(x, dx) for x, dx in zip(q, change, strict=True)), largest(change)])
+
+    def _rates(self, order: Order) -> Program:
+        tape, dof = Tape(), self.drive.size
+        q, target, rate, rate_of_rate = (tape.rows(k) for k in (self.tree.size, dof, dof, dof))
+        at = forward_kinematics.pose(self.tree, q)
+        factors = SparseLU.factorise(self._jacobian(at), order)
+        still: list[Entry] = [0.0] * (self._equations_count - dof)
+        per_drive = [factors.solve([*still, *(float(i == j) for i in range(dof))]) for j in range(dof)]
+        v = factors.solve([*still, *rate])
+        moving = forward_kinematics.motion(self.tree, at, v)
+        bias = loop_constraints.constraint_bias(self.loops, at, moving)
+        driven = [sub(a, b) for a, b in zip(rate_of_rate, self.drive.bias(at, moving), strict=True)]
+        a = factors.solve([*(sub(0.0, b) for b in bias), *driven])
+        gap = largest(self._residual(at, target))
+        return tape.program(
+            [*v, *a, *(entry for column in per_drive for entry in column), gap, largest(factors.inverse_pivots)]
+        )
+
+    def _residual(self, at: Pose, target: list[Entry]) -> list[Entry]:
+        loops = loop_constraints.constraint_residual(self.loops, at)
+        return [*loops, *(sub(u, asked) for u, asked in zip(self.drive.position(at), target, strict=True))]
+
+    def _jacobian(self, at: Pose) -> Rows:
+        return loop_constraints.constraint_jacobian(self.loops, self.tree, at) + self.drive.jacobian(self.tree, at)
+
+
+_THRESHOLD = 0.1
+"""A pivot is at least this share of the largest remaining entry of its column, at every sample that it is chosen on."""
+
+
+def is_zero(entry: Entry) -> bool:
+    """Whether an entry is zero for all samples."""
+    return isinstance(entry, float) and entry == 0.0
+
+
+def pivot_order(matrices: Floats) -> Order:
+    """Pivots for ``matrices`` (k, rows, columns), in SI: as many as columns, each in a row of its own."""
+    reduced, order = matrices.copy(), []
+    rows, columns = list(range(reduced.shape[1])), list(range(reduced.shape[2]))
+    while columns:
+        part = reduced[:, rows][:, :, columns]
+        share = np.abs(part) / np.maximum(np.abs(part).max(axis=1, keepdims=True), 1e-300)
+        least, filled = share.min(axis=0), (part != 0.0).any(axis=0)
+        cost = np.outer(filled.sum(axis=1) - 1, filled.sum(axis=0) - 1).astype(float)
+        cost[least < _THRESHOLD] = np.inf
+        best = np.argmin(cost - 1e-3 * least) if np.isfinite(cost).any() else np.argmax(least)
+        i, j = (int(x) for x in np.unravel_index(best, least.shape))
+        row, column = rows.pop(i), columns.pop(j)
+        order.append((row, column))
+        pivot = reduced[:, row, column]
+        factor = reduced[:, :, column] / np.where(pivot == 0.0, np.inf, pivot)[:, None]
+        factor[:, [r for r in range(reduced.shape[1]) if r not in rows]] = 0.0
+        reduced = reduced - factor[:, :, None] * reduced[:, row, None, :]
+        reduced[:, rows, column] = 0.0
+    return tuple(order)
+
+
+@dataclass(frozen=True)
+class SparseLU:
+    """The triangular factors of a matrix a sample."""
+
+    order: Order
+    upper: Rows
+    lower: list[list[tuple[int, Entry]]]
+    """For each pivot, the rows from which its row was subtracted, and how many times."""
+    inverse_pivots: list[Entry]
+
+    @classmethod
+    def factorise(cls, rows: Rows, order: Order) -> "SparseLU":
+        """Eliminate in the given order."""
+        upper, waiting = {row: list(rows[row]) for row, _ in order}, [row for row, _ in order]
+        lower: list[list[tuple[int, Entry]]] = []
+        pivots: list[Entry] = []
+        for row, column in order:
+            waiting.remove(row)
+            source, pivot = upper[row], upper[row][column]
+            inverse = 1.0 / pivot
+            taken = [
+                (other, mul(upper[other][column], inverse)) for other in waiting if not is_zero(upper[other][column])
+            ]
+            ahead = [k for k, entry in enumerate(source) if k != column and not is_zero(entry)]
+            for other, times in taken:
+                target = upper[other]
+                for k in ahead:
+                    target[k] = sub(target[k], mul(times, source[k]))
+                target[column] = 0.0
+            lower.append(taken)
+            pivots.append(inverse)
+        return cls(order, [upper[row] for row, _ in order], lower, pivots)
+
+    def solve(self, right: Sequence[Entry]) -> list[Entry]:
+        """Solution for right-hand sides by row of the matrix; rows without a pivot do not count."""
+        value = {row: right[row] for row, _ in self.order}
+        for (row, _), taken in zip(self.order, self.lower, strict=True):
+            if not is_zero(value[row]):
+                for other, times in taken:
+                    value[other] = sub(value[other], mul(times, value[row]))
+        solution: list[Entry] = [0.0] * len(self.order)
+        for (row, column), entries, inverse in zip(
+            reversed(self.order), reversed(self.upper), reversed(self.inverse_pivots), strict=True
+        ):
+            rest = value[row]
+            for k, entry in enumerate(entries):
+                if k != column and not is_zero(entry) and not is_zero(solution[k]):
+                    rest = sub(rest, mul(entry, solution[k]))
+            solution[column] = mul(rest, inverse)
+        return solution

@@ -13,8 +13,7 @@ from ..arrays import Floats, Indices, parallel_blocks
 from ..errors import ClosureError, ModelError
 from ..mechanism.pinocchio_engine import AGREEMENT
 from ..motion import Samples
-from .loop_program import LoopProgram, Order
-from .newton import RESIDUAL_LIMIT, LoopSystem
+from .newton import RESIDUAL_LIMIT, LoopProgram, LoopSystem, Order
 
 COARSE_STEP = 0.1
 """Travel of the driven coordinates between two steps of continuation [rad, or lengths of the mechanism]."""

@@ -13,19 +13,7 @@ from numpy.polynomial.polynomial import polyder
 from ..arrays import Floats
 from . import forward_kinematics
 from .forward_kinematics import Motion, Pose, Tree
-from .sparse_components import (
-    ZERO,
-    Entry,
-    Matrix,
-    Rows,
-    Vector,
-    cross,
-    matrix,
-    minus,
-    plus,
-    product,
-    scale,
-    zeros,
+from .sparse_components import (ZERO, Entries, Entry, Matrix, Rows, Vector, add, cross, matrix, minus, mul, plus, product, scale, sub, zeros,
 )
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ installed (the extra ``compiled``), else by NumPy.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import cache
+from threading import Thread
 from typing import Union
 
 import numpy as np
@@ -18,19 +18,45 @@ from ..compiled_kernels import INTEGER, PLACE, Kernel, can_compile
 
 LANES = 64
 """Samples that the compiled loop works on at a time, as many as in ``tape_kernel``."""
-KERNEL = Kernel("balance.mechanism.tape_kernel", "run", (PLACE, INTEGER, PLACE, PLACE, INTEGER, PLACE, PLACE, INTEGER,
-                                                         INTEGER))  # fmt: skip
+_ARGUMENTS = (PLACE, INTEGER, PLACE, PLACE, INTEGER, PLACE, PLACE, INTEGER, INTEGER)
+KERNEL = Kernel("balance.mechanism.tape_kernel", "run_tape", _ARGUMENTS)
 _BLOCK = 2048
 """Samples that NumPy works on at a time."""
-_COMPILED_FROM = 1e6
-"""Operations times samples from which the compiled loop is looked for."""
+_KEPT_FROM, _COMPILED_FROM = 1e8, 4e9
+"""Operations times samples from which the compiled loop is looked for, and from which it is compiled: about 0.05 s and
+2 s of NumPy's time."""
 _LARGEST_ANGLE = 1e5
 """Up to here the compiled loop's sine and cosine are right [rad]."""
 
 
-@cache
-def _compiled_loop() -> Callable[..., int] | None:
-    return KERNEL.loop() if can_compile() else None
+class CompiledLoop:
+    """The compiled loop, from when there is enough to do: first the one that is kept, then one that is compiled.
+
+    While it is compiled, in a process of its own, NumPy goes on.
+    """
+
+    def __init__(self) -> None:
+        self._work, self._asked = 0.0, False
+        self._found: Callable[..., int] | None = None
+
+    def after(self, work: float) -> Callable[..., int] | None:
+        """The loop, or None as long as there is none, ``work`` more operations being asked for."""
+        self._work += work
+        if self._found is None and self._work > _KEPT_FROM and can_compile():
+            if not self._asked:
+                self._asked, self._found = True, KERNEL.loop(only_kept=True)
+            elif self._work > _COMPILED_FROM:
+                self._work = -np.inf
+                Thread(target=self.compile, daemon=True).start()
+        return self._found
+
+    def compile(self) -> bool:
+        """Compile the loop now, if it is not kept: some seconds; whether it can be had."""
+        self._found = KERNEL.loop() if can_compile() else None
+        return self._found is not None
+
+
+COMPILED = CompiledLoop()
 
 
 class Op(IntEnum):
@@ -222,10 +248,8 @@ class Program:
         read = [row for block in inputs for row in block]
         write = [row for block in outputs for row in block]
         count = len(write[0])
-        loop = None
-        if count * len(self.code) >= _COMPILED_FROM and max(np.abs(x).max() for x in inputs) < _LARGEST_ANGLE:
-            loop = _compiled_loop()
-        if loop is not None:
+        loop = COMPILED.after(float(count * len(self.code)))
+        if loop is not None and max(np.abs(x).max() for x in inputs) < _LARGEST_ANGLE:
             self._run_compiled(loop, values, read, write)
             return
         for begin in range(0, count, _BLOCK):

@@ -21,7 +21,7 @@ _C4, _C5, _C6 = -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.1359
 """Polynomials of sine and cosine up to pi/4 (fdlibm, k_sin.c and k_cos.c)."""
 
 
-def run(
+def run_tape(
     code_at: Any, length: Any, space_at: Any, values_at: Any, constants: Any, memory_at: Any, rows_at: Any, inputs: Any,
     count: Any,
 ) -> Any:  # fmt: skip
@@ -102,11 +102,11 @@ def run(
 
 
 def compiled() -> str:
-    """The loop for this processor, as text that LLVM takes; its entry is called ``run``."""
+    """The loop for this processor, as text that LLVM takes; its entry is called ``run_tape``."""
     whole, numbers = types.CPointer(types.int64), types.CPointer(types.float64)
     signature = types.int64(
         types.CPointer(types.int32), types.int64, numbers, numbers, types.int64, numbers, whole, types.int64,
         types.int64,
     )  # fmt: skip
-    function = cfunc(signature, error_model="numpy")(run)
-    return str(function.inspect_llvm()).replace(function.native_name, run.__name__)
+    function = cfunc(signature, error_model="numpy")(run_tape)
+    return str(function.inspect_llvm()).replace(function.native_name, run_tape.__name__)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from balance.closure import Closure
-from balance.closure.loop_program import LoopProgram
-from balance.closure.newton import LoopSystem
+from balance.closure.newton import LoopProgram, LoopSystem
 from balance.errors import ClosureError
 from balance.motion.driven_coordinates import JointDrive
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from balance.closure.loop_program import SparseLU, pivot_order
+from balance.closure.newton import SparseLU, pivot_order
 from balance.mechanism.sparse_components import Entry, Rows, dense_columns, dense_rows
 
 N = 40
