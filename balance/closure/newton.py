@@ -15,7 +15,7 @@ from ..arrays import Floats, Indices
 from ..errors import ClosureError
 from ..mechanism import forward_kinematics, loop_constraints
 from ..mechanism.forward_kinematics import Pose, Tree
-from ..mechanism.loop_constraints import Loop
+from ..mechanism.loop_constraints import Constraint
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.pinocchio_engine import PinocchioEngine
 from ..mechanism.sparse_components import Entry, Rows, largest, mul, sub
@@ -126,7 +126,7 @@ class LoopProgram:
     """Loops and driven coordinates of a mechanism, written down for many samples."""
 
     tree: Tree
-    loops: tuple[Loop, ...]
+    loops: tuple[Constraint, ...]
     drive: Drive
 
     def order(self, q: Floats) -> Order:

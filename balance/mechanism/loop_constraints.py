@@ -7,13 +7,28 @@ samples, nv that of the joint coordinates.
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
 from numpy.polynomial.polynomial import polyder
 
 from ..arrays import Floats
 from . import forward_kinematics
 from .forward_kinematics import Motion, Pose, Tree
-from .sparse_components import (ZERO, Entries, Entry, Matrix, Rows, Vector, add, cross, matrix, minus, mul, plus, product, scale, sub, zeros,
+from .sparse_components import (
+    ZERO,
+    Entries,
+    Entry,
+    Matrix,
+    Rows,
+    Vector,
+    add,
+    cross,
+    matrix,
+    minus,
+    mul,
+    plus,
+    product,
+    scale,
+    sub,
+    zeros,
 )
 
 if TYPE_CHECKING:

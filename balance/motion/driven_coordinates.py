@@ -57,7 +57,7 @@ class Drive(Protocol):
         ...
 
     def rates(self, engine: "PinocchioEngine", q: Floats) -> Floats:
-        """Their rates per joint rate (size, nv) at one configuration ``q`` (nv,)."""
+        """Their rates per joint rate (size, nv) [-, m] at one configuration ``q`` (nv,) [rad, m]."""
         ...
 
 
@@ -114,7 +114,7 @@ class JointDrive:
         return q[list(self.indices)]
 
     def rates(self, engine: "PinocchioEngine", q: Floats) -> Floats:
-        """Rows of the identity, (size, nv)."""
+        """Rows of the identity, (size, nv) [-]."""
         return np.eye(len(q))[list(self.indices)]
 
 
@@ -175,5 +175,5 @@ class PointDrive:
         return engine.point(q, self.joint, self.offset)[0][list(self.axes)]
 
     def rates(self, engine: "PinocchioEngine", q: Floats) -> Floats:
-        """Velocity of the point along the axes per joint rate, (size, nv), at one configuration ``q`` (nv,)."""
+        """Velocity of the point along the axes per joint rate, (size, nv) [m, -], at one configuration ``q`` (nv,)."""
         return engine.point(q, self.joint, self.offset)[1][list(self.axes)]

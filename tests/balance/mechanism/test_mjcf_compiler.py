@@ -139,18 +139,23 @@ def test_gears_of_a_file_are_couplings() -> None:
     data, q, v = mujoco.MjData(theirs), np.array([0.4, 0.7]), np.array([0.3, -1.1])
     from balance.mechanism import forward_kinematics as kinematics
     from balance.mechanism import loop_constraints as loops
+    from balance.mechanism.sparse_components import dense_rows
 
     at = kinematics.pose(mine.tree, q[:, None])
     data.qpos[:], data.qvel[:] = q, v
     mujoco.mj_forward(theirs, data)
     row = np.empty((1, 2))
     mujoco.mju_copy(row[0], data.efc_J[:2])
+
+    def jacobian(at: kinematics.Pose) -> np.ndarray:
+        return dense_rows(loops.constraint_jacobian(mine.loops, mine.tree, at), 2, 1)[:, :, 0]
+
     np.testing.assert_allclose(loops.constraint_residual(mine.loops, at)[0], data.efc_pos[:1], atol=1e-15)
-    np.testing.assert_allclose(loops.loop_jacobian(mine.loops, mine.tree, at)[:, :, 0], row, atol=1e-15)
+    np.testing.assert_allclose(jacobian(at), row, atol=1e-15)
     h, still = 1e-5, kinematics.motion(mine.tree, at, v[:, None])
     ahead, behind = (kinematics.pose(mine.tree, (q + step * v)[:, None]) for step in (h, -h))
-    rate = [loops.loop_jacobian(mine.loops, mine.tree, p)[0, :, 0] @ v for p in (ahead, behind)]
-    bias = loops.constraint_bias(mine.loops, at, still)[0, 0]
+    rate = [jacobian(p)[0] @ v for p in (ahead, behind)]
+    bias = float(loops.constraint_bias(mine.loops, at, still)[0][0])
     assert bias == pytest.approx((rate[0] - rate[1]) / (2 * h), rel=1e-8)
 
 

@@ -55,13 +55,8 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
     (tmp_path / "arm.step").write_text("solid", encoding="utf-8")
     with pytest.raises(ModelError, match=r"arm\.step: expected a MJCF \(\.xml, \.mjcf\), URDF"):
         load_mechanism(tmp_path / "arm.step")
-<<<<<<< HEAD
     with pytest.raises(DataError, match=r"six-bar: no such file.*four-bar.*serial-1r"):
         load_mechanism("six-bar")
-=======
-    with pytest.raises(DataError, match=r"nine-bar: no such file.*four-bar.*serial-1r"):
-        load_mechanism("nine-bar")
->>>>>>> f4f334b (Kernel: the compiled loop is taken when kept, compiled apart when there is enough to do; benchmarks ask 120 and 20 times)
 
 
 def test_a_file_in_another_encoding(tmp_path: Path) -> None:
