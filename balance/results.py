@@ -19,6 +19,7 @@ import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, cached_property, reduce
+from pathlib import PurePath
 from typing import Any, NamedTuple, get_args
 
 NO_VALUE = "-"
@@ -29,19 +30,24 @@ class Key(NamedTuple):
     """How a field of a result is shown."""
 
     name: str | None = ""
-    """Key in JSON, the unit at its end; empty: the name of the field; None: in the table alone."""
+    """Key in JSON, the unit at its end; empty: the name of the field; None: in the table alone.
+
+    ``{0.unit}`` stands for an attribute of the result, where its unit differs.
+    """
     label: str = ""
     """Heading in a table, unit included; empty: in JSON alone."""
     form: str | Callable[[Any], str] = ""
-    """Format of a cell, as of ``format``, or a function from the value to the text."""
+    """Format of a cell, as of ``format``, in the unit of the key; or a function from the value itself to the text."""
     to: Callable[[Any], Any] | None = None
     """From a number in SI to the unit of the key; for tuples and mappings, each value. None stays None."""
     optional: bool = False
     """Whether the key is left out of JSON where the value is None."""
+    parts: tuple[str, ...] = ()
+    """Keys of the values of a tuple, which is an object in JSON then."""
     inline: bool = False
     """Whether the keys and columns of the value take its place."""
-    inner: type | None = None
-    """Class of such a value."""
+    inner: Any = None
+    """Class of such a value; of a mapping, nothing is shown in a table."""
 
 
 INLINE = Key(inline=True)
@@ -57,6 +63,11 @@ def rpm(speed: Any) -> Any:  # noqa: ANN401
     return speed / (math.pi / 30.0)
 
 
+def finite(number: float) -> float | None:
+    """A number, or None for one that is not finite."""
+    return number if math.isfinite(number) else None
+
+
 def document(result: Any) -> dict[str, Any]:  # noqa: ANN401
     """The JSON object of a result, a dataclass, by its keys; numbers that are not finite are left to who prints it."""
     found: dict[str, Any] = {}
@@ -64,24 +75,25 @@ def document(result: Any) -> dict[str, Any]:  # noqa: ANN401
     for attribute, key in keys(of).items():
         value = getattr(result, attribute)
         if key.inline:
-            found |= document(value)
+            found |= plain(value)
         elif key.name is not None and not (key.optional and value is None):
-            found[key.name or attribute] = plain(value, key.to)
+            parts = dict(zip(key.parts, value, strict=True)) if key.parts else value
+            found[(key.name or attribute).format(result)] = plain(parts, key.to)
     return found
 
 
 def plain(value: Any, to: Callable[[Any], Any] | None = None) -> Any:  # noqa: ANN401
-    """A value in plain JSON types: results and named tuples as objects, arrays and tuples as lists."""
+    """A value in plain JSON types: results as objects, arrays and tuples as lists, paths as text."""
     if isinstance(value, Mapping):
         return {name: plain(one, to) for name, one in value.items()}
-    if isinstance(value, tuple) and hasattr(value, "_fields"):
-        return {name: plain(one, to) for name, one in zip(value._fields, value, strict=True)}
     if isinstance(value, list | tuple):
         return [plain(one, to) for one in value]
     if value is not None and to is not None:
         return plain(to(value))
     if dataclasses.is_dataclass(value):
         return document(value)
+    if isinstance(value, PurePath):
+        return str(value)
     return value.tolist() if hasattr(value, "tolist") else value
 
 
@@ -115,7 +127,7 @@ def _columns(of: type) -> dict[str, tuple[tuple[str, ...], Key]]:
     """The columns of a class by attribute: the way to the value, and its key."""
     found: dict[str, tuple[tuple[str, ...], Key]] = {}
     for attribute, key in keys(of).items():
-        if key.inner is not None:
+        if isinstance(key.inner, type):
             found |= {name: ((attribute, *path), one) for name, (path, one) in _columns(key.inner).items()}
         elif key.label:
             found[attribute] = (attribute,), key
@@ -124,7 +136,7 @@ def _columns(of: type) -> dict[str, tuple[tuple[str, ...], Key]]:
 
 def _cell(result: Any, path: Sequence[str], key: Key) -> str:  # noqa: ANN401
     value = reduce(getattr, path, result)
-    if value is None:
-        return NO_VALUE
-    value = value if key.to is None else key.to(value)
-    return key.form(value) if callable(key.form) else format(value, key.form)
+    if value is not None and callable(key.form):
+        return key.form(value)
+    shown = value if value is None or key.to is None else key.to(value)
+    return NO_VALUE if shown is None else format(shown, str(key.form))

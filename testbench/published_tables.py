@@ -4,10 +4,11 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from balance import datasets
 from balance.errors import DataError
+from balance.results import Key
 
 from .errors import AnalysisError
 
@@ -73,9 +74,9 @@ class ForceExtremes:
 class Published:
     """A published table: reductions [%] by axis, by payload as printed [kg], motion and peak acceleration [g0]."""
 
-    name: str
-    source: str
-    definition: str
+    name: Annotated[str, Key()]
+    source: Annotated[str, Key()]
+    definition: Annotated[str, Key()]
     """How amplitudes were taken, by the source."""
     rows: dict[tuple[float, str, float], dict[str, float]]
     force_extremes: ForceExtremes | None = None

@@ -8,10 +8,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from pathlib import Path
-from typing import Literal, TypedDict
+from typing import Annotated, Literal, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
+
+from balance.results import Key, document
 
 from .errors import RecordingError
 
@@ -120,11 +122,11 @@ class Finding:
     ``group`` is the channel's, where the run has several and the channel does not say which; see ``findings_by_group``.
     """
 
-    code: str
-    channel: str | None
-    where: str | None
-    message: str
-    group: str | None = None
+    code: Annotated[str, Key()]
+    channel: Annotated[str | None, Key()]
+    where: Annotated[str | None, Key()]
+    message: Annotated[str, Key()]
+    group: Annotated[str | None, Key(optional=True)] = None
 
     @property
     def severity(self) -> Severity:
@@ -135,8 +137,7 @@ class Finding:
 
     def as_dict(self) -> dict[str, str | None]:
         """The finding as it is printed and stored; the group only where there is one."""
-        known = {"code": self.code, "channel": self.channel, "where": self.where, "message": self.message}
-        return known if self.group is None else {**known, "group": self.group}
+        return document(self)
 
 
 def worst_severity(findings: Iterable[Finding]) -> Severity:
@@ -190,8 +191,8 @@ def storable_name(text: str) -> str:
 class Channel:
     """One column, with its name and unit exactly as the logger wrote them, and the name without the unit."""
 
-    name: str
-    unit: str | None = None
+    name: Annotated[str, Key("", "channel")]
+    unit: Annotated[str | None, Key("", "unit")] = None
     label: str = ""
 
     def __post_init__(self) -> None:
@@ -244,8 +245,8 @@ class SensorRange:
 class Group:
     """Channels sampled together; the time column, if there is one, is among them."""
 
-    name: str
-    channels: tuple[Channel, ...]
+    name: Annotated[str, Key()]
+    channels: Annotated[tuple[Channel, ...], Key()]
     clock: Clock | None = None
 
     def __post_init__(self) -> None:

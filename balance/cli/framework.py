@@ -4,6 +4,7 @@ import json
 import os
 import re
 import sys
+import unicodedata
 from collections.abc import Sequence
 from importlib import import_module
 from typing import Any, NoReturn
@@ -11,6 +12,7 @@ from typing import Any, NoReturn
 import click
 
 from ..errors import CounterpoiseError
+from ..results import plain
 
 EXIT_REFUSED = 1
 """Refused or failed once a file or model was read; nothing half-written."""
@@ -102,29 +104,39 @@ def refuse_empty(arguments: Sequence[str]) -> None:
             )
 
 
-def emit_json(document: dict[str, Any]) -> None:
-    """Print the one JSON document of a command. Non-finite numbers have no JSON form and must be None."""
+def json_text(document: dict[str, Any]) -> str:
+    """The one JSON document of a command, results in it by their keys; a number that is not finite is refused."""
     try:
-        text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
+        text = json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False)
     except ValueError as error:
         raise CounterpoiseError(NO_NUMBER) from error
-    click.echo(_HALF_LETTERS.sub(lambda match: f"\\u{ord(match[0]):04x}", text))
+    return _HALF_LETTERS.sub(lambda match: f"\\u{ord(match[0]):04x}", text)
+
+
+def emit_json(document: dict[str, Any]) -> None:
+    """Print the one JSON document of a command."""
+    click.echo(json_text(document))
 
 
 def emit_table(title: str, header: list[str], rows: list[list[str]], note: str = "") -> None:
-    """Print a table for people on stdout; columns of numbers are right-aligned."""
+    """Print a table for people on stdout; columns of numbers are right-aligned, control characters escaped."""
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
-    table = Table(title=escape(title), title_style="bold", caption=escape(note) or None)
+    table = Table(title=escape(plain_text(title)), title_style="bold", caption=escape(note) or None)
     table.title_justify = table.caption_justify = "left"
     for column, cells in zip(header, zip(*rows, strict=True) if rows else [()] * len(header), strict=True):
         numeric = bool(cells) and all(re.match(r"[+-]?[\d.]|-?$", cell) for cell in cells)
         table.add_column(escape(column), justify="right" if numeric else "left")
     for row in rows:
-        table.add_row(*(escape(cell) for cell in row))
+        table.add_row(*(escape(plain_text(cell)) for cell in row))
     Console(width=None if sys.stdout.isatty() else 160).print(table)
+
+
+def plain_text(text: str) -> str:
+    """Text from a file with control characters escaped."""
+    return "".join(c if unicodedata.category(c)[0] != "C" else f"\\x{ord(c):02x}" for c in text)
 
 
 def mass(kilograms: float) -> str:

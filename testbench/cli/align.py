@@ -7,12 +7,18 @@ from typing import TYPE_CHECKING
 import click
 
 from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from balance.results import table
 
 from . import options
 
 if TYPE_CHECKING:
     from ..store import Run
     from ..synchronization.run_alignment import RunClocks
+
+
+COLUMNS = (
+    "run", "group", "offset", "offset_interval", "drift", "drift_interval", "uncertainty", "content",
+)  # fmt: skip
 
 
 @click.command(
@@ -90,21 +96,16 @@ def align(
     bound = [SIRun.of(run, described) for run in opened if described or run.rig]
     records, unrecorded = ([], []) if dry_run else _store(done)
     if as_json:
-        rows = [row for _, found in done for row in found.as_rows()]
-        emit_json(
-            {
-                "alignments": rows,
-                "refused": [*(one.message for one in unopened), *refused, *unrecorded],
-                "records": [str(path) for path in records],
-                "calibrations": options.calibrations_document(bound),
-            }
-        )
+        emit_json({
+            "alignments": [row for _, found in done for row in found.rows],
+            "refused": [*(one.message for one in unopened), *refused, *unrecorded],
+            "records": records,
+            "calibrations": options.calibrations(bound),
+        })  # fmt: skip
     else:
         _print_clocks([found for _, found in done], refused, records)
-        options.print_calibrations(bound)
-    options.print_not_opened(unopened)
-    for reason in unrecorded:
-        click.echo(f"testbench: {reason}", err=True)
+        options.print_calibrations(options.calibrations(bound))
+    options.complain(*(one.message for one in unopened), *unrecorded)
     if unopened or unrecorded or not done:
         return EXIT_REFUSED
     return EXIT_WITH_FINDINGS if refused or any(found.findings for _, found in done) else 0
@@ -163,25 +164,13 @@ def _store(done: "list[tuple[Path, RunClocks]]") -> tuple[list[Path], list[str]]
 
 
 def _print_clocks(found: "list[RunClocks]", refused: list[str], records: list[Path]) -> None:
-    rows = [
-        [
-            str(row["run"]),
-            str(row["group"]),
-            f"{row['offset_s']:.6f}",
-            " .. ".join(f"{x:.6f}" for x in row["offset_interval_s"]),
-            f"{row['drift_ppm']:.1f}",
-            " .. ".join(f"{x:.1f}" for x in row["drift_interval_ppm"]),
-            f"{1e3 * row['uncertainty_s']:.3f}",
-            str(row["content"]),
-        ]
-        for clocks in found
-        for row in clocks.as_rows()
-    ]
-    header = ["run", "group", "offset [s]", "95 % interval", "drift [ppm]", "95 % interval", "within [ms]", "by"]
+    from ..synchronization.run_alignment import GroupClock
+
     references = sorted({clocks.reference for clocks in found})
     if found:
         title = f"Clocks against {', '.join(references[:3])}{' ...' if len(references) > 3 else ''}"
-        emit_table(title, header, rows, "reference time = offset + (1 + drift) own time")
+        rows = [row for clocks in found for row in clocks.rows]
+        emit_table(title, *table(GroupClock, rows, *COLUMNS), "reference time = offset + (1 + drift) own time")
         origins = sorted({clocks.origin for clocks in found})
         click.echo(f"Origin of the runs: {', '.join(origins)}.")
         _print_filters(found)

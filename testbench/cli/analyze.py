@@ -1,21 +1,22 @@
 """``testbench analyze`` and ``testbench compare``."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from balance.cli.framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 from balance.cli.options import figure_option
+from balance.results import document, table
 
 from . import options
 
 if TYPE_CHECKING:
-    from ..published_tables import Published
     from ..signal.filters import Band
-    from ..vibration.comparison import Comparison, Row
+    from ..vibration.comparison import Comparison
     from ..vibration.metrics import Metric
-    from ..vibration.reduction import Analysis
+    from ..vibration.reduction import Analysis, Reduction
 
 
 @click.command(
@@ -48,38 +49,30 @@ def analyze(campaign: Path, metric: "Metric", band: "Band | None", figure: str |
     if figure:
         options.draw_figures(analysis, figure)
     if as_json:
-        emit_json({
-            "reductions": [reduction.as_dict() for reduction in analysis.reductions],
-            "definition": str(measure),
-            "notes": analysis.notes,
-            "findings": [finding.as_dict() for finding in analysis.findings],
-            "calibrations": options.calibrations_document(runs),
-        })  # fmt: skip
+        emit_json(document(analysis) | {"calibrations": options.calibrations(runs)})
     else:
-        _print_reductions(campaign, analysis, str(measure))
-        options.print_calibrations(runs)
+        _print_reductions(campaign, analysis)
+        options.print_calibrations(options.calibrations(runs))
     return EXIT_WITH_FINDINGS if analysis.findings else 0
 
 
-def _print_reductions(campaign: Path, analysis: "Analysis", definition: str) -> None:
-    rows = [
-        [*map(str, (f"{r.key.payload_kg:g}", r.key.motion, f"{r.key.peak_acceleration_g:g}", r.sensor, r.axis)),
-         options.reduction_text(r), _pair(r.amplitudes), _pair(r.noise_floor), "/".join(map(str, r.n)), r.method or "-",
-         r.key.origin, " ".join(r.runs)]
-        for r in analysis.reductions
-    ]  # fmt: skip
-    header = ["payload kg", "motion", "peak g0", "sensor", "axis", "reduction % [95 %]", "with/without m/s2",
-              "noise m/s2", "n", "interval from", "origin", "runs"]  # fmt: skip
-    header, rows = options.with_counter_masses(header, rows, analysis.reductions)
-    emit_table(f"Reduction of the base's vibration, {campaign.name}", header, rows, definition)
+def _print_reductions(campaign: Path, analysis: "Analysis") -> None:
+    from ..vibration.reduction import Reduction
+
+    columns = (*_place(analysis.reductions), "text", "amplitudes", "noise_floor", "n", "method", "origin", "runs")
+    title = f"Reduction of the base's vibration, {campaign.name}"
+    emit_table(title, *table(Reduction, analysis.reductions, *columns), analysis.definition)
     for note in (options.origins_text(analysis.origins), *analysis.notes):
         click.echo(note)
     options.print_findings(analysis.findings)
 
 
-def _pair(values: tuple[float | None, float | None]) -> str:
-    """With and without counter-masses."""
-    return "/".join("-" if value is None else f"{value:.2g}" for value in values)
+def _place(reductions: "Sequence[Reduction]") -> tuple[str, ...]:
+    """Columns of condition and place, with the counter-masses where a condition has several sets."""
+    from ..vibration.reduction import sets_differ
+
+    masses = ("counter_masses",) if sets_differ(reductions) else ()
+    return ("payload_kg", "motion", "peak_acceleration_g", *masses, "sensor", "axis")
 
 
 @click.command(
@@ -121,41 +114,21 @@ def compare(
     if figure:
         options.draw_figures(comparison, figure)
     if as_json:
-        emit_json(
-            {**_document(comparison, published, str(measure)), "calibrations": options.calibrations_document(runs)}
-        )
+        emit_json(document(comparison) | {"calibrations": options.calibrations(runs)})
     else:
-        _print_comparison(campaign, comparison, published, str(measure))
-        options.print_calibrations(runs)
+        _print_comparison(campaign, comparison)
+        options.print_calibrations(options.calibrations(runs))
     return EXIT_WITH_FINDINGS if comparison.findings else 0
 
 
-def _document(comparison: "Comparison", published: "Published", definition: str) -> dict[str, Any]:
-    return {
-        "rows": [row.as_dict() for row in comparison.rows],
-        "definition": definition,
-        "runs_by_origin": comparison.origins,
-        "published": {"name": published.name, "source": published.source, "definition": published.definition},
-        "notes": comparison.notes,
-        "findings": [finding.as_dict() for finding in comparison.findings],
-    }
+def _print_comparison(campaign: Path, comparison: "Comparison") -> None:
+    from ..vibration.comparison import Row
 
-
-def _print_comparison(campaign: Path, comparison: "Comparison", published: "Published", definition: str) -> None:
-    header = ["payload kg", "motion", "peak g0", "sensor", "axis", "analysed % [95 %]", "simulated %", "published %",
-              "simulated shaking force %", "origin"]  # fmt: skip
-    title = f"Reduction of the base's vibration, {campaign.name}, and of {published.name}"
-    cells = [_cells(row) for row in comparison.rows]
-    header, cells = options.with_counter_masses(header, cells, [row.analyzed for row in comparison.rows])
-    emit_table(title, header, cells, definition)
-    printed = f"Published values as printed; amplitudes, according to the source: {published.definition}."
+    place = _place([row.analyzed for row in comparison.rows])
+    columns = (*place, "analyzed_text", "simulated", "published", "shaking_force", "origin")
+    title = f"Reduction of the base's vibration, {campaign.name}, and of {comparison.published.name}"
+    emit_table(title, *table(Row, comparison.rows, *columns), comparison.definition)
+    printed = f"Published values as printed; amplitudes, according to the source: {comparison.published.definition}."
     for note in (options.origins_text(comparison.origins), printed, *comparison.notes):
         click.echo(click.wrap_text(note, 110))
     options.print_findings(comparison.findings)
-
-
-def _cells(row: "Row") -> list[str]:
-    key = row.analyzed.key
-    values = (row.simulated, row.published, row.shaking_force)
-    place = [f"{key.payload_kg:g}", key.motion, f"{key.peak_acceleration_g:g}", row.analyzed.sensor, row.analyzed.axis]
-    return [*place, options.reduction_text(row.analyzed), *map(options.per_cent, values), key.origin]

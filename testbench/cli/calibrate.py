@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option, plain_text
+from balance.results import document, table
 
 from . import options
-from .options import plain_text
 
 if TYPE_CHECKING:
     from ..calibration.definition import Calibration
@@ -83,7 +83,7 @@ def calibrate(words: tuple[str, ...], listed: bool, reason: str | None, as_json:
             "reason": reason.strip(),
             "runs": list(done.runs),
             "runs_without_the_sensor": list(done.without),
-            "refused": [one.as_dict() for one in damaged],
+            "refused": damaged,
         })  # fmt: skip
     else:
         click.echo(f"{words[-1]}: {calibration}, from now on for {', '.join(done.runs)}.")
@@ -113,12 +113,10 @@ def _runs(words: tuple[str, ...]) -> "tuple[list[Run], list[NotOpened]]":
 def _report_damaged(damaged: "list[NotOpened]") -> None:
     """Print to stderr which runs were skipped, and how to recover them."""
     for one in damaged:
-        name = plain_text(one.name)
-        message = (
-            f"testbench: {plain_text(one.message)}; {name} is left out: `testbench verify` tells if it is damaged; "
-            f"then take {name}.h5 and {name}.h5.sha256 out of the campaign, ingest its logs again, and calibrate it"
+        options.complain(
+            f"{one.message}; {one.run} is left out: `testbench verify` tells if it is damaged; then take {one.run}.h5 "
+            f"and {one.run}.h5.sha256 out of the campaign, ingest its logs again, and calibrate it"
         )
-        click.echo(message, err=True)
 
 
 def _exit_code(runs: "list[Run]", damaged: "list[NotOpened]") -> int:
@@ -170,8 +168,9 @@ def _each(texts: tuple[str, ...], option: str) -> str | dict[str, str] | None:
 
 def _list(runs: "list[Run]", damaged: "list[NotOpened]", as_json: bool) -> None:
     from ..runs import calibration_history
+    from ..runs.calibration_history import CalibrationInForce, CalibrationRecord
 
-    in_force = options.applied_calibrations(runs)
+    in_force = options.calibrations(runs)
     folders = dict.fromkeys(run.path.parent for run in runs)
     names = {run.path.name for run in runs}
     records = [
@@ -182,42 +181,24 @@ def _list(runs: "list[Run]", damaged: "list[NotOpened]", as_json: bool) -> None:
     ]
     if as_json:
         emit_json({
-            "holds": [one.as_dict() for one in in_force],
-            "records": [_document(r, in_force) for r in records],
-            "refused": [one.as_dict() for one in damaged],
+            "holds": in_force,
+            "records": [document(r) | {"holds_for": _runs_of(r, in_force)} for r in records],
+            "refused": damaged,
         })  # fmt: skip
         _report_damaged(damaged)
         return
-    header = ["sensor", "calibration", "since", "reason", "runs"]
-    emit_table("Calibrations that hold", header, [_row(one) for one in in_force], "" if in_force else _NONE)
+    columns = ("sensor", "calibration", "since", "reason", "runs")
+    emit_table("Calibrations that hold", *table(CalibrationInForce, in_force, *columns), "" if in_force else _NONE)
     if records:
-        rows = [[r.written[:19], r.sensor, str(r.calibration), r.reason, _state(r, in_force)] for r in records]
-        emit_table("Recorded", ["written (UTC)", "sensor", "calibration", "reason", ""], rows)
+        header, rows = table(CalibrationRecord, records)
+        states = [" ".join(["holds for", *used]) if (used := _runs_of(r, in_force)) else "superseded" for r in records]
+        emit_table("Recorded", [*header, ""], [[*row, state] for row, state in zip(rows, states, strict=True)])
     _report_damaged(damaged)
 
 
 _NONE = "none: what the logs hold is taken to be in the physical units that they write"
 
 
-def _row(found: "CalibrationInForce") -> list[str]:
-    since = "rig" if found.written is None else found.written[:19]
-    return [found.sensor, str(found.calibration), since, found.reason or "", " ".join(found.runs)]
-
-
-def _state(record: "CalibrationRecord", in_force: "list[CalibrationInForce]") -> str:
-    runs = [run for one in in_force if one.source == record.record for run in one.runs]
-    if not runs:
-        return "superseded"
-    return f"holds for {' '.join(runs)}"
-
-
-def _document(record: "CalibrationRecord", in_force: "list[CalibrationInForce]") -> dict[str, Any]:
-    return {
-        "record": record.record,
-        "written": record.written,
-        "sensor": record.sensor,
-        "calibration": record.calibration.document(),
-        "reason": record.reason,
-        "runs": [Path(name).stem for name in record.runs],
-        "holds_for": [run for one in in_force if one.source == record.record for run in one.runs],
-    }
+def _runs_of(record: "CalibrationRecord", in_force: "list[CalibrationInForce]") -> list[str]:
+    """Runs for which a record is in force."""
+    return [run for one in in_force if one.source == record.record for run in one.runs]

@@ -1,15 +1,16 @@
 """Commands on a campaign of stored runs: ``testbench list``, ``verify``, ``recover``, ``archive`` and ``export``."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option, plain_text
+from balance.results import table
 
 from . import options
-from .options import plain_text, progress
+from .options import progress
 
 if TYPE_CHECKING:
     from ..export import Exported
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from ..store.archive import Archived
     from ..store.campaign import FileState
 
+ARCHIVE_COLUMNS = ("run", "status", "float64_bytes", "sample_bytes", "ratio", "whole_numbers", "channels")
 TARGETS = ("csv", "parquet", "mat", "uff", "sep005", "ro-crate")
 
 
@@ -53,20 +55,17 @@ def export(stored: Path, to: str, output: Path, licence: str | None, physical: b
         runs, refused = options.openable_runs([stored])
         written, failed = _files(runs, to, output, physical)
         refused += failed
-    applied = options.applied_calibrations(runs) if physical else []
+    applied = options.calibrations(runs) if physical else []
     losses = [loss for one in written for loss in one.losses]
     if as_json:
-        files = [{"file": str(one.file), "losses": list(one.losses)} for one in written]
-        document = {"to": to, "files": files, "physical": physical}
-        calibrations = [one.as_dict() for one in applied]
-        emit_json({**document, "calibrations": calibrations, "refused": [one.as_dict() for one in refused]})
+        emit_json({"to": to, "files": written, "physical": physical, "calibrations": applied, "refused": refused})
     else:
         for one in written:
             click.echo(plain_text(str(one.file)))
         for loss in losses:
             click.echo(f"  lost: {plain_text(loss)}")
-        options.print_applied_calibrations(applied)
-    options.print_not_opened(refused)
+        options.print_calibrations(applied)
+    options.complain(*(one.message for one in refused))
     if refused:
         return EXIT_REFUSED
     return EXIT_WITH_FINDINGS if losses else 0
@@ -121,30 +120,26 @@ def archive(stored: tuple[Path, ...], output: Path, as_json: bool) -> int:
     back and compared before a run has its name.
     """
     from ..store import append_only_records
+    from ..store.archive import Archived
 
     runs, unopened = options.openable_runs(stored)
     for folder in dict.fromkeys(run.path.parent for run in runs):
-        append_only_records.read_records(
-            folder
-        )  # an archive without its records would be calibrated otherwise: none is made then
-    done, refused = _archived(runs, output)
-    refused = [*(one.as_dict() for one in unopened), *refused]
+        # an archive without its records would be calibrated otherwise: none is made then
+        append_only_records.read_records(folder)
+    done, failed = _archived(runs, output)
+    refused = [*unopened, *failed]
     for folder in dict.fromkeys(run.path.parent for run in runs):
         if done:
             append_only_records.copy(folder, output)
     if as_json:
-        emit_json({"archive": output.name, "runs": [*map(_document, done), *refused]})
+        emit_json({"archive": output.name, "runs": [*done, *refused]})
     else:
-        emit_table(f"{plain_text(output.name)}: {len(done)} runs", ARCHIVE_HEADER, [_row(one) for one in done])
-        for one in refused:
-            click.echo(f"testbench: {plain_text(one['message'])}", err=True)
+        emit_table(f"{output.name}: {len(done)} runs", *table(Archived, done, *ARCHIVE_COLUMNS))
+        options.complain(*(one.message for one in refused))
     return EXIT_REFUSED if refused else 0
 
 
-ARCHIVE_HEADER = ["run", "status", "float64 MB", "archive MB", "ratio", "whole numbers", "channels"]
-
-
-def _archived(runs: "Sequence[Run]", output: Path) -> "tuple[list[Archived], list[dict[str, Any]]]":
+def _archived(runs: "Sequence[Run]", output: Path) -> "tuple[list[Archived], list[options.NotOpened]]":
     """What was archived, and what was refused with the reason."""
     from ..errors import StoreError
     from ..store.archive import archive as make
@@ -156,65 +151,32 @@ def _archived(runs: "Sequence[Run]", output: Path) -> "tuple[list[Archived], lis
             try:
                 done.append(make(run, output, advance))
             except StoreError as error:
-                refused.append({"run": run.name, "status": "refused", "message": str(error)})
+                refused.append(options.NotOpened(run.name, str(error)))
     return done, refused
 
 
-def _document(one: "Archived") -> dict[str, Any]:
-    return {
-        "run": one.file.stem,
-        "status": one.status,
-        "file": one.file.name,
-        "sha256_of_original": one.sha256_of_original,
-        "float64_bytes": one.float64_bytes,
-        "sample_bytes": one.sample_bytes,
-        "file_bytes": one.file_bytes,
-        "ratio": one.ratio,
-        "channels": one.channels,
-        "channels_of_whole_numbers": one.whole_numbers,
+def _run_table(runs: "Sequence[Run]") -> tuple[list[str], list[list[str]]]:
+    """Header and rows of the table of runs."""
+    columns: dict[str, Callable[[Run], str]] = {
+        "run": lambda run: run.name,
+        "origin": lambda run: run.origin,
+        "payload kg": lambda run: _number(run.conditions.get("payload_kg")),
+        "counter-masses kg": lambda run: _masses(run.conditions.get("counter_masses")),
+        "motion": lambda run: run.conditions.get("motion", "-"),
+        "peak g0": lambda run: _number(run.conditions.get("peak_acceleration_g")),
+        "repeat": lambda run: str(run.conditions.get("repeat", "-")),
+        "samples": lambda run: ", ".join(str(group.samples) for group in run.groups),
+        "findings": lambda run: str(sum(finding.severity > 0 for finding in run.findings)),
     }
+    return list(columns), [[cell(run) for cell in columns.values()] for run in runs]
 
 
-def _row(one: "Archived") -> list[str]:
-    sizes = f"{one.float64_bytes / 1e6:.1f}", f"{one.sample_bytes / 1e6:.1f}", f"{one.ratio:.3f}"
-    return [plain_text(one.file.stem), one.status, *sizes, str(one.whole_numbers), str(one.channels)]
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:g}"
 
 
-RUN_HEADER = ["run", "origin", "payload kg", "counter-masses kg", "motion", "peak g0", "repeat", "samples", "findings"]
-
-
-def run_document(run: "Run") -> dict[str, Any]:
-    """The run without its data."""
-    return {
-        "run": run.name,
-        "file": run.path.name,
-        "origin": run.origin,
-        "conditions": dict(run.conditions),
-        "sources": [source["name"] for source in run.provenance["sources"]],
-        "groups": [
-            {"name": g.name, "samples": g.samples, "rate_hz": g.rate_hz, "rate_source": g.rate_source,
-             "channels": [{"name": c.name, "unit": c.unit} for c in g.channels]}
-            for g in run.groups
-        ],
-        "findings": [finding.as_dict() for finding in run.findings],
-    }  # fmt: skip
-
-
-def run_row(run: "Run") -> list[str]:
-    """The run under :data:`HEADER`."""
-    conditions = run.conditions
-    masses = conditions.get("counter_masses")
-    return [
-        plain_text(run.name),
-        run.origin,
-        f"{conditions['payload_kg']:g}" if "payload_kg" in conditions else "-",
-        "-" if masses is None else ", ".join(f"{plain_text(s)} {m:g}" for s, m in masses.items()) or "none",
-        plain_text(conditions.get("motion", "-")),
-        f"{conditions['peak_acceleration_g']:g}" if "peak_acceleration_g" in conditions else "-",
-        str(conditions.get("repeat", "-")),
-        ", ".join(str(group.samples) for group in run.groups),
-        str(sum(finding.severity > 0 for finding in run.findings)),
-    ]
+def _masses(masses: dict[str, float] | None) -> str:
+    return "-" if masses is None else ", ".join(f"{site} {mass:g}" for site, mass in masses.items()) or "none"
 
 
 @click.command(
@@ -234,13 +196,10 @@ def list_runs(campaign: Path, as_json: bool) -> int:
 
     runs, refused = options.openable_runs(open_campaign(campaign).run_paths)
     if as_json:
-        documents = [*map(run_document, runs), *(one.as_dict() for one in refused)]
-        emit_json({"campaign": campaign.resolve().name, "runs": documents})
+        emit_json({"campaign": campaign.resolve().name, "runs": [*runs, *refused]})
     else:
-        emit_table(
-            f"{plain_text(campaign.resolve().name)}: {len(runs)} runs", RUN_HEADER, [run_row(run) for run in runs]
-        )
-    options.print_not_opened(refused)
+        emit_table(f"{campaign.resolve().name}: {len(runs)} runs", *_run_table(runs))
+    options.complain(*(one.message for one in refused))
     return EXIT_REFUSED if refused else 0
 
 
@@ -262,19 +221,14 @@ def recover(campaign: Path, as_json: bool) -> int:
     still at hand, ingest it again: then nothing is lost at all, and `testbench analyze` leaves NAME.recovered out.
     """
     from ..ingest.recovered_runs import recover as save
+    from ..store.crash_recovery import Recovery
 
     found = save(campaign)
     if as_json:
-        emit_json({"campaign": campaign.resolve().name, "recovered": [one.as_dict() for one in found]})
+        emit_json({"campaign": campaign.resolve().name, "recovered": found})
     elif found:
-        rows = [
-            [plain_text(one.run), one.status, plain_text(one.file or "-"), plain_text(one.message)] for one in found
-        ]
-        emit_table(
-            f"{plain_text(campaign.resolve().name)}: {len(found)} left by stopped ingests",
-            ["run", "status", "file", "what"],
-            rows,
-        )
+        title = f"{campaign.resolve().name}: {len(found)} left by stopped ingests"
+        emit_table(title, *table(Recovery, found, "run", "status", "file", "message"))
     else:
         click.echo(f"{plain_text(campaign.resolve().name)}: no ingest was stopped; nothing to do")
     states = {one.status for one in found}
@@ -296,15 +250,15 @@ Exit codes: 0 every run is intact, 1 a run or record is damaged or missing, 3 th
 def verify(campaign: Path, as_json: bool) -> int:
     """Check every stored run, to the bit, against the digest that was written beside it; and the later records."""
     from ..store import open_campaign
+    from ..store.campaign import FileState
 
     opened = open_campaign(campaign)
     with progress("verifying", sum(path.stat().st_size for path in opened.run_paths if path.is_file())) as done:
         files = [*opened.verify(done), *_records(campaign)]
     if as_json:
-        emit_json({"campaign": campaign.resolve().name, "files": [file.as_dict() for file in files]})
+        emit_json({"campaign": campaign.resolve().name, "files": files})
     else:
-        rows = [[plain_text(file.name), file.status, plain_text(file.message)] for file in files]
-        emit_table(f"{plain_text(campaign.resolve().name)}: {len(files)} files", ["file", "status", "what"], rows)
+        emit_table(f"{campaign.resolve().name}: {len(files)} files", *table(FileState, files))
     states = {file.status for file in files}
     if states & {"damaged", "missing"}:
         return EXIT_REFUSED

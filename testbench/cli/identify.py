@@ -242,10 +242,10 @@ def identify(mechanism: str, runs: tuple[Path, ...], figure: Path | None, as_jso
         from ..identification.document import identification_document
 
         found = {**identification_document(result, validation), "by": taken.by, "left_out": list(taken.notes)}
-        emit_json({**found, "calibrations": calibrations.calibrations_document(run.run for run in bound)})
+        emit_json({**found, "calibrations": calibrations.calibrations(run.run for run in bound)})
     else:
         print_result(result, validation, taken.notes)
-        calibrations.print_calibrations(run.run for run in bound)
+        calibrations.print_calibrations(calibrations.calibrations(run.run for run in bound))
     odd = result.left_out or result.doubts()
     if validation is not None:
         odd = odd or validation.evidence.left_out or validation.doubts()

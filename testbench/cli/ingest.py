@@ -6,16 +6,34 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option, plain_text
+from balance.results import table
 
 from . import options
-from . import options as reading
 from .options import progress
 
 if TYPE_CHECKING:
     from ..ingest.ingest import Outcome
     from ..ingest.watch_folder import Watch
     from ..rig import Rig
+
+
+def _known_codes(context: click.Context, parameter: click.Parameter, codes: tuple[str, ...]) -> tuple[str, ...]:
+    """The codes; one that is no finding's is a wrong command line."""
+    from ..recording import MEANING
+
+    if unknown := [code for code in codes if code not in MEANING]:
+        raise click.UsageError(f"--accept {unknown[0]}: no such code; `testbench info FILE` names those of a file")
+    return codes
+
+
+_accept_option = click.option(
+    "--accept", multiple=True, metavar="CODE", callback=_known_codes, help="Store in spite of findings of this code."
+)
+_campaign_option = click.option(
+    "-o", "--output", "campaign", required=True, type=click.Path(path_type=Path), help="The campaign's folder."
+)
+_rig_option = click.option("--rig", metavar="RIG", help="What is measured where: a rig file, kept with each run.")
 
 
 @click.command(
@@ -28,13 +46,11 @@ Examples:
 Exit codes: 0 all stored, 3 stored with findings, 1 some file was refused (the others are stored)."""
 )
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--rig", metavar="RIG", help="What is measured where: a rig file, kept with each run.")
+@_rig_option
 @click.option("--runs", "run_table", type=click.Path(path_type=Path), help="The run table.")
-@click.option(
-    "-o", "--output", "campaign", required=True, type=click.Path(path_type=Path), help="The campaign's folder."
-)
-@click.option("--accept", multiple=True, metavar="CODE", help="Store in spite of findings of this code.")
-@reading.text_options
+@_campaign_option
+@_accept_option
+@options.text_options
 @json_option
 def ingest(
     files: tuple[Path, ...],
@@ -50,27 +66,22 @@ def ingest(
     Where logs lie in the campaign's folder, a pattern may name its runs too: they are left alone.
     """
     from ..ingest.input_files import own_files
-    from ..recording import MEANING
 
-    if unknown := [code for code in accept if code not in MEANING]:
-        raise click.UsageError(f"--accept {unknown[0]}: no such code; `testbench info FILE` names those of a file")
-    reading.refuse_patterns(files)
+    options.refuse_patterns(files)
     own = own_files(files, campaign)
     if own:
-        message = (
+        options.complain(
             f"{campaign}: {len(own)} of the files given are the campaign's own runs and no logs; they are left alone"
         )
-        click.echo(f"testbench: {reading.plain_text(message)}", err=True)
     outcomes = _ingest([file for file in files if file not in own], _rig(rig), run_table, campaign, accept, text)
     if as_json:
-        emit_json({"runs": [outcome.as_dict() for outcome in outcomes]})
+        emit_json({"runs": outcomes})
     else:
         _print(outcomes)
-    for message in dict.fromkeys(outcome.message for outcome in outcomes if outcome.status == "refused"):
-        click.echo(f"testbench: {reading.plain_text(message)}", err=True)
+    options.complain(*dict.fromkeys(outcome.message for outcome in outcomes if outcome.status == "refused"))
     if any(outcome.status == "refused" for outcome in outcomes):
         return EXIT_REFUSED
-    return reading.exit_code([f for outcome in outcomes for f in outcome.findings], accept)
+    return options.exit_code([f for outcome in outcomes for f in outcome.findings], accept)
 
 
 def _rig(name: str | None) -> "Rig | None":
@@ -93,22 +104,20 @@ def _ingest(
     from ..ingest.input_files import SiblingLogs
     from ..ingest.run_conditions import plan_runs
 
-    runs, options = plan_runs(files, run_table), reading.read_options(**text)
-    others = SiblingLogs(files if run_table is None else (), options)
+    runs, form = plan_runs(files, run_table), options.read_options(**text)
+    others = SiblingLogs(files if run_table is None else (), form)
     total = sum(path.stat().st_size for run in runs for path in run.files if path.is_file())
     with progress("reading", total) as done:
-        work = Ingest(campaign, rig, options, frozenset(accept), done, others.holding)
+        work = Ingest(campaign, rig, form, frozenset(accept), done, others.holding)
         return [outcome for run in runs for outcome in work.run(run)]
 
 
 def _print(outcomes: "Sequence[Outcome]") -> None:
-    rows = [
-        [reading.plain_text(o.source), o.file or "-", o.origin, o.status, str(sum(f.severity > 0 for f in o.findings))]
-        for o in outcomes
-    ]
-    emit_table("Runs", ["log", "run", "origin", "status", "findings"], rows)
+    from ..ingest.ingest import Outcome
+
+    emit_table("Runs", *table(Outcome, outcomes, "source", "file", "origin", "status", "findings"))
     for outcome in outcomes:
-        reading.print_reading_findings(outcome.source, (f for f in outcome.findings if f.severity > 0))
+        options.print_reading_findings(outcome.source, (f for f in outcome.findings if f.severity > 0))
 
 
 @click.command(
@@ -124,10 +133,8 @@ wait until it names them (--unnamed store: are stored without conditions). The r
 Exit codes of --once: 0 all stored, 3 stored with findings, still growing or waiting, 1 some file was refused."""
 )
 @click.argument("folder", type=click.Path(path_type=Path))
-@click.option(
-    "-o", "--output", "campaign", required=True, type=click.Path(path_type=Path), help="The campaign's folder."
-)
-@click.option("--rig", metavar="RIG", help="What is measured where: a rig file, kept with each run.")
+@_campaign_option
+@_rig_option
 @click.option("--runs", "run_table", type=click.Path(path_type=Path), help="The run table; it may change.")
 @click.option(
     "--unnamed",
@@ -136,7 +143,7 @@ Exit codes of --once: 0 all stored, 3 stored with findings, still growing or wai
     show_default=True,
     help="What becomes of files that the run table does not name.",
 )
-@click.option("--accept", multiple=True, metavar="CODE", help="Store in spite of findings of this code.")
+@_accept_option
 @click.option("--once", is_flag=True, help="One pass over what is there, then stop.")
 @click.option(
     "--settle", default="2s", show_default=True, metavar="TIME", help="How long a file must not have changed."
@@ -157,10 +164,7 @@ def watch(
 ) -> int:
     """Ingest what arrives in FOLDER, each log once, also after a crash. What is refused is said, and the next comes."""
     from ..errors import RecordingError
-    from ..recording import MEANING
 
-    if unknown := [code for code in accept if code not in MEANING]:
-        raise click.UsageError(f"--accept {unknown[0]}: no such code; `testbench info FILE` names those of a file")
     if as_json and not once:
         raise click.UsageError("--json prints one document at the end: it needs --once")
     if not folder.is_dir():
@@ -177,15 +181,14 @@ def watch(
 
         watching.run_table = WatchedRunTable(run_table, watching.settle_s)
     if not once:
-        click.echo(f"watching {options.plain_text(str(folder))}; Ctrl-C ends it", err=True)
+        click.echo(f"watching {plain_text(str(folder))}; Ctrl-C ends it", err=True)
         _say(watching.forever(), quiet=False)
     outcomes = [o for o in _say(watching.once(), quiet=as_json) if o.status != "waiting"]
     if as_json:
         growing = [path.name for path in watching.growing]
         waiting = [{"file": path.name, "reason": reason} for path, reason in watching.waiting.items()]
-        emit_json({"runs": [outcome.as_dict() for outcome in outcomes], "growing": growing, "waiting": waiting})
-    for path in watching.growing:
-        click.echo(f"testbench: {options.plain_text(path.name)}: still grows; left for later", err=True)
+        emit_json({"runs": outcomes, "growing": growing, "waiting": waiting})
+    options.complain(*(f"{path.name}: still grows; left for later" for path in watching.growing))
     if any(outcome.status == "refused" for outcome in outcomes):
         return EXIT_REFUSED
     kept = [f for o in outcomes if o.status == "stored" for f in o.findings]
@@ -213,14 +216,12 @@ def _say(outcomes: "Iterable[Outcome]", quiet: bool) -> "list[Outcome]":
     for outcome in outcomes:
         reported.append(outcome)
         if outcome.status == "refused":
-            click.echo(f"testbench: {options.plain_text(outcome.message)}", err=True)
+            options.complain(outcome.message)
         elif outcome.status == "waiting":
-            click.echo(
-                f"testbench: {options.plain_text(outcome.source)}: {options.plain_text(outcome.message)}", err=True
-            )
+            options.complain(f"{outcome.source}: {outcome.message}")
         elif not quiet:
-            name = options.plain_text(outcome.source)
-            click.echo(f"{name}: {outcome.status.replace('_', ' ')} as {options.plain_text(outcome.file or '-')}")
+            name = plain_text(outcome.source)
+            click.echo(f"{name}: {outcome.status.replace('_', ' ')} as {plain_text(outcome.file or '-')}")
             options.print_reading_findings(
                 name, (f for f in outcome.findings if f.severity > 0 and f.code != "already_stored")
             )

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, emit_json, emit_table, json_option
+from balance.cli.framework import EXIT_REFUSED, emit_json, emit_table, json_option, plain_text
+from balance.results import table
 
 from . import options
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from ..quality.group_checks import GroupCheck
     from ..quality.log_description import Description
 
+STATS = ("n", "not_finite", "min", "max", "mean", "first", "last")
 SHOWN_GROUPS, SHOWN_CHANNELS = 50, 500
 """Groups of a file, and channels of a group, that are printed for people."""
 
@@ -41,25 +43,31 @@ def info(file: Path, stats: bool, as_json: bool, **text: Any) -> int:  # noqa: A
         found = describe_log(file, options.read_options(**text))
     except Refusal as refusal:
         if as_json:
-            emit_json({"format": None, "groups": [], "findings": [refusal.finding.as_dict()]})
-            click.echo(f"testbench: {options.plain_text(str(refusal))}", err=True)
+            emit_json({"format": None, "groups": [], "findings": [refusal.finding]})
+            options.complain(str(refusal))
             return EXIT_REFUSED
         raise
     if as_json:
-        emit_json(found.as_dict(stats))
+        emit_json(found.document(stats))
     else:
         _print(found, stats)
     return options.exit_code(found.findings)
 
 
 def _print(found: "Description", stats: bool) -> None:
+    from ..quality.group_checks import ChannelStats
+    from ..recording import Channel
+
     recording = found.recording
     marked = " - SIMULATED" if recording.origin == "simulated" else ""
-    click.echo(f"{options.plain_text(recording.path.name)}: {recording.format}{marked}")
+    click.echo(f"{plain_text(recording.path.name)}: {recording.format}{marked}")
     for check in found.groups[:SHOWN_GROUPS]:
-        header = ["channel", "unit", *(["n", "nan", "min", "max", "mean", "first", "last"] if stats else [])]
+        header, rows = table(Channel, check.group.channels[:SHOWN_CHANNELS])
+        if stats:
+            more, numbers = table(ChannelStats, check.stats[:SHOWN_CHANNELS], *STATS)
+            header, rows = header + more, [row + cells for row, cells in zip(rows, numbers, strict=True)]
         click.echo(_title(check))
-        emit_table("", header, [_row(check, i, stats) for i in range(min(len(check.stats), SHOWN_CHANNELS))])
+        emit_table("", header, rows)
         _say_more(len(check.stats) - SHOWN_CHANNELS, "channels")
     _say_more(len(found.groups) - SHOWN_GROUPS, "groups")
     options.print_reading_findings("Findings", found.findings)
@@ -74,7 +82,7 @@ def _title(check: "GroupCheck") -> str:
     from ..quality.log_description import clock
 
     rate = f", {check.rate_hz:.6g} Hz ({check.rate_source})" if check.rate_hz else ", no rate"
-    return f"{options.plain_text(check.group.name)}: {check.samples} samples{rate}{_span(clock(check) or {})}"
+    return f"{plain_text(check.group.name)}: {check.samples} samples{rate}{_span(clock(check) or {})}"
 
 
 def _span(times: "Mapping[str, float | int | None]") -> str:
@@ -83,14 +91,6 @@ def _span(times: "Mapping[str, float | int | None]") -> str:
         if times.get(f"t_last{unit}") is not None:
             return f", {times[f't_first{unit}']:g} to {times[f't_last{unit}']:g}{unit.replace('_', ' ')}"
     return ""
-
-
-def _row(check: "GroupCheck", index: int, stats: bool) -> list[str]:
-    channel, numbers = check.group.channels[index], check.stats[index].as_dict()
-    cells = [options.plain_text(channel.name), options.plain_text(channel.unit or "-")]
-    if stats:
-        cells += ["-" if v is None else str(v) if isinstance(v, int) else f"{v:.9g}" for v in numbers.values()]
-    return cells
 
 
 @click.command(

@@ -2,7 +2,6 @@
 
 import re
 import sys
-import unicodedata
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS
+from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, plain_text
 
 if TYPE_CHECKING:
     from ..readers import ReadOptions
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
     from ..signal.filters import Band
     from ..store import Run
     from ..vibration.comparison import Comparison
-    from ..vibration.reduction import Analysis, Reduction
+    from ..vibration.reduction import Analysis
 
 F = TypeVar("F", bound=Callable[..., Any])
 LEAST_PROGRESS = 20 << 20
@@ -75,23 +74,6 @@ def measure_options(command: F) -> F:
     return metric(band(command))
 
 
-def per_cent(value: float | None) -> str:
-    """A percentage with one decimal, or a dash for None."""
-    return "-" if value is None else f"{value:.1f}"
-
-
-def reduction_text(reduction: "Reduction") -> str:
-    """``94.2 [93.1, 95.0]``; a lower bound as ``>= 97.2`` with its reason."""
-    if reduction.limit == "at_least" and reduction.at_least is not None:
-        return f">= {per_cent(reduction.at_least)} {'< noise' if reduction.below_noise else 'clipped'}"
-    value = per_cent(reduction.percent)
-    if reduction.limit == "at_most":
-        return f"<= {value} clipped"
-    if reduction.interval is None:
-        return value
-    return f"{value} [{', '.join(map(per_cent, reduction.interval))}]"
-
-
 def draw_figures(found: "Analysis | Comparison", file: str) -> None:
     """Draw the reductions of an analysis, or of a comparison."""
     from balance.figures.mechanism import save
@@ -99,27 +81,6 @@ def draw_figures(found: "Analysis | Comparison", file: str) -> None:
     from ..figures.reductions import reductions
 
     save(reductions(found), file)
-
-
-def mounting_text(reductions: Sequence["Reduction"]) -> list[str]:
-    """Counter-masses of each reduction as ``12.5 + 12.9`` [kg] where a condition has several sets; else blanks."""
-    sets: dict[object, set[str]] = {}
-    texts = [" + ".join(f"{mass:g}" for mass in r.counter_masses.values()) for r in reductions]
-    for r, text in zip(reductions, texts, strict=True):
-        sets.setdefault(r.key, set()).add(text)
-    return texts if any(len(several) > 1 for several in sets.values()) else [""] * len(texts)
-
-
-def with_counter_masses(
-    header: list[str], rows: list[list[str]], reductions: Sequence["Reduction"]
-) -> tuple[list[str], list[list[str]]]:
-    """The table with a column of the counter-masses after the acceleration, where a condition has several sets."""
-    sets = mounting_text(reductions)
-    if not any(sets):
-        return header, rows
-    at = header.index("peak g0") + 1
-    wider = [[*row[:at], text, *row[at:]] for row, text in zip(rows, sets, strict=True)]
-    return [*header[:at], "counter-masses kg", *header[at:]], wider
 
 
 def print_findings(findings: Iterable["Finding"]) -> None:
@@ -135,7 +96,7 @@ def origins_text(counts: dict[str, int]) -> str:
     return "; ".join(parts) + "."
 
 
-def applied_calibrations(runs: "Iterable[Run | SIRun]") -> "list[CalibrationInForce]":
+def calibrations(runs: "Iterable[Run | SIRun]") -> "list[CalibrationInForce]":
     """The calibrations in force in runs; none where the logs are in physical units already, or there is no rig."""
     from ..runs.si_run import SIRun, calibrations_in_force
 
@@ -143,17 +104,7 @@ def applied_calibrations(runs: "Iterable[Run | SIRun]") -> "list[CalibrationInFo
     return calibrations_in_force(run for run in bound if run)
 
 
-def calibrations_document(runs: "Iterable[Run | SIRun]") -> list[dict[str, Any]]:
-    """The calibrations in force, for ``--json``."""
-    return [found.as_dict() for found in applied_calibrations(runs)]
-
-
-def print_calibrations(runs: "Iterable[Run | SIRun]") -> None:
-    """Print a line for each calibration in force in runs."""
-    print_applied_calibrations(applied_calibrations(runs))
-
-
-def print_applied_calibrations(found: "Sequence[CalibrationInForce]") -> None:
+def print_calibrations(found: "Sequence[CalibrationInForce]") -> None:
     """Print a line for each calibration, with the runs in which it is in force."""
     for one in found:
         runs = ", ".join(one.runs[:4]) + (f" and {len(one.runs) - 4} more" if len(one.runs) > 4 else "")
@@ -249,21 +200,13 @@ def print_reading_findings(title: str, findings: Iterable["Finding"]) -> None:
         click.echo(f"  {finding.severity.name.lower():7} {finding.code}: {plain_text(text)}")
 
 
-def plain_text(text: str) -> str:
-    """Text from a file with control characters escaped."""
-    return "".join(c if unicodedata.category(c)[0] != "C" else f"\\x{ord(c):02x}" for c in text)
-
-
 @dataclass(frozen=True)
 class NotOpened:
-    """A run that cannot be opened, and why."""
+    """A run that cannot be opened, and why; an entry among the runs in JSON."""
 
-    name: str
+    run: str
     message: str
-
-    def as_dict(self) -> dict[str, str]:
-        """The entry among the runs in JSON."""
-        return {"run": self.name, "status": "refused", "message": self.message}
+    status: str = "refused"
 
 
 def opened_runs(paths: Sequence[Path]) -> "list[Run]":
@@ -293,7 +236,7 @@ def openable_runs(paths: Sequence[Path]) -> "tuple[list[Run], list[NotOpened]]":
     return runs, refused
 
 
-def print_not_opened(refused: Sequence[NotOpened]) -> None:
-    """Print to stderr the runs that could not be opened."""
-    for one in refused:
-        click.echo(f"testbench: {plain_text(one.message)}", err=True)
+def complain(*messages: str) -> None:
+    """Print messages to stderr, a line each."""
+    for message in messages:
+        click.echo(f"testbench: {plain_text(message)}", err=True)

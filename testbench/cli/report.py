@@ -1,12 +1,11 @@
 """``testbench report``."""
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option, json_text
 
 from . import options
 from .options import BandText
@@ -209,8 +208,8 @@ def report(
     document = {
         "runs": [one.as_dict() for one in found.values()],
         "compared": compared,
-        "calibrations": options.calibrations_document(opened),
-        "refused": [one.as_dict() for one in refused],
+        "calibrations": options.calibrations(opened),
+        "refused": refused,
     }
     written = _write(output, opened, document, mechanism, bandwidth) if output and opened else []
     if as_json:
@@ -221,8 +220,8 @@ def report(
         _print_compared(compared)
         for path in written:
             click.echo(f"Wrote {path}.")
-        options.print_calibrations(opened)
-    options.print_not_opened(refused)
+        options.print_calibrations(options.calibrations(opened))
+    options.complain(*(one.message for one in refused))
     if refused:
         return EXIT_REFUSED
     return EXIT_WITH_FINDINGS if any(one.findings for one in found.values()) else 0
@@ -267,5 +266,5 @@ def _write(
     folder.mkdir(parents=True, exist_ok=True)
     written = draw(runs, folder, mechanism, bandwidth)
     target = folder / "report.json"
-    target.write_text(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
+    target.write_text(json_text(document) + "\n", encoding="utf-8")
     return [*written, target]

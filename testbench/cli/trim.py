@@ -98,10 +98,10 @@ def trim(
 
         save(draw(result), figure)
     if as_json:
-        emit_json({**trim_document(result), "calibrations": options.calibrations_document(bound)})
+        emit_json({**trim_document(result), "calibrations": options.calibrations(bound)})
     else:
         _print(result, stock)
-        options.print_calibrations(bound)
+        options.print_calibrations(options.calibrations(bound))
     return EXIT_WITH_FINDINGS if result.findings or result.doubts() else 0
 
 

@@ -58,7 +58,8 @@ def reductions(compared: Comparison | Analysis) -> "Figure":
 
 def _originals_note(compared: Comparison | Analysis) -> list[str]:
     """The note that the logs behind published numbers are not available, where those are shown."""
-    return [note for note in getattr(compared, "published_notes", ()) if note == ORIGINAL_LOGS]
+    notes = compared.published.notes if isinstance(compared, Comparison) else ()
+    return [note for note in notes if note == ORIGINAL_LOGS]
 
 
 def _place(row: Row) -> tuple[str, str]:

@@ -146,7 +146,7 @@ def base_spectrum(run: "Run") -> "Figure":
         for axes, (level, spectrum) in zip(panels[:, 0], shown, strict=True):
             inside = (spectrum.frequency >= LOWEST) & (spectrum.frequency <= HIGHEST)
             axes.loglog(spectrum.frequency[inside], spectrum.power()[inside], color=style.ANALYSED)
-            for peak in level.peaks():
+            for peak in level.peaks:
                 if LOWEST <= peak["frequency_hz"] <= HIGHEST:
                     axes.plot(peak["frequency_hz"], peak["density_si2_hz"], "v", color=style.WITHOUT, ms=4.0)
                     axes.annotate(

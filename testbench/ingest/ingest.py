@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from balance.results import Key
 
 from ..errors import RecordingError, StoreError
 from ..quality import rig_checks
@@ -29,24 +31,13 @@ if TYPE_CHECKING:
 class Outcome:
     """What became of one log file: ``stored``, ``already_stored``, ``refused``, ``waiting``; and the run's file."""
 
-    file: str | None
-    source: str
-    sha256: str | None
-    origin: Origin
-    status: str
-    findings: tuple[Finding, ...]
+    file: Annotated[str | None, Key("", "run")]
+    source: Annotated[str, Key("", "log")]
+    sha256: Annotated[str | None, Key()]
+    origin: Annotated[Origin, Key("", "origin")]
+    status: Annotated[str, Key("", "status")]
+    findings: Annotated[tuple[Finding, ...], Key("", "findings", lambda found: str(sum(f.severity > 0 for f in found)))]
     message: str = ""
-
-    def as_dict(self) -> dict[str, Any]:
-        """The outcome as it is printed."""
-        return {
-            "file": self.file,
-            "source": self.source,
-            "sha256": self.sha256,
-            "origin": self.origin,
-            "status": self.status,
-            "findings": [finding.as_dict() for finding in self.findings],
-        }
 
 
 def already_there(source: Source, run: str, differing: Sequence[Finding]) -> Outcome:

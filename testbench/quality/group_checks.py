@@ -5,12 +5,15 @@ import re
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 
-from .. import units
+from balance.results import Key, finite
+
 from ..readers import header_claims
 from ..recording import Block, Channel, Finding, Group, Recording, Samples, SensorRange, TimeColumn, UniformClock
+from ..units import is_unit, same_unit, seconds_per
 from . import time_column
 from .clipping import Clipping
 from .time_steps import ClockStats
@@ -20,16 +23,16 @@ from .time_steps import ClockStats
 class ChannelStats:
     """Counts and values of one channel, in its unit. ``mean``, ``min`` and ``max`` are of the finite samples."""
 
-    n: int = 0
-    not_finite: int = 0
-    min: float = math.inf
-    max: float = -math.inf
-    first: float = math.nan
-    last: float = math.nan
+    n: Annotated[int, Key("", "n")] = 0
+    not_finite: Annotated[int, Key("nan", "nan")] = 0
+    min: Annotated[float, Key("", "min", ".9g", finite)] = math.inf
+    max: Annotated[float, Key("", "max", ".9g", finite)] = -math.inf
+    first: Annotated[float, Key("", "first", ".9g", finite)] = math.nan
+    last: Annotated[float, Key("", "last", ".9g", finite)] = math.nan
     total: float = 0.0
 
     @property
-    def mean(self) -> float:
+    def mean(self) -> Annotated[float, Key("", "mean", ".9g", finite)]:
         """Mean of the finite samples; NaN if there are none."""
         finite = self.n - self.not_finite
         return self.total / finite if finite else math.nan
@@ -58,12 +61,6 @@ class ChannelStats:
         self.min, self.max = min(self.min, least), max(self.max, most)
         self.total += total
         return (least, most) if len(finite) == len(samples) else None
-
-    def as_dict(self) -> dict[str, float | int | None]:
-        """The numbers as they are printed; what is not finite is None."""
-        values = {"min": self.min, "max": self.max, "mean": self.mean, "first": self.first, "last": self.last}
-        finite = {key: value if math.isfinite(value) else None for key, value in values.items()}
-        return {"n": self.n, "nan": self.not_finite, **finite}
 
 
 def _sum(samples: Samples) -> float:
@@ -99,7 +96,7 @@ class GroupCheck:
         """The range that holds for a channel: the rig's, else the only one that the log states in its unit."""
         if (known := self.channel_ranges.get(channel.label)) is not None:
             return known
-        stated = [r for r in self.ranges if units.same_unit(r.unit, channel.unit)]
+        stated = [r for r in self.ranges if same_unit(r.unit, channel.unit)]
         return stated[0] if len(stated) == 1 else None
 
     def update(self, block: Block) -> None:
@@ -198,7 +195,7 @@ def header_findings(group: Group, reported: Collection[str | None] = ()) -> list
         one = without[0] if len(without) == 1 else None
         found.append(Finding("unit_missing", one, None, f"no unit is written for {shown}"))
     for channel in group.channels:
-        if channel.unit is not None and not units.is_unit(channel.unit) and not _is_date(channel.unit):
+        if channel.unit is not None and not is_unit(channel.unit) and not _is_date(channel.unit):
             message = f"{channel.unit!r} is no unit that is known; it is kept as written"
             found.append(Finding("unit_unknown", channel.name, None, message))
     found += header_claims.unit_findings(group.channels)
@@ -207,13 +204,13 @@ def header_findings(group: Group, reported: Collection[str | None] = ()) -> list
 
 def _is_date(unit: str) -> bool:
     """Whether a unit is time since a date, as netCDF writes it."""
-    return " since " in unit and units.seconds_per(unit.split(" since ")[0]) is not None
+    return " since " in unit and seconds_per(unit.split(" since ")[0]) is not None
 
 
 def _needs_clock(group: Group, samples: int) -> bool:
     """Whether the samples ought to follow time: not single numbers, nor values over frequency, order or node."""
     first = group.channels[0]
-    hertz = any(units.same_unit(first.unit, unit) for unit in ("Hz", "kHz"))
+    hertz = any(same_unit(first.unit, unit) for unit in ("Hz", "kHz"))
     return group.clock is None and samples > 1 and not hertz and _OTHER_AXES.fullmatch(first.label) is None
 
 

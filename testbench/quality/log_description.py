@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from balance.results import document
+
 from ..readers import ReadOptions, open_recording
 from ..recording import Finding, Recording, UniformClock, findings_by_group
 from . import time_column
@@ -18,13 +20,10 @@ class Description:
     groups: tuple[GroupCheck, ...]
     findings: tuple[Finding, ...]
 
-    def as_dict(self, stats: bool = False) -> dict[str, Any]:
-        """The description as it is printed; with ``stats`` the numbers of each channel too."""
-        return {
-            "format": self.recording.format,
-            "groups": [_group(check, stats) for check in self.groups],
-            "findings": [finding.as_dict() for finding in self.findings],
-        }
+    def document(self, stats: bool = False) -> dict[str, Any]:
+        """The JSON object; with ``stats`` the numbers of each channel too."""
+        groups = [_group(check, stats) for check in self.groups]
+        return {"format": self.recording.format, "groups": groups, "findings": self.findings}
 
 
 def describe_log(path: str | Path, options: ReadOptions | None = None) -> Description:
@@ -47,7 +46,7 @@ def _group(check: GroupCheck, stats: bool) -> dict[str, Any]:
         "rate_source": check.rate_source,
         "clock": clock(check),
         "channels": [
-            {"name": channel.name, "unit": channel.unit, **(numbers.as_dict() if stats else {})}
+            document(channel) | (document(numbers) if stats else {})
             for channel, numbers in zip(check.group.channels, check.stats, strict=True)
         ],
     }

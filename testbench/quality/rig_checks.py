@@ -3,8 +3,8 @@
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from .. import units
 from ..recording import Channel, Finding, Recording, SensorRange
+from ..units import same_unit
 from .group_checks import GroupCheck
 from .time_steps import RATE_TOLERANCE
 
@@ -135,7 +135,7 @@ def _calibrated(column: "Column", channels: Mapping[str, Channel]) -> list[Findi
 
 def _unit(column: "Column", channel: Channel) -> list[Finding]:
     """The unit that the rig states against the one that the log writes, and both against what is measured."""
-    if channel.unit and column.unit and column.stated and not units.same_unit(channel.unit, column.unit):
+    if channel.unit and column.unit and column.stated and not same_unit(channel.unit, column.unit):
         message = f"sensors.{column.sensor}: unit {column.unit!r} in the rig, {channel.unit!r} in the log"
         return [Finding(_CODE, channel.name, None, message)]
     unit = channel.unit or column.unit

@@ -9,8 +9,8 @@ import re
 from collections.abc import Iterable
 from dataclasses import replace
 
-from .. import units
 from ..recording import Channel, Finding, Origin, Recording, TimeColumn, UniformClock
+from ..units import same_unit, seconds_per
 
 _FORCE = re.compile(r"f|f[xyz_ ]?\d*|(?:force|kraft|kuvvet|hammer|load)\b.*", re.IGNORECASE)
 _PURE_FORCE = re.compile(r"f|f[xyz_ ]?\d*|(?:force|kraft|kuvvet)\b.*", re.IGNORECASE)
@@ -51,7 +51,7 @@ def _unit_finding(channel: Channel) -> Finding | None:
 
 
 def _is_one(unit: str, known: Iterable[str]) -> bool:
-    return any(units.same_unit(unit, other) for other in known)
+    return any(same_unit(unit, other) for other in known)
 
 
 def may_be_days(first: float, step: float) -> bool:
@@ -76,7 +76,7 @@ _SMALLEST, _FASTEST = 1e-300, 1e300
 
 def recorded_time(index: int, unit: str | None) -> TimeColumn:
     """The clock of a recorded column of time in its stated unit; without one, seconds are assumed."""
-    return TimeColumn(index, units.seconds_per(unit) if unit else 1.0, assumed=not unit)
+    return TimeColumn(index, seconds_per(unit) if unit else 1.0, assumed=not unit)
 
 
 def clock_of_step(step_s: float, start_s: float) -> UniformClock | None:

@@ -14,6 +14,7 @@ import numpy as np
 from balance.arrays import Floats
 from balance.errors import CounterpoiseError
 from balance.estimation.estimate import coverage_factor
+from balance.results import plain
 
 from ..errors import AnalysisError
 from ..loads import drive_torque
@@ -64,7 +65,7 @@ def base_columns(run: "SIRun") -> "list[Column]":
 def base_levels(run: "SIRun", band: Band | None) -> Part:
     """Every metric of every axis, and the peaks of its spectrum."""
     found = channel_levels(run, base_columns(run), band)
-    return {"axes": [level.as_dict() for level in found], "definitions": level_definitions(band)}
+    return {"axes": plain(found), "definitions": level_definitions(band)}
 
 
 def base_modes(run: "SIRun", moved: tuple[float, float]) -> Part:
@@ -84,7 +85,7 @@ def base_modes(run: "SIRun", moved: tuple[float, float]) -> Part:
         "from_s": end + SETTLED_S,
         "to_s": float(time[-1]),
         "group": group,
-        "band_hz": [band.low_hz, band.high_hz],
+        "band_hz": band.limits(),
         "definition": "free decay after the motion as damped sines that all channels share; intervals of 95 %, with "
         "the vibration of the base before the motion",
     }
@@ -208,7 +209,7 @@ def wrench_part(wrench: "MeasuredWrench", band: Band | None) -> Part:
         "reasons": reasons,
         "clipped_s": {name: [list(ends) for ends in spans] for name, spans in wrench.clipped.items()},
         "tare": wrench.tare,
-        "band_hz": [band.low_hz, band.high_hz] if band else None,
+        "band_hz": band.limits() if band else None,
         "definition": "wrench of the mechanism on the base, base axes, moments about the point; mean removed, "
         f"band {band or 'not limited'}",
         "group": wrench.group,

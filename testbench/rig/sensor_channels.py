@@ -6,7 +6,7 @@ For a simulated or estimated sensor, the rig also states how far its sensitivity
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Annotated, Self
 
 import numpy as np
 from pydantic import PrivateAttr, model_validator
@@ -14,6 +14,7 @@ from pydantic import PrivateAttr, model_validator
 from balance.arrays import Floats
 from balance.errors import UnitError
 from balance.input_files import Table
+from balance.results import Key
 from balance.units import factor_to_si
 
 from ..calibration import evaluation
@@ -29,10 +30,10 @@ if TYPE_CHECKING:
 class Column:
     """A channel: which component of which sensor, in which unit the logger writes it. Everything else in SI."""
 
-    channel: str
+    channel: Annotated[str, Key()]
     """Its name in the log, without the unit."""
-    sensor: str
-    component: str
+    sensor: Annotated[str, Key()]
+    component: Annotated[str, Key()]
     """``x``, ``Fz``, ``Mx``, or the joint."""
     logger: str
     unit: str

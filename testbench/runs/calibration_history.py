@@ -4,9 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import ValidationError
+
+from balance.results import Key
 
 from ..calibration.definition import Calibration
 from ..errors import StoreError
@@ -19,45 +21,44 @@ KIND = "calibration"
 class CalibrationRecord:
     """One stored correction of a sensor's calibration."""
 
-    record: str
+    record: Annotated[str, Key()]
     """Name of its file."""
-    written: str
+    written: Annotated[str, Key("", "written (UTC)", lambda written: written[:19])]
     """When, ISO 8601, UTC."""
     runs: Mapping[str, str]
     """SHA-256 of the runs that it is about, by file name."""
-    sensor: str
-    reason: str
-    calibration: Calibration
+    sensor: Annotated[str, Key("", "sensor")]
+    calibration: Annotated[Calibration, Key("", "calibration", str, to=Calibration.document)]
+    reason: Annotated[str, Key("", "reason")]
+
+    @property
+    def run_names(self) -> Annotated[list[str], Key("runs")]:
+        """Names of the runs."""
+        return [Path(name).stem for name in self.runs]
 
 
 @dataclass(frozen=True)
 class CalibrationInForce:
     """The calibration in force for a sensor, and its source."""
 
-    sensor: str
-    calibration: Calibration
-    source: str
+    sensor: Annotated[str, Key("", "sensor")]
+    calibration: Annotated[Calibration, Key("", "calibration", to=str)]
+    source: Annotated[str, Key("from")]
     """``rig``, or the name of the record."""
-    written: str | None = None
+    written: Annotated[str | None, Key()] = None
     """When the record was written, ISO 8601, UTC."""
-    reason: str | None = None
-    runs: tuple[str, ...] = ()
+    reason: Annotated[str | None, Key("", "reason", lambda reason: reason or "")] = None
+    runs: Annotated[tuple[str, ...], Key("", "runs", " ".join)] = ()
+
+    @property
+    def since(self) -> Annotated[str, Key(None, "since")]:
+        """When it was recorded, or ``rig``."""
+        return "rig" if self.written is None else self.written[:19]
 
     @classmethod
     def by_record(cls, found: CalibrationRecord, run: str) -> "CalibrationInForce":
         """That of a record, in one run."""
         return cls(found.sensor, found.calibration, found.record, found.written, found.reason, (run,))
-
-    def as_dict(self) -> dict[str, Any]:
-        """As a JSON document."""
-        return {
-            "sensor": self.sensor,
-            "calibration": str(self.calibration),
-            "from": self.source,
-            "written": self.written,
-            "reason": self.reason,
-            "runs": list(self.runs),
-        }
 
     def __str__(self) -> str:
         since = "of the rig" if self.source == "rig" else f"recorded {(self.written or '')[:16]} UTC: {self.reason}"
@@ -116,5 +117,5 @@ def _stored(record: append_only_records.Record) -> CalibrationRecord:
         message = error.errors(include_url=False)[0]["msg"]
         raise StoreError(f"{where}: not a calibration that this version knows: {message}") from error
     return CalibrationRecord(
-        record.name, record.written, record.runs, content["sensor"], content["reason"], calibration
+        record.name, record.written, record.runs, content["sensor"], calibration, content["reason"]
     )

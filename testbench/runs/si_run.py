@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from balance.arrays import Floats
 from balance.errors import UnitError
+from balance.results import plain
 from balance.units import SI_UNITS, factor_to_si
 
 from .. import units
@@ -368,7 +369,7 @@ def physical(run: Run) -> PhysicalRun:
     units = {place: SI_UNITS[si.dimension(column)] for place, column in places.items()}
     given = {f.name: getattr(run, f.name) for f in fields(Run)}
     given["groups"] = tuple(_in_si(group, units) for group in run.groups)
-    given["provenance"] = {**run.provenance, "calibrations": [one.as_dict() for one in calibrations_in_force([si])]}
+    given["provenance"] = {**run.provenance, "calibrations": plain(calibrations_in_force([si]))}
     return PhysicalRun(**given, si=si, columns=places)
 
 

@@ -45,6 +45,10 @@ class Band:
         if not 0.0 <= self.low_hz < self.high_hz < np.inf:
             raise AnalysisError(f"band {self}: expected 0 <= low < high")
 
+    def limits(self) -> list[float]:
+        """Both ends [Hz]."""
+        return [self.low_hz, self.high_hz]
+
     def __str__(self) -> str:
         return f"{self.low_hz:g}..{self.high_hz:g} Hz"
 

@@ -11,7 +11,9 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+from balance.results import Key
 
 from ..errors import StoreError
 from ..recording import Group, Samples
@@ -29,22 +31,31 @@ AT_ONCE = 1 << 20
 Progress = Callable[[int], None]
 
 
+def _megabytes(count: int) -> str:
+    return f"{count / 1e6:.1f}"
+
+
 @dataclass(frozen=True)
 class Archived:
     """A run that was ``archived``, or ``already_archived``: what it takes, and what its values take as float64."""
 
-    file: Path
-    status: str
-    sha256_of_original: str
-    float64_bytes: int
-    sample_bytes: int
-    file_bytes: int
-    channels: int
-    whole_numbers: int
+    file: Annotated[Path, Key(to=lambda path: path.name)]
+    status: Annotated[str, Key("", "status")]
+    sha256_of_original: Annotated[str, Key()]
+    float64_bytes: Annotated[int, Key("", "float64 MB", _megabytes)]
+    sample_bytes: Annotated[int, Key("", "archive MB", _megabytes)]
+    file_bytes: Annotated[int, Key()]
+    channels: Annotated[int, Key("", "channels")]
+    whole_numbers: Annotated[int, Key("channels_of_whole_numbers", "whole numbers")]
     """Channels that became whole numbers of decimals; the others are compressed float64."""
 
     @property
-    def ratio(self) -> float:
+    def run(self) -> Annotated[str, Key("", "run")]:
+        """Name of the run."""
+        return self.file.stem
+
+    @property
+    def ratio(self) -> Annotated[float, Key("", "ratio", ".3f")]:
         """Size of the samples over their size as float64."""
         return self.sample_bytes / self.float64_bytes if self.float64_bytes else 1.0
 

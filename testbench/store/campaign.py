@@ -2,9 +2,12 @@
 
 import os
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Annotated
+
+from balance.results import Key
 
 from ..errors import StoreError
 from . import atomic_files
@@ -20,13 +23,9 @@ KEPT = frozenset({"records", "ro-crate-metadata.json"})
 class FileState:
     """What :meth:`Campaign.verify` found of a file: ``intact``, ``damaged``, ``missing``, ``unfinished``, ``extra``."""
 
-    name: str
-    status: str
-    message: str = ""
-
-    def as_dict(self) -> dict[str, str]:
-        """The state as it is printed."""
-        return asdict(self)
+    name: Annotated[str, Key("", "file")]
+    status: Annotated[str, Key("", "status")]
+    message: Annotated[str, Key("", "what")] = ""
 
 
 @dataclass(frozen=True)

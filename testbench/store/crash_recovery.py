@@ -1,9 +1,11 @@
 """What a stopped ingest leaves in a campaign: found, finished if it was whole, saved as far as it was acknowledged."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated
+
+from balance.results import Key
 
 from ..errors import StoreError
 from ..recording import Samples
@@ -20,15 +22,11 @@ MARK = ".recovered"
 class Recovery:
     """What became of a leftover: ``recovered``, ``completed``, ``superseded``, ``empty``, ``running`` or ``failed``."""
 
-    run: str
-    status: str
-    message: str
-    file: str | None = None
-    samples: dict[str, int] = field(default_factory=dict)
-
-    def as_dict(self) -> dict[str, Any]:
-        """The recovery as it is printed."""
-        return asdict(self)
+    run: Annotated[str, Key("", "run")]
+    status: Annotated[str, Key("", "status")]
+    message: Annotated[str, Key("", "what")]
+    file: Annotated[str | None, Key("", "file")] = None
+    samples: Annotated[dict[str, int], Key()] = field(default_factory=dict)
 
 
 Save = Callable[[Leftover, Journal], Recovery]

@@ -4,9 +4,11 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import numpy as np
+
+from balance.results import Key
 
 from ..errors import StoreError
 from ..recording import Conditions, Finding, Group, Origin, Samples, TimeColumn, UniformClock
@@ -26,9 +28,9 @@ ARCHIVED_FROM = "archived_from"
 class StoredGroup(Group):
     """A group of a stored run: its samples, its rate [Hz] and where that came from, its place in the file."""
 
-    samples: int = 0
-    rate_hz: float | None = None
-    rate_source: str | None = None
+    samples: Annotated[int, Key()] = 0
+    rate_hz: Annotated[float | None, Key()] = None
+    rate_source: Annotated[str | None, Key()] = None
     path: str = ""
     keys: tuple[str, ...] = ()
     whole: tuple[Decimals | None, ...] = ()
@@ -80,16 +82,21 @@ class StoredGroup(Group):
 class Run:
     """One stored run. The file is opened for each read only, so nothing need be closed."""
 
-    path: Path
-    groups: tuple[StoredGroup, ...]
-    origin: Origin
-    conditions: Conditions
+    path: Annotated[Path, Key("file", to=lambda path: path.name)]
+    groups: Annotated[tuple[StoredGroup, ...], Key()]
+    origin: Annotated[Origin, Key()]
+    conditions: Annotated[Conditions, Key()]
     rig: str | None
-    findings: tuple[Finding, ...]
+    findings: Annotated[tuple[Finding, ...], Key()]
     provenance: dict[str, Any]
 
     @property
-    def name(self) -> str:
+    def sources(self) -> Annotated[list[str], Key()]:
+        """Names of the logs."""
+        return [source["name"] for source in self.provenance["sources"]]
+
+    @property
+    def name(self) -> Annotated[str, Key("run")]:
         """The run's name: that of its file without ending."""
         return self.path.stem
 

@@ -1,12 +1,13 @@
 """How one clock runs against another, with an interval for every instant."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from balance.arrays import Floats
 from balance.estimation.estimate import coverage_factor
+from balance.results import Key
 
 PPM = 1e-6
 ASSUMED_DRIFT = 1e-4
@@ -15,19 +16,31 @@ MANY_DEGREES_OF_FREEDOM = 1000
 """Degrees of freedom of a known standard deviation."""
 
 
+def _ppm(share: float) -> float:
+    return share / PPM
+
+
+def _seconds(ends: tuple[float, float]) -> str:
+    return " .. ".join(f"{end:.6f}" for end in ends)
+
+
+def _ends(ends: tuple[float, float]) -> str:
+    return " .. ".join(f"{_ppm(end):.1f}" for end in ends)
+
+
 @dataclass(frozen=True)
 class ClockMap:
     """reference = at_reference + (1 + drift) (own - at_own); all in s."""
 
-    at_own: float
-    at_reference: float
-    drift: float
+    at_own: Annotated[float, Key("at_own_s")]
+    at_reference: Annotated[float, Key("at_reference_s")]
+    drift: Annotated[float, Key("drift_ppm", "drift [ppm]", ".1f", to=_ppm)]
     """Of the reference clock against the own one: positive where the own clock is slow."""
-    covariance: Floats
+    covariance: Annotated[Floats, Key()]
     """Of ``at_reference`` [s] and ``drift``, (2, 2)."""
-    degrees_of_freedom: int
+    degrees_of_freedom: Annotated[int, Key("freedom")]
     """Degrees of freedom of Student's t."""
-    span: tuple[float, float]
+    span: Annotated[tuple[float, float], Key("own_span_s")]
     """Start and end of what both recorded, on the own clock [s]."""
 
     def to_reference(self, own: Floats) -> Floats:
@@ -45,45 +58,32 @@ class ClockMap:
         return float(np.sqrt(self.covariance[0, 0]))
 
     @property
-    def offset(self) -> float:
+    def offset(self) -> Annotated[float, Key("offset_s", "offset [s]", ".6f")]:
         """The reference's time when the own clock shows zero [s]."""
         return float(self.to_reference(np.zeros(1))[0])
 
     @property
-    def offset_interval(self) -> tuple[float, float]:
+    def offset_interval(self) -> Annotated[tuple[float, float], Key("offset_interval_s", "95 % interval", _seconds)]:
         """95 % interval of the offset [s]."""
         half = self.half_width(0.0)
         return self.offset - half, self.offset + half
 
     @property
-    def drift_interval(self) -> tuple[float, float]:
+    def drift_interval(
+        self,
+    ) -> Annotated[tuple[float, float], Key("drift_interval_ppm", "95 % interval", _ends, to=_ppm)]:
         """95 % interval of the drift [-]."""
         half = coverage_factor(self.degrees_of_freedom) * float(np.sqrt(self.covariance[1, 1]))
         return self.drift - half, self.drift + half
 
     @property
-    def uncertainty(self) -> float:
+    def uncertainty(self) -> Annotated[float, Key("uncertainty_s", "within [ms]", lambda s: f"{1e3 * s:.3f}")]:
         """Largest half of a 95 % interval within what both recorded [s]."""
         return max(self.half_width(end) for end in self.span)
 
-    def as_dict(self) -> dict[str, Any]:
-        """The map as a JSON document, as it is stored."""
-        return {
-            "offset_s": self.offset,
-            "offset_interval_s": list(self.offset_interval),
-            "drift_ppm": self.drift / PPM,
-            "drift_interval_ppm": [end / PPM for end in self.drift_interval],
-            "uncertainty_s": self.uncertainty,
-            "at_own_s": self.at_own,
-            "at_reference_s": self.at_reference,
-            "covariance": self.covariance.tolist(),
-            "freedom": self.degrees_of_freedom,
-            "own_span_s": list(self.span),
-        }
-
     @classmethod
     def from_dict(cls, stored: dict[str, Any]) -> "ClockMap":
-        """The map that :meth:`as_dict` gave."""
+        """The map of a document."""
         first, last = stored["own_span_s"]
         return cls(
             float(stored["at_own_s"]),

@@ -6,11 +6,12 @@ both sides are very noisy, whitening lays weight on frequencies at which they ha
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from balance.arrays import Floats
+from balance.results import INLINE, Key
 
 from ..errors import AnalysisError
 from .clock_map import ASSUMED_DRIFT, PPM, ClockMap
@@ -229,11 +230,11 @@ def _largest_bias(fit: _Fit) -> float:
 class AlignedClock:
     """A clock's map, how it was found, from what, and how much of the signal it explains (None: edges alone)."""
 
-    clock: ClockMap
-    method: str
-    content: str
-    explained: float | None
-    findings: tuple[str, ...] = ()
+    clock: Annotated[ClockMap, INLINE]
+    method: Annotated[str, Key()]
+    content: Annotated[str, Key("", "by")]
+    explained: Annotated[float | None, Key()]
+    findings: Annotated[tuple[str, ...], Key()] = ()
     """Gaps in the records, as text."""
 
 

@@ -3,10 +3,11 @@
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated
 
 from balance.errors import CounterpoiseError
 from balance.mechanism.mechanism import Mechanism
+from balance.results import INLINE, Key, plain
 
 from ..errors import AnalysisError
 from ..kinematics import base_motion
@@ -54,24 +55,28 @@ class RunClocks:
         """Gaps that were masked, by run and group."""
         return [f"{self.run}: {group}: {text}" for group, one in self.aligned.items() for text in one.findings]
 
-    def as_rows(self) -> list[dict[str, Any]]:
-        """The alignments as rows of a JSON document, as they are stored."""
+    @property
+    def rows(self) -> "list[GroupClock]":
+        """The alignments, as they are stored and shown."""
+        own = self.delays.get(self.reference)
         return [
-            {
-                "run": self.run,
-                "origin": self.origin,
-                "reference": self.reference,
-                "group": group,
-                "method": one.method,
-                "content": one.content,
-                "explained": one.explained,
-                "findings": list(one.findings),
-                "filter_delay_s": self.delays.get(group),
-                "reference_filter_delay_s": self.delays.get(self.reference),
-                **one.clock.as_dict(),
-            }
+            GroupClock(self.run, self.origin, self.reference, group, one, self.delays.get(group), own)
             for group, one in self.aligned.items()
         ]
+
+
+@dataclass(frozen=True)
+class GroupClock:
+    """The clock of one group of a run."""
+
+    run: Annotated[str, Key("", "run")]
+    origin: Annotated[str, Key()]
+    reference: Annotated[str, Key()]
+    group: Annotated[str, Key("", "group")]
+    aligned: Annotated[AlignedClock, INLINE]
+    delay: Annotated[float | None, Key("filter_delay_s")]
+    """Delay of the filter of the group's logger [s]."""
+    reference_delay: Annotated[float | None, Key("reference_filter_delay_s")]
 
 
 def align_run(
@@ -160,7 +165,7 @@ KIND = "alignment"
 
 def write_alignments(campaign: Path, runs: "Sequence[tuple[Path, RunClocks]]") -> Path:
     """Add a record of the alignments of stored runs; returns its file."""
-    rows = [row for _, clocks in runs for row in clocks.as_rows()]
+    rows = plain([row for _, clocks in runs for row in clocks.rows])
     return append_only_records.append_record(campaign, KIND, [path for path, _ in runs], {"alignments": rows})
 
 

@@ -4,20 +4,20 @@ from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from balance.arrays import Floats
+from balance.results import INLINE, Key
 
+from ..rig.sensor_channels import Column
 from ..runs.si_run import SIRun
-from ..signal.filters import LANES
+from ..signal.filters import LANES, Band
 from ..signal.welch import SEGMENT, Spectra, welch
 from .metrics import DEFAULT_BAND, METRICS
 
 if TYPE_CHECKING:
-    from ..rig import Column
-    from ..signal.filters import Band
     from ..store import Run
 
 BLOCK_CHANNELS = LANES
@@ -29,6 +29,8 @@ PEAK_SEPARATION = 0.1
 """Least distance between two peaks, as a share of the frequency."""
 LEAST_SEGMENT = 256
 """Segment below which a short record has no spectrum [samples]."""
+MOST_PEAKS = 5
+"""Peaks that are listed."""
 PROMINENCE = 10.0
 """Least peak over the median of the two octaves around it [-]."""
 
@@ -37,21 +39,32 @@ PROMINENCE = 10.0
 class ChannelLevels:
     """Levels of one channel, in SI."""
 
-    column: "Column"
+    column: Annotated[Column, INLINE]
     rate_hz: float
-    mean: float
-    band: "Band | None"
+    mean: Annotated[float, Key("mean_{0.unit}")]
+    band: Annotated[Band | None, Key("band_hz", to=Band.limits)]
     metrics: dict[str, float]
     """``peak``, ``peak_to_peak``, ``rms``, after removing the mean over the record and filtering by the band."""
     spectrum: Spectra | None
     """Of the whole record without a band; None where it is shorter than two short segments."""
 
     @property
+    def levels(self) -> Annotated[dict[str, float], INLINE]:
+        """The metrics by their keys."""
+        return {f"{name}_{self.unit}": value for name, value in self.metrics.items()}
+
+    @property
+    def resolution(self) -> Annotated[float | None, Key("resolution_hz")]:
+        """Of the spectrum [Hz]."""
+        return float(self.spectrum.frequency[1]) if self.spectrum else None
+
+    @property
     def unit(self) -> str:
         """Unit of the channel as it is written in keys."""
         return _UNITS[self.column.dimensions[0]]
 
-    def peaks(self, most: int = 5) -> list[dict[str, float]]:
+    @property
+    def peaks(self) -> Annotated[list[dict[str, float]], Key("spectrum_peaks")]:
         """The strongest peaks of the spectrum: frequency [Hz], density [SI2/Hz], strongest first."""
         if self.spectrum is None:
             return []
@@ -65,20 +78,7 @@ class ChannelLevels:
         for i in tops:
             if all(abs(i - j) > PEAK_SEPARATION * j for j in apart):
                 apart.append(i)
-        return [{"frequency_hz": float(frequency[i]), "density_si2_hz": float(power[i])} for i in apart[:most]]
-
-    def as_dict(self) -> dict[str, Any]:
-        """The levels as they stand in JSON."""
-        return {
-            "sensor": self.column.sensor,
-            "component": self.column.component,
-            "channel": self.column.channel,
-            f"mean_{self.unit}": self.mean,
-            **{f"{name}_{self.unit}": value for name, value in self.metrics.items()},
-            "band_hz": [self.band.low_hz, self.band.high_hz] if self.band else None,
-            "spectrum_peaks": self.peaks(),
-            "resolution_hz": float(self.spectrum.frequency[1]) if self.spectrum else None,
-        }
+        return [{"frequency_hz": float(frequency[i]), "density_si2_hz": float(power[i])} for i in apart[:MOST_PEAKS]]
 
 
 def level_definitions(band: "Band | None") -> dict[str, str]:

@@ -5,7 +5,7 @@ The simulation knows the rig and the conditions stored with a run, and nothing t
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from balance.arrays import Floats
 from balance.errors import CounterpoiseError
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism
+from balance.results import INLINE, Key
 from balance.units import G0
 
 from ..campaign_plan import PlannedRun
@@ -97,49 +98,50 @@ class Prediction:
         return self.measure.amplitude(signal, rate_hz) if np.abs(signal).max() > NOTHING else 0.0
 
 
-_ANALYSIS_KEYS = ("interval_percent", "confidence_percent", "method", "limit", "at_least_percent", "below_noise",
-                    "amplitude_m_s2", "noise_floor_m_s2", "resolution_m_s2", "n")  # fmt: skip
+def _percent(label: str, name: str = "") -> Key:
+    return Key(f"{name or label}_percent", f"{label} %", ".1f")
 
 
 @dataclass(frozen=True)
 class Row:
     """One reduction by three sources [%]; None where there is none."""
 
-    analyzed: Reduction
-    simulated: float | None
-    published: float | None
-    shaking_force: float | None
+    analyzed: Annotated[Reduction, INLINE]
+    simulated: Annotated[float | None, _percent("simulated")]
+    published: Annotated[float | None, _percent("published")]
+    shaking_force: Annotated[float | None, _percent("simulated shaking force", "simulated_shaking_force")]
 
-    def as_dict(self) -> dict[str, Any]:
-        """The row as it stands in JSON."""
-        row = self.analyzed.as_dict()
-        return {
-            **{
-                name: row[name] for name in ("payload_kg", "motion", "peak_acceleration_g", "axis", "metric", "band_hz")
-            },
-            "analyzed_percent": self.analyzed.percent,
-            "simulated_percent": self.simulated,
-            "published_percent": self.published,
-            "simulated_shaking_force_percent": self.shaking_force,
-            **{name: row[name] for name in (*_ANALYSIS_KEYS, "origin", "runs", "sensor", "counter_masses_kg")},
-        }
+    @property
+    def percent(self) -> Annotated[float | None, Key("analyzed_percent")]:
+        """By the logs."""
+        return self.analyzed.percent
+
+    @property
+    def analyzed_text(self) -> Annotated[str, Key(None, "analysed % [95 %]")]:
+        """By the logs, with the interval."""
+        return self.analyzed.text
 
 
 @dataclass(frozen=True)
 class Comparison:
     """All rows of a campaign, and findings about what could not be compared or is doubtful."""
 
-    rows: tuple[Row, ...]
-    origins: dict[str, int]
+    rows: Annotated[tuple[Row, ...], Key()]
+    origins: Annotated[dict[str, int], Key("runs_by_origin")]
     """Number of runs by origin."""
-    findings: tuple[Finding, ...]
-    published_notes: tuple[str, ...] = ()
-    """Notes for who reads the published table."""
+    findings: Annotated[tuple[Finding, ...], Key()]
+    published: Annotated[Published, Key()]
+    measure: Measure
 
     @property
-    def notes(self) -> list[str]:
+    def definition(self) -> Annotated[str, Key()]:
+        """What an amplitude is."""
+        return str(self.measure)
+
+    @property
+    def notes(self) -> Annotated[list[str], Key()]:
         """Notes for who reads the rows."""
-        return [*self.published_notes, *published_difference_note(self.rows), *outside_interval_note(self.rows)]
+        return [*self.published.notes, *published_difference_note(self.rows), *outside_interval_note(self.rows)]
 
 
 def published_difference_note(rows: Sequence[Row]) -> list[str]:
@@ -210,7 +212,7 @@ def compare_campaign(
             for r in analysis.reductions
             if r.key == pair.key and r.counter_masses == pair.counter_masses
         ]
-    return Comparison(tuple(rows), analysis.origins, tuple(dict.fromkeys(findings)), published.notes)
+    return Comparison(tuple(rows), analysis.origins, tuple(dict.fromkeys(findings)), published, measure)
 
 
 def _simulated(

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 
 from balance.arrays import Floats
+from balance.results import Key
 
 from ..errors import AnalysisError
 from ..signal.filters import Band, without_mean
@@ -31,16 +32,11 @@ DEFAULT_BAND = Band(0.0, 200.0)
 class Measure:
     """How an amplitude is taken: mean over the record removed, then the band, then the metric."""
 
-    metric: Metric = DEFAULT_METRIC
-    band: Band | None = DEFAULT_BAND
+    metric: Annotated[Metric, Key()] = DEFAULT_METRIC
+    band: Annotated[Band | None, Key("band_hz", to=Band.limits)] = DEFAULT_BAND
 
     def __str__(self) -> str:
         return f"{self.metric} ({METRICS[self.metric][0]}), mean removed, band {self.band or 'not limited'}"
-
-    @property
-    def band_hz(self) -> list[float] | None:
-        """The band as it stands in JSON."""
-        return [self.band.low_hz, self.band.high_hz] if self.band else None
 
     def amplitude(self, values: Floats, rate_hz: float) -> float:
         """Amplitude [unit] of a signal (n,) [unit]."""

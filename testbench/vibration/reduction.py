@@ -6,11 +6,12 @@ An interval comes from the scatter of the campaign's repeats or, without repeats
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 
 from balance.estimation.estimate import LEVEL
+from balance.results import INLINE, Key
 
 from ..errors import AnalysisError
 from ..published_tables import MANIPULATOR, NO_ORIGINALS
@@ -28,71 +29,69 @@ if TYPE_CHECKING:
 Method = Literal["repeats", "propagation"]
 """Where an interval comes from: the scatter of the campaign's repeats, or noise at rest, propagated."""
 Limit = Literal["at_least", "at_most"]
+SIDES = ("with", "without")
+"""Keys of a pair of numbers."""
+
+
+def _masses(masses: dict[str, float]) -> str:
+    return " + ".join(f"{mass:g}" for mass in masses.values())
+
+
+def _both(values: tuple[float | None, float | None]) -> str:
+    return "/".join("-" if value is None else f"{value:.2g}" for value in values)
 
 
 @dataclass(frozen=True)
 class Reduction:
     """By how many per cent an amplitude is smaller with counter-masses than without."""
 
-    key: ConditionKey
-    counter_masses: dict[str, float]
+    key: Annotated[ConditionKey, INLINE]
+    counter_masses: Annotated[dict[str, float], Key("counter_masses_kg", "counter-masses kg", _masses)]
     """Counter-mass by site [kg]."""
-    sensor: str
-    axis: str
-    measure: Measure
-    percent: float | None
+    sensor: Annotated[str, Key("", "sensor")]
+    axis: Annotated[str, Key("", "axis")]
+    measure: Annotated[Measure, INLINE]
+    percent: Annotated[float | None, Key("reduction_percent")]
     """Of amplitudes without noise; None where nothing vibrated above the noise without counter-masses."""
-    interval: tuple[float, float] | None
+    interval: Annotated[tuple[float, float] | None, Key("interval_percent")]
     """95 % interval of ``percent``; None where there is none."""
-    method: Method | None
+    method: Annotated[Method | None, Key("", "interval from")]
     """Where the interval comes from."""
-    limit: Limit | None
+    limit: Annotated[Limit | None, Key()]
     """``at_least``: the residual vibration is below the noise, or the sensor clipped without counter-masses."""
-    below_noise: bool
+    below_noise: Annotated[bool, Key()]
     """Whether the residual vibration with counter-masses is not above the noise."""
-    amplitudes: tuple[float, float]
+    amplitudes: Annotated[tuple[float, float], Key("amplitude_m_s2", "with/without m/s2", _both, parts=SIDES)]
     """With and without counter-masses, without noise [m/s2]."""
-    noise_floor: tuple[float | None, float | None]
+    noise_floor: Annotated[tuple[float | None, float | None], Key("noise_floor_m_s2", "noise m/s2", _both, parts=SIDES)]
     """Reading of noise alone, with and without counter-masses [m/s2]; None where the noise is unknown."""
-    noise_stated: bool
+    noise_stated: Annotated[bool, Key()]
     """Whether the noise is the one that the rig states, since no rest of the runs shows it."""
-    resolution: float
+    resolution: Annotated[float, Key("resolution_m_s2")]
     """Step of the channel [m/s2]; zero where none is known."""
-    n: tuple[int, int]
+    n: Annotated[tuple[int, int], Key("", "n", lambda n: f"{n[0]}/{n[1]}", parts=SIDES)]
     """Number of runs with and without counter-masses."""
-    runs: tuple[str, ...]
+    runs: Annotated[tuple[str, ...], Key("", "runs", " ".join)]
 
     @property
-    def at_least(self) -> float | None:
+    def at_least(self) -> Annotated[float | None, Key("at_least_percent")]:
         """The lower bound [%], where the reduction is one."""
         return self.interval[0] if self.limit == "at_least" and self.interval else None
 
-    def as_dict(self) -> dict[str, Any]:
-        """The reduction as it stands in JSON."""
-        return {
-            "payload_kg": self.key.payload_kg,
-            "motion": self.key.motion,
-            "peak_acceleration_g": self.key.peak_acceleration_g,
-            "axis": self.axis,
-            "metric": self.measure.metric,
-            "band_hz": self.measure.band_hz,
-            "reduction_percent": self.percent,
-            "interval_percent": list(self.interval) if self.interval else None,
-            "confidence_percent": 100.0 * LEVEL,
-            "method": self.method,
-            "limit": self.limit,
-            "at_least_percent": self.at_least,
-            "below_noise": self.below_noise,
-            "amplitude_m_s2": _with_and_without(self.amplitudes),
-            "noise_floor_m_s2": _with_and_without(self.noise_floor),
-            "noise_stated": self.noise_stated,
-            "resolution_m_s2": self.resolution,
-            "n": _with_and_without(self.n),
-            "origin": self.key.origin,
-            "runs": list(self.runs),
-            "sensor": self.sensor,
-            "counter_masses_kg": self.counter_masses,
-        }
+    @property
+    def confidence(self) -> Annotated[float, Key("confidence_percent")]:
+        """Of the interval [%]."""
+        return 100.0 * LEVEL
+
+    @property
+    def text(self) -> Annotated[str, Key(None, "reduction % [95 %]")]:
+        """``94.2 [93.1, 95.0]``; a lower bound as ``>= 97.2`` with its reason."""
+        if self.limit == "at_least" and self.at_least is not None:
+            return f">= {self.at_least:.1f} {'< noise' if self.below_noise else 'clipped'}"
+        value = "-" if self.percent is None else f"{self.percent:.1f}"
+        if self.limit == "at_most":
+            return f"<= {value} clipped"
+        return value if self.interval is None else f"{value} [{self.interval[0]:.1f}, {self.interval[1]:.1f}]"
 
 
 @dataclass(frozen=True)
@@ -100,8 +99,14 @@ class Analysis:
     """All reductions of a campaign, and findings about what could not be analysed or is doubtful."""
 
     pairs: tuple[Pair, ...]
-    reductions: tuple[Reduction, ...]
-    findings: tuple[Finding, ...]
+    reductions: Annotated[tuple[Reduction, ...], Key()]
+    findings: Annotated[tuple[Finding, ...], Key()]
+    measure: Measure
+
+    @property
+    def definition(self) -> Annotated[str, Key()]:
+        """What an amplitude is."""
+        return str(self.measure)
 
     @property
     def origins(self) -> dict[str, int]:
@@ -110,7 +115,7 @@ class Analysis:
         return dict(Counter(runs.values()))
 
     @property
-    def notes(self) -> list[str]:
+    def notes(self) -> Annotated[list[str], Key()]:
         """Notes for who reads the reductions."""
         simulated = [run for pair in self.pairs for run in pair.runs if run.origin == "simulated"]
         shown = any(SIRun.of(run).rig.mechanism.startswith(MANIPULATOR) for run in simulated)
@@ -129,9 +134,8 @@ def analyze(runs: Iterable["Run"], measure: Measure) -> Analysis:
         findings += [*condition.findings, *reduction_findings(condition, some)]
         findings += [*scatter_findings(condition, scatter), *condition.doubts]
         reductions += some
-    return Analysis(
-        tuple(condition.pair for condition in conditions), tuple(reductions), tuple(dict.fromkeys(findings))
-    )
+    found_pairs = tuple(condition.pair for condition in conditions)
+    return Analysis(found_pairs, tuple(reductions), tuple(dict.fromkeys(findings)), measure)
 
 
 def _conditions(found: Sequence[Pair], measure: Measure, findings: list[Finding]) -> list[Condition]:
@@ -194,13 +198,12 @@ def _reduction_without_interval(condition: Condition, place: Place) -> Reduction
     sides = ConditionAmplitude(groups[0]), ConditionAmplitude(groups[1])
     read = [[run.statistic.amplitude(run.reading) for run in group.runs] for group in groups]
     means = float(np.mean(read[0])), float(np.mean(read[1]))
-    floors = (None, None)
     count = len(read[0]), len(read[1])
     names = tuple(run.name for run in pair.runs)
     fell = None if condition.dead.get(place) else reduction_percent(read[0], read[1])
     return Reduction(
         pair.key, pair.counter_masses, *place, condition.measure, fell, None, None,
-        _limit(sides, False), False, means, floors, False, 0.0, count, names,
+        _limit(sides, False), False, means, (None, None), False, 0.0, count, names,
     )  # fmt: skip
 
 
@@ -221,10 +224,6 @@ def _limit(sides: tuple[ConditionAmplitude, ConditionAmplitude], below_noise: bo
 
 def _percent(ratio: float) -> float:
     return 100.0 * (1.0 - ratio)
-
-
-def _with_and_without(values: tuple[Any, Any]) -> dict[str, Any]:
-    return {"with": values[0], "without": values[1]}
 
 
 def reduction_percent(balanced: Sequence[float], unbalanced: Sequence[float]) -> float | None:
@@ -274,6 +273,14 @@ def reduction_findings(condition: Condition, found: Sequence[Reduction]) -> list
         for sensor in dict.fromkeys(r.sensor for r in some)
         if (axes := [r.axis for r in some if r.sensor == sensor])
     ]
+
+
+def sets_differ(reductions: Sequence[Reduction]) -> bool:
+    """Whether a condition has several sets of counter-masses."""
+    sets: dict[ConditionKey, list[dict[str, float]]] = {}
+    for one in reductions:
+        sets.setdefault(one.key, []).append(one.counter_masses)
+    return any(masses != some[0] for some in sets.values() for masses in some)
 
 
 def scatter_findings(condition: Condition, scatter: RepeatabilityByPlace) -> list[Finding]:

@@ -3,7 +3,9 @@
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+from balance.results import Key
 
 from ..recording import Finding
 
@@ -17,10 +19,10 @@ _NEEDED = ("payload_kg", "motion", "peak_acceleration_g")
 class ConditionKey:
     """Conditions that two runs must share to be compared."""
 
-    payload_kg: float
-    motion: str
-    peak_acceleration_g: float
-    origin: str
+    payload_kg: Annotated[float, Key("", "payload kg", "g")]
+    motion: Annotated[str, Key("", "motion")]
+    peak_acceleration_g: Annotated[float, Key("", "peak g0", "g")]
+    origin: Annotated[str, Key("", "origin")]
 
     @classmethod
     def of(cls, run: "Run") -> "ConditionKey":

@@ -2,19 +2,12 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
 import pytest
 
 from balance.results import INLINE, Key, document, per_cent, rpm, table
-
-
-class Pair(NamedTuple):
-    """With and without."""
-
-    with_it: float | None
-    without: float
 
 
 @dataclass(frozen=True)
@@ -32,7 +25,7 @@ class Reading:
     condition: Annotated[Condition, INLINE]
     speed: Annotated[float, Key("speed_rpm", "speed [rpm]", ".1f", to=rpm)]
     course: Annotated[np.ndarray, Key("course_rpm", to=rpm)]
-    sizes: Annotated[Pair, Key("sizes_m", to=per_cent)]
+    sizes: Annotated[tuple[float | None, float], Key("sizes_m", to=per_cent, parts=("with", "without"))]
     parts: Annotated[tuple[Condition, ...], Key()] = ()
     note: Annotated[str | None, Key("", "note", optional=True)] = None
     hidden: int = 3
@@ -49,7 +42,7 @@ class Reading:
 
 
 TURN = 2.0 * np.pi / 60.0
-ONE = Reading(Condition("x", 5.0), TURN, np.array([TURN, 2.0 * TURN]), Pair(None, 0.5), (Condition("y", 1.0),))
+ONE = Reading(Condition("x", 5.0), TURN, np.array([TURN, 2.0 * TURN]), (None, 0.5), (Condition("y", 1.0),))
 
 
 def test_document_is_what_the_fields_say():
@@ -59,7 +52,7 @@ def test_document_is_what_the_fields_say():
         "payload_kg": 5.0,
         "speed_rpm": pytest.approx(1.0),
         "course_rpm": pytest.approx([1.0, 2.0]),
-        "sizes_m": {"with_it": None, "without": 50.0},
+        "sizes_m": {"with": None, "without": 50.0},
         "parts": [{"motion": "y", "payload_kg": 1.0}],
         "ends_percent": [25.0, 50.0],
     }

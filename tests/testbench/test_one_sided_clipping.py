@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from balance.results import document
 from studies import simulated_runs as memory
 from testbench.recording import Finding
 from testbench.vibration.metrics import Measure
@@ -54,7 +55,7 @@ def test_clipped_without_counter_masses(runs):
     assert found.percent < whole.percent
     assert found.interval[0] < whole.percent
     assert found.interval[1] == 100.0
-    assert found.as_dict()["at_least_percent"] == found.interval[0]
+    assert document(found)["at_least_percent"] == found.interval[0]
 
 
 def test_clipped_with_counter_masses(runs):
@@ -63,8 +64,8 @@ def test_clipped_with_counter_masses(runs):
     assert found.limit == "at_most"
     assert found.percent > whole.percent
     assert found.interval is None
-    assert found.as_dict()["limit"] == "at_most"
-    assert found.as_dict()["at_least_percent"] is None
+    assert document(found)["limit"] == "at_most"
+    assert document(found)["at_least_percent"] is None
 
 
 def test_clipped_on_both_sides(runs):

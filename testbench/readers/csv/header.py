@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from ... import units
 from ...recording import Block, Channel, Finding, Report, SensorRange, TimeColumn, UniformClock
+from ...units import is_unit, seconds_per
 from .. import header_claims
 from .cell_syntax import decimal_mark, is_missing, is_number_like, may_be_thousands, read_timestamp
 from .dialect import Dialect, UnclearDialect, is_comment, is_data
@@ -160,10 +160,10 @@ def _are_units(cells: Sequence[str], over: Sequence[str]) -> bool:
     A name with its unit, such as ``F (N)``, is none. Some may be unknown: if all stand in brackets, one of time below
     a name of time, or most are known below names that are no units.
     """
-    if any((match := _NAME_AND_UNIT.fullmatch(cell)) and units.is_unit(match[1]) for cell in cells):
+    if any((match := _NAME_AND_UNIT.fullmatch(cell)) and is_unit(match[1]) for cell in cells):
         return False
     texts = [cell.strip().strip("()[]").strip() for cell in cells]
-    known = sum(map(units.is_unit, texts))
+    known = sum(map(is_unit, texts))
     if any(":" in name for name in over) and known < sum(map(bool, texts)):
         return False  # over names, such as of a line Vertical Units,CH1:V
     given = sum(map(bool, texts))
@@ -174,12 +174,12 @@ def _are_units(cells: Sequence[str], over: Sequence[str]) -> bool:
     if all(_BRACKETED.fullmatch(cell.strip()) for cell in cells if cell.strip()):
         return True
     of_time = any(is_time_name(name) and _is_of_time(text) for name, text in zip(over, texts, strict=True))
-    return of_time or (2 * known >= given and 2 * sum(map(units.is_unit, over)) < given)
+    return of_time or (2 * known >= given and 2 * sum(map(is_unit, over)) < given)
 
 
 def _is_of_time(text: str) -> bool:
     """Whether a text is a unit of time, or how times are written, such as ``hh:mm:ss.fff``."""
-    return units.seconds_per(text) is not None or _NOTATION.fullmatch(text) is not None
+    return seconds_per(text) is not None or _NOTATION.fullmatch(text) is not None
 
 
 def _labels(rows: Sequence[Sequence[str]], named: Sequence[int], fields: int) -> tuple[list[str], list[str]]:
@@ -229,7 +229,7 @@ def _channel(name: str, below: str) -> Channel:
         text = (match[1] or match[2] or "").strip()
         if _SCALED.match(name[match.end() :]):
             break  # F (N) x10: the numbers are of another unit than the brackets'
-        if units.is_unit(text) or _is_written_as_unit(text, square=match[2] is not None):
+        if is_unit(text) or _is_written_as_unit(text, square=match[2] is not None):
             label = (name[: match.start()].rstrip() + " " + name[match.end() :].lstrip()).strip()
             return Channel(name, text, label or name)
     suffixed = _TIME_SUFFIX.fullmatch(name)
@@ -278,7 +278,7 @@ def time_column(channels: Sequence[Channel]) -> TimeColumn | None:
     for i, channel in enumerate(channels):
         if is_time_name(channel.label):
             if channel.unit is not None:
-                return TimeColumn(i, units.seconds_per(channel.unit))
+                return TimeColumn(i, seconds_per(channel.unit))
             bare = _BRACKETS.search(channel.label) is None
             return TimeColumn(i, 1.0, assumed=True) if bare else TimeColumn(i, None)
     return None
@@ -340,7 +340,7 @@ def sensor_ranges(texts: Iterable[str]) -> tuple[SensorRange, ...]:
     for text in texts:
         bits = _BITS.search(text[:_LONGEST])
         for match in _RANGE.finditer(text[:_LONGEST]):
-            if units.is_unit(match[2]):
+            if is_unit(match[2]):
                 limit = float(match[1].replace(",", "."))
                 found.append(SensorRange(limit, match[2], int(bits[1]) if bits else None))
     return tuple(found)
@@ -403,7 +403,7 @@ def _steps(text: str, decimal: str) -> Iterator["tuple[re.Match[str], Fraction]"
     """The steps of time that a line states, with their seconds."""
     for pattern in _STEPS:
         for match in re.finditer(pattern, text, re.IGNORECASE):
-            factor = units.seconds_per(match["unit"])
+            factor = seconds_per(match["unit"])
             if factor and (value := _value(match["number"], decimal)):
                 yield match, value * Fraction(repr(factor))
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from balance.results import table
 from testbench.vibration.metrics import DEFAULT_BAND, DEFAULT_METRIC
 
 from ..conftest import call as command
@@ -56,17 +57,16 @@ def test_sets_of_counter_masses_are_told_apart(brief):
     """Rows of one condition with two sets name their counter-masses; where there is one set, no column is spent."""
     from dataclasses import replace
 
-    from testbench.cli.options import with_counter_masses
     from testbench.store import open_campaign
     from testbench.vibration.metrics import Measure
-    from testbench.vibration.reduction import analyze
+    from testbench.vibration.reduction import Reduction, analyze, sets_differ
 
     one = analyze(open_campaign(brief.campaign).runs[4:6], Measure()).reductions[0]
-    header, rows = ["motion", "peak g0", "axis"], [["x", "3", "x"], ["x", "3", "x"]]
-    assert with_counter_masses(header, rows, [one, one]) == (header, rows)
-    wider = with_counter_masses(header, rows, [one, replace(one, counter_masses={"a": 9.0, "b": 12.5})])
-    assert wider[0] == ["motion", "peak g0", "counter-masses kg", "axis"]
-    assert [row[2] for row in wider[1]] == ["24.2626 + 24.2626", "9 + 12.5"]
+    other = replace(one, counter_masses={"a": 9.0, "b": 12.5})
+    assert not sets_differ([one, one])
+    assert sets_differ([one, other])
+    cells = table(Reduction, [one, other], "counter_masses")
+    assert cells == (["counter-masses kg"], [["24.2626 + 24.2626"], ["9 + 12.5"]])
 
 
 def test_text_of_analyze(brief):

@@ -6,6 +6,7 @@ import os
 import numpy as np
 import pytest
 
+from balance.results import document
 from testbench import rig as rigs
 from testbench.ingest import Ingest
 from testbench.ingest.run_conditions import PlannedRun, plan_runs
@@ -138,7 +139,7 @@ def test_a_simulated_log_cannot_be_called_measured(folder):
     (folder / "r001.csv").write_text("# origin: simulated\n" + HEADER + "".join(ROWS))
     (outcome,) = ingested(folder, PlannedRun("r001", (folder / "r001.csv",), "measured", {}))
     assert outcome.status == "refused"
-    assert outcome.origin == outcome.as_dict()["origin"] == "simulated"
+    assert outcome.origin == document(outcome)["origin"] == "simulated"
     assert [f.code for f in outcome.findings] == ["origin_contradiction"]
 
 

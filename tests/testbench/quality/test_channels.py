@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from balance.results import document
 from testbench.quality.clipping import Clipping
 from testbench.quality.group_checks import ChannelStats
 from testbench.recording import SensorRange
@@ -22,7 +23,7 @@ def test_numbers_are_of_the_finite_samples(block):
     samples = RANDOM.normal(1e-4, 3.0, 5000)
     samples[[0, 7, 4000]] = np.nan, np.inf, -np.inf
     finite = samples[np.isfinite(samples)]
-    found = gathered(samples, block).as_dict()
+    found = document(gathered(samples, block))
     assert (found["n"], found["nan"], found["first"], found["last"]) == (5000, 3, None, samples[-1])
     assert (found["min"], found["max"]) == (finite.min(), finite.max())
     assert found["mean"] == pytest.approx(finite.mean(), rel=1e-9)
@@ -30,7 +31,7 @@ def test_numbers_are_of_the_finite_samples(block):
 
 def test_sums_beyond_float64():
     """Samples whose sum overflows still have their extremes; their mean is not called a number."""
-    found = gathered(np.full(10, 1.7e308), 10).as_dict()
+    found = document(gathered(np.full(10, 1.7e308), 10))
     assert (found["max"], found["nan"], found["mean"]) == (1.7e308, 0, None)
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from balance import datasets
+from balance.results import document
 from studies import simulated_runs as memory
 from studies.clocks import CASES, REFERENCE, aligned, tally
 from studies.clocks import truth as true_instant
@@ -113,7 +114,7 @@ def test_what_the_rig_does_not_pair_is_refused(moved):
 def test_maps_are_stored_and_restored():
     """A map read back from its dictionary is the same map; its interval is narrowest where the data are."""
     clock = ClockMap(3.0, 2.5, 4e-6, np.array([[1e-10, 1e-12], [1e-12, 4e-12]]), 18, (1.0, 5.0))
-    again = ClockMap.from_dict(clock.as_dict())
+    again = ClockMap.from_dict(document(clock))
     assert again.offset == pytest.approx(clock.offset, abs=1e-15)
     assert again.offset_interval == pytest.approx(clock.offset_interval, abs=1e-15)
     assert clock.half_width(3.0) < clock.half_width(100.0)

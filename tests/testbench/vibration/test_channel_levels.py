@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from balance.results import plain
 from studies import simulated_runs as memory
 from testbench.runs.si_run import SIRun
 from testbench.store import open_campaign
@@ -33,7 +34,7 @@ def test_many_runs_are_each_as_alone(runs):
     assert [run.name for run, _ in found] == [run.name for run in runs]
     for run, some in found:
         alone = channel_levels(SIRun.of(run), SIRun.of(run).rig.columns())
-        assert [one.as_dict() for one in some] == [one.as_dict() for one in alone]
+        assert plain(some) == plain(alone)
 
 
 def test_a_line_in_the_noise_is_found():
@@ -44,6 +45,6 @@ def test_a_line_in_the_noise_is_found():
     quiet = np.random.default_rng(2).normal(0.0, 0.001, len(time))
     line = memory.with_values(run, "AccX", quiet + np.sin(2 * np.pi * 63.0 * time) / 98.1)
     (level,) = channel_levels(SIRun.of(line), [column])
-    assert [peak["frequency_hz"] for peak in level.peaks()] == [pytest.approx(63.0, abs=5000.0 / 4096.0)]
+    assert [peak["frequency_hz"] for peak in level.peaks] == [pytest.approx(63.0, abs=5000.0 / 4096.0)]
     (nothing,) = channel_levels(SIRun.of(memory.with_values(run, "AccX", quiet)), [column])
-    assert nothing.peaks() == []
+    assert nothing.peaks == []

@@ -6,6 +6,7 @@ import numpy as np
 import polars
 import pytest
 
+from balance.results import document
 from testbench.errors import AnalysisError
 from testbench.published_tables import ORIGINAL_LOGS, load_published
 from testbench.rig import load_rig
@@ -63,7 +64,7 @@ def test_notes(comparison):
     """It is said that the original logs are not available, and how many runs are simulated."""
     assert ORIGINAL_LOGS in comparison.notes
     assert comparison.origins == {"simulated": 8}
-    assert {row.as_dict()["origin"] for row in comparison.rows} == {"simulated"}
+    assert {document(row)["origin"] for row in comparison.rows} == {"simulated"}
 
 
 def test_the_reason_is_computed(comparison):
@@ -84,7 +85,7 @@ def test_rows_have_every_key(comparison):
     """A row has all that readers of the JSON expect."""
     needed = {"payload_kg", "motion", "peak_acceleration_g", "axis", "metric", "analyzed_percent", "simulated_percent",
               "published_percent", "origin"}  # fmt: skip
-    assert all(needed <= set(row.as_dict()) for row in comparison.rows)
+    assert all(needed <= set(document(row)) for row in comparison.rows)
 
 
 def test_prediction_is_made_anew(brief, monkeypatch):

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from balance.results import document
 from testbench import rig as rigs
 from testbench.errors import AnalysisError
 from testbench.recording import Channel, UniformClock
@@ -30,7 +31,7 @@ def test_metrics_of_a_sine(metric, amplitude):
 def test_a_measure_says_what_it_is():
     """Metric, offset and band stand in its text."""
     assert str(Measure("rms", None)) == "rms (root mean square over the whole record), mean removed, band not limited"
-    assert Measure("peak", Band(1.0, 50.0)).band_hz == [1.0, 50.0]
+    assert document(Measure("peak", Band(1.0, 50.0))) == {"metric": "peak", "band_hz": [1.0, 50.0]}
 
 
 def stored(folder: Path, unit: str | None, values: np.ndarray, rate: float | None = RATE) -> Run:

@@ -6,6 +6,7 @@ import numpy as np
 import polars
 import pytest
 
+from balance.results import document
 from testbench.errors import AnalysisError
 from testbench.signal.filters import Band
 from testbench.store import open_campaign
@@ -68,7 +69,7 @@ def test_below_noise(brief):
     for r in sunk:
         assert r.limit == "at_least"
         assert r.interval[1] == 100.0
-        assert r.as_dict()["at_least_percent"] == r.interval[0]
+        assert document(r)["at_least_percent"] == r.interval[0]
         assert r.interval[0] > 100.0 * (1.0 - 2.0 * r.noise_floor[0] / r.amplitudes[1])
     assert {f.code for f in analysis.findings} == {"below_noise"}
     assert not [r for r in analysis.reductions if r.key.motion == "x" and r.limit]

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from balance.results import plain
 from testbench.errors import RecordingError
 from testbench.quality.log_description import describe_log
 from testbench.readers import ReadOptions
@@ -155,7 +156,7 @@ def test_noise_gives_clear_errors_only(tmp_path):
         path = tmp_path / "noise.csv"
         path.write_bytes(data)
         try:
-            json.dumps(describe_log(path).as_dict(stats=True), allow_nan=False)
+            json.dumps(plain(describe_log(path).document(stats=True)), allow_nan=False)
         except RecordingError as error:
             refusals.append(str(error))
     assert refusals
