@@ -15,7 +15,7 @@ from balance.units import G0
 
 from .errors import RigError
 from .recording import Conditions
-from .rig import schema
+from .rig import key_types
 
 
 @dataclass(frozen=True)
@@ -50,13 +50,13 @@ _ONE_OR_MORE = (OneOrMore, Field(min_length=1))
 class Condition(Table):
     """Runs in every combination of what is listed, each also without counter-masses unless the plan says no."""
 
-    payload: Annotated[list[schema.Mass], *_ONE_OR_MORE]
+    payload: Annotated[list[key_types.Mass], *_ONE_OR_MORE]
     """Everything that the platform carries, itself included; one or several [kg]."""
-    counter_masses: dict[str, schema.Mass] = Field(default_factory=dict)
+    counter_masses: dict[str, key_types.Mass] = Field(default_factory=dict)
     """Counter-masses by site [kg]."""
     motion: Annotated[list[str], *_ONE_OR_MORE]
     """Names of motions, or files; one or several."""
-    peak_acceleration: Annotated[list[schema.Acceleration], *_ONE_OR_MORE]
+    peak_acceleration: Annotated[list[key_types.Acceleration], *_ONE_OR_MORE]
     """Peak acceleration of the motion; one or several [m/s2]."""
     also_without: bool = True
     """Whether every run is made without counter-masses too."""

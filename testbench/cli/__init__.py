@@ -22,11 +22,8 @@ COMMANDS = {
     "predict": ("predict", "Printed reductions of heavier payloads, predicted from those of the lightest."),
     "identify": ("identify", "Inertial parameters and friction of a mechanism from the torques of runs."),
     "trim": ("trim", "The residual first moment of each arm, and the mass to add."),
-    "speed": ("rotating", "Speed over a turn and its fluctuation, from the instants of encoder edges."),
-    "vectors": (
-        "order_vectors",
-        "Amplitude and phase of vibration sensors by a tachometer, for balance rotor influence.",
-    ),
+    "speed": ("speed", "Speed over a turn and its fluctuation, from the instants of encoder edges."),
+    "vectors": ("vectors", "Amplitude and phase of vibration sensors by a tachometer, for balance rotor influence."),
 }
 
 

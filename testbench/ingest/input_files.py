@@ -15,7 +15,7 @@ from typing import Any
 from ..errors import RecordingError
 from ..readers import ReadOptions, open_recording
 from ..recording import Block, Finding, Group, Recording, Refusal, Report
-from ..store import atomic_files, metadata
+from ..store import atomic_files, layout
 from ..store.campaign import KEPT, SUFFIX
 
 _AT_ONCE = 16 << 20
@@ -194,7 +194,7 @@ def _belongs(path: Path) -> bool:
 
 def refuse_stored_run(source: Source) -> None:
     """Raise Refusal for a stored run: stored anew it would lose its conditions, findings and sources."""
-    if metadata.MARK in source.recording.metadata:
+    if layout.MARK in source.recording.metadata:
         message = "is a stored run and no log: copy it with its .sha256 into a campaign, or use `testbench archive`"
         raise Refusal(source.path.name, Finding("stored_run", None, None, message))
 

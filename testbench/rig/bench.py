@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 
 from balance.input_files import Table
 
-from . import schema
+from . import key_types
 
 Share = Annotated[float, Field(ge=0.0, lt=1.0)]
 Direction = tuple[float, float, float]
@@ -23,7 +23,7 @@ FloorLevel = Literal["workshop", "office", "residential", "operating theatre", "
 class Rotor(Table):
     """The rotor of a motor on the base, and the gear between it and its joint."""
 
-    inertia: schema.Inertia
+    inertia: key_types.Inertia
     """About its own axis, brake and first gear stage included [kg m2]."""
     ratio: float = Field(default=1.0, allow_inf_nan=False)
     """Turns of the rotor per turn of the joint; negative where the gear reverses."""
@@ -40,11 +40,11 @@ class Rotor(Table):
 class Roughness(Table):
     """Residual broadband wrench of drives, gears and joints on the base: flat within a band, each axis for itself."""
 
-    force: schema.Forces | None = None
+    force: key_types.Forces | None = None
     """Root mean square [N]."""
-    moment: schema.Moments | None = None
+    moment: key_types.Moments | None = None
     """Root mean square, about the origin of the base frame [N m]."""
-    band: tuple[schema.Frequency, schema.Frequency] = (20.0, 500.0)
+    band: tuple[key_types.Frequency, key_types.Frequency] = (20.0, 500.0)
     """[Hz]"""
 
     @model_validator(mode="after")
@@ -59,11 +59,11 @@ class Roughness(Table):
 class Mode(Table):
     """An elastic mode of the frame on top of its rigid-body motion, excited by the mechanism's wrench."""
 
-    frequency: schema.Frequency
+    frequency: key_types.Frequency
     """Natural frequency [Hz]."""
     damping: float = Field(gt=0.0, lt=1.0)
     """Share of critical damping."""
-    mass: schema.Mass
+    mass: key_types.Mass
     """Modal mass, for the shape as it is written here [kg]."""
     translation: Direction = (0.0, 0.0, 0.0)
     """Shape where the mechanism stands, at the origin of the base frame."""
@@ -84,7 +84,7 @@ class SensorErrors(Table):
     """Preload or zero offset, as a share of the range."""
     drift_per_minute: float = Field(default=0.0, ge=0.0, allow_inf_nan=False)
     """Of the zero, as a share of the range, from the reset when the loggers start: a charge amplifier's."""
-    high_pass: schema.Frequency | None = None
+    high_pass: key_types.Frequency | None = None
     """Corner of an AC-coupled sensor, first order [Hz]; None: it responds down to zero frequency."""
 
 
@@ -101,25 +101,25 @@ class Logger(Table):
 
     clock: Literal["uniform", "recorded"] = "recorded"
     """``uniform``: the rate stands in the head of the log; ``recorded``: the log has a column of time."""
-    rate: schema.Frequency = DEFAULT_RATE_HZ
+    rate: key_types.Frequency = DEFAULT_RATE_HZ
     """Samples per second of its own clock [Hz]."""
-    start: schema.Time = DEFAULT_START_S
+    start: key_types.Time = DEFAULT_START_S
     """When it is started, from the start of the motion [s]."""
     drift_ppm: float = Field(default=0.0, ge=-1e5, le=1e5)
     """How much too fast its clock runs, in millionths."""
-    start_scatter: schema.Deviation = 0.0
+    start_scatter: key_types.Deviation = 0.0
     """Standard deviation of the start from run to run [s]."""
     drift_scatter_ppm: float = Field(default=0.0, ge=0.0, le=1e4)
     """Standard deviation of the drift from run to run, in millionths."""
-    jitter: schema.Deviation = 0.0
+    jitter: key_types.Deviation = 0.0
     """Standard deviation of the instant of a sample [s]; a recorded time column shows it, a uniform clock does not."""
     lost: Share = 0.0
     """Share of samples lost one by one: a gap in a recorded time, on a uniform clock a shift of all that follows."""
     dropouts_per_minute: float = Field(default=0.0, ge=0.0, le=6e4)
     """How often a whole block is lost."""
-    dropout: schema.Duration = 0.02
+    dropout: key_types.Duration = 0.02
     """Length of such a block [s]."""
-    low_pass: schema.Frequency | None = None
+    low_pass: key_types.Frequency | None = None
     """Corner of the anti-alias filter, Butterworth of fourth order [Hz]; None: no filter."""
     delimiter: Literal[",", ";", "\t"] = ","
     """Between the cells of its text."""
@@ -137,11 +137,11 @@ class Logger(Table):
 class Mount(Table):
     """A spring and a damper along each axis of the base, at a point of it."""
 
-    position: schema.Point
+    position: key_types.Point
     """Point of the base in its own frame [m]."""
-    stiffness: schema.Stiffnesses
+    stiffness: key_types.Stiffnesses
     """Along each axis of the base [N/m]."""
-    damping: schema.Dampings
+    damping: key_types.Dampings
     """Along each axis of the base [N s/m]."""
 
 
@@ -163,24 +163,24 @@ def _feet() -> tuple[Mount, ...]:
 class Bench(Table):
     """The base as a rigid body on mounts, without the mechanism; the defaults are a steel frame on four feet."""
 
-    mass: schema.Mass = 150.0
+    mass: key_types.Mass = 150.0
     """[kg]"""
-    centre: schema.Point = (0.03, -0.2, -0.12)
+    centre: key_types.Point = (0.03, -0.2, -0.12)
     """Centre of mass in the base frame [m]: below and behind the mechanism, its cabinet to one side."""
-    inertia: schema.Inertias = (13.0, 11.0, 18.0)
+    inertia: key_types.Inertias = (13.0, 11.0, 18.0)
     """About the centre of mass, principal axes along the base frame's [kg m2]: a box of 0.8 x 0.9 x 0.5 m."""
     mounts: tuple[Mount, ...] = Field(default_factory=_feet, min_length=1)
     """What the base stands on."""
-    settling: schema.Time = 0.5
+    settling: key_types.Time = 0.5
     """How long the loggers go on after the motion [s]."""
     coupling: Literal["locked", "moving"] = "locked"
     """Mechanism's inertia on the moving base: ``locked`` as the motion starts, or ``moving`` with the configuration,
     Coriolis forces and the base's share of the drive torques included."""
     weight: bool = False
     """Whether the weight's moment wanders with the platform, and sensors and loads turn in gravity with the base."""
-    tilt: tuple[schema.Turn, schema.Turn, schema.Turn] = (0.0, 0.0, 0.0)
+    tilt: tuple[key_types.Turn, key_types.Turn, key_types.Turn] = (0.0, 0.0, 0.0)
     """Of the base at rest, a rotation vector in its own axes [rad]: it turns gravity; sensors were zeroed level."""
-    planes: dict[str, schema.Length] = Field(default_factory=dict)
+    planes: dict[str, key_types.Length] = Field(default_factory=dict)
     """How far out along its own z axis a body or the counter-mass of a site lies, beyond what the file says [m]."""
     rotors: dict[str, Rotor] = Field(default_factory=dict)
     """Of the motors, by joint."""

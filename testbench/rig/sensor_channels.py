@@ -18,8 +18,7 @@ from balance.results import Key
 from balance.units import factor_to_si
 
 from ..calibration import evaluation
-from ..calibration.definition import Calibration
-from ..calibration.teds import Teds
+from ..calibration.definition import Calibration, Teds
 from ..errors import RigError
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from balance.input_files import Table
 
-from . import schema
+from . import key_types
 from .sensor_channels import Column, LoggedSensor
 
 Axis = Literal["x", "y", "z"]
@@ -27,19 +27,19 @@ class Accelerometer(LoggedSensor):
     """Kind of sensor."""
     channels: dict[Axis, str] = Field(min_length=1)
     """Channel of each measured axis."""
-    unit: schema.AccelerationUnit | None = None
+    unit: key_types.AccelerationUnit | None = None
     """Unit in which the log is written."""
-    range: schema.Accelerations | None = None
+    range: key_types.Accelerations | None = None
     """Measuring range of each axis [m/s2]."""
-    noise: schema.Accelerations | None = None
+    noise: key_types.Accelerations | None = None
     """Standard deviation of its noise, each axis [m/s2]."""
-    resolution: schema.Accelerations | None = None
+    resolution: key_types.Accelerations | None = None
     """Least step of its readings, each axis [m/s2]."""
-    position: schema.Point
+    position: key_types.Point
     """In the frame of the body [m]."""
     attached_to: str = "base"
     """Body that it is mounted on, or ``base``."""
-    high_pass: schema.Frequency | None = None
+    high_pass: key_types.Frequency | None = None
     """Lower corner of an AC-coupled sensor, first order, by its data sheet [Hz]; None: it responds down to zero."""
 
     def _channels(self, name: str) -> Iterator[Column]:
@@ -54,9 +54,9 @@ class Accelerometer(LoggedSensor):
 class _ForceAndMoment(Table):
     """A level of the forces and one of the moments."""
 
-    F: schema.Forces | None = None
+    F: key_types.Forces | None = None
     """Of the forces along x, y, z [N]."""
-    M: schema.Moments | None = None
+    M: key_types.Moments | None = None
     """Of the moments about x, y, z [N m]."""
 
     def of(self, component: str) -> float | None:
@@ -99,9 +99,9 @@ class _Support(LoggedSensor):
 class _WrenchUnits(Table):
     """Units of the forces and of the moments."""
 
-    F: schema.ForceUnit = "N"
+    F: key_types.ForceUnit = "N"
     """Unit of the forces."""
-    M: schema.MomentUnit = "N m"
+    M: key_types.MomentUnit = "N m"
     """Unit of the moments."""
 
 
@@ -125,13 +125,13 @@ class Wrench(_Support):
     """Standard deviations of the noise [N, N m]."""
     resolution: _ForceAndMoment = _ForceAndMoment()
     """Least steps of the readings [N, N m]."""
-    position: schema.Point
+    position: key_types.Point
     """Of its origin in the base frame [m]."""
     between: tuple[str, str] = ("mechanism", "base")
     """What it is between: the wrench is that of the first on the second."""
-    stiffness: schema.Stiffness = STIFFNESS
+    stiffness: key_types.Stiffness = STIFFNESS
     """Of the support along each measured axis [N/m]."""
-    turning_stiffness: schema.TurningStiffness = TURNING_STIFFNESS
+    turning_stiffness: key_types.TurningStiffness = TURNING_STIFFNESS
     """Of the support about each measured axis [N m/rad]."""
 
     @model_validator(mode="after")
@@ -167,19 +167,19 @@ class ForceSensor(_Support):
     """Its one axis."""
     channels: dict[Axis, str] | None = None
     """Channel of each measured axis, in place of channel and axis."""
-    unit: schema.ForceUnit = "N"
+    unit: key_types.ForceUnit = "N"
     """Unit in which the log is written."""
-    range: schema.Forces | None = None
+    range: key_types.Forces | None = None
     """Measuring range of each axis [N]."""
-    noise: schema.Forces | None = None
+    noise: key_types.Forces | None = None
     """Standard deviation of its noise, each axis [N]."""
-    resolution: schema.Forces | None = None
+    resolution: key_types.Forces | None = None
     """Least step of its readings, each axis [N]."""
-    position: schema.Point
+    position: key_types.Point
     """Of its point in the base frame [m]."""
     between: tuple[str, str] = ("mechanism", "base")
     """What it is between: the force is that of the first on the second."""
-    stiffness: schema.Stiffness = STIFFNESS
+    stiffness: key_types.Stiffness = STIFFNESS
     """Of the support along each measured axis [N/m]."""
 
     @model_validator(mode="after")
@@ -217,11 +217,11 @@ class Encoder(LoggedSensor):
     """Its channel."""
     joint: str
     """Joint that it measures."""
-    unit: schema.JointUnit = "rad"
+    unit: key_types.JointUnit = "rad"
     """Unit in which the log is written."""
-    noise: schema.Angle | None = None
+    noise: key_types.Angle | None = None
     """Standard deviation of its noise [rad]."""
-    resolution: schema.Angle | None = None
+    resolution: key_types.Angle | None = None
     """Least step of its readings [rad]."""
 
     def _channels(self, name: str) -> Iterator[Column]:
@@ -240,13 +240,13 @@ class Torque(LoggedSensor):
     """Its channel."""
     joint: str
     """Joint that the drive acts on."""
-    unit: schema.DriveUnit = "N m"
+    unit: key_types.DriveUnit = "N m"
     """Unit in which the log is written."""
-    range: schema.Moment | None = None
+    range: key_types.Moment | None = None
     """Measuring range [N m]."""
-    noise: schema.Moment | None = None
+    noise: key_types.Moment | None = None
     """Standard deviation of its noise [N m]."""
-    resolution: schema.Moment | None = None
+    resolution: key_types.Moment | None = None
     """Least step of its readings [N m]."""
 
     def _channels(self, name: str) -> Iterator[Column]:
@@ -263,7 +263,7 @@ class Target(LoggedSensor):
     """Kind of sensor."""
     channels: dict[Axis, str] = Field(min_length=1)
     """Channel of each axis."""
-    unit: schema.AccelerationUnit = "m/s^2"
+    unit: key_types.AccelerationUnit = "m/s^2"
     """Unit in which the log is written."""
 
     def _channels(self, name: str) -> Iterator[Column]:

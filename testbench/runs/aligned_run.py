@@ -19,7 +19,7 @@ from ..kinematics.gaps import Gaps, gap_reach
 from ..kinematics.motion_onset import moving_interval
 from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF, Grid, grid_of, low_pass
 from ..rig.sensors import Encoder
-from ..synchronization.clock_map import ClockMap, same_clock
+from ..synchronization.clock_map import DRIFT_FROM_S, ClockMap, same_clock
 from .si_run import Mask, SIRun
 
 if TYPE_CHECKING:
@@ -27,9 +27,6 @@ if TYPE_CHECKING:
 
     from ..recording import Conditions
     from ..rig import Column, Rig
-
-LONG_S = 5.0
-"""Duration from which a drift between clocks matters and can be estimated [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +108,7 @@ class AlignedRun:
             from ..synchronization import run_alignment  # runs of one logger need none of it
 
             times = self.run.time(self.reference)
-            drift = bool(times[-1] - times[0] >= LONG_S)
+            drift = bool(times[-1] - times[0] >= DRIFT_FROM_S)
             found = run_alignment.align_run(
                 self.run, lambda: self.mechanism, self.reference, drift=drift, among={group}
             )

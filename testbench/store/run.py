@@ -12,7 +12,7 @@ from balance.results import Key
 
 from ..errors import StoreError
 from ..recording import Conditions, Finding, Group, Origin, Samples, TimeColumn, UniformClock
-from . import atomic_files, metadata, safe_hdf5
+from . import atomic_files, layout, safe_hdf5
 from .encodings import Decimals
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ class StoredGroup(Group):
         """Where a channel lies in the file: its samples, and the signs of its zeros where these are stored as well."""
         path, form = f"{self.path}/{self.keys[index]}", self.whole[index] if self.whole else None
         signs = form is not None and form.negative_zeros
-        return (path, path.replace(metadata.ENTRY, metadata.MINUS, 1)) if signs else (path,)
+        return (path, path.replace(layout.ENTRY, layout.MINUS, 1)) if signs else (path,)
 
     def samples_of(self, file: "h5py.File", index: int, begin: int = 0, end: int | None = None) -> Samples:
         """The values of a channel as recorded, from sample ``begin``, a multiple of eight, to ``end``."""
@@ -152,7 +152,7 @@ class Run:
         where = self.group(group)
         indices = self._selected(where, channels)
         kind, index = self._index(where)
-        axis = pandas.Index(index, name="time (s)" if kind == metadata.TIME else kind, copy=False)
+        axis = pandas.Index(index, name="time (s)" if kind == layout.TIME else kind, copy=False)
         columns = [self.channel_at(where.name, i) for i in indices]
         frame = pandas.DataFrame(dict(enumerate(columns)), index=axis, copy=False)
         frame.columns = pandas.Index([where.channels[i].name for i in indices])
@@ -174,7 +174,7 @@ class Run:
             for i in self._selected(where, channels)
             if where.keys[i] != kind
         }
-        axis = {kind: (kind, index, {"units": "s"} if kind == metadata.TIME else {})}
+        axis = {kind: (kind, index, {"units": "s"} if kind == layout.TIME else {})}
         return xarray.Dataset(found, axis, self._about(where))
 
     def _about(self, group: StoredGroup) -> dict[str, Any]:
@@ -191,8 +191,8 @@ class Run:
 
     def _index(self, group: StoredGroup) -> tuple[str, Samples]:
         if group.has_time:
-            return metadata.TIME, self.time(group.name)
-        return metadata.SAMPLE, np.arange(group.samples, dtype=np.float64)
+            return layout.TIME, self.time(group.name)
+        return layout.SAMPLE, np.arange(group.samples, dtype=np.float64)
 
     def time(self, group: str | None = None) -> Samples:
         """Time of each sample on its logger's own clock, (n,) [s]."""
@@ -211,13 +211,13 @@ def open_run(path: str | Path) -> Run:
     """Open a stored run; its data are read when asked for."""
     path = Path(path)
     with safe_hdf5.open_for_reading(path) as file:
-        known = metadata.read_description(file)
+        known = layout.read_description(file)
         return Run(
             path=path,
             groups=tuple(_group(file, group) for group in known["groups"]),
             origin=cast(Origin, known["origin"]),
             conditions=cast(Conditions, known["conditions"]),
-            rig=safe_hdf5.texts(file, metadata.RIG, metadata.LARGEST)[0] if safe_hdf5.has(file, metadata.RIG) else None,
+            rig=safe_hdf5.texts(file, layout.RIG, layout.LARGEST)[0] if safe_hdf5.has(file, layout.RIG) else None,
             findings=_findings(file),
             provenance=dict(known["provenance"]),
         )
@@ -233,14 +233,14 @@ def identities(run: Path) -> frozenset[str]:
 def _group(file: "h5py.File", known: Mapping[str, Any]) -> StoredGroup:
     group = StoredGroup(
         name=str(known["name"]),
-        channels=metadata.channels(known["channels"]),
-        clock=metadata.clock(known["clock"]),
+        channels=layout.channels(known["channels"]),
+        clock=layout.clock(known["clock"]),
         samples=int(known["samples"]),
         rate_hz=known["rate_hz"],
         rate_source=known["rate_source"],
-        path=f"{metadata.ENTRY}/{known['key']}",
+        path=f"{layout.ENTRY}/{known['key']}",
         keys=tuple(str(channel["key"]) for channel in known["channels"]),
-        whole=metadata.whole_numbers(known["channels"]),
+        whole=layout.whole_numbers(known["channels"]),
     )
     for key in group.keys:
         if (found := safe_hdf5.member(file, f"{group.path}/{key}").shape) != (group.samples,):
@@ -256,9 +256,9 @@ def _samples(file: "h5py.File", node: "h5py.Group", group: StoredGroup, index: i
 
 
 def _findings(file: "h5py.File") -> tuple[Finding, ...]:
-    if not safe_hdf5.has(file, metadata.FINDINGS):
+    if not safe_hdf5.has(file, layout.FINDINGS):
         return ()
-    return tuple(Finding(**json.loads(text)) for text in safe_hdf5.texts(file, metadata.FINDINGS, metadata.LARGEST))
+    return tuple(Finding(**json.loads(text)) for text in safe_hdf5.texts(file, layout.FINDINGS, layout.LARGEST))
 
 
 def _listed(names: Any) -> str:  # noqa: ANN401

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from ..errors import StoreError
 from ..recording import Channel, Clock, Conditions, Finding, Group, Origin, Samples, TimeColumn, UniformClock
-from . import atomic_files, chunk_io, metadata
+from . import atomic_files, chunk_io, layout
 from .atomic_files import JOURNAL, PART, JournalWriter, Piece, place_with_digest, sync
 from .chunk_io import OutFile
 from .encodings import COMPRESSED, PLAIN, Decimals, Form, minus_bits
@@ -66,9 +66,9 @@ class GroupWriter:
         self.rate_source: str | None = None
         self.has_plot = False
         self.key = node.name.rpartition("/")[2]
-        taken = {metadata.TIME, metadata.SAMPLE}
+        taken = {layout.TIME, layout.SAMPLE}
         self.keys = [
-            metadata.TIME if _is_time(group, i) else metadata.safe_name(channel.label, taken)
+            layout.TIME if _is_time(group, i) else layout.safe_name(channel.label, taken)
             for i, channel in enumerate(group.channels)
         ]
         self._waiting: list[list[Samples]] = [[] for _ in group.channels]
@@ -153,7 +153,7 @@ class GroupWriter:
         for key, bits in zip(self.keys, self._minus, strict=True):
             if bits:
                 node = self.node.file
-                for name in (*metadata.MINUS.split("/"), self.key):
+                for name in (*layout.MINUS.split("/"), self.key):
                     node = node.require_group(name)
                     node.attrs.setdefault("NX_class", "NXcollection")
                 content = np.concatenate(bits)
@@ -165,29 +165,29 @@ class GroupWriter:
             return self._datasets[clock.index]
         if isinstance(clock, UniformClock):
             chunk = CHUNK if self.samples >= CHUNK else max(1, self.samples)
-            time = _dataset(self.node, metadata.TIME, chunk, self._form_of_time)
+            time = _dataset(self.node, layout.TIME, chunk, self._form_of_time)
             time.resize((self.samples,))
             for begin in range(0, self.samples, GATHERED):
                 end = min(begin + GATHERED, self.samples)
                 time[begin:end] = clock.times(begin, end)
-            _name(time, Channel(f"{metadata.TIME} (s)", "s", metadata.TIME))
+            _name(time, Channel(f"{layout.TIME} (s)", "s", layout.TIME))
             return time
-        scale = self.node.create_dataset(metadata.SAMPLE, shape=(self.samples,), dtype=">f4")
+        scale = self.node.create_dataset(layout.SAMPLE, shape=(self.samples,), dtype=">f4")
         scale.make_scale(_NO_VARIABLE % self.samples)
         return scale
 
     def _attach(self, scale: "h5py.Dataset") -> None:
         """Make ``scale`` the dimension of all channels, and say to NeXus what to plot."""
-        if scale.name.endswith(metadata.TIME):
-            scale.make_scale(metadata.TIME)
+        if scale.name.endswith(layout.TIME):
+            scale.make_scale(layout.TIME)
         others = [(key, d) for key, d in zip(self.keys, self._datasets, strict=True) if d.name != scale.name]
         attach_dimensions([dataset for _, dataset in others], scale)
         shown = [key for key, form in zip(self.keys, self.forms, strict=True) if not isinstance(form, Decimals)]
         signals = [key for key, _ in others if key in shown]
         self.has_plot = bool(signals)
         if signals or not others:  # NeXus viewers apply no scale: of whole numbers they would plot other values
-            self.node.attrs["signal"] = signals[0] if signals else metadata.TIME
-            self.node.attrs["axes"] = [metadata.TIME if scale.name.endswith(metadata.TIME) and others else "."]
+            self.node.attrs["signal"] = signals[0] if signals else layout.TIME
+            self.node.attrs["axes"] = [layout.TIME if scale.name.endswith(layout.TIME) and others else "."]
 
 
 def _is_time(group: Group, index: int) -> bool:
@@ -286,9 +286,9 @@ class RunWriter:
         self._journal = JournalWriter(_journal_of(self._part), self._intent)
         self._out = OutFile(self._part)
         self._file = h5py.File(self._out, "w", libver=("v108", "v110"))
-        self._file.attrs.update({"NX_class": "NXroot", "default": metadata.ENTRY, "creator": "counterpoise"})
-        self._file.attrs[metadata.MARK] = metadata.LAYOUT
-        self._file.create_group(metadata.ENTRY).attrs["NX_class"] = "NXentry"
+        self._file.attrs.update({"NX_class": "NXroot", "default": layout.ENTRY, "creator": "counterpoise"})
+        self._file.attrs[layout.MARK] = layout.LAYOUT
+        self._file.create_group(layout.ENTRY).attrs["NX_class"] = "NXentry"
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:
@@ -310,9 +310,9 @@ class RunWriter:
         assert self._journal is not None
         assert self._out is not None
         if group.name not in self._groups:
-            key, number = metadata.safe_name(group.name, self._taken), len(self._groups)
+            key, number = layout.safe_name(group.name, self._taken), len(self._groups)
             with self._writing():
-                node = self._file[metadata.ENTRY].create_group(key)
+                node = self._file[layout.ENTRY].create_group(key)
                 self._journal.group(number, group)
             acknowledge = partial(self._journal.acknowledge, number)
             self._groups[group.name] = GroupWriter(node, group, acknowledge, self._writing, self._out, forms)
@@ -341,19 +341,19 @@ class RunWriter:
         assert self._file is not None
         keys = [writer.key for writer in self._groups.values()]
         default = next((writer.key for writer in self._groups.values() if writer.has_plot), keys[0])
-        self._file[metadata.ENTRY].attrs.update({"origin": origin, "groups": keys, "default": default})
+        self._file[layout.ENTRY].attrs.update({"origin": origin, "groups": keys, "default": default})
         _write_conditions(self._file, conditions)
-        node = _collection(self._file, metadata.PROVENANCE)
+        node = _collection(self._file, layout.PROVENANCE)
         node.attrs["json"] = json.dumps(provenance, ensure_ascii=False)
         for number, source in enumerate(provenance["sources"], 1):
             flat = {k: v for k, v in source.items() if isinstance(v, str | int | float)}
-            _collection(self._file, f"{metadata.PROVENANCE}/source_{number}").attrs.update(flat)
-        _collection(self._file, metadata.NOTES)
+            _collection(self._file, f"{layout.PROVENANCE}/source_{number}").attrs.update(flat)
+        _collection(self._file, layout.NOTES)
         known = _description(origin, conditions, provenance, self._groups.values())
-        _write_texts(self._file, metadata.DESCRIPTION, [known])
+        _write_texts(self._file, layout.DESCRIPTION, [known])
         texts = [json.dumps(finding.as_dict(), ensure_ascii=False) for finding in findings]
-        _write_texts(self._file, metadata.FINDINGS, texts)
-        _write_texts(self._file, metadata.RIG, [] if rig is None else [rig])
+        _write_texts(self._file, layout.FINDINGS, texts)
+        _write_texts(self._file, layout.RIG, [] if rig is None else [rig])
 
     def seal(self) -> None:
         """Close the file, wait until it is on the disk, and take its digest: all that takes long before the end."""
@@ -403,7 +403,7 @@ def _description(
 ) -> str:
     """The description of a run."""
     document = {
-        "layout": metadata.LAYOUT,
+        "layout": layout.LAYOUT,
         "origin": origin,
         "conditions": conditions,
         "provenance": provenance,
@@ -451,10 +451,10 @@ def _reason(error: OSError | RuntimeError) -> str:
 
 
 def _write_conditions(file: "h5py.File", conditions: Conditions) -> None:
-    node = _collection(file, metadata.CONDITIONS)
+    node = _collection(file, layout.CONDITIONS)
     node.attrs.update({key: value for key, value in conditions.items() if key != "counter_masses"})
     if "counter_masses" in conditions:
-        _collection(file, metadata.COUNTER_MASSES).attrs.update(conditions["counter_masses"])
+        _collection(file, layout.COUNTER_MASSES).attrs.update(conditions["counter_masses"])
 
 
 def _collection(file: "h5py.File", path: str) -> "h5py.Group":

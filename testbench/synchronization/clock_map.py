@@ -12,6 +12,8 @@ from balance.results import Key
 PPM = 1e-6
 ASSUMED_DRIFT = 1e-4
 """Half of the 95 % interval of a drift that was not estimated: that of an ordinary crystal."""
+DRIFT_FROM_S = 5.0
+"""Duration from which a drift between clocks matters and can be estimated [s]."""
 MANY_DEGREES_OF_FREEDOM = 1000
 """Degrees of freedom of a known standard deviation."""
 

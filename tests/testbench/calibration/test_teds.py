@@ -3,7 +3,7 @@
 import pytest
 from pydantic import ValidationError
 
-from testbench.calibration.teds import Teds, basic_teds
+from testbench.calibration.definition import Teds, basic_teds
 from testbench.errors import RigError
 
 BITS = 0

@@ -9,7 +9,7 @@ import pytest
 from studies.store_faults import misread
 from testbench.errors import StoreError
 from testbench.recording import Channel, Finding, Group, TimeColumn
-from testbench.store import metadata, open_run
+from testbench.store import layout, open_run
 from testbench.store.archive import archive
 from testbench.store.safe_hdf5 import open_for_reading
 from testbench.store.writer import RunWriter
@@ -159,7 +159,7 @@ def test_compressed_data_must_be_there(run, make):
 
 def test_long_texts_open_and_deflated_ones_do_not(tmp_path, monkeypatch):
     """Findings and descriptions of any length are read back; texts a thousand times as long as their file are not."""
-    monkeypatch.setattr(metadata, "LARGEST", 1000)
+    monkeypatch.setattr(layout, "LARGEST", 1000)
     channel = Group("log", (Channel("AccX (g)", "g", "AccX"),))
     with RunWriter(tmp_path, "r001") as writer:
         writer.group(channel).append([np.ones(4)])
@@ -169,9 +169,9 @@ def test_long_texts_open_and_deflated_ones_do_not(tmp_path, monkeypatch):
         run = open_run(writer.commit())
     assert list(run.findings) == findings
     with h5py.File(run.path, "r+") as file:
-        content = file[metadata.FINDINGS][()]
-        del file[metadata.FINDINGS]
-        file.create_dataset(metadata.FINDINGS, data=content, compression="gzip")
+        content = file[layout.FINDINGS][()]
+        del file[layout.FINDINGS]
+        file.create_dataset(layout.FINDINGS, data=content, compression="gzip")
     with pytest.raises(StoreError, match="does not hold texts as we store them"):
         open_run(run.path)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from testbench.cli.rotating import speed
+from testbench.cli.speed import speed
 from testbench.rotating import LostEdges
 
 from ..rotating import discs
