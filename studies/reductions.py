@@ -16,12 +16,13 @@ from balance.units import G0
 from testbench.campaign_plan import PlannedRun
 from testbench.kinematics.motion_onset import rest_before
 from testbench.rig import Rig, load_rig
+from testbench.signal import Metric
 from testbench.signal.filters import Band
 from testbench.simulator.loggers import digitized, sample_instants
 from testbench.simulator.run import simulate_run
 from testbench.simulator.sensors import base_acceleration, true_signals
 from testbench.vibration import Amplitude, AmplitudeLikelihood, ConditionAmplitude, Group, Noise, Ratio, Repeatability
-from testbench.vibration.metrics import METRICS, Measure, Metric
+from testbench.vibration.metrics import METRICS, Measure
 from testbench.vibration.reduction import analyze
 
 from .simulated_runs import Scene, edited_rig, scene

@@ -83,8 +83,23 @@ site_option = click.option(
     metavar="SITE",
     help="A site that may carry a counter-mass [default: those named counter...].",
 )
+
+
+def _drawable(_context: click.Context, _parameter: click.Parameter, path: str | None) -> str | None:
+    """The path; an unknown ending is refused before anything is computed."""
+    if path is not None:
+        from ..figures.mechanism import refuse_unknown_ending
+
+        refuse_unknown_ending(path)
+    return path
+
+
 figure_option = click.option(
-    "--figure", type=click.Path(dir_okay=False), metavar="FILE", help="Also draw it, as .png, .svg or .pdf."
+    "--figure",
+    type=click.Path(dir_okay=False),
+    metavar="FILE",
+    callback=_drawable,
+    help="Also draw it, as .png, .svg or .pdf.",
 )
 scheduler_option = click.option(
     "--scheduler",

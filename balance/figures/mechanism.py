@@ -58,11 +58,18 @@ def draw_on(axes: "Axes", mechanism: Mechanism, counter_masses: Sequence[Counter
         _draw_counter_mass(axes, mechanism, at, counter)
 
 
-def save(figure: "Figure", path: str | Path) -> None:
-    """Save a figure in the format of the path's ending. Raises DataError, listing the endings, for an unknown one."""
-    known = figure.canvas.get_supported_filetypes()
+def refuse_unknown_ending(path: str | Path) -> None:
+    """Raise DataError, listing the endings, for a path whose ending is no format of figures."""
+    from matplotlib.backend_bases import FigureCanvasBase
+
+    known = FigureCanvasBase.get_supported_filetypes()
     if Path(path).suffix.lstrip(".").lower() not in known:
         raise DataError(f"{Path(path).name}: cannot draw this kind of file: expected one of {', '.join(sorted(known))}")
+
+
+def save(figure: "Figure", path: str | Path) -> None:
+    """Save a figure in the format of the path's ending. Raises DataError, listing the endings, for an unknown one."""
+    refuse_unknown_ending(path)
     figure.savefig(path, dpi=160)
 
 

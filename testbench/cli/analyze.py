@@ -1,8 +1,8 @@
 """``testbench analyze`` and ``testbench compare``."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -10,13 +10,50 @@ from balance.cli.framework import EXIT_WITH_FINDINGS, emit_json, emit_table, jso
 from balance.cli.options import figure_option
 from balance.results import document, table
 
+from ..signal import METRIC_NAMES
 from . import options
 
+F = TypeVar("F", bound=Callable[..., Any])
 if TYPE_CHECKING:
+    from ..signal import Metric
     from ..signal.filters import Band
     from ..vibration.comparison import Comparison
-    from ..vibration.metrics import Metric
     from ..vibration.reduction import Analysis, Reduction
+
+
+def _measure_options(command: F) -> F:
+    """Add ``--metric`` and ``--band``."""
+    metric = click.option(
+        "--metric",
+        type=click.Choice(METRIC_NAMES),
+        default="peak_to_peak",
+        show_default=True,
+        help="What an amplitude is.",
+    )
+    band = click.option(
+        "--band",
+        type=options.BandText(),
+        default="0..200",
+        show_default=True,
+        help="Frequencies that count [Hz], zero-phase Butterworth; none: all.",
+    )
+    return metric(band(command))
+
+
+def _draw(found: "Analysis | Comparison", file: str) -> None:
+    """Draw the reductions of an analysis, or of a comparison."""
+    from balance.figures.mechanism import save
+
+    from ..figures.reductions import reductions
+
+    save(reductions(found), file)
+
+
+def _origins_text(counts: dict[str, int]) -> str:
+    """``52 of 52 runs are simulated.``"""
+    total = sum(counts.values())
+    parts: Sequence[str] = [f"{count} of {total} runs are {origin}" for origin, count in counts.items()]
+    return "; ".join(parts) + "."
 
 
 @click.command(
@@ -28,7 +65,7 @@ Examples:
 Exit codes: 0 done, 3 done with findings (no partner, doubtful channels, lower bounds), 1 nothing to compare."""
 )
 @click.argument("campaign", type=click.Path(path_type=Path))
-@options.measure_options
+@_measure_options
 @figure_option
 @json_option
 def analyze(campaign: Path, metric: "Metric", band: "Band | None", figure: str | None, as_json: bool) -> int:
@@ -47,7 +84,7 @@ def analyze(campaign: Path, metric: "Metric", band: "Band | None", figure: str |
     runs = open_campaign(campaign).runs
     analysis = analyzed(runs, measure)
     if figure:
-        options.draw_figures(analysis, figure)
+        _draw(analysis, figure)
     if as_json:
         emit_json(document(analysis) | {"calibrations": options.calibrations(runs)})
     else:
@@ -62,7 +99,7 @@ def _print_reductions(campaign: Path, analysis: "Analysis") -> None:
     columns = (*_place(analysis.reductions), "text", "amplitudes", "noise_floor", "n", "method", "origin", "runs")
     title = f"Reduction of the base's vibration, {campaign.name}"
     emit_table(title, *table(Reduction, analysis.reductions, *columns), analysis.definition)
-    for note in (options.origins_text(analysis.origins), *analysis.notes):
+    for note in (_origins_text(analysis.origins), *analysis.notes):
         click.echo(note)
     options.print_findings(analysis.findings)
 
@@ -86,7 +123,7 @@ Exit codes: 0 done, 3 done with findings (runs without a partner, what cannot be
 @click.argument("campaign", type=click.Path(path_type=Path))
 @click.option("--published", "table", required=True, metavar="NAME", help="A shipped table, kiper2019, or a file.")
 @click.option("--mechanism", metavar="MECH", help="The mechanism, where the stored rig names one that is not shipped.")
-@options.measure_options
+@_measure_options
 @figure_option
 @json_option
 def compare(
@@ -112,7 +149,7 @@ def compare(
     runs = open_campaign(campaign).runs
     comparison = compare_campaign(runs, published, measure, mechanism)
     if figure:
-        options.draw_figures(comparison, figure)
+        _draw(comparison, figure)
     if as_json:
         emit_json(document(comparison) | {"calibrations": options.calibrations(runs)})
     else:
@@ -129,6 +166,6 @@ def _print_comparison(campaign: Path, comparison: "Comparison") -> None:
     title = f"Reduction of the base's vibration, {campaign.name}, and of {comparison.published.name}"
     emit_table(title, *table(Row, comparison.rows, *columns), comparison.definition)
     printed = f"Published values as printed; amplitudes, according to the source: {comparison.published.definition}."
-    for note in (options.origins_text(comparison.origins), printed, *comparison.notes):
+    for note in (_origins_text(comparison.origins), printed, *comparison.notes):
         click.echo(click.wrap_text(note, 110))
     options.print_findings(comparison.findings)

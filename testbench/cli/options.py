@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from ..runs.si_run import SIRun
     from ..signal.filters import Band
     from ..store import Run
-    from ..vibration.comparison import Comparison
-    from ..vibration.reduction import Analysis
 
 F = TypeVar("F", bound=Callable[..., Any])
 LEAST_PROGRESS = 20 << 20
@@ -55,45 +53,10 @@ class BandText(click.ParamType["Band | None"]):
             self.fail(str(error), param, ctx)
 
 
-def measure_options(command: F) -> F:
-    """Add ``--metric`` and ``--band``."""
-    metric = click.option(
-        "--metric",
-        type=click.Choice(["peak", "peak_to_peak", "rms"]),
-        default="peak_to_peak",
-        show_default=True,
-        help="What an amplitude is.",
-    )
-    band = click.option(
-        "--band",
-        type=BandText(),
-        default="0..200",
-        show_default=True,
-        help="Frequencies that count [Hz], zero-phase Butterworth; none: all.",
-    )
-    return metric(band(command))
-
-
-def draw_figures(found: "Analysis | Comparison", file: str) -> None:
-    """Draw the reductions of an analysis, or of a comparison."""
-    from balance.figures.mechanism import save
-
-    from ..figures.reductions import reductions
-
-    save(reductions(found), file)
-
-
 def print_findings(findings: Iterable["Finding"]) -> None:
     """Print findings of an analysis, a line each."""
     for finding in findings:
         click.echo(f"  {finding.code}: {finding.message}")
-
-
-def origins_text(counts: dict[str, int]) -> str:
-    """``52 of 52 runs are simulated.``"""
-    total = sum(counts.values())
-    parts: Sequence[str] = [f"{count} of {total} runs are {origin}" for origin, count in counts.items()]
-    return "; ".join(parts) + "."
 
 
 def calibrations(runs: "Iterable[Run | SIRun]") -> "list[CalibrationInForce]":

@@ -7,6 +7,7 @@ import click
 
 from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option, json_text
 
+from ..signal import METRIC_NAMES
 from . import options
 from .options import BandText
 
@@ -64,7 +65,7 @@ def _command(part: Part) -> None:
 
 def _vibration(part: Part) -> None:
     rows = [
-        [a["sensor"], a["component"], *(_number(a[f"{m}_m_s2"]) for m in ("peak", "peak_to_peak", "rms")),
+        [a["sensor"], a["component"], *(_number(a[f"{m}_m_s2"]) for m in METRIC_NAMES),
          ", ".join(f"{p['frequency_hz']:.1f}" for p in a["spectrum_peaks"]) or "-"]
         for a in part["axes"]
     ]  # fmt: skip

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from balance.cli.framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
-from balance.cli.options import Quantity
+from balance.cli.options import Quantity, figure_option
 
 if TYPE_CHECKING:
     from ..rotating import Disc, Edges, SpeedHistory, SteadySpeedFit
@@ -54,7 +54,7 @@ Exit codes: 0 done, 3 done with findings, 1 refused."""
 @click.option("--pitch", type=click.Path(path_type=Path, dir_okay=False), help="Errors of the disc, from --calibrate.")
 @click.option("--calibrate", type=click.Path(path_type=Path, dir_okay=False), help="Write them, from a free run.")
 @click.option("--csv", type=click.Path(path_type=Path, dir_okay=False), help="Write the speed edge by edge.")
-@click.option("--figure", type=click.Path(path_type=Path, dir_okay=False), help="Draw it (.png, .svg, .pdf).")
+@figure_option
 @json_option
 def speed(log: Path, **options: Any) -> int:  # noqa: ANN401
     """Speed of a crank over a turn, and its fluctuation, from the instants of encoder edges in LOG.

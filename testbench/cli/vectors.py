@@ -7,9 +7,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from balance.cli.framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from balance.cli.options import figure_option
+
+from ..signal import METRIC_NAMES
 
 if TYPE_CHECKING:
-    from ..rotating.order_tracking import Metric, OrderVector, Vectors
+    from ..rotating.order_tracking import OrderVector, Vectors
+    from ..signal import Metric
     from ..store import Run
 
 _ROUNDING = 1e-9
@@ -40,9 +44,7 @@ Exit codes: 0 done, 3 done with findings, 1 refused."""
 @click.option("--sensor", multiple=True, metavar="CHANNEL", help="Vibration sensor [default: all with the tacho].")
 @click.option("--order", type=click.IntRange(1, 100), default=1, show_default=True, help="Multiple of the speed.")
 @click.option("--phase", type=click.Choice(["lead", "lag"]), default="lead", show_default=True, help="What it counts.")
-@click.option(
-    "--amplitude", type=click.Choice(["peak", "peak_to_peak", "rms"]), default="peak", show_default=True, help="Metric."
-)
+@click.option("--amplitude", type=click.Choice(METRIC_NAMES), default="peak", show_default=True, help="Metric.")
 @click.option(
     "--steady-within",
     type=click.FloatRange(0.0, 50.0, min_open=True),
@@ -55,7 +57,7 @@ Exit codes: 0 done, 3 done with findings, 1 refused."""
 @click.option("--toml", metavar="NAME", help="Write it as this run of a file of trial runs; needs --speed.")
 @click.option("--weight", multiple=True, metavar="PLANE=W@A", help='Trial weight of this run, "fan end=10 g @ 0 deg".')
 @click.option("--stayed-on/--came-off", default=None, help="Whether the trial weight stayed on after this run.")
-@click.option("--figure", type=click.Path(path_type=Path, dir_okay=False), help="Draw them (.png, .svg, .pdf).")
+@figure_option
 @json_option
 def vectors(run_file: Path, **options: Any) -> int:  # noqa: ANN401
     """Amplitude and phase of each vibration sensor of RUN, a stored run, at an order of its speed.

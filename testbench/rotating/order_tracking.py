@@ -11,7 +11,7 @@ The residual on the lines near the order, away from order and tones, is the nois
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from balance.arrays import Floats
 from balance.estimation.estimate import coverage_factor
 
 from ..errors import AnalysisError
+from ..signal import Metric
 from .tachometer import STEADY_WITHIN, Turns, steady_turns
 
 if TYPE_CHECKING:
@@ -183,7 +184,6 @@ def _noise(nearby: NDArray[np.complex128], lines: int, order: int, tones: list[_
     return np.array(power), 2 * len(chosen)
 
 
-Metric = Literal["peak", "peak_to_peak", "rms"]
 METRICS: dict[Metric, float] = {"peak": 1.0, "peak_to_peak": 2.0, "rms": 0.5**0.5}
 """Factor from the peak value of an order."""
 

@@ -26,7 +26,8 @@ from balance.arrays import Floats
 from ..errors import AnalysisError
 from ..kinematics.motion_onset import rest_before
 from ..quality.clipping import flat_tops, stuck_value
-from .metrics import Measure, Metric, base_accelerations
+from ..signal import Metric
+from .metrics import Measure, base_accelerations
 from .noise_floor import ENOUGH, Noise
 
 if TYPE_CHECKING:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
@@ -10,12 +10,12 @@ from balance.arrays import Floats
 from balance.results import Key
 
 from ..errors import AnalysisError
+from ..signal import Metric
 from ..signal.filters import Band, without_mean
 
 if TYPE_CHECKING:
     from ..runs.si_run import SIRun
 
-Metric = Literal["peak", "peak_to_peak", "rms"]
 METRICS: dict[Metric, tuple[str, Callable[[Floats], float]]] = {
     "peak": ("largest absolute value", lambda a: float(np.abs(a).max())),
     "peak_to_peak": ("largest value less smallest", lambda a: float(np.ptp(a))),

@@ -17,10 +17,10 @@ from .cell_syntax import (
 )
 
 COMMENT_SIGNS = ("#", "%", "//")
-_DELIMITERS = ("\t", ";", "|", ",", " ")
 _HALF_OF_DECIMAL = re.compile(r"-0|[+-]?0\d+")
 """Whole numbers as written before or behind a decimal comma, and seldom alone."""
 _NAMES = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma", " ": "blanks", "": "none (one column)"}
+_DELIMITERS = tuple(sign for sign in _NAMES if sign)
 
 
 class UnclearDialect(Exception):

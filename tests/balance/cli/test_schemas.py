@@ -1,54 +1,54 @@
 """Schemas of input files: every key is described, and the shipped files are valid by them."""
 
+import json
 import tomllib
 
 import jsonschema
 import pytest
+from click.testing import CliRunner
 
+import balance.cli.schemas
+import testbench.cli.schemas
 from balance import datasets
-from balance.cli.schemas import schema
-from balance.errors import DataError
+from balance.cli.schemas import file_schema
 
-FOLDERS = {
-    "drive": "drives", "engine": "engines", "linkage": "linkages", "materials": "materials", "motion": "motions",
-    "rotor": "rotors", "springs": "springs", "trial-runs": "rotors",
-}  # fmt: skip
+MODELS = {**balance.cli.schemas.MODELS, **testbench.cli.schemas.MODELS}
+FOLDERS = {"materials": "materials", "springs": "springs", "trial-runs": "rotors"}
+"""Where the shipped files are, if not in the plural."""
 
 
-def tables(described):
-    """The table of a file and those within it, by title."""
-    return {described["title"]: described, **described.get("$defs", {})}
-
-
-@pytest.mark.parametrize("name", FOLDERS)
+@pytest.mark.parametrize("name", MODELS)
 def test_every_key_says_what_it_means(name):
     """A table and each of its keys has a meaning; a quantity also its unit, in brackets."""
-    for title, table in tables(schema(name)).items():
+    found = file_schema(MODELS, name)
+    for title, table in {name: found, **found.get("$defs", {})}.items():
         assert table.get("description"), title
         for key, described in table.get("properties", {}).items():
             assert described.get("description"), f"{title}.{key}"
-            if "unit" in described:
+            if "unit" in described and name in balance.cli.schemas.MODELS:
                 assert "[" in described["description"], f"{title}.{key}"
 
 
-@pytest.mark.parametrize("name", FOLDERS)
+@pytest.mark.parametrize("name", sorted(MODELS.keys() - {"run-table"}))
 def test_the_shipped_files_are_valid(name):
     """An editor that checks by the schema refuses none of them."""
-    found = schema(name)
+    found, folder = file_schema(MODELS, name), FOLDERS.get(name, f"{name}s")
     jsonschema.Draft202012Validator.check_schema(found)
-    paths = [
-        datasets.find_dataset(shipped, FOLDERS[name], ".toml")
-        for shipped in datasets.dataset_names(FOLDERS[name], ".toml")
-    ]
+    paths = [datasets.find_dataset(shipped, folder, ".toml") for shipped in datasets.dataset_names(folder, ".toml")]
     contents = [tomllib.loads(path.read_text(encoding="utf-8")) for path in paths]
-    if FOLDERS[name] == "rotors":
+    if folder == "rotors":
         contents = [content for content in contents if ("masses" in content) == (name == "rotor")]
     assert contents
     for content in contents:
         jsonschema.Draft202012Validator(found).validate(content)
 
 
-def test_an_unknown_kind_lists_those_that_there_are():
-    """By name."""
-    with pytest.raises(DataError, match="'machine' is no kind of input file: there are drive, engine"):
-        schema("machine")
+@pytest.mark.parametrize(("package", "kind"), [(balance, "drive"), (testbench, "rig")])
+def test_the_command_prints_it_and_lists_the_kinds(package, kind):
+    """By name; an unknown one is a wrong command line."""
+    command = package.cli.schemas.schema
+    done = CliRunner().invoke(command, [kind])
+    assert json.loads(done.stdout) == file_schema(MODELS, kind)
+    wrong = CliRunner().invoke(command, ["machine"])
+    assert wrong.exit_code == 2
+    assert f"'{kind}'" in wrong.output
