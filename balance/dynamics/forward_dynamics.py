@@ -19,7 +19,7 @@ InverseDynamics = Callable[[Floats, Floats, Floats], Floats]
 def simulate_forward(inverse: InverseDynamics, q: Floats, v: Floats, torque: Floats, step: float) -> Floats:
     """Positions (n, samples, nv) of n motions from ``q``, ``v`` (n, nv) under ``torque`` (n, samples, nv) [N m, N].
 
-    ``inverse`` gets n states at a time, one of each motion. A Runge-Kutta step of fourth order spans two samples, which
+    ``inverse`` gets n states at a time, one of each motion, several times over. A Runge-Kutta step of fourth order spans two samples, which
     are ``step`` [s] apart, so (samples + 1) / 2 positions are returned. A motion that diverges is NaN from there on.
     """
     motion = [q]
@@ -42,9 +42,10 @@ def acceleration(inverse: InverseDynamics, q: Floats, v: Floats, torque: Floats)
 
     NaN where the inertia matrix is singular or a state is not finite.
     """
-    bias = inverse(q, v, np.zeros_like(q))
-    units = [np.broadcast_to(unit, q.shape) for unit in np.eye(q.shape[1])]
-    inertia = np.stack([inverse(q, v, unit) - bias for unit in units], axis=2)
+    n, joints = q.shape
+    units = np.repeat(np.eye(joints + 1, joints, -1), n, axis=0)  # none, then one of each joint
+    bias, *columns = inverse(np.tile(q, (joints + 1, 1)), np.tile(v, (joints + 1, 1)), units).reshape(-1, n, joints)
+    inertia = np.stack(columns, axis=2) - bias[:, :, None]
     regular = np.isfinite(inertia).all(axis=(1, 2)) & (np.abs(np.linalg.det(np.nan_to_num(inertia))) > 0.0)
     found = np.full_like(q, np.nan)
     found[regular] = np.linalg.solve(inertia[regular], (torque - bias)[regular][:, :, None])[:, :, 0]

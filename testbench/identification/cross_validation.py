@@ -288,14 +288,13 @@ def _windows(
 
 
 def _inverse(mechanism: Mechanism, parameters: Floats) -> InverseDynamics:
-    """Torques of states, each with its own parameters (n, p), of which those of bodies and joints count."""
-    inertial = len(mechanism.pi)
-    own = len(JOINT_TERMS) * len(mechanism.driven)
+    """Torques of states, each of n with its own parameters (n, p), of which those of bodies and joints count."""
+    counted = parameters[:, : len(mechanism.pi) + len(JOINT_TERMS) * len(mechanism.driven)]
 
     def torque(q: Floats, v: Floats, a: Floats) -> Floats:
         terms, _ = joint_friction_regressor(mechanism.driven, v, a)
         columns = np.concatenate([torque_regressor(mechanism, q, v, a), terms], axis=2)
-        return np.einsum("njp,np->nj", columns, parameters[:, : inertial + own])
+        return np.einsum("njp,np->nj", columns, np.tile(counted, (len(q) // len(counted), 1)))
 
     return torque
 
