@@ -21,13 +21,19 @@ from testbench.store import open_run
 from ..calibration import volts
 
 
-@pytest.fixture
-def campaign(tmp_path):
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
     """Two runs of one bench, in volts."""
-    rig = volts.HEAD + volts.SENSITIVITY + volts.SIX
-    volts.stored(tmp_path, rig, name="r1")
-    volts.stored(tmp_path, rig, name="r2", first=2.6)
-    return tmp_path / "campaign"
+    folder, rig = tmp_path_factory.mktemp("made"), volts.HEAD + volts.SENSITIVITY + volts.SIX
+    volts.stored(folder, rig, name="r1")
+    volts.stored(folder, rig, name="r2", first=2.6)
+    return folder / "campaign"
+
+
+@pytest.fixture
+def campaign(made, tmp_path):
+    """A copy of one's own."""
+    return shutil.copytree(made, tmp_path / "campaign")
 
 
 def said(capsys, *words):

@@ -24,8 +24,8 @@ def pair(brief):
 
 
 def test_text_has_every_part_and_says_simulated(pair):
-    """A table a part, its definition below."""
-    text = invoke(pair[0])
+    """A table a part, its definition below; moments and torques in one spelling of their unit, in every table."""
+    text = invoke(*pair)
     assert text.startswith("Simulated: r005: payload 5 kg, motion x, peak 3 g0")
     for words in (
         "Motions",
@@ -36,11 +36,6 @@ def test_text_has_every_part_and_says_simulated(pair):
     ):
         assert words in text
     assert "No response: r005: the clock of" in text
-
-
-def test_moments_and_torques_have_one_spelling_of_their_unit(pair):
-    """N m in every table."""
-    text = invoke(*pair)
     assert re.search(r"N m +│", text)
     assert "Nm" not in text
 
