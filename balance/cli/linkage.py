@@ -16,7 +16,12 @@ if TYPE_CHECKING:
     from ..linkages.published_values import Comparison
     from ..linkages.verification import SimulatedLinkage, Verification
 
-_STAGE = {"before": "before", "force": "counter-masses", "complete": "counter-masses and gears"}
+_STAGE = {
+    "before": "before",
+    "force": "counter-masses",
+    "complete": "counter-masses and gears",
+    "built": "as built",
+}
 _TORQUES = ("torque_constant_speed", "torque_varying_speed")
 
 
@@ -27,6 +32,7 @@ Examples:
   balance linkage pantograph --equations --figure pantograph.png
   balance linkage mine.toml --speed 300rpm --variation 0.5 --csv mine.csv
   balance linkage mine.toml --force-only --json
+  balance linkage mine.toml --built "m3*=10.2kg" --built "I_z2=0.5kgm2" --built z2=40:21 --drawing mine.svg
 
 \b
 A linkage is a TOML file; every quantity has a unit, positions are sums of named lengths:
@@ -59,11 +65,14 @@ A linkage is a TOML file; every quantity has a unit, positions are sums of named
                                                 also joint = "B", where it is not the reduction joint;
                                                 disc = { mass = "6 kg", diameter = "1 m" }, by its pitch diameter;
                                                 counter = { radius_of_gyration = "...", at = [...], on = "CARRIER" }
+  [built]                                       optional: what was built, by symbol, in place of what is computed
+  "m3*" = "10.2 kg"                             also m3, I3, "I3*", I_z3, "m_z3*", m_z3, I_m_z3; z3 = [40, 21], teeth
   [start]                                       approximate angle of each body: chooses the assembly branch
   2 = "60 deg"
 
 \b
-Exit code 3: balanced, but not simulated, or a published value differs."""
+Exit code 3: balanced, but not simulated, a published value differs, or a finding: a counter-mass or inertia that
+no workshop makes or no rod has."""
 )
 @click.argument("linkage", metavar="LINKAGE")
 @click.option(
@@ -88,7 +97,13 @@ Exit code 3: balanced, but not simulated, or a published value differs."""
     metavar="FILE",
     help="Write the balanced linkage as MJCF, gears as joint equalities (for MuJoCo).",
 )
+@click.option(
+    "--built", multiple=True, metavar="SYMBOL=VALUE", help="A mass, inertia or pair of teeth (z3=40:21) as built."
+)
 @options.figure_option
+@click.option(
+    "--drawing", type=click.Path(dir_okay=False), metavar="FILE", help="Draw the linkage with its gears, to scale."
+)
 @json_option
 def linkage(
     linkage: str,
@@ -98,7 +113,9 @@ def linkage(
     with_equations: bool,
     csv: str | None,
     mjcf: str | None,
+    built: tuple[str, ...],
     figure: str | None,
+    drawing: str | None,
     as_json: bool,
 ) -> None:
     """Balance a planar linkage completely: counter-masses for the force, gears for the moment.
@@ -106,20 +123,29 @@ def linkage(
     LINKAGE is a TOML file or a shipped one: dwell, knife, pantograph, sewing-machine, dwell-short,
     dwell-short-two-point (the six of the source), two-levels. Verified by dynamics at constant and varying input speed.
     """
+    from ..linkages.as_built import as_built
     from ..linkages.equivalence_method import balance_linkage
     from ..linkages.linkage_files import load_linkage
     from ..linkages.published_values import compare_published
-    from ..linkages.results import linkage_document
+    from ..linkages.results import linkage_document, linkage_findings
     from ..linkages.verification import verify_linkage
 
     if speed == 0.0 or isnan(variation):
         raise click.UsageError(f"--{'speed' if speed == 0.0 else 'variation'}: expected a number other than zero")
     described = load_linkage(linkage)
     result = balance_linkage(described, gears=False if force_only else None)
-    check = verify_linkage(result, speed, variation) if described.is_placed else None
+    stated = {**described.built, **_built(built)}
+    made = as_built(result, stated) if stated else None
+    check = verify_linkage(result, speed, variation, built=made) if described.is_placed else None
     comparison = None if force_only else compare_published(result)
     _write_files(result, check, csv, mjcf, figure)
-    document = linkage_document(result, check, comparison)
+    if drawing:
+        from ..figures.linkage import draw_linkage
+        from ..figures.mechanism import save
+
+        save(draw_linkage(made or result), drawing)
+    findings = linkage_findings(made or result)
+    document = linkage_document(result, check, comparison, stated, findings)
     if as_json:
         emit_json(document)
     else:
@@ -130,8 +156,24 @@ def linkage(
             _print_dynamics(check)
         if comparison:
             _print_comparison(comparison, check)
-    if check is None or (comparison and any(row.verdict == "differs" for row in comparison.rows)):
+        for finding in findings:
+            click.echo(f"Finding: {finding}")
+    if check is None or findings or (comparison and any(row.verdict == "differs" for row in comparison.rows)):
         raise click.exceptions.Exit(EXIT_WITH_FINDINGS)
+
+
+def _built(pairs: tuple[str, ...]) -> dict[str, str | tuple[int, int]]:
+    """``m3*=10kg`` and ``z3=40:21`` by symbol."""
+    found: dict[str, str | tuple[int, int]] = {}
+    for pair in pairs:
+        name, separator, text = (part.strip() for part in pair.partition("="))
+        if not separator or not name or not text:
+            raise click.UsageError(f"--built {pair!r}: expected SYMBOL=VALUE, such as m3*=10.2kg or z3=40:21")
+        z, colon, z_star = text.partition(":")
+        if colon and not (z.isdecimal() and z_star.isdecimal() and int(z) and int(z_star)):
+            raise click.UsageError(f"--built {pair!r}: expected teeth as two whole numbers, such as z3=40:21")
+        found[name] = (int(z), int(z_star)) if colon else text
+    return found
 
 
 def _write_files(
@@ -228,6 +270,7 @@ def _print_dynamics(check: "Verification") -> None:
         ]  # fmt: skip
         header = ["stage", "FX [N]", "FY [N]", "M [N m]", "torque [N m]", "residual force", "residual moment"]
         emit_table(f"Simulated, {label}: RMS", header, rows, _motion(check, run))
+    _print_bearings(check)
     for stage in list(check.mass)[1:]:
         cost = check.penalty(stage)
         torque = [
@@ -240,6 +283,28 @@ def _print_dynamics(check: "Verification") -> None:
     click.echo(
         "Weight excluded from force and moment; M about the origin of the base. Mass of counter-gears as far as given."
     )
+
+
+def _print_bearings(check: "Verification") -> None:
+    """Largest forces in bearings and on teeth at varying speed, by stage."""
+    known = {stage: forces for stage, forces in check.varying.bearings.items() if forces is not None}
+    peaks = {stage: forces.peaks() for stage, forces in known.items()}
+    rows = []
+    for kind, label in (("joints", "joint {}"), ("counter_gears", "counter-gear {}, pivot"), ("teeth", "teeth of {}")):
+        for name in dict.fromkeys(name for stage in peaks.values() for name in stage[kind]):
+            cells = [f"{stage[kind][name]:.4g}" if name in stage[kind] else "-" for stage in peaks.values()]
+            rows.append([label.format(name), *cells])
+    if rows:
+        note = "of teeth tangential, their pressure angle of 20 deg in the bearings; weight included, as far as given"
+        title = f"Largest bearing and tooth forces [N], {check.labels[1]}"
+        emit_table(title, ["at", *(_STAGE[stage] for stage in peaks)], rows, note)
+    else:
+        click.echo("Bearing forces are not determined: the linkage is statically indeterminate.")
+    for gear in sorted({name for forces in known.values() for name in forces.undetermined}):
+        click.echo(
+            f"{gear}: its teeth's force and the bearing that it loads are not determined: where its counter-gear is "
+            "pivoted is not given: counter = { at = [...], on = '...' }."
+        )
 
 
 def _motion(check: "Verification", run: "SimulatedLinkage") -> str:

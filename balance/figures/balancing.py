@@ -22,6 +22,7 @@ _STAGE = {
     "before": ("before", "#555555", "-"),
     "force": ("counter-masses", "#3b6ea5", "-"),
     "complete": ("and gears", "#e07a3f", "--"),
+    "built": ("as built", "#2a9d8f", ":"),
 }
 """Label, colour and line: dashed, as it lies on the one of counter-masses where both are zero."""
 

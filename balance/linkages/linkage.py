@@ -212,6 +212,8 @@ class Linkage:
     """Approximate angle of every body in one position, which chooses the assembly branch [rad]."""
     published: Published | None = None
     """What a source publishes for it, to be compared with."""
+    built: Mapping[str, str | tuple[int, int]] = field(default_factory=dict)
+    """Masses and inertias as built, with their units, by symbol; teeth by gear."""
 
     @property
     def values(self) -> dict[str, float]:

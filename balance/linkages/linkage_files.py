@@ -76,6 +76,7 @@ PositiveMass = Annotated[float, Quantity("mass", above=0.0)]
 PositiveLength = Annotated[float, Quantity("length", above=0.0)]
 PositiveInertia = Annotated[float, Quantity("inertia", above=0.0)]
 StatedInertia = Annotated[Symbol, _Stated("inertia", at_least=0.0)]
+Teeth = tuple[Annotated[Count, Field(gt=0)], Annotated[Count, Field(gt=0)]]
 Name = Annotated[Text, BeforeValidator(lambda value: str(value) if type(value) is int else value)]
 """Name of a link, joint or body; links are often numbered."""
 
@@ -227,7 +228,7 @@ class GearTable(Table):
     """Link that the gear is fixed to."""
     joint: Name | None = None
     """Revolute joint that it sits at; the body's reduction joint where it is left out."""
-    teeth: tuple[Annotated[Count, Field(gt=0)], Annotated[Count, Field(gt=0)]] = (1, 1)
+    teeth: Teeth = (1, 1)
     """Teeth of the body's gear and of the counter-gear, [Z, Z*]."""
     disc: DiscTable | None = None
     """The gear on the body as a disc."""
@@ -311,6 +312,8 @@ class LinkageTable(Table):
     """Pairs of links that always turn together without a prismatic joint, as in a parallelogram."""
     start: dict[str, Angle] = Field(default_factory=dict)
     """Approximate angle of every body in one position, which chooses the assembly branch [rad]."""
+    built: dict[str, Text | Teeth] = Field(default_factory=dict)
+    """Masses and inertias as built, by symbol such as ``"m2*"``, and teeth of stock gears, [Z, Z*] [kg, kg m2]."""
     printed: PublishedTable = PublishedTable()
     """What a source publishes for it."""
 
@@ -387,6 +390,7 @@ class _Builder:
             swing=table.swing,
             gravity=table.gravity,
             published=_published(table.printed),
+            built=table.built,
         )
 
     def _place(self, link: str, behind: tuple[str, ...]) -> _Placement:

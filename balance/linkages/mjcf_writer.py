@@ -341,19 +341,13 @@ class _Writer:
 
     def _counter_gear(self, element: Element, gear: GearResult) -> None:
         """A disc that turns about its pivot on its carrier."""
-        at = self._pivot(gear)
+        pivot, _ = gear.centres(self.linkage, self.result.tree, self.result.values)
+        at = pivot - self._origin(gear.carrier)
         body = SubElement(element, "body", name=f"{gear.gear.name}*", pos=_text(*at, 0.0))
         SubElement(body, "joint", name=f"{gear.gear.name}*", type="hinge", axis="0 0 1")
         self.positions.append(0.0)
         mass = FIXED_GEAR_MASS if gear.counter_mass is None else gear.counter_mass
         self._inertial(body, CompositeBody(mass, gear.inertia, np.zeros(2)), np.zeros(2), POINT_GYRATION)
-
-    def _pivot(self, gear: GearResult) -> Floats:
-        """In the carrier's frame; a fixed pair without a described one at the joint of its gear."""
-        name = gear.joint if gear.carrier == GROUND else self.result.tree[gear.carrier]
-        point = gear.gear.pivot or self.linkage.joints[name].end(gear.carrier).point
-        assert point is not None
-        return point.at(self.result.values) - self._origin(gear.carrier)
 
     def _inertial(self, element: Element, body: CompositeBody, origin: Floats, least: float) -> None:
         """A flat body: its inertia about z is the sum of the other two, ``least`` [m2] times its mass or more."""

@@ -12,6 +12,7 @@ from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
 
+from ..arrays import Floats
 from ..errors import ModelError, SizingError
 from .expressions import Point
 from .force_balance import (
@@ -153,6 +154,15 @@ class GearResult:
     """About its own axis [kg m2]."""
     counter_mass: float | None
     """Of the counter-gear [kg]; None where it is not given and its pivot is fixed."""
+
+    def centres(self, linkage: Linkage, tree: Mapping[str, str], values: Mapping[str, float]) -> tuple[Floats, Floats]:
+        """Pivot of the counter-gear and axis of the gear on the body, in the carrier's frame, (2,) each [m].
+
+        The pivot is by default the carrier's own reduction joint; of a fixed pair, whose place has no effect, its axis.
+        """
+        own = self.joint if self.carrier == GROUND else tree[self.carrier]
+        pivot = self.gear.pivot if self.gear.pivot is not None else joint_point(linkage, own, self.carrier)
+        return pivot.at(values), joint_point(linkage, self.joint, self.carrier).at(values)
 
 
 @dataclass(frozen=True)

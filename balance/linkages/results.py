@@ -1,18 +1,32 @@
 """Results of linkages as plain values for JSON, units in the keys."""
 
+from collections.abc import Mapping, Sequence
 from math import isfinite
+from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
+from .as_built import Built
+from .bearing_forces import BearingForces
 from .equations import Equation, linkage_equations
 from .equivalence_method import LinkageBalance
+from .linkage import GROUND
 from .published_values import Comparison, PublishedRow
 from .verification import SimulatedLinkage, Verification
 
+HEAVY = 100.0
+"""Times what it balances from which a counter-mass is a finding."""
+
 
 def linkage_document(
-    result: LinkageBalance, check: Verification | None, comparison: Comparison | None
+    result: LinkageBalance,
+    check: Verification | None,
+    comparison: Comparison | None,
+    built: Mapping[str, Built] = MappingProxyType({}),
+    findings: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """The whole balance: tree, counter-masses, gears, equations, dynamics, and what the source publishes."""
+    """The whole balance: tree, counter-masses, gears, equations, dynamics, as built, and what the source publishes."""
     return {
         "linkage": result.linkage.name,
         "title": result.linkage.title,
@@ -25,6 +39,8 @@ def linkage_document(
         "gears": _gears(result),
         "inertias": _inertias(result),
         "reshaped_inertia_kgm2": dict(result.moment.reshaped) if result.moment else {},
+        "built": {name: text if isinstance(text, str) else list(text) for name, text in built.items()},
+        "findings": [*findings],
         "equations": [_equation(equation) for equation in linkage_equations(result)],
         "simulated": None
         if check is None
@@ -47,6 +63,36 @@ def linkage_document(
             "contradictions": [{"about": c.about, "why": c.why} for c in comparison.contradictions],
         },
     }
+
+
+def linkage_findings(result: LinkageBalance) -> list[str]:
+    """Numbers that the equations allow and no workshop makes, or no body has; empty where there are none."""
+    linkage, values, found = result.linkage, result.values, []
+    for name, counter in result.counters():
+        balance = result.force[name]
+        loads = [*balance.loads, *(result.moment.bodies[name].extra.loads if result.moment else ())]
+        carried = sum(load.mass for load in loads)
+        if counter.mass > HEAVY * carried:
+            far = 1e3 * float(np.linalg.norm(counter.position))
+            found.append(
+                f"counter-mass {counter.symbol} is {counter.mass / carried:.4g} times what it balances, "
+                f"{carried:.4g} kg: its place is {far:.4g} mm from joint {balance.joint}; give one further out"
+            )
+    for body in linkage.bodies.values():
+        joints = [j for j in linkage.joints.values() if j.joins(body.name)]
+        points = [p.at(values) for j in joints if (p := j.end(body.name).point) is not None]
+        if len(points) < 2 or not all(joint.revolute and not joint.joins(GROUND) for joint in joints):
+            continue  # a crank or rocker may carry a flywheel
+        length = max(float(np.linalg.norm(p - q)) for p in points for q in points)
+        for part in body.parts:
+            gyration = float(np.sqrt(values.get(part.inertia, 0.0) / values[part.mass]))
+            if gyration > length:
+                found.append(
+                    f"link {part.link}: inertia {values[part.inertia]:.4g} kg m2 means a radius of gyration of "
+                    f"{1e3 * gyration:.4g} mm, and its joints are {1e3 * length:.4g} mm apart: no rod has that; check "
+                    "the inertia, about the link's own centre of mass, and its unit"
+                )
+    return found
 
 
 def _equation(equation: Equation) -> dict[str, Any]:
@@ -103,6 +149,9 @@ def _inertias(result: LinkageBalance) -> list[dict[str, Any]]:
 
 def _run(run: SimulatedLinkage) -> dict[str, Any]:
     return {
+        "bearing_forces": {  # None where it is statically indeterminate
+            stage: None if forces is None else _bearings(forces) for stage, forces in run.bearings.items()
+        },
         "rms": {stage: run.rms(stage) for stage in run.responses},
         "share_of_before": {  # None where it was zero before and is not now
             stage: {name: share if isfinite(share) else None for name, share in run.residual(stage).items()}
@@ -110,6 +159,12 @@ def _run(run: SimulatedLinkage) -> dict[str, Any]:
         },
         "time_s": run.trajectory.time.tolist(),
         "series": {stage: {k: v.tolist() for k, v in run.series(stage).items()} for stage in run.responses},
+    }
+
+
+def _bearings(forces: BearingForces) -> dict[str, Any]:
+    return {f"largest_{name}_N": of for name, of in forces.peaks().items()} | {
+        "undetermined_gears": list(forces.undetermined)
     }
 
 

@@ -18,6 +18,7 @@ from ..errors import ClosureError, ModelError
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.mjcf_parser import mechanism_from_text
 from ..motion import Samples
+from .bearing_forces import BearingForces, bearing_forces
 from .equivalence_method import LinkageBalance, composite_bodies
 from .linkage import Linkage
 from .mjcf_writer import Couplings, linkage_mjcf, skeleton
@@ -65,7 +66,9 @@ class SimulatedLinkage:
     """Of the linkage without gears."""
     drive: str
     responses: Mapping[str, Response]
-    """By stage: before, force, complete."""
+    """By stage: before, force, complete, built."""
+    bearings: Mapping[str, BearingForces | None]
+    """Bearing and tooth forces by stage; None where it is statically indeterminate."""
     noise: Mapping[str, float]
     """Below this the largest force [N], moment and torque [N m] are zero."""
 
@@ -122,30 +125,60 @@ class Verification:
 
 
 def verify_linkage(
-    result: LinkageBalance, speed: float | None = None, variation: float = VARIATION, count: int = SAMPLES
+    result: LinkageBalance,
+    speed: float | None = None,
+    variation: float = VARIATION,
+    count: int = SAMPLES,
+    built: LinkageBalance | None = None,
 ) -> Verification:
     """Simulate a balanced linkage; ``speed`` of the driven joint [rad/s] defaults to the described one.
 
+    ``built`` is the same linkage with what was built, as a stage of its own.
     Raises ModelError or ClosureError where it cannot be simulated, or bodies stated to turn together do not.
     """
     linkage = result.linkage
     speed = linkage.speed if speed is None else speed
     if not speed or linkage.drive is None:
         raise ModelError(f"{linkage.name}: name the driven joint and its speed: drive = 'A0', speed = '50 rpm'")
-    stages = STAGES if result.moment is not None else STAGES[:2]
+    most = "complete" if result.moment is not None else "force"
+    stages = {stage: (result, stage) for stage in (STAGES if result.moment is not None else STAGES[:2])}
+    stages |= {} if built is None else {"built": (built, most)}
     check_turns(result)
-    models = {stage: mechanism_from_text(linkage_mjcf(result, stage), linkage.name) for stage in stages}
+    models = {stage: mechanism_from_text(linkage_mjcf(*made), linkage.name) for stage, made in stages.items()}
     closure = Closure(models["before"])
     start = float(closure.home[models["before"].coordinate_index(linkage.drive)])
     paths = [
         _followed(closure, linkage, turn_samples(linkage, speed, share, start, count)) for share in (0.0, variation)
     ]
-    runs = [_responses(result, models, path) for path in paths]
-    largest = [_largest(response) for responses in runs for response in responses.values()]
+    runs = [{stage: _extended(made, path, models, stage) for stage, made in stages.items()} for path in paths]
+    responses = [{stage: simulate(models[stage], path) for stage, path in run.items()} for run in runs]
+    largest = [_largest(response) for run in responses for response in run.values()]
     noise = {name: ROUNDING * max(each[name] for each in largest) for name in largest[0]}
-    constant, varying = (SimulatedLinkage(p, linkage.drive, r, noise) for p, r in zip(paths, runs, strict=True))
-    mass = {stage: moving_mass(result, stage) for stage in stages}
+    constant, varying = (
+        SimulatedLinkage(
+            path, linkage.drive, response,
+            {stage: _bearings(stages[stage][0], models[stage], each) for stage, each in run.items()}, noise,
+        )
+        for path, run, response in zip(paths, runs, responses, strict=True)
+    )  # fmt: skip
+    mass = {stage: moving_mass(*made) for stage, made in stages.items()}
     return Verification(constant, varying, mass, speed, variation, linkage.swing is not None)
+
+
+def _extended(
+    made: tuple[LinkageBalance, str], path: Trajectory, models: Mapping[str, Mechanism], stage: str
+) -> Trajectory:
+    """The trajectory of a stage, with its counter-gears."""
+    result, kind = made
+    return Couplings.of(result).extend(path, models["before"], models[stage]) if kind == "complete" else path
+
+
+def _bearings(result: LinkageBalance, model: Mechanism, path: Trajectory) -> BearingForces | None:
+    """Forces in the bearings; None where equilibrium does not determine them."""
+    try:
+        return bearing_forces(result, model, path)
+    except ModelError:
+        return None
 
 
 def _followed(closure: Closure, linkage: Linkage, motion: Samples) -> Trajectory:
@@ -190,13 +223,3 @@ def _largest(response: Response) -> dict[str, float]:
     torque = max(float(np.abs(values).max()) for values in response.torque.values())
     force, moment = (float(np.linalg.norm(values, axis=1).max()) for values in (response.force, response.moment))
     return {"force": force, "moment": moment, "torque": torque}
-
-
-def _responses(result: LinkageBalance, models: Mapping[str, Mechanism], trajectory: Trajectory) -> dict[str, Response]:
-    responses = {}
-    for stage, model in models.items():
-        path = trajectory
-        if stage == "complete":
-            path = Couplings.of(result).extend(trajectory, models["before"], model)
-        responses[stage] = simulate(model, path)
-    return responses

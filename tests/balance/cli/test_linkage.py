@@ -84,6 +84,27 @@ def test_wrong_command_lines(arguments, message):
     assert message in result.output
 
 
+def test_as_built_is_a_stage_of_its_own(tmp_path):
+    """What stock masses and gears leave, by option or in the file; bearing and tooth forces by stage; a drawing."""
+    drawing = tmp_path / "gears.svg"
+    result = run("two-levels", "--built", "m4*=3.5kg", "--built", "z3=40:26", "--drawing", drawing, "--json")
+    assert result.exit_code == 0, result.output
+    document = json.loads(result.output)
+    assert document["built"] == {"m4*": "3.5kg", "z3": [40, 26]}
+    varying = document["simulated"]["varying_speed"]
+    assert varying["share_of_before"]["built"]["force"] > 1e-3
+    assert varying["bearing_forces"]["built"]["largest_teeth_N"]["z3"] > 100.0
+    assert "z5*" in drawing.read_text(encoding="utf-8")
+    path = tmp_path / "built.toml"
+    text = datasets.find_dataset("two-levels", "linkages", ".toml").read_text(encoding="utf-8")
+    path.write_text(text + '\n[built]\n"m4*" = "3.5 kg"\nz3 = [40, 26]\n', encoding="utf-8")
+    output = run(path).output
+    assert "as built" in output
+    assert "teeth of z2" in output
+    assert run("two-levels", "--built", "m4*").exit_code == 2
+    assert run("two-levels", "--built", "z3=40:0").exit_code == 2
+
+
 def test_force_only_leaves_the_gears_out():
     """Two stages, no gears."""
     document = json.loads(run("two-levels", "--force-only", "--json").output)
