@@ -19,8 +19,9 @@ InverseDynamics = Callable[[Floats, Floats, Floats], Floats]
 def simulate_forward(inverse: InverseDynamics, q: Floats, v: Floats, torque: Floats, step: float) -> Floats:
     """Positions (n, samples, nv) of n motions from ``q``, ``v`` (n, nv) under ``torque`` (n, samples, nv) [N m, N].
 
-    ``inverse`` gets n states at a time, one of each motion, several times over. A Runge-Kutta step of fourth order spans two samples, which
-    are ``step`` [s] apart, so (samples + 1) / 2 positions are returned. A motion that diverges is NaN from there on.
+    ``inverse`` gets n states at a time, one of each motion, several times over. A Runge-Kutta step of fourth order
+    spans two samples, which are ``step`` [s] apart, so (samples + 1) / 2 positions are returned. A motion that diverges
+    is NaN from there on.
     """
     motion = [q]
     for i in range(0, torque.shape[1] - 2, 2):

@@ -61,8 +61,7 @@ def test_static_balance(tmp_path):
         assert max(document[way]["holding_torque_peak_Nm"].values()) < 1e-10
     assert len(document["workspace"]["weight_J"]) == document["configurations"]
     assert "potential energy" in figure.read_text(encoding="utf-8").lower() or figure.stat().st_size > 1000
-    code, output = run(static, "serial-2r")
-    assert "Springs of zero free length" in output
+    assert "Springs of zero free length" in run(static, "serial-2r")[1]
 
 
 def test_static_places(tmp_path):
@@ -123,9 +122,6 @@ stiffness = "50 N/m"
     assert code == 3
     assert "Springs leave 70.6 % of the swing" in output
     assert "AB (0.1, 0)" in output
-    code, output = run(static, "four-bar", "--springs", str(path), "--json")
-    assert code == 3
-    assert json.loads(output)["springs"]["share_of_unbalanced"] == pytest.approx(0.706, abs=1e-3)
 
 
 @pytest.mark.parametrize(

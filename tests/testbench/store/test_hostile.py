@@ -112,15 +112,6 @@ def test_other_hdf5_is_no_run(tmp_path):
         open_run(tmp_path / "y.h5")
 
 
-def test_a_cut_run_does_not_open(run):
-    """Cut anywhere, a run gives an error and never fewer samples."""
-    whole = run.read_bytes()
-    for cut in range(0, len(whole), 997):
-        run.write_bytes(whole[:cut])
-        with pytest.raises(StoreError):
-            open_run(run).channel("AccX")
-
-
 def deflated_hole(node, folder):
     """A compressed dataset of which no chunk was written: it would read as zeros."""
     node.create_dataset("AccX", (4,), "f8", chunks=(2,), compression="gzip")

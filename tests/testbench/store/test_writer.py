@@ -1,7 +1,6 @@
 """Runs in HDF5: the same bits back, for us and for others; whole or not at all."""
 
 import json
-import warnings
 
 import h5py
 import numpy as np
@@ -88,26 +87,6 @@ def test_conditions_rig_and_findings_come_back(tmp_path):
     without = store(tmp_path, group, [np.ones(3)], name="r002", counter_masses={})
     assert without.conditions == {"counter_masses": {}}
     assert without.rig is None
-
-
-@pytest.mark.parametrize("clock", [TimeColumn(0), UniformClock(100.0), None], ids=["recorded", "uniform", "none"])
-def test_xarray_opens_a_run(tmp_path, clock):
-    """With names, units and time, and without a warning; the whole tree as well."""
-    xarray = pytest.importorskip("xarray")
-    group = Group("daq", (Channel("Time (s)", "s", "Time"), Channel("AccX (g)", "g", "AccX")), clock)
-    run = store(tmp_path, group, [np.arange(10) / 100, np.arange(10.0)], rig="a = 1\n")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        with xarray.open_dataset(run.path, engine="h5netcdf", group="entry/daq") as data:
-            assert data["AccX"].attrs["units"] == "g"
-            assert data["AccX"].attrs["long_name"] == "AccX (g)"
-            assert data["AccX"].to_numpy().tolist() == list(range(10))
-            if clock is not None:
-                assert data["AccX"].dims == ("time",)
-                assert data["time"].to_numpy()[-1] == 0.09
-                assert data["time"].attrs["units"] == "s"
-        with xarray.open_datatree(run.path, engine="h5netcdf") as tree:
-            assert "/entry/daq" in tree.groups
 
 
 def test_h5py_and_nexus_find_their_way(tmp_path):
