@@ -30,8 +30,13 @@ class PinocchioEngine:
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
-        import pinocchio  # late: closed forms do without it
-
+        try:
+            import pinocchio  # late: closed forms do without it
+        except ImportError as missing:
+            raise ModelError(
+                "evaluating a mechanism needs Pinocchio: install 'pin' with pip (Linux, macOS) or 'pinocchio' from "
+                "conda-forge; without it, balance size parallelogram-6bar --closed-form works"
+            ) from missing
         self._pin = pinocchio
         self.model = mechanism.pinocchio_model()
         self.data = self.model.createData()
