@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from testbench.errors import RecordingError
 from testbench.public_recordings import FOLDER_VARIABLE
 from testbench.quality.group_checks import RecordingCheck
 from testbench.readers import open_recording, subprocess_reader, subprocess_worker
-from testbench.recording import Group, Recording, TimeColumn
+from testbench.recording import Group, Recording, Refusal, TimeColumn
 
 KNOWN = Path(__file__).with_name("known_values.json")
 """What other people's libraries give of the public recordings, by file."""
@@ -87,6 +88,14 @@ def read(path, options=None) -> Read:
     }
     count = sum(map(len, parts.values()))
     return Read(recording, groups, data, findings + check.findings(), check.groups, count)
+
+
+def said(path, options=None):
+    """Code and message of every finding, one a line; or of the refusal."""
+    try:
+        return "\n".join(f"{f.code}: {f.message}" for f in read(path, options).findings)
+    except RecordingError as error:
+        return f"{error.finding.code if isinstance(error, Refusal) else 'error'}: {error}"
 
 
 @pytest.fixture
