@@ -37,7 +37,10 @@ def row_space(matrix: Floats, name: str) -> tuple[Floats, tuple[float, float]]:
     ratios = floor[:-1] / floor[1:]
     rank = int(np.argmax(ratios)) + 1 if len(ratios) and ratios.max() >= GAP else len(values)
     if rank == len(values) and values[-1] < values[0] / GAP:
-        raise ModelError(f"{name}: the rank of its momentum cannot be decided (singular values {values})")
+        raise ModelError(
+            f"{name}: the rank of its momentum cannot be decided: no singular value is {GAP:g} times the next (they "
+            f"fall from {values[0]:.3g} to {values[-1]:.3g}, at most {ratios.max():.3g} times at once)"
+        )
     return rows[:rank], (float(values[rank - 1]), float(values[rank]) if rank < len(values) else 0.0)
 
 
@@ -126,7 +129,7 @@ def balance_conditions(mechanism: Mechanism, momentum: str = "linear") -> Condit
     closure = Closure(mechanism)
     basis, gap = _momentum_space(closure, MOMENTA[momentum])
     residual = float(closure.residual(closure.home[None])[0])
-    return Conditions(mechanism, closure.dof, reduced_row_echelon(basis, pivot_order(mechanism)), gap, residual)
+    return Conditions(closure.mechanism, closure.dof, reduced_row_echelon(basis, pivot_order(mechanism)), gap, residual)
 
 
 def _momentum_space(closure: Closure, rows: list[int]) -> tuple[Floats, tuple[float, float]]:

@@ -4,6 +4,7 @@ from .framework import LazyGroup, run
 
 COMMANDS = {
     "conditions": ("mechanism", "Which conditions balance this mechanism, found from its model."),
+    "assemble": ("mechanism", "The closed configurations of a mechanism: how its loops can be put together."),
     "size": ("size", "Which counter-masses balance it, exactly or from stock plates."),
     "check": ("mechanism", "What given counter-masses leave unbalanced."),
     "simulate": ("mechanism", "Shaking force, shaking moment and drive torque of a motion."),

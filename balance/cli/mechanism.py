@@ -57,7 +57,7 @@ def simulate(
     model = options.load_mechanism_option(mechanism, payload).with_counter_mass(options.distinct(counter, "--counter"))
     trajectory = options.follow_motion(model, motion, parse(rate, "frequency") if rate else None)
     response = respond(model, trajectory)
-    beyond = model.beyond_limits(trajectory.q)
+    beyond, left_out = model.beyond_limits(trajectory.q), model.left_out if response.torque else ()
     if csv or parquet:
         _write(model, trajectory, response, csv, parquet)
     if as_json:
@@ -65,9 +65,10 @@ def simulate(
         emit_json(
             {"mechanism": model.name, "motion": motion, "samples": len(trajectory.time), "closure": closure}
             | {"beyond_limits": {joint: list(reached) for joint, reached in beyond.items()}}
+            | {"left_out": list(left_out)}
             | response_summary(response)
         )
-        sys.exit(EXIT_WITH_FINDINGS if beyond else 0)
+        sys.exit(EXIT_WITH_FINDINGS if beyond or left_out else 0)
     peak = response.peak()
     rows = [[component_label(name), f"{value:.4g}", f"{peak[name]:.4g}"] for name, value in response.rms().items()]
     emit_table(f"{model.name}, motion {motion}", ["component", "RMS", "peak"], rows)
@@ -83,7 +84,9 @@ def simulate(
         )
     if not response.torque:
         click.echo("No drive torque: the file has no <actuator> that names the driven joints.")
-    sys.exit(EXIT_WITH_FINDINGS if beyond else 0)
+    for what in left_out:
+        click.echo(f"Torques and forces of the drives leave out {what}, which the file has.")
+    sys.exit(EXIT_WITH_FINDINGS if beyond or left_out else 0)
 
 
 def _write(
@@ -100,6 +103,59 @@ def _write(
         write_csv_file(csv, columns, "# origin: simulated\n")
     if parquet:
         write_parquet(parquet, columns, {"origin": "simulated"})
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  balance assemble four-bar
+  balance assemble robot.urdf --json"""
+)
+@options.mechanism_argument
+@json_option
+def assemble(mechanism: str, as_json: bool) -> None:
+    """Close the loops of MECH, and list the ways in which it can be put together.
+
+    Branch A is found from the file's keyframe, or else from its zero configuration; the others have the same driven
+    coordinates, and are sought from random starts. A keyframe named home with one of them chooses it.
+    """
+    from ..closure import Closure
+    from ..closure.assembly import CLOSED_LIMIT
+
+    closure = Closure(options.load_mechanism_option(mechanism, ()), search=True)
+    model, found = closure.mechanism, closure.configurations()
+    tolerance = CLOSED_LIMIT * closure.length
+    if as_json:
+        emit_json(
+            {
+                "mechanism": model.name,
+                "dof": closure.dof,
+                "loops": len(model.loops),
+                "start": model.branch,
+                "tolerance_m": tolerance,
+                "configurations": [
+                    {"branch": one.branch, "residual_m": one.residual, "distance": one.distance}
+                    | {"beyond_limits": sorted(model.beyond_limits(one.q[None]))}
+                    | {"q": dict(zip(model.coordinates, one.q.tolist(), strict=True))}
+                    for one in found
+                ],
+            }
+        )
+        return
+    rows = [
+        [joint, "rad" if elementary.revolute else "m", *(f"{one.q[i]:.6g}" for one in found)]
+        for i, (joint, elementary) in enumerate(zip(model.coordinates, model.tree.joints, strict=True))
+    ]
+    rows.append(["largest residual", "m, rad", *(f"{one.residual:.2g}" for one in found)])
+    header = ["joint", "unit", *(one.branch for one in found)]
+    emit_table(f"Closed configurations of {model.name}", header, rows)
+    click.echo(
+        f"Degrees of freedom: {closure.dof}; loops: {len(model.loops)}; A is found from {model.branch!r}. "
+        f"Closed means a residual of at most {tolerance:.2g} m or rad.\n"
+        "A keyframe chooses one; without ball joints its qpos has the coordinates in this order:"
+    )
+    for one in found:
+        click.echo(f"  {one.branch}: <key name='home' qpos='{' '.join(f'{value:.12g}' for value in one.q)}'/>")
 
 
 BALANCED_KGM = 1e-6
@@ -140,11 +196,12 @@ def conditions(
 
     model = options.load_mechanism_option(mechanism, payload).with_counter_mass(options.distinct(counter, "--counter"))
     found = balance_conditions(model, momentum)
-    values = found.values()
+    values, model = found.values(), found.mechanism
     if as_json:
         emit_json(
             {
                 "mechanism": model.name,
+                "branch": model.branch,
                 "momentum": momentum,
                 "dof": found.dof,
                 "moving_mass_kg": model.total_mass,
@@ -162,7 +219,8 @@ def conditions(
     click.echo(
         f"{model.name}: {found.dof} degree{'s' * (found.dof != 1)} of freedom, {found.rank} conditions "
         f"on {momentum} momentum (singular values kept down to {kept:.3g}, dropped from {dropped:.3g})\n"
-        f"{model.total_mass:.6g} kg move; {len(model.loops)} loops, closed to {found.closure_residual:.2g} m or rad\n"
+        f"{model.total_mass:.6g} kg move; {len(model.loops)} loops, closed to {found.closure_residual:.2g} m or rad "
+        f"from {model.branch!r}\n"
     )
     for i, value in enumerate(values):
         click.echo(f"  {found.text(i):<70}  now {value:+.6g} kg m")

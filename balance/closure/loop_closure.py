@@ -3,6 +3,8 @@
 Loops of planar and parallelogram mechanisms are redundant: a fixed set of independent rows is solved, all are checked.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..arrays import Floats, Indices
@@ -11,14 +13,14 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.pinocchio_engine import PinocchioEngine
 from ..motion import Samples
 from ..motion.driven_coordinates import Drive, JointDrive
-from .newton import ITERATIONS, RESIDUAL_LIMIT, LoopSystem
+from .assembly import CLOSED_LIMIT, RANK_LIMIT, Configuration, configurations, nearest_closed, starts
+from .newton import LoopSystem
 from .trajectory import Trajectory, follow
 
-RANK_LIMIT = 1e-9
-"""Size of a constraint row, relative to the largest, below which it counts as redundant."""
-
-HOME_LIMIT = 0.2
-"""How far the closed configuration may lie from the keyframe that it is closed from [rad, m]."""
+FAR = 0.2
+"""How far a configuration of a file may be from closed before the name of its branch says so [rad, m]."""
+_FURTHER_STARTS = 12
+"""Starts that are tried where the loops do not close from the file's configuration."""
 
 
 class Closure:
@@ -28,15 +30,18 @@ class Closure:
     ``dof`` the degrees of freedom, ``length`` [m] a length of the mechanism, ``engine`` its Pinocchio model with data.
     """
 
-    def __init__(self, mechanism: Mechanism) -> None:
-        """Close the home configuration. Raises ClosureError if that cannot be done, or if it is singular."""
+    def __init__(self, mechanism: Mechanism, search: bool = False) -> None:
+        """Close the home configuration. Raises ClosureError if that cannot be done, or if it is singular.
+
+        With ``search``, what closes only from other starts than the file's configuration is closed from one of them.
+        """
         self.mechanism = mechanism
         self.engine = PinocchioEngine(mechanism)
         self.length = _length(mechanism)
-        self.home = self._closed(mechanism.home)
+        self.home = self._closed_home(search)
         self.rows = independent_rows(self.engine.constraint_jacobian(self.home))
         self.dof = mechanism.tree.size - len(self.rows)
-        self._refuse_uncertain_home()
+        self._refuse_singular_home()
 
     def follow(self, samples: Samples, drive: Drive | None = None, near: Trajectory | None = None) -> Trajectory:
         """Close the mechanism at every sample of a motion of its driven coordinates.
@@ -87,9 +92,8 @@ class Closure:
         raise ClosureError(f"{self.mechanism.name} has no room to move about {self.mechanism.branch!r}")
 
     def _stepped(self, q: Floats, step: Floats) -> Floats | None:
-        try:
-            trial = self._closed(q + step)
-        except ClosureError:
+        trial, residual = nearest_closed(self.engine, q + step, self.length)
+        if residual > CLOSED_LIMIT * self.length:
             return None
         return trial if np.linalg.norm(trial - q) < 2 * np.linalg.norm(step) else None
 
@@ -103,18 +107,40 @@ class Closure:
         """Largest loop residual over all rows, (n,) [m, rad], at the configurations ``q`` (n, nv) [rad, m]."""
         return np.array([np.abs(self.engine.constraint_residual(state)).max(initial=0.0) for state in q])
 
-    def _refuse_uncertain_home(self) -> None:
-        """Home must be about where the file has it, and have as many independent rows as its neighbours."""
-        name, branch = self.mechanism.name, self.mechanism.branch
-        far = float(np.abs(self.home - self.mechanism.home).max(initial=0.0))
-        if far > HOME_LIMIT:
-            raise ClosureError(
-                f"{name}: {branch!r} is not closed: the nearest closed configuration lies {far:.3g} rad or m from it, "
-                "whose assembly branch is uncertain; give a closed one as <keyframe><key name='home' qpos='...'/>"
-            )
+    def configurations(self) -> list[Configuration]:
+        """The closed configurations with the driven coordinates as at home, or as many others that leave no freedom."""
+        mechanism = self.mechanism
+        fixed = np.array([mechanism.coordinate_index(name) for name in mechanism.driven], dtype=np.intp)
+        free = _null_space(self.engine.constraint_jacobian(self.home)[self.rows])
+        if len(independent_rows(free[fixed])) != self.dof or len(fixed) != self.dof:
+            fixed = independent_rows(free)
+        return configurations(self.engine, mechanism, self.home, self.length, fixed)
+
+    def _closed_home(self, search: bool) -> Floats:
+        """The closed configuration nearest to that of the file; with ``search``, else nearest to a start around it."""
+        model, limit = self.mechanism, CLOSED_LIMIT * self.length
+        home, residual = nearest_closed(self.engine, model.home, self.length)
+        if residual > limit:
+            others = (nearest_closed(self.engine, q, self.length) for q in starts(model, self.length, _FURTHER_STARTS))
+            elsewhere = next((q for q, gap in others if gap <= limit), None)
+            if elsewhere is None or not search:
+                cure = "" if elsewhere is None else "; from other starts they close: balance assemble lists where"
+                raise ClosureError(
+                    f"{model.name} cannot be closed from {model.branch!r}: the loops "
+                    f"({', '.join(loop.name for loop in model.loops)}) stay {residual:.3g} m apart{cure}"
+                )
+            home = elsewhere
+        far = float(np.abs(home - model.home).max(initial=0.0))
+        if far > FAR:
+            self.mechanism = replace(model, branch=f"{model.branch}, closed {far:.3g} rad or m from it")
+        return home
+
+    def _refuse_singular_home(self) -> None:
+        """Home must have as many independent rows as its neighbours."""
         free = _null_space(self.engine.constraint_jacobian(self.home)[self.rows])
         near = self._stepped(self.home, 0.02 * free @ np.random.default_rng(0).normal(size=free.shape[1]))
         if near is not None and len(independent_rows(self.engine.constraint_jacobian(near))) > len(self.rows):
+            name, branch = self.mechanism.name, self.mechanism.branch
             raise ClosureError(
                 f"{name} is singular at {branch!r}: its branches meet there; give another closed configuration as "
                 "<keyframe><key name='home' qpos='...'/>"
@@ -124,21 +150,6 @@ class Closure:
         """Smallest singular value of the independent rows; zero at a singular configuration."""
         rows = self.engine.constraint_jacobian(q)[self.rows]
         return float(np.linalg.svd(rows, compute_uv=False)[-1]) if len(rows) else np.inf
-
-    def _closed(self, q: Floats) -> Floats:
-        """Nearest closed configuration by Gauss-Newton steps of least norm, safe for redundant rows."""
-        for _ in range(ITERATIONS):
-            gap = self.engine.constraint_residual(q)
-            if np.abs(gap).max(initial=0.0) < 1e-15 * self.length:
-                return q
-            change = np.linalg.lstsq(self.engine.constraint_jacobian(q), gap, rcond=RANK_LIMIT)[0]
-            q = q - change
-            if np.abs(change).max() < 1e-14 and np.abs(gap).max() < RESIDUAL_LIMIT * self.length:
-                return q
-        raise ClosureError(
-            f"{self.mechanism.name} cannot be closed from {self.mechanism.branch!r}: the loops "
-            f"({', '.join(loop.name for loop in self.mechanism.loops)}) stay {np.abs(gap).max():.3g} m apart"
-        )
 
 
 def independent_rows(matrix: Floats) -> Indices:

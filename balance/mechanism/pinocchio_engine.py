@@ -71,7 +71,7 @@ class PinocchioEngine:
             return couplings
         self._place_loops(q)
         loops = self._pin.getConstraintsJacobian(self.model, self.data, self._constraints, self._constraint_data)
-        return np.concatenate([loops, couplings])
+        return np.concatenate([loops.reshape(-1, self.model.nv), couplings])
 
     def momentum_regressor(self, q: Floats, v: Floats) -> Floats:
         """W with ``W @ pi`` = linear [kg m/s] and angular momentum [kg m2/s], (6, 10 nb)."""

@@ -211,3 +211,29 @@ def test_something_to_check_is_needed(balance):
     code, _, err = balance("check", "parallelogram-6bar")
     assert code == 2
     assert "--counter SITE=M" in err
+
+
+def test_assemble_lists_the_ways_to_put_a_mechanism_together(balance):
+    """Branch A is the keyframe's; each with its residual, and its coordinates by name."""
+    code, out, err = balance("assemble", "four-bar", "--json")
+    document = json.loads(out)
+    assert (code, err, document["dof"], document["start"]) == (0, "", 1, "home")
+    first, second = document["configurations"]
+    assert (first["branch"], second["branch"]) == ("A", "B")
+    assert first["q"]["A0"] == second["q"]["A0"] == 1.0
+    assert max(first["residual_m"], second["residual_m"]) < document["tolerance_m"]
+    assert "qpos='1 -0.554284311888 1.37643062239'" in balance("assemble", "four-bar")[1]
+
+
+def test_springs_of_a_file_are_said_to_be_left_out_of_torques(balance, tmp_path):
+    """Conditions do not depend on them; a simulation says what its torques lack, and ends with 3."""
+    text = (datasets.ROOT / "mechanisms" / "four-bar.xml").read_text(encoding="utf-8")
+    (tmp_path / "sprung.xml").write_text(text.replace('name="A0" ', 'name="A0" stiffness="3" '), encoding="utf-8")
+    (tmp_path / "m.toml").write_text(
+        'driven = "joints"\njoints = ["A0"]\nstart = ["1 rad"]\npeak_acceleration = "1 rad/s^2"\n'
+        'moves = [ { joint = "A0", to = ["1.1 rad"] } ]\n',
+        encoding="utf-8",
+    )
+    assert balance("conditions", str(tmp_path / "sprung.xml"))[0] == 0
+    code, out, _ = balance("simulate", str(tmp_path / "sprung.xml"), "--motion", str(tmp_path / "m.toml"), "--json")
+    assert (code, json.loads(out)["left_out"]) == (3, ["springs of joints A0"])
