@@ -5,8 +5,6 @@ samples, nv that of the joint coordinates.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
 from numpy.polynomial.polynomial import polyder
 
 from ..arrays import Floats
@@ -31,9 +29,6 @@ from .sparse_components import (
     zeros,
 )
 
-if TYPE_CHECKING:
-    import pinocchio
-
 
 @dataclass(frozen=True)
 class Anchor:
@@ -44,11 +39,6 @@ class Anchor:
     """Rotation of the anchor in the joint's frame, (3, 3)."""
     position: Floats
     """Origin of the anchor in the joint's frame, (3,) [m]."""
-
-    @classmethod
-    def from_placement(cls, joint: int, placement: "pinocchio.SE3") -> "Anchor":
-        """The anchor at a Pinocchio placement."""
-        return cls(joint, placement.rotation.copy(), placement.translation.copy())
 
 
 @dataclass(frozen=True)
