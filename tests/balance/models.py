@@ -4,11 +4,13 @@ from functools import cache
 
 import numpy as np
 
+from balance.datasets import dataset_names
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
 
 BUILT_IN = ("serial-1r", "serial-2r", "serial-3r", "four-bar", "parallelogram-6bar", "parallelogram-6bar-full")
 MANIPULATORS = BUILT_IN[4:]
+SHIPPED = tuple(dataset_names("mechanisms", ".xml"))
 LOADS = {
     "serial-1r": ({"link_1": 2.0}, {"counter_link_1": 1.5}),
     "serial-2r": ({"link_2": 2.0}, {"counter_link_1": 1.5, "counter_link_2": 0.5}),
@@ -28,8 +30,8 @@ def load(name: str) -> Mechanism:
 
 @cache
 def loaded(name: str) -> Mechanism:
-    """A built-in mechanism with its payload and counter-masses of LOADS."""
-    payload, counters = LOADS[name]
+    """A built-in mechanism with its payload and counter-masses of LOADS, of which some have none."""
+    payload, counters = LOADS.get(name, ({}, {}))
     return load(name).with_payload(payload).with_counter_mass(counters)
 
 

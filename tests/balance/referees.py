@@ -44,7 +44,10 @@ def with_loads(
 
 
 class MujocoReferee:
-    """MuJoCo's inverse dynamics with its soft constraints off, loops by its own kinematics."""
+    """MuJoCo's inverse dynamics with its soft constraints off, loops by its own kinematics.
+
+    Dry friction is one of the constraints: it is added here.
+    """
 
     def __init__(self, text: str, mechanism: Mechanism) -> None:
         self.model = mujoco.MjModel.from_xml_string(text)
@@ -57,7 +60,7 @@ class MujocoReferee:
 
     def response(self, q: Floats, v: Floats, a: Floats) -> tuple[Floats, Floats]:
         """Shaking wrench (6,) [N, N m] and torques of the driven joints [N m, N] at one state."""
-        torque = self._inverse(q, v, a, self.gravity)
+        torque = self._inverse(q, v, a, self.gravity) + self.model.dof_frictionloss[self.order] * np.sign(v)
         self._inverse(q, v, a, np.zeros(3))
         mujoco.mj_rnePostConstraint(self.model, self.data)
         on_mechanism = self.data.cfrc_int[1]
@@ -117,7 +120,8 @@ def pinocchio_response(mechanism: Mechanism, trajectory: Trajectory) -> tuple[Fl
     wrench, torque = np.empty((len(trajectory.q), 6)), np.empty_like(trajectory.q)
     for k, (q, v, a) in enumerate(zip(trajectory.q, trajectory.v, trajectory.a, strict=True)):
         model.gravity.linear = gravity
-        torque[k] = pinocchio.rnea(model, data, q, v, a) + model.damping * v
+        losses = model.damping * v + mechanism.coulomb * np.sign(v)
+        torque[k] = pinocchio.rnea(model, data, q, v, a) + losses
         model.gravity.linear = np.zeros(3)
         pinocchio.forwardKinematics(model, data, q, v, a)
         pinocchio.rnea(model, data, q, v, a)

@@ -54,9 +54,9 @@ def assert_mujoco_agrees(mechanism: Mechanism, text: str) -> None:
         assert referees.relative([values[k] for values in mine.torque.values()], torque) < 1e-10
 
 
-@pytest.mark.parametrize("name", models.BUILT_IN)
-def test_built_in_mechanisms_agree_with_mujoco(name: str) -> None:
-    """Shaking wrench and drive torque of every built-in mechanism are MuJoCo's on the same file."""
+@pytest.mark.parametrize("name", models.SHIPPED)
+def test_shipped_mechanisms_agree_with_mujoco(name: str) -> None:
+    """Shaking wrench and drive torque of every shipped mechanism are MuJoCo's on the same file."""
     assert_mujoco_agrees(models.load(name), models.load(name).text)
 
 
@@ -74,7 +74,7 @@ def test_spatial_and_special_mechanisms_agree_with_mujoco(name: str) -> None:
     assert_mujoco_agrees(models.model(OTHERS[name]), OTHERS[name])
 
 
-@pytest.mark.parametrize("name", [*models.BUILT_IN, *OTHERS])
+@pytest.mark.parametrize("name", [*models.SHIPPED, *OTHERS])
 def test_pinocchio_agrees(name: str) -> None:
     """Pinocchio's rnea, its root forces summed in the base frame, gives the same wrench and joint torques."""
     mechanism = models.model(OTHERS[name]) if name in OTHERS else models.loaded(name)

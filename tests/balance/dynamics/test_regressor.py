@@ -13,12 +13,12 @@ from balance.mechanism.sparse_components import dense_rows
 
 from .. import models, referees
 
-EVERY = [*models.BUILT_IN, "skew arm", "spatial four-bar", "Bennett"]
+EVERY = [*models.SHIPPED, "skew arm", "spatial four-bar"]
 
 
 def mechanism_of(name: str) -> Mechanism:
     """A built-in mechanism with loads, or one of the spatial ones."""
-    texts = {"skew arm": models.skew_arm, "spatial four-bar": models.spatial_four_bar, "Bennett": models.bennett}
+    texts = {"skew arm": models.skew_arm, "spatial four-bar": models.spatial_four_bar}
     return models.model(texts[name]()) if name in texts else models.loaded(name)
 
 
