@@ -65,7 +65,7 @@ def ingest(
 
     Where logs lie in the campaign's folder, a pattern may name its runs too: they are left alone.
     """
-    from ..ingest.input_files import own_files
+    from ..ingest.log_sources import own_files
 
     options.refuse_patterns(files)
     own = own_files(files, campaign)
@@ -101,8 +101,8 @@ def _ingest(
     text: dict[str, Any],
 ) -> "list[Outcome]":
     from ..ingest import Ingest
-    from ..ingest.input_files import SiblingLogs
-    from ..ingest.run_conditions import plan_runs
+    from ..ingest.log_sources import SiblingLogs
+    from ..ingest.run_table import plan_runs
 
     runs, form = plan_runs(files, run_table), options.read_options(**text)
     others = SiblingLogs(files if run_table is None else (), form)

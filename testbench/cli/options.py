@@ -26,7 +26,7 @@ LEAST_PROGRESS = 20 << 20
 """Work from which a progress bar is shown [bytes]."""
 SHOWN_PER_CODE = 5
 """Findings of one code and file that are printed as text."""
-_DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "bar": "|", "blanks": " "}
+_DELIMITERS = ("comma", "semicolon", "tab", "bar", "blanks")
 _DECIMALS = {"point": ".", "comma": ","}
 _ORDERS = ("dmy", "mdy", "ymd")
 _NUMBER = r"(\d+\.?\d*)"
@@ -93,7 +93,7 @@ def text_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options of text logs that replace detection."""
     for option in reversed((
         click.option("--encoding", metavar="NAME", help="Encoding of texts, such as cp1254; else detected."),
-        click.option("--delimiter", type=click.Choice([*_DELIMITERS]), help="Delimiter of texts; else detected."),
+        click.option("--delimiter", type=click.Choice(_DELIMITERS), help="Delimiter of texts; else detected."),
         click.option("--decimal", type=click.Choice([*_DECIMALS]), help="Decimal mark of texts; else detected."),
         click.option("--header/--no-header", default=None, help="Whether texts begin with names; else detected."),
         click.option("--date-order", type=click.Choice([*_ORDERS]),
@@ -112,10 +112,11 @@ def read_options(
 ) -> "ReadOptions":
     """The options in the form of the readers."""
     from ..readers import ReadOptions
+    from ..readers.csv.dialect import DELIMITERS
 
     return ReadOptions(
         encoding,
-        None if delimiter is None else _DELIMITERS[delimiter],
+        None if delimiter is None else DELIMITERS[delimiter],
         None if decimal is None else _DECIMALS[decimal],
         header,
         date_order,

@@ -20,8 +20,8 @@ from ..recording import Finding, Group, Origin, Refusal, findings_by_group, refu
 from ..store import atomic_files, open_run
 from ..store.campaign import StoredSources
 from ..store.writer import RunWriter
-from .input_files import Source, distinct_groups, refuse_stored_run, refuse_too_many, refuse_twice
-from .run_conditions import PlannedRun
+from .log_sources import Source, distinct_groups, refuse_stored_run, refuse_too_many, refuse_twice
+from .run_table import PlannedRun
 
 if TYPE_CHECKING:
     from ..rig import Rig

@@ -16,8 +16,8 @@ from pathlib import Path
 
 from ..errors import RecordingError, RigError
 from .ingest import Ingest, Outcome
-from .input_files import SiblingLogs
-from .run_conditions import PlannedRun, RunTableRow, plan_runs, read_run_table, ready, same_file
+from .log_sources import SiblingLogs
+from .run_table import PlannedRun, RunTableRow, plan_runs, read_run_table, ready, same_file
 
 State = tuple[int, int]
 """Size [bytes] and time of the last change [ns] of a file."""

@@ -25,7 +25,7 @@ def simulated(folder: Path, plan: str, rig: str = "parallelogram-6bar") -> Simul
     from testbench import campaign_plan as plans
     from testbench import rig as rigs
     from testbench.ingest import Ingest
-    from testbench.ingest.run_conditions import plan_runs as sheet
+    from testbench.ingest.run_table import plan_runs as sheet
     from testbench.simulator.campaign import RUN_TABLE, simulate_campaign
 
     bench = rigs.load_rig(rig)

@@ -4,7 +4,7 @@ import pytest
 
 from testbench.cli.options import print_reading_findings
 from testbench.ingest import Ingest
-from testbench.ingest.run_conditions import PlannedRun
+from testbench.ingest.run_table import PlannedRun
 from testbench.quality.log_description import describe_log
 from testbench.recording import (
     MEANING,

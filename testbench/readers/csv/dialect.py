@@ -17,10 +17,11 @@ from .cell_syntax import (
 )
 
 COMMENT_SIGNS = ("#", "%", "//")
+DELIMITERS = {"tab": "\t", "semicolon": ";", "bar": "|", "comma": ",", "blanks": " "}
+"""By what a person calls them, in the order in which they are tried."""
 _HALF_OF_DECIMAL = re.compile(r"-0|[+-]?0\d+")
 """Whole numbers as written before or behind a decimal comma, and seldom alone."""
-_NAMES = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma", " ": "blanks", "": "none (one column)"}
-_DELIMITERS = tuple(sign for sign in _NAMES if sign)
+_NAMES = {delimiter: name for name, delimiter in DELIMITERS.items()} | {"": "none (one column)"}
 
 
 class UnclearDialect(Exception):
@@ -96,7 +97,7 @@ def detect_dialect(lines: Sequence[str], delimiter: str | None = None, decimal: 
 
 
 def _delimiter(lines: Sequence[str], decimal: str | None) -> str:
-    for delimiter in _DELIMITERS:
+    for delimiter in DELIMITERS.values():
         if delimiter != " " and not any(delimiter in line for line in lines):
             continue
         rows = [split_line(line, delimiter) for line in lines]

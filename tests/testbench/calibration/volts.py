@@ -6,7 +6,7 @@ import numpy as np
 
 from testbench import rig as rigs
 from testbench.ingest import Ingest
-from testbench.ingest.run_conditions import PlannedRun
+from testbench.ingest.run_table import PlannedRun
 from testbench.store import Run, open_run
 
 COUNT = 400

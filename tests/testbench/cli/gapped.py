@@ -6,7 +6,7 @@ from pathlib import Path
 
 from testbench import rig as rigs
 from testbench.ingest import Ingest
-from testbench.ingest.run_conditions import plan_runs as sheet
+from testbench.ingest.run_table import plan_runs as sheet
 from testbench.simulator.campaign import RUN_TABLE
 
 from ..conftest import Simulated

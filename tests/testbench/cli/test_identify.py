@@ -12,7 +12,7 @@ from testbench import rig as rigs
 from testbench.cli.identify import identify
 from testbench.errors import AnalysisError
 from testbench.ingest import Ingest
-from testbench.ingest.run_conditions import PlannedRun
+from testbench.ingest.run_table import PlannedRun
 
 from ..conftest import built
 from .gapped import without_rows

@@ -14,7 +14,7 @@ from testbench.cli.vectors import vectors
 from testbench.errors import AnalysisError, StoreError
 from testbench.figures.rotating import draw_vectors
 from testbench.ingest import Ingest
-from testbench.ingest.run_conditions import PlannedRun
+from testbench.ingest.run_table import PlannedRun
 
 from ..rotating.machine import UNBALANCE, Rotor
 

@@ -15,7 +15,7 @@ from testbench.identification.estimators import Methods
 from testbench.identification.figure import draw
 from testbench.identification.regression_equations import regression_equations
 from testbench.ingest import Ingest
-from testbench.ingest.run_conditions import PlannedRun
+from testbench.ingest.run_table import PlannedRun
 from testbench.store import open_run
 
 from . import arms

@@ -14,7 +14,7 @@ from testbench.errors import StoreError
 from testbench.export import TARGETS, export
 from testbench.ingest import Ingest
 from testbench.ingest.recovered_runs import recover
-from testbench.ingest.run_conditions import plan_runs
+from testbench.ingest.run_table import plan_runs
 from testbench.store import open_campaign
 from testbench.store.archive import archive
 

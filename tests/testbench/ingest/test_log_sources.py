@@ -6,8 +6,8 @@ import numpy as np
 from nptdms import ChannelObject, TdmsWriter
 
 from testbench.ingest import Ingest
-from testbench.ingest.input_files import distinct_groups
-from testbench.ingest.run_conditions import PlannedRun
+from testbench.ingest.log_sources import distinct_groups
+from testbench.ingest.run_table import PlannedRun
 from testbench.recording import Block, Channel, Group, Recording, UniformClock
 from testbench.store import open_run
 
