@@ -9,6 +9,7 @@ the layout after which a closing line follows. Source: SDRC, Universal File Form
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from ..recording import Block, Channel, Finding, Group, Recording, Samples
 from . import header_claims
 from .byte_source import ByteSource, as_float64, block_samples
-from .format_findings import damaged, nothing_to_read, watch_nonfinite
+from .format_findings import damaged, nothing_to_read, refusing, watch_nonfinite
 from .header_claims import clock_of_step, recorded_time
 from .registry import ReadOptions
 
@@ -251,14 +252,9 @@ class Function:
 
 def parse_function(source: ByteSource, dataset: Dataset) -> Function:
     """The header of the dataset 58 that ``dataset`` is."""
-    lines, offset = [], dataset.begin
-    for _ in range(11):
-        lines.append(line_at(source, offset).decode("latin-1").rstrip("\r\n"))
-        offset += len(line_at(source, offset))
-    try:
-        return _parsed(lines, dataset, offset)
-    except (ValueError, IndexError) as error:
-        raise damaged(source.path, f"dataset 58 at byte {dataset.begin}: header cannot be read ({error})") from error
+    lines, offset = _lines(source, dataset.begin, 11)
+    with refusing(source.path, f"the header of dataset 58 at byte {dataset.begin}", ValueError, IndexError):
+        return _parsed([line.decode("latin-1").rstrip("\r\n") for line in lines], dataset, offset)
 
 
 def _parsed(lines: list[str], dataset: Dataset, offset: int) -> Function:
@@ -288,11 +284,8 @@ def _parsed(lines: list[str], dataset: Dataset, offset: int) -> Function:
 
 
 def _axis(line: str) -> Axis:
-    return Axis(_integer(line[0:10]), _stated_text(line[26:46]), _stated_text(line[47:67]))
-
-
-def _stated_text(text: str) -> str | None:
-    return None if text.strip() in ("", "NONE") else text.strip()
+    label, unit = (None if (text := line[a : a + 20].strip()) in ("", "NONE") else text for a in (26, 47))
+    return Axis(_integer(line[0:10]), label, unit)
 
 
 def _integer(text: str) -> int:
@@ -302,63 +295,40 @@ def _integer(text: str) -> int:
 _TEXT_BYTES = 1 << 20
 
 
-def per_sample(function: Function) -> int:
-    """Numbers of one sample: abscissa if it is recorded, real part, imaginary part if it is complex."""
-    return (not function.even) + 1 + function.is_complex
-
-
 def function_pieces(source: ByteSource, function: Function, samples: int) -> Iterator[NDArray[np.float64]]:
     """The samples in pieces of ``samples``, each (p, n) [units of the function]: abscissa, real, imaginary part."""
-    read = _binary if function.dataset.binary else _text
-    yield from read(source, function, samples)
-
-
-def _binary(source: ByteSource, function: Function, samples: int) -> Iterator[NDArray[np.float64]]:
-    kind = _binary_type(function)
+    what = f"function {function.name!r}"
+    if (layout := function.dataset.binary) is None:
+        yield from _text(source, function, samples, what)
+        return
+    number = [(name, f"{layout.order}f{layout.number}") for name in ("re", "im")[: 1 + function.is_complex]]
+    kind = np.dtype([("x", f"{layout.order}f{layout.abscissa}"), *number] if layout.abscissa else number)
     for begin in range(0, function.samples, samples):
         count = min(samples, function.samples - begin)
-        offset = function.data + begin * kind.itemsize
-        rows = np.frombuffer(source.read(offset, count * kind.itemsize, f"function {function.name!r}"), dtype=kind)
+        raw = source.read(function.data + begin * kind.itemsize, count * kind.itemsize, what)
+        rows = np.frombuffer(raw, dtype=kind)
         yield np.stack([as_float64(rows[name]) for name in kind.names or ()])
 
 
-def _binary_type(function: Function) -> np.dtype[np.void]:
-    """The binary form of one sample."""
-    layout = function.dataset.binary
-    assert layout is not None
-    names = ["re"] + ["im"] * function.is_complex
-    number = [(name, f"{layout.order}f{layout.number}") for name in names]
-    return np.dtype([("x", f"{layout.order}f{layout.abscissa}"), *number] if layout.abscissa else number)
-
-
-def _text(source: ByteSource, function: Function, samples: int) -> Iterator[NDArray[np.float64]]:
-    width, waiting, found = per_sample(function), np.empty(0), 0
-    for numbers in _numbers(source, function):
-        waiting = np.concatenate([waiting, numbers])
+def _text(source: ByteSource, function: Function, samples: int, what: str) -> Iterator[NDArray[np.float64]]:
+    width = (not function.even) + 1 + function.is_complex  # numbers of a sample
+    offset, keep, waiting, found = function.data, b"", np.empty(0), 0
+    while offset < function.dataset.end:
+        count = min(_TEXT_BYTES, function.dataset.end - offset)
+        text = keep + source.read(offset, count, what)
+        offset += count
+        whole = len(text) if offset == function.dataset.end else text.rfind(b"\n") + 1
+        keep = text[whole:]
+        with refusing(source.path, what, ValueError):
+            waiting = np.concatenate([waiting, parsed_numbers(text[:whole], _widths(function))])
         while len(waiting) >= samples * width:
             yield waiting[: samples * width].reshape(-1, width).T
             waiting, found = waiting[samples * width :], found + samples
     found += len(waiting) // width
     if len(waiting) % width or found != function.samples:
-        message = f"declares {function.samples} samples, {found} are there"
-        raise damaged(source.path, f"function {function.name!r}: {message}")
+        raise damaged(source.path, f"{what}: declares {function.samples} samples, {found} are there")
     if len(waiting):
         yield waiting.reshape(-1, width).T
-
-
-def _numbers(source: ByteSource, function: Function) -> Iterator[NDArray[np.float64]]:
-    """The numbers of a text dataset, in pieces of whole lines."""
-    offset, keep = function.data, b""
-    while offset < function.dataset.end:
-        count = min(_TEXT_BYTES, function.dataset.end - offset)
-        text = keep + source.read(offset, count, f"function {function.name!r}")
-        offset += count
-        whole = len(text) if offset == function.dataset.end else text.rfind(b"\n") + 1
-        keep = text[whole:]
-        try:
-            yield parsed_numbers(text[:whole], _widths(function))
-        except ValueError as error:
-            raise damaged(source.path, f"function {function.name!r}: {error}") from error
 
 
 def _widths(function: Function) -> tuple[int, ...]:
@@ -376,13 +346,9 @@ def parsed_numbers(text: bytes, widths: tuple[int, ...]) -> NDArray[np.float64]:
     try:
         return np.array(text.split(), dtype=np.bytes_).astype(np.float64)
     except ValueError:
-        cells = [line[a:b].strip() for line in text.splitlines() for a, b in _spans(widths)]
+        spans = list(pairwise([0, *np.cumsum(widths).tolist()]))
+        cells = [line[a:b].strip() for line in text.splitlines() for a, b in spans]
         return np.array([cell for cell in cells if cell], dtype=np.bytes_).astype(np.float64)
-
-
-def _spans(widths: tuple[int, ...]) -> list[tuple[int, int]]:
-    ends = np.cumsum(widths).tolist()
-    return list(zip([0, *ends[:-1]], ends, strict=True))
 
 
 _COMPONENTS = {
@@ -406,11 +372,9 @@ def parse_nodal_data(source: ByteSource, dataset: Dataset, name: str) -> NodalDa
     """The data at nodes that ``dataset`` holds."""
     if dataset.end - dataset.begin > _MOST_BYTES:
         raise damaged(source.path, f"dataset 55 at byte {dataset.begin} is larger than {_MOST_BYTES >> 20} MiB")
-    text = source.read(dataset.begin, dataset.end - dataset.begin, "dataset 55")
-    try:
-        return _parsed_nodal(text.decode("latin-1").splitlines(), name)
-    except (ValueError, IndexError) as error:
-        raise damaged(source.path, f"dataset 55 at byte {dataset.begin}: cannot be read ({error})") from error
+    text = source.read(dataset.begin, dataset.end - dataset.begin, "dataset 55").decode("latin-1")
+    with refusing(source.path, f"dataset 55 at byte {dataset.begin}", ValueError, IndexError):
+        return _parsed_nodal(text.splitlines(), name)
 
 
 def _parsed_nodal(lines: list[str], name: str) -> NodalData:
@@ -419,7 +383,8 @@ def _parsed_nodal(lines: list[str], name: str) -> NodalData:
     if kind not in (2, 5) or not 0 < values <= 1000:
         raise ValueError(f"data type {kind} with {values} values a node")
     width = values * (2 if kind == 5 else 1)
-    begin = _first_node(lines)
+    integers, reals = (int(text) for text in lines[6].split()[:2])
+    begin = 6 + -(-(2 + integers) // 8) + -(-reals // 6)  # after the integers and reals that record 7 counts
     data, nodes, rows = lines[begin:], [], []
     per_node = -(-width // 6)
     if len(data) % (per_node + 1):
@@ -441,12 +406,6 @@ def _parsed_nodal(lines: list[str], name: str) -> NodalData:
     return NodalData(group, (np.array(nodes), *table), texts)
 
 
-def _first_node(lines: list[str]) -> int:
-    """The line of the first node: after the integers and the reals that record 7 counts."""
-    integers, reals = (int(text) for text in lines[6].split()[:2])
-    return 6 + -(-(2 + integers) // 8) + -(-reals // 6)
-
-
 _HEADERS = {151: "header", 164: "units"}
 
 
@@ -461,8 +420,12 @@ class _FunctionSet:
 def open_uff(path: Path, options: ReadOptions) -> Recording:
     """Find the datasets and read their headers; the numbers are read when asked for."""
     with ByteSource(path) as source:
-        found = list(datasets(source))
-        whole, findings = _whole(found)
+        found, findings = list(datasets(source)), list[Finding]()
+        whole = [dataset for dataset in found if dataset.whole]
+        if len(whole) < len(found):
+            place = f"the file ends inside dataset {len(found)}, of kind {found[-1].kind}, which has no closing line"
+            message = f"{place}; the {len(whole)} before it are whole"
+            findings.append(Finding("cut_file", None, f"byte {found[-1].begin}", message))
         functions = [parse_function(source, d) for d in whole if d.kind == 58]
         functions = [f for f in functions if f.samples]
         sets = _sets(path.stem, functions)
@@ -479,19 +442,8 @@ def open_uff(path: Path, options: ReadOptions) -> Recording:
         groups=groups,
         read=lambda report: watch_nonfinite(_blocks(path, sets, shapes), report),
         metadata=metadata,
-        findings=(*findings, *_header_findings(functions), *_left_out(whole)),
+        findings=(*findings, *_header_findings(functions, whole)),
     )
-
-
-def _whole(found: Sequence[Dataset]) -> tuple[list[Dataset], list[Finding]]:
-    """The whole datasets, and that the last one is cut if it is."""
-    whole = [dataset for dataset in found if dataset.whole]
-    if len(whole) == len(found):
-        return whole, []
-    last = found[-1]
-    place = f"the file ends inside dataset {len(found)}, of kind {last.kind}, which has no closing line"
-    message = f"{place}; the {len(whole)} before it are whole"
-    return whole, [Finding("cut_file", None, f"byte {last.begin}", message)]
 
 
 def _sets(stem: str, functions: Sequence[Function]) -> list[_FunctionSet]:
@@ -504,18 +456,11 @@ def _sets(stem: str, functions: Sequence[Function]) -> list[_FunctionSet]:
     sets = []
     for members in gathered.values():
         kind = NAMES.get(members[0].kind, f"Function {members[0].kind}")
-        name = stem if len(gathered) == 1 else _unused(f"{stem} {kind}", taken)
+        name = stem if len(gathered) == 1 else f"{stem} {kind}"
+        name = next(n for n in (name, *(f"{name} {i}" for i in range(2, len(gathered) + 2))) if n not in taken)
+        taken.add(name)
         sets.append(_FunctionSet(_group(name, members), tuple(members)))
     return sets
-
-
-def _unused(name: str, taken: set[str]) -> str:
-    numbered, n = name, 1
-    while numbered in taken:
-        n += 1
-        numbered = f"{name} {n}"
-    taken.add(numbered)
-    return numbered
 
 
 def _group(name: str, members: Sequence[Function]) -> Group:
@@ -562,9 +507,10 @@ def _set_blocks(source: ByteSource, each: _FunctionSet) -> Iterator[Block]:
         start += len(columns[0])
 
 
-def _header_findings(functions: Sequence[Function]) -> list[Finding]:
-    """Contradictions, doubles and rounded steps in the headers."""
+def _header_findings(functions: Sequence[Function], whole: Sequence[Dataset]) -> list[Finding]:
+    """Contradictions, doubles and rounded steps in the headers; kinds of datasets that are not kept."""
     findings: list[Finding] = []
+    others = sorted({d.kind for d in whole} - {55, 58, *_HEADERS})
     by_dof: dict[tuple[object, ...], list[str]] = {}
     for f in functions:
         by_dof.setdefault((f.kind, f.ids[2], f.node, f.reference), []).append(f.name)
@@ -578,15 +524,10 @@ def _header_findings(functions: Sequence[Function]) -> list[Finding]:
             dof = next(f.dof for f in functions if f.node == node)
             message = f"{dof} is that of {', '.join(names)}: identify them by name, not by node"
             findings.append(Finding("duplicate_dof", names[-1], None, message))
+    if others:
+        message = f"datasets of kind {', '.join(map(str, others))} hold no measured series; they are not kept"
+        findings.append(Finding("left_out", None, None, message))
     return list(dict.fromkeys(findings))
-
-
-def _left_out(whole: Sequence[Dataset]) -> list[Finding]:
-    kinds = sorted({d.kind for d in whole} - {55, 58, *_HEADERS})
-    if not kinds:
-        return []
-    message = f"datasets of kind {', '.join(map(str, kinds))} hold no measured series; they are not kept"
-    return [Finding("left_out", None, None, message)]
 
 
 def _metadata(
