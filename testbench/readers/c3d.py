@@ -7,15 +7,15 @@ Intel, DEC or SGI machines. Source: The C3D File Format (https://www.c3d.org/doc
 """
 
 import struct
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..recording import Block, Channel, Finding, Group, Recording, Refusal, Report, Samples
-from .byte_source import ByteSource, as_float64, block_samples
+from .byte_source import ByteSource, as_float64, block_spans
 from .format_findings import damaged, watch_nonfinite
 from .header_claims import clock_of_rate
 from .registry import ReadOptions
@@ -133,9 +133,13 @@ def parameter_text(raw: bytes) -> str:
 
 
 @dataclass(frozen=True)
-class Layout:
-    """How a frame lies in the file: points of four words, then ``per_frame`` samples of each analog channel."""
+class Header:
+    """How a frame lies in the file: points of four words, then ``per_frame`` samples of each analog channel.
 
+    With the parameters, and the findings about both.
+    """
+
+    parameters: Parameters
     begin: int
     frames: int
     first_frame: int
@@ -145,6 +149,7 @@ class Layout:
     rate_hz: float
     scale: float
     is_float: bool
+    findings: tuple[Finding, ...] = ()
 
     @property
     def words(self) -> int:
@@ -156,14 +161,10 @@ class Layout:
         """Bytes of a frame."""
         return self.words * (4 if self.is_float else 2)
 
-
-@dataclass(frozen=True)
-class Header:
-    """Layout, parameters and the findings about them."""
-
-    layout: Layout
-    parameters: Parameters
-    findings: tuple[Finding, ...]
+    @property
+    def is_unsigned(self) -> bool:
+        """Whether the numbers of analog channels are."""
+        return any(word.upper() == "UNSIGNED" for word in self.parameters.texts("ANALOG:FORMAT"))
 
 
 def read_header(source: ByteSource) -> Header:
@@ -182,17 +183,21 @@ def read_header(source: ByteSource) -> Header:
         raise damaged(source.path, f"scale {scale} and frame rate {rate}; expected numbers")
     if (points or analog) and data_block == 0:
         data_block = int(given.number("POINT:DATA_START") or 0)
-    channels = analog // per_frame if per_frame else 0
-    frames = _frames(given, first, last, findings)
-    layout = Layout(
-        (data_block - 1) * BLOCK, frames, first, points, channels, per_frame, float(rate), abs(float(scale)), scale < 0
-    )
-    if not layout.words or data_block < 1:
-        raise damaged(
-            source.path, f"{points} points and {channels} analog channels from block {data_block} on: no data"
+    channels, begin = analog // per_frame if per_frame else 0, (data_block - 1) * BLOCK
+    frames, scale = _frames(given, first, last, findings), float(scale)
+    head = Header(given, begin, frames, first, points, channels, per_frame, float(rate), abs(scale), scale < 0)
+    if not head.words or data_block < 1:
+        message = f"{points} points and {channels} analog channels from block {data_block} on: no data"
+        raise damaged(source.path, message)
+    findings += _against_size(source, head)
+    stated, rate = given.number("ANALOG:RATE"), head.rate_hz * per_frame
+    if stated is not None and channels and stated != rate:
+        message = (
+            f"the analog rate is {stated:g} Hz in the parameters, and {rate:g} Hz by frame rate and samples a frame"
         )
-    findings += _against_size(source, layout)
-    return Header(layout, given, tuple(findings))
+        code = "rate_rounded" if rate and abs(stated / rate - 1) < 1e-6 else "rate_contradiction"
+        findings.append(Finding(code, None, None, message))
+    return replace(head, findings=tuple(findings))
 
 
 def _agreed(what: str, header: float, parameter: float | None, findings: list[Finding]) -> float:
@@ -204,12 +209,16 @@ def _agreed(what: str, header: float, parameter: float | None, findings: list[Fi
     return parameter
 
 
+_WORDS = np.array([1, 1 << 16])
+"""Of a 32-bit number as two of 16 bits, the low one first."""
+
+
 def _frames(given: Parameters, first: int, last: int, findings: list[Finding]) -> int:
     """Number of frames. 16 bits hold 65535 of them; the parameters of TRIAL hold more."""
     header = last - first + 1
     start, end = given.numbers("TRIAL:ACTUAL_START_FIELD"), given.numbers("TRIAL:ACTUAL_END_FIELD")
     if len(start) == 2 and len(end) == 2:
-        trial = _long(end) - _long(start) + 1
+        trial = int(_WORDS @ (end.astype(np.int64) & 0xFFFF)) - int(_WORDS @ (start.astype(np.int64) & 0xFFFF)) + 1
         if trial > 0 and (trial == header or trial > 0xFFFF or last == 0xFFFF):
             return trial
     counted = given.number("POINT:FRAMES")
@@ -219,20 +228,15 @@ def _frames(given: Parameters, first: int, last: int, findings: list[Finding]) -
     return max(header, 0)
 
 
-def _long(words: NDArray[np.float64]) -> int:
-    """A 32-bit number from its two 16-bit words, the low one first."""
-    return (int(words[0]) & 0xFFFF) | (int(words[1]) & 0xFFFF) << 16
-
-
-def _against_size(source: ByteSource, layout: Layout) -> list[Finding]:
+def _against_size(source: ByteSource, head: Header) -> list[Finding]:
     """The declared frames against the bytes that are there."""
-    there = max(0, source.size - layout.begin)
-    whole = there // layout.frame_bytes
-    if whole < layout.frames:
-        message = f"{layout.frames} frames are declared, {whole} whole ones are in the file's {source.size} bytes"
+    there = max(0, source.size - head.begin)
+    whole = there // head.frame_bytes
+    if whole < head.frames:
+        message = f"{head.frames} frames are declared, {whole} whole ones are in the file's {source.size} bytes"
         return [Finding("cut_file", None, None, message)]
-    if there - layout.frames * layout.frame_bytes >= max(layout.frame_bytes, BLOCK):
-        message = f"{layout.frames} frames are declared, the file has room for {whole}"
+    if there - head.frames * head.frame_bytes >= max(head.frame_bytes, BLOCK):
+        message = f"{head.frames} frames are declared, the file has room for {whole}"
         return [Finding("count_contradiction", None, None, message)]
     return []
 
@@ -259,20 +263,19 @@ class Frames:
 
 def frame_blocks(source: ByteSource, head: Header) -> Iterator[Frames]:
     """All whole frames, in blocks of bounded size."""
-    layout = head.layout
-    frames = min(layout.frames, (source.size - layout.begin) // layout.frame_bytes)
-    step = block_samples(layout.words)
+    frames = min(head.frames, (source.size - head.begin) // head.frame_bytes)
     scale, offset = analog_law(head)
-    for start in range(0, frames, step):
-        count = min(step, frames - start)
-        begin = layout.begin + start * layout.frame_bytes
-        raw = source.read(begin, count * layout.frame_bytes, f"frames {start} to {start + count - 1}")
-        words = _numbers(raw, head).reshape(count, layout.words)
-        points = words[:, : 4 * layout.points].reshape(count, layout.points, 4).transpose(1, 2, 0).copy()
-        if not layout.is_float:
-            points[:, :3] *= min(layout.scale, _LARGEST)  # coordinate = integer * scale
-        analog = words[:, 4 * layout.points :].reshape(count * layout.per_frame, layout.channels).T
-        if not layout.is_float and _is_unsigned(head):
+    for start, end in block_spans(frames, head.words):
+        begin = head.begin + start * head.frame_bytes
+        raw = source.read(begin, (end - start) * head.frame_bytes, f"frames {start} to {end - 1}")
+        integers = np.dtype(f"{head.parameters.order}i2")
+        numbers = floats(raw, head.parameters.processor) if head.is_float else np.frombuffer(raw, integers)
+        words = as_float64(numbers).reshape(end - start, head.words)
+        points = words[:, : 4 * head.points].reshape(end - start, head.points, 4).transpose(1, 2, 0).copy()
+        if not head.is_float:
+            points[:, :3] *= min(head.scale, _LARGEST)  # coordinate = integer * scale
+        analog = words[:, 4 * head.points :].reshape((end - start) * head.per_frame, head.channels).T
+        if not head.is_float and head.is_unsigned:
             analog = np.where(analog < 0, analog + 65536.0, analog)
         # value = (number - offset) * scale of the channel * general scale
         with np.errstate(all="ignore"):
@@ -280,97 +283,76 @@ def frame_blocks(source: ByteSource, head: Header) -> Iterator[Frames]:
         yield Frames(points, physical, start, begin + len(raw))
 
 
-def _numbers(raw: bytes, head: Header) -> Samples:
-    if head.layout.is_float:
-        return floats(raw, head.parameters.processor)
-    return np.frombuffer(raw, dtype=f"{head.parameters.order}i2").astype(np.float64)
-
-
 def analog_law(head: Header) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Scale [unit of the channel] and offset [-] of the analog channels, each (c, 1); 1 and 0 where none is stated."""
-    given, channels = head.parameters, head.layout.channels
-    general = given.number("ANALOG:GEN_SCALE")
+
+    def filled(name: str, otherwise: float) -> NDArray[np.float64]:
+        values = head.parameters.numbers(name)[: head.channels]
+        return np.concatenate([values, np.full(head.channels - len(values), otherwise)])[:, None]
+
+    general = head.parameters.number("ANALOG:GEN_SCALE")
     with np.errstate(all="ignore"):
-        scale = _filled(given.numbers("ANALOG:SCALE"), channels, 1.0) * (1.0 if general is None else general)
-    offset = _filled(given.numbers("ANALOG:OFFSET"), channels, 0.0)
-    if _is_unsigned(head):
-        offset = np.where(offset < 0, offset + 65536.0, offset)
-    return scale[:, None], offset[:, None]
-
-
-def _is_unsigned(head: Header) -> bool:
-    return any(word.upper() == "UNSIGNED" for word in head.parameters.texts("ANALOG:FORMAT"))
-
-
-def _filled(values: NDArray[np.float64], count: int, otherwise: float) -> NDArray[np.float64]:
-    return np.concatenate([values[:count], np.full(max(0, count - len(values)), otherwise)])
-
-
-def informative_residuals(source: ByteSource, head: Header) -> tuple[int, ...]:
-    """The points whose fourth word is anything but 0 (seen) and -1 (not seen)."""
-    found = np.zeros(head.layout.points, dtype=bool)
-    if head.layout.points:
-        for piece in frame_blocks(source, head):
-            words = piece.points[:, 3]
-            found |= ((words != 0) & (words != -1)).any(axis=1)
-    return tuple(int(i) for i in np.flatnonzero(found))
+        scale = filled("ANALOG:SCALE", 1.0) * (1.0 if general is None else general)
+    offset = filled("ANALOG:OFFSET", 0.0)
+    return scale, np.where(offset < 0, offset + 65536.0, offset) if head.is_unsigned else offset
 
 
 _LONGEST_TEXT = 2000
 
 
 @dataclass(frozen=True)
-class _Groups:
-    """The groups of a file, each with its kind; ``residuals`` are the points whose fourth word is kept."""
+class _Member:
+    """A group of the file: how many samples a frame it has, and which columns of a block of frames are its own."""
 
-    analog: Group | None
-    points: Group | None
-    residual: Group | None
-    residuals: tuple[int, ...]
-
-    @property
-    def all(self) -> tuple[Group, ...]:
-        return tuple(group for group in (self.analog, self.points, self.residual) if group is not None)
+    group: Group
+    per_frame: int
+    columns: Callable[[Frames], tuple[Samples, ...]]
 
 
 def open_c3d(path: Path, options: ReadOptions) -> Recording:
     """Read header and parameters; the frames are read when asked for."""
     with ByteSource(path) as source:
         head = read_header(source)
-        if not head.layout.frames:
+        if not head.frames:
             raise Refusal(path.name, Finding("no_data", None, None, "the header declares no frame"))
-        groups = _groups(path.stem, head, informative_residuals(source, head))
+        spoken = np.zeros(head.points, dtype=bool)  # fourth words that are anything but 0 (seen) and -1 (not seen)
+        for piece in frame_blocks(source, head) if head.points else ():
+            words = piece.points[:, 3]
+            spoken |= ((words != 0) & (words != -1)).any(axis=1)
+    members = list(_members(path.stem, head, tuple(map(int, np.flatnonzero(spoken)))))
+    points = next((member.group for member in members if member.columns is _seen), None)
     return Recording(
         path=path,
         format="C3D",
         reader="testbench.readers.c3d",
-        groups=groups.all,
-        read=lambda report: _blocks(path, head, groups, report),
+        groups=tuple(member.group for member in members),
+        read=lambda report: watch_nonfinite(_blocks(path, head, members, report), report, but=points),
         metadata=_metadata(head),
-        findings=(*head.findings, *_rate(head)),
+        findings=head.findings,
     )
 
 
-def _groups(stem: str, head: Header, residuals: tuple[int, ...]) -> _Groups:
+def _members(stem: str, head: Header, residuals: tuple[int, ...]) -> Iterator[_Member]:
     """Analog channels, points, and fourth words that state more than seen or not seen, each if there are any."""
-    layout, given = head.layout, head.parameters
-    start = max(layout.first_frame - 1, 0) / layout.rate_hz if layout.rate_hz > 0 else 0.0
-    analog = points = residual = None
-    if layout.channels:
-        names = _labels(given.texts("ANALOG:LABELS"), layout.channels, "analog")
-        units = [*given.texts("ANALOG:UNITS"), *[""] * layout.channels]
+    given = head.parameters
+    start = max(head.first_frame - 1, 0) / head.rate_hz if head.rate_hz > 0 else 0.0
+    clock = clock_of_rate(head.rate_hz, start)
+    if head.channels:
+        names = _labels(given.texts("ANALOG:LABELS"), head.channels, "analog")
+        units = [*given.texts("ANALOG:UNITS"), *[""] * head.channels]
         channels = tuple(Channel(name, unit or None) for name, unit in zip(names, units, strict=False))
-        analog = Group(f"{stem} analog", channels, clock_of_rate(layout.rate_hz * layout.per_frame, start))
-    if layout.points:
-        names = _labels(given.texts("POINT:LABELS"), layout.points, "point")
+        group = Group(f"{stem} analog", channels, clock_of_rate(head.rate_hz * head.per_frame, start))
+        yield _Member(group, head.per_frame, lambda piece: tuple(piece.analog))
+    if head.points:
+        names = _labels(given.texts("POINT:LABELS"), head.points, "point")
         others = _units_of_points(given)
         length = next(iter(given.texts("POINT:UNITS")), "") or None
         axes = tuple(Channel(f"{name} {axis}", others.get(name, length)) for name in names for axis in "XYZ")
-        points = Group(f"{stem} points", axes, clock_of_rate(layout.rate_hz, start))
+        yield _Member(Group(f"{stem} points", axes, clock), 1, _seen)
         if residuals:
             words = tuple(Channel(f"{names[i]} residual") for i in residuals)
-            residual = Group(f"{stem} residuals", words, clock_of_rate(layout.rate_hz, start))
-    return _Groups(analog, points, residual, residuals)
+            group = Group(f"{stem} residuals", words, clock)
+            yield _Member(group, 1, lambda piece: tuple(piece.points[i, 3].copy() for i in residuals))
 
 
 def _units_of_points(given: Parameters) -> dict[str, str | None]:
@@ -384,43 +366,24 @@ def _units_of_points(given: Parameters) -> dict[str, str | None]:
     return units
 
 
-def _blocks(path: Path, head: Header, groups: _Groups, report: Report) -> Iterator[Block]:
-    """Frames as blocks of each group; what is no number among the analog channels is reported by channel."""
-
-    def unwatched() -> Iterator[Block]:
-        missing = 0
-        with ByteSource(path) as source:
-            for piece in frame_blocks(source, head):
-                if groups.analog:
-                    start = piece.start * head.layout.per_frame
-                    yield Block(groups.analog, tuple(piece.analog), start, None, piece.end_byte)
-                if groups.points:
-                    missing += int((piece.points[:, 3] < 0).sum())
-                    yield Block(groups.points, _seen(piece.points), piece.start, None, piece.end_byte)
-                if groups.residual:
-                    words = tuple(piece.points[i, 3].copy() for i in groups.residuals)
-                    yield Block(groups.residual, words, piece.start, None, piece.end_byte)
-        if missing:
-            message = f"{missing} positions are marked as not seen (their fourth word is negative): NaN"
-            report(Finding("invalid_samples", None, None, message))
-
-    return watch_nonfinite(unwatched(), report, but=groups.points)
+def _blocks(path: Path, head: Header, members: Sequence[_Member], report: Report) -> Iterator[Block]:
+    """Frames as blocks of each group; positions that were not seen are counted."""
+    missing = 0
+    with ByteSource(path) as source:
+        for piece in frame_blocks(source, head):
+            missing += int((piece.points[:, 3] < 0).sum())
+            for member in members:
+                start = piece.start * member.per_frame
+                yield Block(member.group, member.columns(piece), start, None, piece.end_byte)
+    if missing:
+        message = f"{missing} positions are marked as not seen (their fourth word is negative): NaN"
+        report(Finding("invalid_samples", None, None, message))
 
 
-def _seen(points: Samples) -> tuple[Samples, ...]:
+def _seen(piece: Frames) -> tuple[Samples, ...]:
     """Coordinates of all points; NaN for one that was not seen, whose fourth word is negative."""
-    unseen = points[:, 3] < 0
+    points, unseen = piece.points, piece.points[:, 3] < 0
     return tuple(np.where(unseen[:, None], np.nan, points[:, :3]).reshape(3 * len(points), -1))
-
-
-def _rate(head: Header) -> list[Finding]:
-    """The analog rate that the parameters state against frame rate times samples a frame."""
-    stated, rate = head.parameters.number("ANALOG:RATE"), head.layout.rate_hz * head.layout.per_frame
-    if stated is None or not head.layout.channels or stated == rate:
-        return []
-    message = f"the analog rate is {stated:g} Hz in the parameters, and {rate:g} Hz by frame rate and samples a frame"
-    code = "rate_rounded" if rate and abs(stated / rate - 1) < 1e-6 else "rate_contradiction"
-    return [Finding(code, None, None, message)]
 
 
 def _metadata(head: Header) -> dict[str, str]:
