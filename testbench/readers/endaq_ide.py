@@ -15,7 +15,7 @@ from typing import IO, Any
 import numpy as np
 
 from ..recording import Block, Channel, Finding, Group, Recording, TimeColumn
-from .byte_source import ByteSource, block_samples
+from .byte_source import ByteSource, block_spans
 from .format_findings import damaged, nothing_to_read, watch_nonfinite
 
 MAGIC = b"\x1aE\xdf\xa3"
@@ -81,9 +81,6 @@ def _filled(source: ByteSource, at: int) -> tuple[Finding, ...]:
             raise damaged(source.path, f"byte {at}: {source.size - at} bytes that are no element")
     message = f"from byte {at} on the file was set aside and never written: {source.size - at} empty bytes"
     return (Finding("cut_file", None, f"byte {at}", message),)
-
-
-_MICROSECOND = "µs"
 
 
 def open_library(path: Path) -> Recording:
@@ -154,20 +151,16 @@ def _sources(dataset: Any, stem: str) -> Iterator[tuple[Group, Any]]:  # noqa: A
                 name = f"{name} {channel.id}"
             taken.add(name)
             events.removeMean = False
-            yield Group(name, (Channel("Time", _MICROSECOND), *_channels(channel)), TimeColumn(0, 1e-6)), events
-
-
-def _channels(channel: Any) -> list[Channel]:  # noqa: ANN401
-    return [
-        Channel(str(sub.displayName or sub.name), str((sub.units or ("", ""))[1]) or None)
-        for sub in channel.subchannels
-    ]
+            channels = (
+                Channel(str(sub.displayName or sub.name), str((sub.units or ("", ""))[1]) or None)
+                for sub in channel.subchannels
+            )
+            yield Group(name, (Channel("Time", "µs"), *channels), TimeColumn(0, 1e-6)), events
 
 
 def _blocks(path: Path, end: int) -> Iterator[Block]:
     with _dataset(path, end, []) as dataset:
         for group, events in _sources(dataset, path.stem):
-            step = block_samples(len(group.channels))
-            for begin in range(0, len(events), step):
-                rows = events.arraySlice(begin, min(begin + step, len(events)), display=False)
+            for begin, end in block_spans(len(events), len(group.channels)):
+                rows = events.arraySlice(begin, end, display=False)
                 yield Block(group, tuple(np.asarray(rows, dtype=np.float64)), begin)

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ...recording import Block, Channel, Finding, Group, Recording, Report, Samples, TimeColumn
-from ..byte_source import ByteSource, block_samples
+from ..byte_source import ByteSource, block_spans
 from ..format_findings import (
     damaged,
     is_beyond_exact,
@@ -66,16 +66,12 @@ class ColumnSet:
 
     def rows(self) -> Iterator[list[Bytes]]:
         """Successive records of all streams, as many of each; what one has more than another is dropped."""
-        pieces = [_rows(group) for group, _ in self.streams]
+        pieces = [(part.rows for part in record_parts(group) if len(part.rows)) for group, _ in self.streams]
         waiting = [next(piece, _NO_ROWS) for piece in pieces]
         while count := min(map(len, waiting)):
             yield [rows[:count] for rows in waiting]
             rest = [rows[count:] for rows in waiting]
             waiting = [rows if len(rows) else next(piece, _NO_ROWS) for rows, piece in zip(rest, pieces, strict=True)]
-
-
-def _rows(group: DataGroup) -> Iterator[Bytes]:
-    return (part.rows for part in record_parts(group) if len(part.rows))
 
 
 def column_sets(file: File) -> tuple[list[ColumnSet], str]:
@@ -88,16 +84,12 @@ def column_sets(file: File) -> tuple[list[ColumnSet], str]:
             followers.setdefault(records.master, []).append((group, records))
     found = []
     for address, members in followers.items():
-        master = by_address.get(address)
-        if master is None or master[1].master or not _are_unmixed([master, *members]):
+        streams = (*([by_address[address]] if address in by_address else []), *members)
+        unmixed = all(not group.identifier_size and len(group.records) == 1 for group, _ in streams)
+        if len(streams) == len(members) or streams[0][1].master or not unmixed:
             return [], members[0][1].name or "without a name"
-        found.append(ColumnSet((master, *members)))
+        found.append(ColumnSet(streams))
     return found, ""
-
-
-def _are_unmixed(streams: Sequence[tuple[DataGroup, Records]]) -> bool:
-    """Whether each stream holds records of one kind."""
-    return all(not group.identifier_size and len(group.records) == 1 for group, _ in streams)
 
 
 _MARKS = (b"MDF     ", b"UnFinMF ")
@@ -219,11 +211,10 @@ def _set_blocks(one: ColumnSet, groups: Mapping[int, Group], odd: _Odd, report: 
         return
     start = 0
     for rows in one.rows():
-        step = block_samples(len(group.channels))
-        for begin in range(0, len(rows[0]), step):
+        for begin, end in block_spans(len(rows[0]), len(group.channels)):
             columns: list[Samples] = []
             for (_, records), piece in zip(one.streams, rows, strict=True):
-                columns += _columns(records, piece[begin : begin + step], start, odd)
+                columns += _columns(records, piece[begin:end], start, odd)
             yield Block(group, tuple(columns), start)
             start += len(columns[0])
     if one.declared != {start}:
@@ -234,11 +225,10 @@ def _set_blocks(one: ColumnSet, groups: Mapping[int, Group], odd: _Odd, report: 
 
 def _part_blocks(records: Records, rows: Bytes, group: Group, done: Counter[int], odd: _Odd) -> Iterator[Block]:
     """Records as blocks of bounded size."""
-    step = block_samples(len(group.channels))
-    for begin in range(0, len(rows), step):
-        piece, first = rows[begin : begin + step], done[id(records)]
-        yield Block(group, tuple(_columns(records, piece, first, odd)), first)
-        done[id(records)] += len(piece)
+    for begin, end in block_spans(len(rows), len(group.channels)):
+        first = done[id(records)]
+        yield Block(group, tuple(_columns(records, rows[begin:end], first, odd)), first)
+        done[id(records)] += end - begin
 
 
 def _columns(records: Records, rows: Bytes, first: int, odd: _Odd) -> Iterator[Samples]:

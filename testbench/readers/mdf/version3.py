@@ -183,11 +183,8 @@ def _numeric(kind: int, p: list[float]) -> Conversion | None:
     if kind == _RATIONAL:
         return conversions.rational(p)
     if kind == _POLYNOMIAL:
-        return (
-            None
-            if p == [0.0, -1.0, -1.0, 0.0, 0.0, 0.0] or not all(map(math.isfinite, p))
-            else conversions.polynomial(p)
-        )
+        is_none = p == [0.0, -1.0, -1.0, 0.0, 0.0, 0.0] or not all(map(math.isfinite, p))
+        return None if is_none else conversions.polynomial(p)
     return conversions.logarithmic(p, np.log if kind == _EXPONENTIAL else np.exp)
 
 

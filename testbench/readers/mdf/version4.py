@@ -34,6 +34,8 @@ _TEXTS = (6, 7, 8, 9, 17)
 _INVALID_ALL, _INVALID_BIT = 1, 2
 _TO_TEXT = (7, 8, 9, 10, 11)
 _DEEPEST = 16
+_KINDS: tuple[Literal["u", "i", "f"], ...] = ("u", "u", "i", "i", "f", "f")
+"""Of the data types from 0 on."""
 
 
 def read_version4(source: ByteSource, unfinished: bool) -> File:
@@ -152,7 +154,7 @@ def _member(source: ByteSource, block: Block, file: File, size: int, name: str) 
     member = Member(
         name=name,
         unit=(block_text(source, block.links[6]) or stated_unit) or None,
-        kind="index" if virtual else _kind(form),
+        kind="index" if virtual else _KINDS[form],
         order=">" if form in (1, 3, 5) else "<",
         byte=byte,
         bit=bit,
@@ -166,10 +168,6 @@ def _member(source: ByteSource, block: Block, file: File, size: int, name: str) 
             source.path, f"channel {name!r}: {bits} bits from byte {byte}, bit {bit} of {size} bytes a record"
         )
     return member
-
-
-def _kind(form: int) -> Literal["u", "i", "f"]:
-    return "u" if form < 2 else "i" if form < 4 else "f"
 
 
 def _conversion(

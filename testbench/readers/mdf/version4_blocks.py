@@ -145,17 +145,15 @@ def _column_blocks(source: ByteSource, address: int, unfinished: bool) -> tuple[
                 continue
             try:
                 values, missing = _data_block(source, block_at(source, place, "DT", "DV", "DZ"), unfinished)
-                flagged, lacking = _invalidation(source, bits, unfinished)
+                flagged, lacking = list[DataBlock](), ""
+                if bits:
+                    flagged, lacking = _data_block(source, block_at(source, bits, "DI", "DZ"), unfinished)
             except Refusal as refusal:
                 return found, _cut_message(refusal)
             if missing or lacking:
                 return found if lacking else [*found, *values], missing or lacking
             found += [replace(one, invalidation=flagged[0] if flagged else None) for one in values]
     return found, ""
-
-
-def _invalidation(source: ByteSource, address: int, unfinished: bool) -> tuple[list[DataBlock], str]:
-    return _data_block(source, block_at(source, address, "DI", "DZ"), unfinished) if address else ([], "")
 
 
 def _cut_message(refusal: Refusal) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from ...recording import Finding, Samples
 from ..byte_source import ByteSource
 from ..format_findings import damaged
-from .segments import Segment, Spans, segments
+from .segments import INTERLEAVED, METADATA, NEW_LIST, RAW_DATA, Segment, Spans, segments
 
 STRING, BOOLEAN, TIME, DAQMX = 0x20, 0x21, 0x44, 0xFFFFFFFF
 _NUMBERS = {
@@ -31,17 +31,13 @@ Timestamps = np.ndarray[Any, Any]
 
 
 @cache
-def stored_type(kind: int, order: str) -> np.dtype[Any] | None:
-    """The form of a number or timestamp in the file; None for anything else."""
-    if kind == TIME:
+def stored_type(kind: int, order: str, is_daqmx: bool = False) -> np.dtype[Any] | None:
+    """The form of a number or timestamp in the file, or of one that a DAQmx device wrote; None for anything else."""
+    if kind == TIME and not is_daqmx:
         parts = [("fraction", f"{order}u8"), ("second", f"{order}i8")]
         return np.dtype(parts if order == "<" else parts[::-1])
-    return np.dtype(order + _NUMBERS[kind]) if kind in _NUMBERS else None
-
-
-def daqmx_type(kind: int, order: str) -> np.dtype[Any] | None:
-    """The form of a number that a DAQmx device wrote."""
-    return np.dtype(order + _DAQMX_NUMBERS[kind]) if kind in _DAQMX_NUMBERS else None
+    form = (_DAQMX_NUMBERS if is_daqmx else _NUMBERS).get(kind)
+    return None if form is None else np.dtype(order + form)
 
 
 def timestamp_seconds(timestamps: Timestamps, to_microseconds: bool = True) -> Samples:
@@ -214,6 +210,10 @@ class Channel:
         """Number of samples, of each raw number if there are several."""
         return min((spans.length for spans in self.spans.values()), default=0)
 
+    def of_scale(self, scale: int | None, kind: "np.dtype[Any]") -> Spans:
+        """The spans of the raw numbers of a scale."""
+        return self.spans.setdefault(scale, Spans(kind))
+
 
 _OF_SAMPLES = re.compile(r"wf_increment|wf_start_offset|wf_start_time|unit_string|NI_UnitDescription|NI_Scale\[.*")
 """Properties that say what the samples of a channel are."""
@@ -286,10 +286,10 @@ def read_contents(source: ByteSource) -> Contents:
     contents, known = Contents(), dict[str, Index | None]()
     objects: dict[str, Index | None] = {}
     raw: dict[str, Index] = {}
-    last: tuple[bytes, str, bool] | None = None
+    last: tuple[bytes, str, int] | None = None
     for segment in segments(source):
         before = {} if segment.is_whole else {path: channel.length for path, channel in contents.channels.items()}
-        now = (segment.metadata(source), segment.order, segment.is_new_list) if segment.has_metadata else last
+        now = (segment.metadata(source), segment.order, segment.flags & NEW_LIST) if segment.flags & METADATA else last
         if now is not None and now != last:  # the same once more, as many writers repeat it, says nothing new
             last = now
             try:
@@ -299,23 +299,18 @@ def read_contents(source: ByteSource) -> Contents:
                     raise damaged(source.path, f"the metadata of segment {segment.number}: {error}") from error
                 contents.findings.append(_cut(segment, contents, {}, before))
                 break
-            objects = _objects(objects, declared, segment)
+            objects = declared.indexes if now[2] else {**objects, **declared.indexes}
             known |= declared.indexes
             for path, properties in declared.properties.items():
                 contents.declare(path, properties)
             raw = {path: index for path, index in objects.items() if index is not None}
             for path, index in raw.items():
                 contents.channels.setdefault(path, Channel(path, index.kind))
-        if segment.has_raw_data:
+        if segment.flags & RAW_DATA:
             _locate(source, segment, raw, contents)
         if not segment.is_whole:
-            contents.findings.append(_cut(segment, contents, raw if segment.has_raw_data else {}, before))
+            contents.findings.append(_cut(segment, contents, raw if segment.flags & RAW_DATA else {}, before))
     return contents
-
-
-def _objects(objects: dict[str, Index | None], declared: Declared, segment: Segment) -> dict[str, Index | None]:
-    """The objects whose raw data a segment holds, in their order."""
-    return dict(declared.indexes) if segment.is_new_list else {**objects, **declared.indexes}
 
 
 def _locate(source: ByteSource, segment: Segment, raw: dict[str, Index], contents: Contents) -> None:
@@ -323,7 +318,7 @@ def _locate(source: ByteSource, segment: Segment, raw: dict[str, Index], content
     unit = _locate_chunks(source, segment, raw, contents)
     rest = (segment.end - segment.raw) % unit if unit else segment.end - segment.raw
     if segment.is_whole and rest:
-        where, whole = f"byte {segment.begin}", "rows" if segment.is_interleaved else "chunks"
+        where, whole = f"byte {segment.begin}", "rows" if segment.flags & INTERLEAVED else "chunks"
         message = (
             f"segment {segment.number} holds {rest} bytes behind its whole {whole} of {unit} bytes; they are not read"
         )
@@ -336,7 +331,7 @@ def _locate_chunks(source: ByteSource, segment: Segment, raw: dict[str, Index], 
         return _locate_daqmx(source, segment, raw, contents)
     sizes = {path: _bytes(source, index, segment) for path, index in raw.items()}
     there = segment.end - segment.raw
-    if segment.is_interleaved:
+    if segment.flags & INTERLEAVED:
         width = sum(size // max(index.values, 1) for size, index in zip(sizes.values(), raw.values(), strict=True))
         if width:
             at = segment.raw
@@ -344,7 +339,7 @@ def _locate_chunks(source: ByteSource, segment: Segment, raw: dict[str, Index], 
                 kind = stored_type(index.kind, segment.order)
                 if kind is None:
                     raise damaged(source.path, f"segment {segment.number}: {path} is interleaved, but is no number")
-                _spans(contents.channels[path], None, kind).add(at, there // width, width, 1, 0)
+                contents.channels[path].of_scale(None, kind).add(at, there // width, width, 1, 0)
                 at += kind.itemsize
         return width
     chunk = sum(sizes.values())
@@ -354,7 +349,7 @@ def _locate_chunks(source: ByteSource, segment: Segment, raw: dict[str, Index], 
         if kind is None:
             contents.channels[path].texts += chunks * index.values
         else:
-            _spans(contents.channels[path], None, kind).add(at, index.values, kind.itemsize, chunks, chunk)
+            contents.channels[path].of_scale(None, kind).add(at, index.values, kind.itemsize, chunks, chunk)
         at += sizes[path]
     return chunk
 
@@ -387,17 +382,13 @@ def _locate_daqmx(source: ByteSource, segment: Segment, raw: dict[str, Index], c
     chunks = (segment.end - segment.raw) // chunk if chunk else 0
     for path, index in raw.items():
         for scaler in index.scalers:
-            kind = daqmx_type(scaler.kind, segment.order)
+            kind = stored_type(scaler.kind, segment.order, is_daqmx=True)
             if kind is None or scaler.offset + kind.itemsize > first.widths[scaler.buffer]:
                 raise damaged(source.path, f"segment {segment.number}: {path} has DAQmx numbers of type {scaler.kind}")
             at = segment.raw + int(begins[scaler.buffer]) + scaler.offset
-            spans = _spans(contents.channels[path], scaler.scale, kind)
+            spans = contents.channels[path].of_scale(scaler.scale, kind)
             spans.add(at, index.values, first.widths[scaler.buffer], chunks, chunk)
     return int(chunk)
-
-
-def _spans(channel: Channel, scale: int | None, kind: "np.dtype[np.void]") -> Spans:
-    return channel.spans.setdefault(scale, Spans(kind))
 
 
 def _cut(segment: Segment, contents: Contents, raw: dict[str, Index], before: dict[str, int]) -> Finding:

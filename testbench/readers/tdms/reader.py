@@ -17,7 +17,7 @@ from ... import recording as model
 from ...errors import RecordingError
 from ...recording import Block, Clock, Finding, Group, Recording, Refusal, Report, Samples, TimeColumn
 from ...units import seconds_per
-from ..byte_source import ByteSource, as_float64, block_samples
+from ..byte_source import ByteSource, as_float64, block_spans
 from ..csv.header import is_time_name
 from ..format_findings import (
     damaged,
@@ -92,9 +92,9 @@ def _resolve_times(source: ByteSource, channel: Channel) -> None:
     if channel.kind != TIME or not channel.length:
         return
     reading = Reading(source, channel.spans[None], f"channel {channel.path!r}")
-    ends, step = [], block_samples(2)
-    for start in range(0, channel.length, step):
-        timestamps = reading.next(min(step, channel.length - start))
+    ends = []
+    for start, end in block_spans(channel.length, 2):
+        timestamps = reading.next(end - start)
         seconds = timestamp_seconds(timestamps)
         ends += [seconds[0], seconds[-1]]
         channel.has_remainder |= bool(timestamp_remainder(timestamps, seconds).any())
@@ -178,10 +178,8 @@ def _blocks(path: Path, contents: Contents, gathered: Sequence[_ChannelGroup], r
     with ByteSource(path) as source:
         for each in gathered:
             readings = [_Values(source, member, contents) for member in each.members]
-            step = block_samples(len(each.group.channels))
-            for start in range(0, each.samples, step):
-                count = min(step, each.samples - start)
-                columns = tuple(column for reading in readings for column in reading.next(count))
+            for start, end in block_spans(each.samples, len(each.group.channels)):
+                columns = tuple(column for reading in readings for column in reading.next(end - start))
                 yield Block(each.group, columns, start)
             rounded |= {channel_title(reading.path) for reading in readings if reading.is_rounded}
     for name in sorted(rounded):

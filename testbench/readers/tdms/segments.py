@@ -13,7 +13,8 @@ from ..byte_source import ByteSource
 from ..format_findings import damaged
 
 LEAD_IN = 28
-_METADATA, _NEW_LIST, _RAW, _INTERLEAVED, _BIG_ENDIAN = 1 << 1, 1 << 2, 1 << 3, 1 << 5, 1 << 6
+METADATA, NEW_LIST, RAW_DATA, INTERLEAVED, BIG_ENDIAN = 1 << 1, 1 << 2, 1 << 3, 1 << 5, 1 << 6
+"""What a segment has, or how it lies: flags of its lead-in."""
 _UNFINISHED = 0xFFFFFFFFFFFFFFFF
 _LONGEST_METADATA = 256 << 20
 _WINDOW = 16 << 20
@@ -39,27 +40,7 @@ class Segment:
     @property
     def order(self) -> str:
         """Byte order."""
-        return ">" if self.flags & _BIG_ENDIAN else "<"
-
-    @property
-    def has_metadata(self) -> bool:
-        """Whether it declares anything."""
-        return bool(self.flags & _METADATA)
-
-    @property
-    def is_new_list(self) -> bool:
-        """Whether its objects replace those before."""
-        return bool(self.flags & _NEW_LIST)
-
-    @property
-    def has_raw_data(self) -> bool:
-        """Whether it holds samples."""
-        return bool(self.flags & _RAW)
-
-    @property
-    def is_interleaved(self) -> bool:
-        """Whether samples of all channels follow one another."""
-        return bool(self.flags & _INTERLEAVED)
+        return ">" if self.flags & BIG_ENDIAN else "<"
 
     @property
     def is_whole(self) -> bool:
@@ -85,7 +66,7 @@ def segments(source: ByteSource) -> Iterator[Segment]:
         tag, flags, _, size, raw = struct.unpack("<4s2I2Q", source.read(begin, LEAD_IN, "a lead-in"))
         if tag != b"TDSm":
             raise damaged(source.path, f"byte {begin}: {tag!r}; expected the next segment to begin with b'TDSm'")
-        if flags & _BIG_ENDIAN:
+        if flags & BIG_ENDIAN:
             _, size, raw = struct.unpack(">I2Q", source.read(begin + 8, LEAD_IN - 8, "a lead-in"))
         declared = None if size == _UNFINISHED else begin + LEAD_IN + size
         end = source.size if declared is None else min(declared, source.size)
