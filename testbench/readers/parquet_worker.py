@@ -3,7 +3,7 @@
 Columns of a table as numbers: integers and floats as they are, points in time counted from a stated zero.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -41,31 +41,25 @@ class Column:
         return np.asarray(series.cast(polars.Float64).to_numpy(), dtype=np.float64)
 
 
-def column(name: str, kind: polars.DataType, first: Callable[[str], int | None]) -> Column | None:
-    """How a column is read; None if it holds no numbers. ``first`` gives a first value as an integer."""
+def column(name: str, kind: polars.DataType, table: polars.LazyFrame) -> Column | None:
+    """How a column of ``table`` is read; None if it holds no numbers."""
     if isinstance(kind, polars.Datetime):
-        unit = _UNITS[kind.time_unit]
-        zero = first(name) or 0 if kind.time_unit == "ns" else 0
-        return Column(name, Channel(name, unit), True, zero)
-    if isinstance(kind, polars.Duration):
-        return Column(name, Channel(name, _UNITS[kind.time_unit]))
-    if isinstance(kind, polars.Time):
-        return Column(name, Channel(name, "ns"))
-    if isinstance(kind, polars.Date):
-        return Column(name, Channel(name, "day"))
+        first = None
+        if kind.time_unit == "ns":
+            first = table.select(polars.col(name).to_physical().drop_nulls().first()).collect().item()
+        return Column(name, Channel(name, _UNITS[kind.time_unit]), True, int(first or 0))
+    if isinstance(kind, polars.Duration | polars.Time | polars.Date):
+        unit = "day" if isinstance(kind, polars.Date) else _UNITS[getattr(kind, "time_unit", "ns")]
+        return Column(name, Channel(name, unit))
     if kind.is_numeric() or isinstance(kind, polars.Boolean):
         return Column(name, named_channels([name], [""])[0])
     return None
 
 
-def is_wide(kind: polars.DataType) -> bool:
-    """Whether integers of this type may be beyond what float64 holds."""
-    return isinstance(kind, polars.Int64 | polars.UInt64 | polars.Int128)
-
-
-def is_beyond_exact(series: polars.Series) -> bool:
-    """Whether an integer is beyond what float64 holds."""
-    return bool((series.cast(polars.Float64).abs() >= _EXACT).any())
+def is_rounded(series: polars.Series) -> bool:
+    """Whether it holds whole numbers of which float64 may round one."""
+    is_wide = isinstance(series.dtype, polars.Int64 | polars.UInt64 | polars.Int128)
+    return is_wide and bool((series.cast(polars.Float64).abs() >= _EXACT).any())
 
 
 def clock(columns: list[Column]) -> TimeColumn | None:
@@ -93,7 +87,7 @@ def open_library(path: Path) -> Recording:
     findings: list[Finding] = []
     kept: list[Column] = []
     for name, kind in schema.items():
-        if (found := column(name, kind, lambda name: _first(table, name))) is not None:
+        if (found := column(name, kind, table)) is not None:
             kept.append(found)
         elif isinstance(kind, polars.String | polars.Categorical | polars.Enum):
             findings.append(text_channel(name))
@@ -125,11 +119,6 @@ def _table(path: Path) -> polars.LazyFrame:
     return polars.scan_parquet(path, glob=False, hive_partitioning=False)
 
 
-def _first(table: polars.LazyFrame, name: str) -> int | None:
-    found = table.select(polars.col(name).to_physical().drop_nulls().first()).collect().item()
-    return None if found is None else int(found)
-
-
 def _blocks(path: Path, group: Group, kept: list[Column], report: Report) -> Iterator[Block]:
     start, rounded = 0, set[str]()
     try:
@@ -137,7 +126,7 @@ def _blocks(path: Path, group: Group, kept: list[Column], report: Report) -> Ite
             if not frame.height:
                 continue
             series = [frame.get_column(c.name) for c in kept]
-            rounded |= {c.name for c, s in zip(kept, series, strict=True) if is_wide(s.dtype) and is_beyond_exact(s)}
+            rounded |= {c.name for c, s in zip(kept, series, strict=True) if is_rounded(s)}
             yield Block(group, tuple(c.numbers(s) for c, s in zip(kept, series, strict=True)), start)
             start += frame.height
     except _ERRORS as error:

@@ -83,7 +83,10 @@ def _first_data(rows: Sequence[Sequence[str]]) -> int:
         raise LookupError
     fields = lengths.most_common(1)[0][0]
     first = next(i for i in data if len(rows[i]) == fields)
-    while first and len(rows[first - 1]) == fields and _is_all_missing(rows[first - 1]):
+    # rows of words for no value, as a logger writes before its sensors are ready; no row of units such as ``-``
+    while first and len(above := rows[first - 1]) == fields and all(map(is_missing, above)):
+        if set(above) <= {"", "-"}:
+            break
         first -= 1
     return first
 
@@ -105,11 +108,6 @@ def _end_of_pairs(rows: Sequence[Sequence[str]], first: int) -> int | None:
         if i > first and (not rows[i] or texts == fields):
             return i if any(map(is_data, rows[i:])) else None
     return None
-
-
-def _is_all_missing(cells: Sequence[str]) -> bool:
-    """A row of words for no value, as a logger writes before its sensors are ready; no row of units such as ``-``."""
-    return all(map(is_missing, cells)) and not all(cell in ("", "-") for cell in cells)
 
 
 def _name_rows(rows: Sequence[Sequence[str]], above: Sequence[int], fields: int) -> list[int]:

@@ -333,21 +333,19 @@ def last_row(parser: RowParser, rest: bytes, before: bytes, line: int) -> tuple[
     kept = b""
     if not text.strip():
         return kept, None
+    code = "cut_last_row"
     if b"\0" in text:
-        code, message = (
-            "nul_bytes",
-            f"the file ends in {text.count(0)} NUL bytes, as after a power failure of the logger",
-        )
+        code = "nul_bytes"
+        message = f"the file ends in {text.count(0)} NUL bytes, as after a power failure of the logger"
     elif len(cells) != parser.fields:
-        code, message = "cut_last_row", f"line {line} has {len(cells)} of {parser.fields} fields and no line end: "
-        message += "the file ends inside it; it is left out"
+        message = f"line {line} has {len(cells)} of {parser.fields} fields and no line end: the file ends inside it; "
+        message += "it is left out"
     elif text.endswith(b"\r"):
         return text + b"\n", None
     elif _same_shape(cells[-1], [row[-1] for row in rows if len(row) == parser.fields]):
         code, kept = "no_final_newline", text + b"\n"
         message = f"line {line} has no line end; it is whole, since its last number has as many decimals as those above"
     else:
-        code = "cut_last_row"
         message = f"line {line} has no line end, so that its last number may be cut; the row is left out"
     return kept, Finding(code, None, f"line {line}", message)
 

@@ -106,22 +106,18 @@ class _Text:
     @property
     def kept_fields(self) -> tuple[int, ...]:
         """The fields that become channels. Raises Refusal if there are none, or the file holds notes."""
-        if self.options.header is None and self._are_notes:
+        words, texts = [cells[0] for cells in self.rows if len(cells) == self.header.fields], self.fields_of_text
+        named = self.header.named and not self.header.channels[0].name.endswith((":", "="))
+        # lines such as ``Payload 5``: no names above, each with another word before one number
+        are_notes = not named and 0 in texts and self.header.fields == len(texts) + 1 and len(set(words)) == len(words)
+        if self.options.header is None and are_notes:
             message = "a number behind other words on each line, as in notes; if they are data, say --no-header"
             raise Refusal(self.path.name, Finding("no_data", None, self._first_row, message))
-        kept = tuple(i for i in range(len(self.header.channels)) if i not in self.fields_of_text | self.times.dates)
+        kept = tuple(i for i in range(len(self.header.channels)) if i not in texts | self.times.dates)
         if not kept:
             message = "no column of numbers; expected rows of numbers"
             raise Refusal(self.path.name, Finding("no_data", None, None, message))
         return kept
-
-    @property
-    def _are_notes(self) -> bool:
-        """Whether rows are lines such as ``Payload 5``: no names above, each with another word before one number."""
-        words = [cells[0] for cells in self.rows if len(cells) == self.header.fields]
-        named = self.header.named and not self.header.channels[0].name.endswith((":", "="))
-        texts = self.fields_of_text
-        return not named and 0 in texts and self.header.fields == len(texts) + 1 and len(set(words)) == len(words)
 
     def clock_of(self, channels: Sequence[Channel]) -> Callable[[Sequence[int]], Clock | None]:
         """The clock among some fields, where ``time 2`` is a name of time too."""
@@ -130,20 +126,13 @@ class _Text:
 
     def table(self, group: Group, kept: tuple[int, ...]) -> Table:
         """The rows below the header."""
-        columns = (*self.times.columns, *self.notations)
-        encoding = self.first.encoding
-        parser = RowParser(
-            self.dialect, self.header.fields, self._is_padded, columns, self.times.dates, encoding.name_in_blocks
-        )
+        columns, fields = (*self.times.columns, *self.notations), self.header.fields
+        encoding, lines = self.first.encoding, self.first.lines[self.header.first_data_line - 1 :][:20]
+        padded = any(line.endswith(" ") or any(text in line for text in (" ,", " ;", " |", " \t")) for line in lines)
+        parser = RowParser(self.dialect, fields, padded, columns, self.times.dates, encoding.name_in_blocks)
         names, above = self.header.lines[:1], (*self.header.lines[1:], *self.header.preamble)
         first_line = self.header.first_data_line
         return Table(self.path, encoding, parser, group, kept, first_line, names[0] if names else None, above)
-
-    @property
-    def _is_padded(self) -> bool:
-        """Whether blanks fill up the cells, before a delimiter or at a line's end."""
-        lines = self.first.lines[self.header.first_data_line - 1 :][:20]
-        return any(line.endswith(" ") or any(text in line for text in (" ,", " ;", " |", " \t")) for line in lines)
 
     def across_midnight(self, read: Read, kept: Sequence[int]) -> Read:
         """``read`` with times of day that go on after midnight; ``kept`` are the fields of the channels."""

@@ -57,7 +57,13 @@ def find_notations(
     rows = [cells for cells in rows if len(cells) == header.fields]
     fields = [i for i in range(len(header.channels)) if i not in passed_over]
     columns = {i: [cells[i] for cells in rows if not is_missing(cells[i])] for i in fields}
-    grouped = list(_grouped_columns(columns, header, decimal))
+    grouped = []
+    for i, numbers in columns.items():
+        for mark in _THOUSANDS_MARKS:
+            if mark != decimal and any(mark in cell for cell in numbers) and _is_surely_grouped(numbers, mark, decimal):
+                message = f"every number has {mark!r} between thousands and {decimal!r} before decimals"
+                finding = Finding("thousands_marks", header.channels[i].name, None, message)
+                grouped.append(NotationColumn(i, partial(_ungrouped, mark, decimal), (finding,)))
     done = {column.field for column in grouped}
     others = {i: cells for i, cells in columns.items() if i not in done and cells and all(map(is_number_like, cells))}
     return (*grouped, *_foreign_columns(others, header, decimal))
@@ -73,20 +79,6 @@ def rounded_numbers(rows: Sequence[Sequence[str]], header: Header, passed_over: 
         if first is not None and i not in passed_over:
             message = f"holds whole numbers beyond 2**53, such as {first}, which float64 rounds to {float(first):.0f}"
             found.append(Finding("not_exact", channel.name, None, message))
-    return found
-
-
-def _grouped_columns(columns: Columns, header: Header, decimal: str) -> "list[NotationColumn]":
-    """Columns in which every number is grouped by threes, one of them without doubt."""
-    found = []
-    for i, numbers in columns.items():
-        if not any(mark in cell for cell in numbers for mark in _THOUSANDS_MARKS):
-            continue
-        for mark in _THOUSANDS_MARKS:
-            if mark != decimal and _is_surely_grouped(numbers, mark, decimal):
-                message = f"every number has {mark!r} between thousands and {decimal!r} before decimals"
-                finding = Finding("thousands_marks", header.channels[i].name, None, message)
-                found.append(NotationColumn(i, partial(_ungrouped, mark, decimal), (finding,)))
     return found
 
 

@@ -66,22 +66,18 @@ class RowParser:
 
         Each line keeps its end, and the number of lines does not change.
         """
-        text = self._bare(text)
+        if self.dialect.quoted:
+            text = _unquoted(text, self.dialect.delimiter.encode(), self.separator.encode())
+        if self.separator == " ":
+            text = re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]++|(?<![ \t])[ \t]++(?=\r?$)", b"", text))
+        elif self.padded:
+            text = re.sub(rb"(?<![ \t])[ \t]++(?=[%b\r\n])" % re.escape(self.separator.encode()), b"", text)
         if not self.rewritten:
             return text
         if len(self.rewritten) == 1 and (block := self.rewritten[0].block(text, self)) is not None:
             return block
         lines = text.decode(self.encoding, "surrogateescape").split("\n")
         return "\n".join(map(self._rewritten_line, lines)).encode(self.encoding, "surrogateescape")
-
-    def _bare(self, text: bytes) -> bytes:
-        if self.dialect.quoted:
-            text = _unquoted(text, self.dialect.delimiter.encode(), self.separator.encode())
-        if self.separator == " ":
-            return re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]++|(?<![ \t])[ \t]++(?=\r?$)", b"", text))
-        if self.padded:
-            text = re.sub(rb"(?<![ \t])[ \t]++(?=[%b\r\n])" % re.escape(self.separator.encode()), b"", text)
-        return text
 
     def _rewritten_line(self, line: str) -> str:
         """A row with its numbers; a line that is no row stays as it is."""

@@ -48,16 +48,20 @@ class Table:
 
     def blocks(self, report: Report) -> Iterator[Block]:
         """The rows in blocks; what is odd in them is reported at the end."""
-        above = frozenset(filter(None, map(self._plain, self.above)))
-        rows = RowFilter(self.parser, self._plain(self.names), above, self._field_of_time())
-        cells = CellFilter(self.parser, self._field_names(), self.encoding.name)
+        above, clock = frozenset(filter(None, map(self._plain, self.above))), self.group.clock
+        time = self.kept[clock.index] if isinstance(clock, TimeColumn) else None
+        rows = RowFilter(self.parser, self._plain(self.names), above, time)
+        names = dict(zip(self.kept, (channel.name for channel in self.group.channels), strict=True))
+        named = tuple(names.get(j, f"col{j}") for j in range(self.parser.fields))
+        cells = CellFilter(self.parser, named, self.encoding.name)
         points = LateDecimalMark(self.parser, self.kept)
         group, start = self.group, 0
         for piece in self._pieces(rows, report):
             columns = self._columns(piece, cells)
             points.look(piece)
             if piece.header_line:
-                group, start = self._next(group), 0
+                number = int(group.name.rpartition(" part ")[2]) + 1 if group is not self.group else 2
+                group, start = replace(group, name=f"{self.group.name} part {number}"), 0
                 report(self._repeated(group, piece.header_line, columns))
             yield Block(group, tuple(columns[j] for j in self.kept), start, piece.lines, piece.bytes_read)
             start += len(columns[0])
@@ -68,7 +72,10 @@ class Table:
         """Regular rows: as they are where the whole block parses to finite numbers, else made regular."""
         before, line = b"", self.first_data_line
         blocks = read_blocks(self.path, self.encoding, self.first_data_line, counted=False)
-        for block, plain, columns in in_order(partial(self._parse, self._fast_columns()), blocks):
+        known = self.parser.separator != " " and self.parser.dialect.decimal in (".", ",")
+        is_long = known and self.path.stat().st_size >= LONG_BYTES  # worth the start of the compiled loop
+        loop = FastParser(self.parser, self.kept).columns if is_long else lambda plain: None
+        for block, plain, columns in in_order(partial(self._parse, loop), blocks):
             if block.rest:
                 plain, finding = last_row(self.parser, self.parser.plain(block.rest), before, line)
                 columns = None
@@ -81,13 +88,6 @@ class Table:
                 for piece in rows.pieces(plain, line):
                     yield replace(piece, bytes_read=block.bytes_read)
             line += count_lines(block.text) if columns is None else len(columns[0])
-
-    def _fast_columns(self) -> Callable[[bytes], Columns | None]:
-        """The compiled loop over rows, for a file that is long enough, in a form that the loop knows."""
-        known = self.parser.separator != " " and self.parser.dialect.decimal in (".", ",")
-        if not known or self.path.stat().st_size < LONG_BYTES:
-            return lambda plain: None
-        return FastParser(self.parser, self.kept).columns
 
     def _parse(
         self, fast_columns: Callable[[bytes], Columns | None], block: TextBlock
@@ -110,27 +110,12 @@ class Table:
         cells.judge(piece, columns, list(self.kept))
         return columns
 
-    def _next(self, group: Group) -> Group:
-        """The group of the next recording in this file: ``NAME part 2``, ``NAME part 3``, ..."""
-        number = int(group.name.rpartition(" part ")[2]) + 1 if group is not self.group else 2
-        return replace(group, name=f"{self.group.name} part {number}")
-
     def _repeated(self, group: Group, line: int, columns: Columns) -> Finding:
         """That the header came again in ``line``, and where time goes on."""
         clock = group.clock
         time = f"; time starts again at {columns[self.kept[clock.index]][0]:g}" if isinstance(clock, TimeColumn) else ""
         message = f"the header comes again{time}; what follows is kept as a recording of its own, {group.name!r}"
         return Finding("repeated_header", None, f"line {line}", message)
-
-    def _field_of_time(self) -> int | None:
-        clock = self.group.clock
-        return self.kept[clock.index] if isinstance(clock, TimeColumn) else None
-
-    def _field_names(self) -> tuple[str, ...]:
-        names = [f"col{i}" for i in range(self.parser.fields)]
-        for j, channel in zip(self.kept, self.group.channels, strict=True):
-            names[j] = channel.name
-        return tuple(names)
 
     def _plain(self, line: str | None) -> bytes | None:
         if line is None:
