@@ -250,8 +250,9 @@ class SegmentRows:
         index = self.rows + np.arange(len(lines))
         within = index % every if every else index
         for part in parts:  # channels that have ended before others have empty cells, which are none of theirs
-            for j in part.fields if every and part.declared is not None else ():
-                columns[j][within >= part.declared] = 0.0
+            ended = within >= part.declared if every and part.declared is not None else np.zeros(len(lines), bool)
+            for j in part.fields:
+                columns[j][ended] = 0.0
         self._cells.judge(piece, columns, sorted({j for part in parts for j in part.fields}))
         inner = np.flatnonzero(within == 0) if every else np.empty(0, dtype=np.int64)
         for begin, end in pairwise([0, *inner[inner > 0].tolist(), len(lines)]):
