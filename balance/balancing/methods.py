@@ -199,16 +199,18 @@ def counter_inertia_outcome(
     return Outcome(
         "counter-inertia", response.force, moment, torque, mounted + 2.0 * inertia / radius**2, inertia,
         needs | {"wheel_speed_ratio": ratio, "angular_momentum_left_percent": 100.0 * found.residual_share},
-        _wheels_note(found),
+        _wheels_note(found, mechanism.bodies),
     )  # fmt: skip
 
 
-def _wheels_note(found: Wheels) -> str:
+def _wheels_note(found: Wheels, bodies: Sequence[str]) -> str:
+    along = [bodies[wheel.body] for wheel in found.wheels if wheel.momentum < 0.0]
+    turned = f"; negative: the wheel of {' and '.join(along)} turns with the body, not against it" if along else ""
     if found.is_complete():
-        return "with the counter-masses; wheels on the base, geared against the bodies' rotation: complete"
+        return f"with the counter-masses; wheels on the base, geared against the bodies' rotation: complete{turned}"
     return (
         "with the counter-masses; wheels on the base: the angular momentum is no constant mixture of the bodies' "
-        f"rotations, up to {100 * found.residual_share:.2g} % of it remain"
+        f"rotations, up to {100 * found.residual_share:.2g} % of it remain{turned}"
     )
 
 

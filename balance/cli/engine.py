@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from . import options
-from .framework import emit_json, emit_table, json_option
+from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 from .options import Quantity, speed_option
 
 if TYPE_CHECKING:
@@ -103,6 +103,10 @@ def single(
         if model.counterweights:
             names = ", ".join(weight.name for weight in model.counterweights)
             click.echo(f"The file's own counterweights ({names}) are not included here: see balance engine free.")
+        for finding in document["findings"]:
+            click.echo(f"Finding: {finding}")
+    if document["findings"]:
+        raise click.exceptions.Exit(EXIT_WITH_FINDINGS)
 
 
 def _print_single(document: dict[str, Any]) -> None:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from . import options
-from .framework import emit_json, emit_table, json_option
+from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 from .options import NamedQuantity, Quantity, speed_option
 from .rotor_splitting import split
 from .rotor_trial_runs import influence, vector_text
@@ -84,10 +84,12 @@ def correct(
     document = correction_document(model, correction)
     if as_json:
         emit_json(document)
-        return
-    _print_correction(document)
-    if len(correction.planes) == 1 and not correction.is_balanced(1e-9):
-        click.echo("One plane balances the force only: the couple remains. Give a second plane to remove it.")
+    else:
+        _print_correction(document)
+        if len(correction.planes) == 1 and not correction.is_balanced(1e-9):
+            click.echo("One plane balances the force only: the couple remains. Give a second plane to remove it.")
+    if document["findings"]:
+        raise click.exceptions.Exit(EXIT_WITH_FINDINGS)
 
 
 def _model(
@@ -135,6 +137,8 @@ def _print_correction(document: dict[str, Any]) -> None:
         click.echo("Bearing loads need a speed: --speed.")
     if weight := document["weight_on_bearings_N"]:
         click.echo(f"Weight on the bearings at rest: {weight[0]:.4g} N and {weight[1]:.4g} N (g0 = 9.81 m/s2).")
+    for finding in document["findings"]:
+        click.echo(f"Finding: {finding}")
 
 
 @rotor.command(

@@ -85,7 +85,7 @@ class SteadyRotation:
         """Factor by which a small disturbance of the energy shrinks in a turn: exp of the integral of dQ/dT over u."""
         u, rate = self._course
         per_energy = self.machine.torque_slope(u, rate) / (self.machine.inertia(u) * rate)
-        return float(np.exp(min(2.0 * np.pi * np.mean(per_energy), _LARGEST_EXPONENT)))
+        return float(np.exp(min(2.0 * np.pi * float(np.mean(per_energy)), _LARGEST_EXPONENT)))
 
     @property
     def is_stable(self) -> bool:

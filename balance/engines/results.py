@@ -13,7 +13,7 @@ from .balance_shafts import ResidualForces, ResidualOverTurn, Shaft
 from .engine import Engine, dead_centres, firing
 from .free_forces import FreeForces, RotatingVector, cylinder_sums, free_forces
 from .partial_balance import largest_over_turn
-from .slider_crank import SliderCrank, replacements
+from .slider_crank import SliderCrank, replacements, rod_findings
 
 _POLAR = 24
 """Crank angles of the polar diagram in the document."""
@@ -48,6 +48,7 @@ def cylinder_document(
             str(k): [c.real, c.imag] for k, c in slider_crank.exact_series(crank).items() if abs(c) > 1e-12
         },
         "rod": _rod(crank),
+        "findings": rod_findings(crank),
         "cases": {name: _case(crank, weight, omega, radius, mass) for name, weight in cases.items()},
         "best_fraction": {
             model: {"fraction": b.fraction, "largest_force_N": b.largest * inline} for model, b in best.items()

@@ -190,6 +190,20 @@ def replacements(crank: SliderCrank) -> list[Replacement]:
     return replaced
 
 
+def rod_findings(crank: SliderCrank) -> list[str]:
+    """A rod whose radius of gyration reaches beyond both its pins, as no connecting rod's does; empty otherwise."""
+    if not 0.0 < crank.rod_centre < crank.rod_length or crank.rod_mass == 0.0:
+        return []
+    gyration, far = float(np.sqrt(crank.rod_inertia / crank.rod_mass)), crank.rod_length - crank.rod_centre
+    if gyration <= max(crank.rod_centre, far):
+        return []
+    return [
+        f"rod: inertia {crank.rod_inertia:.4g} kg m2 means a radius of gyration of {1e3 * gyration:.4g} mm, and its "
+        f"pins are {1e3 * crank.rod_centre:.4g} and {1e3 * far:.4g} mm from its centre of mass: no rod has that; check "
+        "rod_inertia, about the centre of mass, and its unit"
+    ]
+
+
 def exact_series(crank: SliderCrank, orders: int = 8) -> dict[int, complex]:
     """Coefficients c_k of the exact motion by order k = 1, 2, ... [-]."""
     theta = 2 * np.pi * np.arange(_SAMPLES) / _SAMPLES

@@ -64,7 +64,15 @@ def _draw_gear(axes: "Axes", result: LinkageBalance, start: Assembly, gear: Gear
     pivot, axis = (start.point(gear.carrier, at) for at in gear.centres(result.linkage, result.tree, result.values))
     distance, teeth = float(np.linalg.norm(pivot - axis)), gear.gear.teeth
     if distance == 0.0:
-        axes.annotate(gear.gear.name, axis, (-6, -12), textcoords="offset points", color=GEAR, ha="right", zorder=6)
+        axes.annotate(
+            gear.gear.name,
+            (float(axis[0]), float(axis[1])),
+            (-6, -12),
+            textcoords="offset points",
+            color=GEAR,
+            ha="right",
+            zorder=6,
+        )
         return
     for at, count, colour, mark in ((axis, teeth[0], GEAR, ""), (pivot, teeth[1], COUNTER_GEAR, "*")):
         _circle(axes, at, distance * count / sum(teeth), colour, f"{gear.gear.name}{mark}")

@@ -14,7 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import DataError, SizingError
-from .rotor import Plane, Unbalance, unbalance_couple, unbalance_force
+from .rotor import Plane, Rotor, Unbalance, unbalance_couple, unbalance_force
+
+NEAR = 30.0
+"""Times the distance of the correction planes that a rotor's length is a finding."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,22 @@ def correct_planes(unbalances: Sequence[Unbalance], planes: Sequence[Plane]) -> 
         target = -np.array([unbalance_force(unbalances), unbalance_couple(unbalances, middle) / length])
         vectors = [complex(u) for u in np.linalg.lstsq(rows, target, rcond=None)[0]]
     return Correction(tuple(unbalances), tuple(planes), tuple(vectors))
+
+
+def correction_findings(rotor: Rotor, correction: Correction) -> list[str]:
+    """Planes so near each other that no couple can be corrected in them; empty where they are far enough apart."""
+    planes, places = [plane.at for plane in correction.planes], [u.at for u in correction.unbalances]
+    along = [*places, *planes, *rotor.bearings]
+    apart, span = max(planes) - min(planes), max(along) - min(along)
+    if len(planes) < 2 or apart * NEAR > span:
+        return []
+    names = " and ".join(plane.name for plane in correction.planes)
+    largest = max(abs(vector) for vector in correction.vectors)
+    return [
+        f"planes {names} are {1e3 * apart:.4g} mm apart, unbalances, planes and bearings {1e3 * span:.4g} mm: against "
+        f"the couple they need up to {1e3 * largest:.4g} kg mm each, and any error of these is a couple; take planes "
+        "further apart"
+    ]
 
 
 def plane_span(unbalances: Sequence[Unbalance]) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..arrays import Complexes
 from ..units import G0
-from .correction_planes import Correction, correct_planes, mass_and_radius, polygons
+from .correction_planes import Correction, correct_planes, correction_findings, mass_and_radius, polygons
 from .correction_uncertainty import CorrectionUncertainty, PolarInterval
 from .influence_coefficients import Solution
 from .rotor import (
@@ -73,6 +73,7 @@ def correction_document(rotor: Rotor, correction: Correction) -> dict[str, Any]:
             couple: vector_document(correction.couple(), "kgmm2", 1e6),
         },
         "residual_kgmm": 1e3 * correction.residual(),
+        "findings": correction_findings(rotor, correction),
         "speed_rad_per_s": rotor.speed,
         "bearings_mm": [1e3 * z for z in rotor.bearings],
         "bearing_loads": _bearing_loads(rotor, correction),

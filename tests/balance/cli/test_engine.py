@@ -35,6 +35,18 @@ def test_single(tmp_path):
     assert "third condition" in CliRunner().invoke(engine, ["single", "single"]).output
 
 
+def test_an_inertia_that_no_rod_has_is_a_finding(tmp_path):
+    """A tenfold one: its radius of gyration is beyond both pins."""
+    from balance import datasets
+
+    text = datasets.find_dataset("single", "engines", ".toml").read_text(encoding="utf-8")
+    path = tmp_path / "heavy.toml"
+    path.write_text(text.replace('"0.0101 kg m^2"', '"0.101 kg m^2"'), encoding="utf-8")
+    result = CliRunner().invoke(engine, ["single", str(path)], catch_exceptions=False)
+    assert result.exit_code == 3
+    assert "means a radius of gyration of 290.1 mm" in " ".join(result.output.split())
+
+
 def test_free(tmp_path):
     """Orders, place, shafts and firing of a layout in m r omega^2, of a file with sizes in newtons."""
     found = _json("free", "in-line-4", "--orders", "4", "--figure", str(tmp_path / "orders.png"))

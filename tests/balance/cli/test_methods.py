@@ -24,7 +24,15 @@ def test_methods_side_by_side(tmp_path):
     figure = tmp_path / "methods.svg"
     code, output = run(methods, "four-bar", "--figure", str(figure))
     assert code == 0
-    for text in ("counter-inertia", "three images", "active", "springs", "sufficient, not necessary", "loop closure"):
+    for text in (
+        "counter-inertia",
+        "the wheel of A0A turns with the body",
+        "three images",
+        "active",
+        "springs",
+        "sufficient, not necessary",
+        "loop closure",
+    ):
         assert text in output
     code, output = run(methods, "four-bar", "--json")
     document = json.loads(output)

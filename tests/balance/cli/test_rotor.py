@@ -29,6 +29,15 @@ def test_correct_gives_corrections_polygons_and_bearing_loads(tmp_path):
     assert picture.stat().st_size > 1000
 
 
+@pytest.mark.parametrize(("place", "is_found"), [("0.001mm", True), ("20mm", True), ("300mm", False)])
+def test_planes_next_to_each_other_are_a_finding(place, is_found):
+    """Two planes a micrometre apart correct a couple on paper only."""
+    arguments = ["correct", "three-masses", "--plane", "L=0mm", "--plane", f"R={place}"]
+    result = CliRunner().invoke(rotor, arguments, catch_exceptions=False)
+    assert result.exit_code == (3 if is_found else 0)
+    assert ("planes L and R are" in result.output) is is_found
+
+
 def test_correct_from_a_table_with_planes_and_bearings_given():
     """A table and places on the command line give what the file gives."""
     places = [
