@@ -10,10 +10,11 @@ from . import options
 from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, first_moment, json_option, mass, per_cent
 
 if TYPE_CHECKING:
+    from ..arrays import Floats
     from ..balancing import Sizing
     from ..balancing.conditions import Conditions
     from ..closure import Trajectory
-    from ..dynamics.inverse_dynamics import Response
+    from ..dynamics.reactions import Reactions
     from ..mechanism.mechanism import Mechanism
 
 
@@ -32,6 +33,7 @@ Examples:
     "--csv", type=click.Path(dir_okay=False), metavar="FILE", help="Write the time series as CSV, marked simulated."
 )
 @click.option("--parquet", type=click.Path(dir_okay=False), metavar="FILE", help="Write the time series as Parquet.")
+@click.option("--reactions", is_flag=True, help="Also forces and moments in the joints and loop closures.")
 @json_option
 def simulate(
     mechanism: str,
@@ -41,14 +43,17 @@ def simulate(
     rate: str | None,
     csv: str | None,
     parquet: str | None,
+    reactions: bool,
     as_json: bool,
 ) -> None:
     """Simulate a motion of MECH: shaking force, shaking moment and drive torque.
 
     Shaking force and moment are what the mechanism exerts on its base, weight excluded, the moment about the origin
-    of the base frame; drive torque includes gravity.
+    of the base frame; drive torque includes gravity. Reactions include weight and the motors' torque: of a joint, on
+    the bodies beyond it and about its origin; of a closure, on the body of its first end.
     """
     from ..dynamics.inverse_dynamics import simulate as respond
+    from ..dynamics.reactions import find_reactions
     from ..units import parse
     from .options import component_label, response_summary
 
@@ -57,9 +62,10 @@ def simulate(
     model = options.load_mechanism_option(mechanism, payload).with_counter_mass(options.distinct(counter, "--counter"))
     trajectory = options.follow_motion(model, motion, parse(rate, "frequency") if rate else None)
     response = respond(model, trajectory)
+    found = find_reactions(model, trajectory, response) if reactions else None
     beyond, left_out = model.beyond_limits(trajectory.q), model.left_out if response.torque else ()
     if csv or parquet:
-        _write(model, trajectory, response, csv, parquet)
+        _write(model, trajectory, response.columns() | (found.columns() if found else {}), csv, parquet)
     if as_json:
         closure = {"residual_m": trajectory.residual, "condition": trajectory.condition, "branch": trajectory.branch}
         emit_json(
@@ -67,6 +73,7 @@ def simulate(
             | {"beyond_limits": {joint: list(reached) for joint, reached in beyond.items()}}
             | {"left_out": list(left_out)}
             | response_summary(response)
+            | ({"reactions": found.summary(), "redundant_constraint_rows": found.redundant} if found else {})
         )
         sys.exit(EXIT_WITH_FINDINGS if beyond or left_out else 0)
     peak = response.peak()
@@ -76,6 +83,8 @@ def simulate(
         f"{len(trajectory.time)} samples over {trajectory.time[-1]:.4g} s; loops closed to {trajectory.residual:.2g} m "
         f"on the branch of {trajectory.branch!r}; weight excluded from force and moment."
     )
+    if found:
+        _print_reactions(found)
     for joint, (low, high) in beyond.items():
         least, most = model.limits[model.coordinate_index(joint)]
         click.echo(
@@ -85,17 +94,35 @@ def simulate(
     if not response.torque:
         click.echo("No drive torque: the file has no <actuator> that names the driven joints.")
     for what in left_out:
-        click.echo(f"Torques and forces of the drives leave out {what}, which the file has.")
+        click.echo(
+            f"Torques and forces of the drives{' and reactions' if found else ''} leave out {what}, which the file has."
+        )
     sys.exit(EXIT_WITH_FINDINGS if beyond or left_out else 0)
 
 
+def _print_reactions(found: "Reactions") -> None:
+    """Sizes of the forces and moments in joints and closures, and which of them rigid bodies do not determine."""
+    rows = []
+    for name, sizes in found.summary().items():
+        values = [size[kind] for size in list(sizes.values())[:2] for kind in ("rms", "peak")]
+        rows.append([name, *(f"{value:.4g}" for value in values), *[""] * (4 - len(values))])
+    headings = ["joint or closure", "force RMS [N]", "peak", "moment RMS [N m]", "peak"]
+    emit_table("Reactions, weight and motors' torque included", headings, rows)
+    if found.redundant:
+        click.echo(
+            f"{found.redundant} constraint row{'s' * (found.redundant > 1)} of the closures "
+            f"{'are' if found.redundant > 1 else 'is'} redundant: rigid bodies do not determine the reactions along "
+            "such rows; those of least squares are given."
+        )
+
+
 def _write(
-    model: "Mechanism", trajectory: "Trajectory", response: "Response", csv: str | None, parquet: str | None
+    model: "Mechanism", trajectory: "Trajectory", computed: "dict[str, Floats]", csv: str | None, parquet: str | None
 ) -> None:
     """Time series with units in the column names."""
     from ..table_files import write_csv_file, write_parquet
 
-    columns = {"time_s": response.time} | response.columns()
+    columns = {"time_s": trajectory.time} | computed
     for joint, q, v, a in zip(model.coordinates, trajectory.q.T, trajectory.v.T, trajectory.a.T, strict=True):
         unit = "rad" if model.tree.joints[model.coordinates.index(joint)].revolute else "m"
         columns |= {f"q_{joint}_{unit}": q, f"v_{joint}_{unit}_per_s": v, f"a_{joint}_{unit}_per_s2": a}

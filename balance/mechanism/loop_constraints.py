@@ -5,6 +5,7 @@ samples, nv that of the joint coordinates.
 """
 
 from dataclasses import dataclass
+
 from numpy.polynomial.polynomial import polyder
 
 from ..arrays import Floats

@@ -44,6 +44,17 @@ def test_series_are_written_with_units(balance, tmp_path):
     assert polars.read_csv(csv, comment_prefix="#").columns == table.columns
 
 
+def test_reactions_are_in_table_document_and_series(balance, tmp_path):
+    """Sizes by joint and closure; the series has their components, of which the document has the peaks."""
+    asked = ("simulate", "parallelogram-6bar", "--motion", "x", "--rate", "1 kHz", "--reactions")
+    assert "redundant: rigid bodies do not determine" in balance(*asked).out
+    document = json.loads(balance(*asked, "--csv", tmp_path / "run.csv", "--json").out)
+    table = polars.read_csv(tmp_path / "run.csv", comment_prefix="#")
+    assert {"A0", "A", "B0", "B"} < document["reactions"].keys()
+    for joint, sizes in document["reactions"].items():
+        assert sizes["force_N"]["peak"] >= sizes["Fx_N"]["peak"] == np.abs(table[f"reaction_{joint}_Fx_N"]).max()
+
+
 def test_people_read_a_table(balance):
     """Components with RMS and peak, how well the loops closed, and what is left out."""
     code, out, _ = balance("simulate", "parallelogram-6bar-full", "--motion", "triangle", "--rate", "2000 Hz")
