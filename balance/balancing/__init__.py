@@ -1,7 +1,16 @@
 """Counter-masses from balance conditions: of any mass, within limits, and from stock plates."""
 
-from .sizing import BALANCES, CounterMass, Sizing, balanced_payload, exact_sizing, nested_exact_sizing, sizing_of_given
-from .stock_sizing import nested_size_from_stock, size_from_stock
+from .sizing import (
+    BALANCES,
+    CounterMass,
+    Sizing,
+    balanced_payload,
+    exact_sizing,
+    nested_exact_sizing,
+    nested_size_from_stock,
+    size_from_stock,
+    sizing_of_given,
+)
 
 __all__ = [
     "BALANCES",

@@ -15,7 +15,9 @@ from .. import datasets
 from ..arrays import Floats
 from ..mechanism.forward_kinematics import Joint
 from ..mechanism.mechanism import Mechanism
+from . import stock_plates
 from .conditions import Conditions
+from .sizing import sizing_of_given
 
 
 def published_sizing() -> dict[str, Any]:
@@ -233,3 +235,37 @@ def _distance(rows: Floats, space: Floats) -> float:
 
 def _text(row: Row) -> str:
     return " + ".join(f"{'' if value == 1.0 else f'{value:.6g} '}{name}" for name, value in row.items()) + " = 0"
+
+
+@dataclass(frozen=True)
+class BuiltSet:
+    """The set that the source built for a payload, the same on each arm."""
+
+    payload: float
+    """[kg]"""
+    plates: tuple[str, ...]
+    mass: float
+    """Of its plates [kg]."""
+    residual: float
+    """Its first-moment residual [kg m], computed."""
+
+
+def published_increments() -> tuple[float, ...]:
+    """Published increments for the second and third payload [kg]: differences of the computed masses."""
+    return tuple(float(value) for value in published_sizing()["nested_increments_kg"].values())
+
+
+def built_sets(
+    conditions: Conditions, mechanisms: Sequence[Mechanism], payloads: Sequence[float]
+) -> tuple[BuiltSet, ...]:
+    """Sets that the source built for exactly these payloads [kg] of its manipulator; empty for any others."""
+    published = published_sizing()
+    if list(payloads) != [float(key) for key in published["built_counter_mass_kg_per_arm"]]:
+        return ()
+    plates = stock_plates.load_stock("kiper2019")
+    found = []
+    for mechanism, payload, names in zip(mechanisms, payloads, published["built_sets"].values(), strict=True):
+        mass = stock_plates.plates_mass(names, plates)
+        sizing = sizing_of_given(conditions, mechanism, dict.fromkeys(mechanism.counter_sites, mass))
+        found.append(BuiltSet(payload, tuple(names), mass, sizing.residual()))
+    return tuple(found)

@@ -6,6 +6,7 @@ when pi is orthogonal to it. The conditions are that space's reduced row echelon
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -108,6 +109,13 @@ class Conditions:
     def is_balanced(self, tol: float, mechanism: Mechanism | None = None) -> bool:
         """Whether the first-moment residual is at most ``tol`` [kg m]."""
         return self.residual(mechanism) <= tol
+
+    @cached_property
+    def weights(self) -> Floats:
+        """S (k, rank) [root of kg / kg m]: |S values|^2 is the objective of sizing, the momentum over the workspace."""
+        from .objective import workspace_objective
+
+        return workspace_objective(self.mechanism).factor[:, :-1] @ np.linalg.pinv(self.matrix)
 
     def coefficients(self, row: int) -> dict[str, float]:
         """Coefficients of one condition by parameter name, without zeros."""

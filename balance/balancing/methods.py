@@ -26,6 +26,7 @@ from ..mechanism.mechanism import Mechanism
 from .closed_forms import ConditionComparison
 from .conditions import balance_conditions
 from .counter_inertia import Wheels, body_rotation, fit_wheels
+from .objective import motion_objective
 from .sizing import exact_sizing
 from .springs import joint_torques
 from .static_balancing import design_springs
@@ -144,9 +145,12 @@ def _with_counter_masses(mechanism: Mechanism, trajectory: Trajectory, settings:
     """Counter-masses alone, then with counter-inertias; neither where the mechanism has no place for them."""
     if not settings.sites and not mechanism.counter_sites:
         return []
-    sized = exact_sizing(balance_conditions(mechanism), mechanism, settings.sites)
-    percent = sized.residual_percent()
-    note = "force balance; static balance with it" if sized.is_balanced(1e-9) else f"residual {percent:.3g} %"
+    objective = motion_objective(mechanism, trajectory)
+    sized = exact_sizing(balance_conditions(mechanism), mechanism, settings.sites, objective=objective)
+    before, after = sized.root_mean_squares()
+    note = "force balance of this motion" if sized.is_complete() else f"leaves {after / before:.3%} of the force"
+    if sized.is_balanced(1e-9):
+        note = "force balance; static balance with it"
     response = simulate(sized.after, trajectory)
     alone = Outcome.from_response("counter-mass", response, sized.added_mass, sized.added_inertia, note)
     wheels = counter_inertia_outcome(

@@ -1,22 +1,27 @@
-"""Counter-masses of any mass within limits, and the first-moment residual of any counter-masses.
+"""Counter-masses that leave the least shaking force: of any mass within limits, and from stock plates.
 
-A mass m at a site adds m times a constant column to the conditions: ``A pi + B m = 0``, m >= 0, in least squares.
+What is made small is an ``Objective``: without one, the momentum over the workspace.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
-from ..arrays import Floats
+from ..arrays import Floats, Indices
 from ..errors import SizingError
-from ..mechanism.mechanism import Mechanism, Site
+from ..mechanism.mechanism import PARAMETERS, Mechanism, Site
 from .conditions import Conditions
-from .stock_plates import Plate
+from .least_masses import distribute_masses
+from .objective import Objective, workspace_objective
+from .stock_search import best_plates
 
+if TYPE_CHECKING:
+    from .stock_plates import Plate
+
+COMPLETE = 1e-6
+"""Share of the root mean square without counter-masses up to which a mechanism counts as balanced completely."""
 BALANCES = 0.01
 """Residual, relative to the payload's own first moment, up to which a payload counts as balanced."""
 
@@ -53,6 +58,20 @@ class Sizing:
     """The mechanism without counter-masses."""
     counter_masses: tuple[CounterMass, ...]
     payload_bodies: tuple[str, ...] = field(default=())
+    objective: Objective | None = None
+    """What they make small; None for masses that were given."""
+    bound: float | None = None
+    """What no masses that are allowed can make the objective less than [square of its unit]."""
+
+    def root_mean_squares(self) -> tuple[float, float]:
+        """Root of the objective without and with the counter-masses [its unit]."""
+        objective = self.objective or workspace_objective(self.before)
+        return objective.value(self.before) ** 0.5, objective.value(self.after) ** 0.5
+
+    def is_complete(self) -> bool:
+        """Whether nothing is left of what they make small, to rounding."""
+        before, after = self.root_mean_squares()
+        return after <= COMPLETE * before
 
     @property
     def after(self) -> Mechanism:
@@ -69,12 +88,19 @@ class Sizing:
         return replace(self.before, sites={**self.before.sites, **sites}) if sites else self.before
 
     def residual(self) -> float:
-        """First-moment residual: largest absolute value of the conditions [kg m]."""
-        return self.conditions.residual(self.after)
+        """First-moment residual: largest absolute value of the conditions that are first moments [kg m].
+
+        A number of the conditions as they are listed, not what is made small; conditions on masses alone are left out.
+        """
+        return self._residual(self.after)
+
+    def _residual(self, mechanism: Mechanism) -> float:
+        first_moments = self.conditions.matrix.reshape(self.conditions.rank, -1, len(PARAMETERS))[:, :, 1:4]
+        return float(np.abs(self.conditions.values(mechanism)[first_moments.any(axis=(1, 2))]).max(initial=0.0))
 
     def residual_percent(self) -> float | None:
         """Residual in per cent of that without counter-masses; None where there is nothing to balance."""
-        whole = self.conditions.residual(self.before)
+        whole = self._residual(self.before)
         return 100.0 * self.residual() / whole if whole > 0.0 else None
 
     def is_balanced(self, tol: float) -> bool:
@@ -114,7 +140,9 @@ def sizing_of_given(
     conditions: Conditions,
     mechanism: Mechanism,
     masses: Mapping[str, float],
-    plates: Mapping[str, Sequence[Plate]] | None = None,
+    plates: "Mapping[str, Sequence[Plate]] | None" = None,
+    objective: Objective | None = None,
+    bound: float | None = None,
 ) -> Sizing:
     """Given counter-masses [kg] by site, with the plates of each, on ``mechanism``, which is without them."""
     found = []
@@ -122,10 +150,10 @@ def sizing_of_given(
         site, stack = mechanism.site(name), (plates or {}).get(name, ())
         names = tuple(plate.name for plate in stack)
         found.append(CounterMass(name, float(mass), site.position, names, _inertia_of_stack(stack, site)))
-    return Sizing(conditions, mechanism, tuple(found), mechanism.payload_bodies)
+    return Sizing(conditions, mechanism, tuple(found), mechanism.payload_bodies, objective, bound)
 
 
-def _inertia_of_stack(stack: Sequence[Plate], site: Site) -> float | None:
+def _inertia_of_stack(stack: "Sequence[Plate]", site: Site) -> float | None:
     """Plates on one axis, their centres at the site; one that is not drawn has the site's radius of gyration."""
     if all(plate.inertia is None for plate in stack):
         return None
@@ -162,12 +190,6 @@ def sizing_document(result: Sizing) -> dict[str, Any]:
     }
 
 
-_DEPENDENT = 1e-12
-"""Singular value of the sites' columns, relative to the largest, below which sites are equivalent."""
-_TIES = 1e-5
-"""Weight of squares relative to masses: sites whose levers differ by more are not equivalent."""
-
-
 def chosen_sites(mechanism: Mechanism, sites: Sequence[str]) -> list[str]:
     """The sites named, or those that the file names counter...; SizingError if there is none."""
     names = list(dict.fromkeys(sites)) or mechanism.counter_sites
@@ -181,132 +203,173 @@ def chosen_sites(mechanism: Mechanism, sites: Sequence[str]) -> list[str]:
     return names
 
 
-def sizing_system(conditions: Conditions, mechanism: Mechanism, names: Sequence[str]) -> tuple[Floats, Floats]:
-    """B (rank, sites) [m] and the target -A pi (rank,) [kg m] of B m = -A pi."""
-    return site_columns(conditions, mechanism, names), -conditions.values(mechanism)
-
-
 def site_columns(conditions: Conditions, mechanism: Mechanism, names: Sequence[str]) -> Floats:
     """Change of each condition per kilogram at each site, (rank, sites) [m]."""
     added = [mechanism.with_counter_mass({name: 1.0}).pi - mechanism.pi for name in names]
     return np.array([conditions.matrix @ one for one in added]).T
 
 
-@dataclass(frozen=True)
-class MassDistribution:
-    """Masses at sites."""
-
-    masses: Floats
-    """(sites,) [kg]"""
-    per_target: Floats
-    """How they change with the target, sites that are at a bound staying there, (sites, rank) [1/m]."""
-
-
-def distribute_masses(
-    columns: Floats, target: Floats, upper: Floats | None = None, *, removable: bool = False
-) -> MassDistribution:
-    """Masses m for B m = target, B (rank, sites) [m], in least squares; of equals the least mass, then least squares.
-
-    Each between zero and its ``upper`` (sites,) [kg]; ``removable`` ones may be negative, as far as is added otherwise.
-    The answer is unique. Raises SizingError where the solver does not converge.
-    """
-    count = columns.shape[1]
-    if not columns.any():
-        return MassDistribution(np.zeros(count), np.zeros(columns.T.shape))
-    most = np.full(count, np.inf) if upper is None else upper
-    least = -most if removable else np.zeros(count)
-    masses = np.linalg.lstsq(columns, target, rcond=_DEPENDENT)[0]
-    if not removable:
-        masses = _bounded(columns, target, most)
-    if np.linalg.matrix_rank(columns, rtol=_DEPENDENT) < count:
-        masses = _lightest(columns, columns @ masses, least, most)
-    free = (masses > least) & (masses < most) & ((masses != 0.0) | (np.linalg.matrix_rank(columns) == count))
-    per_target = np.zeros(columns.T.shape)
-    per_target[free] = np.linalg.pinv(columns[:, free], rcond=_DEPENDENT)
-    polished = np.where(free, 0.0, masses)
-    polished = polished + per_target @ (target - columns @ polished)
-    inside = ((polished >= least) & (polished <= most)).all()
-    return MassDistribution(polished if inside else masses, per_target)
-
-
-def _bounded(columns: Floats, target: Floats, upper: Floats) -> Floats:
-    """Least squares with masses between zero and ``upper``."""
-    free, masses = upper > 0.0, np.zeros(len(upper))
-    if not free.any():
-        return masses
-    solution = lsq_linear(columns[:, free], target, bounds=(0.0, upper[free]), method="bvls", tol=1e-15)
-    if not solution.success:
-        raise SizingError(f"counter-masses did not converge: {solution.message}")
-    masses[free] = solution.x
-    return masses
-
-
-def _lightest(columns: Floats, made: Floats, least: Floats, most: Floats) -> Floats:
-    """Of all masses with B m = ``made`` the lightest, of these the least in squares.
-
-    min sum(p + n) + e (p - n)^2 / 2 of m = p - n, which for a small enough e is the answer of both, one after the
-    other (Mangasarian, Meyer, SIAM J. Control Optim. 17, 1979).
-    """
-    import clarabel
-    from scipy import sparse
-
-    count = len(least)
-    size = max(float(np.abs(made).max(initial=0.0)) / float(np.abs(columns).max()), 1e-12)
-    ends = np.concatenate([np.minimum(most, 1e9 * size), np.minimum(-least, 1e9 * size)]) / size
-    unit = np.eye(2 * count)
-    both = np.hstack([columns, -columns]) / np.abs(columns).max()
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-11
-    bounded = ends < 1e9
-    sides = np.vstack([both, unit[bounded], -unit])
-    right = np.concatenate([made / np.abs(columns).max() / size, ends[bounded], np.zeros(2 * count)])
-    cones = [clarabel.ZeroConeT(len(made)), clarabel.NonnegativeConeT(int(bounded.sum()) + 2 * count)]
-    cost = sparse.csc_matrix(np.triu(_TIES * np.kron([[1.0, -1.0], [-1.0, 1.0]], np.eye(count))))
-    solver = clarabel.DefaultSolver(cost, np.ones(2 * count), sparse.csc_matrix(sides), right, cones, settings)
-    solution = solver.solve()
-    if str(solution.status) not in {"Solved", "AlmostSolved"}:
-        raise SizingError(f"counter-masses did not converge: the conic solver stopped at {solution.status}")
-    parts = np.asarray(solution.x)
-    masses = size * (parts[:count] - parts[count:])
-    near = 1e-6 * max(float(np.abs(masses).max(initial=0.0)), size)
-    masses = np.where(masses > most - near, most, np.where(masses < least + near, least, masses))
-    return np.where(np.abs(masses) < near, 0.0, masses)
-
-
 def exact_sizing(
-    conditions: Conditions, mechanism: Mechanism, sites: Sequence[str] = (), limits: Mapping[str, float] | None = None
+    conditions: Conditions,
+    mechanism: Mechanism,
+    sites: Sequence[str] = (),
+    limits: Mapping[str, float] | None = None,
+    objective: Objective | None = None,
+    equal: Sequence[Sequence[str]] = (),
 ) -> Sizing:
-    """Counter-masses of any mass at ``sites`` (default: those named counter...) of least residual.
+    """Counter-masses of any mass at ``sites`` (default: those named counter...) of least ``objective``.
 
-    Least squares over the conditions, each mass between zero and its limit [kg]; of equals the lightest, then least
+    Each between zero and its limit [kg], those of a group of ``equal`` the same; of equals the lightest, then least
     squares of the masses. Raises SizingError if there is no site or the solver does not converge.
     """
     names = chosen_sites(mechanism, sites)
+    objective = objective or workspace_objective(conditions.mechanism)
+    columns, target = objective.system(mechanism, names)
+    groups = site_groups(names, equal)
+    upper = upper_limits(names, limits)
+    share = np.array([[1.0 / len(group) if i in group else 0.0 for group in groups] for i in range(len(names))])
+    most = np.array([len(group) * upper[list(group)].min() for group in groups])
+    found = distribute_masses(columns @ share, target, most)
+    bound = max(float(np.sum((columns @ share @ found.masses - target) ** 2)) - found.gap, 0.0)
+    masses = dict(zip(names, share @ found.masses, strict=True))
+    return sizing_of_given(conditions, mechanism, masses, None, objective, bound)
+
+
+def upper_limits(names: Sequence[str], limits: Mapping[str, float] | None) -> Floats:
+    """Largest mass at each site, infinite without a limit, (sites,) [kg]. Raises SizingError for a wrong limit."""
     if unused := [name for name in limits or {} if name not in names]:
         raise SizingError(f"the limit at {unused[0]!r} has no effect: counter-masses are sized at {', '.join(names)}")
-    columns, target = sizing_system(conditions, mechanism, names)
-    upper = np.array([(limits or {}).get(name, np.inf) for name in names])
-    for name, limit in zip(names, upper, strict=True):
+    for name, limit in (limits or {}).items():
         if not limit >= 0.0:
             raise SizingError(f"the limit at {name!r} is {limit:g} kg: expected zero or more")
-    masses = distribute_masses(columns, target, upper).masses
-    return sizing_of_given(conditions, mechanism, dict(zip(names, masses, strict=True)))
+    return np.array([(limits or {}).get(name, np.inf) for name in names])
+
+
+def site_groups(names: Sequence[str], equal: Sequence[Sequence[str]]) -> list[list[int]]:
+    """Indices of the sites that carry equal masses, a group each; a site of none is a group by itself."""
+    named = [name for group in equal for name in group]
+    for name in named:
+        if name not in names or named.count(name) > 1:
+            why = "is named twice" if name in names else f"is not sized; there are {', '.join(names)}"
+            raise SizingError(f"the site {name!r} of equal masses {why}")
+    groups = [[names.index(name) for name in group] for group in equal]
+    return [[i] for i, name in enumerate(names) if name not in named] + groups
 
 
 def nested_exact_sizing(
-    conditions: Conditions, mechanisms: Sequence[Mechanism], sites: Sequence[str] = ()
+    conditions: Conditions,
+    mechanisms: Sequence[Mechanism],
+    sites: Sequence[str] = (),
+    objectives: Sequence[Objective] = (),
 ) -> tuple[Sizing, ...]:
-    """Exact counter-masses for each of ``mechanisms`` (one mechanism, payloads rising), as sets that only grow.
+    """Counter-masses for each of ``mechanisms`` (one mechanism, payloads rising), as sets that only grow.
 
-    Raises SizingError where a counter-mass would have to shrink: then no such sets are exact.
+    Least is the sum of the objectives, one for each payload.
     """
-    found = tuple(exact_sizing(conditions, mechanism, sites) for mechanism in mechanisms)
-    for lighter, heavier in pairwise(found):
-        for less, more in zip(lighter.counter_masses, heavier.counter_masses, strict=True):
-            if more.mass < less.mass * (1.0 - 1e-12):
-                raise SizingError(
-                    f"the counter-mass at {less.site!r} would have to shrink from {less.mass:.4f} to {more.mass:.4f} "
-                    "kg as the payload grows: no sets that only grow are exact; size each payload by itself"
-                )
-    return found
+    names = chosen_sites(mechanisms[0], sites)
+    objectives = objectives or [workspace_objective(mechanism) for mechanism in mechanisms]
+    columns, target = nested_system(mechanisms, objectives, names)
+    added = distribute_masses(columns, target).masses.reshape(len(mechanisms), len(names))
+    sets = []
+    for mechanism, masses, objective in zip(mechanisms, np.cumsum(added, axis=0), objectives, strict=True):
+        one = sizing_of_given(conditions, mechanism, dict(zip(names, masses, strict=True)), None, objective)
+        sets.append(replace(one, bound=objective.value(one.after)))
+    return tuple(sets)
+
+
+def nested_system(
+    mechanisms: Sequence[Mechanism], objectives: Sequence[Objective], names: Sequence[str]
+) -> tuple[Floats, Floats]:
+    """Columns (rows, loads times sites) [unit / kg] and target (rows,) [unit] of the sum of the objectives.
+
+    Unknown is what each set adds to the one before, load by load, site by site.
+    """
+    systems = [o.system(m, names) for o, m in zip(objectives, mechanisms, strict=True)]
+    loads = len(systems)
+    blocks = [
+        [columns if j <= k else np.zeros_like(columns) for j in range(loads)] for k, (columns, _) in enumerate(systems)
+    ]
+    return np.block(blocks), np.concatenate([target for _, target in systems])
+
+
+def size_from_stock(
+    conditions: Conditions,
+    mechanism: Mechanism,
+    plates: "Sequence[Plate]",
+    sites: Sequence[str] = (),
+    limits: Mapping[str, float] | None = None,
+    objective: Objective | None = None,
+) -> Sizing:
+    """The plates at each site of least ``objective``, among equals the lightest: see ``best_sets_from_stock``."""
+    return best_sets_from_stock(conditions, mechanism, plates, sites, limits, objective)[0]
+
+
+def best_sets_from_stock(
+    conditions: Conditions,
+    mechanism: Mechanism,
+    plates: "Sequence[Plate]",
+    sites: Sequence[str] = (),
+    limits: Mapping[str, float] | None = None,
+    objective: Objective | None = None,
+    equal: Sequence[Sequence[str]] = (),
+    best: int = 1,
+) -> tuple[Sizing, ...]:
+    """The ``best`` few choices of plates at the sites, best first, with a bound that no choice is below.
+
+    A plate's quantity is for all sites together; ``limits`` [kg] and ``equal`` as in ``exact_sizing``.
+    """
+    names = chosen_sites(mechanism, sites)
+    objective = objective or workspace_objective(conditions.mechanism)
+    columns, target = objective.system(mechanism, names)
+    groups = [group for group in site_groups(names, equal) if len(group) > 1]
+    masses, quantities = _stock_arrays(plates)
+    found = best_plates(columns, target, masses, quantities, upper_limits(names, limits), groups, best)
+    return tuple(
+        sizing_of_given(
+            conditions,
+            mechanism,
+            dict(zip(names, one.masses, strict=True)),
+            _piles(names, one.counts, plates),
+            objective,
+            found.bound,
+        )
+        for one in found.selections
+    )
+
+
+def nested_size_from_stock(
+    conditions: Conditions,
+    mechanisms: Sequence[Mechanism],
+    plates: "Sequence[Plate]",
+    sites: Sequence[str] = (),
+    objectives: Sequence[Objective] = (),
+) -> tuple[Sizing, ...]:
+    """A set of plates for each of ``mechanisms`` (one mechanism, payloads rising), each set holding the one before it.
+
+    Least is the sum of the objectives, one for each payload; the sets have a ``bound`` where that is proven.
+    """
+    names = chosen_sites(mechanisms[0], sites)
+    objectives = objectives or [workspace_objective(mechanism) for mechanism in mechanisms]
+    columns, target = nested_system(mechanisms, objectives, names)
+    masses, quantities = _stock_arrays(plates)
+    found = best_plates(columns, target, masses, quantities)
+    added = found.selections[0].counts
+    counts = np.cumsum(added.reshape(len(mechanisms), len(names), len(plates)), axis=0)
+    sets = []
+    for mechanism, rows, objective in zip(mechanisms, counts, objectives, strict=True):
+        chosen = dict(zip(names, rows @ masses, strict=True))
+        one = sizing_of_given(conditions, mechanism, chosen, _piles(names, rows, plates), objective)
+        sets.append(one if found.gap > 0.0 else replace(one, bound=objective.value(one.after)))
+    return tuple(sets)
+
+
+def _stock_arrays(plates: "Sequence[Plate]") -> tuple[Floats, Indices]:
+    return np.array([plate.mass for plate in plates]), np.array([plate.quantity for plate in plates], dtype=np.intp)
+
+
+def _piles(names: Sequence[str], counts: Indices, plates: "Sequence[Plate]") -> "dict[str, list[Plate]]":
+    """Plates at each site, in the order of the stock; ``counts`` (sites, kinds)."""
+    return {
+        name: [plate for plate, count in zip(plates, row, strict=True) for _ in range(count)]
+        for name, row in zip(names, counts, strict=True)
+    }

@@ -21,6 +21,7 @@ from ..mechanism.mechanism import Mechanism
 from ..motion import Samples
 from . import Sizing
 from .conditions import Conditions, pivot_order, reduced_row_echelon, row_space
+from .objective import Objective, triangle, with_constant, workspace_states
 from .springs import End, Spring, joint_torques, spring_energy, spring_lengths, unit_energies
 
 _STATES, _SEED = 120, 11
@@ -142,6 +143,13 @@ def static_conditions(mechanism: Mechanism) -> Conditions:
     rows = potential_regressor(mechanism, q) / float(np.linalg.norm(mechanism.gravity))
     basis, gap = row_space(rows - rows.mean(axis=0), mechanism.name)
     return Conditions(mechanism, closure.dof, reduced_row_echelon(basis, pivot_order(mechanism)), gap)
+
+
+def potential_objective(mechanism: Mechanism) -> Objective:
+    """Variance of the potential energy of weight over the workspace [J2]: zero where weight does no work."""
+    closure = Closure(mechanism)
+    rows = potential_regressor(mechanism, workspace_states(mechanism, closure))
+    return Objective(triangle(iter([with_constant((rows - rows.mean(axis=0))[:, None])])), "J")
 
 
 def static_document(found: Conditions, counter: Sizing | None, springs: Springs) -> dict[str, Any]:

@@ -203,11 +203,13 @@ def static(
     potential energy constant is found, and evaluated at other configurations of the workspace. The base still shakes.
     """
     from ..balancing import exact_sizing
-    from ..balancing.static_balancing import static_conditions, static_document
+    from ..balancing.static_balancing import potential_objective, static_conditions, static_document
 
     model = options.load_mechanism_option(mechanism, payload)
     found = static_conditions(model)
-    counter = exact_sizing(found, model, site) if site or model.counter_sites else None
+    counter = None
+    if site or model.counter_sites:
+        counter = exact_sizing(found, model, site, objective=potential_objective(model))
     result = static_document(found, counter, _springs(model, springs, reach, height))
     if figure:
         from ..figures.balancing import draw_energy

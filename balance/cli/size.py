@@ -1,58 +1,84 @@
 """``balance size``: counter-masses for one payload, or sets that only grow for several payloads of one body."""
 
-from collections.abc import Sequence
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import pairwise
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from . import options
-from .framework import emit_json, emit_table, first_moment, json_option, mass, per_cent
+from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, first_moment, json_option, mass, per_cent
 from .options import print_responses, response_summary
 
 if TYPE_CHECKING:
+    from ..arrays import Floats
     from ..balancing import Sizing
-    from ..dynamics.inverse_dynamics import Response
+    from ..balancing.objective import Objective
+    from ..balancing.remaining_force import Verdict
+    from ..closure import Trajectory
     from ..mechanism.mechanism import Mechanism
 
 Payload = tuple[tuple[str, float], ...]
 
 
 def _size_growing(
-    mechanism: str, payloads: Sequence[Payload], sites: tuple[str, ...], stock: str | None, as_json: bool
+    mechanism: str,
+    payloads: Sequence[Payload],
+    sites: tuple[str, ...],
+    stock: str | None,
+    objective: tuple[str | None, dict[str, float]],
+    as_json: bool,
 ) -> None:
     """Size and print a set for each of ``payloads``, which rise."""
+    from ..balancing.remaining_force import STEPS
     from ..balancing.sizing import sizing_document
 
     models = [options.load_mechanism_option(mechanism, payload) for payload in payloads]
     sets = [
         {"payload_kg": dict(payload), **sizing_document(sized), "increments_kg": increments}
-        for payload, (sized, increments) in zip(payloads, _size_nested(models, payloads, sites, stock), strict=True)
+        | {"balanced": sized.is_complete(), "remaining_percent": _remaining(sized)}
+        | {"proven": sized.bound is not None}
+        for payload, (sized, increments) in zip(
+            payloads, _size_nested(models, payloads, sites, stock, objective), strict=True
+        )
     ]
     published = _published(models, payloads) if stock == "kiper2019" and not sites else {}
+    complete = all(one["balanced"] for one in sets)
     if as_json:
         emit_json({"mechanism": models[0].name, "stock": stock, "sets": sets, **published})
-        return
-    _print_nested(models[0].name, sets, stock)
-    if published:
+    else:
+        left = ", ".join(per_cent(one["remaining_percent"]) for one in sets)
+        click.echo("Balanced completely." if complete else f"Not balanced completely: {left} remain.")
+        _print_nested(models[0].name, sets, stock)
+    if published and not as_json:
         _print_published(published["published"])
+    largest = max(one["remaining_percent"] or 0.0 for one in sets)
+    sys.exit(0 if complete or (stock and largest <= 100.0 * STEPS) else EXIT_WITH_FINDINGS)
 
 
 def _size_nested(
-    models: "Sequence[Mechanism]", payloads: Sequence[Payload], sites: tuple[str, ...], stock: str | None
+    models: "Sequence[Mechanism]",
+    payloads: Sequence[Payload],
+    sites: tuple[str, ...],
+    stock: str | None,
+    objective: tuple[str | None, dict[str, float]],
 ) -> "list[tuple[Sizing, dict[str, float]]]":
     """Each set with what it adds to the one before at each site [kg]."""
-    from dataclasses import replace
-
     from ..balancing import nested_exact_sizing, nested_size_from_stock
     from ..balancing.conditions import balance_conditions
     from ..balancing.stock_plates import load_stock
 
     found = balance_conditions(models[0])
+    motion, weights = objective
+    along = options.follow_motion(models[0], motion) if motion else None
+    objectives = [_objective(model, along, weights) for model in models]
     if stock:
-        sets = nested_size_from_stock(found, models, load_stock(stock), sites)
+        sets = nested_size_from_stock(found, models, load_stock(stock), sites, objectives)
     else:
-        sets = nested_exact_sizing(found, models, sites)
+        sets = nested_exact_sizing(found, models, sites, objectives)
     masses = [{c.site: c.mass for c in sized.counter_masses} for sized in sets]
     before = [dict.fromkeys(masses[0], 0.0), *masses]
     added = [{site: more[site] - less[site] for site in more} for less, more in pairwise(before)]
@@ -64,15 +90,15 @@ def _published(models: "Sequence[Mechanism]", payloads: Sequence[Payload]) -> di
     """Sets that the source built, for the source's manipulator with its payloads; else empty."""
     if not models[0].name.startswith("parallelogram-6bar") or any([n for n, _ in p] != ["platform"] for p in payloads):
         return {}
-    from ..balancing import stock_sizing
+    from ..balancing import closed_forms
     from ..balancing.conditions import balance_conditions
 
-    found = stock_sizing.built_sets(balance_conditions(models[0]), models, [payload[0][1] for payload in payloads])
+    found = closed_forms.built_sets(balance_conditions(models[0]), models, [payload[0][1] for payload in payloads])
     sets = [
         {"payload_kg": s.payload, "plates": list(s.plates), "mass_kg": s.mass, "residual_first_moment_kgm": s.residual}
         for s in found
     ]
-    return {"published": {"sets": sets, "increments_kg": list(stock_sizing.published_increments())}} if sets else {}
+    return {"published": {"sets": sets, "increments_kg": list(closed_forms.published_increments())}} if sets else {}
 
 
 def _print_published(published: dict[str, Any]) -> None:
@@ -109,7 +135,8 @@ def _print_nested(name: str, sets: list[dict[str, Any]], stock: str | None) -> N
         residual = first_moment(found["residual_first_moment_kgm"])
         click.echo(f"Residual at {payload}  {residual}  ({per_cent(found['residual_percent'])})")
     if stock:
-        click.echo("Least of all sets that only grow, proven: largest residual, then their sum, then mass.")
+        proof = "proven" if all(one["proven"] for one in sets) else "the best found in the time, not proven"
+        click.echo(f"Least in the sum over the payloads of all sets that only grow: {proof}.")
 
 
 @click.command(
@@ -117,23 +144,29 @@ def _print_nested(name: str, sets: list[dict[str, Any]], stock: str | None) -> N
 Examples:
   balance size parallelogram-6bar --payload platform=5kg
   balance size parallelogram-6bar --payload platform=3.4116kg --stock kiper2019
-  balance size parallelogram-6bar --payload platform=5kg --motion x --json
+  balance size four-bar --motion four-bar --site counter_A0A --limit counter_A0A=2kg
+  balance size five-bar --motion five-bar --objective force --objective torque=2 --json
   balance size parallelogram-6bar -p platform=1.451kg -p platform=3.4116kg -p platform=5kg --stock kiper2019
 
 \b
-Several payloads of one body: sets that only grow with the payload. From stock, least one after the other and
-proven: the largest residual of all payloads, their sum, the mass of all sets.
+Least is the mean square of the shaking force vector, weight excluded: over the motion given, all samples of a file
+or 10 kHz alike; without a motion, of the momentum per root of kinetic energy over the workspace. Of equals the
+lightest. Several payloads of one body: sets that only grow with the payload, least in the sum over the payloads.
 
 \b
 Stock weighed:  name,mass_kg,quantity
 Stock as drawn: name,quantity,shape,material,thickness_mm,length_mm,width_mm,diameter_mm,bore_mm,holes_mm
   shape: rectangle (length, width), disc (diameter) or ring (diameter, bore); the rest is empty
   material: 7075 aluminium, steel or 5000 aluminium; holes_mm: x y diameter; x y diameter, from its middle
-  Mass and inertia follow; inertia is about the plate's centre of mass, which is taken to be at the site."""
+  Mass and inertia follow; inertia is about the plate's centre of mass, which is taken to be at the site.
+
+\b
+Exit code 3: no masses at these sites balance it completely, or plates leave more than 5 % where other masses would."""
 )
 @options.mechanism_argument
 @options.payload_option
 @options.site_option
+@click.option("--without", multiple=True, metavar="SITE", help="A site that gets no counter-mass.")
 @click.option("--stock", metavar="CSV", help="Make them from these plates: a CSV file as below, or kiper2019.")
 @click.option(
     "--limit",
@@ -142,84 +175,230 @@ Stock as drawn: name,quantity,shape,material,thickness_mm,length_mm,width_mm,dia
     metavar="SITE=M",
     help="Largest counter-mass at a site.",
 )
-@click.option("--motion", metavar="TOML", help="Also compare force, moment and torque of this motion before and after.")
+@click.option("--equal", multiple=True, metavar="SITE,SITE", help="Sites that get equal masses.")
+@click.option("--best", type=click.IntRange(1, 100), default=1, show_default=True, help="Sets from stock to list.")
+@click.option("--motion", metavar="TOML", help="The motion whose force is made small, and compared before and after.")
+@click.option(
+    "--objective",
+    multiple=True,
+    metavar="NAME=WEIGHT",
+    help="What is made small: force, moment or torque of the motion; of several the sum of weight times (RMS / RMS "
+    "without)^2 [default: force].",
+)
 @click.option("--closed-form", is_flag=True, help="parallelogram-6bar by its published formula, without Pinocchio.")
 @options.figure_option
 @json_option
 def size(
     mechanism: str,
-    payload: tuple[tuple[str, float], ...],
+    payload: Payload,
     site: tuple[str, ...],
+    without: tuple[str, ...],
     stock: str | None,
     limit: tuple[tuple[str, float], ...],
+    equal: tuple[str, ...],
+    best: int,
     motion: str | None,
+    objective: tuple[str, ...],
     closed_form: bool,
     figure: str | None,
     as_json: bool,
 ) -> None:
-    """Size the counter-masses that balance MECH: of any mass, or from stock plates to a proven optimum.
+    """Size the counter-masses that balance MECH, or leave the least shaking force: of any mass, or from stock plates.
 
-    Force balance alone raises the shaking moment and the drive torque: --motion shows by how much.
+    The first line states whether it balances; if not, what remains, and which bodies would need a site. Force balance
+    alone raises the shaking moment and the drive torque: --motion shows by how much.
     """
-    if stock and limit:
-        raise click.UsageError(
-            "--limit is for counter-masses of any mass: remove it, the quantities of --stock are its limits"
-        )
+    if best > 1 and not stock:
+        raise click.UsageError("--best lists sets of plates: give --stock; of any mass one set is the best")
     if closed_form:
-        if site or stock or limit or motion or figure:
+        if site or without or stock or limit or equal or motion or objective or figure:
             raise click.UsageError("--closed-form reads no model: give only --payload and --json with it")
         _closed_form(mechanism, payload, as_json)
         return
+    weights = _weights(objective, motion)
     payloads = options.growing_payloads(payload)
     if len(payloads) > 1:
-        if limit or motion or figure:
-            raise click.UsageError("--limit, --motion and --figure are for one payload of a body")
-        _size_growing(mechanism, payloads, site, stock, as_json)
+        if limit or equal or without or best > 1 or figure:
+            raise click.UsageError("--limit, --equal, --without, --best and --figure are for one payload of a body")
+        _size_growing(mechanism, payloads, site, stock, (motion, weights), as_json)
         return
-    result = _size_one(
-        options.load_mechanism_option(mechanism, payload), site, stock, options.distinct(limit, "--limit"), payload
+    from ..balancing.conditions import balance_conditions
+    from ..balancing.remaining_force import verdict_of
+    from ..balancing.sizing import exact_sizing
+    from ..dynamics.inverse_dynamics import simulate
+
+    model = options.load_mechanism_option(mechanism, payload)
+    trajectory = options.follow_motion(model, motion) if motion else None
+    target = _objective(model, trajectory, weights)
+    conditions, sites, limits = (
+        balance_conditions(model),
+        _sites(model, site, without),
+        options.distinct(limit, "--limit"),
     )
-    responses = _responses(result, motion) if motion else {}
+    groups = [[name.strip() for name in group.split(",")] for group in equal]
+    any_mass = exact_sizing(conditions, model, sites, limits, target, groups)
+    sets = [any_mass]
+    if stock:
+        from ..balancing.sizing import best_sets_from_stock
+        from ..balancing.stock_plates import load_stock
+
+        plates = load_stock(stock)
+        sets = list(best_sets_from_stock(conditions, model, plates, sites, limits, target, groups, best))
+    result = replace(sets[0], payload_bodies=options.payload_bodies(model, payload))
+    verdict = verdict_of(result, any_mass, _samples(trajectory, model) if set(weights) == {"force"} else None)
+    responses = (
+        {"before": simulate(model, trajectory), "after": simulate(result.after, trajectory)} if trajectory else {}
+    )
     if figure:
         from ..figures.mechanism import draw_mechanism, save
 
         save(draw_mechanism(result.after, result.counter_masses), figure)
     if as_json:
-        from ..balancing.sizing import sizing_document
-
-        emit_json(sizing_document(result) | {name: response_summary(response) for name, response in responses.items()})
-        return
-    _print_sizing(result, stock)
-    if responses:
-        print_responses(responses)
-
-
-def _size_one(
-    model: "Mechanism",
-    sites: tuple[str, ...],
-    stock: str | None,
-    limits: dict[str, float],
-    payload: tuple[tuple[str, float], ...],
-) -> "Sizing":
-    from dataclasses import replace
-
-    from ..balancing import exact_sizing, size_from_stock
-    from ..balancing.conditions import balance_conditions
-    from ..balancing.stock_plates import load_stock
-
-    found = balance_conditions(model)
-    if stock:
-        result = size_from_stock(found, model, load_stock(stock), sites)
+        emit_json(
+            _document(result, verdict, motion, weights, sets) | {n: response_summary(r) for n, r in responses.items()}
+        )
     else:
-        result = exact_sizing(found, model, sites, limits)
-    return replace(result, payload_bodies=options.payload_bodies(model, payload))
+        _print_verdict(verdict, result, motion, bool(stock))
+        _print_sizing(result, stock)
+        _print_sets(sets[1:])
+        if responses:
+            print_responses(responses)
+    sys.exit(EXIT_WITH_FINDINGS if verdict.has_finding else 0)
 
 
-def _responses(result: "Sizing", motion: str) -> "dict[str, Response]":
+def _weights(texts: Sequence[str], motion: str | None) -> dict[str, float]:
+    """What is made small, with weights."""
+    from ..balancing.objective import QUANTITIES
+
+    found: dict[str, float] = {}
+    for text in texts:
+        name, _, number = text.partition("=")
+        try:
+            weight = float(number or "1")
+        except ValueError:
+            weight = -1.0
+        if name not in QUANTITIES or name in found or not 0.0 < weight < inf:
+            raise click.UsageError(f"--objective {text!r}: expected {', '.join(QUANTITIES)}, each once, or NAME=WEIGHT")
+        found[name] = weight
+    if found and motion is None:
+        raise click.UsageError("--objective is of a motion: give --motion")
+    return found or {"force": 1.0}
+
+
+def _objective(model: "Mechanism", trajectory: "Trajectory | None", weights: dict[str, float]) -> "Objective":
+    """What is made small."""
+    from ..balancing.objective import motion_objective, workspace_objective
+
+    return workspace_objective(model) if trajectory is None else motion_objective(model, trajectory, weights)
+
+
+def _samples(trajectory: "Trajectory | None", model: "Mechanism") -> "Callable[[Mechanism], Floats]":
+    """The force along a motion, or the momentum over the workspace, of a mechanism."""
+    from ..balancing.objective import workspace_momentum
     from ..dynamics.inverse_dynamics import simulate
 
-    trajectory = options.follow_motion(result.before, motion)
-    return {"before": simulate(result.before, trajectory), "after": simulate(result.after, trajectory)}
+    if trajectory is not None:
+        return lambda one: simulate(one, trajectory).force
+    rows = workspace_momentum(model)
+    return lambda one: rows @ one.pi
+
+
+def _sites(model: "Mechanism", sites: tuple[str, ...], without: tuple[str, ...]) -> list[str]:
+    """Sites that may carry counter-masses."""
+    from ..balancing.sizing import chosen_sites
+
+    names = chosen_sites(model, sites)
+    for name in without:
+        if name not in names:
+            raise click.UsageError(f"--without {name!r}: it is none of the sites to be sized, {', '.join(names)}")
+    if set(names) <= set(without):
+        raise click.UsageError("--without leaves no site to be sized")
+    return [name for name in names if name not in without]
+
+
+def _remaining(result: "Sizing") -> float | None:
+    """What counter-masses leave of what they make small, in per cent of its root mean square without them."""
+    before, after = result.root_mean_squares()
+    return 100.0 * after / before if before > 0.0 else None
+
+
+def _document(
+    result: "Sizing", verdict: "Verdict", motion: str | None, weights: dict[str, float], sets: "Sequence[Sizing]"
+) -> dict[str, Any]:
+    from ..balancing.sizing import sizing_document
+
+    unit = f"_{result.objective.unit}" if result.objective and motion and len(weights) == 1 else ""
+    document: dict[str, Any] = {
+        "balanced": verdict.balanced,
+        "attainable_with_any_mass": verdict.attainable,
+        "objective": {"weights": weights, "over": "workspace" if motion is None else "motion", "motion": motion},
+        f"rms_before{unit}": verdict.before,
+        f"rms{unit}": verdict.after,
+        f"rms_bound{unit}": verdict.least,
+        "remaining_percent": _remaining(result),
+        "remaining_directions": [
+            {"direction": one.direction.tolist(), f"rms_before{unit}": one.before, f"rms{unit}": one.after}
+            for one in verdict.directions
+        ],
+        "sites_needed": [
+            {"body": one.body, "alternatives": list(one.alternatives), f"rms{unit}": one.after}
+            for one in verdict.needed
+        ],
+    }
+    if len(sets) > 1:
+        document["sets"] = [
+            {"counter_masses": sizing_document(one)["counter_masses"], "remaining_percent": _remaining(one)}
+            for one in sets
+        ]
+    return sizing_document(result) | document
+
+
+def _print_verdict(verdict: "Verdict", result: "Sizing", motion: str | None, stock: bool) -> None:
+    """First whether it balances; then what remains, and what would remove it."""
+    unit = {"N": "N", "Nm": "N m"}.get(result.objective.unit if result.objective else "", "")
+    what = "of what is made small" if not unit else "RMS shaking force" if unit == "N" else "RMS"
+    where = "over the workspace" if motion is None else f"in motion {motion}"
+    if motion is None:
+        what = "of the momentum"
+    if verdict.balanced:
+        click.echo(f"Balanced completely {where}.")
+        return
+    share = (
+        f"{verdict.after / verdict.before:.3g} of {what}"
+        if not unit
+        else (
+            f"{verdict.after:.4g} {unit} {what} of {verdict.before:.4g} {unit} ({verdict.after / verdict.before:.1%})"
+        )
+    )
+    click.echo(f"Not balanced completely: {share} remain {where}; {_proof(verdict)}")
+    for one in verdict.directions:
+        if one.after > 1e-6 * verdict.before:
+            along = ", ".join(f"{x:.3g}" for x in one.direction + 0.0)
+            click.echo(f"  along ({along}): {one.after:.4g} of {one.before:.4g} {unit or 'root of kg'}")
+    if stock and verdict.attainable:
+        click.echo("Other masses at these sites would balance it completely.")
+    for k, site in enumerate(verdict.needed):
+        also, bodies = "also " if k else "", " or ".join([site.body, *site.alternatives])
+        left = f"{site.after / verdict.before:.3g} of it" if site.after else "nothing"
+        click.echo(f"A site on body {bodies}, at the right place, would {also}be needed: it would leave {left}.")
+    if not verdict.attainable and not verdict.needed:
+        click.echo("No counter-mass on any body would lessen it.")
+
+
+def _proof(verdict: "Verdict") -> str:
+    """How near the masses are to the best."""
+    if verdict.after <= verdict.least * (1.0 + 1e-6):
+        return "no masses that are allowed leave less."
+    return f"not proven: no masses leave less than {verdict.least / verdict.before:.4g} of it."
+
+
+def _print_sets(sets: "Sequence[Sizing]") -> None:
+    if sets:
+        rows = [
+            [str(k), " / ".join(f"{mass(c.mass)}" for c in one.counter_masses), per_cent(_remaining(one))]
+            for k, one in enumerate(sets, 2)
+        ]
+        emit_table("Next best sets", ["", "masses [kg]", "remain"], rows)
 
 
 def _print_sizing(result: "Sizing", stock: str | None) -> None:

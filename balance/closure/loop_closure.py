@@ -103,6 +103,47 @@ class Closure:
         spaces = [_null_space(self.engine.constraint_jacobian(state)[self.rows]) for state in q]
         return np.array([space @ rng.normal(size=space.shape[1]) for space in spaces])
 
+    def tangents(self, q: Floats) -> Floats:
+        """Orthonormal directions that the loops allow at closed configurations ``q`` (n, nv), (n, nv, dof) [rad, m]."""
+        return np.linalg.svd(self._jacobians(q))[2][:, len(self.rows) :].transpose(0, 2, 1)
+
+    def rays(self, headings: Floats, step: float, travel: float) -> Floats:
+        """Closed configurations on ways from home that start along ``headings`` (k, nv), (n, nv) [rad, m].
+
+        At the middles of steps of ``step`` of the fastest joint, up to ``travel`` [rad, lengths of the mechanism]; each
+        heading is the one before, projected. A way ends at a joint's limit, or where loops are five times nearer to
+        singular than at home. They do not depend on the order of joints, bodies and loops. Home alone if there is none.
+        """
+        scale = np.array([1.0 if joint.revolute else self.length for joint in self.mechanism.tree.joints])
+        low, high = self.mechanism.limits.T
+        reach = 0.2 * self._singular_values(self.home[None])[0]
+        q, found = np.tile(self.home, (len(headings), 1)), list[Floats]()
+        for length in [0.5 * step, *[step] * (round(travel / step) - 1)]:
+            tangents = self.tangents(q)
+            headings = np.einsum("nid,njd,nj->ni", tangents, tangents, headings)
+            fastest = np.abs(headings / scale).max(axis=1)
+            q, headings, fastest = (x[fastest > RANK_LIMIT] for x in (q, headings, fastest))
+            near = [nearest_closed(self.engine, one, self.length) for one in q + length * headings / fastest[:, None]]
+            trial = np.array([one for one, _ in near]).reshape(q.shape)
+            closed = np.array([gap for _, gap in near]) <= CLOSED_LIMIT * self.length
+            far = np.linalg.norm(trial - q, axis=1) > 2.0 * length * np.linalg.norm(headings, axis=1) / fastest
+            inside = ((trial >= low) & (trial <= high)).all(axis=1)
+            stays = closed & ~far & inside & (self._singular_values(trial) >= reach)
+            q, headings = trial[stays], (trial - q)[stays]
+            found.append(q)
+        states = np.concatenate(found)
+        return states if len(states) else self.home[None]
+
+    def _singular_values(self, q: Floats) -> Floats:
+        """Smallest of those that redundancy leaves, of all rows, at configurations (n, nv), (n,)."""
+        rank = len(self.rows)
+        return np.linalg.svd(self._jacobians(q), compute_uv=False)[:, rank - 1] if rank else np.full(len(q), np.inf)
+
+    def _jacobians(self, q: Floats) -> Floats:
+        """Of the loops, (n, rows, nv), at configurations (n, nv)."""
+        rows = len(self.engine.constraint_jacobian(self.home))
+        return np.array([self.engine.constraint_jacobian(state) for state in q]).reshape(len(q), rows, q.shape[1])
+
     def residual(self, q: Floats) -> Floats:
         """Largest loop residual over all rows, (n,) [m, rad], at the configurations ``q`` (n, nv) [rad, m]."""
         return np.array([np.abs(self.engine.constraint_residual(state)).max(initial=0.0) for state in q])

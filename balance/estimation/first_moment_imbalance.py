@@ -12,7 +12,8 @@ import numpy as np
 
 from ..arrays import Floats
 from ..balancing.conditions import Conditions
-from ..balancing.sizing import distribute_masses, site_columns
+from ..balancing.least_masses import distribute_masses
+from ..balancing.sizing import site_columns
 from ..mechanism.mechanism import Mechanism
 from .estimate import Estimate
 from .identifiability import NotIdentifiable
@@ -202,10 +203,12 @@ def imbalance_fit(
 def masses_per_value(conditions: Conditions, mechanism: Mechanism, sites: Sequence[str], values: Floats) -> Floats:
     """The mass that each site lacks per unit of each condition's value, about ``values`` (rank,), (sites, rank) [1/m].
 
-    Masses are m = rows @ values, linear in what is estimated, so that its intervals carry over.
+    Masses are m = rows @ values, linear in what is estimated, so that its intervals carry over. What no mass can meet
+    is weighed as ``exact_sizing`` does: by the momentum over the workspace.
     """
-    columns = site_columns(conditions, mechanism, sites)
-    return -distribute_masses(columns, -values, removable=True).per_target
+    weights = conditions.weights
+    columns = weights @ site_columns(conditions, mechanism, sites)
+    return -distribute_masses(columns, -weights @ values, removable=True).per_target @ weights
 
 
 def with_condition_values(conditions: Conditions, mechanism: Mechanism, values: Floats) -> Mechanism:

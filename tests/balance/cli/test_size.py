@@ -52,10 +52,49 @@ def test_a_motion_compares_before_and_after(balance):
 
 def test_a_limit_and_a_site(balance):
     """A limit holds; a site of one's own choice is used."""
-    out = balance("size", "parallelogram-6bar", "--limit", "counter_A0A=5kg", "--json").out
+    code, out, _ = balance("size", "parallelogram-6bar", "--limit", "counter_A0A=5kg", "--json")
+    assert code == 3
     assert json.loads(out)["counter_masses"][0]["mass_kg"] == pytest.approx(5.0)
     out = balance("size", "serial-1r", "--site", "counter_link_1", "--json").out
     assert json.loads(out)["counter_masses"][0]["mass_kg"] == pytest.approx(1.68)
+
+
+def test_the_verdict_comes_first_and_names_the_body_that_lacks_a_site(balance):
+    """One site of two, on its motion: exit 3; what remains by direction, and the body that would remove it."""
+    arguments = ("size", "four-bar", "--motion", "four-bar", "--site", "counter_A0A")
+    code, out, _ = balance(*arguments)
+    assert code == 3
+    assert out.startswith("Not balanced completely: 6.383 N RMS shaking force of 12.09 N (52.8%) remain")
+    assert "A site on body AB or B0B, at the right place, would be needed: it would leave nothing." in out
+    document = json.loads(balance(*arguments, "--json").out)
+    assert document["balanced"] is False
+    assert document["rms_N"] == pytest.approx(document["rms_bound_N"], rel=1e-9)
+    assert [(one["body"], one["alternatives"]) for one in document["sites_needed"]] == [("AB", ["B0B"])]
+    squares = sum(one["rms_N"] ** 2 for one in document["remaining_directions"])
+    assert squares == pytest.approx(document["rms_N"] ** 2, rel=1e-9)
+
+
+def test_limits_hold_for_plates_too_and_the_best_few_are_listed(balance, tmp_path):
+    """Plates of 0.25 kg, a limit of 1.3 kg: 1.25 kg is best, then 1 and 0.75 kg."""
+    stock = tmp_path / "q.csv"
+    stock.write_text("name,mass_kg,quantity\nQ,0.25,20\n", encoding="utf-8")
+    arguments = ("size", "four-bar", "--site", "counter_A0A", "--stock", stock, "--limit", "counter_A0A=1300g")
+    code, out, _ = balance(*arguments, "--motion", "four-bar", "--best", "3", "--json")
+    assert code == 3
+    masses = [one["counter_masses"][0]["mass_kg"] for one in json.loads(out)["sets"]]
+    assert masses == [1.25, 1.0, 0.75]
+
+
+def test_equal_masses_forbidden_sites_and_other_objectives(balance):
+    """Equal masses are equal, a forbidden site has none, drive torque asks for less mass than force."""
+    motion = ("size", "parallelogram-6bar", "--motion", "x", "--json")
+    limited = (*motion, "--limit", "counter_A0A=5kg", "--equal", "counter_A0A,counter_B0B")
+    assert [c["mass_kg"] for c in json.loads(balance(*limited).out)["counter_masses"]] == [5.0, 5.0]
+    document = json.loads(balance(*motion, "--without", "counter_A0A").out)
+    assert [c["site"] for c in document["counter_masses"]] == ["counter_B0B"]
+    document = json.loads(balance(*motion, "--objective", "force", "--objective", "torque=5").out)
+    assert document["added_mass_kg"] < json.loads(balance(*motion).out)["added_mass_kg"]
+    assert document["objective"]["weights"] == {"force": 1.0, "torque": 5.0}
 
 
 def test_a_figure_is_drawn(balance, tmp_path):
@@ -132,8 +171,12 @@ def test_exact_sets_that_grow(balance):
         ("four-bar", "--payload", "AB=1kg", "--closed-form"),
         ("parallelogram-6bar", "-p", "platform=5kg", "--closed-form", "--stock", "kiper2019"),
         ("parallelogram-6bar", "-p", "platform=5kg", "--closed-form", "--motion", "x"),
-        ("parallelogram-6bar", "--stock", "kiper2019", "--limit", "counter_A0A=5kg"),
-        ("parallelogram-6bar", *PAYLOADS, "--motion", "x"),
+        ("parallelogram-6bar", "--best", "3"),
+        ("parallelogram-6bar", "--objective", "torque"),
+        ("parallelogram-6bar", "--motion", "x", "--objective", "noise"),
+        ("parallelogram-6bar", "--without", "C_AC"),
+        ("parallelogram-6bar", "--without", "counter_A0A", "--without", "counter_B0B"),
+        ("parallelogram-6bar", *PAYLOADS, "--limit", "counter_A0A=5kg"),
         ("parallelogram-6bar", *PAYLOADS, "-p", "AC=1kg", "-p", "AC=2kg"),
         ("parallelogram-6bar", *PAYLOADS, "-p", "platform=5kg"),
     ],

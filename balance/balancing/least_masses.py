@@ -1,0 +1,124 @@
+"""Masses at sites of least square error: of any mass within limits, the least of all proven.
+
+|columns m - target|^2 is convex in the masses m; every answer comes with how far it may be above the least of all. Of
+equals the lightest, and of those the least in squares, so that the answer is unique.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from ..arrays import Floats
+from ..errors import SizingError
+
+_DEPENDENT = 1e-10
+"""Singular value of the sites' columns, each of length 1, below which sites are equivalent."""
+_ROUNDING = 1e-14
+_TIES = 1e-5
+"""Weight of squares relative to masses: sites whose levers differ by more are not equivalent."""
+
+
+@dataclass(frozen=True)
+class MassDistribution:
+    """Masses at sites."""
+
+    masses: Floats
+    """(sites,) [kg]"""
+    per_target: Floats
+    """How they change with the target, sites that are at a bound staying there, (sites, rows) [kg / unit of target]."""
+    gap: float
+    """By how much the square error may exceed the least of all [square of the target's unit]."""
+
+
+def distribute_masses(
+    columns: Floats, target: Floats, upper: Floats | None = None, *, removable: bool = False
+) -> MassDistribution:
+    """Masses m with columns (rows, sites) m = target (rows,), in least squares; of equals the lightest.
+
+    Each between zero and its ``upper`` (sites,) [kg]; ``removable`` ones may be negative, as far as is added otherwise.
+    Raises SizingError where the solver does not converge.
+    """
+    count = columns.shape[1]
+    size = np.linalg.norm(columns, axis=0)
+    if not size.any():
+        return MassDistribution(np.zeros(count), np.zeros(columns.T.shape), 0.0)
+    most = np.full(count, np.inf) if upper is None else upper
+    least = -most if removable else np.zeros(count)
+    size = np.where(size > _DEPENDENT * size.max(), size, size.max())
+    unit = columns / size
+    masses = np.linalg.lstsq(unit, target, rcond=_DEPENDENT)[0] / size
+    if not removable:
+        masses = _bounded(unit, target, most * size) / size
+        masses = np.where(masses >= most * (1.0 - _ROUNDING), most, np.where(masses <= 0.0, 0.0, masses))
+    unique = np.linalg.matrix_rank(unit, rtol=_DEPENDENT) == count
+    if not unique:
+        masses = _lightest(columns, columns @ masses, least, most)
+    free = (masses > least) & (masses < most) & ((masses != 0.0) | unique)
+    per_target = np.zeros(columns.T.shape)
+    if unique:
+        per_target[free] = np.linalg.pinv(unit[:, free]) / size[free, None]
+    else:
+        per_target[free] = np.linalg.pinv(columns[:, free], rcond=_DEPENDENT)
+    polished = np.where(free, 0.0, masses)
+    polished = polished + per_target @ (target - columns @ polished)
+    polished = polished + per_target @ (target - columns @ polished)
+    masses = polished if ((polished >= least) & (polished <= most)).all() else masses
+    return MassDistribution(masses, per_target, _gap(unit, target, masses * size, masses <= least, masses >= most))
+
+
+def _gap(unit: Floats, target: Floats, x: Floats, low: NDArray[np.bool_], high: NDArray[np.bool_]) -> float:
+    """How far |unit x - target|^2 may be above its least within the bounds: J(x + d) = J(x) + g d + |unit d|^2.
+
+    Parts of the gradient g that hold x at a bound, ``low`` or ``high``, add nothing below zero; the others, w, at most
+    |pinv(unit') w|^2 / 4.
+    """
+    gradient = 2.0 * unit.T @ (unit @ x - target)
+    wrong = np.where(low & (gradient > 0.0) | high & (gradient < 0.0), 0.0, gradient)
+    return float(np.sum((np.linalg.pinv(unit.T, rcond=_DEPENDENT) @ wrong) ** 2)) / 4.0
+
+
+def _bounded(columns: Floats, target: Floats, upper: Floats) -> Floats:
+    """Least squares with masses between zero and ``upper``."""
+    free, masses = upper > 0.0, np.zeros(len(upper))
+    if not free.any():
+        return masses
+    solution = lsq_linear(columns[:, free], target, bounds=(0.0, upper[free]), method="bvls", tol=1e-15)
+    if not solution.success:
+        raise SizingError(f"counter-masses did not converge: {solution.message}")
+    masses[free] = solution.x
+    return masses
+
+
+def _lightest(columns: Floats, made: Floats, least: Floats, most: Floats) -> Floats:
+    """Of all masses with B m = ``made`` the lightest, of these the least in squares.
+
+    min sum(p + n) + e (p - n)^2 / 2 of m = p - n, which for a small enough e is the answer of both, one after the
+    other (Mangasarian, Meyer, SIAM J. Control Optim. 17, 1979).
+    """
+    import clarabel
+    from scipy import sparse
+
+    count = len(least)
+    size = max(float(np.abs(made).max(initial=0.0)) / float(np.abs(columns).max()), 1e-12)
+    ends = np.concatenate([np.minimum(most, 1e9 * size), np.minimum(-least, 1e9 * size)]) / size
+    unit = np.eye(2 * count)
+    both = np.hstack([columns, -columns]) / np.abs(columns).max()
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-11
+    bounded = ends < 1e9
+    sides = np.vstack([both, unit[bounded], -unit])
+    right = np.concatenate([made / np.abs(columns).max() / size, ends[bounded], np.zeros(2 * count)])
+    cones = [clarabel.ZeroConeT(len(made)), clarabel.NonnegativeConeT(int(bounded.sum()) + 2 * count)]
+    cost = sparse.csc_matrix(np.triu(_TIES * np.kron([[1.0, -1.0], [-1.0, 1.0]], np.eye(count))))
+    solver = clarabel.DefaultSolver(cost, np.ones(2 * count), sparse.csc_matrix(sides), right, cones, settings)
+    solution = solver.solve()
+    if str(solution.status) not in {"Solved", "AlmostSolved"}:
+        raise SizingError(f"counter-masses did not converge: the conic solver stopped at {solution.status}")
+    parts = np.asarray(solution.x)
+    masses = size * (parts[:count] - parts[count:])
+    near = 1e-6 * max(float(np.abs(masses).max(initial=0.0)), size)
+    masses = np.where(masses > most - near, most, np.where(masses < least + near, least, masses))
+    return np.where(np.abs(masses) < near, 0.0, masses)

@@ -1,0 +1,188 @@
+"""What counter-masses are to make small: the mean square of the shaking force, or of what else is linear in masses.
+
+J(pi) = |factor [pi; 1]|^2, pi the inertial parameters, of which every mass at a site is a multiple. ``factor`` is the
+triangle of a QR decomposition: no square of a condition number enters.
+
+Over a motion, J is the mean of Fx^2 + Fy^2 + Fz^2 over its samples, all alike, weight excluded [N2]. Without a motion,
+over the workspace, J is the mean of p' p / (2 T) over closed states and over all directions of motion there, p the
+linear momentum and T the kinetic energy of the mechanism as its file has it: tr(P M^-1 P') / dof [kg], where p = P u
+and 2 T = u' M u. Neither depends on the base frame, nor on names, order or scale of coordinates.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, product
+
+import numpy as np
+
+from ..arrays import BLOCK, Floats
+from ..closure import Closure, Trajectory
+from ..dynamics.inverse_dynamics import driven_rates, simulate
+from ..dynamics.regressor import driven_torque_regressor, momentum_regressor, torque_regressor, wrench_regressor
+from ..errors import ModelError, SizingError
+from ..mechanism.mechanism import Mechanism
+
+QUANTITIES = {"force": "N", "moment": "Nm", "torque": "Nm"}
+"""What can be made small over a motion, and the unit of its root mean square."""
+_STEP = 0.25
+"""Travel of the fastest joint between two states of the workspace [rad, or lengths of the mechanism]."""
+_TRAVEL = np.pi
+"""Travel of the fastest joint from home [rad, or lengths of the mechanism]."""
+_ALL_COMBINATIONS, _PAIRS = 3, 8
+"""Number of joints up to which they move in all combinations, and in pairs."""
+_DETERMINED = 1e6
+"""Condition number from which driven joints do not determine the mechanism at home."""
+_MASSLESS = 1e-12
+"""Kinetic energy of a direction of motion, relative to the largest, that is rounding."""
+
+
+@dataclass(frozen=True)
+class Objective:
+    """J = |factor [pi; 1]|^2."""
+
+    factor: Floats
+    """(k, 10 nb + 1) [square root of the unit of J per parameter; the last column without]"""
+    unit: str
+    """Of the root of J: N, Nm, or for the workspace the root of kg."""
+
+    def value(self, mechanism: Mechanism) -> float:
+        """J of a mechanism of the same kind with other masses [square of ``unit``]."""
+        return float(np.sum((self.factor @ np.append(mechanism.pi, 1.0)) ** 2))
+
+    def system(self, mechanism: Mechanism, sites: Sequence[str]) -> tuple[Floats, Floats]:
+        """Columns (k, sites) [unit / kg] and target (k,) [unit] with J = |columns m - target|^2, m the masses [kg]."""
+        added = np.array([mechanism.with_counter_mass({name: 1.0}).pi - mechanism.pi for name in sites])
+        return self.factor[:, :-1] @ added.T, -self.factor @ np.append(mechanism.pi, 1.0)
+
+
+def motion_objective(
+    mechanism: Mechanism, trajectory: Trajectory, weights: Mapping[str, float] | None = None
+) -> Objective:
+    """Mean square over the samples of a trajectory; of the force alone, or of several QUANTITIES with their weights.
+
+    Several are each in parts of what they are for ``mechanism``: J = sum of weight times (RMS / RMS without)^2 [-].
+    """
+    weights = weights or {"force": 1.0}
+    parts = [Objective(triangle(_ROWS[name](mechanism, trajectory)), QUANTITIES[name]) for name in weights]
+    return combined(mechanism, parts, list(weights.values()), list(weights))
+
+
+def combined(
+    mechanism: Mechanism, parts: Sequence[Objective], weights: Sequence[float], names: Sequence[str]
+) -> Objective:
+    """One objective of several, each in parts of what it is for ``mechanism``; a single one as it is."""
+    if len(parts) == 1:
+        return parts[0]
+    whole = [part.value(mechanism) for part in parts]
+    if idle := [name for name, value in zip(names, whole, strict=True) if not value > 0.0]:
+        raise SizingError(f"{mechanism.name} has no {idle[0]} in this motion: there is nothing to weigh against")
+    scaled = [part.factor * np.sqrt(w / value) for part, w, value in zip(parts, weights, whole, strict=True)]
+    return Objective(np.asarray(np.linalg.qr(np.vstack(scaled), mode="r")), "1")
+
+
+def triangle(blocks: Iterator[Floats]) -> Floats:
+    """Triangle R (k, k) with R' R the mean over samples of W' W, for blocks of rows W (samples, rows, k), in SI."""
+    count, factor = 0, None
+    for block in blocks:
+        rows = block.reshape(-1, block.shape[2])
+        factor = np.linalg.qr(rows if factor is None else np.vstack([factor, rows]), mode="r")
+        count += len(block)
+    assert factor is not None
+    return factor / np.sqrt(count)
+
+
+def with_constant(rows: Floats, constant: Floats | None = None) -> Floats:
+    """Rows (n, d, 10 nb) and what no parameter changes, (n, d), as (n, d, 10 nb + 1), in SI."""
+    added = np.zeros(rows.shape[:2]) if constant is None else constant
+    return np.concatenate([rows, added[:, :, None]], axis=2)
+
+
+def _parts(trajectory: Trajectory) -> Iterator[tuple[slice, Floats, Floats, Floats]]:
+    for start in range(0, len(trajectory.time), BLOCK):
+        part = slice(start, start + BLOCK)
+        yield part, trajectory.q[part], trajectory.v[part], trajectory.a[part]
+
+
+def _force_rows(mechanism: Mechanism, trajectory: Trajectory) -> Iterator[Floats]:
+    for _, q, v, a in _parts(trajectory):
+        yield with_constant(wrench_regressor(mechanism, q, v, a)[:, :3])
+
+
+def _moment_rows(mechanism: Mechanism, trajectory: Trajectory) -> Iterator[Floats]:
+    for _, q, v, a in _parts(trajectory):
+        yield with_constant(wrench_regressor(mechanism, q, v, a)[:, 3:])
+
+
+def _torque_rows(mechanism: Mechanism, trajectory: Trajectory) -> Iterator[Floats]:
+    """Of the motors; friction and the motors' own inertia are constant."""
+    torque = np.array(list(simulate(mechanism, trajectory).torque.values())).T
+    if not torque.size:
+        raise ModelError(f"{mechanism.name}: its file names no motors in <actuator>: there is no torque to make small")
+    motors = mechanism.driven or mechanism.coordinates
+    for part, q, v, a in _parts(trajectory):
+        rows = driven_torque_regressor(mechanism, q, v, a, driven_rates(mechanism, trajectory.per_drive[part], motors))
+        yield with_constant(rows, torque[part] - rows @ mechanism.pi)
+
+
+_ROWS = {"force": _force_rows, "moment": _moment_rows, "torque": _torque_rows}
+
+
+def workspace_objective(mechanism: Mechanism) -> Objective:
+    """Mean over the workspace of momentum squared per twice the kinetic energy [kg]: see ``workspace_momentum``."""
+    return Objective(triangle(iter([with_constant(workspace_momentum(mechanism))])), "root of kg")
+
+
+def workspace_momentum(mechanism: Mechanism) -> Floats:
+    """W with ``W @ pi`` = linear momentum per root of twice the kinetic energy, (n, 3, 10 nb) [root of kg].
+
+    At each of the ``workspace_states``, along as many directions of motion as there are degrees of freedom, which
+    share no kinetic energy. Raises ModelError where a direction has none.
+    """
+    closure = Closure(mechanism)
+    q, dof = workspace_states(mechanism, closure), closure.dof
+    tangents = closure.tangents(q)
+    states = np.repeat(q, dof, axis=0)
+    along = np.ascontiguousarray(tangents.transpose(0, 2, 1)).reshape(len(states), -1)
+    still = replace(mechanism, gravity=np.zeros(3))
+    torque = (torque_regressor(still, states, np.zeros_like(states), along) @ mechanism.pi).reshape(len(q), dof, -1)
+    inertia = torque @ tangents
+    sizes, turns = np.linalg.eigh(0.5 * (inertia + inertia.transpose(0, 2, 1)))
+    if not (sizes[:, 0] > _MASSLESS * sizes.max()).all():
+        raise ModelError(
+            f"{mechanism.name} can move bodies without mass alone: without a motion its momentum has no measure; give "
+            "one with --motion, or those bodies a mass"
+        )
+    unit = np.einsum("nid,ndk,nk->nki", tangents, turns, 1.0 / np.sqrt(sizes)).reshape(states.shape)
+    return momentum_regressor(mechanism, states, np.ascontiguousarray(unit))[:, :3]
+
+
+def workspace_states(mechanism: Mechanism, closure: Closure) -> Floats:
+    """Closed configurations that stand for the workspace, home first, (n, nv) [rad, m].
+
+    They lie on ways from home: the driven joints (all joints, where those do not determine the mechanism) start at
+    equal rates in all combinations of forwards, backwards and not at all; of more than three of them singly and in
+    pairs, of more than eight singly. A way ends after half a turn or a length of the mechanism, at a limit, or near a
+    singular position.
+    """
+    return closure.rays(_headings(mechanism, closure), _STEP, _TRAVEL)
+
+
+def _headings(mechanism: Mechanism, closure: Closure) -> Floats:
+    """Directions of motion from home, (n, nv): see ``workspace_states``."""
+    tangent = closure.tangents(closure.home[None])[0]
+    driven = [mechanism.coordinate_index(joint) for joint in mechanism.driven]
+    rates = tangent[driven]
+    if len(driven) == closure.dof and np.linalg.cond(rates) < _DETERMINED:
+        single = tangent @ np.linalg.inv(rates)
+    else:
+        single = tangent @ tangent.T
+    count = single.shape[1]
+    most = count if count <= _ALL_COMBINATIONS else 2 if count <= _PAIRS else 1
+    return np.array(
+        [
+            single[:, list(chosen)] @ np.array(signs)
+            for size in range(1, most + 1)
+            for chosen in combinations(range(count), size)
+            for signs in product((1.0, -1.0), repeat=size)
+        ]
+    )

@@ -1,0 +1,130 @@
+"""What counter-masses leave of the shaking force: along which directions, and which bodies would need a site."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from ..arrays import Floats
+from ..mechanism.mechanism import PARAMETERS, Mechanism
+from .sizing import COMPLETE, Sizing
+
+STEPS = 0.05
+"""Share of the shaking force that steps of stock plates may leave where other masses would balance completely."""
+
+_LESS = 1e-3
+"""Part of what is left by which another site must lessen it to be worth naming."""
+
+
+@dataclass(frozen=True)
+class RemainingDirection:
+    """A principal direction of what is left; what is along different ones is uncorrelated."""
+
+    direction: Floats
+    """Unit vector in the base frame, (3,) [-]."""
+    before: float
+    """Root mean square along it without counter-masses [unit of the objective]."""
+    after: float
+    """With them."""
+
+
+def remaining_directions(before: Floats, after: Floats) -> tuple[RemainingDirection, ...]:
+    """Principal directions of what is left, most first, from samples (n, 3) without and with counter-masses [N]."""
+    sizes, axes = np.linalg.eigh(after.T @ after / len(after))
+    found = []
+    for size, axis in zip(sizes[::-1], axes.T[::-1], strict=True):
+        axis = axis * np.sign(axis[np.argmax(np.abs(axis))])
+        found.append(
+            RemainingDirection(axis, float(np.sqrt(np.mean((before @ axis) ** 2))), float(max(size, 0.0) ** 0.5))
+        )
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class NeededSite:
+    """A body that lacks a site at the right place."""
+
+    body: str
+    after: float
+    """Root of the objective that the best masses leave with it, and with those named before it [its unit]."""
+    alternatives: tuple[str, ...] = ()
+    """Other bodies that would do as well in its place."""
+
+
+def needed_sites(sizing: Sizing) -> tuple[NeededSite, ...]:
+    """Bodies where a counter-mass of any mass at any place would lessen what is left, the most helpful first.
+
+    Each with those before it, besides those at the sizing's sites of any mass, until nothing is left or nothing helps.
+    """
+    mechanism, objective = sizing.before, sizing.objective
+    assert objective is not None
+    columns, target = objective.system(mechanism, [c.site for c in sizing.counter_masses])
+    before, left = sizing.root_mean_squares()
+    found: list[NeededSite] = []
+    chosen, bounds = columns, np.zeros(columns.shape[1])
+    while left > COMPLETE * before and len(found) < len(mechanism.bodies):
+        trials = []
+        for body in mechanism.bodies:
+            if body in [one.body for one in found]:
+                continue
+            first = len(PARAMETERS) * mechanism.body_index(body)
+            added = np.hstack([chosen, objective.factor[:, first : first + 4]])
+            least = np.concatenate([bounds, [0.0], np.full(3, -np.inf)])
+            trials.append((_left(added, target, least), body, added, least))
+        after, body, added, least = min(trials, key=lambda trial: trial[0])
+        if not after < (1.0 - _LESS) * left:
+            break
+        left, chosen, bounds = after, added, least
+        others = tuple(name for size, name, *_ in trials if name != body and size <= after + COMPLETE * before)
+        found.append(NeededSite(body, after if after > COMPLETE * before else 0.0, others))
+    return tuple(found)
+
+
+def _left(columns: Floats, target: Floats, least: Floats) -> float:
+    """Root of the least square error with unknowns of at least ``least``."""
+    size = np.linalg.norm(columns, axis=0)
+    used = size > 1e-12 * size.max(initial=0.0)
+    if not used.any():
+        return float(np.linalg.norm(target))
+    unit = columns[:, used] / size[used]
+    return float(np.sqrt(2.0 * lsq_linear(unit, target, (least[used], np.inf), method="bvls", tol=1e-14).cost))
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether counter-masses balance a mechanism completely, and what they leave."""
+
+    balanced: bool
+    attainable: bool
+    """Whether masses of any size at these sites, within their limits, would."""
+    before: float
+    """Root of the objective without counter-masses [its unit]."""
+    after: float
+    """With them."""
+    least: float
+    """What no masses that are allowed are below."""
+    directions: tuple[RemainingDirection, ...]
+    """Empty where it is balanced, or where not the force alone is made small."""
+    needed: tuple[NeededSite, ...]
+    """Empty where masses of any size at these sites would do."""
+
+    @property
+    def has_finding(self) -> bool:
+        """Whether it is not balanced, steps of stock plates aside."""
+        return not self.balanced and not (self.attainable and self.after <= STEPS * self.before)
+
+
+def verdict_of(found: Sizing, any_mass: Sizing, samples: Callable[[Mechanism], Floats] | None) -> Verdict:
+    """The verdict on counter-masses, ``any_mass`` the best ones of any mass at the same sites and within their limits.
+
+    ``samples`` gives the force, or the momentum over the workspace, of a mechanism, (n, 3) [unit of the objective].
+    """
+    before, after = found.root_mean_squares()
+    balanced, attainable = found.is_complete(), any_mass.is_complete()
+    directions = (
+        () if balanced or samples is None else remaining_directions(samples(found.before), samples(found.after))
+    )
+    needed = () if attainable else needed_sites(any_mass)
+    least = after if found.bound is None else min(found.bound**0.5, after)
+    return Verdict(balanced, attainable, before, after, least, directions, needed)

@@ -1,0 +1,369 @@
+"""Which whole plates at which sites: the least square error, proven by a search through all that plates can make.
+
+J(m) = |columns m - target|^2 over masses m that plates make. With m* the best of any masses within the limits and the
+stock's whole mass, g the gradient there and R' R = columns' columns (R triangular),
+
+    J(m) >= J(m*) + g (m - m*) + |R (m - m*)|^2,   each g_i (m_i - m*_i) >= 0,
+
+so that site after site, in the order of R's rows, only masses near the best for those chosen can do better than what
+has been found (Schnorr and Euchner, Math. Programming 66, 1994). A mass is looked at once, however plates make it;
+which plates remain is carried along, so that no plate is used twice.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Floats, Indices
+from .least_masses import distribute_masses
+
+TIME_LIMIT_S = 8.0
+"""Longest search [s]; then the best that was found is given with its gap."""
+_ROUNDING = 1e-9
+"""Masses that differ by less, relative to all plates, are one."""
+_MOST_PILES, _MOST_CHOSEN = 2_000_000, 5_000
+"""Piles of plates that are all looked at; of more, as many at a time as the second number."""
+_TURN_S = 1.0
+"""Longest search for one such part of the plates [s]."""
+_GOOD = 2e-7
+"""Of the bound, by which J may exceed it where the search ends."""
+_MOST_MASSES = 300_000
+_MOST_COMPARED = 300
+"""Rows that are compared with each other."""
+_TIE = 1e-12
+"""Difference of J, relative to J without counter-masses, that is rounding: the lighter is better then."""
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Plates at sites."""
+
+    counts: Indices
+    """Of each kind at each site, (sites, kinds)."""
+    masses: Floats
+    """(sites,) [kg]"""
+    value: float
+    """J [square of the target's unit]."""
+
+
+@dataclass(frozen=True)
+class StockOptimum:
+    """The best selections, best first, and a bound that no selection is below."""
+
+    selections: tuple[Selection, ...]
+    bound: float
+    """J of no selection is less than this; that of the first where the search was complete."""
+
+    @property
+    def gap(self) -> float:
+        """By how much the first may exceed the least of all."""
+        return max(self.selections[0].value - self.bound, 0.0)
+
+
+def best_plates(
+    columns: Floats,
+    target: Floats,
+    masses: Floats,
+    quantities: Indices,
+    limits: Floats | None = None,
+    equal: Sequence[Sequence[int]] = (),
+    best: int = 1,
+) -> StockOptimum:
+    """Plates at the sites of least |columns m - target|^2; of equals the lightest.
+
+    ``columns`` (rows, sites), ``target`` (rows,); kinds of plates have ``masses`` (kinds,) [kg] and ``quantities``
+    (kinds,), for all sites together; ``limits`` (sites,) [kg]. Sites whose indices are in one group of ``equal`` carry
+    equal masses. The ``best`` few sets of masses are given.
+    """
+    sites = columns.shape[1]
+    groups = [[i] for i in range(sites) if not any(i in group for group in equal)] + [list(group) for group in equal]
+    most = np.full(sites, np.inf) if limits is None else limits
+    used = quantities > 0
+    search = _Search(
+        columns, target, masses[used], quantities[used], most, groups, best, time.monotonic() + TIME_LIMIT_S
+    )
+    piles = float(np.prod(quantities + 1.0))
+    listed = piles <= _MOST_PILES
+    found = [_improved(search, 0.2 if listed else 1.0)] if piles > _MOST_CHOSEN else []
+    if listed:
+        found = search.run(found)
+    value = found[0].value
+    proven = listed and not search.late
+    whole = [Selection(_padded(one.counts, used), one.masses, one.value) for one in found]
+    return StockOptimum(tuple(whole), value if proven else max(min(search.relaxed, value), 0.0))
+
+
+def _padded(counts: Indices, used: NDArray[np.bool_]) -> Indices:
+    """Plates of all kinds (sites, kinds), from those of the kinds ``used``."""
+    whole = np.zeros((len(counts), len(used)), dtype=np.intp)
+    whole[:, used] = counts
+    return whole
+
+
+def _improved(search: "_Search", share: float) -> Selection:
+    """A good selection from many plates, until it is as good as the bound or a ``share`` of the time is up.
+
+    From what is found first, some kinds of plates at a time are distributed anew, to the optimum of those.
+    """
+    best, rng = search.selection(_first_counts(search)), np.random.default_rng(0)
+    by_mass = np.argsort(search.plates, kind="stable")
+    now = time.monotonic()
+    deadline = now + share * (search.deadline - now)
+    while not search.is_good(best.value) and time.monotonic() < deadline:
+        drawn = by_mass[rng.permutation(len(by_mass))]
+        drawn = drawn[np.cumprod(search.quantities[drawn] + 1.0) <= _MOST_CHOSEN]
+        kept = best.counts.copy()
+        kept[:, drawn] = 0
+        made = kept @ search.plates
+        if any(np.ptp(made[list(group)]) > search.edge for group in search.groups):
+            continue
+        part = _Search(
+            search.columns, search.target - search.columns @ made, search.plates[drawn], search.quantities[drawn],
+            np.maximum(search.limits - made, 0.0), search.groups, 1, min(deadline, time.monotonic() + _TURN_S),
+        )  # fmt: skip
+        part.found = [(best.value, 0.0, ())]
+        for found in part.run([]):
+            kept[:, drawn] = found.counts
+            best = search.selection(kept)
+    return best
+
+
+def _first_counts(search: "_Search") -> Indices:
+    """Plates, the heaviest first, each where it makes J least, (sites, kinds)."""
+    counts, rest = np.zeros((search.columns.shape[1], len(search.plates)), dtype=np.intp), search.target.copy()
+    for kind in np.argsort(-search.plates, kind="stable"):
+        steps = search.plates[kind] * search.columns @ search.share
+        for _ in range(search.quantities[kind]):
+            change = np.sum(steps**2, axis=0) - 2.0 * rest @ steps
+            made = counts @ search.plates + search.plates[kind]
+            left = search.quantities[kind] - counts[:, kind].sum()
+            fits = [len(g) <= left and (made[list(g)] <= search.limits[list(g)]).all() for g in search.groups]
+            k = int(np.argmin(np.where(fits, change, 0.0)))
+            if not fits[k] or change[k] >= 0.0:
+                break
+            counts[list(search.groups[k]), kind] += 1
+            rest -= steps[:, k]
+    return counts
+
+
+@dataclass
+class _Search:
+    """Selections of plates; sites that carry equal masses are one group, k below."""
+
+    columns: Floats
+    target: Floats
+    plates: Floats
+    quantities: Indices
+    limits: Floats
+    groups: Sequence[Sequence[int]]
+    best: int
+    deadline: float
+    found: list[tuple[float, float, tuple[float, ...]]] = field(default_factory=list)
+    """J, mass and masses of the best, best first."""
+    late: bool = False
+    """Whether time was up before the search was complete."""
+
+    def __post_init__(self) -> None:
+        """Find the best of any masses, from which the search goes."""
+        self.share = np.zeros((self.columns.shape[1], len(self.groups)))
+        for k, group in enumerate(self.groups):
+            self.share[group, k] = 1.0
+        self.total = float(self.plates @ self.quantities)
+        self.edge = _ROUNDING * max(self.total, 1e-12)
+        self.tie = _TIE * (float(np.sum(self.target**2)) or 1.0)
+        columns, weight = self.columns @ self.share, self.share.sum(axis=0)
+        most = [min(self.limits[list(g)].min(), self.total / len(g)) for g in self.groups]
+        upper = np.array([_largest_mass(self.plates, self.quantities, limit, self.edge) for limit in most])
+        centre, self.price, gap = _relaxed(columns, self.target, upper, weight, self.total)
+        slack = self.price * (self.total - weight @ centre)
+        self.relaxed = float(np.sum((columns @ centre - self.target) ** 2)) - slack - gap
+        gradient = 2.0 * columns.T @ (columns @ centre - self.target) + self.price * weight
+        pushed = np.where(centre <= 0.0, gradient.clip(min=0.0), np.where(centre >= upper, gradient.clip(max=0.0), 0.0))
+        order = _search_order(columns)
+        self.order, self.centre, self.gradient = order, centre[order], pushed[order]
+        padded = np.vstack([columns[:, order], np.zeros((len(order), len(order)))])
+        self.triangle: Floats = np.asarray(np.linalg.qr(padded, mode="r"))
+        self.weight, self.upper = weight[order], upper[order]
+
+    def run(self, known: Sequence[Selection]) -> list[Selection]:
+        """Search through all masses that piles of plates make; some selections are ``known``."""
+        self.sums, self.piles = _piles(self.plates, self.quantities, self.edge)
+        distinct = self.sums[np.concatenate([[True], np.diff(self.sums) > self.edge])]
+        self.reachable = [distinct[distinct <= upper + self.edge] for upper in self.upper]
+        sites = [self.groups[k][0] for k in self.order]
+        for masses in [np.zeros(len(sites)), *(one.masses[sites] for one in known)]:
+            self._offer(masses)
+        self._descend(len(self.order) - 1, np.zeros(len(self.order)), 0.0, self.quantities[None])
+        return [self._selection(chosen) for _, _, chosen in self.found if chosen]
+
+    def _selection(self, chosen: tuple[float, ...]) -> Selection:
+        counts = self._taken(self.share[:, self.order] @ np.array(chosen), self.quantities)
+        assert counts is not None
+        return self.selection(counts)
+
+    def selection(self, counts: Indices) -> Selection:
+        """The selection of plates ``counts`` (sites, kinds)."""
+        made = counts @ self.plates
+        return Selection(counts, made, float(np.sum((self.columns @ made - self.target) ** 2)))
+
+    def is_good(self, value: float) -> bool:
+        """Whether J is so near the bound that no selection can be better by what counts."""
+        return value <= self.relaxed * (1.0 + _GOOD) + self.tie
+
+    def _descend(self, level: int, offset: Floats, cost: float, left: Indices) -> None:
+        """Choose the mass of one site after the other; ``offset`` from the centre, ``left`` which plates may remain."""
+        row, times = self.triangle[level], round(self.weight[level])
+        pull = float(row[level + 1 :] @ offset[level + 1 :])
+        masses = self._window(level, pull, cost)
+        steps = masses - self.centre[level]
+        costs = cost + (row[level] * steps + pull) ** 2 + self.gradient[level] * steps
+        if level == 0:
+            chosen = self.weight[1:] @ (self.centre + offset)[1:] + self.weight[0] * masses
+            costs = costs + self.price * (self.total - chosen)
+        for k in np.lexsort((masses, costs)):
+            if costs[k] > self._budget() or self.late or (level == 0 and self.is_good(self._worst())):
+                return
+            if time.monotonic() > self.deadline:
+                self.late = True
+                return
+            offset[level] = steps[k]
+            if level == 0 and not self._is_better(self.relaxed + float(costs[k]), self.centre + offset):
+                continue
+            rest = self._left(left, float(masses[k]), times)
+            if len(rest) and level:
+                self._descend(level - 1, offset, float(costs[k]), rest)
+            elif len(rest):
+                self._offer(self.centre + offset)
+        offset[level] = 0.0
+
+    def _window(self, level: int, pull: float, cost: float) -> Floats:
+        """Masses of a site that may lead to a better selection, rising."""
+        masses, left = self.reachable[level], self._budget() - cost
+        reach, steep, centre = abs(self.triangle[level, level]), self.gradient[level], self.centre[level]
+        low, high = 0.0, np.inf
+        if reach > 1e-9 * float(np.abs(self.triangle).max()):
+            middle = centre - pull / self.triangle[level, level]
+            low, high = middle - np.sqrt(max(left, 0.0)) / reach, middle + np.sqrt(max(left, 0.0)) / reach
+        if steep:
+            low, high = (
+                (low, min(high, centre + left / steep)) if steep > 0.0 else (max(low, centre + left / steep), high)
+            )
+        first, last = np.searchsorted(masses, [low - self.edge, high + self.edge])
+        return masses[first:last]
+
+    def _worst(self) -> float:
+        return self.found[-1][0] if len(self.found) >= self.best else np.inf
+
+    def _budget(self) -> float:
+        """What J may be above that of the centre, for a selection that is worth to be found."""
+        return self._worst() - self.relaxed + self.tie
+
+    def _value(self, masses: Floats) -> float:
+        return float(np.sum((self.columns @ (self.share[:, self.order] @ masses) - self.target) ** 2))
+
+    def _is_better(self, value: float, masses: Floats) -> bool:
+        worst = self._worst()
+        return value < worst - self.tie or (
+            value <= worst + self.tie and self.weight @ masses < self.found[-1][1] - self.edge
+        )
+
+    def _offer(self, masses: Floats) -> None:
+        entry = (self._value(masses), float(self.weight @ masses), tuple(np.abs(masses)))
+        if any(np.allclose(entry[2], other[2], rtol=0.0, atol=self.edge) for other in self.found if other[2]):
+            return
+        better = [
+            o for o in self.found if o[0] < entry[0] - self.tie or (o[0] <= entry[0] + self.tie and o[1] <= entry[1])
+        ]
+        self.found.insert(len(better), entry)
+        del self.found[self.best :]
+
+    def _left(self, left: Indices, mass: float, times: int) -> Indices:
+        """Which plates may remain (n, kinds) when ``mass`` is taken ``times`` from what may be ``left``."""
+        chosen = self._piles_of(mass)
+        for _ in range(times):
+            rest = (left[:, None] - chosen[None]).reshape(len(left) * len(chosen), left.shape[1])
+            left = _undominated(np.unique(rest[(rest >= 0).all(axis=1)], axis=0))
+        return left
+
+    def _taken(self, masses: Floats, left: Indices) -> Indices | None:
+        """Plates that make the masses (sites,), site after site, (sites, kinds); None where those ``left`` do not."""
+        if not len(masses):
+            return np.zeros((0, len(left)), dtype=np.intp)
+        piles = self._piles_of(float(masses[0]))
+        for pile in piles[(piles <= left).all(axis=1)]:
+            rest = self._taken(masses[1:], left - pile)
+            if rest is not None:
+                return np.vstack([pile[None], rest])
+        return None
+
+    def _piles_of(self, mass: float) -> Indices:
+        """Piles of plates that have a mass, those of few plates first, (n, kinds)."""
+        first, last = np.searchsorted(self.sums, [mass - self.edge, mass + self.edge])
+        return self.piles[first:last]
+
+
+def _relaxed(
+    columns: Floats, target: Floats, upper: Floats, weight: Floats, total: float
+) -> tuple[Floats, float, float]:
+    """Masses of any size of least J with ``weight`` @ masses <= ``total`` [kg], the price of that bound, and a gap.
+
+    The price p is its multiplier: J + p (weight @ masses - total) has its least there without that bound.
+    """
+    best = distribute_masses(columns, target, upper)
+    if weight @ best.masses <= total or np.linalg.matrix_rank(columns) < len(weight):
+        return best.masses, 0.0, best.gap
+    slope = 0.5 * np.linalg.pinv(columns.T) @ weight
+    low, high = 0.0, float(2.0 * np.abs(columns.T @ target).max() / weight.min())
+    for _ in range(60):
+        price = 0.5 * (low + high)
+        best = distribute_masses(columns, target - price * slope, upper)
+        low, high = (price, high) if weight @ best.masses > total else (low, price)
+    return best.masses, price, best.gap
+
+
+def _search_order(columns: Floats) -> list[int]:
+    """Sites, the one that is chosen first last: that whose effect is least like that of the others."""
+    rest, order = list(range(columns.shape[1])), list[int]()
+    while rest:
+        apart = [
+            float(np.linalg.lstsq(columns[:, [j for j in rest if j != k]], columns[:, k], rcond=None)[1].sum())
+            if len(rest) > 1
+            else 0.0
+            for k in rest
+        ]
+        order.insert(0, rest.pop(int(np.argmax(apart))))
+    return order
+
+
+def _piles(plates: Floats, quantities: Indices, edge: float) -> tuple[Floats, Indices]:
+    """All piles of plates by mass, (n,) [kg] and (n, kinds); of one mass, to ``edge`` [kg], few plates first."""
+    piles = np.indices(tuple(quantities + 1), dtype=np.int16).reshape(len(quantities), int(np.prod(quantities + 1))).T
+    sums = piles @ plates
+    order = np.argsort(sums, kind="stable")
+    piles, sums = piles[order], sums[order]
+    same = np.cumsum(np.concatenate([[0], np.diff(sums) > edge]))
+    order = np.lexsort((piles.sum(axis=1), same))
+    return sums[order], piles[order]
+
+
+def _largest_mass(plates: Floats, quantities: Indices, limit: float, edge: float) -> float:
+    """The largest mass up to ``limit`` [kg] that plates make; the limit itself where they make too many to list."""
+    sums = np.zeros(1)
+    for mass, quantity in zip(plates, quantities, strict=True):
+        sums = np.add.outer(sums, mass * np.arange(quantity + 1)).ravel()
+        sums = np.sort(sums[sums <= limit + edge])
+        sums = sums[np.concatenate([[True], np.diff(sums) > edge])]
+        if len(sums) > _MOST_MASSES:
+            return limit
+    return float(sums[-1])
+
+
+def _undominated(left: Indices) -> Indices:
+    """Rows (n, kinds) that no other row exceeds in every kind."""
+    if len(left) > _MOST_COMPARED:
+        return left
+    less: NDArray[np.bool_] = np.all(left[:, None] <= left[None], axis=2)
+    return left[less.sum(axis=1) == 1]

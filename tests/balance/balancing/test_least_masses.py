@@ -1,0 +1,140 @@
+"""Masses of least square error: optimality, and how equals are decided."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from balance.balancing import stock_search
+from balance.balancing.least_masses import distribute_masses
+from balance.balancing.stock_search import best_plates
+
+TWO_ARMS = np.array([[0.1, 0.2, 0.0, 0.0], [0.0, 0.0, 0.1, 0.1]])
+"""Two sites at 0.1 m and 0.2 m on one arm, two at 0.1 m on the other."""
+
+
+@pytest.mark.parametrize("removable", [False, True])
+def test_the_lightest_and_among_equals_even(removable):
+    """The far site carries all of its arm's mass; equivalent sites share it evenly."""
+    found = distribute_masses(TWO_ARMS, np.array([0.3, 0.4]), removable=removable)
+    assert found.masses == pytest.approx([0.0, 1.5, 2.0, 2.0], abs=1e-9)
+
+
+def test_limits():
+    """What a limited site cannot carry goes to the next."""
+    found = distribute_masses(TWO_ARMS, np.array([0.3, 0.4]), np.array([9.0, 1.0, 1.0, 9.0]))
+    assert found.masses == pytest.approx([1.0, 1.0, 1.0, 3.0], abs=1e-9)
+
+
+def test_masses_are_taken_away_only_where_they_may_be():
+    """Too much on an arm: nothing is mounted there, or mass is removed where that takes least."""
+    target = np.array([-0.3, 0.4])
+    assert distribute_masses(TWO_ARMS, target).masses == pytest.approx([0.0, 0.0, 2.0, 2.0], abs=1e-9)
+    removed = distribute_masses(TWO_ARMS, target, removable=True).masses
+    assert removed == pytest.approx([0.0, -1.5, 2.0, 2.0], abs=1e-9)
+
+
+def test_masses_change_with_the_target_as_stated():
+    """A small change of the target moves the masses by their slopes."""
+    target, change = np.array([0.3, 0.4]), np.array([0.001, -0.002])
+    before, after = (distribute_masses(TWO_ARMS, t, removable=True) for t in (target, target + change))
+    assert after.masses - before.masses == pytest.approx(before.per_target @ change, abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_optimality(seed):
+    """Bounds, scales over six decades: the Karush-Kuhn-Tucker conditions hold, and the gap is as small."""
+    rng = np.random.default_rng(seed)
+    sites = int(rng.integers(1, 7))
+    columns = rng.normal(size=(int(rng.integers(2, 9)), sites)) * 10.0 ** rng.uniform(-3.0, 3.0, sites)
+    target, upper = (
+        rng.normal(size=len(columns)),
+        np.where(rng.random(sites) < 0.5, rng.uniform(0.0, 1.0, sites), np.inf),
+    )
+    upper = upper / np.linalg.norm(columns, axis=0)
+    found = distribute_masses(columns, target, upper)
+    gradient = columns.T @ (columns @ found.masses - target) / np.linalg.norm(columns, axis=0)
+    assert ((found.masses >= 0.0) & (found.masses <= upper)).all()
+    at = np.where(
+        found.masses <= 0.0, gradient.clip(max=0.0), np.where(found.masses >= upper, gradient.clip(min=0.0), gradient)
+    )
+    np.testing.assert_allclose(at, 0.0, atol=1e-12)  # a gradient of unit columns, times the condition number
+    assert found.gap < 1e-20
+
+
+def by_looking_at_all(columns, target, masses, quantities, limits, equal):
+    """Least square error and mass of all selections of plates."""
+    kinds = [list(one) for one in product(*(range(q + 1) for q in quantities))]
+    found = []
+    for rows in product(kinds, repeat=columns.shape[1]):
+        counts = np.array(rows)
+        made = counts @ masses
+        fits = (counts.sum(axis=0) <= quantities).all() and (made <= limits + 1e-9).all()
+        if fits and all(np.ptp(made[group]) < 1e-9 for group in equal):
+            found.append((round(float(np.sum((columns @ made - target) ** 2)), 9), round(float(made.sum()), 9)))
+    return sorted(set(found))
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_plates_are_the_best_of_all(seed):
+    """Random stocks, limits, equal sites, few rows: no selection is better, nor as good and lighter."""
+    rng = np.random.default_rng(seed)
+    sites = int(rng.integers(1, 4))
+    columns = rng.normal(size=(int(rng.integers(1, 6)), sites))
+    target = 10.0 * rng.normal(size=len(columns))
+    kinds = int(rng.integers(1, 4))
+    masses, quantities = np.round(rng.uniform(0.3, 5.0, kinds), 2), rng.integers(0, 3, kinds)
+    limits = np.where(rng.random(sites) < 0.5, rng.uniform(0.0, 6.0, sites), np.inf)
+    equal = [[0, 1]] if sites > 1 and seed % 3 == 0 else []
+    found = best_plates(columns, target, masses, quantities, limits, equal)
+    all_of_them = by_looking_at_all(columns, target, masses, quantities, limits, equal)
+    best = found.selections[0]
+    assert (best.value, best.masses.sum()) == pytest.approx(all_of_them[0], abs=1e-8)
+    assert found.gap == 0.0
+    assert (best.counts.sum(axis=0) <= quantities).all()
+
+
+def test_the_best_few():
+    """The first five, in order, of all that plates can make."""
+    columns, target = np.array([[1.0, 0.3], [0.0, 0.9]]), np.array([3.1, 2.2])
+    masses, quantities = np.array([0.5, 1.2]), np.array([3, 2])
+    found = best_plates(columns, target, masses, quantities, best=5)
+    every = by_looking_at_all(columns, target, masses, quantities, np.full(2, np.inf), [])
+    assert [one.value for one in found.selections] == pytest.approx([value for value, _ in every[:5]], abs=1e-8)
+
+
+def test_forty_plates_at_four_sites_with_limits_are_proven():
+    """Five kinds of eight, weighed to a gram: the bound is reached, well within the time."""
+    rng = np.random.default_rng(1)
+    columns = np.linalg.qr(rng.normal(size=(8, 4)), mode="r") @ np.diag(rng.uniform(2.0, 10.0, 4))
+    masses, quantities = np.round(rng.uniform(0.2, 2.5, 5), 3), np.full(5, 8)
+    wanted = np.array([7.8, 7.0, 9.3, 8.7])
+    target = columns @ wanted + rng.normal(size=4)
+    found = best_plates(columns, target, masses, quantities, np.array([5.46, np.inf, 13.3, np.inf]))
+    assert found.gap == 0.0
+    assert found.selections[0].masses[0] <= 5.46
+
+
+def test_a_search_that_is_not_finished_states_its_gap(monkeypatch):
+    """Twenty kinds of plates of any mass, no time: what is found is good, and its bound is below it."""
+    monkeypatch.setattr(stock_search, "TIME_LIMIT_S", 0.3)
+    rng = np.random.default_rng(3)
+    columns = rng.normal(size=(5, 3))
+    masses = rng.uniform(0.2, 2.5, 20)
+    target = columns @ np.array([5.0, 8.0, 3.0]) + 0.3 * rng.normal(size=5)
+    found = best_plates(columns, target, masses, np.full(20, 2))
+    least = distribute_masses(columns, target)
+    bound = np.sum((columns @ least.masses - target) ** 2)
+    assert bound * (1.0 - 1e-9) <= found.bound <= found.selections[0].value
+    assert found.selections[0].value < bound + 0.05 * np.sum(target**2)
+
+
+def test_sets_for_several_loads_are_the_best_of_all_that_grow():
+    """Two loads, two sites: what the sets add is one selection of plates, so the sum of both errors is least."""
+    rng = np.random.default_rng(5)
+    columns, loads = rng.uniform(0.5, 2.0, (3, 2)), np.cumsum(rng.uniform(1.0, 6.0, (2, 3)), axis=0)
+    stacked = np.block([[columns, np.zeros_like(columns)], [columns, columns]])
+    masses, quantities = np.array([1.1, 2.3]), np.array([2, 2])
+    found = best_plates(stacked, loads.ravel(), masses, quantities).selections[0]
+    every = by_looking_at_all(stacked, loads.ravel(), masses, quantities, np.full(4, np.inf), [])
+    assert (found.value, found.masses.sum()) == pytest.approx(every[0], abs=1e-8)

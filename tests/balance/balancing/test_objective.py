@@ -1,0 +1,136 @@
+"""What is made small: physics, and independence of how a mechanism is written."""
+
+import numpy as np
+import pytest
+
+from balance import balancing
+from balance.balancing.conditions import balance_conditions
+from balance.balancing.objective import motion_objective, workspace_objective
+from balance.balancing.remaining_force import verdict_of
+from balance.cli.options import follow_motion
+from balance.dynamics.inverse_dynamics import simulate
+
+from .. import models
+
+FIVE_BAR = """<mujoco model="five-bar"><compiler angle="radian"/><worldbody><body name="base">{arms}</body></worldbody>
+<equality><connect name="tool" site1="end_{a}" site2="end_{b}"/></equality><actuator>{motors}</actuator>
+<keyframe><key name="home" qpos="{home}"/></keyframe></mujoco>"""
+ARM = """<body name="crank_{n}" pos="{x} 0 0"><joint name="{n}" axis="0 0 1"/>
+<inertial pos="0.08 0 0" mass="{m}" diaginertia="0.001 0.001 0.001"/><site name="counter_{n}" pos="-0.06 0 0"/>
+<body name="rod_{n}" pos="0.16 0 0"><joint name="elbow_{n}" axis="0 0 1"/>
+<inertial pos="0.12 0 0" mass="0.35" diaginertia="0.001 0.001 0.001"/><site name="end_{n}" pos="0.24 0 0"/>
+</body></body>"""
+
+
+def five_bar(order="lr", masses=(0.42, 0.5)):
+    """A five-bar with its arms in either order in the file; mirror-symmetric where both masses are equal."""
+    half, crank, rod, angle = 0.1, 0.16, 0.24, 1.9
+    elbow = np.array([-half, 0.0]) + crank * np.array([np.cos(angle), np.sin(angle)])
+    lift = np.arccos(-elbow[0] / rod)
+    home = {"l": (angle, lift - angle), "r": (np.pi - angle, angle - lift)}
+    given = {"l": (-half, masses[0]), "r": (half, masses[1])}
+    return models.model(
+        FIVE_BAR.format(
+            arms="".join(ARM.format(n=n, x=given[n][0], m=given[n][1]) for n in order),
+            a=order[0],
+            b=order[1],
+            motors="".join(f'<motor name="m_{n}" joint="{n}"/>' for n in order),
+            home=" ".join(f"{value:.17g}" for n in order for value in home[n]),
+        )
+    )
+
+
+def masses_of(mechanism):
+    """Masses by site over the workspace."""
+    sized = balancing.exact_sizing(balance_conditions(mechanism), mechanism)
+    return {c.site: c.mass for c in sized.counter_masses}
+
+
+def test_the_order_in_the_file_does_not_matter():
+    """Incomplete balance of unequal arms: the same masses, whichever arm is written first."""
+    there, back = masses_of(five_bar("lr")), masses_of(five_bar("rl"))
+    assert set(there) == set(back) == {"counter_l", "counter_r"}
+    assert back == pytest.approx(there, rel=1e-9)  # closed to 1e-12 of its size, and as well conditioned
+    assert abs(there["counter_l"] - there["counter_r"]) > 0.1
+
+
+def test_a_symmetric_mechanism_gets_symmetric_masses():
+    """Mirror images carry the same mass."""
+    masses = masses_of(five_bar(masses=(0.42, 0.42)))
+    assert masses["counter_l"] == pytest.approx(masses["counter_r"], rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["parallelogram-6bar", "four-bar", "serial-3r"])
+def test_the_objective_of_a_motion_is_the_mean_square_that_simulation_gives(name):
+    """Force, moment and torque, with any counter-masses: by the triangle and by inverse dynamics."""
+    mechanism = models.load(name)
+    trajectory = follow_motion(mechanism, {"parallelogram-6bar": "x"}.get(name, name))
+    mounted = mechanism.with_counter_mass(dict.fromkeys(mechanism.counter_sites, 1.7))
+    response = simulate(mounted, trajectory)
+    torque = np.array(list(response.torque.values())).T
+    for quantity, samples in (("force", response.force), ("moment", response.moment), ("torque", torque)):
+        expected = np.mean(np.sum(samples**2, axis=1))
+        found = motion_objective(mechanism, trajectory, {quantity: 1.0}).value(mounted)
+        assert found == pytest.approx(expected, rel=1e-9)
+
+
+def test_several_quantities_are_weighed_by_what_they_are_without_counter_masses():
+    """Without counter-masses, J is the sum of the weights."""
+    mechanism = models.load("four-bar")
+    trajectory = follow_motion(mechanism, "four-bar")
+    objective = motion_objective(mechanism, trajectory, {"force": 1.0, "moment": 2.0, "torque": 0.5})
+    assert objective.value(mechanism) == pytest.approx(3.5, rel=1e-12)
+
+
+def test_the_momentum_of_a_pendulum_per_kinetic_energy():
+    """A body on a pivot: p' p / (2 T) = (m c)^2 / I, in every position."""
+    mechanism = models.load("serial-1r")
+    row = mechanism.parameters[0]
+    assert workspace_objective(mechanism).value(mechanism) == pytest.approx(row[1] ** 2 / row[9], rel=1e-12)
+
+
+def test_it_does_not_depend_on_the_scale_of_masses():
+    """All masses doubled: the momentum per kinetic energy doubles, and so do the counter-masses."""
+    text = models.load("four-bar").text
+    once = models.model(text)
+    twice = once.with_payload({body: 2.0 * once.mass(body) for body in once.bodies})
+    assert workspace_objective(twice).value(twice) == pytest.approx(
+        2.0 * workspace_objective(once).value(once), rel=1e-9
+    )
+
+
+def test_what_remains_and_which_body_lacks_a_site():
+    """A four-bar with a site on its crank alone: directions of the force; the coupler or the rocker lacks one."""
+    mechanism = models.load("four-bar")
+    trajectory = follow_motion(mechanism, "four-bar")
+    objective = motion_objective(mechanism, trajectory)
+    sized = balancing.exact_sizing(balance_conditions(mechanism), mechanism, ["counter_A0A"], objective=objective)
+    for other in (0.0, 1.0, 1.658, 2.17):
+        assert objective.value(mechanism.with_counter_mass({"counter_A0A": other})) > objective.value(sized.after)
+    verdict = verdict_of(sized, sized, lambda one: simulate(one, trajectory).force)
+    assert not verdict.balanced
+    assert verdict.has_finding
+    response = simulate(sized.after, trajectory).force
+    assert sum(one.after**2 for one in verdict.directions) == pytest.approx(verdict.after**2, rel=1e-9)
+    assert np.mean((response @ verdict.directions[0].direction) ** 2) == pytest.approx(verdict.directions[0].after ** 2)
+    assert [({one.body, *one.alternatives}, one.after) for one in verdict.needed] == [({"AB", "B0B"}, 0.0)]
+
+
+def test_complete_balance_needs_nothing():
+    """Both sites of the four-bar: nothing remains."""
+    mechanism = models.load("four-bar")
+    sized = balancing.exact_sizing(balance_conditions(mechanism), mechanism)
+    verdict = verdict_of(sized, sized, None)
+    assert (verdict.balanced, verdict.needed, verdict.directions, verdict.has_finding) == (True, (), (), False)
+
+
+def test_equal_masses():
+    """Sites of one group carry the same mass, which is the best that is the same."""
+    mechanism = five_bar()
+    found = balance_conditions(mechanism)
+    sized = balancing.exact_sizing(found, mechanism, equal=[("counter_l", "counter_r")])
+    one, other = (c.mass for c in sized.counter_masses)
+    assert one == other
+    for step in (-1e-3, 1e-3):
+        mounted = mechanism.with_counter_mass(dict.fromkeys(("counter_l", "counter_r"), one + step))
+        assert sized.objective.value(mounted) > sized.objective.value(sized.after)
