@@ -1,6 +1,7 @@
 """``balance simulate``, ``balance conditions`` and ``balance check``."""
 
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from ..arrays import Floats
     from ..balancing import Sizing
     from ..balancing.conditions import Conditions
+    from ..balancing.feasibility import Feasibility
     from ..closure import Trajectory
     from ..dynamics.reactions import Reactions
     from ..mechanism.mechanism import Mechanism
@@ -194,7 +196,8 @@ BALANCED_KGM = 1e-6
 Examples:
   balance conditions parallelogram-6bar
   balance conditions four-bar.xml --counter counter_A0A=1.074kg --json
-  balance conditions parallelogram-6bar-full --momentum planar"""
+  balance conditions parallelogram-6bar-full --momentum planar
+  balance conditions four-bar --moment"""
 )
 @options.mechanism_argument
 @options.payload_option
@@ -202,28 +205,36 @@ Examples:
 @click.option(
     "--momentum",
     type=click.Choice(["linear", "planar", "all"]),
-    default="linear",
-    show_default=True,
-    help="Which momentum stays zero: linear; with the angular one about z; with all three angular ones.",
+    help="Which momentum stays zero: linear; with the angular one about z; with all three angular ones.  "
+    "[default: linear]",
+)
+@click.option(
+    "--moment", is_flag=True, help="Force and moment together (all momenta), and whether positive masses can meet both."
 )
 @json_option
 def conditions(
     mechanism: str,
     payload: tuple[tuple[str, float], ...],
     counter: tuple[tuple[str, float], ...],
-    momentum: str,
+    momentum: str | None,
+    moment: bool,
     as_json: bool,
 ) -> None:
     """Find the conditions that balance MECH, and their present values.
 
     MECH is the name of a shipped mechanism or a MJCF, URDF or SDF file. Balanced is where every left-hand side is
-    zero; mcx[A] is the first moment of mass of body A along x of its own frame, m[A] its mass.
+    zero; mcx[A] is the first moment of mass of body A along x of its own frame, m[A] its mass. With --moment the exit
+    code is 3 where no positive masses, wherever they are added on the bodies, can meet all conditions.
     """
     from ..balancing.conditions import balance_conditions
+    from ..balancing.feasibility import feasibility
+
+    momentum = momentum or ("all" if moment else "linear")
 
     model = options.load_mechanism_option(mechanism, payload).with_counter_mass(options.distinct(counter, "--counter"))
     found = balance_conditions(model, momentum)
     values, model = found.values(), found.mechanism
+    possible = feasibility(found) if moment else None
     if as_json:
         emit_json(
             {
@@ -240,8 +251,9 @@ def conditions(
                 "balanced": found.is_balanced(BALANCED_KGM),
                 "balanced_tolerance_kgm": BALANCED_KGM,
             }
+            | ({"positive_masses": asdict(possible)} if possible else {})
         )
-        return
+        sys.exit(EXIT_WITH_FINDINGS if possible and possible.status != "possible" else 0)
     kept, dropped = found.singular_values
     click.echo(
         f"{model.name}: {found.dof} degree{'s' * (found.dof != 1)} of freedom, {found.rank} conditions "
@@ -254,6 +266,22 @@ def conditions(
     click.echo(
         f"\n{'Balanced' if found.is_balanced(BALANCED_KGM) else 'Not balanced'}: largest first-moment residual "
         f"{found.residual():.4g} kg m (balanced means at most {BALANCED_KGM:g} kg m)."
+    )
+    if possible:
+        _print_feasibility(possible)
+        sys.exit(EXIT_WITH_FINDINGS if possible.status != "possible" else 0)
+
+
+def _print_feasibility(possible: "Feasibility") -> None:
+    """Whether positive masses can meet the conditions, and what forbids it."""
+    click.echo(
+        {
+            "possible": "Positive masses at suitable places of the bodies meet all of them.",
+            "undecided": "Whether positive masses can meet all of them was not decided: the solver proves neither.",
+            "forbidden": f"Positive masses cannot meet all of them. They ask for\n  {possible.text}\n"
+            f"which no mass on any body lowers; it is {possible.value:.4g} now. Only bodies that move or turn the "
+            "other way can, such as counter-rotating inertias.",
+        }[possible.status]
     )
 
 

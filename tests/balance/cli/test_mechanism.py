@@ -55,6 +55,19 @@ def test_reactions_are_in_table_document_and_series(balance, tmp_path):
         assert sizes["force_N"]["peak"] >= sizes["Fx_N"]["peak"] == np.abs(table[f"reaction_{joint}_Fx_N"]).max()
 
 
+def test_force_and_moment_together(balance):
+    """A crank's inertia forbids it: named, exit code 3, in text and document; force alone is met."""
+    code, out, _ = balance("conditions", "serial-2r", "--moment")
+    assert code == 3
+    assert "They ask for\n  Izz[link_2] = 0\nwhich no mass on any body lowers" in out
+    code, out, _ = balance("conditions", "serial-2r", "--moment", "--json")
+    forbidden = json.loads(out)["positive_masses"]
+    assert (code, forbidden["status"], forbidden["coefficients"]) == (3, "forbidden", {"Izz[link_2]": 1.0})
+    code, out, _ = balance("conditions", "serial-2r", "--moment", "--momentum", "linear")
+    assert code == 0
+    assert "Positive masses at suitable places" in out
+
+
 def test_people_read_a_table(balance):
     """Components with RMS and peak, how well the loops closed, and what is left out."""
     code, out, _ = balance("simulate", "parallelogram-6bar-full", "--motion", "triangle", "--rate", "2000 Hz")

@@ -1,0 +1,138 @@
+"""Conditions that positive masses cannot meet: a combination of them that no mass anywhere on the bodies can lower.
+
+A condition y' A gives the mass at a point x of a body the weight f(x) = [x, 1] W [x, 1]', a quadratic whose matrix W
+comes from its coefficients on the body's ten parameters. Where f is nowhere negative on any body (W positive
+semidefinite), the left-hand side is a sum of what is never negative: zero only without mass where f is positive. Such a
+y, if there is one, is found by a semidefinite programme, whose dual says that masses of some place meet all conditions.
+"""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from ..arrays import Floats
+from ..mechanism.mechanism import PARAMETERS, Mechanism
+from .conditions import Conditions, text_of
+
+_SIZE = 4
+_ROUNDING = 1e-7
+"""What the solver may miss a matrix without negative eigenvalues by, per unit of the trace of all W [-]."""
+_ZERO = 1e-6
+"""Coefficients below this share of the largest are the solver's rounding [-]."""
+
+
+@dataclass(frozen=True)
+class Feasibility:
+    """Whether positive masses, added anywhere on the moving bodies, can meet conditions."""
+
+    status: Literal["possible", "forbidden", "undecided"]
+    coefficients: dict[str, float] = field(default_factory=dict)
+    """Where forbidden: by parameter, those of a combination that no mass lowers, the largest at 1 [m2, m, -]."""
+    value: float = 0.0
+    """Its left-hand side now [kg m2, kg m, kg]: at least this is left whatever mass is added."""
+
+    @property
+    def text(self) -> str:
+        """The combination as an equation, such as ``Izz[A0A] + 0.0225 m[AC] = 0``."""
+        return f"{text_of(self.coefficients)} = 0"
+
+
+def feasibility(conditions: Conditions) -> Feasibility:
+    """Whether positive masses can meet the conditions, and if not, the combination of them that forbids it.
+
+    Of several such combinations the one that weighs most on the last bodies of the file is given: it has few others.
+    """
+    import clarabel
+    from scipy import sparse
+
+    mechanism = conditions.mechanism
+    bodies, length = len(mechanism.bodies), _length(mechanism)
+    per_length = np.tile(length ** -np.array([0.0, 1, 1, 1, 2, 2, 2, 2, 2, 2]), bodies)
+    basis = np.linalg.qr((conditions.matrix * per_length).T)[0].T
+    quadratic = np.array([_weight_of(unit) for unit in np.eye(len(PARAMETERS))])
+    by_body = np.einsum("rbk,kij->brij", basis.reshape(len(basis), bodies, -1), quadratic)
+    traces = np.einsum("brii->br", by_body)
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
+    cones = [clarabel.ZeroConeT(1), *[clarabel.PSDTriangleConeT(_SIZE)] * bodies]
+    rows = np.concatenate([traces.sum(axis=0)[None], *(-_triangles(of_body).T for of_body in by_body)])
+    right = np.concatenate([[1.0], np.zeros(len(rows) - 1)])
+    weights = np.arange(1.0, bodies + 1) / bodies
+    for wanted in (weights @ traces, basis @ (mechanism.pi / per_length)):  # another corner where the first is flat
+        solution = clarabel.DefaultSolver(
+            sparse.csc_matrix((len(basis),) * 2), -wanted, sparse.csc_matrix(rows), right, cones, settings
+        ).solve()
+        if str(solution.status) in {"PrimalInfeasible", "AlmostPrimalInfeasible"}:
+            return Feasibility("possible")
+        y = np.asarray(solution.x)
+        if np.isfinite(y).all() and _no_mass_lowers(y, by_body):
+            combined = (y @ basis) / per_length
+            combined[np.abs(combined * per_length) < _ZERO * np.abs(combined * per_length).max()] = 0.0
+            combined /= np.abs(combined).max()
+            left = float(combined @ mechanism.pi)
+            if left > _ROUNDING * float(np.abs(combined) @ np.abs(mechanism.pi)):
+                names = mechanism.parameter_names
+                return Feasibility("forbidden", {names[k]: float(combined[k]) for k in np.flatnonzero(combined)}, left)
+    return Feasibility("possible" if _masses_meet(basis, mechanism.pi / per_length, settings) else "undecided")
+
+
+def _masses_meet(basis: Floats, pi: Floats, settings: object) -> bool:
+    """Whether added bodies, of least pseudo-inertia, are found with which all conditions (rank, k) are met [-]."""
+    import clarabel
+    from scipy import sparse
+
+    bodies, count = basis.shape[1] // len(PARAMETERS), basis.shape[1]
+    units = np.array([_pseudo_inertia(unit) for unit in np.eye(len(PARAMETERS))])
+    rows = np.concatenate([basis, np.kron(np.eye(bodies), -_triangles(units).T)])
+    right = np.concatenate([-basis @ pi, np.zeros(len(rows) - len(basis))])
+    cones = [clarabel.ZeroConeT(len(basis)), *[clarabel.PSDTriangleConeT(_SIZE)] * bodies]
+    cost = np.tile(np.einsum("kii->k", units), bodies)
+    found = clarabel.DefaultSolver(
+        sparse.csc_matrix((count, count)), cost, sparse.csc_matrix(rows), right, cones, settings
+    )
+    added = np.asarray(found.solve().x)
+    if not np.isfinite(added).all():
+        return False
+    least = min(float(np.linalg.eigvalsh(_pseudo_inertia(row))[0]) for row in added.reshape(bodies, -1))
+    missed = float(np.abs(basis @ (pi + added)).max())
+    size = float(np.abs(pi).max() + np.abs(added).max())
+    return missed < _ROUNDING * size and least > -_ROUNDING * size
+
+
+def _pseudo_inertia(row: Floats) -> Floats:
+    """Second moments, first moments and mass of ten parameters as a matrix (4, 4) [kg m2, kg m, kg]."""
+    m, x, y, z, xx, xy, yy, xz, yz, zz = row
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    moments = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    return np.block([[moments, np.array([[x], [y], [z]])], [np.array([[x, y, z, m]])]])
+
+
+def _no_mass_lowers(y: Floats, by_body: Floats) -> bool:
+    """Whether the matrices W (bodies, 4, 4) of a combination, of trace 1 together, have no negative eigenvalue."""
+    combined = np.einsum("r,brij->bij", y, by_body)
+    trace = float(np.einsum("bii->", combined))
+    return abs(trace - 1.0) < 1e-6 and float(np.linalg.eigvalsh(combined).min()) > -_ROUNDING
+
+
+def _length(mechanism: Mechanism) -> float:
+    """A length of the bodies, by which the unknowns are made alike [m]."""
+    return float(max((np.linalg.norm(joint.position) for joint in mechanism.tree.joints), default=0.0)) or 1.0
+
+
+def _weight_of(row: Floats) -> Floats:
+    """W (4, 4) of the weight f(x) = [x, 1] W [x, 1]' that coefficients ``row`` (10,) give the mass at x [m2, m, -].
+
+    A unit mass at x has m = 1, h = x, Ixx = y2 + z2, Ixy = -x y and so on.
+    """
+    m, x, y, z, xx, xy, yy, xz, yz, zz = row
+    second = np.array([[yy + zz, -xy / 2, -xz / 2], [-xy / 2, xx + zz, -yz / 2], [-xz / 2, -yz / 2, xx + yy]])
+    first = np.array([[x], [y], [z]]) / 2
+    return np.block([[second, first], [first.T, np.array([[m]])]])
+
+
+def _triangles(matrices: Floats) -> Floats:
+    """Upper triangles (n, 10), column by column, entries beside the diagonal times sqrt(2): the solver's form."""
+    places = [(i, j) for j in range(_SIZE) for i in range(j + 1)]
+    return np.array([[one[i, j] * (1.0 if i == j else np.sqrt(2.0)) for i, j in places] for one in matrices])
