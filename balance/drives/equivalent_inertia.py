@@ -24,6 +24,8 @@ TAIL = 1e-12
 """Size of the highest harmonics, relative to the largest, at which a table counts as resolved."""
 _FIRST, _LAST = 64, 8192
 """Positions of a turn that are tried, doubled each time."""
+_SAME_ANGLE = 1e-9
+"""Below a whole turn an angle this near is 0 [rad]."""
 _GRID = 2881
 """Angles of a turn at which the slope's sign is looked at."""
 
@@ -136,7 +138,8 @@ def stationary_points(slope: Callable[[Floats], Floats]) -> list[float]:
     angles = []
     for k in np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0):
         root = brentq(lambda x: float(slope(np.array([x]))[0]), u[k], u[k + 1], xtol=1e-13)
-        angles.append(float(np.mod(root, 2.0 * np.pi)))
+        angle = float(np.mod(root, 2.0 * np.pi))
+        angles.append(0.0 if 2.0 * np.pi - angle < _SAME_ANGLE else angle)
     return sorted(angles)
 
 

@@ -5,18 +5,15 @@ the rotor. Any number of planes, sensors and speeds: each sensor at each speed i
 count in one sense, phase as lead (see CONVENTIONS.md). Units are those of the arguments: [r] of readings, [w] of
 weights, in SI.
 
-Weights of least squares are solved directly, within limits by SLSQP and proven by the dual problem. The least largest
-modulus, or the least sum of moduli, is a minimax of complex residuals: |r| >= Re(r exp(-i psi)) for every psi, with
-equality at psi = arg r. A linear programme with some directions psi is a lower bound; the direction of each residual
-found is added until the bound meets the cost (cutting planes).
+Weights of least squares without an active limit are solved directly; all others by a second-order cone programme, whose
+dual proves how far they can be from the optimum.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from scipy.optimize import linprog, minimize
+from scipy.sparse import csc_matrix
 
 from ..arrays import Complexes, Floats
 from ..errors import SizingError
@@ -26,78 +23,11 @@ METHODS = ("least-squares", "robust", "min-max")
 LEAST_EFFECT = 0.25
 """Smallest change of a reading by a trial weight, of the reading before: less is within the scatter of readings."""
 _GAP = 1e-8
-"""Distance of cost and bound, of the largest initial reading, at which an optimum of cutting planes is proven."""
-_PROVEN = 1e-6
-"""Likewise of least squares within limits, of the norm of the initial readings."""
-_ROUNDS = 100
+"""Distance of cost and bound, of the largest initial reading and a row, at which an optimum is proven."""
+_TOLERANCE = 1e-11
+"""Of the solver, in the same unit."""
 _SMALL_READING = 0.1
 """Share of the largest reading below which a reading is not compared with itself."""
-
-
-def complex_minimax(matrix: Complexes, initial: Complexes, limits: Floats, total: bool) -> tuple[Complexes, float]:
-    """Weights (planes,) [w] with the least largest (or ``total``) modulus of initial + matrix @ weights, and a bound.
-
-    ``matrix`` is (rows, planes) [r/w], ``initial`` (rows,) [r]; ``limits`` (planes,) [w] are the largest moduli of the
-    weights, infinite where there is none. The bound is proven to be below the cost [r]. Raises SizingError where the
-    optimum cannot be proven.
-    """
-    size = float(np.abs(initial).max(initial=0.0))
-    if size == 0.0:
-        return np.zeros(matrix.shape[1], dtype=complex), 0.0
-    scale = size / np.linalg.norm(matrix, axis=0)
-    programme = _Programme(matrix * scale / size, initial / size, limits / scale, total)
-    weights, bound = programme.solve()
-    return weights * scale, bound * size
-
-
-class _Programme:
-    """The linear programme in the parts of the weights and the bounds t on the moduli."""
-
-    def __init__(self, matrix: Complexes, initial: Complexes, limits: Floats, total: bool) -> None:
-        self.matrix, self.initial, self.limits = matrix, initial, limits
-        self.rows, self.planes = matrix.shape
-        self.slot = np.arange(self.rows) if total else np.zeros(self.rows, dtype=int)
-        self.bounds = int(self.slot.max()) + 1
-        self.sides: list[Floats] = []
-        self.limit: list[float] = []
-        for angle in np.arange(8) * np.pi / 4:
-            self._cut(np.full(self.rows, angle), np.full(self.planes, angle))
-
-    def solve(self) -> tuple[Complexes, float]:
-        """Cut until cost and bound agree."""
-        cost = np.r_[np.zeros(2 * self.planes), np.ones(self.bounds)]
-        free: Any = [(None, None)] * (2 * self.planes) + [(0.0, None)] * self.bounds
-        tight: Any = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
-        reached = bound = np.inf
-        for _ in range(_ROUNDS):
-            solution = linprog(
-                cost, np.array(self.sides), np.array(self.limit), bounds=free, method="highs", options=tight
-            )
-            if not solution.success:
-                raise SizingError(f"correction weights did not converge: {solution.message}")
-            x, bound = np.asarray(solution.x), float(solution.fun or 0.0)
-            weights = x[: self.planes] + 1j * x[self.planes : 2 * self.planes]
-            feasible = within_limits(weights, self.limits)
-            moduli = np.abs(self.initial + self.matrix @ feasible)
-            reached = float(moduli.sum() if self.bounds == self.rows else moduli.max())
-            if reached - bound <= _GAP * self.bounds:
-                return feasible, bound
-            self._cut(np.angle(self.initial + self.matrix @ weights), np.angle(weights))
-        raise SizingError(f"correction weights: optimum not proven, reached {reached:.6g}, bound {bound:.6g}")
-
-    def _cut(self, residual_angles: Floats, weight_angles: Floats) -> None:
-        """Add Re(r exp(-i psi)) <= t for every row, and Re(w exp(-i psi)) <= limit for every limited plane."""
-        turned = np.exp(-1j * residual_angles)
-        turned_matrix, target = turned[:, None] * self.matrix, -(turned * self.initial).real
-        for row in range(self.rows):
-            t = -np.eye(self.bounds)[self.slot[row]]
-            self.sides.append(np.r_[turned_matrix[row].real, -turned_matrix[row].imag, t])
-            self.limit.append(float(target[row]))
-        for plane in np.flatnonzero(np.isfinite(self.limits)):
-            one = np.eye(self.planes)[plane]
-            angle = weight_angles[plane]
-            self.sides.append(np.r_[np.cos(angle) * one, np.sin(angle) * one, np.zeros(self.bounds)])
-            self.limit.append(float(self.limits[plane]))
 
 
 def within_limits(weights: Complexes, limits: Floats) -> Complexes:
@@ -215,12 +145,12 @@ def solve_weights(
             f"{rows} reading{'s' * (rows != 1)} do not determine the weights of {planes} planes: use more sensors or "
             "speeds, or fewer planes"
         )
-    if method == "least-squares":
-        weights, bound = _least_squares(matrix, initial, bounds)
-    elif method in METHODS:
-        weights, bound = complex_minimax(matrix, initial, bounds, total=method == "robust")
-    else:
+    if method not in METHODS:
         raise SizingError(f"method is {method!r}: expected one of {', '.join(METHODS)}")
+    weights = np.linalg.lstsq(matrix, -initial, rcond=None)[0]
+    bound = _cost(initial + matrix @ weights, method)
+    if method != "least-squares" or not (np.abs(weights) <= bounds).all():
+        weights, bound = _cone_programme(matrix, initial, bounds, method)
     is_free = method == "least-squares" and bool((np.abs(weights) < bounds * (1.0 - 1e-9)).all())
     return Solution(coefficients, weights, method, weighting, bound, is_free)
 
@@ -232,55 +162,49 @@ def _cost(readings: Complexes, method: str) -> float:
     return float(moduli.sum() if method == "robust" else moduli.max())
 
 
-def _least_squares(matrix: Complexes, initial: Complexes, limits: Floats) -> tuple[Complexes, float]:
-    """Weights of least squares; where a limit is active, by SLSQP, with the bound of the dual problem."""
-    weights = np.linalg.lstsq(matrix, -initial, rcond=None)[0]
-    if (np.abs(weights) <= limits).all():
-        return weights, float(np.linalg.norm(initial + matrix @ weights))
-    weights = _disc_bounded_least_squares(matrix, initial, limits, weights)
-    reached, bound = float(np.linalg.norm(initial + matrix @ weights)), _dual_bound(matrix, initial, limits, weights)
-    if reached - bound > _PROVEN * float(np.linalg.norm(initial)):
-        raise SizingError(f"correction weights: optimum not proven, reached {reached:.6g}, bound {bound:.6g}")
-    return weights, bound
+def _cone_programme(matrix: Complexes, initial: Complexes, limits: Floats, method: str) -> tuple[Complexes, float]:
+    """Weights (planes,) [w] of least cost within their limits, and the bound of the dual programme below it [r].
 
+    Unknowns are the parts of the weights and the bounds t: |r_i| <= t_i, or the norm of all r <= t; the sum of t is
+    least. Raises SizingError where cost and bound do not meet.
+    """
+    import clarabel
 
-def _disc_bounded_least_squares(matrix: Complexes, initial: Complexes, limits: Floats, start: Complexes) -> Complexes:
-    """Least squares with |w_j| <= limit_j, in units in which the limits or else the free solution are one."""
-    planes = matrix.shape[1]
-    unit = np.where(np.isfinite(limits), limits, np.maximum(np.abs(start), 1e-300))
-    size = np.linalg.norm(initial)
-    scaled, target = matrix * unit / size, initial / size
-    bound = np.flatnonzero(np.isfinite(limits))
-
-    def objective(x: Floats) -> tuple[float, Floats]:
-        residual = target + scaled @ (x[:planes] + 1j * x[planes:])
-        slope = scaled.conj().T @ residual
-        return 0.5 * float(np.vdot(residual, residual).real), np.r_[slope.real, slope.imag]
-
-    def margin(x: Floats) -> Floats:
-        return 1.0 - x[bound] ** 2 - x[planes + bound] ** 2
-
-    def margin_slope(x: Floats) -> Floats:
-        one = -2.0 * np.eye(planes)[bound]
-        return np.hstack([one * x[:planes], one * x[planes:]])
-
-    constraint: Any = {"type": "ineq", "fun": margin, "jac": margin_slope}
-    precise: Any = {"ftol": 1e-16, "maxiter": 1000}
-    first = within_limits(start, limits) / unit
-    start_x = np.concatenate([first.real, first.imag])
-    solved = minimize(objective, start_x, jac=True, method="SLSQP", constraints=constraint, options=precise)
+    size = float(np.abs(initial).max(initial=0.0))
+    planes, rows = matrix.shape[1], len(initial)
+    if size == 0.0:
+        return np.zeros(planes, dtype=complex), 0.0
+    scale = size / np.linalg.norm(matrix, axis=0)
+    unit, target = matrix * scale / size, initial / size
+    bounds = rows if method == "robust" else 1
+    residual = -np.block([[unit.real, -unit.imag], [unit.imag, unit.real]])
+    groups = [np.arange(rows)] if method == "least-squares" else [np.array([i]) for i in range(rows)]
+    blocks: list[tuple[Floats, Floats]] = []
+    for k, group in enumerate(groups):
+        parts = np.r_[group, rows + group]
+        cone = np.zeros((1 + len(parts), 2 * planes + bounds))
+        cone[0, 2 * planes + min(k, bounds - 1)] = -1.0
+        cone[1:, : 2 * planes] = residual[parts]
+        blocks.append((cone, np.r_[0.0, target.real[group], target.imag[group]]))
+    for plane in np.flatnonzero(np.isfinite(limits)):
+        cone = np.zeros((3, 2 * planes + bounds))
+        cone[[1, 2], [plane, planes + plane]] = -1.0
+        blocks.append((cone, np.r_[limits[plane] / scale[plane], 0.0, 0.0]))
+    cost = np.r_[np.zeros(2 * planes), np.ones(bounds)]
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _TOLERANCE
+    solved = clarabel.DefaultSolver(
+        csc_matrix((len(cost), len(cost))),
+        cost,
+        csc_matrix(np.vstack([cone for cone, _ in blocks])),
+        np.concatenate([side for _, side in blocks]),
+        [clarabel.SecondOrderConeT(len(side)) for _, side in blocks],
+        settings,
+    ).solve()
     x = np.asarray(solved.x)
-    return within_limits((x[:planes] + 1j * x[planes:]) * unit, limits)
-
-
-def _dual_bound(matrix: Complexes, initial: Complexes, limits: Floats, weights: Complexes) -> float:
-    """Lower bound: min over w of |v0 + A w|^2 + sum mu_j (|w_j|^2 - limit_j^2), with the multipliers mu >= 0 at w."""
-    slope = matrix.conj().T @ (initial + matrix @ weights)
-    at_limit = np.abs(weights) >= limits * (1.0 - 1e-9)
-    safe = np.where(at_limit, np.abs(weights) ** 2, 1.0)
-    mu = np.where(at_limit, np.maximum(0.0, -(weights.conj() * slope).real / safe), 0.0)
-    normal = matrix.conj().T @ matrix + np.diag(mu)
-    free = -np.linalg.solve(normal, matrix.conj().T @ initial)
-    squares = float(np.linalg.norm(initial + matrix @ free) ** 2)
-    penalty = mu[at_limit] * (np.abs(free[at_limit]) ** 2 - limits[at_limit] ** 2)
-    return float(np.sqrt(max(0.0, squares + float(penalty.sum()))))
+    weights = within_limits((x[:planes] + 1j * x[planes : 2 * planes]) * scale, limits)
+    reached, bound = _cost(initial + matrix @ weights, method), size * float(solved.obj_val_dual)
+    if not reached - bound <= _GAP * size * bounds:
+        raise SizingError(f"correction weights: optimum not proven, reached {reached:.6g}, bound {bound:.6g}")
+    return weights, min(bound, reached)

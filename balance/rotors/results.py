@@ -33,8 +33,8 @@ READING = {
 """Unit of readings by their dimension: for people, in keys, and its factor from SI."""
 WEIGHT = {"mass": ("g", "g", 1e3), "first moment": ("g mm", "gmm", 1e6)}
 """Unit of weights, likewise."""
-_ROUNDING = 1e-12
-"""Share of the largest initial reading below which a predicted one is rounding error."""
+_ROUNDING = 1e-10
+"""Share of the largest initial reading below which a predicted one is what rounding and solver leave."""
 
 
 def correction_document(rotor: Rotor, correction: Correction) -> dict[str, Any]:

@@ -20,7 +20,7 @@ def document(tmp_path_factory):
     figure = tmp_path_factory.mktemp("drive") / "drive.svg"
     code, output = run(
         "inverted-slider-crank", "-c", "counter_B0C=2.96932kg", "--flywheel-for", "5%", "--start-up", "2",
-        "--reading", "ungeared", "--convergence", "--figure", str(figure), "--json",
+        "--reading", "ungeared", "--figure", str(figure), "--json",
     )  # fmt: skip
     assert code == 0
     assert figure.read_text(encoding="utf-8").count("<path") > 20
@@ -44,10 +44,16 @@ def test_json_holds_every_number(document):
     assert len(plain["turn"]["speed_rpm"]) == len(plain["turn"]["angle_deg"]) == 361
     assert document["start_up"][0]["turns"][1]["end_s"] == pytest.approx(2.2943351, abs=1e-4)
     assert document["flywheel"][0]["inertia_kgm2"] == pytest.approx(2.7960584, rel=1e-4)
-    assert document["convergence"][1]["loose_solver_scatter_percent"] > 5
     (first, _) = (e for e in document["reduced"]["mechanism_inertia_extremes"] if e["kind"] == "minimum")
     assert first["angle_deg"] == pytest.approx(72.542397, abs=1e-4)
     assert document["findings"] == []
+
+
+def test_looser_solvers_are_compared():
+    """At 828, where a loose tolerance scatters the answer."""
+    code, output = run("inverted-slider-crank", "--speed", "828rpm", "--reading", "ungeared", "--convergence", "--json")
+    assert code == 0
+    assert json.loads(output)["convergence"][0]["loose_solver_scatter_percent"] > 5
 
 
 def test_counterweights_are_compared(document):
