@@ -105,29 +105,6 @@ def test_no_band_and_a_run_without_partner(three):
     assert alone == ["r003"]
 
 
-@pytest.mark.parametrize(
-    ("words", "code", "said"),
-    [
-        (["analyze", "{campaign}", "--band", "200..1"], 2, "low < high"),
-        (["analyze", "{campaign}", "--band", "slow"], 2, "1..200"),
-        (["analyze", "{campaign}", "--metric", "mean"], 2, "peak_to_peak"),
-        (["analyze", "{campaign}", "--band", "0..4000"], 1, "8000 samples a second"),
-        (["analyze", "{tmp}"], 1, "holds no run"),
-        (["compare", "{campaign}", "--published", "kiper2020"], 1, "kiper2019"),
-        (["compare", "{campaign}"], 2, "--published"),
-        (["simulate", "--plan", "nothing", "--rig", "parallelogram-6bar", "-o", "{tmp}/x"], 1, "kiper2019-brief"),
-        (["simulate", "--plan", "kiper2019", "--rig", "parallelogram-6bar", "-o", "{campaign}"], 1, "not empty"),
-    ],
-)
-def test_refusals(brief, tmp_path, words, code, said):
-    """What cannot be done is refused in one message without a traceback."""
-    found = command(*(w.format(campaign=brief.campaign, tmp=tmp_path) for w in words))
-    assert found.returncode == code
-    assert said in found.stderr
-    assert "Traceback" not in found.stderr
-    assert not found.stdout
-
-
 def test_no_rig(brief, tmp_path):
     """Without a rig it is said what is needed."""
     files = sorted(brief.logs.glob("r00[12]_daq.csv"))

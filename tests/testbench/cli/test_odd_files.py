@@ -61,22 +61,6 @@ def test_what_is_no_log_is_refused_by_what_it_is(command, tmp_path, name):
         assert (code, len(json.loads(out)["findings"])) == (1, 1)
 
 
-@pytest.mark.parametrize("words", [["info", "*.csv"], ["ingest", "*.csv", "-o", "campaign"]])
-def test_a_pattern_that_matches_nothing(command, tmp_path, words):
-    """The shell hands it on as it is; no run of that name is tried."""
-    code, _, err = command(*words)
-    assert (code, err) == (1, "testbench: *.csv: no file matches; expected a log file\n")
-    assert not (tmp_path / "campaign").exists()
-
-
-@pytest.mark.parametrize("words", [["info", ""], ["ingest", "run.csv", "-o", ""], ["list", " "]])
-def test_an_empty_argument_is_a_wrong_command_line(command, words):
-    """An unset variable of the shell is no folder and no file."""
-    code, _, err = command(*words)
-    assert code == 2
-    assert "an empty argument" in err
-
-
 def test_rows_before_a_power_failure(command, tmp_path):
     """A small text that ends in more NUL bytes than letters is a text, found cut by the failure."""
     (tmp_path / "run.csv").write_bytes(ROWS.encode() + bytes(8192))

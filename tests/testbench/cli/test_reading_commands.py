@@ -1,7 +1,6 @@
 """``testbench info``, ``formats``, ``ingest``, ``list`` and ``verify`` as a person and a program call them."""
 
 import json
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -124,31 +123,6 @@ def test_accepting_a_finding(command, log, tmp_path):
     log.write_text(HEADER + ROWS + "1,2,3\n")
     assert command("ingest", log, "-o", tmp_path / "c")[0] == 1
     assert command("ingest", log, "-o", tmp_path / "c", "--accept", "ragged_row")[0] == 3
-
-
-@pytest.mark.parametrize(
-    ("words", "code", "message"),
-    [
-        (["info", "nowhere.csv"], 1, r"nowhere\.csv: no such file"),
-        (["info", "."], 1, r"is a folder; expected a log file"),
-        (["info", "LOG", "--encoding", "klingon"], 1, r"'klingon' is no encoding"),
-        (["info", "LOG", "--encoding", "base64"], 1, r"'base64' is no encoding"),
-        (["info", "LOG", "--decimal", "dot"], 2, r"'dot' is not one of 'point', 'comma'"),
-        (["ingest", "LOG", "-o", "c", "--accept", "everything"], 2, r"--accept everything: no such code"),
-        (["ingest", "LOG", "-o", "c", "--rig", "nowhere.toml"], 1, r"nowhere\.toml"),
-        (["ingest", "LOG", "-o", "c", "--runs", "nowhere.csv"], 1, r"nowhere\.csv"),
-        (["ingest", "LOG", "-o", "LOG"], 1, r"r001\.csv"),
-        (["ingest", "LOG"], 2, r"Missing option '-o'"),
-        (["list", "nowhere"], 1, r"nowhere: no such folder"),
-        (["verify", "."], 1, r"holds no run"),
-    ],
-)
-def test_one_clear_message(command, log, monkeypatch, words, code, message):
-    """Whatever a person gets wrong: one message with what was expected, the right exit code, no traceback."""
-    monkeypatch.chdir(log.parent)
-    found, _, err = command(*[str(log) if word == "LOG" else word for word in words])
-    assert (found, "Traceback" in err) == (code, False)
-    assert re.search(message, err)
 
 
 def test_formats_are_listed(command):

@@ -2,11 +2,9 @@
 
 import json
 import shutil
-import sys
 
 import pytest
 
-from testbench.cli import main
 from testbench.cli.align import align
 from testbench.cli.campaign import archive, export
 from testbench.cli.campaign import list_runs as listing
@@ -82,31 +80,6 @@ def test_align(campaign, capsys):
     assert code == 1
     assert found["alignments"]
     assert "no such file" in found["refused"][0]
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["vectors", "dir"], "dir: is a folder; expected one stored run"),
-        (["list", "file.csv"], "file.csv: is a file; expected a campaign's folder"),
-        (["recover", "file.csv"], "file.csv: is a file; expected a campaign's folder"),
-        (["watch", "file.csv", "-o", "c"], "file.csv: is a file; expected a folder that logs arrive in"),
-        (["ingest", "file.csv", "--runs", "dir", "-o", "c"], "dir: is a folder; expected a file"),
-        (["ingest", "file.csv", "--rig", "dir", "-o", "c"], "dir: is a folder; expected a file (.toml), or a shipped"),
-        (["speed", "dir", "--pulses", "60"], "dir: is a folder; expected"),
-    ],
-)  # fmt: skip
-def test_a_folder_for_a_file_and_a_file_for_a_folder(tmp_path, monkeypatch, capsys, words, said):
-    """What is there instead, and what was expected."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "dir").mkdir()
-    (tmp_path / "file.csv").write_text("t (s),a (g)\n0,1\n1,2\n2,3\n")
-    monkeypatch.setattr(sys, "argv", ["testbench", *words])
-    with pytest.raises(SystemExit) as stop:
-        main()
-    assert stop.value.code == 1
-    assert said in capsys.readouterr().err
-    assert not (tmp_path / "c").exists()
 
 
 def test_the_folder_that_one_stands_in(campaign, monkeypatch, capsys):
