@@ -1,5 +1,6 @@
 """Tests that need real recordings wait where none are at hand; the end of the run says how many, and how to go on."""
 
+import gc
 import os
 from pathlib import Path
 
@@ -33,6 +34,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         marker = item.get_closest_marker("recordings")
         if marker is not None and not (bad if "malformed" in marker.args else good):
             item.add_marker(pytest.mark.skip(reason=WAITS))
+
+
+def pytest_collection_finish() -> None:
+    """What is imported by now stays to the end: garbage collections, one a test or more, need not walk it."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
