@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
 from ..arrays import Floats
 from ..errors import SizingError
@@ -81,6 +80,8 @@ def _gap(unit: Floats, target: Floats, x: Floats, low: NDArray[np.bool_], high: 
 
 def _bounded(columns: Floats, target: Floats, upper: Floats) -> Floats:
     """Least squares with masses between zero and ``upper``."""
+    from scipy.optimize import lsq_linear  # late: conditions are found without it
+
     free, masses = upper > 0.0, np.zeros(len(upper))
     if not free.any():
         return masses

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from ..arrays import Floats
 from ..mechanism.mechanism import PARAMETERS, Mechanism
@@ -83,6 +82,8 @@ def needed_sites(sizing: Sizing) -> tuple[NeededSite, ...]:
 
 def _left(columns: Floats, target: Floats, least: Floats) -> float:
     """Root of the least square error with unknowns of at least ``least``."""
+    from scipy.optimize import lsq_linear  # late: conditions are found without it
+
     size = np.linalg.norm(columns, axis=0)
     used = size > 1e-12 * size.max(initial=0.0)
     if not used.any():

@@ -64,9 +64,10 @@ def run(group: click.Group, name: str) -> NoReturn:
     """Run a command; errors of the user's input become one message and an exit code, without a traceback.
 
     Linear algebra runs in one thread unless the environment sets OPENBLAS_NUM_THREADS: on small matrices a second
-    thread costs up to forty times what it saves.
+    thread costs up to forty times what it saves. MuJoCo is asked for no pictures: its renderer takes long to import.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ.setdefault("MUJOCO_GL", "disable")
     try:
         refuse_empty(sys.argv[1:])
         code = group.main(prog_name=name, standalone_mode=False)

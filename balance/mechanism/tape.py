@@ -8,18 +8,20 @@ installed (the extra ``compiled``), else by NumPy.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cache
+from importlib.util import find_spec
 from threading import Thread
-from typing import Union
+from typing import TYPE_CHECKING, Union
 
 import numpy as np
 
 from ..arrays import Floats
-from ..compiled_kernels import INTEGER, PLACE, Kernel, can_compile
+
+if TYPE_CHECKING:
+    from ..compiled_kernels import Kernel
 
 LANES = 64
 """Samples that the compiled loop works on at a time, as many as in ``tape_kernel``."""
-_ARGUMENTS = (PLACE, INTEGER, PLACE, PLACE, INTEGER, PLACE, PLACE, INTEGER, INTEGER)
-KERNEL = Kernel("balance.mechanism.tape_kernel", "run_tape", _ARGUMENTS)
 _BLOCK = 2048
 """Samples that NumPy works on at a time."""
 _KEPT_FROM, _COMPILED_FROM = 1e8, 4e9
@@ -27,6 +29,15 @@ _KEPT_FROM, _COMPILED_FROM = 1e8, 4e9
 2 s of NumPy's time."""
 _LARGEST_ANGLE = 1e5
 """Up to here the compiled loop's sine and cosine are right [rad]."""
+
+
+@cache
+def kernel() -> "Kernel":
+    """The compiled loop, as it is kept and compiled."""
+    from ..compiled_kernels import INTEGER, PLACE, Kernel  # late: few samples do without it
+
+    arguments = (PLACE, INTEGER, PLACE, PLACE, INTEGER, PLACE, PLACE, INTEGER, INTEGER)
+    return Kernel("balance.mechanism.tape_kernel", "run_tape", arguments)
 
 
 class CompiledLoop:
@@ -42,9 +53,9 @@ class CompiledLoop:
     def after(self, work: float) -> Callable[..., int] | None:
         """The loop, or None as long as there is none, ``work`` more operations being asked for."""
         self._work += work
-        if self._found is None and self._work > _KEPT_FROM and can_compile():
+        if self._found is None and self._work > _KEPT_FROM and find_spec("numba"):
             if not self._asked:
-                self._asked, self._found = True, KERNEL.loop(only_kept=True)
+                self._asked, self._found = True, kernel().loop(only_kept=True)
             elif self._work > _COMPILED_FROM:
                 self._work = -np.inf
                 Thread(target=self.compile, daemon=True).start()
@@ -52,7 +63,7 @@ class CompiledLoop:
 
     def compile(self) -> bool:
         """Compile the loop now, if it is not kept: some seconds; whether it can be had."""
-        self._found = KERNEL.loop() if can_compile() else None
+        self._found = kernel().loop() if find_spec("numba") else None
         return self._found is not None
 
 

@@ -26,7 +26,7 @@ def test_both_ways_give_what_numpy_gives(way: int, monkeypatch: pytest.MonkeyPat
     """To the rounding of sine and cosine, and of products that are joined with sums."""
     if way:
         pytest.importorskip("numba")
-    loop = tape.KERNEL.loop() if way else None
+    loop = tape.kernel().loop() if way else None
     assert (loop is None) == (way == 0)
     monkeypatch.setattr(tape.COMPILED, "after", lambda work: loop)
     recorded = Tape()
