@@ -10,9 +10,8 @@ from ..errors import ModelError
 from .forward_kinematics import Joint, Tree
 from .loop_constraints import Anchor, Constraint, Coupling, Loop
 from .mechanism import Mechanism, Site
+from .mjcf_compiler import COORDINATE_LIMIT
 
-COORDINATE_LIMIT = 1000
-"""Most coordinates of a mechanism."""
 _BALL, _SLIDE = 1, 2
 _CONNECT, _WELD = 0, 1
 _SITE = 6

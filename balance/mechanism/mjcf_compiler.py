@@ -17,21 +17,24 @@ from ..errors import ModelError
 
 TEXT_LIMIT = 20_000_000
 """Longest text of a mechanism, what it includes counted [characters]."""
-ELEMENT_LIMIT = 100_000
-"""Most elements of a mechanism once every <replicate> is written out, and most user numbers of one."""
+ELEMENT_LIMIT = 50_000
+"""Most elements of a mechanism once every <replicate> is written out, most keyframes, most user numbers of one."""
+BODY_LIMIT = 5_000
+"""Most bodies among them: MuJoCo's time grows with their square."""
 ASSET_LIMIT = 200_000_000
 """Largest sum of the mesh files that masses depend on [bytes]."""
+COORDINATE_LIMIT = 600
+"""Most coordinates of a mechanism, and most joints."""
 MEMORY_LIMIT = 1_500_000_000
 """Memory that compiling may take beyond what is in use [bytes]."""
 MASSLESS = 2e-15
 """What a body without mass is given for MuJoCo, which takes none below 1e-15, and rid of after [kg, kg m2]."""
 
-_TAG = re.compile(
-    r"<!--.*?-->|<!\[CDATA\[.*?\]\]>|<(?P<close>/?)(?P<tag>[\w:.-]+)(?P<rest>(?:[^>\"']|\"[^\"]*\"|'[^']*')*)>", re.S
-)
+_TAG = re.compile(r"<(?P<close>/?)(?P<tag>[\w:.-]+)(?P<rest>(?:[^>\"']++|\"[^\"]*+\"|'[^']*+')*+)>")
+"""A tag; its parts are possessive, so that no text takes longer than its length."""
 _ATTRIBUTE = re.compile(r"([\w:.-]+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
-_SKIPPED = re.compile(r"<!--.*?-->|<\?.*?\?>|<!DOCTYPE[^>]*>", re.S)
-_ROOT = re.compile(r"\s*<(\w+)\b(?:[^>\"']|\"[^\"]*\"|'[^']*')*>(.*)</\1\s*>\s*", re.S)
+_ASIDE = {"<!--": "-->", "<![CDATA[": "]]>", "<?": "?>", "<!": ">"}
+"""What is no element, by its start, and its end."""
 _REFUSED = {
     **dict.fromkeys(("plugin", "extension"), "code of its own, which is not run here; remove it"),
     **dict.fromkeys(("flex", "flexcomp"), "a flexible body; replace it by rigid ones"),
@@ -62,20 +65,28 @@ def with_includes(text: str, name: str, folder: Path | None) -> str:
     """
     seen: set[Path] = set()
 
-    def included(match: re.Match[str]) -> str:
-        if match["tag"] != "include":
-            return match[0]
-        if match["close"]:
-            return ""
+    def parts(text: str) -> Iterator[str]:
+        done = 0
+        for match in tags(text):
+            if match["tag"] == "include":
+                yield text[done : match.start()]
+                done = match.end()
+                if not match["close"]:
+                    yield from included(match)
+        yield text[done:]
+
+    def included(match: re.Match[str]) -> Iterator[str]:
         file = _attributes(match).get("file", "")
         path = _located(file, "", folder, name)
         if path in seen:
             raise ModelError(f"{name}: {element_label(match)} includes the file once more; MuJoCo takes each once")
         seen.add(path)
-        root = _ROOT.fullmatch(_SKIPPED.sub("", read_text(path)))
-        return _TAG.sub(included, root[2]) if root else ""
+        inner = read_text(path)
+        found = list(tags(inner))
+        if len(found) > 1:
+            yield from parts(inner[found[0].end() : found[-1].start()])
 
-    whole = _TAG.sub(included, text)
+    whole = "".join(parts(text))
     if len(whole) > TEXT_LIMIT:
         raise ModelError(f"{name}: has {len(whole)} characters with what it includes; at most {TEXT_LIMIT} are read")
     return whole
@@ -87,7 +98,7 @@ def parse_mjcf(text: str, name: str) -> Any:  # noqa: ANN401
     Raises ModelError, naming the file and what was found, for what MuJoCo cannot parse, for a flexible body or a
     plugin, and for more than ELEMENT_LIMIT elements.
     """
-    _refuse_tags(text, name)
+    refuse_tags(text, name)
     mujoco = import_mujoco()
     with _bounded(mujoco, text, name):
         return mujoco.MjSpec.from_string(text)
@@ -115,6 +126,22 @@ def compile_spec(spec: Any, text: str, name: str, folder: Path | None) -> Any:  
         if not np.isfinite(getattr(model, part)).all():
             raise ModelError(f"{name}: a {part.replace('_', ' ')} is infinite; expected finite numbers")
     return model
+
+
+def tags(text: str) -> Iterator[re.Match[str]]:
+    """The tags of an XML text up to where it is malformed; comments and what else is no element passed over."""
+    at = text.find("<")
+    while at >= 0:
+        aside = next((start for start in _ASIDE if text.startswith(start, at)), None)
+        match = None if aside else _TAG.match(text, at)
+        if match:
+            yield match
+            end = match.end()
+        else:
+            end = text.find(_ASIDE[aside], at) + 1 if aside else 0
+        if not end:
+            return
+        at = text.find("<", end)
 
 
 def element_label(match: re.Match[str]) -> str:
@@ -150,12 +177,12 @@ def _bounded(mujoco: Any, text: str, name: str) -> Iterator[None]:  # noqa: ANN4
             yield
     except MemoryError as error:
         raise ModelError(f"{name}: needs more than {MEMORY_LIMIT / 1e9:g} GB of memory; make it smaller") from error
-    except (ValueError, TypeError, mujoco.FatalError, mujoco.UnexpectedError) as error:
+    except (ValueError, TypeError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as error:
         raise ModelError(f"{name}: MuJoCo refuses it: {' '.join(str(error).split())}") from error
     finally:
         mujoco.set_mju_user_warning(before)
     if any("NaN" in warning for warning in said):
-        where = next((element_label(m) for m in _TAG.finditer(text) if re.search(r"\bnan\b", m[0], re.I)), "an element")
+        where = next((element_label(m) for m in tags(text) if re.search(r"\bnan\b", m[0], re.I)), "an element")
         raise ModelError(f"{name}: {where} holds 'nan'; expected finite numbers")
 
 
@@ -180,10 +207,10 @@ def _bounded_memory() -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
-def _refuse_tags(text: str, name: str) -> None:
-    """What must not reach MuJoCo's parser: code, flexible bodies, and copies without end."""
-    count, copies = 0, [1]
-    for match in _TAG.finditer(text):
+def refuse_tags(text: str, name: str) -> None:
+    """Raise ModelError for what must not reach a parser: code, flexible bodies, and elements or copies without end."""
+    count, bodies, copies = 0, 0, [1]
+    for match in tags(text):
         tag = match["tag"]
         if tag in _REFUSED:
             raise ModelError(f"{name}: {element_label(match)} is {_REFUSED[tag]}")
@@ -193,14 +220,19 @@ def _refuse_tags(text: str, name: str) -> None:
             elif not match["rest"].endswith("/"):
                 number = _attributes(match).get("count", "1")
                 copies.append(copies[-1] * (int(number) if number.isdigit() else 1))
-        if tag is not None and not match["close"]:
+        if not match["close"]:
             count += copies[-1]
-        if count > ELEMENT_LIMIT:
-            raise ModelError(f"{name}: has more than {ELEMENT_LIMIT} elements with its <replicate> written out")
+            bodies += copies[-1] * (tag in ("body", "link"))
+        if count > ELEMENT_LIMIT or bodies > BODY_LIMIT:
+            raise ModelError(
+                f"{name}: has more than {ELEMENT_LIMIT} elements or {BODY_LIMIT} bodies, <replicate> written out"
+            )
 
 
 def _refuse_parts(mujoco: Any, spec: Any, name: str) -> None:  # noqa: ANN401
     """What would move the mechanism, or hold it, in a way that is not understood here; sizes without bounds."""
+    if len(spec.joints) > COORDINATE_LIMIT:
+        raise ModelError(f"{name}: has {len(spec.joints)} joints; at most {COORDINATE_LIMIT} are read")
     for joint in spec.joints:
         if joint.type == mujoco.mjtJoint.mjJNT_FREE:
             raise ModelError(
@@ -218,7 +250,7 @@ def _refuse_parts(mujoco: Any, spec: Any, name: str) -> None:  # noqa: ANN401
         if not loop.active:
             raise ModelError(f"{label} is not active; remove it from the file, or its active='false'")
     sizes = {key: getattr(spec, key) for key in dir(spec) if key.startswith("nuser_")}
-    for key, size in sizes.items():
+    for key, size in (sizes | {"nkey": spec.nkey}).items():
         if size > ELEMENT_LIMIT:
             raise ModelError(f"{name}: {key} is {size}; at most {ELEMENT_LIMIT} are read")
 

@@ -15,6 +15,9 @@ from ..arrays import Floats
 from ..errors import ModelError
 from .mjcf_compiler import import_mujoco
 
+JOINT_LIMIT = 900
+"""Most joints of a robot, fixed ones included: MuJoCo takes about a thousand bodies on each other."""
+
 
 @dataclass(frozen=True)
 class Placement:
@@ -82,6 +85,8 @@ class _SpecOfRobot:
     """An MjSpec from links and joints."""
 
     def __init__(self, robot: Robot) -> None:
+        if len(robot.joints) > JOINT_LIMIT:
+            raise ModelError(f"{robot.file}: has {len(robot.joints)} joints; at most {JOINT_LIMIT} are read")
         self.robot, self.mujoco = robot, import_mujoco()
         self.spec = self.mujoco.MjSpec()
         self.spec.compiler.degree = False

@@ -17,12 +17,11 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import ModelError
-from .mjcf_compiler import read_text
+from .mjcf_compiler import read_text, refuse_tags
 from .robot import Link, Placement, Robot, RobotJoint
 
 _LOOPS_COMMENT = re.compile(r"<!-- counterpoise loops: (.*?) -->", re.S)
 """Where a mechanism's text keeps, as JSON, what the YAML file beside it said."""
-_IGNORED = re.compile(r"<!--.*?-->|<gazebo\b.*?</gazebo\s*>", re.S)
 _BOUNDED = {"revolute", "prismatic"}
 _TYPES = {"fixed", "continuous", "ball", "spherical", "universal"} | _BOUNDED
 _SIDECAR_KEYS = ("closed_loop", "type", "joint_name", "joint_type", "name_mot")
@@ -37,8 +36,9 @@ def read_robot(text: str, file: str, path: Path | None) -> tuple[Robot, str]:
     of links or joints; ``type`` of each, 3d or else 6d; ``joint_name`` and ``joint_type`` of joints that are SPHERICAL,
     FIXED or UJOINT_ZY (two letters); ``name_mot``, the motors. Joints that are absent are passed over, as there.
     """
+    refuse_tags(text, file)
     try:
-        root = ElementTree.fromstring(_IGNORED.sub("", text).strip())
+        root = ElementTree.fromstring(_without(_without(text, "<!--", "-->"), "<gazebo", "</gazebo>").strip())
     except (ElementTree.ParseError, ValueError) as error:
         raise ModelError(f"{file}: not well-formed XML: {error}") from error
     for element in root.iter():
@@ -51,6 +51,15 @@ def read_robot(text: str, file: str, path: Path | None) -> tuple[Robot, str]:
     if loops and not stored:
         text = f"{text.rstrip()}\n<!-- counterpoise loops: {json.dumps(loops).replace('>', chr(92) + 'u003e')} -->\n"
     return _with_loops(robot, loops), text
+
+
+def _without(text: str, start: str, end: str) -> str:
+    """The text without what stands from each ``start`` to the next ``end``."""
+    parts, done = [], 0
+    while (at := text.find(start, done)) >= 0 and (after := text.find(end, at)) >= 0:
+        parts.append(text[done:at])
+        done = after + len(end)
+    return "".join([*parts, text[done:]])
 
 
 def _sidecar(path: Path) -> dict[str, Any]:

@@ -184,7 +184,14 @@ REFUSED = {
     "plugin": ({"tail": "<extension><plugin plugin='x'/></extension>"}, "<extension> is code of its own"),
     "attached": ({"hinge": "<attach model='m' prefix='p'/>"}, "<attach.*another model"),
     "copies": ({"tail": "<worldbody><replicate count='1000'><replicate count='9999'><site/></replicate></replicate>"
-                "</worldbody>"}, "more than 100000 elements"),
+                "</worldbody>"}, "more than 50000 elements"),
+    "joints without end": (
+        {"tail": "<worldbody>" + "<body><joint/></body>" * 700 + "</worldbody>"}, "702 joints; at most"
+    ),
+    "keyframes without end": ({"tail": "<size nkey='20000000'/>"}, "nkey is 20000000; at most"),
+    "a field without end": ({"tail": "<asset><hfield name='h' nrow='99999' ncol='99999' size='1 1 1 1'/></asset>"},
+                            "MuJoCo refuses it"),
+    "comments without end": ({"tail": "<!--" * 99999}, "PARSING_COMMENT"),
     "loops off": ({"equality": '<connect site1="s1" site2="s2"/>',
                    "options": '<option><flag equality="disable"/></option>'}, "remove the flag"),
     "unknown joint": ({"hinge": '<joint name="j" type="hing"/>'}, "invalid keyword: 'hing'"),
