@@ -163,6 +163,16 @@ class Refusal(RecordingError):
 
 
 Origin = Literal["measured", "simulated", "unstated"]
+
+
+def common_origin(origins: "Iterable[Origin]") -> "Origin":
+    """That of several recordings: measured only if every one is; simulated if any is."""
+    every = set(origins)
+    if len(every) == 1:
+        return every.pop()
+    return "simulated" if "simulated" in every else "unstated"
+
+
 Samples = NDArray[np.float64]
 Report = Callable[[Finding], None]
 

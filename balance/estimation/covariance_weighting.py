@@ -1,16 +1,18 @@
 """Values of the balance conditions from several sources: weighted by their covariances, and whether they agree.
 
-c = (sum L_i)^-1 sum L_i c_i with L_i the inverse covariance of source i, zero where it tells nothing. Where the sources
-agree, sum (c_i - c)' L_i (c_i - c) is distributed as chi-square; covariances are estimates themselves, so that it is
+c = (sum L_i)^-1 sum L_i c_i with L_i the inverse covariance of source i, zero where it determines nothing. Where the
+sources agree, sum (c_i - c)' L_i (c_i - c) is distributed as chi-square; covariances are estimates, so that it is
 compared with Fisher's F (per degree of freedom), which leaves more room.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from ..arrays import Floats
+from ..results import Key
 from .estimate import effective_degrees_of_freedom, f_tail
 from .first_moment_imbalance import Imbalance, Subspace
 
@@ -25,14 +27,14 @@ class CombinedImbalance:
     """The weighted values, and the agreement."""
 
     imbalance: Imbalance
-    chi_square: float
-    degrees_of_freedom: int
+    chi_square: Annotated[float, Key()]
+    degrees_of_freedom: Annotated[int, Key("freedom")]
     """Of chi-square: what more than one source determines."""
-    probability: float
+    probability: Annotated[float, Key()]
     """Of a disagreement at least as large by chance; 1 where nothing is determined twice."""
 
     @property
-    def agrees(self) -> bool:
+    def agrees(self) -> Annotated[bool, Key()]:
         """Whether the sources do not contradict each other."""
         return self.probability >= CONTRADICT
 

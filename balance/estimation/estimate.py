@@ -15,6 +15,8 @@ from ..arrays import Floats
 
 LEVEL = 0.95
 """Coverage probability of intervals and regions where none is named."""
+LEVEL_TEXT = f"{100 * LEVEL:g} %"
+"""The same as text."""
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,8 @@ the measured c in place of C pi.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
+from typing import Annotated
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from ..balancing.conditions import Conditions
 from ..balancing.least_masses import distribute_masses
 from ..balancing.sizing import site_columns
 from ..mechanism.mechanism import Mechanism
+from ..results import Key
 from .estimate import Estimate
 from .identifiability import NotIdentifiable
 from .regression import LEAST_BLOCKS, RegressionFit, RegressionRecord, fit
@@ -22,6 +25,7 @@ from .regression import LEAST_BLOCKS, RegressionFit, RegressionRecord, fit
 _FIXED = 1e-9
 """Part of a combination in what was estimated, relative to it, that is rounding."""
 _OUTSIDE = 1e-6
+_VALUE = attrgetter("value")
 
 
 @dataclass(frozen=True)
@@ -62,19 +66,21 @@ class Subspace:
 class MissingMass:
     """What a site lacks for balance; negative where it has too much."""
 
-    site: str
-    position: Floats
+    site: Annotated[str, Key("", "site")]
+    position: Annotated[Floats, Key("position_m", "site at x [mm]", lambda position: f"{position[0] * 1e3:.2f}")]
     """In its body's frame, (3,) [m]."""
     lever_arm: float
     """Distance from the axis of its body's joint [m]."""
-    mass: Estimate
+    mass: Annotated[Estimate, Key("mass_kg", "that is [kg]", ".3f", to=_VALUE)]
     """[kg]"""
-    first_moment: Estimate
+    first_moment: Annotated[Estimate, Key("first_moment_kgm", "missing [kg m]", ".4f", to=_VALUE)]
     """About the axis of its body's joint, mass times lever arm [kg m]."""
 
     @property
-    def interval(self) -> tuple[float, float]:
-        """Of the first moment, 95 % [kg m]."""
+    def interval(
+        self,
+    ) -> Annotated[tuple[float, float], Key("", "interval", lambda ends: "{:.4f} .. {:.4f}".format(*ends))]:
+        """Of the first moment [kg m]."""
         return self.first_moment.interval()
 
     @property

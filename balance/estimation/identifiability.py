@@ -7,12 +7,15 @@ are given in reduced row echelon form, masses last, so that they read as balance
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Any
 
 import numpy as np
 
 from ..arrays import Floats
 from ..balancing.conditions import reduced_row_echelon, text_of
 from ..errors import DataError
+from ..results import Key
 
 RANK_LIMIT = 1e-6
 """Singular value, relative to the largest, of columns of unit length, below which a direction is not excited.
@@ -42,9 +45,9 @@ class Identifiability:
     """The base parameters, an observable combination a row, in reduced row echelon form, (r, p)."""
     pivots: tuple[int, ...]
     """The column of each row's leading 1: these columns of the regressor are its base, W = W[pivots] @ combinations."""
-    singular_values: tuple[float, float]
+    singular_values: Annotated[tuple[float, float], Key("singular_value_gap")]
     """Smallest kept and largest dropped singular value, relative to the largest, of columns of unit length."""
-    condition: float
+    condition: Annotated[float, Key()]
     """Condition number of the base columns, each of unit length: how well the motion tells them apart."""
     weak: Floats
     """Share of each base parameter in the direction that the motion excites least, (r,), of unit length."""
@@ -52,7 +55,7 @@ class Identifiability:
     """Standard error of each base parameter where every row had white noise of 1 N m, 1 N, (r,) [SI]."""
 
     @property
-    def rank(self) -> int:
+    def rank(self) -> Annotated[int, Key()]:
         """Number of base parameters."""
         return len(self.pivots)
 
@@ -62,13 +65,19 @@ class Identifiability:
         return sum(self.names[k].startswith("mc") for k in self.pivots)
 
     @property
-    def weakest(self) -> str:
-        """The base parameters that the motion hardly tells from each other."""
+    def weakest(self) -> Annotated[str, Key()]:
+        """The base parameters that the motion hardly distinguishes."""
         size = np.abs(self.weak)
         return ", ".join(self.text(int(k)) for k in np.argsort(-size) if size[k] > _LARGE * size.max())
 
     @property
-    def undetermined(self) -> tuple[str, ...]:
+    def errors_per_unit(self) -> Annotated[list[dict[str, Any]], Key("base_parameters")]:
+        """The base parameters, with their standard errors where every row had white noise of 1 N m, 1 N."""
+        each = enumerate(self.per_unit.tolist())
+        return [{"name": self.text(k), "standard_error_per_unit_noise": error} for k, error in each]
+
+    @cached_property
+    def undetermined(self) -> Annotated[tuple[str, ...], Key("not_observable")]:
         """Parameters that the record does not determine by themselves."""
         rows = np.eye(len(self.names))
         return tuple(name for name, row in zip(self.names, rows, strict=True) if not self.is_identifiable(row))

@@ -1,6 +1,6 @@
 """``testbench identify``, and its tables."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -8,55 +8,51 @@ import click
 
 from balance.cli.framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 from balance.errors import DataError
+from balance.results import table
 
 from . import options as calibrations
 from . import options as stored_runs
 
 if TYPE_CHECKING:
     from ..identification import Identification, Value
+    from ..identification.cross_validation import MethodErrors
     from ..identification.result import Validation
+
+
+VALUE_COLUMNS = ("name", "value", "unit", "interval", "in_file")
+COUNTER_MASS_COLUMNS = ("site", "position", "mass", "mass_interval", "first_moment", "first_moment_interval")
 
 
 def print_result(
     result: "Identification", validation: "Validation | None" = None, left_out: Sequence[str] = ()
 ) -> None:
     """The tables for people."""
+    from ..identification.result import CounterMassValue, Value
+
     about = f"{result.mechanism.name} from {', '.join(result.runs)} (origin {result.origin})"
-    header = ["", "value", "unit", "95 % interval", "in MECH's file"]
-    emit_table(f"Identified: {about}", header, [_row(value) for value in result.base_values()])
-    emit_table(
-        "Friction, drives and offsets" if result.joints else "Offsets",
-        header,
-        [_row(value) for value in result.joint_values()],
-    )
+    emit_table(f"Identified: {about}", *table(Value, result.base_values(), *VALUE_COLUMNS))
+    terms = "Friction, drives and offsets" if result.joints else "Offsets"
+    emit_table(terms, *table(Value, result.joint_values(), *VALUE_COLUMNS))
     moments = [value for value in result.first_moments() if value.in_file] or result.first_moments()
     rows = [[value.name, *(f"{other:.4f}" for other in value.variants.values())] for value in moments]
     emit_table("First moments by other choices [kg m]", ["", *result.variants], rows)
-    emit_table("Methods on held-out blocks", *_methods(result))
+    header = ["", f"{_kind(result)} unexplained", "simulated angle off by, rms [rad]", "first moments [kg m]"]
+    emit_table("Methods on held-out blocks", header, [_method(result, one, moments) for one in result.comparison])
     if result.mechanism.counter_sites and not result.undetermined_moments():
-        rows = [
-            [found.site, f"{found.position[0] * 1e3:.4g}", *_cells(found.mass, 3), *_cells(found.first_moment, 4)]
-            for found in result.counter_masses()
-        ]
-        columns = ["site", "x [mm]", "mass [kg]", "95 % interval", "first moment [kg m]", "95 % interval"]
-        emit_table("Counter-masses that would balance it, beyond what the first run mounted", columns, rows)
-    click.echo("\n".join([*_notes(result), *left_out, *_verdict(result, validation)]))
+        title = "Counter-masses that would balance it, beyond what the first run mounted"
+        emit_table(title, *table(CounterMassValue, result.counter_masses(), *COUNTER_MASS_COLUMNS))
+    click.echo("\n".join([*_notes(result, moments), *left_out, *_verdict(result, validation)]))
 
 
-def _methods(result: "Identification") -> tuple[list[str], list[list[str]]]:
-    """Header and rows."""
-    from ..identification.estimators import NAMES
-
-    rows = [
-        [
-            f"{one.method}: {NAMES[one.method]}" + (" (used)" if one.method == result.method else ""),
-            f"{one.torque_error:.1%}",
-            "-" if one.angles is None else f"{one.angles.whole:.4f}",
-            *_values(result, one.method),
-        ]
-        for one in result.comparison
+def _method(result: "Identification", one: "MethodErrors", moments: "Sequence[Value]") -> list[str]:
+    used = one.method == result.method
+    values = (value.value if used else value.variants[one.method] for value in moments)
+    return [
+        f"{one.method}: {one.name}{' (used)' if used else ''}",
+        f"{one.torque_error:.1%}",
+        "-" if one.angles is None else f"{one.angles.all_rms:.4f}",
+        ", ".join(f"{value:.4f}" for value in values),
     ]
-    return ["", f"{_kind(result)} unexplained", "simulated angle off by, rms [rad]", "first moments [kg m]"], rows
 
 
 def _kind(result: "Identification") -> str:
@@ -65,45 +61,53 @@ def _kind(result: "Identification") -> str:
     return " and ".join([*(["torque"] if result.joints else []), *(["force"] if forces else [])])
 
 
-def _values(result: "Identification", method: str) -> list[str]:
-    moments = [value for value in result.first_moments() if value.in_file] or result.first_moments()
-    return [", ".join(f"{value.value if method == result.method else value.variants[method]:.4f}" for value in moments)]
-
-
-def _notes(result: "Identification") -> list[str]:
-    """What stands below the tables: how much is unexplained, how it was chosen, what is determined."""
+def _notes(result: "Identification", moments: "Sequence[Value]") -> list[str]:
+    """Below the tables: how much is unexplained, how it was chosen, what is determined."""
     chosen, seen = result.chosen, result.identified.identifiability
-    shares = zip(result.rows, result.rms_ratio_in_band, result.rms_ratio, strict=True)
     side = "after" if chosen.delay >= 0 else "before"
     delay = f", torques logged {abs(chosen.delay) * 1e3:.3g} ms {side} the motion" if result.joints else ""
+    lacking = ", ".join(seen.undetermined[:6]) or "none"
+    lacking += f" and {len(seen.undetermined) - 6} more" if len(seen.undetermined) > 6 else ""
     return [
-        *(
-            f"{_named(result, row)} unexplained on held-out blocks: {below:.1%} below the cut-off, "
-            f"{raw:.1%} as recorded"
-            for row, below, raw in shares
-        ),
+        *_unexplained(result, result, "on held-out blocks"),
         f"Cut-off {chosen.cutoff:.3g} Hz{delay}: chosen by the {_kind(result)} error on held-out blocks.",
         f"{seen.rank} combinations of {len(seen.names)} parameters are observable; excitation {result.excitation}, "
-        f"condition {seen.condition:.3g}. Not determined by themselves: {_few(seen.undetermined)}.",
+        f"condition {seen.condition:.3g}. Not determined by themselves: {lacking}.",
         f"Intervals: delete-block jackknife over {result.identified.fit.blocks} blocks, widened to contain the "
         "other choices.",
-        *_scale(result),
+        *(_torque_notes(result, moments) if result.joints else []),
         _bodies(result),
-        *_one_sided(result),
     ]
 
 
-def _scale(result: "Identification") -> list[str]:
-    """A scale of all torques, where masses that are known to differ tell it; else that it is not told."""
+def _unexplained(result: "Identification", of: "Identification | Validation", where: str) -> list[str]:
+    shares = zip(result.rows, of.rms_ratio_in_band, of.rms_ratio, strict=True)
+    names = {row: result.named(row) for row in result.rows}
+    return [
+        f"{names[row][0].upper()}{names[row][1:]} unexplained {where}: {below:.1%} below the cut-off, "
+        f"{raw:.1%} as recorded"
+        for row, below, raw in shares
+    ]
+
+
+def _torque_notes(result: "Identification", moments: "Sequence[Value]") -> list[str]:
+    """A scale of all torques, where masses that are known to differ determine it; and what is often done instead."""
+    from balance.estimation.estimate import LEVEL_TEXT
+
     from ..identification.diagnostics import SCALE_UNKNOWN, Explanation
 
-    if not result.joints:
-        return []
-    scale = Explanation(result).scale_of_all()
-    if scale is None:
-        return [f"The scale of the torques is not checked: {SCALE_UNKNOWN}."]
-    low, high = scale.interval()
-    return [f"Scale of the torques by masses known to differ: {scale.value:.3f}, 95 %: {low:.3f} .. {high:.3f}."]
+    scale, text = Explanation(result).scale_of_all, f"The scale of the torques is not checked: {SCALE_UNKNOWN}."
+    if scale is not None:
+        low, high = scale.interval()
+        text = (
+            f"Scale of the torques by masses known to differ: {scale.value:.3f}, {LEVEL_TEXT}: {low:.3f} .. {high:.3f}."
+        )
+    listed = [f"{one.name} " + ", ".join(f"{x:.4f} ({label})" for label, x in one.one_sided.items()) for one in moments]
+    return [
+        text,
+        "Smoothing torque and rates but not positions, as is often done, is biased and would have given: "
+        + "; ".join(listed),
+    ]
 
 
 def _bodies(result: "Identification") -> str:
@@ -119,50 +123,13 @@ def _bodies(result: "Identification") -> str:
     )
 
 
-def _one_sided(result: "Identification") -> list[str]:
-    if not result.joints:
-        return []
-    listed = "; ".join(f"{value.name} {_listed(value.one_sided)}" for value in result.first_moments() if value.in_file)
-    return [f"Smoothing torque and rates but not positions, as is often done, is biased and would have given: {listed}"]
-
-
 def _verdict(result: "Identification", validation: "Validation | None") -> list[str]:
-    lines = []
-    doubts = result.doubts()
+    doubts, lost, lines = result.doubts(), [*result.left_out], []
     if validation is not None:
-        shares = zip(result.rows, validation.rms_ratio_in_band, validation.rms_ratio, strict=True)
-        lines = [
-            f"{_named(result, row)} unexplained in {', '.join(validation.runs)}: {below:.1%} below the cut-off, "
-            f"{raw:.1%} as recorded"
-            for row, below, raw in shares
-        ]
-        doubts = [*doubts, *validation.doubts()]
-    lost = [*result.left_out, *(validation.evidence.left_out if validation else ())]
+        lines = _unexplained(result, validation, f"in {', '.join(validation.runs)}")
+        doubts, lost = [*doubts, *validation.doubts()], [*lost, *validation.equations.left_out]
     lines += [f"Finding: {text}." for text in lost]
     return [*lines, f"Verdict: {'doubtful' if doubts else 'usable'}", *(f"  {doubt}" for doubt in doubts)]
-
-
-def _named(result: "Identification", row: str) -> str:
-    name = result.named(row)
-    return name[0].upper() + name[1:]
-
-
-def _few(names: Sequence[str]) -> str:
-    return ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "") or "none"
-
-
-def _listed(values: Mapping[str, float]) -> str:
-    return ", ".join(f"{value:.4f} ({label})" for label, value in values.items())
-
-
-def _row(value: "Value") -> list[str]:
-    number, interval = _cells(value, 4)
-    return [value.name, number, value.unit, interval, f"{value.in_file:.4f}"]
-
-
-def _cells(value: "Value", decimals: int) -> tuple[str, str]:
-    low, high = value.interval
-    return f"{value.value:.{decimals}f}", f"{low:.{decimals}f} .. {high:.{decimals}f}"
 
 
 @click.command(
@@ -237,7 +204,11 @@ def identify(mechanism: str, runs: tuple[Path, ...], figure: Path | None, as_jso
         records = assemble([bound[0], *separate], taken.by, options["accept"]).records[1:]
         validation = validate(result, records)
     if figure is not None:
-        _draw(result, figure)
+        from balance.figures.mechanism import save
+
+        from ..identification.figure import draw
+
+        save(draw(result), figure)
     if as_json:
         from ..identification.document import identification_document
 
@@ -248,13 +219,5 @@ def identify(mechanism: str, runs: tuple[Path, ...], figure: Path | None, as_jso
         calibrations.print_calibrations(calibrations.calibrations(run.run for run in bound))
     odd = result.left_out or result.doubts()
     if validation is not None:
-        odd = odd or validation.evidence.left_out or validation.doubts()
+        odd = odd or validation.equations.left_out or validation.doubts()
     return EXIT_WITH_FINDINGS if odd else 0
-
-
-def _draw(result: "Identification", path: Path) -> None:
-    from balance.figures.mechanism import save
-
-    from ..identification.figure import draw
-
-    save(draw(result), path)

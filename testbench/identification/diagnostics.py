@@ -1,10 +1,10 @@
-"""What may stand behind a difference to values that others give: each shown by a fit of its own.
+"""What may explain a difference to values that others give: each shown by a fit of its own.
 
 * A joint alone: the first moments from each joint's torque by itself. Where they differ, a torque is scaled, or a joint
   has friction that the model lacks.
 * Scale between joints: tau_k = s W_k pi with tau_1 = W_1 pi. Bodies that both torques move tie them together. A scale
-  common to all of them cannot be told from heavier bodies: every parameter scales alike.
-* Scale of all torques: told where runs differ by masses that are known: tau = s (W pi + W dpi).
+  common to all of them cannot be distinguished from heavier bodies: every parameter scales in the same way.
+* Scale of all torques: determined where runs differ by masses that are known: tau = s (W pi + W dpi).
 * Friction: none, dry alone, dry and viscous, dry that differs by direction, and that of the mechanism's file.
 * Delay and cut-off: no delay between torque and motion, from low to high cut-offs. Noise of the motion that a high
   cut-off lets in pulls least squares towards zero.
@@ -14,6 +14,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -22,9 +23,9 @@ from balance.estimation.base_parameters import BaseParameters
 from balance.estimation.estimate import Estimate
 from balance.estimation.identifiability import Identifiability, identifiability
 from balance.estimation.regression import RegressionFit, RegressionRecord, fit
+from balance.results import Key
 
 from .cross_validation import CrossValidation, unexplained
-from .records import JointRecord
 from .regression_equations import RegressionEquations, regression_equations
 from .result import Identification
 
@@ -35,26 +36,34 @@ SCALE_UNKNOWN = (
 SCALE_KNOWN = "from masses that are known to differ between the runs"
 _ROUNDS = 20
 _SETTLED = 1e-9
+_FRICTION = {
+    "no friction": ("coulomb[", "viscous["),
+    "dry friction": ("viscous[",),
+    "viscous friction": ("coulomb[",),
+    "dry and viscous friction": ("none",),
+}
+"""Models of friction, with the terms that each lacks."""
+
+
+def _shown(found: Estimate) -> dict[str, Any]:
+    return {"value": found.value, "interval": found.interval()}
 
 
 @dataclass(frozen=True)
 class Fit:
     """First moments by one way of fitting, None where it does not determine them."""
 
-    name: str
-    first_moments: Mapping[str, Estimate | None]
-    left: Mapping[str, float]
-    """Part of each row below the cut-off that the fit itself leaves."""
+    name: Annotated[str, Key("fit")]
+    first_moments: Annotated[Mapping[str, Estimate | None], Key("first_moments_kgm", to=_shown)]
+    unexplained: Annotated[Mapping[str, float], Key("rms_ratio_below_cutoff")]
+    """Part of each row below the cut-off that the fit does not explain."""
 
-    def document(self) -> dict[str, object]:
-        """For the JSON document."""
-        return {
-            "fit": self.name,
-            "first_moments_kgm": {
-                text: None if found is None else _estimate_document(found) for text, found in self.first_moments.items()
-            },
-            "rms_ratio_below_cutoff": dict(self.left),
-        }
+
+def scale_document(scale: Estimate | None) -> dict[str, Any]:
+    """The scale of all torques, or why it is not identifiable."""
+    if scale is None:
+        return {"identifiable": False, "reason": SCALE_UNKNOWN}
+    return {"identifiable": True, "reason": SCALE_KNOWN, **_shown(scale)}
 
 
 @dataclass(frozen=True)
@@ -64,111 +73,104 @@ class Explanation:
     result: Identification
 
     @property
-    def evidence(self) -> RegressionEquations:
-        """The equations."""
-        return self.result.choice.evidence
+    def fits_by(self) -> Annotated[str, Key()]:
+        """How they are made."""
+        return "least squares at the chosen cut-off and delay"
 
-    def rows_alone(self) -> list[Fit]:
+    @cached_property
+    def rows_alone(self) -> Annotated[list[Fit], Key()]:
         """First moments from each row by itself."""
-        return [self._alone(k, self.result.named(row)) for k, row in enumerate(self.result.rows)]
+        names = self.equations.names
+        rows = enumerate(self.result.rows)
+        return [self._fit(f"{self.result.named(row)} alone", self._columns[:, [k]], names, [k]) for k, row in rows]
 
-    def friction(self) -> list[Fit]:
+    @cached_property
+    def friction(self) -> Annotated[list[Fit], Key()]:
         """First moments with other models of friction."""
-        names = self.evidence.names
-        without = {
-            "no friction": ("coulomb[", "viscous["),
-            "dry friction": ("viscous[",),
-            "viscous friction": ("coulomb[",),
-            "dry and viscous friction": ("none",),
-        }
+        if not self.result.joints:
+            return []
         fits = []
-        for name, out in without.items():
-            kept = [k for k, parameter in enumerate(names) if not parameter.startswith(out)]
-            fits.append(self._fit(name, self._columns[:, :, kept], [names[k] for k in kept]))
-        more, named = self._by_direction()
-        return [*fits, self._fit("dry and viscous friction, dry by direction", more, named)]
+        for name, lacking in _FRICTION.items():
+            kept, names = self._without(lacking)
+            fits.append(self._fit(name, self._columns[:, :, kept], names))
+        return [*fits, self._fit("dry and viscous friction, dry by direction", *self._by_direction())]
 
-    def file_friction(self) -> Fit:
+    @cached_property
+    def file_friction(self) -> Annotated[Fit | None, Key("friction_of_file")]:
         """First moments with dry and viscous friction taken from the mechanism's file."""
-        names = self.evidence.names
-        fixed = [k for k, name in enumerate(names) if name.startswith(("coulomb[", "viscous["))]
-        kept = [k for k in range(len(names)) if k not in fixed]
+        if not self.result.joints:
+            return None
+        kept, names = self._without(("coulomb[", "viscous["))
+        fixed = np.setdiff1d(np.arange(len(self.equations.names)), kept)
         known = self._columns[:, :, fixed] @ self.result.in_file[fixed]
-        return self._fit("friction of MECH's file", self._columns[:, :, kept], [names[k] for k in kept], known=known)
+        return self._fit("friction of MECH's file", self._columns[:, :, kept], names, known=known)
 
-    def file_left(self) -> dict[str, float]:
-        """Part of each row below the cut-off that the parameters of the mechanism's file leave."""
-        left = unexplained(self._rows, self._columns @ self.result.in_file, self.evidence.moving)
-        return dict(zip(self.result.rows, left.tolist(), strict=True))
-
-    def without_delay(self) -> list[Fit]:
+    @cached_property
+    def without_delay(self) -> Annotated[list[Fit], Key()]:
         """First moments without delay, at every cut-off that the records allow."""
-        records = [part.record for part in self.evidence.parts]
-        return [self._without_delay(records, one.cutoff) for one in self.result.choice.best_of_each]
+        if not self.result.joints:
+            return []
+        result, fits = self.result, []
+        for one in result.choice.best_of_each:
+            equations = regression_equations(self.equations.records, result.mechanism, one.cutoff)
+            held_out = CrossValidation(equations, result.mechanism, self._seen)
+            chosen = replace(result.chosen, cutoff=one.cutoff, delay=0.0)
+            at = Explanation(replace(result, choice=replace(result.choice, chosen=chosen, held_out=held_out)))
+            fits.append(at._fit(f"no delay, {one.cutoff:.3g} Hz", at._columns, equations.names))
+        return fits
 
-    def _without_delay(self, records: Sequence[JointRecord], cutoff: float) -> Fit:
-        result = self.result
-        held_out = CrossValidation(
-            regression_equations(records, result.mechanism, cutoff), result.mechanism, self._seen
-        )
-        chosen = replace(result.chosen, cutoff=cutoff, delay=0.0)
-        other = replace(result, choice=replace(result.choice, chosen=chosen, held_out=held_out))
-        fit = Explanation(other)
-        return fit._fit(f"no delay, {cutoff:.3g} Hz", fit._columns, fit.evidence.names)
+    @property
+    def file_unexplained(self) -> Annotated[dict[str, float], Key("file_rms_ratio_below_cutoff")]:
+        """Part of each row below the cut-off that the parameters of the mechanism's file do not explain."""
+        shares = unexplained(self._rows, self._columns @ self.result.in_file, self.equations.moving)
+        return dict(zip(self.result.rows, shares.tolist(), strict=True))
 
-    def scale_between(self) -> dict[str, Estimate]:
+    @cached_property
+    def scale_between(self) -> Annotated[dict[str, Estimate], Key("torque_scale_between_joints", to=_shown)]:
         """Scale of each joint's torque against the first joint's, for those that share a body."""
         joints = self.result.joints
         return {f"{joint} / {joints[0]}": self._scale(k) for k, joint in enumerate(joints) if k}
 
+    @cached_property
     def scale_of_all(self) -> Estimate | None:
         """Scale of all rows by masses that are known to differ between the runs; None where none do."""
-        known = np.concatenate([part.inside(part.low_passed(part.known))
-                                for part in self.evidence.parts])  # fmt: skip
+        known = self.equations.joined(lambda part: part.low_passed(part.known))
         if not np.any(known):
             return None
-        base = self._columns[:, :, list(self._seen.pivots)]
-        columns = np.concatenate([base, known[:, :, None]], axis=2)
+        columns = np.concatenate([self._base, known[:, :, None]], axis=2)
         return self._fitted(columns, self._rows + known).estimate(np.eye(columns.shape[2])[-1])
 
-    def document(self) -> dict[str, object]:
-        """For the JSON document; first moments in kg m."""
-        torques = bool(self.result.joints)
-        whole = self.scale_of_all()
-        return {
-            "fits_by": "least squares at the chosen cut-off and delay",
-            "rows_alone": [fit.document() for fit in self.rows_alone()],
-            "friction": [fit.document() for fit in self.friction()] if torques else [],
-            "friction_of_file": self.file_friction().document() if torques else None,
-            "without_delay": [fit.document() for fit in self.without_delay()] if torques else [],
-            "file_rms_ratio_below_cutoff": self.file_left(),
-            "torque_scale_between_joints": {name: _estimate_document(s) for name, s in self.scale_between().items()},
-            "scale_of_all": {
-                "identifiable": whole is not None,
-                "reason": SCALE_KNOWN if whole is not None else SCALE_UNKNOWN,
-                **({} if whole is None else _estimate_document(whole)),
-            },
-        }
+    @property
+    def equations(self) -> RegressionEquations:
+        """At the chosen cut-off."""
+        return self.result.choice.equations
 
     @cached_property
     def _columns(self) -> Floats:
-        return self.evidence.low_passed_columns(range(len(self.evidence.names)))
+        return self.equations.low_passed_columns(range(len(self.equations.names)))
+
+    @property
+    def _base(self) -> Floats:
+        return self._columns[:, :, list(self._seen.pivots)]
 
     @cached_property
     def _rows(self) -> Floats:
-        return self.evidence.low_passed_torque(self.result.chosen.delay)
+        return self.equations.low_passed_torque(self.result.chosen.delay)
 
     @property
     def _seen(self) -> Identifiability:
         return self.result.identified.identifiability
 
-    def _fitted(self, columns: Floats, rows: Floats, used: Floats | None = None) -> RegressionFit:
-        blocks = self.evidence.blocks(1.0 / self.evidence.cutoff)
-        everything = self.evidence.moving if used is None else used
-        return fit([RegressionRecord.of(columns, rows, blocks, used=everything)])
+    def _without(self, lacking: tuple[str, ...]) -> tuple[list[int], list[str]]:
+        """Places and names of the parameters whose names begin otherwise."""
+        names = self.equations.names
+        kept = [k for k, name in enumerate(names) if not name.startswith(lacking)]
+        return kept, [names[k] for k in kept]
 
-    def _alone(self, row: int, name: str) -> Fit:
-        return self._fit(name + " alone", self._columns[:, [row]], self.evidence.names, [row])
+    def _fitted(self, columns: Floats, rows: Floats, used: Floats | None = None) -> RegressionFit:
+        blocks = self.equations.blocks(1.0 / self.equations.cutoff)
+        everything = self.equations.moving if used is None else used
+        return fit([RegressionRecord.of(columns, rows, blocks, used=everything)])
 
     def _fit(
         self,
@@ -179,35 +181,27 @@ class Explanation:
         known: Floats | float = 0.0,
     ) -> Fit:
         chosen = list(range(len(self.result.rows)) if rows is None else rows)
-        moving, measured = self.evidence.moving[:, chosen], (self._rows - known)[:, chosen]
+        moving, measured = self.equations.moving[:, chosen], (self._rows - known)[:, chosen]
         seen = identifiability(columns * moving[:, :, None], names)
         base = columns[:, :, list(seen.pivots)]
         found = BaseParameters(seen, self._fitted(base, measured, moving))
         ratio = unexplained(self._rows[:, chosen], self._rows[:, chosen] - measured + base @ found.values, moving)
         return Fit(
             name,
-            {text: self._estimate(found, row, names) for text, row in self.result.moment_rows()},
+            {text: _estimate(found, row) for text, row in self.result.moment_rows()},
             {self.result.rows[k]: float(r) for k, r in zip(chosen, ratio, strict=True)},
         )
 
-    def _estimate(self, found: BaseParameters, row: Mapping[str, float], names: Sequence[str]) -> Estimate | None:
-        if not set(row) <= set(names):
-            return None
-        vector = found.identifiability.vector(row)
-        return found.estimate(vector) if found.identifiability.is_identifiable(vector) else None
-
     def _by_direction(self) -> tuple[Floats, list[str]]:
-        """A column for the square of the direction of each joint: dry friction that differs by direction, beside it."""
-        names = list(self.evidence.names)
-        places = [names.index(f"coulomb[{joint}]") for joint in self.result.joints]
-        raw = [part.whole[:, :, places] ** 2 for part in self.evidence.parts]
-        smooth = np.concatenate([p.inside(p.low_passed(r)) for p, r in zip(self.evidence.parts, raw, strict=True)])
-        added = [f"uneven[{joint}]" for joint in self.result.joints]
-        return np.concatenate([self._columns, smooth], axis=2), [*names, *added]
+        """Columns and names with one more a joint, the square of its direction: dry friction that differs by it."""
+        places = [self.equations.names.index(f"coulomb[{joint}]") for joint in self.result.joints]
+        added = self.equations.joined(lambda part: part.low_passed(part.whole[:, :, places] ** 2))
+        names = [*self.equations.names, *(f"uneven[{joint}]" for joint in self.result.joints)]
+        return np.concatenate([self._columns, added], axis=2), names
 
     def _scale(self, joint: int) -> Estimate:
         """Gauss-Newton on tau_k = s W_k pi: columns s W_k, and W_k pi for the change of s."""
-        base = self._columns[:, :, list(self._seen.pivots)]
+        base = self._base
         scale, pi = 1.0, self._fitted(base, self._rows).values
         for _ in range(_ROUNDS):
             columns = base.copy()
@@ -219,9 +213,11 @@ class Explanation:
             scale += step
             if abs(step) < _SETTLED:
                 break
-        change = found.estimate(np.eye(len(found.values))[-1])
-        return replace(change, values=np.array([scale]))
+        return replace(found.estimate(np.eye(len(found.values))[-1]), values=np.array([scale]))
 
 
-def _estimate_document(found: Estimate) -> dict[str, object]:
-    return {"value": found.value, "interval": list(found.interval())}
+def _estimate(found: BaseParameters, row: Mapping[str, float]) -> Estimate | None:
+    if not set(row) <= set(found.identifiability.names):
+        return None
+    vector = found.identifiability.vector(row)
+    return found.estimate(vector) if found.identifiability.is_identifiable(vector) else None

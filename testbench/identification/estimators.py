@@ -1,4 +1,8 @@
-"""How far a mechanism with given parameters would depart from its recorded motion, were it driven by the torques.
+"""Three methods from the equations of records to base parameters, at one cut-off and delay.
+
+``ls``: least squares, both sides low-passed. ``iv``: the same with instruments, the columns of W along the motion that
+torque and model make instead of the recorded one, so that noise of the motion does not pull towards zero. ``oe``: least
+squares of the deviation of that simulated motion from the recorded one.
 
 The recorded motion q_m is simulated anew: M(q) q'' + h(q, q') = tau, with a weak pull back to it of natural frequency
 w and damping z, M (w^2 (q_m - q) + 2 z w (q_m' - q')). To first order in the deviation e = q - q_m that is a linear
@@ -9,12 +13,6 @@ equation with time-varying coefficients,
 linear in pi as well. Above w the recorded accelerations drop out: e'' takes back what noise they carry. So q_m + e is a
 motion that torque and model make, fit for instruments, and e is the output error (compare Gautier, Janot, Vandanjon,
 IEEE Trans. Control Syst. Technol. 21, 2013, whose pull is the machine's own controller).
-
-Three ways from the equations of records to base parameters, at one cut-off and delay.
-
-``ls``: least squares, both sides low-passed alike. ``iv``: the same with instruments, the columns of W along the motion
-that torque and model make instead of the recorded one, so that noise of the motion does not pull towards zero. ``oe``:
-least squares of the deviation of that simulated motion from the recorded one.
 """
 
 from collections.abc import Sequence
@@ -24,7 +22,8 @@ from typing import Literal
 
 import numpy as np
 
-from balance.arrays import Floats, Indices
+from balance.arrays import Floats
+from balance.dynamics.regressor import driven_torque_regressor, joint_friction_regressor
 from balance.estimation.base_parameters import BaseParameters, base_parameters
 from balance.estimation.identifiability import Identifiability
 from balance.estimation.regression import RegressionRecord, least_squares
@@ -32,8 +31,18 @@ from balance.mechanism.mechanism import Mechanism
 
 from ..errors import AnalysisError
 from ..kinematics.smoothing_and_derivatives import Rates
-from .regression_equations import RecordEquations, RegressionEquations, model_torque, path_of, regressor
+from .regression_equations import RecordEquations, RegressionEquations, path_of, regressor
 
+Method = Literal["ls", "iv", "oe"]
+METHODS: tuple[Method, ...] = ("ls", "iv", "oe")
+NAMES = {"ls": "least squares", "iv": "instrumental variables", "oe": "output error"}
+BLOCK_PERIODS = {"ls": 1.0, "iv": 1.0, "oe": 1.5}
+"""Length of the blocks that are left out in turn for an interval, in periods of the cut-off: beyond half a period
+what a low-pass leaves of white noise is no longer correlated; deviations remember longer."""
+PULL = 0.25
+"""Frequency of the pull back to the recorded motion, in cut-offs: well below what the comparison looks at."""
+ROUNDS = 2
+"""Of parameters -> coefficients of the deviation -> parameters, for the output error."""
 DAMPING = 0.7
 """Of the pull."""
 _STEP = 1e-5
@@ -47,25 +56,26 @@ class Deviation:
     inertia: Floats
     """M, (samples, joints, joints)."""
     damping: Floats
-    """C, alike."""
+    """C, (samples, joints, joints)."""
     stiffness: Floats
-    """K, alike."""
+    """K, (samples, joints, joints)."""
     step: float
     """Between samples [s]."""
 
     @classmethod
     def of(cls, part: RecordEquations, mechanism: Mechanism, parameters: Floats) -> "Deviation":
-        """About the motion of a record; ``parameters`` over all of them, (p,).
+        """About the motion of a record; ``parameters`` over all of them, (p,) [SI].
 
         Dry friction is taken as a function of the recorded speed: its jump has no slope.
         """
         smooth = np.where([name.startswith("coulomb[") for name in part.names], 0.0, parameters)
+        smooth[: len(part.record.mounted)] += part.record.mounted
         inertia, damping, stiffness = (_slope(part, mechanism, smooth, k) for k in (2, 1, 0))
         return cls(inertia, damping, stiffness, part.record.grid.step)
 
     @property
     def least_pull_hz(self) -> float:
-        """Frequency of the pull that holds the mechanism nine tenths of the time, where its weight would topple it."""
+        """Frequency of the pull that is stiff enough nine tenths of the time, where the weight would topple it."""
         lowest = np.linalg.eigvals(np.linalg.solve(self.inertia, self.stiffness)).real.min(axis=1)
         return float(np.sqrt(max(-np.percentile(lowest, 10.0), 0.0)) / (2.0 * np.pi))
 
@@ -90,24 +100,19 @@ class Deviation:
 
 def _slope(part: RecordEquations, mechanism: Mechanism, parameters: Floats, of: int) -> Floats:
     """d(W pi)/d(q, v or a) by central differences, (samples, joints, joints)."""
-    joints = part.record.torque.shape[1]
-    known = np.zeros_like(parameters)
-    known[: len(part.record.mounted)] = part.record.mounted
-    columns = []
-    for unit in np.eye(joints):
-        ends = [_moved(part.motion, of, sign * _STEP * unit) for sign in (1.0, -1.0)]
-        high, low = (
-            model_torque(mechanism, end, path_of(part.record, mechanism, end, part.path), parameters + known)
-            for end in ends
-        )
-        columns.append((high - low) / (2.0 * _STEP))
-    return np.stack(columns, axis=2)
+    count = len(mechanism.pi)
 
+    def torque(change: Floats) -> Floats:
+        values = [part.motion.q, part.motion.v, part.motion.a]
+        values[of] = values[of] + change
+        motion = Rates(*values)
+        path = path_of(part.record, mechanism, motion, part.path)
+        bodies = driven_torque_regressor(mechanism, path.q, path.v, path.a, path.per_drive) @ parameters[:count]
+        terms = joint_friction_regressor(mechanism.driven, motion.v, motion.a)[0]
+        return np.asarray(bodies + terms @ parameters[count : count + terms.shape[2]])
 
-def _moved(motion: Rates, of: int, change: Floats) -> Rates:
-    values = [motion.q, motion.v, motion.a]
-    values[of] = values[of] + change
-    return Rates(*values)
+    units = _STEP * np.eye(part.record.torque.shape[1])
+    return np.stack([(torque(unit) - torque(-unit)) / (2.0 * _STEP) for unit in units], axis=2)
 
 
 def _integrated(system: Floats, pushed: Floats, step: float) -> Floats:
@@ -122,56 +127,19 @@ def _integrated(system: Floats, pushed: Floats, step: float) -> Floats:
     return state
 
 
-Method = Literal["ls", "iv", "oe"]
-METHODS: tuple[Method, ...] = ("ls", "iv", "oe")
-NAMES = {"ls": "least squares", "iv": "instrumental variables", "oe": "output error"}
-BLOCK_PERIODS = {"ls": 1.0, "iv": 1.0, "oe": 1.5}
-"""Length of the blocks that are left out in turn for an interval, in periods of the cut-off: beyond half a period
-what a low-pass leaves of white noise is no longer correlated; deviations remember longer."""
-PULL = 0.25
-"""Frequency of the pull back to the recorded motion, in cut-offs: well below what the comparison looks at."""
-ROUNDS = 2
-"""Of parameters -> coefficients of the deviation -> parameters, for the output error."""
-
-
-def allowed(evidence: RegressionEquations) -> tuple[Method, ...]:
+def allowed(equations: RegressionEquations) -> tuple[Method, ...]:
     """Methods for these rows: least squares alone for forces alone, no output error where forces count too."""
-    record = evidence.parts[0].record
+    record = equations.records[0]
     if not record.torque.shape[1]:
         return ("ls",)
     return METHODS if record.loads is None else ("ls", "iv")
 
 
 @dataclass(frozen=True)
-class Equations:
-    """What one method solves: rows = columns @ base, over all records without their ends."""
-
-    columns: Floats
-    """(n, rows, r)"""
-    rows: Floats
-    """(n, rows)"""
-    used: Floats
-    """(n, rows), zero or one."""
-    instruments: Floats | None = None
-
-    def solve(self, identifiable: Identifiability, blocks: Indices) -> BaseParameters:
-        """With intervals from leaving out ``blocks``."""
-        return base_parameters(self._record(blocks), identifiable)
-
-    def values(self, training: Floats) -> Floats:
-        """Base parameters from the part of the equations that ``training`` (n, 1) leaves, (r,)."""
-        record = self._record(np.zeros(len(self.rows), dtype=np.intp))
-        return least_squares(replace(record, used=self.used * training))
-
-    def _record(self, blocks: Indices) -> RegressionRecord:
-        return RegressionRecord.of(self.columns, self.rows, blocks, used=self.used, instruments=self.instruments)
-
-
-@dataclass(frozen=True)
 class Methods:
-    """The equations of each method from what records show at one cut-off and delay."""
+    """The least squares of each method from what records show at one cut-off and delay."""
 
-    evidence: RegressionEquations
+    equations: RegressionEquations
     mechanism: Mechanism
     identifiable: Identifiability
     delay: float
@@ -180,91 +148,89 @@ class Methods:
 
     def identified(self, method: Method) -> BaseParameters:
         """Base parameters with intervals. Raises AnalysisError for a method that needs torques where there are none."""
-        self._refuse(method)
-        blocks = self.evidence.blocks(BLOCK_PERIODS[method] / self.evidence.cutoff)
-        return self._equations(method, None).solve(self.identifiable, blocks)
+        blocks = self.equations.blocks(BLOCK_PERIODS[method] / self.equations.cutoff)
+        return base_parameters(replace(self._record(method), blocks=blocks), self.identifiable)
 
     def held_out(self, method: Method, training: Sequence[Floats]) -> Floats:
-        """Base parameters from each choice of samples that is marked with one, (n, 1) each, (choices, r)."""
-        self._refuse(method)
-        return np.array([self._equations(method, marked).values(marked) for marked in training])
-
-    def _refuse(self, method: Method) -> None:
-        if method not in allowed(self.evidence):
-            raise AnalysisError(
-                f"method {method!r} is not for these rows: oe takes torques alone, iv torques among others; expected "
-                f"{' or '.join(allowed(self.evidence))}"
-            )
-
-    def _equations(self, method: Method, training: Floats | None) -> Equations:
-        marked = np.ones((len(self.plain.rows), 1)) if training is None else training
-        if method == "ls":
-            return self.plain
-        if method == "iv":
-            return self._instrumented(self.plain.values(marked))
-        return self._output_error
+        """Base parameters from each choice of samples that is marked with one, (n, 1) each, (choices, r) [SI]."""
+        return np.array([_values(self._record(method, marked), marked) for marked in training])
 
     @cached_property
-    def plain(self) -> Equations:
+    def plain(self) -> RegressionRecord:
         """Of least squares."""
-        evidence = self.evidence
-        columns = evidence.low_passed_columns(self.identifiable.pivots) if self.smooth is None else self.smooth
-        return Equations(columns, evidence.low_passed_torque(self.delay), evidence.moving)
+        columns = self.equations.low_passed_columns(self._pivots) if self.smooth is None else self.smooth
+        return self._of(columns, self.equations.low_passed_torque(self.delay))
 
-    def _instrumented(self, base: Floats) -> Equations:
-        """With the columns of the motion that ``base`` (r,) and the torques make as instruments."""
-        parts = [self._made(*pair, base) for pair in zip(self.evidence.parts, self._models, strict=True)]
-        plain = self.plain
-        return Equations(plain.columns, plain.rows, plain.used, np.concatenate(parts))
+    def _record(self, method: Method, training: Floats | float = 1.0) -> RegressionRecord:
+        """What a method solves, instruments and models by the samples of ``training`` (n, 1)."""
+        if method not in allowed(self.equations):
+            raise AnalysisError(
+                f"method {method!r} is not for these rows: oe takes torques alone, iv torques among others; expected "
+                f"{' or '.join(allowed(self.equations))}"
+            )
+        if method == "ls":
+            return self.plain
+        if method == "oe":
+            return self._output_error
+        base = _values(self.plain, training)
+        pairs = zip(self.equations.parts, self._models, strict=True)
+        return replace(self.plain, instruments=np.concatenate([self._instruments(*pair, base) for pair in pairs]))
+
+    @property
+    def _pivots(self) -> list[int]:
+        return list(self.identifiable.pivots)
+
+    def _of(self, columns: Floats, readings: Floats) -> RegressionRecord:
+        used = self.equations.moving[:, : readings.shape[1]]
+        return RegressionRecord.of(columns, readings, np.zeros(len(readings), dtype=np.intp), used=used)
 
     @cached_property
     def _models(self) -> list[Deviation]:
         """Of each record, about the parameters of least squares."""
-        return self._about(self.plain.values(np.ones((len(self.plain.rows), 1))))
+        return self._about(_values(self.plain))
 
     def _about(self, base: Floats) -> list[Deviation]:
-        return [Deviation.of(part, self.mechanism, self._full(base)) for part in self.evidence.parts]
+        """About parameters (p,) that make the same rows as the base parameters (r,)."""
+        full = np.zeros(len(self.identifiable.names))
+        full[self._pivots] = base
+        return [Deviation.of(part, self.mechanism, full) for part in self.equations.parts]
 
     @cached_property
-    def _output_error(self) -> Equations:
+    def _output_error(self) -> RegressionRecord:
         """About parameters of the output error itself, found by repetition from those of least squares."""
-        equations = self._deviations(self._models)
-        everything = np.ones((len(self.plain.rows), 1))
+        found = self._deviations(self._models)
         for _ in range(ROUNDS):
-            equations = self._deviations(self._about(equations.values(everything)))
-        return equations
+            found = self._deviations(self._about(_values(found)))
+        return found
 
-    def _deviations(self, models: Sequence[Deviation]) -> Equations:
-        """Deviations that single parameters make, and that the torques make, beside each other."""
-        r = self.identifiable.rank
+    def _deviations(self, models: Sequence[Deviation]) -> RegressionRecord:
+        """Deviations that single parameters make explain the deviation that the torques make."""
         parts = []
-        for part, model in zip(self.evidence.parts, models, strict=True):
-            joints = part.record.torque.shape[1]
-            columns = part.whole[:, :joints, list(self.identifiable.pivots)]
-            right = (
-                np.concatenate([columns, part.measured(self.delay)[:, :joints, None]], axis=2) * part.sound[:, :, None]
-            )
-            parts.append(part.inside(model.simulate(right, max(PULL * part.cutoff, model.least_pull_hz)).q))
+        for part, model in zip(self.equations.parts, models, strict=True):
+            columns, torque = self._torques(part)
+            right = np.concatenate([columns, torque[:, :, None]], axis=2) * part.valid[:, :, None]
+            parts.append(part.inside(_simulated(part, model, right).q))
         made = np.concatenate(parts)
-        return Equations(made[:, :, :r], made[:, :, r], self.evidence.moving[:, : made.shape[1]])
+        return self._of(made[:, :, :-1], made[:, :, -1])
 
-    def _made(self, part: RecordEquations, model: Deviation, base: Floats) -> Floats:
-        """Low-passed base columns along the simulated motion, without the record's ends."""
+    def _instruments(self, part: RecordEquations, model: Deviation, base: Floats) -> Floats:
+        """Low-passed base columns along the motion that ``base`` (r,) and the torques make, without its ends."""
+        columns, torque = self._torques(part)
+        away = _simulated(part, model, ((torque - columns @ base) * part.valid)[:, :, None])
+        made = [getattr(part.motion, x) + getattr(away, x)[:, :, 0] for x in "qva"]
+        path = path_of(part.record, self.mechanism, motion := Rates(*made), part.path)
+        return part.inside(part.low_passed(regressor(part.record, self.mechanism, motion, path)[:, :, self._pivots]))
+
+    def _torques(self, part: RecordEquations) -> tuple[Floats, Floats]:
+        """Base columns and measured values of a record's torques, (samples, joints, r) and (samples, joints)."""
         joints = part.record.torque.shape[1]
-        pivots = list(self.identifiable.pivots)
-        left = (part.measured(self.delay)[:, :joints] - part.whole[:, :joints, pivots] @ base) * part.sound
-        away = model.simulate(left[:, :, None], max(PULL * part.cutoff, model.least_pull_hz))
-        motion = Rates(*(m + e[:, :, 0] for m, e in zip(_arrays(part.motion), _arrays(away), strict=True)))
-        path = path_of(part.record, self.mechanism, motion, part.path)
-        columns = regressor(part.record, self.mechanism, motion, path)[:, :, pivots]
-        return part.inside(part.low_passed(columns))
-
-    def _full(self, base: Floats) -> Floats:
-        """Parameters over all (p,) that make the same rows as the base parameters."""
-        full = np.zeros(len(self.identifiable.names))
-        full[list(self.identifiable.pivots)] = base
-        return full
+        return part.whole[:, :joints, self._pivots], part.measured(self.delay)[:, :joints]
 
 
-def _arrays(rates: Rates) -> Sequence[Floats]:
-    return rates.q, rates.v, rates.a
+def _values(record: RegressionRecord, training: Floats | float = 1.0) -> Floats:
+    """Base parameters (r,) from the samples that ``training`` (n, 1) marks."""
+    return least_squares(replace(record, used=record.used * training))
+
+
+def _simulated(part: RecordEquations, model: Deviation, load: Floats) -> Rates:
+    return model.simulate(load, max(PULL * part.cutoff, model.least_pull_hz))

@@ -1,4 +1,4 @@
-"""Measured torque beside the torque that the identified model predicts for blocks it was not identified from."""
+"""Measured torque, and the torque that the identified model predicts for blocks it was not identified from."""
 
 from typing import TYPE_CHECKING
 
@@ -17,10 +17,10 @@ _ORIGIN = {"measured": "", "simulated": "Simulated: ", "unstated": "Origin unsta
 
 def draw(result: Identification) -> "Figure":
     """A panel a joint: torque as recorded, low-passed, and predicted for each held-out block from all others."""
-    evidence, chosen = result.choice.evidence, result.chosen
-    time = np.arange(len(evidence.time)) * evidence.parts[0].record.grid.step + evidence.time[0]
-    shown = (evidence.torque(chosen.delay), evidence.low_passed_torque(chosen.delay), result.choice.predicted_smooth)
-    raw, smooth, predicted = (np.where(evidence.sound > 0.0, values, np.nan) for values in shown)
+    equations, chosen = result.choice.equations, result.chosen
+    time = np.arange(len(equations.time)) * equations.records[0].grid.step + equations.time[0]
+    shown = (equations.torque(chosen.delay), equations.low_passed_torque(chosen.delay), result.choice.predicted_smooth)
+    raw, smooth, predicted = (np.where(equations.valid > 0.0, values, np.nan) for values in shown)
     with style.styled():
         figure, panels = style.light_grid(len(result.joints), 1, 2.2, sharex=True)
         for j, (axes, joint) in enumerate(zip(panels[:, 0], result.joints, strict=True)):

@@ -1,17 +1,13 @@
-"""Positions and torques of the driven joints of a stored run, by what its rig says, in SI on one even grid.
-
-Records of several runs of one mechanism: which sensors count, what was mounted, whether the rig is of this machine.
+"""Positions, torques and forces of stored runs of one mechanism on even grids: what an identification starts from.
 
 What is identified is the mechanism as mounted in the first run. What other runs mounted beyond it, payload and
 counter-masses of their conditions, is known and taken off.
-
-Shaking forces and moments that count for an identification.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -23,20 +19,25 @@ from ..errors import AnalysisError
 from ..kinematics.gaps import Gaps
 from ..kinematics.smoothing_and_derivatives import Grid, Rates, bridge_gaps, grid_of, low_pass, on_grid
 from ..loads.measured_loads import MeasuredLoads, measured_loads
-from ..loads.shaking_wrench import COMPONENTS, refuse_saturation, shaking_wrench
 from ..recording import Origin
 from ..rig import Column
 from ..rig.sensors import Encoder, Torque
 from ..runs.aligned_run import AlignedRun
-
-if TYPE_CHECKING:
-    pass
 
 EDGE_S = 0.25
 EDGE_SHARE = 0.05
 """Left out at both ends of a record, where low-passes start up: so long [s], of short records this share."""
 LONGEST_DELAY_S = 0.02
 """Of torques after or before positions: a few turns of a control loop [s]."""
+CUTOFF_HZ = 40.0
+"""Of the motion that gives the direction in which forces do not show the base's rotation [Hz]."""
+BASE_STILL = "No accelerometer on the base: it is taken for still."
+BASE_MOVES = (
+    "The base's motion is taken out of the forces with the mass that MECH has as mounted; moments are left out."
+)
+By = Literal["torque", "wrench", "both"]
+DIFFERS = "mechanism_differs"
+"""The finding that a person may accept: the rig is of another mechanism."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ class JointRecord:
         """Values (n, ...) smoothed below a cut-off [Hz], between gaps and what these disturb within ``reach`` [s]."""
         return self.gaps.by_segment(lambda part: low_pass(part, cutoff, self.grid.rate), values, self.grid, reach)
 
-    def sound(self, reach: float) -> Floats:
+    def valid(self, reach: float) -> Floats:
         """One where no gap touches positions, or torques that come late or early, else zero, (n, 1)."""
         return self.gaps.valid_samples(self.grid, reach + LONGEST_DELAY_S)[:, None].astype(float)
 
@@ -88,61 +89,6 @@ class JointRecord:
         """Names of the rows: driven joints, then components of force and moment."""
         joints = mechanism.driven if self.torque.shape[1] else ()
         return (*joints, *(() if self.loads is None else self.loads.names))
-
-
-def joint_record(run: AlignedRun, *, torque: bool = True) -> JointRecord:
-    """Positions and, unless told not to, torques of the driven joints from a run.
-
-    Raises AnalysisError if a driven joint has no encoder or torque, or they are on several clocks.
-    """
-    driven = run.unloaded.driven
-    channels = _channels(run, Encoder, driven) + (_channels(run, Torque, driven) if torque else [])
-    groups = run.run.groups_of(channels)
-    if len(groups) > 1:
-        raise AnalysisError(
-            f"{run.name}: positions and torques are in several groups, {', '.join(groups)}: "
-            "expected one clock for all of them"
-        )
-    (group,) = groups
-    time = run.run.time(group)
-    values = np.stack([run.run.readings(column) for column in channels], axis=1)
-    _refuse_lost(run.name, [column.channel for column in channels], values, time)
-    grid, gaps = grid_of(time, run.name, bridged=True), Gaps.of({group: time})
-    even = on_grid(*bridge_gaps(time, values, grid.step), grid) if gaps else on_grid(time, values, grid)
-    joints = len(driven)
-    return JointRecord(run.name, run.run.origin, grid, even[:, :joints], even[:, joints:], gaps=gaps)
-
-
-def _channels(run: AlignedRun, kind: type[Encoder] | type[Torque], joints: tuple[str, ...]) -> "list[Column]":
-    """The channel of the one sensor of a kind on each joint."""
-    name = kind.__name__.lower()
-    columns = run.rig.columns_of(kind)
-    found = []
-    for joint in joints:
-        here = [column for column in columns if column.component == joint]
-        if len(here) != 1:
-            known = ", ".join(column.component for column in columns) or "none"
-            raise AnalysisError(
-                f"{run.name}: its rig has {len(here)} sensors of kind {name!r} on joint {joint!r}, expected one; "
-                f"it has them on: {known}"
-            )
-        found.append(here[0])
-    return found
-
-
-def _refuse_lost(run: str, channels: list[str], values: Floats, time: Floats) -> None:
-    lost = ~np.isfinite(values)
-    if lost.any():
-        sample, column = (int(i) for i in np.argwhere(lost)[0])
-        raise AnalysisError(
-            f"{run}: channel {channels[column]!r} holds {int(lost[:, column].sum())} samples that are no numbers, the "
-            f"first at {time[sample]:.6g} s: expected none; cut the log there"
-        )
-
-
-By = Literal["torque", "wrench", "both"]
-DIFFERS = "mechanism_differs"
-"""The finding that a person may accept: the rig is of another mechanism."""
 
 
 @dataclass(frozen=True)
@@ -164,67 +110,65 @@ def assemble(runs: Sequence[AlignedRun], by: By | None = None, accept: Sequence[
     is of another mechanism, unless that is accepted, and where sensors lack.
     """
     for run in runs:
-        if DIFFERS not in accept:
-            refuse_other_mechanism(run)
-    chosen = by or ("torque" if runs[0].run.rig.of_kind(Torque) else "wrench")
-    first = runs[0].mechanism
-    records, notes = [], []
+        if DIFFERS not in accept and Path(run.rig.mechanism).stem != run.unloaded.name:
+            raise AnalysisError(
+                f"{run.name}: mechanism: its rig is of {run.rig.mechanism!r}, expected {run.unloaded.name!r}: give the "
+                f"mechanism that was on the bench, or --accept {DIFFERS} if it is the same machine by another name"
+            )
+    chosen = by or ("torque" if runs[0].rig.of_kind(Torque) else "wrench")
+    records: list[JointRecord] = []
+    notes: dict[str, None] = {}
     for run in runs:
         record = joint_record(run, torque=chosen != "wrench")
         if chosen != "torque":
-            loads, missing = loads_of(run)
+            path = run.trajectory(CUTOFF_HZ)
+            loads, missing = measured_loads(run, wrench_regressor(run.mechanism, path.q, path.v, path.a), CUTOFF_HZ)
             record = replace(record, loads=loads, gaps=run.gaps(loads.groups))
-            notes += [note for note in missing if note not in notes]
-        beyond = run.mechanism.pi - first.pi
+            notes |= dict.fromkeys((*missing, BASE_STILL if run.base is None else BASE_MOVES))
+        beyond = run.mechanism.pi - runs[0].mechanism.pi
         records.append(replace(record, mounted=beyond) if np.any(beyond) else record)
-    _refuse_unlike(records)
-    return Assembled(first, tuple(records), chosen, tuple(notes))
-
-
-def refuse_other_mechanism(run: AlignedRun) -> None:
-    """Raise AnalysisError where a run's rig says that it was another mechanism."""
-    named, mechanism = run.rig.mechanism, run.unloaded
-    if Path(named).stem != mechanism.name:
-        raise AnalysisError(
-            f"{run.name}: mechanism: its rig is of {named!r}, expected {mechanism.name!r}: give the mechanism "
-            f"that was on the bench, or --accept {DIFFERS} if it is the same machine by another name"
-        )
-
-
-def _refuse_unlike(records: Sequence[JointRecord]) -> None:
-    names = {() if record.loads is None else record.loads.names for record in records}
-    if len(names) > 1:
+    if len({() if record.loads is None else record.loads.names for record in records}) > 1:
         listed = "; ".join(f"{r.name}: {', '.join(r.loads.names)}" for r in records if r.loads is not None)
         raise AnalysisError(f"runs whose force sensors determine different components: {listed}: identify them apart")
+    return Assembled(runs[0].mechanism, tuple(records), chosen, tuple(notes))
 
 
-CUTOFF_HZ = 40.0
-"""Of the motion by which the direction that does not see the base's rotation is told [Hz]."""
-NOTHING = 1e-9
-"""Share of the largest component in which a mechanism that does not shake so seems to."""
-BASE_STILL = "No accelerometer on the base: it is taken for still."
-BASE_MOVES = (
-    "The base's motion is taken out of the forces with the mass that MECH has as mounted; moments are left out."
-)
+def joint_record(run: AlignedRun, *, torque: bool = True) -> JointRecord:
+    """Positions and, unless asked not to, torques of the driven joints from a run.
 
-
-def loads_of(run: AlignedRun) -> tuple[MeasuredLoads, tuple[str, ...]]:
-    """The loads of a run of the mechanism as mounted, and why components are left out.
-
-    Raises AnalysisError if no component is determined, a sensor is at the end of its range, clocks cannot be aligned.
+    Raises AnalysisError if a driven joint has no encoder or torque, or they are on several clocks.
     """
-    wrench = shaking_wrench(run.run)
-    refuse_saturation(run.run, wrench)
-    wanted: tuple[str, ...] = COMPONENTS if run.base is None else COMPONENTS[:3]
-    path = run.trajectory(CUTOFF_HZ)
-    size = np.abs(wrench_regressor(run.mechanism, path.q, path.v, path.a)).max(axis=(0, 2))
-    wanted = tuple(name for name in wanted if size[COMPONENTS.index(name)] > NOTHING * size.max())
-    names = tuple(name for name in wanted if wrench.values[name] is not None)
-    if not names:
-        lacking = "; ".join(f"{name}: {wrench.reasons[name]}" for name in wanted) or "the encoders stand still"
+    channels = _channels(run, Encoder) + (_channels(run, Torque) if torque else [])
+    groups = run.run.groups_of(channels)
+    if len(groups) > 1:
         raise AnalysisError(
-            f"{run.name}: its force sensors determine nothing in which this mechanism shakes: {lacking}"
+            f"{run.name}: positions and torques are in several groups, {', '.join(groups)}: "
+            "expected one clock for all of them"
         )
-    reasons = tuple(f"{name} left out: {wrench.reasons[name]}" for name in wanted if name not in names)
-    loads = measured_loads(run, wrench, names, CUTOFF_HZ)
-    return loads, (*reasons, BASE_STILL if run.base is None else BASE_MOVES)
+    time = run.run.time(groups[0])
+    values = np.stack([run.run.readings(column) for column in channels], axis=1)
+    lost = ~np.isfinite(values)
+    if lost.any():
+        sample, column = (int(i) for i in np.argwhere(lost)[0])
+        raise AnalysisError(
+            f"{run.name}: channel {channels[column].channel!r} holds {int(lost[:, column].sum())} samples that are no "
+            f"numbers, the first at {time[sample]:.6g} s: expected none; cut the log there"
+        )
+    grid, gaps = grid_of(time, run.name, bridged=True), Gaps.of({groups[0]: time})
+    even = on_grid(*bridge_gaps(time, values, grid.step), grid) if gaps else on_grid(time, values, grid)
+    joints = len(run.unloaded.driven)
+    return JointRecord(run.name, run.run.origin, grid, even[:, :joints], even[:, joints:], gaps=gaps)
+
+
+def _channels(run: AlignedRun, kind: type[Encoder] | type[Torque]) -> list[Column]:
+    """The channel of the one sensor of a kind on each driven joint."""
+    columns = run.rig.columns_of(kind)
+    for joint in run.unloaded.driven:
+        if (count := sum(column.component == joint for column in columns)) != 1:
+            known = ", ".join(column.component for column in columns) or "none"
+            raise AnalysisError(
+                f"{run.name}: its rig has {count} sensors of kind {kind.__name__.lower()!r} on joint {joint!r}, "
+                f"expected one; it has them on: {known}"
+            )
+    by_joint = {column.component: column for column in columns}
+    return [by_joint[joint] for joint in run.unloaded.driven]

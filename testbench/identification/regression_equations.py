@@ -1,10 +1,8 @@
-"""The matrix W of a record, for any motion of its driven joints: what each parameter brings to each row.
+"""The equations that records give at one cut-off, W pi = tau: as recorded, and low-passed on both sides.
 
-The equations that records give at one cut-off: W pi = tau, as recorded, and low-passed alike on both sides.
-
-A low-pass is linear: run over the columns of W and over tau alike it changes nothing in W pi = tau, whatever its
-cut-off. What does distort W is the smoothing of the positions that W is made of, so these keep twice the bandwidth of
-the comparison; on simulated records with known parameters that leaves a bias below 1 % (see the tests).
+A low-pass is linear: run over the columns of W and over tau it changes nothing in W pi = tau, whatever its cut-off.
+What does distort W is the smoothing of the positions that W is made of, so these keep twice the bandwidth of the
+comparison; on simulated records with known parameters that leaves a bias below 1 % (see the tests).
 """
 
 from collections.abc import Callable, Sequence
@@ -25,11 +23,10 @@ from ..kinematics.gaps import gap_reach
 from ..kinematics.smoothing_and_derivatives import Rates
 from .records import JointRecord
 
-
-def names_of(mechanism: Mechanism, rows: Sequence[str]) -> tuple[str, ...]:
-    """Parameters that rows can tell of: inertial ones of the bodies, terms of the joints, offsets of forces."""
-    terms = [f"{term}[{joint}]" for joint in mechanism.driven if joint in rows for term in JOINT_TERMS]
-    return (*mechanism.parameter_names, *terms, *(f"offset[{row}]" for row in rows if row not in mechanism.driven))
+POSITION_BANDWIDTH = 2.0
+"""Cut-off for the positions, in cut-offs of the comparison."""
+REST_SPEED = 0.1
+"""A joint slower than this is at rest, where dry friction may balance any torque: it says nothing [rad/s, m/s]."""
 
 
 def path_of(record: JointRecord, mechanism: Mechanism, motion: Rates, near: Trajectory | None = None) -> Trajectory:
@@ -38,42 +35,26 @@ def path_of(record: JointRecord, mechanism: Mechanism, motion: Rates, near: Traj
     return Closure(mechanism).follow(samples, near=near)
 
 
+def names_of(mechanism: Mechanism, rows: Sequence[str]) -> tuple[str, ...]:
+    """Parameters of which rows depend: inertial ones of the bodies, terms of the joints, offsets of forces."""
+    terms = [f"{term}[{joint}]" for joint in mechanism.driven if joint in rows for term in JOINT_TERMS]
+    return (*mechanism.parameter_names, *terms, *(f"offset[{row}]" for row in rows if row not in mechanism.driven))
+
+
 def regressor(record: JointRecord, mechanism: Mechanism, motion: Rates, path: Trajectory) -> Floats:
     """W of a record's rows for any motion of its driven joints, (samples, rows, p): columns as ``names_of`` says."""
-    bodies: list[Floats] = []
-    own: list[Floats] = []
+    bodies: Floats = np.zeros((len(path.q), 0, len(mechanism.pi)))
+    own: Floats = np.zeros((len(path.q), 0, 0))
     if record.torque.shape[1]:
-        bodies.append(driven_torque_regressor(mechanism, path.q, path.v, path.a, path.per_drive))
-        own.append(joint_friction_regressor(mechanism.driven, motion.v, motion.a)[0])
+        bodies = driven_torque_regressor(mechanism, path.q, path.v, path.a, path.per_drive)
+        own = joint_friction_regressor(mechanism.driven, motion.v, motion.a)[0]
     if record.loads is not None:
-        bodies.append(record.loads.projected_regressor(wrench_regressor(mechanism, path.q, path.v, path.a)))
-        own.append(np.broadcast_to(np.eye(len(record.loads.names)), (len(path.q), *[len(record.loads.names)] * 2)))
-    return np.concatenate([np.concatenate(bodies, axis=1), _diagonal(own)], axis=2)
-
-
-def model_torque(mechanism: Mechanism, motion: Rates, path: Trajectory, parameters: Floats) -> Floats:
-    """Torques of the driven joints by parameters in the order of ``names_of``, (samples, joints) [N m, N]."""
-    count = len(mechanism.parameter_names)
-    bodies = driven_torque_regressor(mechanism, path.q, path.v, path.a, path.per_drive) @ parameters[:count]
-    terms = joint_friction_regressor(mechanism.driven, motion.v, motion.a)[0]
-    return np.asarray(bodies + terms @ parameters[count : count + terms.shape[2]])
-
-
-def _diagonal(blocks: Sequence[Floats]) -> Floats:
-    """Blocks (n, rows, columns) side by side, each for its own rows alone."""
-    rows, columns = (sum(block.shape[axis] for block in blocks) for axis in (1, 2))
-    whole = np.zeros((len(blocks[0]), rows, columns))
-    row = column = 0
-    for block in blocks:
-        whole[:, row : row + block.shape[1], column : column + block.shape[2]] = block
-        row, column = row + block.shape[1], column + block.shape[2]
-    return whole
-
-
-POSITION_BANDWIDTH = 2.0
-"""Cut-off for the positions, in cut-offs of the comparison."""
-REST_SPEED = 0.1
-"""A joint slower than this is at rest, where dry friction may hold any torque: it says nothing [rad/s, m/s]."""
+        forces = record.loads.projected_regressor(wrench_regressor(mechanism, path.q, path.v, path.a))
+        joints, terms, count = own.shape[1], own.shape[2], forces.shape[1]
+        bodies = np.concatenate([bodies, forces], axis=1)
+        own = np.pad(own, ((0, 0), (0, count), (0, count)))
+        own[:, joints:, terms:] = np.eye(count)
+    return np.concatenate([bodies, own], axis=2)
 
 
 @dataclass(frozen=True)
@@ -91,14 +72,42 @@ class RecordEquations:
     """Of all joints along it."""
     whole: Floats
     """W of the whole record, positions smoothed, (samples, rows, p)."""
-    moving: Floats
-    """One where a joint moves, zero where it rests or a gap touches, (samples, rows)."""
 
-    def late(self, values: Floats, delay: float) -> Floats:
-        """Rows (samples, rows) of the whole record, those of torques as they stand ``delay`` [s] later."""
+    @classmethod
+    def of(cls, record: JointRecord, mechanism: Mechanism, cutoff: float, motion: Rates) -> "RecordEquations":
+        """Those of a motion of the record's driven joints. Raises ClosureError where its loops cannot be closed."""
+        path = path_of(record, mechanism, motion)
+        names = names_of(mechanism, record.rows(mechanism))
+        return cls(record, cutoff, names, motion, path, regressor(record, mechanism, motion, path))
+
+    @cached_property
+    def moving(self) -> Floats:
+        """One where a joint moves, zero where a gap touches or it rests as long as the low-pass looks around.
+
+        (samples, rows); forces count where any joint moves.
+        """
+        from scipy.ndimage import maximum_filter1d
+
+        reach = 2 * int(self.record.grid.rate / self.cutoff / 2) + 1
+        moves = (maximum_filter1d(np.abs(self.motion.v), reach, axis=0) > REST_SPEED).astype(float)
         joints = self.record.torque.shape[1]
-        shift = round(delay / self.record.grid.step)
-        place = np.clip(np.arange(len(values)) + shift, 0, len(values) - 1)
+        forces = np.repeat(moves.max(axis=1, keepdims=True), self.whole.shape[1] - joints, axis=1)
+        return np.concatenate([moves[:, :joints], forces], axis=1) * self.valid
+
+    @property
+    def reach(self) -> float:
+        """How far a gap disturbs the positions [s]."""
+        return gap_reach(POSITION_BANDWIDTH * self.cutoff)
+
+    @cached_property
+    def valid(self) -> Floats:
+        """One where no gap touches, else zero, (samples, 1)."""
+        return self.record.valid(self.reach)
+
+    def delayed(self, values: Floats, delay: float) -> Floats:
+        """Rows (samples, rows) of the whole record, those of torques ``delay`` [s] later."""
+        joints = self.record.torque.shape[1]
+        place = np.clip(np.arange(len(values)) + round(delay / self.record.grid.step), 0, len(values) - 1)
         return np.concatenate([values[place, :joints], values[:, joints:]], axis=1)
 
     @cached_property
@@ -108,36 +117,22 @@ class RecordEquations:
 
     def measured(self, delay: float) -> Floats:
         """What was measured of the whole record less what is known, (samples, rows) [N m, N]."""
-        return self.late(self.record.measured, delay) - self.known
+        return self.delayed(self.record.measured, delay) - self.known
 
     def low_passed_measured(self, delay: float) -> Floats:
         """The same, low-passed at the cut-off, (samples, rows) [N m, N]."""
-        return self.late(self._smooth, delay) - self.low_passed(self.known)
+        return self.delayed(self._smooth, delay) - self.low_passed(self.known)
 
     @cached_property
     def _smooth(self) -> Floats:
         return self.low_passed(self.record.measured)
 
-    def low_passed_columns(self, pivots: Sequence[int]) -> Floats:
-        """Columns of the whole record's W, low-passed at the cut-off, (samples, rows, pivots)."""
-        return self.low_passed(self.whole[:, :, list(pivots)])
-
     def low_passed(self, values: Floats) -> Floats:
-        """``values`` of the whole record, low-passed at the cut-off between gaps."""
+        """Values (samples, ...) [any unit] of the whole record, low-passed at the cut-off between gaps."""
         return self.record.low_pass(values, self.cutoff, self.reach)
 
-    @property
-    def reach(self) -> float:
-        """How far a gap disturbs the positions [s]."""
-        return gap_reach(POSITION_BANDWIDTH * self.cutoff)
-
-    @cached_property
-    def sound(self) -> Floats:
-        """One where no gap touches, else zero, (samples, 1)."""
-        return self.record.sound(self.reach)
-
     def inside(self, values: Floats) -> Floats:
-        """``values`` of the whole record without its ends."""
+        """Values (samples, ...) [any unit] of the whole record without its ends."""
         edge = self.record.edge
         return values[edge : len(values) - edge]
 
@@ -158,37 +153,42 @@ class RegressionEquations:
         """Names of the parameters, (p)."""
         return self.parts[0].names
 
+    @property
+    def records(self) -> list[JointRecord]:
+        """What the equations were made of."""
+        return [part.record for part in self.parts]
+
     @cached_property
     def time(self) -> Floats:
         """Instants of the equations on their record's clock, (n,) [s]."""
-        return self._joined(lambda part: part.inside(part.record.grid.time))
+        return self.joined(lambda part: part.record.grid.time)
 
     @cached_property
     def columns(self) -> Floats:
         """W of smoothed positions, (n, rows, p)."""
-        return self._joined(lambda part: part.inside(part.whole))
+        return self.joined(lambda part: part.whole)
 
     @cached_property
     def moving(self) -> Floats:
         """One where a joint moves, zero where it rests, (n, rows)."""
-        return self._joined(lambda part: part.inside(part.moving))
+        return self.joined(lambda part: part.moving)
 
     @cached_property
-    def sound(self) -> Floats:
+    def valid(self) -> Floats:
         """One where no gap touches, else zero, (n, 1)."""
-        return self._joined(lambda part: part.inside(part.sound))
+        return self.joined(lambda part: part.valid)
 
     def low_passed_columns(self, pivots: Sequence[int]) -> Floats:
         """Columns of W low-passed at the cut-off, (n, rows, pivots)."""
-        return self._joined(lambda part: part.inside(part.low_passed_columns(pivots)))
+        return self.joined(lambda part: part.low_passed(part.whole[:, :, list(pivots)]))
 
     def torque(self, delay: float) -> Floats:
         """Rows as recorded, torques ``delay`` [s] after the motion, less what is known, (n, rows) [N m, N]."""
-        return self._joined(lambda part: part.inside(part.measured(delay)))
+        return self.joined(lambda part: part.measured(delay))
 
     def low_passed_torque(self, delay: float) -> Floats:
         """The same, low-passed at the cut-off, (n, rows) [N m, N]."""
-        return self._joined(lambda part: part.inside(part.low_passed_measured(delay)))
+        return self.joined(lambda part: part.low_passed_measured(delay))
 
     def blocks(self, seconds: float) -> Indices:
         """Numbers of blocks with equal motion, at least so long, none over two records, (n,)."""
@@ -204,8 +204,9 @@ class RegressionEquations:
         """What gaps take of the records."""
         return [text for part in self.parts for text in part.record.left_out(part.reach)]
 
-    def _joined(self, of: Callable[[RecordEquations], Floats]) -> Floats:
-        return np.concatenate([of(part) for part in self.parts])
+    def joined(self, of: Callable[[RecordEquations], Floats]) -> Floats:
+        """Values (n, ...) of all records without their ends, ``of`` one record (samples, ...) [any unit]."""
+        return np.concatenate([part.inside(of(part)) for part in self.parts])
 
 
 def regression_equations(records: Sequence[JointRecord], mechanism: Mechanism, cutoff: float) -> RegressionEquations:
@@ -213,19 +214,16 @@ def regression_equations(records: Sequence[JointRecord], mechanism: Mechanism, c
 
     Raises ClosureError where its loops cannot be closed at the recorded positions, AnalysisError if a joint rests.
     """
-    evidence = RegressionEquations(tuple(_part(record, mechanism, cutoff) for record in records))
-    for joint, moving in zip(mechanism.driven, evidence.moving.T, strict=False):
+    bandwidth = POSITION_BANDWIDTH * cutoff
+    found = RegressionEquations(tuple(RecordEquations.of(r, mechanism, cutoff, r.rates(bandwidth)) for r in records))
+    for joint, moving in zip(mechanism.driven, found.moving.T, strict=False):
         if not moving.any():
+            lost = "".join(f"; {text}" for text in found.left_out)
             raise AnalysisError(
                 f"{', '.join(r.name for r in records)}: joint {joint!r} never moves faster than {REST_SPEED} rad/s: "
-                "expected a record in which every driven joint moves" + _but(evidence)
+                f"expected a record in which every driven joint moves{lost}"
             )
-    return evidence
-
-
-def _but(evidence: RegressionEquations) -> str:
-    lost = evidence.left_out
-    return f"; {'; '.join(lost)}" if lost else ""
+    return found
 
 
 def one_sided(records: Sequence[JointRecord], mechanism: Mechanism, cutoff: float) -> RegressionEquations:
@@ -233,30 +231,7 @@ def one_sided(records: Sequence[JointRecord], mechanism: Mechanism, cutoff: floa
 
     The weight then moves with the whole motion and the torque with what the low-pass leaves of it. For comparison.
     """
-    parts = []
-    for record in records:
-        smooth = record.rates(cutoff)
-        parts.append(_part_of(record, mechanism, cutoff, Rates(record.q, smooth.v, smooth.a)))
+    smooth = [record.rates(cutoff) for record in records]
+    motions = [Rates(record.q, rates.v, rates.a) for record, rates in zip(records, smooth, strict=True)]
+    parts = [RecordEquations.of(r, mechanism, cutoff, motion) for r, motion in zip(records, motions, strict=True)]
     return RegressionEquations(tuple(parts))
-
-
-def _part(record: JointRecord, mechanism: Mechanism, cutoff: float) -> RecordEquations:
-    return _part_of(record, mechanism, cutoff, record.rates(POSITION_BANDWIDTH * cutoff))
-
-
-def _part_of(record: JointRecord, mechanism: Mechanism, cutoff: float, smooth: Rates) -> RecordEquations:
-    path = path_of(record, mechanism, smooth)
-    whole = regressor(record, mechanism, smooth, path)
-    moving = _moving(smooth.v, record.grid.rate / cutoff)
-    forces = len(record.rows(mechanism)) - record.torque.shape[1]
-    any_moves = np.repeat(moving.max(axis=1, keepdims=True), forces, axis=1)
-    used = np.concatenate([moving[:, : record.torque.shape[1]], any_moves], axis=1)
-    used = used * record.sound(gap_reach(POSITION_BANDWIDTH * cutoff))
-    return RecordEquations(record, cutoff, names_of(mechanism, record.rows(mechanism)), smooth, path, whole, used)
-
-
-def _moving(v: Floats, reach: float) -> Floats:
-    """Zero where a joint rests as long as the low-pass looks around, ``reach`` samples."""
-    from scipy.ndimage import maximum_filter1d
-
-    return (maximum_filter1d(np.abs(v), 2 * int(reach / 2) + 1, axis=0) > REST_SPEED).astype(float)

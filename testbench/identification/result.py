@@ -1,4 +1,4 @@
-"""What records say of a mechanism, and how well that foretells runs which had no part in it.
+"""What records say of a mechanism, and how well that predicts runs which had no part in it.
 
 Observable combinations of parameters with intervals, first moments, counter-masses; torques and forces of separate runs
 against what the parameters predict of them.
@@ -7,6 +7,8 @@ against what the parameters predict of them.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from operator import attrgetter
+from typing import Annotated
 
 import numpy as np
 
@@ -14,12 +16,12 @@ from balance.arrays import Floats
 from balance.balancing import conditions
 from balance.balancing.conditions import text_of
 from balance.dynamics.regressor import JOINT_TERMS
-from balance.errors import ModelError
 from balance.estimation.base_parameters import BaseParameters, Consistent, consistent
-from balance.estimation.estimate import Estimate
+from balance.estimation.estimate import LEVEL_TEXT, Estimate
 from balance.estimation.first_moment_imbalance import masses_per_value
 from balance.estimation.identifiability import NotIdentifiable
 from balance.mechanism.mechanism import Mechanism
+from balance.results import Key
 
 from ..errors import AnalysisError
 from ..loads.shaking_wrench import COMPONENTS
@@ -44,29 +46,37 @@ _TERM_UNITS = {
 """Of the terms of a joint that slides, and of one that turns."""
 
 
+def _interval_text(interval: tuple[float, float]) -> str:
+    """``low .. high`` with four decimals."""
+    return f"{interval[0]:.4f} .. {interval[1]:.4f}"
+
+
+_INTERVAL = (f"{LEVEL_TEXT} interval", _interval_text)
+
+
 @dataclass(frozen=True)
 class Value:
     """A combination of parameters with an interval that contains what other choices of method would have given."""
 
-    name: str
-    unit: str
-    estimate: Estimate
+    name: Annotated[str, Key("", "parameter")]
+    unit: Annotated[str, Key("", "unit")]
+    estimate: Annotated[Estimate, Key("statistical_interval", to=Estimate.interval)]
     """At the chosen cut-off and delay; its interval is statistical alone."""
-    variants: Mapping[str, float]
+    variants: Annotated[Mapping[str, float], Key()]
     """The same by other choices: half and double the cut-off, no delay, the other methods."""
-    in_file: float
+    in_file: Annotated[float, Key("", "in MECH's file", ".4f")]
     """What the mechanism's file says."""
-    one_sided: Mapping[str, float]
+    one_sided: Annotated[Mapping[str, float], Key("torque_alone_smoothed")]
     """With torque and rates smoothed but positions as recorded: often done, biased, for comparison only."""
 
     @property
-    def value(self) -> float:
+    def value(self) -> Annotated[float, Key("", "value", ".4f")]:
         """At the chosen cut-off and delay [SI]."""
         return self.estimate.value
 
-    @property
-    def interval(self) -> tuple[float, float]:
-        """The range of all variants, widened on both sides by half of the statistical 95 % interval."""
+    @cached_property
+    def interval(self) -> Annotated[tuple[float, float], Key("", *_INTERVAL)]:
+        """The range of all variants, widened on both sides by half of the statistical interval."""
         return self.estimate.containing([*self.variants.values()]).interval()
 
 
@@ -74,12 +84,22 @@ class Value:
 class CounterMassValue:
     """A counter-mass that would balance the mechanism as identified."""
 
-    site: str
-    position: Floats
+    site: Annotated[str, Key("", "site")]
+    position: Annotated[Floats, Key("position_m", "x [mm]", lambda position: f"{position[0] * 1e3:.4g}")]
     """Of the site in its body's frame, (3,) [m]."""
-    mass: Value
-    first_moment: Value
+    mass: Annotated[Value, Key("mass_kg", "mass [kg]", ".3f", to=attrgetter("value"))]
+    first_moment: Annotated[Value, Key("first_moment_kgm", "first moment [kg m]", ".4f", to=attrgetter("value"))]
     """Mass times the distance of the site from the joint's axis [kg m]."""
+
+    @property
+    def mass_interval(self) -> Annotated[tuple[float, float], Key("mass_interval_kg", *_INTERVAL)]:
+        """[kg]"""
+        return self.mass.interval
+
+    @property
+    def first_moment_interval(self) -> Annotated[tuple[float, float], Key("first_moment_interval_kgm", *_INTERVAL)]:
+        """[kg m]"""
+        return self.first_moment.interval
 
 
 def unit_of(mechanism: Mechanism, parameter: str) -> str:
@@ -134,7 +154,7 @@ class Identification:
     @property
     def rows(self) -> tuple[str, ...]:
         """What was measured, in the order of every array: driven joints' torques, then components of force."""
-        return self.choice.evidence.parts[0].record.rows(self.mechanism)
+        return self.choice.equations.records[0].rows(self.mechanism)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -143,7 +163,7 @@ class Identification:
 
     @cached_property
     def comparison(self) -> list[MethodErrors]:
-        """All methods side by side on held-out blocks."""
+        """All methods on held-out blocks."""
         return compare(self.choice, self.mechanism, self.identified.identifiability)
 
     @cached_property
@@ -153,19 +173,22 @@ class Identification:
 
     @cached_property
     def rms_ratio(self) -> Floats:
-        """Part of each row as recorded that stays unexplained on held-out blocks, (rows,)."""
-        evidence = self.choice.evidence
-        return unexplained(evidence.torque(self.chosen.delay), self.choice.predicted, evidence.moving)
+        """Part of each row as recorded that stays unexplained on held-out blocks, (rows,) [-]."""
+        equations = self.choice.equations
+        return unexplained(equations.torque(self.chosen.delay), self.choice.predicted, equations.moving)
 
     @cached_property
     def rms_ratio_in_band(self) -> Floats:
-        """The same below the cut-off, torque and model low-passed alike, (rows,)."""
-        evidence = self.choice.evidence
-        torque = evidence.low_passed_torque(self.chosen.delay)
-        return unexplained(torque, self.choice.predicted_smooth, evidence.moving)
+        """The same below the cut-off, torque and model low-passed, (rows,) [-]."""
+        equations = self.choice.equations
+        torque = equations.low_passed_torque(self.chosen.delay)
+        return unexplained(torque, self.choice.predicted_smooth, equations.moving)
 
     def value(self, combination: Mapping[str, float] | Floats, name: str = "", unit: str = "") -> Value:
-        """Any observable combination. Raises NotIdentifiable, naming it, if the record does not determine it."""
+        """Any observable combination, by names or as a vector over all parameters (p,) [-].
+
+        Raises NotIdentifiable, naming it, if the record does not determine it.
+        """
         identifiable = self.identified.identifiability
         vector = identifiable.vector(combination) if isinstance(combination, Mapping) else combination
         coefficients = {identifiable.names[k]: float(vector[k]) for k in np.flatnonzero(vector)}
@@ -190,12 +213,9 @@ class Identification:
 
     def parameters(self) -> list[tuple[str, Value | None]]:
         """Every single parameter by name; None where the record does not determine it."""
-        identifiable = self.identified.identifiability
-        eye = np.eye(len(identifiable.names))
-        return [
-            (name, self.value(row) if identifiable.is_identifiable(row) else None)
-            for name, row in zip(identifiable.names, eye, strict=True)
-        ]
+        names = self.identified.identifiability.names
+        rows = zip(names, np.eye(len(names)), strict=True)
+        return [(name, self.value(row) if self._observable(row) else None) for name, row in rows]
 
     def first_moments(self) -> list[Value]:
         """The left-hand sides of the balance conditions that the record determines [kg m]."""
@@ -216,15 +236,27 @@ class Identification:
         Raises NotIdentifiable if the record does not determine what they depend on.
         """
         names = list(sites) or self.mechanism.counter_sites
-        found = self._found
-        moments = np.array([self._moment(row) for _, row in self._conditions])
-        rows = masses_per_value(found, self.mechanism, names, moments) @ found.matrix
-        return [self._counter_mass(site, self._padded(row)) for site, row in zip(names, rows, strict=True)]
+        moments = [
+            self.identified.estimate(row).value if self._observable(row) else float(row @ self.in_file)
+            for _, row in self._conditions
+        ]
+        found = self._balance
+        rows = masses_per_value(found, self.mechanism, names, np.array(moments)) @ found.matrix
+        masses = []
+        for site, row in zip(names, rows, strict=True):
+            whole, lever = self._padded(row), self.mechanism.lever_arm(site)
+            try:
+                mass = self.value(whole, f"mass[{site}]", "kg")
+            except NotIdentifiable as error:
+                raise NotIdentifiable(f"no counter-mass for {site}: {error}") from error
+            moment = self.value(lever * whole, f"first_moment[{site}]", "kg m")
+            masses.append(CounterMassValue(site, self.mechanism.site(site).position, mass, moment))
+        return masses
 
     @property
     def left_out(self) -> tuple[str, ...]:
         """What gaps took of the records."""
-        return tuple(self.choice.evidence.left_out)
+        return tuple(self.choice.equations.left_out)
 
     def doubts(self) -> list[str]:
         """Why the result is doubtful; empty if it is not."""
@@ -239,7 +271,7 @@ class Identification:
                 f"the motion tells the parameters poorly apart: condition {seen.condition:.3g}, expected below "
                 f"{POOR_CONDITION:g}; weakest: {seen.weakest}"
             )
-        if abs(self.chosen.delay) > LONGEST_DELAY_S - 0.5 * self.choice.evidence.parts[0].record.grid.step:
+        if abs(self.chosen.delay) > LONGEST_DELAY_S - 0.5 * self.choice.equations.records[0].grid.step:
             found.append(f"the delay of the torques, {self.chosen.delay * 1e3:.3g} ms, is at the end of what is tried")
         found += [f"{text} is not determined by this record" for text in self.undetermined_moments()]
         largest = max((abs(value.value) for value in self.first_moments()), default=0.0)
@@ -265,99 +297,73 @@ class Identification:
         return f"the torque of {row}" if row in self.mechanism.driven else row
 
     @cached_property
-    def _found(self) -> conditions.Conditions:
+    def in_file(self) -> Floats:
+        """Parameters as the mechanism's file has them, (p,) [SI]."""
+        m = self.mechanism
+        places = [m.coordinate_index(joint) for joint in self.joints]
+        by_term = {"coulomb": m.coulomb, "viscous": m.viscous, "offset": 0.0 * m.viscous, "armature": m.armature}
+        return self._padded(np.concatenate([m.pi, [by_term[term][k] for k in places for term in JOINT_TERMS]]))
+
+    @cached_property
+    def _balance(self) -> conditions.Conditions:
         return conditions.balance_conditions(self.mechanism)
 
     @cached_property
     def _conditions(self) -> list[tuple[str, Floats]]:
-        found = self._found
+        found = self._balance
         return [(text_of(found.coefficients(i)), self._padded(row)) for i, row in enumerate(found.matrix)]
 
-    @cached_property
-    def in_file(self) -> Floats:
-        """Parameters as the mechanism's file has them, (p,)."""
-        m = self.mechanism
-        places = [m.coordinate_index(joint) for joint in self.joints]
-        none = np.zeros_like(m.viscous)
-        by_term = {"coulomb": m.coulomb, "viscous": m.viscous, "offset": none, "armature": m.armature}
-        forces = np.zeros(len(self.rows) - len(self.joints))
-        return np.concatenate([m.pi, [by_term[term][place] for place in places for term in JOINT_TERMS], forces])
-
     def _padded(self, row: Floats) -> Floats:
-        return np.concatenate([row, np.zeros(len(self.in_file) - len(row))])
-
-    def _moment(self, row: Floats) -> float:
-        """A combination of parameters as identified, else as the file has it."""
-        return self.identified.estimate(row).value if self._observable(row) else float(row @ self.in_file)
+        return np.pad(row, (0, len(self.identified.identifiability.names) - len(row)))
 
     def _observable(self, row: Floats) -> bool:
         return self.identified.identifiability.is_identifiable(row)
 
-    def _counter_mass(self, site: str, row: Floats) -> CounterMassValue:
-        position, lever = self.mechanism.site(site).position, self.mechanism.lever_arm(site)
-        try:
-            mass = self.value(row, f"mass[{site}]", "kg")
-        except NotIdentifiable as error:
-            raise NotIdentifiable(f"no counter-mass for {site}: {error}") from error
-        return CounterMassValue(site, position, mass, self.value(lever * row, f"first_moment[{site}]", "kg m"))
-
 
 @dataclass(frozen=True)
 class Validation:
-    """How well an identification foretells separate runs."""
+    """How well an identification predicts separate runs."""
 
     result: Identification
     runs: tuple[str, ...]
-    evidence: RegressionEquations
+    equations: RegressionEquations
     """Of the separate runs, at the cut-off of the identification."""
 
     @cached_property
     def rms_ratio(self) -> Floats:
-        """Part of each row as recorded that stays unexplained, (rows,)."""
-        predicted = self.result.identified.predict(self.evidence.columns)
-        return unexplained(self.evidence.torque(self._delay), predicted, self.evidence.moving)
+        """Part of each row as recorded that stays unexplained, (rows,) [-]."""
+        predicted = self.result.identified.predict(self.equations.columns)
+        return unexplained(self.equations.torque(self.result.chosen.delay), predicted, self.equations.moving)
 
     @cached_property
     def rms_ratio_in_band(self) -> Floats:
-        """The same below the cut-off, (rows,)."""
+        """The same below the cut-off, (rows,) [-]."""
         found = self.result.identified
-        predicted = self.evidence.low_passed_columns(found.identifiability.pivots) @ found.values
-        return unexplained(self.evidence.low_passed_torque(self._delay), predicted, self.evidence.moving)
+        predicted = self.equations.low_passed_columns(found.identifiability.pivots) @ found.values
+        return unexplained(self.equations.low_passed_torque(self.result.chosen.delay), predicted, self.equations.moving)
 
     @cached_property
     def angles(self) -> SimulationError | None:
         """How far simulated angles stray; None for loops, and where there are no torques."""
-        if not self.result.joints:
-            return None
-        found = self.result.identified
-        same = np.tile(found.values, (FOLDS, 1))
-        try:
-            return simulation_errors(
-                self.evidence, self.result.mechanism, found.identifiability.pivots, [same], self._delay
-            )[0]
-        except ModelError:
-            return None
+        found, result = self.result.identified, self.result
+        same = [np.tile(found.values, (FOLDS, 1))]
+        pivots = found.identifiability.pivots
+        strayed = simulation_errors(self.equations, result.mechanism, pivots, same, result.chosen.delay)
+        return None if strayed is None else strayed[0]
 
     def doubts(self) -> list[str]:
-        """Rows that the parameters do not foretell."""
-        doubts = []
-        for row, ratio, own in zip(
-            self.result.rows, self.rms_ratio_in_band, self.result.rms_ratio_in_band, strict=True
-        ):
-            if ratio > min(DOUBTFUL_RATIO, max(NEGLIGIBLE, OWN_FACTOR * own)):
-                doubts.append(
-                    f"{', '.join(self.runs)}: {ratio:.0%} of {self.result.named(row)} below the cut-off stays "
-                    f"unexplained, {own:.0%} did in the runs identified from"
-                )
-        return doubts
-
-    @property
-    def _delay(self) -> float:
-        return self.result.chosen.delay
+        """Rows that the parameters do not predict."""
+        result = self.result
+        return [
+            f"{', '.join(self.runs)}: {ratio:.0%} of {result.named(row)} below the cut-off stays unexplained, "
+            f"{own:.0%} did in the runs identified from"
+            for row, ratio, own in zip(result.rows, self.rms_ratio_in_band, result.rms_ratio_in_band, strict=True)
+            if ratio > min(DOUBTFUL_RATIO, max(NEGLIGIBLE, OWN_FACTOR * own))
+        ]
 
 
 def validate(result: Identification, records: Sequence[JointRecord]) -> Validation:
-    """Hold an identification against records of the same sensors.
+    """Compare an identification with records of the same sensors.
 
     Raises AnalysisError if a record is among those identified from, or measured something else.
     """

@@ -12,9 +12,13 @@ import numpy as np
 
 from balance.arrays import Floats
 
+from ..errors import AnalysisError
 from ..kinematics import base_motion
 from ..runs.aligned_run import AlignedRun
-from .shaking_wrench import COMPONENTS, MeasuredWrench
+from .shaking_wrench import COMPONENTS, MeasuredWrench, refuse_saturation, shaking_wrench
+
+NOTHING = 1e-9
+"""Share of the largest component in which a mechanism that does not shake so seems to."""
 
 
 @dataclass(frozen=True)
@@ -53,15 +57,33 @@ class MeasuredLoads:
         return np.asarray(np.einsum("nij,nj->ni", self.base_projection, readings))
 
     def projected_regressor(self, wrench: Floats) -> Floats:
-        """Rows of these loads in P W of a regressor W (n, 6, p) [N, N m per parameter], (n, k, p)."""
+        """Rows of these loads in P W of a regressor W (n, 3 or 6, p) [N, N m per parameter], (n, k, p)."""
         return self.projected(wrench[:, [COMPONENTS.index(name) for name in self.names]])
 
 
-def measured_loads(run: AlignedRun, wrench: MeasuredWrench, names: Sequence[str], bandwidth_hz: float) -> MeasuredLoads:
-    """Components of a wrench on the run's grid; P from positions smoothed below ``bandwidth_hz``.
+def measured_loads(run: AlignedRun, regressor: Floats, bandwidth_hz: float) -> tuple[MeasuredLoads, tuple[str, ...]]:
+    """What force sensors measure of the components in which a run shakes, on its grid; and why others are left out.
 
-    Raises AnalysisError where clocks cannot be aligned.
+    ``regressor`` (n, 3 or 6, p) [N, N m per parameter] says which components shake; where the base moves, of forces
+    alone. P follows from positions smoothed below ``bandwidth_hz``. Raises AnalysisError where none is determined, a
+    sensor is at the end of its range, or clocks cannot be aligned.
     """
+    wrench = shaking_wrench(run.run)
+    refuse_saturation(run.run, wrench)
+    size = np.abs(regressor).max(axis=(0, 2))
+    possible = COMPONENTS[: len(size) if run.base is None else 3]
+    shaking = [name for name, one in zip(possible, size, strict=False) if one > NOTHING * size.max()]
+    names = wrench.determined(shaking)
+    if not names:
+        reasons = "; ".join(f"{name}: {wrench.reasons[name]}" for name in shaking) or "the encoders stand still"
+        raise AnalysisError(
+            f"{run.name}: the force sensors determine no component in which this mechanism shakes: {reasons}"
+        )
+    left_out = tuple(f"{name} left out: {wrench.reasons[name]}" for name in shaking if name not in names)
+    return _on_grid(run, wrench, names, bandwidth_hz), left_out
+
+
+def _on_grid(run: AlignedRun, wrench: MeasuredWrench, names: Sequence[str], bandwidth_hz: float) -> MeasuredLoads:
     base = run.base
     groups = frozenset({wrench.group} | ({base.group} if base else set()))
     measured = np.column_stack([v for name in names if (v := wrench.values[name]) is not None])

@@ -49,6 +49,10 @@ BASE_UNKNOWN = (
     "no accelerometer on the base: if the base moves, the forces hold the mechanism's inertia against that motion, "
     "which is taken for shaking force, and the intervals do not hold"
 )
+HINTS: dict[Source, str] = {
+    "wrench": MORE_RUNS, "torque": LONGER, "vibration": MORE_RUNS, "trials": "use heavier trial masses, or more runs",
+}  # fmt: skip
+"""What helps a source that cannot tell."""
 FIXED = "What no mass at the sites can change is taken from the mechanism's file: these runs do not tell it."
 DETERMINED = 0.02
 """Half of an interval of a condition, as a part of the largest of the mechanism without counter-masses, up to which a

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from balance.estimation.estimate import LEVEL_TEXT
 from balance.estimation.first_moment_imbalance import MissingMass
 
 from ..figures import style
@@ -35,11 +36,11 @@ def draw(result: Trim) -> "Figure":
 
 
 def _level(result: Trim) -> str:
-    return "intervals of 95 %" if result.interval_level else "intervals, not of 95 %"
+    return f"intervals{'' if result.interval_level else ', not'} of {LEVEL_TEXT}"
 
 
 def _site(axes: "Axes", result: Trim, k: int) -> None:
-    before, after = result.missing[k], result.left()[k]
+    before, after = result.missing[k], result.remaining()[k]
     shown: list[tuple[str, MissingMass, str]] = [(s.source, s.missing[k], _COLOURS[s.source]) for s in result.shares]
     if len(result.shares) > 1:
         shown.append(("all", before, style.TARGET))

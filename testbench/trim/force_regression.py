@@ -6,14 +6,13 @@ clocks (a delay of the forces, one of the accelerations), are nuisances.
 
 import numpy as np
 
-from balance.arrays import Floats
 from balance.balancing.conditions import Conditions
 from balance.dynamics.regressor import wrench_regressor
 from balance.estimation.first_moment_imbalance import condition_columns
 
 from ..errors import AnalysisError
 from ..loads.measured_loads import measured_loads
-from ..loads.shaking_wrench import COMPONENTS, MeasuredWrench, refuse_saturation, shaking_wrench
+from ..loads.shaking_wrench import COMPONENTS
 from ..runs.aligned_run import AlignedRun
 from .problem import RunEquations, motion_name, offset_and_drift
 from .sensor_errors import force_effects, reading_effects, stated_deviations
@@ -36,14 +35,12 @@ def force_regression(run: AlignedRun, conditions: Conditions, cutoff: float = CU
     be aligned, gaps that leave nothing.
     """
     bandwidth = POSITION_BANDWIDTH * cutoff
-    wrench = shaking_wrench(run.run)
-    refuse_saturation(run.run, wrench)
     path = run.trajectory(bandwidth)
-    regressor = wrench_regressor(run.mechanism, path.q, path.v, path.a)
-    columns = condition_columns(conditions, regressor[:, :3])
-    names = _names(run, wrench, columns)
-    axes = [COMPONENTS.index(name) for name in names]
-    loads = measured_loads(run, wrench, names, bandwidth)
+    columns = condition_columns(conditions, wrench_regressor(run.mechanism, path.q, path.v, path.a)[:, :3])
+    if not np.abs(columns).max() > LEAST_MOTION:
+        raise AnalysisError(f"{run.name}: no motion: the encoders stand still, so that the record tells nothing")
+    loads, _ = measured_loads(run, columns, bandwidth)
+    axes = [COMPONENTS.index(name) for name in loads.names]
     valid = ValidSamples.of(run, loads.groups, bandwidth)
     valid.refuse_no_motion(path)
     nuisance = [loads.projected(valid.rates(loads.forces))]
@@ -55,7 +52,7 @@ def force_regression(run: AlignedRun, conditions: Conditions, cutoff: float = CU
         effects |= {entry: loads.base_projected(change) for entry, change in of_base.items()}
     used = run.motion_span(bandwidth, MARGIN_PERIODS / cutoff)
     own, readings, *delays = (
-        valid.low_pass(v, cutoff)[used] for v in (loads.projected(columns[:, axes]), loads.values, *nuisance)
+        valid.low_pass(v, cutoff)[used] for v in (loads.projected_regressor(columns), loads.values, *nuisance)
     )
     kept = valid.kept[used]
     return RunEquations.of(
@@ -63,25 +60,10 @@ def force_regression(run: AlignedRun, conditions: Conditions, cutoff: float = CU
         1.0 / (cutoff * run.grid.step),
         own,
         readings,
-        np.concatenate([offset_and_drift(kept, len(names)), *(delay[:, :, None] for delay in delays)], axis=2),
+        np.concatenate([offset_and_drift(kept, len(axes)), *(delay[:, :, None] for delay in delays)], axis=2),
         kept[:, None],
         motion_name(run),
-        names,
+        loads.names,
         conditions.rank,
         {entry: valid.low_pass(change, cutoff)[used] for entry, change in effects.items()},
     )
-
-
-def _names(run: AlignedRun, wrench: MeasuredWrench, columns: Floats) -> list[str]:
-    """The components of force in which the mechanism can shake and that are determined."""
-    size = np.abs(columns).max(axis=(0, 2))
-    if not size.max() > LEAST_MOTION:
-        raise AnalysisError(f"{run.name}: no motion: the encoders stand still, so that the record tells nothing")
-    wanted = [COMPONENTS[i] for i in range(3) if size[i] > 1e-9 * size.max()]
-    names = [name for name in wanted if wrench.values[name] is not None]
-    if not names:
-        reasons = "; ".join(f"{name}: {wrench.reasons[name]}" for name in wanted)
-        raise AnalysisError(
-            f"{run.name}: the force sensors determine no component in which this mechanism shakes: {reasons}"
-        )
-    return names

@@ -1,9 +1,8 @@
 """What is missing at each site and what to add there, with the verdict."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -12,19 +11,16 @@ from balance.arrays import Floats
 from balance.balancing.conditions import Conditions, text_of
 from balance.balancing.stock_plates import Plate
 from balance.estimation.covariance_weighting import CombinedImbalance
-from balance.estimation.estimate import Estimate
+from balance.estimation.estimate import LEVEL, Estimate
 from balance.estimation.first_moment_imbalance import Imbalance, MissingMass, with_condition_values
 from balance.estimation.identifiability import NotIdentifiable
 from balance.mechanism.mechanism import Mechanism
+from balance.results import Key, plain
 
-from ..errors import AnalysisError
 from ..kinematics.gaps import GAP_FINDING
 from ..recording import Finding, Origin
 from .problem import Source
 
-RESOLUTION = 0.25
-"""Half of an interval, as a part of the first moment that the site lacks without counter-masses, from which a record
-cannot tell what is missing."""
 DOUBTFUL_SHARE: dict[Source, float] = {"wrench": 0.1, "torque": 0.15, "vibration": 0.1, "trials": np.inf}
 """Of what was measured that stays unexplained, from which a result is doubtful: noise leaves half of that where
 sensors are as their data sheets say, and what is systematic is not in the intervals; of trial masses it is noise, which
@@ -33,38 +29,17 @@ they contain."""
 
 @dataclass(frozen=True)
 class Share:
-    """What one source says, where several do or one does."""
+    """What one source determines."""
 
-    source: Source
-    missing: tuple[MissingMass, ...]
-    unexplained: float
+    source: Annotated[Source, Key("", "source")]
+    missing: Annotated[tuple[MissingMass, ...], Key()]
+    unexplained: Annotated[float, Key()]
     """Share of what it measured."""
 
     @property
     def doubtful(self) -> bool:
         """Whether too much stays unexplained."""
         return self.unexplained > DOUBTFUL_SHARE[self.source]
-
-    def as_dict(self) -> dict[str, Any]:
-        """The source as it is printed."""
-        return {
-            "source": self.source,
-            "missing": [missing_document(m) for m in self.missing],
-            "unexplained": self.unexplained,
-        }
-
-
-def refuse_blur(missing: Sequence[MissingMass], bare: Sequence[float], runs: Sequence[str], hint: str) -> None:
-    """Refuse intervals so wide that the record tells next to nothing; ``bare`` is what each site lacks without any."""
-    largest = max((abs(value) for value in bare), default=0.0)
-    for one in missing:
-        half = one.first_moment.half_width()
-        if half > RESOLUTION * largest:
-            raise AnalysisError(
-                f"{', '.join(runs)}: cannot tell what is missing at {one.site}: {one.first_moment.value:.3g} kg m, "
-                f"known to {half:.2g} kg m only, where the mechanism without counter-masses lacks {largest:.3g} kg m; "
-                f"{hint}"
-            )
 
 
 _MEASURED: dict[Source, str] = {
@@ -78,7 +53,7 @@ class Trim:
 
     conditions: Conditions
     mechanism: Mechanism
-    """As mounted, by its file and the sheet of runs."""
+    """As mounted, by its file and the run table."""
     bare: Mechanism
     """Without payload and counter-masses."""
     runs: tuple[str, ...]
@@ -117,7 +92,7 @@ class Trim:
 
     @cached_property
     def addition(self) -> balancing.Sizing:
-        """What to add to the sites that are told to lack something: from the plates, else of any mass."""
+        """What to add to the sites that significantly lack something: from the plates, else of any mass."""
         lacking = [m.site for m in self.missing if m.is_significant and m.first_moment.value > 0.0]
         if not lacking:
             return balancing.sizing_of_given(self.conditions, self._measured, {})
@@ -127,7 +102,7 @@ class Trim:
 
     @property
     def removal(self) -> tuple[MissingMass, ...]:
-        """Sites that are told to have too much."""
+        """Sites that significantly have too much."""
         return tuple(m for m in self.missing if m.is_significant and m.first_moment.value < 0.0)
 
     @property
@@ -137,12 +112,12 @@ class Trim:
 
     @property
     def predicted_residual_interval(self) -> tuple[float, float]:
-        """From the least to the most that the conditions' intervals of 95 % leave of it [kg m]."""
-        left = np.abs(self.conditions.values(self.addition.after))
+        """From the least to the most that the conditions' intervals leave of it [kg m]."""
+        residual = np.abs(self.conditions.values(self.addition.after))
         half = np.array([0.0 if e is None else e.half_width() for _, e in self.values])
-        return float(np.maximum(left - half, 0.0).max(initial=0.0)), float((left + half).max(initial=0.0))
+        return float(np.maximum(residual - half, 0.0).max(initial=0.0)), float((residual + half).max(initial=0.0))
 
-    def left(self) -> list[MissingMass]:
+    def remaining(self) -> list[MissingMass]:
         """What each site lacks still, with the addition."""
         added = {c.site: c.mass for c in self.addition.counter_masses}
         return [m.with_added(added.get(m.site, 0.0)) for m in self.missing]
@@ -165,7 +140,7 @@ class Trim:
     def interval_level(self) -> float | None:
         """Of the intervals; None where they do not hold what a source leaves unexplained, or no source is trusted."""
         doubted = any(share.doubtful for share in self.shares) or bool(self.doubts_before)
-        return None if doubted else 0.95
+        return None if doubted else LEVEL
 
     def doubts(self) -> list[str]:
         """Why the result is doubtful; empty if it is not."""
@@ -180,7 +155,7 @@ class Trim:
 
     @property
     def gaps(self) -> tuple[str, ...]:
-        """What was left out for gaps in records: said, and no doubt by itself."""
+        """What was left out for gaps in records: a finding, and no doubt by itself."""
         return tuple(dict.fromkeys(finding.message for finding in self.findings if finding.code == GAP_FINDING))
 
     @property
@@ -188,41 +163,25 @@ class Trim:
         """``add``, ``remove`` (a site has too much), ``nothing told`` (every interval holds zero), or ``doubtful``."""
         if self.doubts():
             return "doubtful"
-        told = [m.first_moment.value for m in self.missing if m.is_significant]
-        if not told:
+        significant = [m.first_moment.value for m in self.missing if m.is_significant]
+        if not significant:
             return "nothing told"
-        return "remove" if min(told) < 0.0 else "add"
-
-
-def missing_document(missing: MissingMass) -> dict[str, Any]:
-    """What a site lacks, units in the keys."""
-    return {
-        "site": missing.site,
-        "first_moment_kgm": missing.first_moment.value,
-        "interval": list(missing.interval),
-        "mass_kg": missing.mass.value,
-        "position_m": [float(x) for x in missing.position],
-    }
+        return "remove" if min(significant) < 0.0 else "add"
 
 
 def trim_document(result: Trim) -> dict[str, Any]:
     """What is missing and what to add, units in the keys."""
-    return {
+    found = {
         "mechanism": result.mechanism.name,
-        "runs": list(result.runs),
+        "runs": result.runs,
         "origin": result.origin,
         "source": result.source,
-        "sources": [share.as_dict() for share in result.shares],
-        "agreement": None if result.consensus is None else _agreement(result.consensus),
-        "missing": [missing_document(m) for m in result.missing],
+        "sources": result.shares,
+        "agreement": result.consensus,
+        "missing": result.missing,
         "interval_level": result.interval_level,
         "add": [
-            {
-                "site": c.site,
-                "mass_kg": c.mass,
-                "plates": list(c.plates),
-                "position_m": [float(x) for x in c.position],
-            }
+            {"site": c.site, "mass_kg": c.mass, "plates": c.plates, "position_m": c.position}
             for c in result.addition.counter_masses
         ],
         "remove": [
@@ -230,27 +189,14 @@ def trim_document(result: Trim) -> dict[str, Any]:
             for m in result.removal
         ],
         "predicted_residual_kgm": result.predicted_residual,
-        "predicted_residual_interval_kgm": list(result.predicted_residual_interval),
+        "predicted_residual_interval_kgm": result.predicted_residual_interval,
         "verdict": result.verdict,
         "doubts": result.doubts(),
         "findings": [finding.as_dict() for finding in result.findings],
         "conditions": [
-            {
-                "condition": text,
-                "value_kgm": None if e is None else e.value,
-                "interval": None if e is None else list(e.interval()),
-            }
-            for text, e in result.values
+            {"condition": text, "value_kgm": e and e.value, "interval": e and e.interval()} for text, e in result.values
         ],
         "unexplained": result.unexplained,
-        "about": list(result.about),
+        "about": result.about,
     }
-
-
-def _agreement(found: CombinedImbalance) -> dict[str, Any]:
-    return {
-        "chi_square": found.chi_square,
-        "freedom": found.degrees_of_freedom,
-        "probability": found.probability,
-        "agrees": found.agrees,
-    }
+    return dict(plain(found))

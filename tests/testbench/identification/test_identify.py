@@ -60,7 +60,7 @@ def test_friction_and_drive(result):
 def test_little_is_left_unexplained(result):
     """What stays unexplained of held-out torque is the noise: little below the cut-off, 0.05 N m of all."""
     assert (result.rms_ratio_in_band < 0.05).all()
-    evidence = result.choice.evidence
+    evidence = result.choice.equations
     rms = np.sqrt(np.mean(evidence.torque(result.chosen.delay) ** 2, axis=0))
     np.testing.assert_allclose(result.rms_ratio * rms, 0.05, rtol=0.5)
     assert result.verdict == "usable"

@@ -93,14 +93,14 @@ def test_methods_on_held_out_stretches(result):
     """Instrumental variables beat smoothed least squares by torque and by angle, output error by angle alone."""
     by = {one.method: one for one in result.comparison}
     assert by["iv"].torque_error < by["ls"].torque_error
-    assert by["iv"].angles.whole < by["ls"].angles.whole
-    assert by["oe"].angles.whole < 0.95 * by["ls"].angles.whole
+    assert by["iv"].angles.all_rms < by["ls"].angles.all_rms
+    assert by["oe"].angles.all_rms < 0.95 * by["ls"].angles.all_rms
     assert by["oe"].torque_error > by["ls"].torque_error
 
 
 def test_intervals_hold_filters_and_methods(result):
     """Least squares from half to double the cut-off, and the other methods, lie inside the intervals."""
-    evidence, cutoff = result.choice.evidence, result.chosen.cutoff
+    evidence, cutoff = result.choice.equations, result.chosen.cutoff
     seen, records = result.identified.identifiability, [part.record for part in evidence.parts]
     for factor in (0.5, 2**-0.5, 1.0, 2**0.5, 2.0):
         at = Methods(
@@ -128,12 +128,12 @@ def test_what_a_difference_to_the_published_comes_from(result):
     without the delay, at the highest cut-off, least squares falls to within 4 % of the published, and explains less."""
     explanation = Explanation(result)
     first, _, second, _ = result.first_moments()
-    with_friction = explanation.file_friction().first_moments[first.name].value
+    with_friction = explanation.file_friction.first_moments[first.name].value
     if result.mechanism.name == "two-joint-arm-c1":
         assert with_friction == pytest.approx(first.in_file, rel=0.02)
         return
     assert with_friction > first.value
-    noisy = explanation.without_delay()[-1]
+    noisy = explanation.without_delay[-1]
     assert noisy.first_moments[first.name].value == pytest.approx(first.in_file, rel=0.04)
     assert noisy.first_moments[second.name].value == pytest.approx(second.in_file, rel=0.05)
-    assert noisy.left["J1"] > 3 * explanation.friction()[3].left["J1"]
+    assert noisy.unexplained["J1"] > 3 * explanation.friction[3].unexplained["J1"]

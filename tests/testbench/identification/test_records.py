@@ -66,7 +66,7 @@ def test_a_gap_in_time(tmp_path):
     """A log that pauses is known on either side: what lies between is in no stretch, and said with its place."""
     rows = [f"{t + (t > 1.0) * 0.5:.3f},{t:.6f},{t:.6f},{t:.6f},{t:.6f}" for t in TIME]
     record = joint_record(bound(stored(tmp_path, RIG, rows)))
-    sound = record.sound(0.1)[:, 0] > 0.0
+    sound = record.valid(0.1)[:, 0] > 0.0
     time = record.grid.time
     assert not sound[(time > 0.9) & (time < 1.6)].any()
     assert sound[time < 0.87].all()

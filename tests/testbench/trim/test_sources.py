@@ -169,5 +169,5 @@ def test_the_predicted_residual_has_an_interval(manipulator, runs):
     low, high = found.predicted_residual_interval
     assert low == 0.0
     assert found.predicted_residual < high < 0.2 * MISSING
-    left = found.left()
+    left = found.remaining()
     assert all(m.interval[0] < 0.0 < m.interval[1] for m in left)

@@ -1,0 +1,72 @@
+"""From records to an identification: what is observable, the cut-off and delay, the parameters, other choices."""
+
+from collections.abc import Sequence
+
+from balance.estimation.base_parameters import BaseParameters, base_parameters
+from balance.estimation.identifiability import Identifiability, identifiability
+from balance.estimation.regression import RegressionRecord
+from balance.mechanism.mechanism import Mechanism
+
+from ..recording import common_origin
+from ..runs.aligned_run import AlignedRun
+from .cross_validation import Choice, choose, possible_cutoffs
+from .estimators import BLOCK_PERIODS, Method, Methods, allowed
+from .records import JointRecord, assemble
+from .regression_equations import one_sided, regression_equations
+from .result import Identification
+
+
+def identify_run(run: AlignedRun) -> Identification:
+    """Identify a mechanism from one run."""
+    assembled = assemble([run])
+    return identify(assembled.records, assembled.mechanism)
+
+
+def identify(
+    records: Sequence[JointRecord], mechanism: Mechanism, method: Method | None = None, *, others: bool = True
+) -> Identification:
+    """Identify a mechanism from records of its driven joints.
+
+    What is observable is found first, then the cut-off and the delay by held-out torque error, then the parameters by
+    ``method``; at half and at double that cut-off, without delay, and by the other methods, once more. The method is
+    ``iv`` unless named, and ``ls`` where there are forces alone; without ``others`` no interval is
+    widened by the other methods, which take long through loops. Raises NotIdentifiable where nothing is observable.
+    """
+    method = method or ("iv" if records[0].torque.shape[1] else "ls")
+    possible = possible_cutoffs(records)
+    middle = regression_equations(records, mechanism, possible[len(possible) // 2])
+    identifiable = identifiability(middle.columns * middle.moving[:, :, None], middle.names)
+    choice = choose(records, mechanism, identifiable, method)
+    delay, cutoff = choice.chosen.delay, choice.chosen.cutoff
+    at = choice.held_out.at(delay)
+    variants = {}
+    for label, factor in (("half cut-off", 0.5), ("double cut-off", 2.0)):
+        equations = regression_equations(records, mechanism, factor * cutoff)
+        other = Methods(equations, mechanism, identifiable, delay)
+        variants[f"{label} ({factor * cutoff:.3g} Hz)"] = other.identified(method)
+    if delay:
+        variants["no delay"] = choice.held_out.at(0.0).identified(method)
+    variants |= {name: at.identified(name) for name in allowed(choice.equations) if others and name != method}
+    return Identification(
+        mechanism,
+        tuple(record.name for record in records),
+        common_origin(record.origin for record in records),
+        choice,
+        at.identified(method),
+        variants,
+        _one_sided(records, mechanism, identifiable, choice),
+    )
+
+
+def _one_sided(
+    records: Sequence[JointRecord], mechanism: Mechanism, identifiable: Identifiability, choice: Choice
+) -> dict[str, BaseParameters]:
+    """As often done: torque and rates smoothed, positions not. Of torques alone: forces do not feel positions so."""
+    found = {}
+    for factor in (1.0, 2.0**0.5, 2.0):
+        cutoff = factor * choice.chosen.cutoff
+        equations = one_sided(records, mechanism, cutoff)
+        blocks = equations.blocks(BLOCK_PERIODS["ls"] / cutoff)
+        record = RegressionRecord.of(equations.columns, equations.low_passed_torque(0.0), blocks, used=equations.moving)
+        found[f"{cutoff:.3g} Hz"] = base_parameters(record, identifiable)
+    return found

@@ -1,0 +1,164 @@
+"""What first moment is missing on which arm, and which mass to add, from the runs of a mechanism."""
+
+from collections.abc import Sequence
+
+from balance.balancing import conditions
+from balance.balancing.stock_plates import Plate
+from balance.errors import CounterpoiseError
+from balance.estimation.covariance_weighting import combine
+from balance.estimation.first_moment_imbalance import masses_per_value
+from balance.estimation.identifiability import NotIdentifiable
+
+from ..errors import AnalysisError
+from ..recording import common_origin
+from ..runs.aligned_run import AlignedRun
+from .estimators import ESTIMATORS, HINTS, present_sources
+from .problem import NAMES, Source, SourceEstimate, TrimProblem
+from .result import Share, Trim
+
+RESOLUTION = 0.25
+"""Half of an interval, as a part of the first moment that the site lacks without counter-masses, from which a record
+cannot tell what is missing."""
+
+
+def trim_runs(
+    runs: Sequence[AlignedRun],
+    sites: Sequence[str] = (),
+    plates: Sequence[Plate] = (),
+    source: Source | Sequence[Source] | None = None,
+    cutoff: float | None = None,
+) -> Trim:
+    """What is missing where, from runs of one mechanism.
+
+    By what the rig has, unless named: force sensors and motor torques of runs of one mounting, together where both
+    determine it; else the base's vibration; trial masses where mountings differ. Raises AnalysisError or
+    NotIdentifiable where the runs cannot tell.
+    """
+    mechanism, mounted = runs[0].unloaded, runs[0].mechanism
+    names = list(dict.fromkeys(sites)) or mechanism.counter_sites
+    if not names:
+        raise AnalysisError(
+            f"{mechanism.name} has no site named counter...: name sites, there are "
+            f"{', '.join(mechanism.sites) or 'none'}"
+        )
+    mounted.with_counter_mass(dict.fromkeys(names, 0.0))
+    problem = TrimProblem(runs, conditions.balance_conditions(mounted), names, cutoff)
+    named = [source] if isinstance(source, str) else list(dict.fromkeys(source or ()))
+    wanted = _checked(problem, named) if named else _present(problem)
+    found, failed = _estimated(problem, wanted, bool(named))
+    both = combine([one.imbalance for one in found]) if len(found) > 1 else None
+    measured = both.imbalance if both else found[0].imbalance
+    contradiction = () if both is None or both.agrees else (
+        f"the sources contradict each other: chi-square {both.chi_square:.3g} with {both.degrees_of_freedom} degrees "
+        f"of freedom, probability {both.probability:.1g}; see what each says, and trust none before the reason is "
+        "found",
+    )  # fmt: skip
+    return Trim(
+        problem.conditions,
+        mounted,
+        mechanism,
+        tuple(run.name for run in runs),
+        common_origin(run.run.origin for run in runs),
+        tuple(
+            Share(one.source, tuple(one.imbalance.missing(mounted, names)), one.imbalance.unexplained) for one in found
+        ),
+        tuple(measured.missing(mounted, names)),
+        measured,
+        tuple(dict.fromkeys([*_about(found), *failed])),
+        tuple(doubt for one in found for doubt in one.doubts) + contradiction,
+        both,
+        tuple(plates),
+        tuple(finding for one in found for finding in one.findings),
+    )
+
+
+def _checked(problem: TrimProblem, wanted: list[Source]) -> list[Source]:
+    """The sources that are named, if the runs are fit for them."""
+    differs = _differs(problem, "payload_kg", "counter_masses")
+    if "trials" in wanted and len(wanted) > 1:
+        raise AnalysisError("trial masses are runs of several mountings, other sources take runs of one: name one")
+    if wanted != ["trials"] and differs:
+        raise AnalysisError(f"{differs}: expected runs of one mounting")
+    if wanted == ["trials"] and not differs:
+        raise AnalysisError(f"{problem.names}: all of one mounting: trial masses must differ from run to run")
+    return wanted
+
+
+def _present(problem: TrimProblem) -> list[Source]:
+    """The sources that the rig has for these runs."""
+    first = problem.runs[0]
+    if other := _differs(problem, "payload_kg"):
+        raise AnalysisError(f"{other}: expected runs of one mounting")
+    differs = _differs(problem, "counter_masses")
+    if differs and not first.rig.base_accelerometers:
+        raise AnalysisError(f"{differs}: expected runs of one mounting, or an accelerometer on the base")
+    if found := present_sources(problem, not differs):
+        return found
+    raise AnalysisError(
+        f"{first.name}: its rig has neither force sensors nor motor torques, nor accelerometers on a base that it "
+        "states: nothing tells what is missing"
+    )
+
+
+def _differs(problem: TrimProblem, *keys: str) -> str:
+    """What differs between the mountings; empty if nothing does."""
+    first, *others = problem.runs
+    for run in others:
+        for key in keys:
+            if run.conditions.get(key) != first.conditions.get(key):
+                here, there = run.conditions.get(key), first.conditions.get(key)
+                return f"{run.name}: {key} is {here}, that of {first.name} {there}"
+    return ""
+
+
+def _estimated(problem: TrimProblem, sources: list[Source], named: bool) -> tuple[list[SourceEstimate], list[str]]:
+    """What the sources determine, and why others do not; one that was named must."""
+    found: list[SourceEstimate] = []
+    failed: dict[Source, CounterpoiseError] = {}
+    for source in sources:
+        try:
+            estimate = ESTIMATORS[source](problem)
+            _refuse_wide(estimate, problem)
+            found.append(estimate)
+        except CounterpoiseError as error:
+            if named or len(sources) == 1:
+                raise
+            failed[source] = error
+    if not found:
+        raise next(iter(failed.values()))
+    return found, [f"{NAMES[source].capitalize()} cannot tell: {error}" for source, error in failed.items()]
+
+
+def _refuse_wide(estimate: SourceEstimate, problem: TrimProblem) -> None:
+    """Raise AnalysisError where nothing is determined, or intervals are so wide that they say next to nothing."""
+    hint = "; ".join([HINTS[estimate.source], *(finding.message for finding in estimate.findings)])
+    try:
+        missing = estimate.imbalance.missing(problem.mounted, problem.sites)
+    except NotIdentifiable as error:
+        raise AnalysisError(f"{problem.names}: {error}; {hint}") from error
+    largest = max((abs(value) for value in _lacking(problem)), default=0.0)
+    for one in missing:
+        half = one.first_moment.half_width()
+        if half > RESOLUTION * largest:
+            raise AnalysisError(
+                f"{problem.names}: cannot tell what is missing at {one.site}: {one.first_moment.value:.3g} kg m, "
+                f"known to {half:.2g} kg m only, where the mechanism without counter-masses lacks {largest:.3g} kg m; "
+                f"{hint}"
+            )
+
+
+def _lacking(problem: TrimProblem) -> list[float]:
+    """What each site lacks without counter-masses, by the model [kg m]."""
+    payload = problem.runs[0].conditions.get("payload_kg")
+    bare = problem.mechanism
+    bare = bare if payload is None else bare.with_payload({bare.payload_bodies[0]: payload})
+    values = problem.conditions.values(bare)
+    masses = masses_per_value(problem.conditions, bare, problem.sites, values) @ values
+    return [float(mass) * bare.lever_arm(site) for mass, site in zip(masses, problem.sites, strict=True)]
+
+
+def _about(found: list[SourceEstimate]) -> list[str]:
+    """How it was found, each line with its source where there are several."""
+    if len(found) == 1:
+        return list(found[0].about)
+    return [f"By {NAMES[one.source]}: {line[0].lower()}{line[1:]}" for one in found for line in one.about]
