@@ -14,8 +14,6 @@ import numpy as np
 
 from ..arrays import Floats
 from ..balancing.conditions import Conditions
-from ..balancing.least_masses import distribute_masses
-from ..balancing.sizing import site_columns
 from ..mechanism.mechanism import Mechanism
 from ..results import Key
 from .estimate import Estimate
@@ -45,6 +43,8 @@ class Subspace:
     @classmethod
     def at_sites(cls, conditions: Conditions, mechanism: Mechanism, sites: Sequence[str]) -> "Subspace":
         """What masses at ``sites`` can change; the rest as the mechanism's file has it."""
+        from ..balancing.sizing import site_columns
+
         columns = site_columns(conditions, mechanism, sites)
         basis, sizes, _ = np.linalg.svd(columns, full_matrices=False)
         return cls(basis[:, sizes > 1e-12 * sizes[0]].T, conditions.values(mechanism))
@@ -212,6 +212,9 @@ def masses_per_value(conditions: Conditions, mechanism: Mechanism, sites: Sequen
     Masses are m = rows @ values, linear in what is estimated, so that its intervals carry over. What no mass can meet
     is weighed as ``exact_sizing`` does: by the momentum over the workspace.
     """
+    from ..balancing.least_masses import distribute_masses
+    from ..balancing.sizing import site_columns
+
     weights = conditions.weights
     columns = weights @ site_columns(conditions, mechanism, sites)
     return -distribute_masses(columns, -weights @ values, removable=True).per_target @ weights

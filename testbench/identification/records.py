@@ -18,7 +18,7 @@ from balance.mechanism.mechanism import Mechanism
 from ..errors import AnalysisError
 from ..kinematics.gaps import Gaps
 from ..kinematics.smoothing_and_derivatives import Grid, Rates, bridge_gaps, grid_of, low_pass, on_grid
-from ..loads.measured_loads import MeasuredLoads, measured_loads
+from ..loads.shaking_wrench import MeasuredLoads, measured_loads
 from ..recording import Origin
 from ..rig import Column
 from ..rig.sensors import Encoder, Torque

@@ -25,13 +25,12 @@ from ..quality.clipping import flat_tops, is_dead
 from ..recording import Channel, Finding, Severity
 from ..rig import Column, Rig, rig_from_text
 from ..store.run import Run, StoredGroup
-from . import calibration_history
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from ..recording import Conditions, Origin, Samples
-    from .calibration_history import CalibrationInForce
+    from .calibration_history import CalibrationInForce, CalibrationRecord
 
 Mask = NDArray[np.bool_]
 
@@ -217,6 +216,8 @@ class SIRun:
 
         Raises StoreError where the newest record is about other bytes than those stored.
         """
+        from . import calibration_history
+
         record = self._records.get(column.sensor)
         if record is not None:
             calibration_history.refuse_other_bytes(record, self.path)
@@ -255,8 +256,10 @@ class SIRun:
         return SIRun(self.recorded, self.rig, {(g.name, i): v for (g, i), v in zip(places, values, strict=True)})
 
     @cached_property
-    def _records(self) -> "Mapping[str, calibration_history.CalibrationRecord]":
+    def _records(self) -> "Mapping[str, CalibrationRecord]":
         """The newest calibration of each sensor that a record about this run gives."""
+        from . import calibration_history
+
         return calibration_history.newest_by_sensor(self.path)
 
     @cached_property

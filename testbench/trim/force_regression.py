@@ -1,6 +1,6 @@
 """Regression of the measured forces of a run on the balance conditions, both low-passed alike.
 
-P F + m P a = P W_F[pivots] c (see ``measured_loads``). Offsets and slow drifts of each row, and small errors of the
+P F + m P a = P W_F[pivots] c (see ``shaking_wrench``). Offsets and slow drifts of each row, and small errors of the
 clocks (a delay of the forces, one of the accelerations), are nuisances.
 """
 
@@ -11,8 +11,7 @@ from balance.dynamics.regressor import wrench_regressor
 from balance.estimation.first_moment_imbalance import condition_columns
 
 from ..errors import AnalysisError
-from ..loads.measured_loads import measured_loads
-from ..loads.shaking_wrench import COMPONENTS
+from ..loads.shaking_wrench import COMPONENTS, measured_loads
 from ..runs.aligned_run import AlignedRun
 from .problem import RunEquations, motion_name, offset_and_drift
 from .sensor_errors import force_effects, reading_effects, stated_deviations
