@@ -124,7 +124,8 @@ def _print(result: "Trim", stock: str | None) -> None:
     click.echo("\n".join(result.about))
     helped = any(c.mass > 0.0 for c in result.addition.counter_masses)
     followed = helped or result.verdict != "add"
-    click.echo(f"Verdict: {result.verdict if followed else f'add, but not from {stock}'}")
+    verdict = result.verdict if followed else f"add, but not from {stock}"
+    click.echo(f"{result.unexplained:.1%} of what was measured stays unexplained. Verdict: {verdict}")
     for doubt in result.doubts():
         click.echo(f"  {doubt}")
     for gap in result.gaps:
