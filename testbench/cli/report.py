@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option, json_text
+from balance.results import table
 
 from ..signal import METRIC_NAMES
 from . import options
@@ -35,32 +36,24 @@ def print_report(found: "RunReport") -> None:
         else:
             printers[name](part)
     for finding in found.findings:
-        click.echo(f"  {finding['code']}: {finding['message']}")
+        click.echo(f"  {finding.code}: {finding.message}")
     click.echo()
 
 
 def _motions(part: Part) -> None:
-    rows = [
-        [m["motion"], m["by"], m["group"], f"{m['start_s']:.4f}", f"{m['end_s']:.4f}", str(m["repeat"]),
-         "-" if m["extent_m"] is None else f"{1e3 * m['extent_m']:.1f}", m["reason"]]
-        for m in part["found"]
-    ]  # fmt: skip
-    header = ["motion", "by", "clock of", "start [s]", "end [s]", "repeat", "extent [mm]", "because"]
-    emit_table("Motions", header, rows, part["definition"])
+    from ..kinematics.motion_recognition import RecognizedMotion
+
+    emit_table("Motions", *table(RecognizedMotion, part["found"]), part["definition"])
     for source, reason in part["reasons"].items():
         click.echo(f"Nothing by {source}: {reason}")
 
 
 def _command(part: Part) -> None:
-    rows = [
-        [a["axis"], a["by"], _number(a["target_peak_m_s2"]), _number(a["peak_m_s2"]), _number(a["target_rms_m_s2"]),
-         _number(a["error_rms_m_s2"]), "-" if a["delay_s"] is None else f"{1e3 * a['delay_s']:z.2f}"]
-        for a in part["axes"]
-    ]  # fmt: skip
-    header = ["axis", "by", "target peak", "peak", "target RMS", "RMS error", "delay [ms]"]
+    from ..loads.command_tracking import ReachedValue
+
     noise = ", ".join(f"{joint} {value:.2g}" for joint, value in part["encoder_noise"].items())
-    emit_table("Acceleration of what is driven [m/s2]", header, rows,
-               f"below {part['bandwidth_hz']:g} Hz; noise of the encoders' steps [rad/s2]: {noise}")  # fmt: skip
+    note = f"below {part['bandwidth_hz']:g} Hz; noise of the encoders' steps [rad/s2]: {noise}"
+    emit_table("Acceleration of what is driven [m/s2]", *table(ReachedValue, part["axes"]), note)
 
 
 def _vibration(part: Part) -> None:
@@ -232,7 +225,7 @@ def _compared(pair: "Pair", found: "dict[str, RunReport]") -> dict[str, Any]:
     """Effect of the counter-masses on the torques of one condition."""
     from ..report.sections import torque_changes
 
-    sides = [[found[run.name].torque for run in runs] for runs in (pair.balanced, pair.unbalanced)]
+    sides = [[found[run.name].parts["torque"] for run in runs] for runs in (pair.balanced, pair.unbalanced)]
     return {
         "condition": str(pair.key),
         "counter_masses_kg": pair.counter_masses,

@@ -7,7 +7,7 @@ acceleration is integrated leg by leg, its drift taken out by the rest at both e
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from balance.arrays import Floats
 from balance.errors import CounterpoiseError
 from balance.mechanism import forward_kinematics
 from balance.mechanism.sparse_components import dense
+from balance.results import Key
 
 from ..errors import AnalysisError
 from ..rig.sensors import Accelerometer, Target
@@ -102,34 +103,19 @@ RETURN_TOLERANCE = {"command": 0.05, "encoders": 0.05, "acceleration": 0.2}
 class RecognizedMotion:
     """One motion, on the clock of a group."""
 
-    name: str
+    name: Annotated[str, Key("motion", "motion")]
     """``x``, ``y``, ``z``, ``triangle``, or ``unknown``."""
-    source: Source
-    group: str
-    start: float
-    """[s]"""
-    end: float
-    repeat: int
+    source: Annotated[Source, Key("by", "by")]
+    group: Annotated[str, Key("", "clock of")]
+    start: Annotated[float, Key("start_s", "start [s]", ".4f")]
+    end: Annotated[float, Key("end_s", "end [s]", ".4f")]
+    repeat: Annotated[int, Key("", "repeat")]
     """Which one of its name, from 1."""
-    legs: int
-    extent: float | None
+    legs: Annotated[int, Key()]
+    extent: Annotated[float | None, Key("extent_m", "extent [mm]", lambda extent: f"{1e3 * extent:.1f}")]
     """Largest distance from where it began [m]; None where a gap hides it."""
-    reason: str
+    reason: Annotated[str, Key("", "because")]
     """Why it has this name."""
-
-    def as_dict(self) -> dict[str, Any]:
-        """The motion as a JSON document."""
-        return {
-            "motion": self.name,
-            "by": self.source,
-            "group": self.group,
-            "start_s": self.start,
-            "end_s": self.end,
-            "repeat": self.repeat,
-            "legs": self.legs,
-            "extent_m": self.extent,
-            "reason": self.reason,
-        }
 
 
 def recognized_motions(

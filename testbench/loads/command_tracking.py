@@ -1,13 +1,14 @@
 """How well a commanded acceleration is reached: target against accelerometer and differentiated encoders."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from balance.arrays import Floats
 from balance.dynamics.moving_base import acceleration_in_body
+from balance.results import Key
 
 from ..errors import AnalysisError
 from ..kinematics.gaps import gap_reach, longest_segment
@@ -80,17 +81,17 @@ class CommandPerformance:
 class ReachedValue:
     """Commanded acceleration of one axis and the same by one source [m/s2]."""
 
-    axis: str
-    by: str
+    axis: Annotated[str, Key("", "axis")]
+    by: Annotated[str, Key("", "by")]
     """``encoders`` or ``accelerometer``."""
-    target_peak: float
+    target_peak: Annotated[float, Key("target_peak_m_s2", "target peak", ".4g")]
     """Largest absolute value."""
-    peak: float
-    target_rms: float
+    peak: Annotated[float, Key("peak_m_s2", "peak", ".4g")]
+    target_rms: Annotated[float, Key("target_rms_m_s2", "target RMS", ".4g")]
     """Over the span in which this axis is commanded to move; zero where it never is."""
-    error_rms: float
+    error_rms: Annotated[float, Key("error_rms_m_s2", "RMS error", ".4g")]
     """Of the source less the target, over the same span."""
-    delay_s: float | None
+    delay_s: Annotated[float | None, Key("", "delay [ms]", lambda delay: f"{1e3 * delay:z.2f}")]
     """By which the source follows the target, by correlation. None for the accelerometer, whose clock is set by that
     correlation, and where nothing is commanded."""
 
@@ -114,18 +115,6 @@ class ReachedValue:
             float(np.sqrt(np.mean(error**2))),
             correlation_lag(shown[even], target[even], rate_hz) if timed else None,
         )
-
-    def as_dict(self) -> dict[str, Any]:
-        """As a JSON document."""
-        return {
-            "axis": self.axis,
-            "by": self.by,
-            "target_peak_m_s2": self.target_peak,
-            "peak_m_s2": self.peak,
-            "target_rms_m_s2": self.target_rms,
-            "error_rms_m_s2": self.error_rms,
-            "delay_s": self.delay_s,
-        }
 
 
 def command_performance(aligned: "AlignedRun", bandwidth_hz: float = BANDWIDTH_HZ) -> CommandPerformance:

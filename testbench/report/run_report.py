@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from balance.errors import CounterpoiseError
+from balance.results import plain
 
 from .. import figures
 from ..kinematics import motion_recognition
@@ -38,33 +39,16 @@ SIMILAR_SIZE = 2.0
 
 @dataclass(frozen=True)
 class RunReport:
-    """The parts of a report; one that is unknown has a ``reason`` alone."""
+    """The parts of a report by name, in the order of the text; one that is unknown has a ``reason`` alone."""
 
     run: "Run"
-    motions: Part
-    command: Part
-    vibration: Part
-    modes: Part
-    response: Part
-    wrench: Part
-    torque: Part
-    findings: tuple[Part, ...]
-
-    @property
-    def parts(self) -> dict[str, Part]:
-        """Parts by name, in the order of the text."""
-        names = ("motions", "command", "vibration", "modes", "response", "wrench", "torque")
-        return {name: getattr(self, name) for name in names}
+    parts: dict[str, Part]
+    findings: tuple[Finding, ...]
 
     def as_dict(self) -> dict[str, Any]:
         """The report as it stands in JSON."""
-        return {
-            "run": self.run.name,
-            "origin": str(self.run.origin),
-            "conditions": dict(self.run.conditions),
-            **self.parts,
-            "findings": list(self.findings),
-        }
+        about = {"run": self.run.name, "origin": str(self.run.origin), "conditions": dict(self.run.conditions)}
+        return dict(plain({**about, **self.parts, "findings": self.findings}))
 
 
 def report(
@@ -83,29 +67,28 @@ def report(
     shown, of_command = _command(aligned, bandwidth_hz)
     forces: Part = {}
     response: Part = {}
-    findings: list[Part] = [finding.as_dict() for finding in run.doubts(run.rig.base_columns)]
+    findings = run.doubts(run.rig.base_columns)
     try:
         wrench = shaking_wrench(run, point)
         forces = attempt_part(lambda: sections.wrench_part(wrench, band))
         response = attempt_part(lambda: base_response(run, wrench))
-        findings += [finding.as_dict() for finding in wrench.findings]
+        findings += wrench.findings
     except CounterpoiseError as error:
         forces = response = {"reason": str(error)}
     torque = attempt_part(lambda: sections.torque_part(aligned(), bandwidth_hz))
     findings += _gaps(run, bandwidth_hz)
-    findings += [finding.as_dict() for finding in reversed_polarity(run, aligned)]
+    findings += reversed_polarity(run, aligned)
     findings += _torque_contradictions(run, torque)
-    return RunReport(
-        run.recorded,
-        _motions(run, found, reasons, findings),
-        of_command,
-        attempt_part(lambda: sections.base_levels(run, band)),
-        attempt_part(lambda: sections.base_modes(run, sections.motion_on_base_clock(run, found, shown))),
-        response,
-        forces,
-        torque,
-        tuple(findings),
-    )
+    parts = {
+        "motions": _motions(run, found, reasons, findings),
+        "command": of_command,
+        "vibration": attempt_part(lambda: sections.base_levels(run, band)),
+        "modes": attempt_part(lambda: sections.base_modes(run, sections.motion_on_base_clock(run, found, shown))),
+        "response": response,
+        "wrench": forces,
+        "torque": torque,
+    }
+    return RunReport(run.recorded, parts, tuple(findings))
 
 
 def _command(
@@ -116,7 +99,7 @@ def _command(
     except CounterpoiseError as error:
         return None, {"reason": str(error)}
     return shown, {
-        "axes": [one.as_dict() for one in shown.reached()],
+        "axes": shown.reached(),
         "bandwidth_hz": bandwidth_hz,
         "left_out_s": shown.left_out_s,
         "accelerometer_shifted_s": shown.lag_s,
@@ -125,7 +108,7 @@ def _command(
     }
 
 
-def _gaps(run: "SIRun", bandwidth_hz: float) -> list[Part]:
+def _gaps(run: "SIRun", bandwidth_hz: float) -> Sequence[Finding]:
     """A finding for each gap of the encoders, with what it removes from the analysis."""
     if not run.rig.columns_of(Encoder):
         return []
@@ -133,10 +116,10 @@ def _gaps(run: "SIRun", bandwidth_hz: float) -> list[Part]:
         gaps = encoder_gaps(run)
     except CounterpoiseError:
         return []
-    return [finding.as_dict() for finding in gaps.findings(run.name, gap_reach(bandwidth_hz))]
+    return gaps.findings(run.name, gap_reach(bandwidth_hz))
 
 
-def _torque_contradictions(run: "SIRun", torque: Part) -> list[Part]:
+def _torque_contradictions(run: "SIRun", torque: Part) -> list[Finding]:
     """A finding for each drive whose torque differs from the model's by more than SIMILAR_SIZE."""
     return [
         Finding(
@@ -146,7 +129,7 @@ def _torque_contradictions(run: "SIRun", torque: Part) -> list[Part]:
             f"{run.name}: torque of {drive['joint']} is {drive['rms_ratio']:.2g} times the model's (RMS): expected "
             f"{1.0 / SIMILAR_SIZE:g} to {SIMILAR_SIZE:g}; check units in rig and log, payload and counter-masses in "
             "the run table",
-        ).as_dict()
+        )
         for drive in torque.get("drives", [])
         if not 1.0 / SIMILAR_SIZE <= drive["rms_ratio"] <= SIMILAR_SIZE
     ]
@@ -156,7 +139,7 @@ def _motions(
     run: "SIRun",
     found: "dict[motion_recognition.Source, list[RecognizedMotion]]",
     reasons: "dict[motion_recognition.Source, str]",
-    findings: list[Part],
+    findings: list[Finding],
 ) -> Part:
     """The motions by each source; a finding where a source contradicts the run table."""
     names = {source: [one.name for one in some] for source, some in found.items()}
@@ -165,9 +148,9 @@ def _motions(
     for source, some in known.items():
         if stated is not None and any(name != stated for name in some):
             message = f"{run.name}: the run table states motion {stated}, by {source} it is {', '.join(some)}"
-            findings.append(Finding("motion_contradiction", None, run.name, message).as_dict())
+            findings.append(Finding("motion_contradiction", None, run.name, message))
     return {
-        "found": [one.as_dict() for some in found.values() for one in some],
+        "found": [one for some in found.values() for one in some],
         "reasons": dict(reasons),
         "definition": "from leaving a place at rest to coming back to it, by legs from rest to rest",
     }

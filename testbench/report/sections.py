@@ -21,7 +21,7 @@ from ..loads import drive_torque
 from ..runs.aligned_run import recorded_clocks
 from ..signal.filters import Band
 from ..signal.free_decay_modes import free_decay_modes
-from ..signal.frequency_response import FrequencyResponse, conditioned_response, frequency_response
+from ..signal.frequency_response import FrequencyResponse, frequency_response
 from ..vibration.channel_levels import channel_levels, level_definitions
 from ..vibration.metrics import METRICS
 
@@ -151,10 +151,10 @@ def _rows(
 ) -> list[Part]:
     """The lines of one channel."""
     segment = 2 * round(0.5 * SEGMENT_S * rate)
-    found = frequency_response(forces[along], response, rate, segment)
-    used = found.significant & (found.frequency > 0.0) & (found.frequency <= highest_hz)
+    found = frequency_response([forces[along]], response, rate, segment)
+    used = found.significant[0] & (found.frequency > 0.0) & (found.frequency <= highest_hz)
     others = {  # lines in which a component explains the acceleration beyond the force
-        name: conditioned_response([forces[along], other], response, rate, segment).significant[1]
+        name: frequency_response([forces[along], other], response, rate, segment).significant[1]
         for name, other in forces.items()
         if name != along
     }
@@ -165,11 +165,11 @@ def _rows(
 
 
 def _row(column: "Column", found: FrequencyResponse, i: int) -> Part:
-    gain, share = float(np.abs(found.response[i])), coverage_factor() * float(found.relative_deviation[i])
+    gain, share = float(np.abs(found.response[0, i])), coverage_factor() * float(found.relative_deviation[0, i])
     return {
         "sensor": column.sensor, "axis": column.component, "frequency_hz": float(found.frequency[i]),
         "gain_1_kg": gain, "gain_interval_1_kg": [gain * max(1.0 - share, 0.0), gain * (1.0 + share)],
-        "phase_rad": float(np.angle(found.response[i])), "coherence": float(found.coherence[i]),
+        "phase_rad": float(np.angle(found.response[0, i])), "coherence": float(found.coherence[0, i]),
     }  # fmt: skip
 
 

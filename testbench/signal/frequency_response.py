@@ -23,75 +23,15 @@ LEAST_OWN_POWER = 1e-6
 """Share of an input's power that the other inputs do not explain, below which it has no response of its own."""
 
 
-def _significant(coherence: Floats, segments: float) -> NDArray[np.bool_]:
-    """Coherence above what 95 of 100 records of unrelated noise show: 1 - 0.05^(1 / (segments - 1)).
-
-    G. C. Carter, C. H. Knapp and A. H. Nuttall, IEEE Trans. Audio Electroacoust. AU-21, 337 (1973).
-    """
-    return np.asarray(coherence > 1.0 - 0.05 ** (1.0 / (segments - 1.0)))
-
-
-def _relative_deviation(coherence: Floats, segments: float) -> Floats:
-    """Standard deviation of a gain as a share of it: sqrt((1 - c) / (2 c n)); inf where c is zero.
-
-    J. S. Bendat and A. G. Piersol, Random Data, 4th ed., eq. 9.88.
-    """
-    with np.errstate(divide="ignore"):
-        return np.sqrt((1.0 - coherence) / (2.0 * coherence * segments))
-
-
 @dataclass(frozen=True)
 class FrequencyResponse:
-    """Response of one output to one input, H1 = S_xy / S_xx."""
-
-    frequency: Floats
-    """(m,) [Hz]"""
-    response: NDArray[np.complex128]
-    """(m,) [output unit / input unit]; zero where the input has nothing."""
-    coherence: Floats
-    """|S_xy|^2 / (S_xx S_yy), 0 to 1, (m,)."""
-    segments: float
-    """Number of independent segments."""
-
-    @property
-    def significant(self) -> NDArray[np.bool_]:
-        """Where the coherence is above what unrelated noise shows in 95 of 100 records, (m,) [-]."""
-        return _significant(self.coherence, self.segments)
-
-    @property
-    def relative_deviation(self) -> Floats:
-        """Standard deviation of the gain as a share of it, (m,) [-]; inf where the coherence is zero."""
-        return _relative_deviation(self.coherence, self.segments)
-
-
-def frequency_response(given: Floats, answer: Floats, rate_hz: float, segment: int) -> FrequencyResponse:
-    """From an input to an output, (n,) each [any unit]; ``segment`` in samples.
-
-    Raises AnalysisError where there are too few segments for a coherence.
-    """
-    found = welch([given, answer], rate_hz, segment)
-    if found.independent < LEAST_SEGMENTS:
-        raise AnalysisError(
-            f"{len(given)} samples are {found.independent:.1f} independent segments of {segment}: expected at least "
-            f"{LEAST_SEGMENTS:g}; take shorter segments or record for longer"
-        )
-    cross, power, output_power = found.density[0, 1], found.power(0), found.power(1)
-    excited = power > 1e-24 * power.max(initial=0.0)
-    response = np.divide(cross, power, out=np.zeros_like(cross), where=excited)
-    both = power * output_power
-    coherence = np.divide(np.abs(cross) ** 2, both, out=np.zeros_like(both), where=both > 0.0)
-    return FrequencyResponse(found.frequency, response, np.minimum(coherence, 1.0), found.independent)
-
-
-@dataclass(frozen=True)
-class ConditionedResponse:
-    """Responses of one output to q inputs, to each with the others fixed."""
+    """Responses of one output to q inputs, to each with the others fixed; with one input H1 = S_xy / S_xx."""
 
     frequency: Floats
     """(m,) [Hz]"""
     response: NDArray[np.complex128]
     """(q, m) [output unit / input unit]; zero where an input has no power of its own."""
-    partial: Floats
+    coherence: Floats
     """Partial coherence: share that an input explains of the output's residual by the other inputs, 0 to 1, (q, m)."""
     multiple: Floats
     """Multiple coherence: share of the output that all inputs explain, (m,)."""
@@ -100,16 +40,24 @@ class ConditionedResponse:
 
     @property
     def significant(self) -> NDArray[np.bool_]:
-        """Where a partial coherence is above what unrelated noise shows in 95 of 100 records, (q, m) [-]."""
-        return _significant(self.partial, self.segments)
+        """Where a coherence is above what 95 of 100 records of unrelated noise show, (q, m) [-].
+
+        1 - 0.05^(1 / (segments - 1)): G. C. Carter, C. H. Knapp and A. H. Nuttall, IEEE Trans. Audio Electroacoust.
+        AU-21, 337 (1973).
+        """
+        return np.asarray(self.coherence > 1.0 - 0.05 ** (1.0 / (self.segments - 1.0)))
 
     @property
     def relative_deviation(self) -> Floats:
-        """Standard deviation of a gain as a share of it, (q, m) [-]; inf where the partial coherence is zero."""
-        return _relative_deviation(self.partial, self.segments)
+        """Standard deviation of a gain as a share of it, (q, m) [-]; inf where the coherence c is zero.
+
+        sqrt((1 - c) / (2 c n)): J. S. Bendat and A. G. Piersol, Random Data, 4th ed., eq. 9.88.
+        """
+        with np.errstate(divide="ignore"):
+            return np.sqrt((1.0 - self.coherence) / (2.0 * self.coherence * self.segments))
 
 
-def conditioned_response(inputs: Sequence[Floats], answer: Floats, rate_hz: float, segment: int) -> ConditionedResponse:
+def frequency_response(inputs: Sequence[Floats], answer: Floats, rate_hz: float, segment: int) -> FrequencyResponse:
     """From q inputs to an output, (n,) each [any unit]; ``segment`` in samples.
 
     Raises AnalysisError where there are too few segments for so many inputs.
@@ -121,12 +69,9 @@ def conditioned_response(inputs: Sequence[Floats], answer: Floats, rate_hz: floa
             f"{len(answer)} samples are {found.independent:.1f} independent segments of {segment}: expected at least "
             f"{LEAST_SEGMENTS + count - 1:g} for {count} inputs; take shorter segments or record for longer"
         )
-    response = np.zeros((len(found.frequency), count), dtype=np.complex128)
-    partial = np.zeros((len(found.frequency), count))
-    multiple = np.zeros(len(found.frequency))
-    for line, density in enumerate(np.moveaxis(found.density, 2, 0)):
-        response[line], partial[line], multiple[line] = _at_line(density, count)
-    return ConditionedResponse(found.frequency, response.T, partial.T, multiple, segments)
+    lines = [_at_line(density, count) for density in np.moveaxis(found.density, 2, 0)]
+    response, coherence, multiple = (np.array(each).T for each in zip(*lines, strict=True))
+    return FrequencyResponse(found.frequency, response, coherence, multiple, segments)
 
 
 def _at_line(density: NDArray[np.complex128], count: int) -> tuple[NDArray[np.complex128], Floats, float]:

@@ -15,7 +15,7 @@ from ..cli.gapped import without_rows
 
 def signs(run) -> list[str]:
     """The channels with a finding."""
-    return [finding["channel"] for finding in report(SIRun.of(run)).findings if finding["code"] == "force_sign"]
+    return [finding.channel for finding in report(SIRun.of(run)).findings if finding.code == "force_sign"]
 
 
 @pytest.fixture(scope="module")

@@ -79,7 +79,7 @@ def test_a_sheet_that_names_another_motion_is_a_finding(plain):
     run = plain.run(0)
     run.conditions["motion"] = "x"
     found = report(SIRun.of(run)).findings
-    assert {f["code"] for f in found} == {"motion_contradiction"}
+    assert {f.code for f in found} == {"motion_contradiction"}
     assert len(found) == 3
 
 
@@ -90,8 +90,8 @@ def test_torques_of_another_size_than_the_model_are_findings(plain):
     for channel in ("tau1", "tau2"):
         run = memory.with_values(run, channel, 0.01 * run.channel(channel))
     found = report(SIRun.of(run)).findings
-    assert [f["code"] for f in found] == ["torque_contradiction"] * 2
-    assert "0.01 times the model's" in found[0]["message"]
+    assert [f.code for f in found] == ["torque_contradiction"] * 2
+    assert "0.01 times the model's" in found[0].message
 
 
 def test_what_a_rig_lacks_is_said_part_by_part(brief):
@@ -115,7 +115,7 @@ def test_response_is_that_of_the_base():
 
     text = TEXT.replace('kind = "accelerometer"\nlogger = "daq"', 'kind = "accelerometer"\nlogger = "forces"', 1)
     scene = memory.scene("y", masses={}, rig=rigs.rig_from_text(text))
-    rows = {r["frequency_hz"]: r for r in report(SIRun.of(scene.run(0))).response["rows"] if r["axis"] == "y"}
+    rows = {r["frequency_hz"]: r for r in report(SIRun.of(scene.run(0))).parts["response"]["rows"] if r["axis"] == "y"}
     start, run = scene.starts(0)["forces"], scene.run(0)
     time = start["start"] + run.time("forces") / (1.0 + 1e-6 * start["drift_ppm"])
     felt = base_acceleration(scene.rig.sensors["base_acc"], scene.bench)["y"]
@@ -132,7 +132,7 @@ def test_response_is_that_of_the_base():
 def test_response_that_follows_the_moment_is_marked():
     """Along x the base is shaken by force and moment together: the lines say so, and that it is not the force alone."""
     text = TEXT.replace('kind = "accelerometer"\nlogger = "daq"', 'kind = "accelerometer"\nlogger = "forces"', 1)
-    found = report(SIRun.of(memory.scene("x", masses={}, rig=rigs.rig_from_text(text)).run(0))).response
+    found = report(SIRun.of(memory.scene("x", masses={}, rig=rigs.rig_from_text(text)).run(0))).parts["response"]
     along = [r for r in found["rows"] if r["axis"] == "x" and r["frequency_hz"] < 30.0]
     assert sum("Mz" in r["also_follows"] for r in along) > 0.5 * len(along)
     assert found["of_the_force_alone"] is False
