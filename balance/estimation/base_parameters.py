@@ -4,7 +4,7 @@ tau = W pi, W = W[pivots] @ combinations: the base parameters b = combinations @
 
 A body can exist if its pseudo-inertia, the 4 x 4 matrix [[S, h], [h', m]] of its density's second moments S, first
 moments h and mass m, is positive definite; S = tr(I)/2 1 - I (Wensing, Kim, Slotine, IEEE Robot. Autom. Lett. 3, 2018).
-Frictions and drive inertias are not negative. What a record determines leaves a set of parameters: the one that is
+Frictions and drive inertias are not negative. What a record determines, a set of parameters has: the one that is
 given is nearest to those of the mechanism's file in the metric tr((P0^-1 dP)^2), which no choice of frame or unit
 changes (Lee, Park, IEEE Robot. Autom. Lett. 3, 2018). Both are convex programmes, solved to a proven optimum.
 """
@@ -157,14 +157,14 @@ class _Problem:
         # min |s|^2 with s = matrix x - target as unknowns of their own: far better conditioned than matrix' matrix
         cost = sparse.diags_array(np.concatenate([np.zeros(count), np.ones(slack)]), format="csc")
         equal = np.hstack([matrix, -np.eye(slack)])
-        held = np.hstack([cone_rows, np.zeros((len(cone_rows), slack))])
+        constraints = np.hstack([cone_rows, np.zeros((len(cone_rows), slack))])
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
         solver = clarabel.DefaultSolver(
             sparse.csc_matrix(cost),
             np.zeros(count + slack),
-            sparse.csc_matrix(np.vstack([equal, held])),
+            sparse.csc_matrix(np.vstack([equal, constraints])),
             np.concatenate([target, cone_right]),
             [clarabel.ZeroConeT(slack), *cones],
             settings,
@@ -213,7 +213,7 @@ class _Problem:
 
 
 def _triangle(matrix: Floats) -> Floats:
-    """Upper triangle, column by column, entries beside the diagonal times sqrt(2): the solver's form."""
+    """Upper triangle, column by column, entries off the diagonal times sqrt(2): the solver's form."""
     return np.array(
         [matrix[i, j] * (1.0 if i == j else np.sqrt(2.0)) for j in range(len(matrix)) for i in range(j + 1)]
     )

@@ -22,7 +22,7 @@ from .first_moment_imbalance import Imbalance, Subspace
 from .identifiability import NotIdentifiable
 
 SIGMA = 3.0
-"""Decay of the transforms [1/s]: a base of 8 Hz damped to 6 % rings down alike."""
+"""Decay of the transforms [1/s]: a base of 8 Hz damped to 6 % rings down as fast."""
 MEMORY_S = (0.5, 0.8)
 """How long the base remembers a push, decay included [s]: found with both, for neither is right. The shorter leaves out
 what rings on, the longer explains noise."""
@@ -35,12 +35,12 @@ BAND_HZ = 3.0
 _DEPENDENT = 1e-4
 """Singular value of the response's columns, relative to the largest, below which a combination is not used."""
 _BLIND = 1e-3
-"""The same of the unknowns: what lies below is not told by the runs."""
+"""The same of the unknowns: what lies below the runs do not determine."""
 _SETTLED = 2e-5
 """Change of a condition's value at which it counts as found [kg m]."""
 _STEPS = 25
 _WHOLE = 1e-3
-"""Part of a condition's value that may lie in what the runs do not tell."""
+"""Part of a condition's value that may lie in what the runs do not determine."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Trial:
     reading: Complexes
     """Of the accelerometers, (K, channels)."""
     nuisance: Complexes
-    """What a channel may show beside: offset, drift, (K, k)."""
+    """Nuisances of a channel: offset, drift, (K, k)."""
 
 
 def transform_frequencies(seconds: float, highest: float) -> Floats:
@@ -73,13 +73,13 @@ def trial_mass_imbalance(
 ) -> Imbalance:
     """Values of the conditions (rank,) from runs with trial masses, beginning at ``start`` (rank,) [kg m].
 
-    Raises NotIdentifiable where the runs do not tell them, DataError where no solution is found.
+    Raises NotIdentifiable where the runs do not determine them, DataError where no solution is found.
     """
     short_s, long_s = MEMORY_S
     long = _found(_Problem(trials, at, long_s, start, subspace))
     short = _found(_Problem(trials, at, short_s, start, subspace), long)
     size = len(subspace.directions)
-    moved = [one.sides.moved_by(long.sides.left)[:, :size] for one in (short, long)]
+    moved = [one.sides.moved_by(long.sides.residual)[:, :size] for one in (short, long)]
     covariance = mean_covariance(short.unknown[:size], long.unknown[:size], *moved)
     mean = 0.5 * (short.unknown + long.unknown)[:size]
     return Imbalance(
@@ -129,7 +129,7 @@ class _Sides:
     """Least squares of what a step of the unknowns changes, the base's response solved for; rows of unit noise."""
 
     slope: Floats
-    left: Floats
+    residual: Floats
     bands: Indices
     """Number of the run and band that each row is of."""
     shrunk: float
@@ -144,7 +144,7 @@ class _Sides:
         length[length == 0.0] = 1.0
         u, sizes, rows = np.linalg.svd(self.slope / length, full_matrices=False)
         kept = sizes > _BLIND * sizes[0]
-        step = (rows[kept].T @ ((u[:, kept].T @ self.left) / sizes[kept])) / length
+        step = (rows[kept].T @ ((u[:, kept].T @ self.residual) / sizes[kept])) / length
         determined = np.linalg.qr((rows[kept] * length).T)[0].T
         return step, determined
 
@@ -153,10 +153,10 @@ class _Sides:
         """Bands less unknowns."""
         return len(np.unique(self.bands)) - self.slope.shape[1]
 
-    def moved_by(self, left: Floats) -> Floats:
-        """How far what is left in each band moves the unknowns, (bands, p): correlated within one, not between them.
+    def moved_by(self, residual: Floats) -> Floats:
+        """How far the residual of each band moves the unknowns, (bands, p): correlated within one, not between them.
 
-        Of what is left (rows,), larger by what the response took up of it.
+        Of a residual (rows,), larger by what the response took up of it.
         """
         length = np.linalg.norm(self.slope, axis=0)
         length[length == 0.0] = 1.0
@@ -164,7 +164,7 @@ class _Sides:
         kept = sizes > _BLIND * sizes[0]
         half = rows[kept] / sizes[kept, None] / length
         scores = np.zeros((int(self.bands.max()) + 1, self.slope.shape[1]))
-        np.add.at(scores, self.bands, self.slope * left[:, None])
+        np.add.at(scores, self.bands, self.slope * residual[:, None])
         return np.asarray(scores @ half.T @ half / np.sqrt(self.shrunk))
 
 
@@ -194,23 +194,23 @@ class _Problem:
         return range(self.readings.shape[1])
 
     def sides(self, unknown: Floats, noise: Floats | None = None) -> _Sides:
-        """All channels, each weighted by its noise (channels,): that given, else as it is left."""
+        """All channels, each weighted by its noise (channels,): that given, else that of the residual."""
         pushed: Complexes = self.known + self.columns @ unknown.astype(complex)
-        slopes, lefts, noises, spares, left_out, whole = [], [], [], 0, 0.0, 0.0
+        slopes, residuals, noises, freedoms, left_out, whole = [], [], [], 0, 0.0, 0.0
         for q in self.channels:
-            slope, left, spare = self._channel(q, pushed)
-            noises.append(float(np.sqrt(left @ left / spare)) if noise is None else float(noise[q]))
+            slope, residual, freedom = self._channel(q, pushed)
+            noises.append(float(np.sqrt(residual @ residual / freedom)) if noise is None else float(noise[q]))
             slopes.append(slope / noises[q])
-            lefts.append(left / noises[q])
-            spares, left_out = spares + spare, left_out + float(left @ left)
+            residuals.append(residual / noises[q])
+            freedoms, left_out = freedoms + freedom, left_out + float(residual @ residual)
             whole += float(np.sum(np.abs(self.readings[:, q]) ** 2))
-        every = np.concatenate(lefts)
+        every = np.concatenate(residuals)
         bands = np.tile(self.bands, 2 * len(self.channels))
         unexplained = float(np.sqrt(left_out / whole))
-        return _Sides(np.concatenate(slopes), every, bands, spares / len(every), unexplained, np.array(noises))
+        return _Sides(np.concatenate(slopes), every, bands, freedoms / len(every), unexplained, np.array(noises))
 
     def _channel(self, q: int, pushed: Complexes) -> tuple[Floats, Floats, int]:
-        """Slopes and what is left of a channel's readings, free of what its response to pushes can take up."""
+        """Slopes, residual and degrees of freedom of a channel, its response to pushes taken out."""
         inputs = range(pushed.shape[1])
         answer = [pushed[:, j, None] * self.memory for j in inputs]
         design = _real(np.concatenate([*answer, self.nuisance, self.delay[q]], axis=1))
@@ -220,17 +220,17 @@ class _Problem:
         kept = sizes > _DEPENDENT * sizes[0]
         u = u[:, kept]
         reading = _real(self.readings[:, q])
-        spare = len(reading) - int(kept.sum()) - self.columns.shape[2]
-        if spare < 1:
+        freedom = len(reading) - int(kept.sum()) - self.columns.shape[2]
+        if freedom < 1:
             raise DataError(f"{len(reading)} equations for {int(kept.sum())} numbers of the base's response: {MORE}")
         response = (rows[kept].T @ ((u.T @ reading) / sizes[kept])) / length
         taps = self.memory.shape[1]
         gains = np.stack([self.memory @ response[j * taps : (j + 1) * taps] for j in inputs], axis=1)
         slope = _real(np.einsum("kj,kjp->kp", gains, self.columns))
-        return slope - u @ (u.T @ slope), reading - u @ (u.T @ reading), spare
+        return slope - u @ (u.T @ slope), reading - u @ (u.T @ reading), freedom
 
     def refuse_blind(self, determined: Floats) -> None:
-        """Raise NotIdentifiable where a condition's value lies in what the runs do not tell."""
+        """Raise NotIdentifiable where a condition's value lies in what the runs do not determine."""
         eye = np.eye(determined.shape[1])[: self.free]
         outside = np.abs(eye - (eye @ determined.T) @ determined).max(axis=1, initial=0.0)
         if (outside > _WHOLE).any():

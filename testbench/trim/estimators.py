@@ -236,7 +236,7 @@ def _with_encoder_steps(
 
 
 def _all_or_at_sites(equations: _Equations, problem: TrimProblem) -> tuple[ImbalanceFit, tuple[str, ...]]:
-    """All conditions where the records tell them, else those that masses at the sites can change."""
+    """All conditions where the records determine them, else those that masses at the sites can change."""
     whole = equations.fit(problem)
     measured = whole.imbalance
     most = DETERMINED * float(np.abs(problem.conditions.values(problem.mechanism)).max(initial=0.0))
@@ -253,5 +253,5 @@ def _all_or_at_sites(equations: _Equations, problem: TrimProblem) -> tuple[Imbal
 
 
 def _jackknife(measured: Imbalance, within: Sequence[str] = ()) -> str:
-    said = f"Intervals: delete-block jackknife, {measured.degrees_of_freedom:.3g} degrees of freedom"
-    return f"{said}; in them {' and '.join(within)}." if within else f"{said}."
+    text = f"Intervals: delete-block jackknife, {measured.degrees_of_freedom:.3g} degrees of freedom"
+    return f"{text}; in them {' and '.join(within)}." if within else f"{text}."

@@ -108,7 +108,7 @@ class SourceEstimate:
 
 
 def parameter_basis(conditions: Conditions) -> Floats:
-    """Parameters per unit of each condition's value, then of each combination that is free beside, (10 nb, 10 nb)."""
+    """Parameters per unit of each condition's value, then of each combination that they leave free, (10 nb, 10 nb)."""
     return np.hstack([np.linalg.pinv(conditions.matrix), null_space(conditions.matrix)])
 
 

@@ -138,7 +138,7 @@ class Trim:
 
     @property
     def interval_level(self) -> float | None:
-        """Of the intervals; None where they do not hold what a source leaves unexplained, or no source is trusted."""
+        """Of the intervals; None where they do not contain what a source does not explain, or no source is trusted."""
         doubted = any(share.doubtful for share in self.shares) or bool(self.doubts_before)
         return None if doubted else LEVEL
 

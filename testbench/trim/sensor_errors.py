@@ -2,8 +2,9 @@
 
 A sensor shows A s of what it is exposed to, A near one: where the rig states how far its entries scatter
 (``bench.errors``: sensitivity, cross-talk), each entry changes the readings by what it is exposed to. It is an unknown
-of which that scatter is known: fitted beside, as near to zero as the scatter says. What of it the fit does not see goes
-by the gain of the least squares into what is found; entries are independent, their variances add (JCGM 100, 5.1.2).
+of which that scatter is known: jointly estimated, as near to zero as the scatter says. What of it the fit does not see
+goes by the gain of the least squares into what is found; entries are independent, their variances add (JCGM 100,
+5.1.2).
 """
 
 from collections.abc import Iterable, Mapping, Sequence

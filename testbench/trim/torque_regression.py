@@ -2,7 +2,7 @@
 
 Of the torques W pi of the driven joints, loops closed, pi = C^+ c + N z with the conditions C pi = c and N what they
 leave free: the columns of c are W C^+; z (inertias, and what of the first moments balances), friction and the
-drives' own inertia are fitted beside, the same in all runs, offsets and delays of the torques run by run.
+drives' own inertia are nuisances, the same in all runs, offsets and delays of the torques run by run.
 """
 
 from typing import TYPE_CHECKING
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 CUTOFF_HZ = 20.0
 """Of torques and columns alike: gravity speaks below, and above the encoders' steps are taken for inertia."""
 POSITION_BANDWIDTH = 4.0
-"""Cut-off of the positions, in cut-offs of the torques: inertia of many N m must be told to a thousandth."""
+"""Cut-off of the positions, in cut-offs of the torques: inertia of many N m must be known to a thousandth."""
 REST_SPEED = 0.1
 """A joint slower than this is at rest, where dry friction may hold any torque: it says nothing [rad/s, m/s]."""
 MARGIN_PERIODS = 3.0

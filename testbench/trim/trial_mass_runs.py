@@ -1,6 +1,6 @@
 """What runs with trial masses say of the balance conditions, from the vibration of a base of which nothing is known.
 
-Runs differ by masses that the sheet of conditions gives, and by their motions, which the encoders give; the base's
+Runs differ by masses that the run table gives, and by their motions, which the encoders give; the base's
 response to a push is measured with what is missing (see ``trial_mass_response``). What is missing is that of the first
 run's mounting. A heavier mounting makes a heavier base: what the difference of the masses takes of the base's
 accelerations is counted among the pushes.
@@ -100,15 +100,15 @@ def trial_mass_runs_imbalance(problem: TrimProblem, first: Mechanism, cutoff: fl
     own, rest = np.linalg.pinv(conditions.matrix), null_space(conditions.matrix)
     nuisance = rest @ excited_combinations([one.wrench[:, rows] @ rest for one in seen], LEAST_EXCITATION)
     at = trial_mass_response.transform_frequencies(max(float(one.time[-1]) for one in seen), cutoff)
-    held = first.pi - own @ conditions.values(first)
-    each = [_trial(one, rows, np.hstack([own, nuisance]), held, at) for one in seen]
+    fixed = first.pi - own @ conditions.values(first)
+    each = [_trial(one, rows, np.hstack([own, nuisance]), fixed, at) for one in seen]
     free = Subspace.at_sites(conditions, first, sites)
     return trial_mass_response.trial_mass_imbalance(each, at, conditions, conditions.values(first), free)
 
 
-def _trial(seen: _Seen, rows: "Indices", basis: Floats, held: Floats, at: Floats) -> trial_mass_response.Trial:
+def _trial(seen: _Seen, rows: "Indices", basis: Floats, fixed: Floats, at: Floats) -> trial_mass_response.Trial:
     wrench = seen.wrench[:, rows]
-    known = seen.known[:, rows] + wrench @ held
+    known = seen.known[:, rows] + wrench @ fixed
     columns = trial_mass_response.transform(wrench @ basis, seen.time, at)
     slow = np.stack([np.ones_like(seen.time), seen.time - seen.time.mean()], axis=1)
     return trial_mass_response.Trial(

@@ -2,8 +2,8 @@
 
 M x'' + C x' + K x = W pi, with the base on its mounts and the mechanism's inertia locked onto it: the response to each
 column of W is computed, and the readings of the accelerometers on the base are least squares of it. As with torque,
-pi = C^+ c + N z: what does not shake with a force, but turns the base, is fitted beside, the same in all runs. How the
-base was pushed in a gap is known to nobody: how it rings after one is fitted beside.
+pi = C^+ c + N z: what does not shake with a force, but turns the base, is a nuisance, the same in all runs. How the
+base was pushed in a gap is unknown: how it rings after one is a nuisance of the run.
 """
 
 from dataclasses import dataclass
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from ..rig import Rig
 
 NEEDED = ("mass", "mounts")
-"""What a rig must state of its bench, beside centre and inertia, for its base to be taken for a model."""
+"""What a rig must state of its bench, besides centre and inertia, for its base to be taken for a model."""
 POSITION_BANDWIDTH = 4.0
-"""Cut-off of the positions, in cut-offs of the readings: the moment, far larger, must be told to a thousandth."""
+"""Cut-off of the positions, in cut-offs of the readings: the moment, far larger, must be known to a thousandth."""
 RINGING_S = 0.25
 """How long the base's ringing after the motion counts [s]."""
 IMPULSES = 3
