@@ -12,8 +12,11 @@ import numpy as np
 
 from ..arrays import Floats
 from ..closure import Closure
+from ..dynamics.inverse_dynamics import body_momentum
 from ..errors import ModelError
-from ..mechanism.mechanism import Mechanism
+from ..mechanism import forward_kinematics, loop_constraints
+from ..mechanism.mechanism import PARAMETERS, Mechanism
+from ..mechanism.sparse_components import Entry
 
 GAP = 1e6
 """Least ratio between the smallest kept and the largest dropped singular value that decides a rank."""
@@ -23,10 +26,14 @@ _ZERO = 1e-9
 """Coefficients below this are rounding of the elimination [m, or none]."""
 
 
+class UndecidedRank(ModelError):
+    """Singular values leave a rank in doubt: no gap among them, or more than one."""
+
+
 def row_space(matrix: Floats, name: str) -> tuple[Floats, tuple[float, float]]:
     """Orthonormal basis (rank, k) [-] of the row space of ``matrix`` (m, k), in SI, and the singular values at the cut.
 
-    Raises ModelError if no ratio of at least GAP separates the kept from the dropped singular values.
+    Raises UndecidedRank unless one ratio of at least GAP, and only one, separates kept from dropped singular values.
     """
     used = np.flatnonzero(matrix.any(axis=0))
     rows = np.zeros((min(len(matrix), len(used)), matrix.shape[1]))
@@ -37,10 +44,12 @@ def row_space(matrix: Floats, name: str) -> tuple[Floats, tuple[float, float]]:
     floor = np.maximum(values, np.finfo(float).eps * values[0])
     ratios = floor[:-1] / floor[1:]
     rank = int(np.argmax(ratios)) + 1 if len(ratios) and ratios.max() >= GAP else len(values)
-    if rank == len(values) and values[-1] < values[0] / GAP:
-        raise ModelError(
-            f"{name}: the rank of its momentum cannot be decided: no singular value is {GAP:g} times the next (they "
-            f"fall from {values[0]:.3g} to {values[-1]:.3g}, at most {ratios.max():.3g} times at once)"
+    gaps = int((ratios >= GAP).sum())
+    if gaps > 1 or (rank == len(values) and values[-1] < values[0] / GAP):
+        raise UndecidedRank(
+            f"{name}: the rank of its momentum cannot be decided: {gaps or 'no'} singular value"
+            f"{'s are' if gaps else ' is'} {GAP:g} times the next (they fall from {values[0]:.3g} to {values[-1]:.3g}, "
+            f"at most {ratios.max():.3g} times at once)"
         )
     return rows[:rank], (float(values[rank - 1]), float(values[rank]) if rank < len(values) else 0.0)
 
@@ -89,7 +98,9 @@ class Conditions:
     matrix: Floats
     """A condition a row, in reduced row echelon form: pivots 1 on first moments, masses in m, (rank, 10 nb) [-, m]."""
     singular_values: tuple[float, float]
-    """Smallest kept and largest dropped singular value of the stacked momentum regressor."""
+    """Smallest kept and largest dropped singular value of the stacked momentum regressor, or pivot: see ``rank_by``."""
+    rank_by: str = "singular values"
+    """What decided the rank: these, or ``elimination in extended precision`` where these leave it in doubt."""
     closure_residual: float = 0.0
     """Largest residual of the loops in the closed configuration that is the home of all others [m, rad]."""
 
@@ -135,9 +146,16 @@ def balance_conditions(mechanism: Mechanism, momentum: str = "linear") -> Condit
     if momentum not in MOMENTA:
         raise ModelError(f"momentum is {momentum!r}: expected one of {', '.join(MOMENTA)}")
     closure = Closure(mechanism)
-    basis, gap = _momentum_space(closure, MOMENTA[momentum])
+    decided_by = "singular values"
+    try:
+        basis, gap = _momentum_space(closure, MOMENTA[momentum])
+    except UndecidedRank:
+        basis, gap = _extended_momentum_space(closure, MOMENTA[momentum])
+        decided_by = "elimination in extended precision"
     residual = float(closure.residual(closure.home[None])[0])
-    return Conditions(closure.mechanism, closure.dof, reduced_row_echelon(basis, pivot_order(mechanism)), gap, residual)
+    return Conditions(
+        closure.mechanism, closure.dof, reduced_row_echelon(basis, pivot_order(mechanism)), gap, decided_by, residual
+    )
 
 
 def _momentum_space(closure: Closure, rows: list[int]) -> tuple[Floats, tuple[float, float]]:
@@ -152,6 +170,63 @@ def _momentum_space(closure: Closure, rows: list[int]) -> tuple[Floats, tuple[fl
         if np.abs(others - (others @ basis.T) @ basis).max() <= _ZERO * np.abs(others).max():
             return basis, gap
         count *= 2
+
+
+def _extended_momentum_space(closure: Closure, rows: list[int]) -> tuple[Floats, tuple[float, float]]:
+    """The row space of a momentum's ``rows`` in NumPy's extended precision, 64 bits of mantissa on most processors.
+
+    States are closed to that precision by Newton's method with the inverse in double precision. Raises UndecidedRank.
+    """
+    tree, loops = closure.mechanism.tree, closure.mechanism.loops
+    q = closure.states(2 * STATES).astype(np.longdouble).T
+    v = closure.velocities(q.T.astype(float)).astype(np.longdouble).T
+    for _ in range(3):
+        at = forward_kinematics.pose(tree, q)
+        jacobian = _stacked(loop_constraints.constraint_jacobian(loops, tree, at), tree.size, q.shape[1])
+        inverse = np.linalg.pinv(jacobian.astype(float).transpose(2, 0, 1), rcond=_ZERO)
+        gap = _stacked([[gap] for gap in loop_constraints.constraint_residual(loops, at)], 1, q.shape[1])[:, 0]
+        q = q - np.einsum("nij,jn->in", inverse, gap)
+        v = v - np.einsum("nij,jn->in", inverse, np.einsum("ijn,jn->in", jacobian, v))
+    at = forward_kinematics.pose(tree, q)
+    moving = forward_kinematics.motion(tree, at, v)
+    columns = []
+    for joint in tree.bodies:
+        for unit in np.eye(len(PARAMETERS)).tolist():
+            load = body_momentum(unit, at, moving, joint)
+            columns.append([(*load.force, *load.moment)[row] for row in rows])
+    matrix = _stacked(columns, len(rows), q.shape[1]).transpose(2, 1, 0).reshape(-1, len(columns))
+    return _eliminated(matrix, closure.mechanism.name)
+
+
+def _stacked(rows: Sequence[Sequence[Entry]], columns: int, count: int) -> Floats:
+    """Rows of entries as an array (rows, columns, n) in extended precision."""
+    found = np.empty((len(rows), columns, count), dtype=np.longdouble)
+    for i, row in enumerate(rows):
+        for j, entry in enumerate(row):
+            found[i, j] = entry
+    return found
+
+
+def _eliminated(matrix: Floats, name: str) -> tuple[Floats, tuple[float, float]]:
+    """Orthonormal basis of a row space by Gauss's elimination with complete pivoting, and the pivots at the cut."""
+    rest, kept, pivots = matrix / np.abs(matrix).max(), [], []
+    for _ in range(min(matrix.shape)):
+        row, column = np.unravel_index(np.argmax(np.abs(rest)), rest.shape)
+        pivots.append(float(abs(rest[row, column])))
+        if not pivots[-1] > 0.0:
+            break
+        kept.append((rest[row] / rest[row, column]).astype(float))
+        rest = rest - np.outer(rest[:, column] / rest[row, column], rest[row])
+        rest[row] = 0.0
+    floor = np.maximum(pivots, float(np.finfo(np.longdouble).eps))
+    gaps = np.flatnonzero(floor[:-1] / floor[1:] >= GAP)
+    if not len(gaps):
+        raise UndecidedRank(
+            f"{name}: the rank of its momentum cannot be decided, not in extended precision either: its pivots fall "
+            f"from {pivots[0]:.3g} to {pivots[-1]:.3g} without a gap of {GAP:g}"
+        )
+    rank = int(gaps[-1]) + 1
+    return np.linalg.qr(np.array(kept[:rank]).T)[0].T, (pivots[rank - 1], pivots[rank])
 
 
 def pivot_order(mechanism: Mechanism) -> list[int]:

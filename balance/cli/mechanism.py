@@ -246,6 +246,7 @@ def conditions(
                 "loops": len(model.loops),
                 "residual_m": found.closure_residual,
                 "rank": found.rank,
+                "rank_by": found.rank_by,
                 "singular_value_gap": list(found.singular_values),
                 "conditions": conditions_document(found, model),
                 "balanced": found.is_balanced(BALANCED_KGM),

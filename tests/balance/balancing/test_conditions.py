@@ -236,6 +236,18 @@ def test_echelon_keeps_the_row_space() -> None:
     np.testing.assert_allclose(projector(form), projector(rows), atol=1e-12)
 
 
+EXTENDED = "elimination in extended precision"
+
+
+@pytest.mark.parametrize(
+    ("off", "rank", "decided_by"), [(0.0, 2, "singular values"), (1e-7, 4, EXTENDED), (3e-10, 4, EXTENDED)]
+)
+def test_a_rank_in_doubt_is_decided_in_extended_precision(off: float, rank: int, decided_by: str) -> None:
+    """A four-bar that is nearly a parallelogram is none, however near: its singular values have two gaps or none."""
+    found = balance_conditions(models.model(models.four_bar(0.3, 0.2, 0.3 + off, 0.2, 1.0)))
+    assert (found.rank, found.rank_by) == (rank, decided_by)
+
+
 def test_an_undecided_rank_is_refused() -> None:
     """Singular values that fall without a gap decide nothing: refused, not guessed."""
     graded = np.diag(10.0 ** -np.arange(0.0, 15.0, 1.5))
