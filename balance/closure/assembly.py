@@ -22,7 +22,7 @@ CLOSED_LIMIT = 1e-5
 
 With positions rounded like that, redundant loops close to about 1e-7 m only.
 """
-_ITERATIONS = 200
+_ITERATIONS = 100
 _LONGEST_STEP = 0.5
 """Of an iteration [rad, m]."""
 _STARTS = 60

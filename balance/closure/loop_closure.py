@@ -19,7 +19,7 @@ from .trajectory import Trajectory, follow
 
 FAR = 0.2
 """How far a configuration of a file may be from closed before the name of its branch says so [rad, m]."""
-_FURTHER_STARTS = 12
+_FURTHER_STARTS = 4
 """Starts that are tried where the loops do not close from the file's configuration."""
 
 
