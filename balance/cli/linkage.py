@@ -95,7 +95,7 @@ no workshop makes or no rod has."""
     "--mjcf",
     type=click.Path(dir_okay=False),
     metavar="FILE",
-    help="Write the balanced linkage as MJCF, gears as joint equalities (for MuJoCo).",
+    help="Write the balanced linkage as MJCF, gears as joint equalities.",
 )
 @click.option(
     "--built", multiple=True, metavar="SYMBOL=VALUE", help="A mass, inertia or pair of teeth (z3=40:21) as built."

@@ -259,7 +259,7 @@ def _turns(tree: Skeleton, body: str) -> dict[str, float]:
 def linkage_mjcf(result: LinkageBalance, stage: str, couplings: bool = False, together: bool = True) -> str:
     """MJCF text of a stage: ``before``, ``force`` (counter-masses) or ``complete`` (and gears).
 
-    ``couplings`` writes the gear ratios as joint equalities, for MuJoCo; this package refuses them by name.
+    ``couplings`` writes the gear ratios as joint equalities.
     """
     linkage, values, tree = result.linkage, result.values, skeleton(result, together)
     start = assemble(linkage, values)
