@@ -9,37 +9,26 @@ from testbench.readers.byte_source import DEPTH, in_order
 
 
 def test_results_come_in_the_order_of_the_items():
-    """However long each takes to prepare."""
+    """However long each takes to prepare; items are taken one at a time, and no more than are soon needed."""
+    inside, taken = threading.Lock(), []
+
+    def items():
+        for i in range(40):
+            assert inside.acquire(blocking=False), "an iterator that would not bear two threads at once"
+            time.sleep(0.001)
+            inside.release()
+            taken.append(i)
+            yield i
 
     def slow(i):
         time.sleep(0.01 if i % 3 == 0 else 0.0)
         return i * i
 
-    assert list(in_order(slow, range(40))) == [i * i for i in range(40)]
+    for i, result in enumerate(in_order(slow, items())):
+        assert result == i * i
+        assert len(taken) <= i + DEPTH + 1  # what bounds the memory
+    assert taken == list(range(40))
     assert list(in_order(slow, [])) == []
-
-
-def test_few_items_are_in_the_air():
-    """No more are taken than are soon needed: what bounds the memory."""
-    taken = []
-    results = in_order(lambda i: i, (taken.append(i) or i for i in range(100)))
-    for i, _ in zip(range(10), results, strict=False):
-        assert len(taken) <= i + DEPTH + 1
-    results.close()
-
-
-def test_items_are_taken_one_at_a_time():
-    """An iterator that would not bear two threads at once."""
-    inside = threading.Lock()
-
-    def items():
-        for i in range(50):
-            assert inside.acquire(blocking=False)
-            time.sleep(0.001)
-            inside.release()
-            yield i
-
-    assert list(in_order(lambda i: i, items())) == list(range(50))
 
 
 @pytest.mark.parametrize("where", ["items", "prepare"])
