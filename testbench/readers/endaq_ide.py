@@ -40,13 +40,13 @@ def whole_elements(source: ByteSource) -> WholeElements:
             return WholeElements(at, _filled(source, at))
         identifier, used = _integer(head, keep_mark=True)
         size, more = _integer(head[used:], keep_mark=False)
-        if not used or not more:
-            if len(head) < _WINDOW:
-                return WholeElements(at, (_cut(source, at, number, blocks),))
+        is_element, end = bool(used and more), at + used + more + size
+        if not is_element and len(head) == _WINDOW:
             raise damaged(source.path, f"byte {at}: {head[:4].hex()} begins no element")
-        end = at + used + more + size
-        if end > source.size:
-            return WholeElements(at, (_cut(source, at, number, blocks),))
+        if not is_element or end > source.size:
+            message = f"the file ends at byte {source.size} inside element {number + 1}, which begins at byte {at}; "
+            message += f"{blocks} whole blocks of samples come before it"
+            return WholeElements(at, (Finding("cut_file", None, f"byte {at}", message),))
         at, number, blocks = end, number + 1, blocks + (identifier == _DATA_BLOCK)
     if not blocks:
         message = f"{number} elements, and no block of samples among them"
@@ -63,14 +63,6 @@ def _integer(raw: bytes, keep_mark: bool) -> tuple[int, int]:
         return 0, 0
     value = int.from_bytes(raw[:length], "big")
     return (value if keep_mark else value & (1 << 7 * length) - 1), length
-
-
-def _cut(source: ByteSource, at: int, number: int, blocks: int) -> Finding:
-    message = (
-        f"the file ends at byte {source.size} inside element {number + 1}, which begins at byte {at}; "
-        f"{blocks} whole blocks of samples come before it"
-    )
-    return Finding("cut_file", None, f"byte {at}", message)
 
 
 def _filled(source: ByteSource, at: int) -> tuple[Finding, ...]:

@@ -2,11 +2,12 @@
 
 import re
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import entry_points
 from importlib.util import find_spec
+from itertools import accumulate
 from pathlib import Path
 
 from ..errors import RecordingError
@@ -61,15 +62,9 @@ def needs(extra: str) -> str:
 def require(extra: str, path: Path) -> None:
     """Raise RecordingError where a library of ``extra`` is missing, naming what to install; none is imported."""
     for name in EXTRAS[extra]:
-        if any(find_spec(part) is None for part in _packages(name)):
+        outer_first = accumulate(name.split("."), "{}.{}".format)
+        if any(find_spec(part) is None for part in outer_first):
             raise RecordingError(f"{path}: reading it needs {name}: pip install '{needs(extra)}'")
-
-
-def _packages(name: str) -> Iterator[str]:
-    """``google.protobuf`` as ``google`` and ``google.protobuf``: the inner one is looked for where the outer one is."""
-    for i, letter in enumerate(f"{name}."):
-        if letter == ".":
-            yield name[:i]
 
 
 Open = Callable[[Path, ReadOptions], Recording]

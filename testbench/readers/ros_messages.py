@@ -147,7 +147,7 @@ class _State:
             raise TooManyNumbers(f"{path} has {count} values")
         names = [path]
         if each.is_array:
-            names = [f"{path}[{label}]" for label in labels] if len(labels) == count else _numbered(path, count)
+            names = [f"{path}[{i}]" for i in (labels if len(labels) == count else range(count))]
         if isinstance(each.kind, tuple):
             for name in names:
                 self.fields(each.kind, f"{name}.")
@@ -168,7 +168,3 @@ class _State:
             self.message.times.append(len(self.message.numbers))
         self.message.numbers.append(None if kind == _TIME and not value else value)
         self.message.names.append(name)
-
-
-def _numbered(path: str, count: int) -> list[str]:
-    return [f"{path}[{i}]" for i in range(count)]

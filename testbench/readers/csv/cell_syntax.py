@@ -176,7 +176,8 @@ def read_timestamp(text: str) -> Timestamp | None:
         return None
     found = {key.partition("_")[0]: value for key, value in match.groupdict().items() if value is not None}
     notation = next((name for k, (name, _) in enumerate(_DATES) if match[f"a_date{k}"]), "")
-    a, b, c = (int(n) if n.isdigit() else _month(n) for n in (found.get(key, "0") for key in "abc"))
+    months = {name: i for i, name in enumerate(_MONTHS, 1)}
+    a, b, c = (int(n) if n.isdigit() else months.get(n.casefold(), 0) for n in (found.get(key, "0") for key in "abc"))
     clock = _nanoseconds_of_day(found, bool(notation))
     if clock is None:
         return None
@@ -191,11 +192,6 @@ def fraction_span(text: str) -> tuple[int, int] | None:
         return None
     names = (key for key, value in match.groupdict().items() if value and key.startswith(("f_", "ms_")))
     return next(map(match.span, names), None)
-
-
-def _month(name: str) -> int:
-    """The number of a month's name, 0 if it is none."""
-    return _MONTHS.index(name.casefold()) + 1 if name.casefold() in _MONTHS else 0
 
 
 def _nanoseconds_of_day(found: dict[str, str], dated: bool) -> int | None:

@@ -5,7 +5,7 @@ Nothing is guessed: a cell that is no number is NaN, and each kind of contradict
 
 import re
 from bisect import insort
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -333,6 +333,7 @@ def last_row(parser: RowParser, rest: bytes, before: bytes, line: int) -> tuple[
     kept = b""
     if not text.strip():
         return kept, None
+    shape = _shape(cells[-1])
     code = "cut_last_row"
     if b"\0" in text:
         code = "nul_bytes"
@@ -342,7 +343,7 @@ def last_row(parser: RowParser, rest: bytes, before: bytes, line: int) -> tuple[
         message += "it is left out"
     elif text.endswith(b"\r"):
         return text + b"\n", None
-    elif _same_shape(cells[-1], [row[-1] for row in rows if len(row) == parser.fields]):
+    elif {shape} == {_shape(row[-1]) for row in rows if len(row) == parser.fields} and shape is not None:
         code, kept = "no_final_newline", text + b"\n"
         message = f"line {line} has no line end; it is whole, since its last number has as many decimals as those above"
     else:
@@ -350,13 +351,8 @@ def last_row(parser: RowParser, rest: bytes, before: bytes, line: int) -> tuple[
     return kept, Finding(code, None, f"line {line}", message)
 
 
-def _same_shape(cell: bytes, above: Sequence[bytes]) -> bool:
-    """Whether a number has as many decimals, and digits of the exponent, as all those above it; or all are empty."""
-    shapes = {_shape(other) for other in above}
-    return len(shapes) == 1 and None not in shapes and _shape(cell) in shapes
-
-
 def _shape(cell: bytes) -> tuple[int, int] | None:
+    """How many decimals a number has, and digits of the exponent; (0, 0) if the cell is empty, None for any other."""
     match = _SHAPE.fullmatch(cell.strip())
     if not cell.strip():
         return (0, 0)

@@ -67,7 +67,12 @@ def detect_encoding(head: bytes) -> Encoding | None:
         return wide
     if _looks_binary(head):
         return None
-    return Encoding("utf-8") if _is_utf8(head) else _single_byte_encoding(head)
+    try:
+        head.decode("utf-8")
+    except UnicodeDecodeError as error:
+        if error.start < len(head) - 3 or error.reason != "unexpected end of data":
+            return _single_byte_encoding(head)
+    return Encoding("utf-8")
 
 
 def _utf16_without_mark(head: bytes) -> Encoding | None:
@@ -85,14 +90,6 @@ def _looks_binary(head: bytes) -> bool:
     head = _NUL_RUN.sub(b"", head)
     control = sum(head.count(c) for c in range(32) if c not in b"\t\n\r\f\x1a\x00")
     return not head or control > 0.005 * len(head) or head.count(0) > 0.3 * len(head)
-
-
-def _is_utf8(head: bytes) -> bool:
-    try:
-        head.decode("utf-8")
-    except UnicodeDecodeError as error:
-        return error.start >= len(head) - 3 and error.reason == "unexpected end of data"
-    return True
 
 
 def _single_byte_encoding(head: bytes) -> Encoding:

@@ -71,29 +71,15 @@ def _data_group(source: ByteSource, block: Block, file: File, unfinished: bool) 
         identifier_size[0], False, "<", records, partial(_pieces, source.path, blocks, widths),
         sum(one.unpacked + (one.invalidation.unpacked if one.invalidation else 0) for one in blocks),
     )  # fmt: skip
+    first, size = records[0], 0 if identifier_size[0] else records[0].size or 0
+    found = group.bytes // size if size else 0  # samples of one kind, without reading them
     if missing:
-        there = _there(group)
+        there = f"; {found} of {first.declared} samples of group {first.name!r} are there" if size else ""
         file.findings.append(Finding("cut_file", None, None, f"the file is cut: missing are {missing}{there}"))
-    elif not identifier_size[0] and records[0].size and not unfinished:
-        _count(group, records[0], file)
-    file.groups.append(group)
-
-
-def _there(group: DataGroup) -> str:
-    """How many samples there are of how many, where that can be told without reading them."""
-    records = group.records[0]
-    if group.identifier_size or not records.size:
-        return ""
-    return f"; {group.bytes // records.size} of {records.declared} samples of group {records.name!r} are there"
-
-
-def _count(group: DataGroup, records: Records, file: File) -> None:
-    """Declared samples against those that the bytes hold."""
-    assert records.size
-    found = group.bytes // records.size
-    if found != records.declared or group.bytes % records.size:
-        message = f"group {records.name!r} declares {records.declared} samples, its {group.bytes} bytes hold {found}"
+    elif size and not unfinished and (found != first.declared or group.bytes % size):
+        message = f"group {first.name!r} declares {first.declared} samples, its {group.bytes} bytes hold {found}"
         file.findings.append(Finding("count_contradiction", None, None, message))
+    file.groups.append(group)
 
 
 def _pieces(path: Path, blocks: Sequence[DataBlock], widths: tuple[int, int]) -> Iterator[bytes]:

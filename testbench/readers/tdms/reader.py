@@ -117,9 +117,15 @@ def _channel_groups(contents: Contents, stem: str) -> list[_ChannelGroup]:
             parts.setdefault((channel.length, _seconds_per(stated), *(stated.get(key) for key in _CLOCK)), []).append(
                 channel
             )
+        changed = {(change.path, change.name) for change in contents.contradicted}
         for members in parts.values():
             whole = name if len(parts) == 1 else f"{name} {channel_title(members[0].path)}"
-            found.append(_channel_group(whole, members, contents))
+            own = tuple(c for m in members for c in _channels(m, contents.properties.get(m.path, {})))
+            stated = dict(contents.properties.get(members[0].path, {}))
+            if any((member.path, "wf_increment") in changed for member in members):
+                stated.pop("wf_increment", None)
+            group = Group(whole, own, _clock(members, own, stated))
+            found.append(_ChannelGroup(group, tuple(members), members[0].length))
     return found
 
 
@@ -130,16 +136,6 @@ def _trim(channels: Sequence[Channel]) -> None:
         for spans in channel.spans.values():
             if spans.length - shortest <= max(spans.counts):
                 spans.trim(shortest)
-
-
-def _channel_group(name: str, members: Sequence[Channel], contents: Contents) -> _ChannelGroup:
-    channels = tuple(c for member in members for c in _channels(member, contents.properties.get(member.path, {})))
-    changed = {(change.path, change.name) for change in contents.contradicted}
-    stated = dict(contents.properties.get(members[0].path, {}))
-    if any((member.path, "wf_increment") in changed for member in members):
-        stated.pop("wf_increment", None)
-    clock = _clock(members, channels, stated)
-    return _ChannelGroup(Group(name, channels, clock), tuple(members), members[0].length)
 
 
 def _channels(member: Channel, stated: dict[str, Property]) -> list[model.Channel]:
@@ -277,14 +273,10 @@ class Scaling:
             return as_float64(next(iter(raw.values())))
         if self.count > _MOST_SCALES:
             raise ValueError(f"{self.count} scales")
-        if not self._is_plain():
-            return self._by_library(raw)
-        return self._scaled(self.count - 1, raw, 0)
-
-    def _is_plain(self) -> bool:
-        """Whether all scales are of the two laws below, or numbers of a DAQmx device as they are."""
         kinds = {self._properties.get(f"NI_Scale[{i}]_Scale_Type") for i in range(self.count)}
-        return kinds <= {"Linear", "Polynomial", None}
+        if kinds <= {"Linear", "Polynomial", None}:  # of the laws below, or numbers of a DAQmx device as they are
+            return self._scaled(self.count - 1, raw, 0)
+        return self._by_library(raw)
 
     def _scaled(self, index: int, raw: Raw, depth: int) -> Samples:
         name = f"NI_Scale[{index}]"
