@@ -12,6 +12,8 @@ from ..linkages.verification import Verification
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from ..balancing.tradeoff import FrontPoint
+
 _LABEL = {
     "Fx_N": "force FX [N]",
     "Fy_N": "force FY [N]",
@@ -111,4 +113,22 @@ def draw_sweep(columns: Mapping[str, Floats], variables: Sequence[str], shown: s
         axes.set_ylabel(variables[1])
         figure.colorbar(axes.tricontourf(x, columns[variables[1]], columns[shown], levels=20), label=shown)
     axes.set_title("simulated", fontsize=10)
+    return figure
+
+
+def draw_front(front: "Sequence[FrontPoint]", title: str) -> "Figure":
+    """Moment and torque of the points of a front over their force, coloured by added mass."""
+    from matplotlib.figure import Figure
+
+    force, mass = [one.force for one in front], [one.added_mass for one in front]
+    panels = {"moment RMS [N m]": [one.moment for one in front]}
+    if front[0].torque is not None:
+        panels["torque RMS [N m]"] = [one.torque or 0.0 for one in front]
+    figure = Figure(figsize=(4.5 * len(panels) + 1.0, 4.2), layout="constrained")
+    for axes, (label, values) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels.items(), strict=True):
+        dots = axes.scatter(force, values, c=mass, s=22)
+        axes.set(xlabel="force RMS [N]", ylabel=label)
+        axes.grid(alpha=0.25)
+    figure.colorbar(dots, label="added mass [kg]")
+    figure.suptitle(f"{title}: simulated")
     return figure

@@ -1,4 +1,4 @@
-"""``balance size``."""
+"""``balance size`` and ``balance tradeoff``."""
 
 import json
 import subprocess
@@ -186,3 +186,16 @@ def test_options_that_do_not_go_together(balance, arguments):
     code, out, err = balance("size", *arguments)
     assert (code, out) == (2, "")
     assert "--" in err.splitlines()[-1]
+
+
+def test_the_front_of_force_moment_torque_and_mass(balance, tmp_path):
+    """A verdict line and a table; JSON with all points; a figure."""
+    arguments = ("tradeoff", "four-bar", "--motion", "four-bar", "--points", "20", "--figure", tmp_path / "front.svg")
+    code, out, err = balance(*arguments)
+    assert (code, err) == (0, "")
+    assert "points of the front" in out.splitlines()[0]
+    assert "<svg" in (tmp_path / "front.svg").read_text(encoding="utf-8")
+    document = json.loads(balance(*arguments[:-2], "--json").out)
+    assert document["points"][0].keys() == {
+        "rms_force_N", "rms_moment_Nm", "rms_torque_Nm", "added_mass_kg", "counter_masses_kg",
+    }  # fmt: skip

@@ -1,0 +1,119 @@
+"""The front of shaking force, shaking moment, drive torque and added mass: what each costs in the others.
+
+Mean squares of force, moment and torque over a motion, and the added mass, are convex in the counter-masses: every
+point of the front is the least of a weighted sum. Weights are an even lattice (Das, Dennis, SIAM J. Optim. 8, 1998).
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from ..arrays import Floats
+from ..closure import Trajectory
+from ..mechanism.mechanism import Mechanism
+from ..results import Key
+from .least_masses import distribute_masses
+from .objective import QUANTITIES, motion_objective
+from .sizing import chosen_sites, upper_limits
+
+_SAME = 1e-9
+"""Difference of a quantity, relative to its largest on the front, that is rounding."""
+_FAINT = 1e-6
+"""Weight of what has none, so that of equals the better is taken."""
+
+
+@dataclass(frozen=True)
+class FrontPoint:
+    """Counter-masses that nothing betters in all quantities."""
+
+    force: Annotated[float, Key("rms_force_N", "force RMS [N]", ".4g")]
+    moment: Annotated[float, Key("rms_moment_Nm", "moment RMS [N m]", ".4g")]
+    torque: Annotated[float | None, Key("rms_torque_Nm", "torque RMS [N m]", ".4g")]
+    """Of all motors; None where the file names none."""
+    added_mass: Annotated[float, Key("added_mass_kg", "added [kg]", ".4f")]
+    masses: Annotated[Mapping[str, float], Key("counter_masses_kg", "masses [kg]", lambda m: _listed(m))]
+    """By site [kg]."""
+
+
+def _listed(masses: Mapping[str, float]) -> str:
+    return " / ".join(f"{mass:.4f}" for mass in masses.values())
+
+
+def tradeoff_front(
+    mechanism: Mechanism,
+    trajectory: Trajectory,
+    sites: Sequence[str] = (),
+    limits: Mapping[str, float] | None = None,
+    points: int = 300,
+) -> tuple[FrontPoint, ...]:
+    """At most about ``points`` points of the front of a motion, the least force first; limits [kg] by site.
+
+    Moment is about the base frame's origin. Points that no other betters in one quantity without a loss in another.
+    """
+    names = chosen_sites(mechanism, sites)
+    upper = upper_limits(names, limits)
+    quantities = [name for name in QUANTITIES if name != "torque" or mechanism.driven or not mechanism.loops]
+    systems = [
+        _reduced(*motion_objective(mechanism, trajectory, {name: 1.0}).system(mechanism, names)) for name in quantities
+    ]
+    scales = [float(np.linalg.norm(target)) or 1.0 for _, target in systems]
+    heaviest = float(distribute_masses(*systems[0], upper).masses.sum()) or 1.0
+    systems.append((np.ones((1, len(names))), np.zeros(1)))
+    scales.append(heaviest)
+    found = []
+    for weights in _lattice(len(systems), points):
+        parts = [
+            (np.sqrt(max(weight, _FAINT)) / scale * columns, np.sqrt(max(weight, _FAINT)) / scale * target)
+            for weight, scale, (columns, target) in zip(weights, scales, systems, strict=True)
+        ]
+        columns, target = (np.concatenate(blocks) for blocks in zip(*parts, strict=True))
+        found.append(distribute_masses(columns, target, upper).masses)
+    values = np.array([[np.linalg.norm(c @ m - t) for c, t in systems] for m in found])
+    return tuple(
+        FrontPoint(
+            float(row[0]),
+            float(row[1]),
+            float(row[2]) if len(row) == 4 else None,
+            float(masses.sum()),
+            dict(zip(names, masses.tolist(), strict=True)),
+        )
+        for row, masses in _unbettered(values, found)
+    )
+
+
+def _reduced(columns: Floats, target: Floats) -> tuple[Floats, Floats]:
+    """A system with the same square error for all masses, of as many rows as there are sites, and one."""
+    triangle = np.asarray(np.linalg.qr(np.column_stack([columns, target]), mode="r"))
+    return triangle[:, :-1], triangle[:, -1]
+
+
+def _lattice(size: int, points: int) -> Iterator[Floats]:
+    """Weights that sum to one, in equal steps, of at most ``points`` combinations (at least each alone), (size,)."""
+    steps = 1
+    while _combinations(size, steps + 1) <= points:
+        steps += 1
+    for counts in np.ndindex(*[steps + 1] * (size - 1)):
+        if sum(counts) <= steps:
+            yield np.array([*counts, steps - sum(counts)]) / steps
+
+
+def _combinations(size: int, steps: int) -> int:
+    found = 1
+    for k in range(1, size):
+        found = found * (steps + k) // k
+    return found
+
+
+def _unbettered(values: Floats, masses: Sequence[Floats]) -> list[tuple[Floats, Floats]]:
+    """Rows (n, quantities) that no other is as good as in all quantities, each once, the least force first."""
+    edge = _SAME * values.max(axis=0)
+    kept: list[int] = []
+    for k in np.lexsort(values.T[::-1]):
+        others = np.delete(values, k, axis=0)
+        better = (others <= values[k] + edge).all(axis=1) & (others < values[k] - edge).any(axis=1)
+        same = any((np.abs(values[j] - values[k]) <= edge).all() for j in kept)
+        if not better.any() and not same:
+            kept.append(int(k))
+    return [(values[k], masses[k]) for k in kept]

@@ -1,0 +1,72 @@
+"""``balance tradeoff``: the front of shaking force, shaking moment, drive torque and added mass."""
+
+from itertools import islice
+
+import click
+
+from . import options
+from .framework import emit_json, emit_table, json_option
+
+_SHOWN = 12
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  balance tradeoff parallelogram-6bar --motion x -p platform=5kg
+  balance tradeoff four-bar --motion four-bar --limit counter_A0A=3kg --points 300 --figure front.svg --json
+
+\b
+Root mean squares over the motion, of force and moment as vectors, of all motors' torques together; the moment is about
+the base frame's origin. No point of the front is bettered in one of the four without a loss in another."""
+)
+@options.mechanism_argument
+@click.option("--motion", required=True, metavar="TOML", help="The motion.")
+@options.payload_option
+@options.site_option
+@click.option(
+    "--limit",
+    type=options.NamedQuantity("SITE", "mass", "5kg"),
+    multiple=True,
+    metavar="SITE=M",
+    help="Largest counter-mass at a site.",
+)
+@click.option(
+    "--points", type=click.IntRange(4, 3000), default=300, show_default=True, help="Weights that are tried, at most."
+)
+@options.figure_option
+@json_option
+def tradeoff(
+    mechanism: str,
+    motion: str,
+    payload: tuple[tuple[str, float], ...],
+    site: tuple[str, ...],
+    limit: tuple[tuple[str, float], ...],
+    points: int,
+    figure: str | None,
+    as_json: bool,
+) -> None:
+    """What less shaking force costs in shaking moment, drive torque and mass: the front of MECH on one motion."""
+    from ..balancing.tradeoff import FrontPoint, tradeoff_front
+    from ..results import document, table
+
+    model = options.load_mechanism_option(mechanism, payload)
+    trajectory = options.follow_motion(model, motion)
+    front = tradeoff_front(model, trajectory, site, options.distinct(limit, "--limit"), points)
+    if figure:
+        from ..figures.balancing import draw_front
+        from ..figures.mechanism import save
+
+        save(draw_front(front, f"{model.name}, motion {motion}"), figure)
+    if as_json:
+        emit_json({"mechanism": model.name, "motion": motion, "points": [document(one) for one in front]})
+        return
+    lightest = min(front, key=lambda one: one.added_mass)
+    click.echo(
+        f"From {front[0].force:.4g} N of force with {front[0].added_mass:.4g} kg to {lightest.force:.4g} N with "
+        f"{lightest.added_mass:.4g} kg: {len(front)} points of the front."
+    )
+    step = max(1, -(-len(front) // _SHOWN))
+    header, rows = table(FrontPoint, islice(front, 0, None, step))
+    note = f"Every {step}th point; all are in --json." if step > 1 else ""
+    emit_table(f"{model.name}, motion {motion}: masses at {', '.join(front[0].masses)}", header, rows, note)

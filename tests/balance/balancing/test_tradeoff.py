@@ -1,0 +1,69 @@
+"""The front of force, moment, torque and added mass."""
+
+import numpy as np
+import pytest
+
+from balance import balancing
+from balance.balancing.conditions import balance_conditions
+from balance.balancing.objective import motion_objective
+from balance.balancing.tradeoff import tradeoff_front
+from balance.cli.options import follow_motion
+from balance.dynamics.inverse_dynamics import simulate
+
+from .. import models
+
+
+@pytest.fixture(scope="module")
+def four_bar():
+    """The four-bar, its motion, and its front."""
+    mechanism = models.load("four-bar")
+    trajectory = follow_motion(mechanism, "four-bar")
+    return mechanism, trajectory, tradeoff_front(mechanism, trajectory)
+
+
+def values_of(point):
+    """The four quantities."""
+    return np.array([point.force, point.moment, point.torque, point.added_mass])
+
+
+def test_points_are_what_simulation_gives(four_bar):
+    """Force, moment, torque of some points by inverse dynamics."""
+    mechanism, trajectory, front = four_bar
+    for point in front[:: len(front) // 3]:
+        response = simulate(mechanism.with_counter_mass(point.masses), trajectory)
+        torque = np.array(list(response.torque.values())).T
+        expected = [np.sqrt(np.mean(np.sum(x**2, axis=1))) for x in (response.force, response.moment, torque)]
+        assert [point.force, point.moment, point.torque] == pytest.approx(expected, rel=1e-6, abs=1e-9)
+        assert point.added_mass == pytest.approx(sum(point.masses.values()))
+
+
+def test_no_design_betters_a_point(four_bar):
+    """Two thousand random designs: none is better than a point of the front in all four."""
+    mechanism, trajectory, front = four_bar
+    assert len(front) > 40
+    rng = np.random.default_rng(0)
+    sites = mechanism.counter_sites
+    objectives = [motion_objective(mechanism, trajectory, {name: 1.0}) for name in ("force", "moment", "torque")]
+    systems = [objective.system(mechanism, sites) for objective in objectives]
+    points = np.array([values_of(point) for point in front])
+    for masses in rng.uniform(0.0, 4.0, (2000, len(sites))):
+        design = np.array([*(np.linalg.norm(c @ masses - t) for c, t in systems), masses.sum()])
+        assert not (design < points * (1.0 - 1e-6)).all(axis=1).any()
+
+
+def test_the_ends_of_the_front(four_bar):
+    """Nothing mounted at one end; at the other nearly the least force that sizing finds."""
+    mechanism, trajectory, front = four_bar
+    assert min(point.added_mass for point in front) == pytest.approx(0.0, abs=1e-3)
+    sized = balancing.exact_sizing(
+        balance_conditions(mechanism), mechanism, objective=motion_objective(mechanism, trajectory)
+    )
+    before, least = sized.root_mean_squares()
+    assert least <= front[0].force <= least + 1e-3 * before
+
+
+def test_limits_hold(four_bar):
+    """No point exceeds a limit."""
+    mechanism, trajectory, _ = four_bar
+    front = tradeoff_front(mechanism, trajectory, limits={"counter_A0A": 0.5}, points=30)
+    assert max(point.masses["counter_A0A"] for point in front) <= 0.5
