@@ -23,14 +23,6 @@ class Flywheel:
     wanted: float
     """Coefficient of speed fluctuation that was asked for."""
 
-    def residual(self) -> float:
-        """How far the fluctuation exceeds what was wanted."""
-        return self.fluctuation - self.wanted
-
-    def is_enough(self, tol: float = 1e-9) -> bool:
-        """Whether the fluctuation is at most what was wanted."""
-        return self.residual() <= tol
-
 
 def flywheel_for(
     machine: Machine, wanted: float, definition: str = "nominal", side: str = "crank", near: float | None = None

@@ -122,7 +122,7 @@ def test_a_swing_is_not_called_constant_speed(tmp_path):
     assert "constant" not in output
 
 
-@pytest.mark.parametrize("name", ["dwell", "knife", "sewing-machine", "dwell-short", "dwell-short-two-point"])
+@pytest.mark.parametrize("name", ["dwell", "dwell-short-two-point"])
 def test_what_cannot_be_simulated_is_named_and_compared(name):
     """Exit code 3: balanced, but the source gives no pivots on the ground."""
     result = run(name)

@@ -26,7 +26,7 @@ def _simulated(engine):
     return simulate(model, Closure(model).follow(turning))
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(
     st.floats(0.02, 0.3), st.floats(0.05, 0.75), st.floats(-0.15, 0.15), st.floats(-0.8, 0.8), st.floats(0.1, 0.9),
     st.floats(0.1, 3.0),
