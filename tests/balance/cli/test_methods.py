@@ -26,7 +26,7 @@ def test_methods_side_by_side(tmp_path):
     assert code == 0
     for text in (
         "counter-inertia",
-        "the wheel of A0A turns with the body",
+        "the wheel of AB turns with the body",
         "three images",
         "active",
         "springs",
