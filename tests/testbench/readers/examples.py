@@ -56,7 +56,7 @@ def uff(path):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ResourceWarning)
             pyuff.UFF(str(path)).write_sets(fields, "add")
-            gc.collect()
+            gc.collect(1)
 
 
 def mat5(path):

@@ -35,7 +35,7 @@ def test_damaged_files_are_read_or_refused(tmp_path, name):
     assert_read_or_refused(examples.make(tmp_path, name), CASES, seed=1)
 
 
-@pytest.mark.parametrize("name", ["run.h5", "run.mat", "old.mat", "run.parquet"])
+@pytest.mark.parametrize("name", ["run.h5", "run.mat", "run.parquet"])
 def test_damaged_files_are_read_or_refused_in_a_process_of_their_own(tmp_path, name):
     """The same through libraries in C, which may crash."""
     assert_read_or_refused(examples.make(tmp_path, name), max(3, CASES // 10), seed=2)

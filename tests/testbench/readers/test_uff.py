@@ -34,7 +34,7 @@ def _write(tmp_path, *sets):
         warnings.simplefilter("ignore", ResourceWarning)  # pyuff leaves the file open when it has written binary data
         for each in sets:
             pyuff.UFF(str(path)).write_sets(each, "add", force_double=False)
-        gc.collect()
+        gc.collect(1)
     return path
 
 
