@@ -1,13 +1,12 @@
 """Mechanisms by name or from a file: MJCF, compiled by MuJoCo, URDF and SDF."""
 
-import re
 from pathlib import Path
 
 from .. import datasets
 from ..errors import ModelError
 from .compiled_model import mechanism_of
 from .mechanism import Mechanism
-from .mjcf_compiler import compile_spec, parse_mjcf, read_text, with_includes
+from .mjcf_compiler import compile_spec, parse_mjcf, read_text, tags, with_includes
 
 
 def load_mechanism(name: str | Path) -> Mechanism:
@@ -28,7 +27,7 @@ def mechanism_from_text(text: str, name: str) -> Mechanism:
 
 def _mechanism(text: str, name: str, file: str, path: Path | None) -> Mechanism:
     folder = None if path is None else path.parent
-    if re.search(r"<(robot|sdf)\b", text) and "<mujoco" not in text.split("<robot")[0]:
+    if next((tag["tag"] for tag in tags(text)), "") in ("robot", "sdf"):
         from .robot_files import read_robot  # late: most mechanisms are MJCF
 
         robot, text = read_robot(text, file, path)

@@ -38,7 +38,7 @@ def read_robot(text: str, file: str, path: Path | None) -> tuple[Robot, str]:
     """
     refuse_tags(text, file)
     try:
-        root = ElementTree.fromstring(_without(_without(text, "<!--", "-->"), "<gazebo", "</gazebo>").strip())
+        root = ElementTree.fromstring(_without_comments(text).strip())
     except (ElementTree.ParseError, ValueError) as error:
         raise ModelError(f"{file}: not well-formed XML: {error}") from error
     for element in root.iter():
@@ -53,12 +53,12 @@ def read_robot(text: str, file: str, path: Path | None) -> tuple[Robot, str]:
     return _with_loops(robot, loops), text
 
 
-def _without(text: str, start: str, end: str) -> str:
-    """The text without what stands from each ``start`` to the next ``end``."""
+def _without_comments(text: str) -> str:
+    """Comments of people's files hold two hyphens, which XML does not allow."""
     parts, done = [], 0
-    while (at := text.find(start, done)) >= 0 and (after := text.find(end, at)) >= 0:
+    while (at := text.find("<!--", done)) >= 0 and (end := text.find("-->", at)) >= 0:
         parts.append(text[done:at])
-        done = after + len(end)
+        done = end + 3
     return "".join([*parts, text[done:]])
 
 

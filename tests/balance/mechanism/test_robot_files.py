@@ -13,7 +13,7 @@ from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
 
 URDF = """<?xml version="1.0"?>
-<robot name="arm">
+<robot name="arm"><!-- two -- hyphens --><gazebo reference="upper"/>
   <link name="ground"/>
   <link name="upper"><inertial><origin xyz="0.14 0 0"/><mass value="1.2"/>
     <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.009" iyz="0" izz="0.009"/></inertial></link>
