@@ -18,9 +18,10 @@ import zipfile
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import IO
+from typing import IO, Annotated
 
 from balance import datasets
+from balance.results import Key
 
 from .errors import RecordingError
 
@@ -35,26 +36,26 @@ TIMEOUT_S = 30.0
 class PublicRecording:
     """One file of a public repository at one commit."""
 
-    file: str
-    what: str
+    file: Annotated[str, Key("", "file")]
+    what: Annotated[str, Key("", "what")]
     repository: str
     """``owner/name`` on github.com."""
     path: str
     commit: str
-    licence: str
+    licence: Annotated[str, Key()]
     licence_file: str
-    sha256: str
+    sha256: Annotated[str, Key()]
     """Of the file; where ``member`` is given, of that member of the archive at ``path``."""
-    bytes: int
-    member: str | None = None
+    bytes: Annotated[int, Key("", "size", lambda size: f"{size / 1e3:.0f} kB")]
+    member: Annotated[str | None, Key()] = None
 
     @property
-    def url(self) -> str:
+    def url(self) -> Annotated[str, Key()]:
         """Where the file is fetched from."""
         return f"{RAW}/{self.repository}/{self.commit}/{urllib.parse.quote(self.path)}"
 
     @property
-    def credit(self) -> str:
+    def credit(self) -> Annotated[str, Key(None, "source and licence")]:
         """Source and licence, to be shown with the data."""
         inside = f" ({self.member})" if self.member else ""
         return f"github.com/{self.repository}: {self.path}{inside} at {self.commit[:12]}, {self.licence}"
@@ -81,15 +82,6 @@ def local_recording(name: str) -> Path | None:
     recording = recording_named(name)
     path = folder() / recording.file
     return checked(path, recording) if path.is_file() else None
-
-
-def find_recording(name: str) -> Path:
-    """A recording's file, fetched if it is neither in the folder of ``COUNTERPOISE_RECORDINGS`` nor in the cache.
-
-    Raises RecordingError if it cannot be had, or is not the file that the registry describes.
-    """
-    found = local_recording(name)
-    return found if found is not None else fetch(recording_named(name))
 
 
 def checked(path: Path, recording: PublicRecording) -> Path:

@@ -3,11 +3,11 @@
 import shlex
 import sys
 from pathlib import Path
-from typing import Any
 
 import click
 
 from balance.cli.framework import EXIT_REFUSED, emit_json, emit_table, json_option
+from balance.results import document, table
 
 from .. import public_recordings as public
 from ..errors import RecordingError
@@ -24,10 +24,9 @@ def list_recordings(as_json: bool) -> None:
     """List them: file, content, size, licence and source."""
     known = list(public.recordings_by_file().values())
     if as_json:
-        emit_json({"recordings": [_described(recording) for recording in known]})
+        emit_json({"recordings": known})
         return
-    rows = [[r.file, r.what, f"{r.bytes / 1e3:.0f} kB", r.credit] for r in known]
-    emit_table("Public recordings", ["file", "what", "size", "source and licence"], rows)
+    emit_table("Public recordings", *table(public.PublicRecording, known))
 
 
 @recordings.command(
@@ -49,7 +48,7 @@ def fetch(names: tuple[str, ...], to: Path | None, as_json: bool) -> int:
     outcomes = []
     for recording in chosen:
         status, message = _fetched(recording, folder)
-        outcomes.append({**_described(recording), "status": status, "message": message})
+        outcomes.append({**document(recording), "status": status, "message": message})
         if not as_json:
             click.echo(f"{recording.file}: {status}: {message}")
     setting = f"{'set' if sys.platform == 'win32' else 'export'} {public.FOLDER_VARIABLE}={shlex.quote(str(folder))}"
@@ -69,15 +68,3 @@ def _fetched(recording: public.PublicRecording, folder: Path) -> tuple[str, str]
     except RecordingError as error:
         return "refused", str(error)
     return status, f"{recording.bytes} bytes, SHA-256 {recording.sha256[:12]}... verified, {recording.credit}"
-
-
-def _described(recording: public.PublicRecording) -> dict[str, Any]:
-    return {
-        "file": recording.file,
-        "what": recording.what,
-        "bytes": recording.bytes,
-        "sha256": recording.sha256,
-        "licence": recording.licence,
-        "url": recording.url,
-        "member": recording.member,
-    }

@@ -57,13 +57,18 @@ RECORDING = public_recordings.PublicRecording(
 )  # fmt: skip
 
 
+def found(name):
+    """The file that is at hand, else fetched."""
+    return public_recordings.local_recording(name) or public_recordings.fetch(public_recordings.recording_named(name))
+
+
 def test_fetched_once_then_from_the_cache(repository):
     """A recording is fetched, its name quoted, kept whole, and found again when the repository is gone."""
     assert public_recordings.local_recording("run.csv") is None
-    path = public_recordings.find_recording("run.csv")
+    path = found("run.csv")
     repository.clear()
     assert path.read_bytes() == CONTENT
-    assert public_recordings.find_recording("run.csv") == public_recordings.local_recording("run.csv") == path
+    assert found("run.csv") == public_recordings.local_recording("run.csv") == path
     assert [p.name for p in path.parent.iterdir()] == ["run.csv"]
 
 
@@ -72,35 +77,35 @@ def test_other_content_is_refused(repository, served):
     """A shorter, longer or changed file is refused with both digests, and nothing is kept."""
     repository["/someone/arm/abc/logs/run%20%231.csv"] = served
     with pytest.raises(RecordingError, match=f"expected {len(CONTENT)} with {RECORDING.sha256[:12]}"):
-        public_recordings.find_recording("run.csv")
+        found("run.csv")
     assert public_recordings.local_recording("run.csv") is None
 
 
 def test_a_changed_file_of_the_cache_is_refused(repository):
     """The cache is not trusted: a changed file is refused, with its place."""
-    path = public_recordings.find_recording("run.csv")
+    path = found("run.csv")
     path.write_bytes(CONTENT + b"1,2\n")
     with pytest.raises(RecordingError, match="expected 18 with"):
-        public_recordings.find_recording("run.csv")
+        found("run.csv")
 
 
 def test_missing_says_where_from_and_what_else(repository):
     """A file that is not there: its address, and the variable that names a folder instead."""
     repository.clear()
     with pytest.raises(RecordingError, match=r"127\.0\.0\.1.*404.*COUNTERPOISE_RECORDINGS"):
-        public_recordings.find_recording("run.csv")
+        found("run.csv")
 
 
 def test_a_folder_takes_the_place_of_the_network(repository, monkeypatch, tmp_path):
     """With the variable set nothing is fetched: the file is found there, or the message says to put it there."""
     monkeypatch.setenv(public_recordings.FOLDER_VARIABLE, str(tmp_path))
     with pytest.raises(RecordingError, match="put it there"):
-        public_recordings.find_recording("run.csv")
+        found("run.csv")
     (tmp_path / "run.csv").write_bytes(CONTENT)
-    assert public_recordings.find_recording("run.csv") == tmp_path / "run.csv"
+    assert found("run.csv") == tmp_path / "run.csv"
     monkeypatch.setenv(public_recordings.FOLDER_VARIABLE, str(tmp_path / "nowhere"))
     with pytest.raises(RecordingError, match="no folder"):
-        public_recordings.find_recording("run.csv")
+        found("run.csv")
 
 
 def test_member_of_an_archive(repository, monkeypatch):
@@ -145,7 +150,7 @@ def test_registry_is_complete():
 def test_recordings_at_hand_are_those_of_the_registry():
     """Every recording in the folder that the environment names has the registered content."""
     for name in public_recordings.recordings_by_file():
-        assert public_recordings.find_recording(name) == Path(os.environ[public_recordings.FOLDER_VARIABLE]) / name
+        assert found(name) == Path(os.environ[public_recordings.FOLDER_VARIABLE]) / name
 
 
 @pytest.fixture

@@ -46,7 +46,7 @@ def truth(mechanism: Mechanism) -> np.ndarray:
 
 def real(name: str) -> Path:
     """A real recording, for tests that are marked ``recordings``."""
-    return public_recordings.find_recording(name)
+    return public_recordings.local_recording(name) or public_recordings.fetch(public_recordings.recording_named(name))
 
 
 def _waves(rng: np.random.Generator, joints: int, size: float, highest: float) -> np.ndarray:
