@@ -138,11 +138,16 @@ def test_clipping(tmp_path, limit_g, limit):
     assert 0.0 < found.at_least < found.percent < _true(pair((0.2, 0.2)), "x", measure, -0.2)
 
 
+@cache
+def brief_in_memory() -> list[memory.MemoryRun]:
+    """The shipped brief plan, without files."""
+    return [stored(run, SHIPPED) for run in simulated_logs.simulate_logs(plans.load_plan("kiper2019-brief"), SHIPPED)]
+
+
 @pytest.mark.parametrize("metric", METRICS)
 def test_files_and_memory(brief, metric):
     """What the files give is what the loggers recorded: the same numbers, to the last digit."""
-    made = simulated_logs.simulate_logs(plans.load_plan("kiper2019-brief"), SHIPPED)
-    alone = analyze([stored(run, SHIPPED) for run in made], Measure(metric, BAND)).reductions
+    alone = analyze(brief_in_memory(), Measure(metric, BAND)).reductions
     filed = analyze(open_campaign(brief.campaign).runs, Measure(metric, BAND)).reductions
     assert [replace(r, runs=()) for r in alone] == [replace(r, runs=()) for r in filed]
 
