@@ -248,6 +248,14 @@ def test_a_rank_in_doubt_is_decided_in_extended_precision(off: float, rank: int,
     assert (found.rank, found.rank_by) == (rank, decided_by)
 
 
+def test_a_long_chain_has_two_conditions_a_link() -> None:
+    """Forty hinges: states are added until they add nothing to the rank."""
+    links = ""
+    for k in reversed(range(40)):
+        links = models.link(links, f"l{k}", place=f'pos="{0.1 * (k > 0)} 0 0"')
+    assert balance_conditions(models.model(models.mjcf(links))).rank == 80
+
+
 def test_an_undecided_rank_is_refused() -> None:
     """Singular values that fall without a gap decide nothing: refused, not guessed."""
     graded = np.diag(10.0 ** -np.arange(0.0, 15.0, 1.5))
