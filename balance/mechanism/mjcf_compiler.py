@@ -40,6 +40,8 @@ _REFUSED = {
     **dict.fromkeys(("flex", "flexcomp"), "a flexible body; replace it by rigid ones"),
     "attach": "another model, which is not read; write the mechanism out in one file, or use <include>",
 }
+_FINITE = ("body_pos", "body_mass", "body_inertia", "jnt_pos", "jnt_axis", "jnt_range", "dof_damping", "dof_armature",
+           "dof_frictionloss", "site_pos", "key_qpos", "eq_data")  # fmt: skip
 _EQUALITIES = {"CONNECT", "WELD", "JOINT"}
 
 
@@ -122,9 +124,10 @@ def compile_spec(spec: Any, text: str, name: str, folder: Path | None) -> Any:  
     for values, bound in zip((model.body_mass, model.body_inertia), bounds.values(), strict=True):
         if not bound:
             values[values == MASSLESS] = 0.0
-    for part in ("body_pos", "body_mass", "body_inertia", "jnt_pos", "jnt_axis", "site_pos", "key_qpos", "eq_data"):
-        if not np.isfinite(getattr(model, part)).all():
-            raise ModelError(f"{name}: a {part.replace('_', ' ')} is infinite; expected finite numbers")
+    numbers = {part: getattr(model, part) for part in _FINITE} | {"gravity": model.opt.gravity}
+    for part, values in numbers.items():
+        if not np.isfinite(values).all():
+            raise ModelError(f"{name}: a number of {part.replace('_', ' ')} is infinite; expected finite numbers")
     return model
 
 

@@ -175,6 +175,7 @@ REFUSED = {
     "too few": ({"attributes": 'euler="0.2 0.4"'}, "'euler' does not have enough data"),
     "not a number": ({"attributes": 'pos="nan 0 0"'}, "<body name='a' pos='nan 0 0'> holds 'nan'"),
     "infinite": ({"attributes": 'pos="1e999 0 0"'}, "pos|infinite"),
+    "infinite weight": ({"options": '<option gravity="0 inf 0"/>'}, "of gravity is infinite"),
     "no axis": ({"hinge": '<joint name="j" axis="0 0 0"/>'}, "axis too small in joint Element name 'j'"),
     "impossible": ({"hinge": '<joint name="j"/><body name="c"><joint name="k"/><inertial pos="0 0 0" mass="1" '
                     'diaginertia="0.001 0.001 0.05"/></body>'}, r"inertia must satisfy A \+ B >= C.*'c'"),
