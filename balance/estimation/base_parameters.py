@@ -174,42 +174,37 @@ class _Problem:
             raise DataError(f"no proven set of bodies for these parameters: the conic solver says {solution.status}")
         return np.asarray(solution.x[:count]) * self.scale
 
+    def _relative(self) -> list[list[Floats]]:
+        """Of each body P0^-1/2 dP P0^-1/2 per unit of each unknown that is its own, ten (4, 4)."""
+        found = []
+        for body, reference in enumerate(self.reference):
+            root, first = np.linalg.inv(np.linalg.cholesky(reference)), body * len(PARAMETERS)
+            units = enumerate(np.eye(len(PARAMETERS)))
+            found.append([(root @ pseudo_inertia(unit) @ root.T) * self.scale[first + k] for k, unit in units])
+        return found
+
     def _distance(self) -> tuple[Floats, Floats]:
         """Rows D and D x_file with |D x - D x_file|^2 = sum of tr((P0^-1 dP)^2) and of relative terms, squared."""
-        count = len(self.names)
-        rows: list[Floats] = []
-        for body, reference in enumerate(self.reference):
-            root = np.linalg.inv(np.linalg.cholesky(reference))
-            block = np.zeros((_SIZE * _SIZE, count))
-            for k, unit in enumerate(np.eye(len(PARAMETERS))):
-                place = body * len(PARAMETERS) + k
-                block[:, place] = (root @ pseudo_inertia(unit) @ root.T).ravel() * self.scale[place]
-            rows.append(block)
-        rest = np.eye(count)[self.bodies * len(PARAMETERS) :]
-        whole = np.concatenate([*rows, rest])
+        count, wide = len(self.names), len(PARAMETERS)
+        rows = np.zeros((self.bodies, _SIZE * _SIZE, count))
+        for body, units in enumerate(self._relative()):
+            rows[body, :, body * wide : (body + 1) * wide] = np.transpose([unit.ravel() for unit in units])
+        whole = np.concatenate([*rows, np.eye(count)[self.bodies * wide :]])
         return whole, whole @ (self.file / self.scale)
 
     def _cones(self) -> tuple[Floats, Floats, list[object]]:
         """A, b and cones of b - A x in cones: pseudo-inertias above their least share, terms not negative."""
         import clarabel
 
-        count = len(self.names)
-        rows, right, cones = [], [], []
-        for body, reference in enumerate(self.reference):
-            root = np.linalg.inv(np.linalg.cholesky(reference))
-            block = np.zeros((_SIZE * (_SIZE + 1) // 2, count))
-            for k, unit in enumerate(np.eye(len(PARAMETERS))):
-                place = body * len(PARAMETERS) + k
-                block[:, place] = -_triangle(root @ pseudo_inertia(unit) @ root.T) * self.scale[place]
-            rows.append(block)
-            right.append(-LEAST_SHARE * _triangle(np.eye(_SIZE)))
-            cones.append(clarabel.PSDTriangleConeT(_SIZE))
+        count, wide = len(self.names), len(PARAMETERS)
+        blocks = np.zeros((self.bodies, _SIZE * (_SIZE + 1) // 2, count))
+        for body, units in enumerate(self._relative()):
+            blocks[body, :, body * wide : (body + 1) * wide] = -np.transpose([_triangle(unit) for unit in units])
         terms = [k for k, name in enumerate(self.names) if name.startswith(_NOT_NEGATIVE)]
-        if terms:
-            rows.append(-np.eye(count)[terms])
-            right.append(np.zeros(len(terms)))
-            cones.append(clarabel.NonnegativeConeT(len(terms)))
-        return np.concatenate(rows), np.concatenate(right), cones
+        cones: list[object] = [clarabel.PSDTriangleConeT(_SIZE)] * self.bodies
+        cones += [clarabel.NonnegativeConeT(len(terms))] if terms else []
+        least = np.tile(-LEAST_SHARE * _triangle(np.eye(_SIZE)), self.bodies)
+        return np.concatenate([*blocks, -np.eye(count)[terms]]), np.pad(least, (0, len(terms))), cones
 
 
 def _triangle(matrix: Floats) -> Floats:

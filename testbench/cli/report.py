@@ -67,8 +67,17 @@ def _vibration(part: Part) -> None:
 
 
 def _modes(part: Part) -> None:
+    from balance.estimation.estimate import LEVEL_TEXT
+
     rows = [_mode(m) for m in part["modes"]]
-    header = ["frequency [Hz]", "95 %", "damping [%]", "95 %", f"amplitude {', '.join(part['channels'])} [m/s2]", ""]
+    header = [
+        "frequency [Hz]",
+        LEVEL_TEXT,
+        "damping [%]",
+        LEVEL_TEXT,
+        f"amplitude {', '.join(part['channels'])} [m/s2]",
+        "",
+    ]
     emit_table(f"Modes of the base, from {part['from_s']:.3f} to {part['to_s']:.3f} s of {part['group']}", header, rows,
                f"{part['definition']}; below {part['band_hz'][1]:g} Hz")  # fmt: skip
 
@@ -83,6 +92,8 @@ def _mode(mode: Part) -> list[str]:
 
 
 def _response(part: Part) -> None:
+    from balance.estimation.estimate import LEVEL_TEXT
+
     rows = []
     for axis in sorted({(r["sensor"], r["axis"]) for r in part["rows"]}):
         lines = [r for r in part["rows"] if (r["sensor"], r["axis"]) == axis]
@@ -91,7 +102,7 @@ def _response(part: Part) -> None:
         rows.append([*axis, str(len(lines)), f"{top['frequency_hz']:.1f}", f"{top['gain_1_kg']:.3g}",
                      f"{ends[0]:.3g} .. {ends[1]:.3g}", f"{top['coherence']:.3f}",
                      ", ".join(top["also_follows"]) or "nothing else"])  # fmt: skip
-    header = ["sensor", "axis", "significant lines", "largest at [Hz]", "gain [1/kg]", "95 %", "coherence",
+    header = ["sensor", "axis", "significant lines", "largest at [Hz]", "gain [1/kg]", LEVEL_TEXT, "coherence",
               "also follows"]  # fmt: skip
     alone = "" if part["of_the_force_alone"] else ", with the effect of other components: no property of the base alone"
     emit_table(f"Acceleration of the base per shaking force{alone}", header, rows, part["definition"])

@@ -13,7 +13,7 @@ import numpy as np
 
 from balance.arrays import Floats
 from balance.errors import CounterpoiseError
-from balance.estimation.estimate import coverage_factor
+from balance.estimation.estimate import LEVEL_TEXT, coverage_factor
 from balance.results import plain
 
 from ..errors import AnalysisError
@@ -86,8 +86,8 @@ def base_modes(run: "SIRun", moved: tuple[float, float]) -> Part:
         "to_s": float(time[-1]),
         "group": group,
         "band_hz": band.limits(),
-        "definition": "free decay after the motion as damped sines that all channels share; intervals of 95 %, with "
-        "the vibration of the base before the motion",
+        "definition": "free decay after the motion as damped sines that all channels share; intervals of "
+        f"{LEVEL_TEXT}, with the vibration of the base before the motion",
     }
 
 
