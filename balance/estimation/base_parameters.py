@@ -175,12 +175,11 @@ class _Problem:
         return np.asarray(solution.x[:count]) * self.scale
 
     def _relative(self) -> list[list[Floats]]:
-        """Of each body P0^-1/2 dP P0^-1/2 per unit of each unknown that is its own, ten (4, 4)."""
+        """Of each body P0^-1/2 dP P0^-1/2 per unit of each of its ten parameters, (4, 4) each."""
         found = []
-        for body, reference in enumerate(self.reference):
-            root, first = np.linalg.inv(np.linalg.cholesky(reference)), body * len(PARAMETERS)
-            units = enumerate(np.eye(len(PARAMETERS)))
-            found.append([(root @ pseudo_inertia(unit) @ root.T) * self.scale[first + k] for k, unit in units])
+        for reference in self.reference:
+            root = np.linalg.inv(np.linalg.cholesky(reference))
+            found.append([root @ pseudo_inertia(unit) @ root.T for unit in np.eye(len(PARAMETERS))])
         return found
 
     def _distance(self) -> tuple[Floats, Floats]:
@@ -189,6 +188,7 @@ class _Problem:
         rows = np.zeros((self.bodies, _SIZE * _SIZE, count))
         for body, units in enumerate(self._relative()):
             rows[body, :, body * wide : (body + 1) * wide] = np.transpose([unit.ravel() for unit in units])
+        rows *= self.scale
         whole = np.concatenate([*rows, np.eye(count)[self.bodies * wide :]])
         return whole, whole @ (self.file / self.scale)
 
@@ -200,6 +200,7 @@ class _Problem:
         blocks = np.zeros((self.bodies, _SIZE * (_SIZE + 1) // 2, count))
         for body, units in enumerate(self._relative()):
             blocks[body, :, body * wide : (body + 1) * wide] = -np.transpose([_triangle(unit) for unit in units])
+        blocks *= self.scale
         terms = [k for k, name in enumerate(self.names) if name.startswith(_NOT_NEGATIVE)]
         cones: list[object] = [clarabel.PSDTriangleConeT(_SIZE)] * self.bodies
         cones += [clarabel.NonnegativeConeT(len(terms))] if terms else []

@@ -8,7 +8,6 @@ frequency is fitted with the mode and so is not in the residual: where a record 
 widens that mode's intervals.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -214,8 +213,3 @@ def _correlation_widening(residual: Floats) -> float:
         first = int(np.argmax(correlation <= 0.0)) or len(correlation)
         widened.append(float(2.0 * correlation[:first].sum() / correlation[0] - 1.0))
     return max(widened, default=1.0)
-
-
-def strongest_mode(found: Sequence[Mode]) -> Mode | None:
-    """The determined mode of the largest amplitudes; None where no mode is determined."""
-    return max((m for m in found if m.refused is None), key=lambda m: sum(m.amplitudes), default=None)

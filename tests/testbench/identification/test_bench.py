@@ -76,7 +76,7 @@ def test_known_masses_tell_the_scale(by_torque):
 
 def test_a_wrong_scale_is_found(taken):
     """Torques that read 8 % too much are found to, by the payloads that are known."""
-    louder = [type(r)(r.name, r.origin, r.grid, r.q, 1.08 * r.torque, None, r.mounted) for r in taken.records]
+    louder = [replace(r, torque=1.08 * r.torque) for r in taken.records]
     scale = Explanation(identify(louder, taken.mechanism, "ls", others=False)).scale_of_all
     assert scale.value == pytest.approx(1.08, abs=0.01)
 

@@ -1,5 +1,7 @@
 """Each fit shows what it claims to: a scaled torque, friction that a model lacks, a delay that is left out."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -16,7 +18,7 @@ FIRST, SECOND = "mcx[link_1] + 0.3 m[link_2]", "mcx[link_2]"
 def explained(scale: tuple[float, float] = (1.0, 1.0), delay: float = 0.0) -> Explanation:
     """Of a simulated arm whose torques read ``scale`` times what they are."""
     record = arms.record(ARM, seed=3, delay=delay)
-    louder = type(record)(record.name, record.origin, record.grid, record.q, record.torque * scale)
+    louder = replace(record, torque=record.torque * scale)
     return Explanation(identify([louder], ARM, "ls", others=False))
 
 
