@@ -48,7 +48,7 @@ def distribute_masses(
     size = np.where(size > _DEPENDENT * size.max(), size, size.max())
     unit = columns / size
     masses = np.linalg.lstsq(unit, target, rcond=_DEPENDENT)[0] / size
-    if not removable:
+    if not removable and not ((masses >= 0.0) & (masses <= most)).all():
         masses = _bounded(unit, target, most * size) / size
         masses = np.where(masses >= most * (1.0 - _ROUNDING), most, np.where(masses <= 0.0, 0.0, masses))
     unique = np.linalg.matrix_rank(unit, rtol=_DEPENDENT) == count

@@ -145,7 +145,7 @@ class Run:
     def to_pandas(self, group: str | None = None, channels: Sequence[str] | None = None) -> "pandas.DataFrame":
         """A group as a table against time [s], or sample where there is no time; of ``channels`` alone if given.
 
-        Columns are the channels by name as written; units are in ``.attrs["units"]``. With ``counterpoise[pandas]``.
+        Columns are the channels by name as written; units are in ``.attrs["units"]``.
         """
         import pandas
 
