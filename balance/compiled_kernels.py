@@ -37,17 +37,17 @@ class Kernel:
         """The file of the module, which is not imported to find it: it lies in one of the packages beside this one."""
         return Path(__file__).parent.parent.joinpath(*self.module.split(".")).with_suffix(".py")
 
-    def loop(self, compiling: Callable[[], None] = lambda: None, only_kept: bool = False) -> Callable[..., int] | None:
+    def loop(self, compiling: Callable[[], None] = lambda: None) -> Callable[..., int] | None:
         """The loop; None if it cannot be had here.
 
         Where it is not kept, or damaged, it is compiled: some seconds, in another process that gives way to all others;
-        ``compiling`` is called before. With ``only_kept`` it is not compiled.
+        ``compiling`` is called before.
         """
         if sys.platform == "win32" or sys.byteorder != "little":
             return None  # words begin with the lowest byte; LLVM's loader of kept code is not to be had on Windows
         try:
             path = folder() / f"{self.entry}-{self._state()}.o"
-            if (kept := self.kept(path)) is not None or only_kept:
+            if (kept := self.kept(path)) is not None:
                 return kept
             compiling()
             with _one_compiles:  # of several logs that are read at once, all but one find it kept

@@ -22,7 +22,7 @@ from balance.closure import Closure
 from balance.dynamics.inverse_dynamics import simulate
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism
-from balance.mechanism.tape import COMPILED
+from balance.mechanism.tape import compiled_loop
 from balance.motion import Samples
 from balance.motion.driven_coordinates import PointDrive
 from balance.motion.motion_files import load_motion
@@ -219,7 +219,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--only", nargs="*", default=list(REQUIRED), help="mechanisms")
     parser.add_argument("--tuned", action="store_true", help="a peer that predicts, and inverts independent rows")
     options = parser.parse_args(arguments)
-    if not COMPILED.compile():
+    if compiled_loop() is None:
         print("numba (the extra 'compiled') is not installed: NumPy runs the kernel\n")
     print(
         f"Closure, wrench and drive torque of {options.samples} samples; Pinocchio's loop in Python on "

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache
 from importlib.util import find_spec
-from threading import Thread
 from typing import TYPE_CHECKING, Union
 
 import numpy as np
@@ -24,9 +23,9 @@ LANES = 64
 """Samples that the compiled loop works on at a time, as many as in ``tape_kernel``."""
 _BLOCK = 2048
 """Samples that NumPy works on at a time."""
-_KEPT_FROM, _COMPILED_FROM = 1e8, 4e9
-"""Operations times samples from which the compiled loop is looked for, and from which it is compiled: about 0.05 s and
-2 s of NumPy's time."""
+COMPILED_FROM = 2048
+"""Samples of a run from which the compiled loop takes it. By the run alone: both round differently in the last digit,
+and the same run gives the same bits whatever was run before."""
 _LARGEST_ANGLE = 1e5
 """Up to here the compiled loop's sine and cosine are right [rad]."""
 
@@ -40,34 +39,10 @@ def kernel() -> "Kernel":
     return Kernel("balance.mechanism.tape_kernel", "run_tape", arguments)
 
 
-class CompiledLoop:
-    """The compiled loop, from when there is enough to do: first the one that is kept, then one that is compiled.
-
-    While it is compiled, in a process of its own, NumPy goes on.
-    """
-
-    def __init__(self) -> None:
-        self._work, self._asked = 0.0, False
-        self._found: Callable[..., int] | None = None
-
-    def after(self, work: float) -> Callable[..., int] | None:
-        """The loop, or None as long as there is none, ``work`` more operations being asked for."""
-        self._work += work
-        if self._found is None and self._work > _KEPT_FROM and find_spec("numba"):
-            if not self._asked:
-                self._asked, self._found = True, kernel().loop(only_kept=True)
-            elif self._work > _COMPILED_FROM:
-                self._work = -np.inf
-                Thread(target=self.compile, daemon=True).start()
-        return self._found
-
-    def compile(self) -> bool:
-        """Compile the loop now, if it is not kept: some seconds; whether it can be had."""
-        self._found = kernel().loop() if find_spec("numba") else None
-        return self._found is not None
-
-
-COMPILED = CompiledLoop()
+@cache
+def compiled_loop() -> Callable[..., int] | None:
+    """The compiled loop, compiled once a machine (some seconds) and kept; None where it is not to be had."""
+    return kernel().loop() if find_spec("numba") else None
 
 
 class Op(IntEnum):
@@ -259,7 +234,7 @@ class Program:
         read = [row for block in inputs for row in block]
         write = [row for block in outputs for row in block]
         count = len(write[0])
-        loop = COMPILED.after(float(count * len(self.code)))
+        loop = compiled_loop() if count >= COMPILED_FROM else None
         if loop is not None and max(np.abs(x).max() for x in inputs) < _LARGEST_ANGLE:
             self._run_compiled(loop, values, read, write)
             return
