@@ -69,9 +69,11 @@ def fit(cases: Cases, names: Sequence[str] = NAMES, starts: int = STARTS) -> Fit
     ended = [end for end in ended if end.success]
     if not ended:
         raise AnalysisError(f"none of {starts} starts of the calibration converged on {len(cases.printed)} numbers")
-    best = min(ended, key=lambda end: float(end.cost))
-    alike = np.array([end.x for end in ended if end.cost <= best.cost * (1.0 + _SAME)])
-    ranges = low[:, None] + np.stack([alike.min(axis=0), alike.max(axis=0)], axis=1) * (high - low)[:, None]
+    least = min(float(end.cost) for end in ended)
+    alike = [end for end in ended if end.cost <= least * (1.0 + _SAME)]
+    best = alike[0]  # of equals the first start's, not the one that rounding favours
+    ends = np.array([end.x for end in alike])
+    ranges = low[:, None] + np.stack([ends.min(axis=0), ends.max(axis=0)], axis=1) * (high - low)[:, None]
     return Fit(order, low + best.x * (high - low), residuals(best.x), starts, len(alike), ranges)
 
 
