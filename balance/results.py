@@ -63,6 +63,11 @@ def rpm(speed: Any) -> Any:  # noqa: ANN401
     return speed / (math.pi / 30.0)
 
 
+def milli(value: Any) -> Any:  # noqa: ANN401
+    """A value, or array of values (...,) [SI], in thousandths of its unit: metres in mm, kilograms in g."""
+    return 1e3 * value
+
+
 def finite(number: float) -> float | None:
     """A number, or None for one that is not finite."""
     return number if math.isfinite(number) else None

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..results import table as table_of
 from . import options
 from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 from .options import Quantity, speed_option
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from ..engines.balance_shafts import ResidualOverTurn, Shaft
     from ..engines.engine import Engine
     from ..engines.free_forces import FreeForces
+    from ..engines.slider_crank import Replacement
 
 _BUILT_ORDERS = 2
 """Highest order whose balance shafts are shown: those of higher orders are not built."""
@@ -73,7 +75,7 @@ def single(
     """
     from ..engines import partial_balance
     from ..engines.engine_files import load_engine
-    from ..engines.results import cylinder_document
+    from ..engines.results import cylinder_document, rod_replacements
 
     if radius is not None and mass is not None:
         raise click.UsageError("give either --radius or --mass: m_b r_b is fixed")
@@ -99,7 +101,7 @@ def single(
     if as_json:
         emit_json(document)
     else:
-        _print_single(document)
+        _print_single(document, rod_replacements(crank))
         if model.counterweights:
             names = ", ".join(weight.name for weight in model.counterweights)
             click.echo(f"The file's own counterweights ({names}) are not included here: see balance engine free.")
@@ -109,15 +111,10 @@ def single(
         raise click.exceptions.Exit(EXIT_WITH_FINDINGS)
 
 
-def _print_single(document: dict[str, Any]) -> None:
-    rows = [
-        [r["replacement"], "; ".join(f"{m['mass_kg']:.5g} kg at {m['at_mm']:.5g} mm" for m in r["masses"]),
-         f"{r['missing_inertia_kgm2']:+.4g}"]
-        for r in document["rod"]
-    ]  # fmt: skip
-    if rows:
+def _print_single(document: dict[str, Any], rod: "list[Replacement]") -> None:
+    if rod:
         note = "places from the crank pin; with no inertia missing (third condition) force and moment are both true"
-        emit_table("Connecting rod as point masses", ["replacement", "masses", "missing inertia [kg m2]"], rows, note)
+        emit_table("Connecting rod as point masses", *table_of(type(rod[0]), rod), note)
     click.echo(
         f"Rotating {document['rotating_mass_at_r_kg']:.5g} kg at the crank radius, reciprocating "
         f"{document['reciprocating_mass_kg']:.5g} kg; at {document['speed_rad_per_s']:.5g} rad/s: rotating "
@@ -297,6 +294,10 @@ def _print_free(
         click.echo(f"Source: {engine.source}.")
 
 
+_COMPARED = {"F1_mrw2": "F1", "F1_with_counterweights_mrw2": "F1*", "M1_mrw2a": "M1",
+             "M1_with_counterweights_mrw2a": "M1*", "F2_mrw2": "F2", "M2_mrw2a": "M2"}  # fmt: skip
+
+
 @engine.command(
     short_help="The common engines side by side.",
     epilog="""\b
@@ -323,20 +324,12 @@ def table(engines: tuple[str, ...], ratio: float, as_json: bool) -> None:
     if as_json:
         emit_json({"ratio_r_over_l": ratio, "engines": rows})
         return
-    columns = [
-        "F1_mrw2",
-        "F1_with_counterweights_mrw2",
-        "M1_mrw2a",
-        "M1_with_counterweights_mrw2a",
-        "F2_mrw2",
-        "M2_mrw2a",
-    ]
     cells = [
-        [row["engine"], *(f"{row[column]:.4g}" for column in columns), "-".join(map(str, row["firing_order"])),
+        [row["engine"], *(f"{row[column]:.4g}" for column in _COMPARED), "-".join(map(str, row["firing_order"])),
          "even" if row["firing_even"] else " ".join(f"{i:g}" for i in row["firing_intervals_deg"])]
         for row in rows
     ]  # fmt: skip
-    header = ["engine", "F1", "F1*", "M1", "M1*", "F2", "M2", "fires", "intervals"]
+    header = ["engine", *_COMPARED.values(), "fires", "intervals"]
     note = (
         f"Forces in m r omega^2, moments about the middle in m r omega^2 a; r / l = {ratio:g}. *: with the best "
         "counterweights on the crankshaft, which remove what turns with it; the residual needs balance shafts."

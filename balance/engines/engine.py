@@ -7,11 +7,13 @@ of cylinder i at beta_i; its own crank angle, from its own top dead centre, is t
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
+from typing import Annotated
 
 import numpy as np
 
 from ..arrays import Complexes, Floats
 from ..errors import DataError
+from ..results import Key
 from ..rotors.rotor import Unbalance
 from .slider_crank import SliderCrank
 
@@ -117,15 +119,15 @@ class Engine:
 class Firing:
     """Firing angles over a working cycle."""
 
-    order: tuple[int, ...]
+    order: Annotated[tuple[int, ...], Key()]
     """Cylinders, counted from 1, in the order in which they fire."""
-    angles_deg: tuple[float, ...]
+    angles_deg: Annotated[tuple[float, ...], Key()]
     """Crank angle at which each of them fires, from the first [deg]."""
-    intervals_deg: tuple[float, ...]
+    intervals_deg: Annotated[tuple[float, ...], Key()]
     """From each to the next, over the cycle [deg]."""
 
     @property
-    def even(self) -> bool:
+    def even(self) -> Annotated[bool, Key()]:
         """Whether all intervals are equal."""
         return max(self.intervals_deg) - min(self.intervals_deg) < 1e-6
 

@@ -6,11 +6,12 @@ m_b r_b = (rotating) + c m r. The residual force is m r omega^2 (f(theta) - c e^
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
 from ..arrays import Complexes, Floats
+from ..results import Key
 from . import slider_crank
 from .slider_crank import SliderCrank
 
@@ -123,14 +124,14 @@ def _largest(crank: SliderCrank, fraction: float, model: Model) -> tuple[float, 
 class Extremes:
     """Of a shaking force over one turn [N]."""
 
-    largest: float
-    at_deg: float
+    largest: Annotated[float, Key("F_max_N")]
+    at_deg: Annotated[float, Key("F_max_at_deg")]
     """Crank angle of the largest [deg]."""
-    least: float
-    rms: float
-    x: tuple[float, float]
+    least: Annotated[float, Key("F_min_N")]
+    rms: Annotated[float, Key("F_rms_N")]
+    x: Annotated[tuple[float, float], Key("Fx_N")]
     """Least and largest component along the cylinder's axis."""
-    y: tuple[float, float]
+    y: Annotated[tuple[float, float], Key("Fy_N")]
     """Least and largest component across."""
 
 

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from ..results import document
 from ..rotors.rotor import vector_document
 from . import partial_balance, slider_crank
 from .balance_shafts import ResidualForces, ResidualOverTurn, Shaft
 from .engine import Engine, dead_centres, firing
 from .free_forces import FreeForces, RotatingVector, cylinder_sums, free_forces
 from .partial_balance import largest_over_turn
-from .slider_crank import SliderCrank, replacements, rod_findings
+from .slider_crank import Replacement, SliderCrank, replacements, rod_findings
 
 _POLAR = 24
 """Crank angles of the polar diagram in the document."""
@@ -47,7 +48,7 @@ def cylinder_document(
         "exact_orders_of_reciprocating_force": {
             str(k): [c.real, c.imag] for k, c in slider_crank.exact_series(crank).items() if abs(c) > 1e-12
         },
-        "rod": _rod(crank),
+        "rod": [document(each) for each in rod_replacements(crank)],
         "findings": rod_findings(crank),
         "cases": {name: _case(crank, weight, omega, radius, mass) for name, weight in cases.items()},
         "best_fraction": {
@@ -63,17 +64,9 @@ def _unit(key: str) -> str:
     return "kg" if key.endswith("mass") else "kgm2" if key.endswith("inertia") else "m"
 
 
-def _rod(crank: SliderCrank) -> list[dict[str, Any]]:
-    if not 0.0 < crank.rod_centre < crank.rod_length or crank.rod_mass == 0.0:
-        return []
-    return [
-        {
-            "replacement": found.name,
-            "masses": [{"place": m.place, "mass_kg": m.mass, "at_mm": 1e3 * m.at} for m in found.masses],
-            "missing_inertia_kgm2": found.missing_inertia,
-        }
-        for found in replacements(crank)
-    ]
+def rod_replacements(crank: SliderCrank) -> list[Replacement]:
+    """Point masses in the place of the rod; none of a rod without mass, or whose centre is not between its pins."""
+    return replacements(crank) if 0.0 < crank.rod_centre < crank.rod_length and crank.rod_mass else []
 
 
 def _case(crank: SliderCrank, weight: float, omega: float, radius: float | None, mass: float | None) -> dict[str, Any]:
@@ -84,15 +77,7 @@ def _case(crank: SliderCrank, weight: float, omega: float, radius: float | None,
         "counterweight_radius_mm": 1e3 * radius if radius else 1e3 * weight / mass if mass and weight else None,
     }
     for model in partial_balance.MODELS:
-        turn = partial_balance.residual_extremes(crank, weight, omega, model)
-        found[model] = {
-            "F_max_N": turn.largest,
-            "F_max_at_deg": turn.at_deg,
-            "F_min_N": turn.least,
-            "F_rms_N": turn.rms,
-            "Fx_N": list(turn.x),
-            "Fy_N": list(turn.y),
-        }
+        found[model] = document(partial_balance.residual_extremes(crank, weight, omega, model))
     theta = partial_balance.crank_angles(_POLAR)
     found["polar"] = {
         model: [
@@ -111,7 +96,6 @@ def engine_document(
     force, moment = ("mrw2", "mrw2a") if engine.normalised else ("N", "Nm")
     length, unbalance = ("a", "mr") if engine.normalised else ("m", "kgm")
     rolling, _ = largest_over_turn(lambda theta: abs(engine.rolling(theta, omega)))
-    fired = firing(engine)
     return {
         "engine": engine.name,
         "source": engine.source or None,
@@ -139,14 +123,7 @@ def engine_document(
             "theta_deg": [degrees(angle) for angle in residual.theta],
             **{stage: _residual(each, force, moment) for stage, each in residual.stages.items()},
         },
-        "firing": {
-            "strokes": engine.strokes,
-            "order": list(fired.order),
-            "angles_deg": list(fired.angles_deg),
-            "intervals_deg": list(fired.intervals_deg),
-            "even": fired.even,
-            "dead_centres_deg": dead_centres(engine),
-        },
+        "firing": {"strokes": engine.strokes, **document(firing(engine)), "dead_centres_deg": dead_centres(engine)},
     }
 
 

@@ -11,11 +11,13 @@ masses at the pins keep the first two: the shaking force is true, the moment is 
 """
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from ..arrays import Complexes, Floats
 from ..errors import DataError
+from ..results import Key, milli
 
 _SAMPLES = 8192
 """Of a turn, for the discrete Fourier transform."""
@@ -139,20 +141,24 @@ class SliderCrank:
 class PointMass:
     """A mass on the rod's line."""
 
-    place: str
-    mass: float
+    place: Annotated[str, Key()]
+    mass: Annotated[float, Key("mass_kg")]
     """[kg]"""
-    at: float
+    at: Annotated[float, Key("at_mm", to=milli)]
     """Distance from the crank pin, towards the piston pin [m]."""
+
+
+def _listed(masses: tuple[PointMass, ...]) -> str:
+    return "; ".join(f"{m.mass:.5g} kg at {milli(m.at):.5g} mm" for m in masses)
 
 
 @dataclass(frozen=True)
 class Replacement:
     """Point masses in the rod's place."""
 
-    name: str
-    masses: tuple[PointMass, ...]
-    missing_inertia: float
+    name: Annotated[str, Key("replacement", "replacement", "s")]
+    masses: Annotated[tuple[PointMass, ...], Key("", "masses", _listed)]
+    missing_inertia: Annotated[float, Key("missing_inertia_kgm2", "missing inertia [kg m2]", "+.4g")]
     """Inertia of the rod minus that of the masses, about the rod's centre of mass [kg m2]; zero keeps the third
     condition."""
 

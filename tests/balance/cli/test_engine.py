@@ -9,7 +9,6 @@ from click.testing import CliRunner
 
 from balance.balancing.conditions import balance_conditions
 from balance.cli.engine import engine
-from balance.errors import DataError
 from balance.mechanism.mjcf_parser import load_mechanism
 
 
@@ -136,37 +135,7 @@ def test_residual_with_counterweights_and_shafts_over_a_turn(tmp_path):
     assert set(boxer["force_x_mrw2"]) == {0.0}  # no rounding error is shown as a force
     assert boxer["largest_force_mrw2"] == 0.0
     assert "and the balance shafts" in CliRunner().invoke(engine, ["free", str(path)]).output
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("1.9e-3 kg m^2", "-1.9e-3 kg m^2", "slider_crank.rod_inertia: '-1.9e-3 kg m\\^2': expected zero or more"),
-        ("131 mm", "31 mm", r"odd.toml: slider_crank: crank 0.041 m, rod 0.031 m"),
-        (
-            "at = 0.2",
-            'at = 0.2\n[[counterweights]]\nname = "front"\nunbalance = "1 kg mm @ 0 deg"\nat = 1',
-            "counterweights: 'front' is there twice",
-        ),
-        (
-            "speed =",
-            "firing_order = [1, 2, 2]\nspeed =",
-            r"odd.toml: firing_order: \[1, 2, 2\]: expected the cylinders 1 to 3",
-        ),
-    ],
-)
-def test_a_wrong_file_is_named(tmp_path, old, new, message):
-    """With the key."""
-    path = tmp_path / "odd.toml"
-    path.write_text(ENGINE.replace(old, new, 1), encoding="utf-8")
-    with pytest.raises(DataError, match=message):
-        CliRunner().invoke(engine, ["free", str(path)], catch_exceptions=False)
-
-
-def test_one_cylinder_of_many_is_called_so(tmp_path):
-    """And the counterweights of the file, which are not included, are named."""
-    path = tmp_path / "odd.toml"
-    path.write_text(ENGINE, encoding="utf-8")
+    # one cylinder of many is called so, and the counterweights of the file, which are not included, are named
     output = CliRunner().invoke(engine, ["single", str(path)], catch_exceptions=False).output
     assert "one of its 3 cylinders" in output
     assert "own counterweights (front) are not included" in output

@@ -116,14 +116,8 @@ def test_common_engines(name, F1, M1, F2, M2):
     assert first.moment.largest == pytest.approx(M1, rel=1e-4, abs=1e-12)
     assert second.force.largest / 0.25 == pytest.approx(F2, abs=1e-12)
     assert second.moment.largest / 0.25 == pytest.approx(M2, rel=1e-4, abs=1e-12)
-
-
-@pytest.mark.parametrize("name", ["v2-90", "v4-90", "v6-60", "v8-90-crossplane"])
-def test_counterweights_alone_balance_first_order(name):
-    """Engines whose first order turns with the crankshaft only: nothing turns against it."""
-    first = free_forces.free_forces(load_layout(name), 1)[0]
-    assert abs(first.force.backward) < 1e-12
-    assert abs(first.moment.backward) < 1e-12
+    if name in {"v2-90", "v6-60", "v8-90-crossplane"}:  # counterweights alone balance first order
+        assert max(abs(first.force.backward), abs(first.moment.backward)) < 1e-12
 
 
 def test_in_line_four_of_the_source():
@@ -187,19 +181,14 @@ def test_firing_intervals(name, intervals):
     assert firing(load_engine(name)).intervals_deg == pytest.approx(intervals)
 
 
-def test_impossible_firing_orders_are_refused(tmp_path):
-    """An in-line six cannot fire 1-2-3-4-5-6: the order takes more than two turns."""
-    path = tmp_path / "six.toml"
-    path.write_text(
-        'throws = ["0 deg", "240 deg", "120 deg", "120 deg", "240 deg", "0 deg"]\nfiring_order = [1, 2, 3, 4, 5, 6]\n'
-    )
-    with pytest.raises(DataError, match="does not fit into one cycle"):
-        firing(load_engine(path))
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        (
+            'throws = ["0 deg", "240 deg", "120 deg", "120 deg", "240 deg", "0 deg"]\n'
+            "firing_order = [1, 2, 3, 4, 5, 6]",  # takes more than two turns
+            "does not fit into one cycle",
+        ),
         ("throws = []", "throws: has 0 values: expected at least 1"),
         ('throws = ["0"]', "no unit"),
         ('throws = ["0 deg"]\nbanks = ["0 deg", "1 deg"]', "banks: has 2 values: expected one for each of the 1"),
@@ -215,6 +204,19 @@ def test_impossible_firing_orders_are_refused(tmp_path):
             'rod_mass = "1 kg"',
             "rod_centre is missing",
         ),
+        (
+            'throws = ["0 deg"]\n[slider_crank]\ncrank_radius = "1 m"\nrod_length = "0.3 m"\npiston_mass = "1 kg"',
+            "engine.toml: slider_crank: crank 1 m, rod 0.3 m",
+        ),
+        (
+            'throws = ["0 deg"]\n[slider_crank]\ncrank_radius = "1 m"\nrod_length = "3 m"\npiston_mass = "1 kg"\n'
+            'rod_inertia = "-1 kg m^2"',
+            "slider_crank.rod_inertia: '-1 kg m\\^2': expected zero or more",
+        ),
+        (
+            'throws = ["0 deg"]' + 2 * ('\n[[counterweights]]\nname = "a"\nunbalance = "1 kg mm @ 0 deg"\nat = 1'),
+            "counterweights: 'a' is there twice",
+        ),
     ],
 )
 def test_wrong_files_are_named(tmp_path, text, message):
@@ -222,4 +224,4 @@ def test_wrong_files_are_named(tmp_path, text, message):
     path = tmp_path / "engine.toml"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(DataError, match=message):
-        load_engine(path)
+        firing(load_engine(path))

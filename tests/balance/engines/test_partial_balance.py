@@ -20,14 +20,6 @@ def test_series_of_the_exact_motion():
     assert max(abs(found[k]) for k in (3, 5, 7)) < 1e-14
 
 
-def test_series_sums_to_the_motion():
-    """All orders together are the exact reciprocation, offset or not."""
-    crank = SliderCrank(0.05, 0.15, piston_mass=1.0, offset=0.02)
-    theta = np.linspace(0.0, 6.0, 50)
-    total = sum((c * np.exp(1j * k * theta)).real for k, c in slider_crank.exact_series(crank, 60).items())
-    np.testing.assert_allclose(total, crank.reciprocation(theta), atol=1e-13)
-
-
 @pytest.mark.parametrize("offset", [0.0, 0.004])
 def test_second_order_is_the_limit_of_long_rods(offset):
     """The usual approximation differs from the exact motion by the square of r / l, offset in first order included."""

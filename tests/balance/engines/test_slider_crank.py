@@ -3,46 +3,15 @@
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from balance.closure import Closure
-from balance.dynamics.inverse_dynamics import simulate
 from balance.engines.engine import Cylinder, Engine
 from balance.engines.engine_files import mjcf
 from balance.engines.slider_crank import SliderCrank, replacements
 from balance.errors import DataError
-from balance.mechanism.mjcf_parser import mechanism_from_text
-from balance.motion import Samples
 
 OWN = SliderCrank(0.05, 0.2, 1.0, 0.025, 0.002, 1.2, 0.06, 0.0101, 0.8)
 TIME = np.linspace(0.0, 2.0, 200)
 THETA, OMEGA, ALPHA = 40 * TIME + np.sin(9 * TIME), 40 + 9 * np.cos(9 * TIME), -81 * np.sin(9 * TIME)
-
-
-def _simulated(engine):
-    model = mechanism_from_text(mjcf(engine), "engine")
-    turning = Samples(TIME, THETA[:, None], OMEGA[:, None], ALPHA[:, None], joints=("crankshaft",))
-    return simulate(model, Closure(model).follow(turning))
-
-
-@settings(max_examples=6, deadline=None)
-@given(
-    st.floats(0.02, 0.3), st.floats(0.05, 0.75), st.floats(-0.15, 0.15), st.floats(-0.8, 0.8), st.floats(0.1, 0.9),
-    st.floats(0.1, 3.0),
-)  # fmt: skip
-def test_force_moment_and_torque_at_varying_speed(radius, ratio, offset, crank_centre, rod_centre, mass):
-    """Any slider-crank, offset or not, at varying speed: the dynamics of its mechanism file to 1e-10."""
-    rod = radius / ratio
-    crank = SliderCrank(radius, rod, 1.3 * mass, crank_centre * radius, 0.4 * mass * radius**2, mass, rod_centre * rod,
-                        0.09 * mass * rod**2, 0.7 * mass, offset * (rod - radius))  # fmt: skip
-    response = _simulated(Engine("one", (Cylinder(0.0, 0.0, 0.0, crank),)))
-    force, moment = crank.force(THETA, OMEGA, ALPHA), crank.moment(THETA, OMEGA, ALPHA)
-    size = np.abs(force).max()
-    np.testing.assert_allclose(response.force[:, 0] + 1j * response.force[:, 1], force, atol=1e-10 * size)
-    np.testing.assert_allclose(response.moment[:, 2], moment, atol=1e-10 * np.abs(moment).max())
-    torque = crank.torque(THETA, OMEGA, ALPHA)
-    np.testing.assert_allclose(response.torque["crankshaft"], torque, atol=1e-10 * np.abs(torque).max())
 
 
 def test_mujoco_as_referee():
@@ -94,13 +63,6 @@ def test_two_masses_give_the_true_force_but_not_the_moment():
     lean = np.gradient(np.gradient(-np.arcsin(0.25 * np.sin(THETA)), TIME, edge_order=2), TIME, edge_order=2)
     np.testing.assert_allclose(off[3:-3], -replacements(OWN)[0].missing_inertia * lean[3:-3], atol=2e-3)
     assert np.abs(off).max() > 1e-3
-
-
-def test_torque_is_the_rate_of_energy():
-    """Over a whole turn at constant speed the torque does no work."""
-    theta = 2 * np.pi * np.arange(4096) / 4096
-    torque = OWN.torque(theta, 100.0)
-    assert abs(torque.mean()) < 1e-12 * np.abs(torque).max()
 
 
 def test_what_cannot_turn_is_refused():
