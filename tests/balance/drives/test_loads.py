@@ -33,11 +33,3 @@ def test_slope_is_the_derivative(kind):
     for gain in (0.6, -1.3):
         difference = (load.torque(0.8, gain, 2.0 + h) - load.torque(0.8, gain, 2.0 - h)) / (2 * h)
         assert load.slope(gain, 2.0) == pytest.approx(difference, abs=1e-8)
-
-
-@pytest.mark.parametrize("kind", ["dry", "viscous", "quadratic"])
-def test_losses_take_energy_whichever_way(kind):
-    """Their power is never positive."""
-    rng = np.random.default_rng(1)
-    gain, rate = rng.normal(size=50), rng.normal(size=50)
-    assert (Load("x", kind, 0, 2.0).torque(0.0, gain, rate) * rate <= 0.0).all()

@@ -44,11 +44,6 @@ def test_arrays_and_numbers_agree(motor):
     np.testing.assert_array_equal(motor.slope(speeds, 90.0), [motor.slope(float(n), 90.0) for n in speeds])
 
 
-def test_peak_torque_is_at_the_peak_slip():
-    """M(s_d) = M_d."""
-    assert INDUCTION.curve(0.315) == pytest.approx(12.75, rel=1e-15)
-
-
 def test_mirrored_braking_mirrors_driving():
     """M(-s) = -M(s); the published formula does not do that."""
     mirrored = MOTORS["mirrored"]

@@ -5,7 +5,9 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 
+from balance.linkages.equivalence_method import balance_linkage
 from balance.linkages.linkage_files import linkage_from_table
+from balance.linkages.verification import verify_linkage
 
 _DISC = {"mass": "6.127 kg", "diameter": "1 m"}
 
@@ -84,6 +86,16 @@ def slider_crank():
         "start": {"2": "70 deg", "3": "-10 deg"},
         "gears": {"z2": {"body": "2", "teeth": [30, 20]}, "z3": {"body": "3", "teeth": [20, 50]}},
     }  # fmt: skip
+
+
+def balanced(keys, **options):
+    """The linkage of these keys, balanced."""
+    return balance_linkage(linkage_from_table(keys, "x"), **options)
+
+
+def left_over(result, stage="complete"):
+    """Largest force or moment at varying speed, as a share of before."""
+    return max(verify_linkage(result, count=60).varying.residual(stage).values())
 
 
 @pytest.fixture

@@ -16,6 +16,8 @@ from balance.linkages.results import linkage_findings
 from balance.linkages.verification import turn_samples, verify_linkage
 from balance.mechanism.mjcf_parser import mechanism_from_text
 
+from .conftest import balanced
+
 
 def run_of(result, stage="complete", count=48):
     """Mechanism, trajectory, and forces of a stage at varying speed."""
@@ -90,7 +92,7 @@ def test_a_counter_gear_without_a_pivot_has_no_tooth_force(crank_rocker_keys):
 def test_two_pins_in_one_place_have_no_forces_by_equilibrium(slider_crank_keys):
     """A second pin in the place of one."""
     keys = slider_crank_keys
-    result = balance_linkage(linkage_from_table(keys, "x"))
+    result = balanced(keys)
     model, path, _ = run_of(result)
     again = {**result.linkage.joints, "C2": result.linkage.joints["C"]}
     object.__setattr__(result.linkage, "joints", again)
@@ -145,9 +147,9 @@ def test_what_cannot_be_built_is_refused(built, message):
 def test_impossible_rods_and_counter_masses_are_findings(slider_crank_keys):
     """An inertia in kg cm2 read as kg m2; a counter-mass a tenth of a millimetre from its joint."""
     keys = slider_crank_keys
-    assert linkage_findings(balance_linkage(linkage_from_table(keys, "x"))) == []
+    assert linkage_findings(balanced(keys)) == []
     keys["links"]["2"]["counter_mass"] = {"radius": "0.01 mm"}
-    (heavy,) = linkage_findings(balance_linkage(linkage_from_table(keys, "x")))
+    (heavy,) = linkage_findings(balanced(keys))
     assert "counter-mass m2* is" in heavy
     assert "0.01 mm from joint A0" in heavy
     keys["links"]["2"]["counter_mass"] = {"radius": "50 mm"}
@@ -155,10 +157,7 @@ def test_impossible_rods_and_counter_masses_are_findings(slider_crank_keys):
     keys["joints"]["D"] = {"5": ["90 mm", "0 m"], "4": ["0 m", "0 m"]}
     keys["links"]["5"] = {"mass": "0.1 kg", "centre": ["45 mm", "0 m"], "inertia": "2 kg m^2",
                           "counter_mass": {"radius": "40 mm"}}  # fmt: skip
-    assert (
-        "link 5: inertia 2 kg m2 means a radius of gyration"
-        in linkage_findings(balance_linkage(linkage_from_table(keys, "x"), gears=False))[0]
-    )
+    assert "link 5: inertia 2 kg m2 means a radius of gyration" in linkage_findings(balanced(keys, gears=False))[0]
 
 
 def test_the_drawing_shows_gears_by_their_pitch_circles():

@@ -10,9 +10,10 @@ from balance.linkages.equivalence_method import balance_linkage
 from balance.linkages.expressions import ORIGIN, Point, Symbol, read_length
 from balance.linkages.force_balance import solve_force_balance
 from balance.linkages.linkage import Place
-from balance.linkages.linkage_files import linkage_from_table
 from balance.linkages.mjcf_writer import linkage_mjcf
 from balance.mechanism.mjcf_parser import mechanism_from_text
+
+from .conftest import balanced
 
 HERE = {"a": Symbol(1.0, 0.0)}
 
@@ -72,7 +73,7 @@ def test_momentum_vanishes_at_random_states(random_crank_rocker):
 
 def test_mass_reduced_to_the_ground_is_the_whole_mass(crank_rocker_keys):
     """Point masses that reach the ground add up to the linkage with its counter-masses."""
-    result = balance_linkage(linkage_from_table(crank_rocker_keys, "x"), gears=False)
+    result = balanced(crank_rocker_keys, gears=False)
     total = sum(result.values[part.mass] for body in result.linkage.bodies.values() for part in body.parts)
     total += sum(counter.mass for _, counter in result.counters())
     assert sum(result.force[body].mass for body in ("2", "4", "6")) == pytest.approx(total)

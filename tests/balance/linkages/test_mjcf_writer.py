@@ -8,9 +8,11 @@ from balance.balancing.conditions import balance_conditions
 from balance.closure import Closure
 from balance.errors import ClosureError, ModelError
 from balance.linkages.equivalence_method import balance_linkage
-from balance.linkages.linkage_files import linkage_from_table, load_linkage
+from balance.linkages.linkage_files import load_linkage
 from balance.linkages.mjcf_writer import linkage_mjcf
 from balance.mechanism.mjcf_parser import mechanism_from_text
+
+from .conftest import balanced
 
 
 def test_gears_in_mujoco_follow_their_ratios():
@@ -51,7 +53,7 @@ def test_a_linkage_that_does_not_close_is_refused(slider_crank_keys):
     keys = slider_crank_keys
     keys["joints"]["C"]["3"] = ["20 mm", "0 m"]
     with pytest.raises(ClosureError, match=r"cannot be closed near the angles under \[start\]"):
-        linkage_mjcf(balance_linkage(linkage_from_table(keys, "x")), "before")
+        linkage_mjcf(balanced(keys), "before")
 
 
 @pytest.mark.parametrize(
@@ -66,7 +68,7 @@ def test_what_a_simulation_needs_is_named(change, message, slider_crank_keys):
     """Each in one message."""
     change(slider_crank_keys)
     with pytest.raises(ModelError, match=message):
-        linkage_mjcf(balance_linkage(linkage_from_table(slider_crank_keys, "x")), "before")
+        linkage_mjcf(balanced(slider_crank_keys), "before")
 
 
 def shaper():
@@ -127,7 +129,7 @@ def pushed(text, torque):
 
 def test_a_pushed_linkage_leaves_a_free_base_where_it_is_in_mujoco():
     """The file as written, its gears as joint equality and, where several joints turn one, as tendon; both are soft."""
-    result = balance_linkage(linkage_from_table(shaper(), "x"))
+    result = balanced(shaper())
     text = linkage_mjcf(result, "complete", couplings=True)
     assert [tendon.get("name") for tendon in ElementTree.fromstring(text).findall("tendon/fixed")] == ["z3*"]
     moved, turned = pushed(text, 100.0)
@@ -148,5 +150,5 @@ def test_a_point_mass_that_turns_gets_no_inertia_worth_mentioning(slider_crank_k
     keys["links"]["4"] |= {"mass": "1e-6 kg", "centre": ["0 m", "0 m"]}
     del keys["gears"]["z3"]
     keys["gears"]["z3"] = {"body": "3", "counter": {"mass": "1e-9 kg"}}
-    run = verify_linkage(balance_linkage(linkage_from_table(keys, "x")), count=60).varying
+    run = verify_linkage(balanced(keys), count=60).varying
     assert run.residual("complete")["moment"] < 1e-10

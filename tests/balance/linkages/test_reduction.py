@@ -8,38 +8,30 @@ from balance.errors import ModelError
 from balance.linkages.force_balance import force_balance, leaves_first, reduction_tree
 from balance.linkages.linkage_files import linkage_from_table, load_linkage
 
+LINE = {"point": ["0 m", "0 m"], "along": "0 deg"}
+BETWEEN = {
+    "Q": {"kind": "prismatic", "4": LINE, "5": LINE},
+    "R": {"kind": "prismatic", "5": LINE, "ground": {**LINE, "along": "90 deg"}},
+}
 
-def test_a_body_between_prismatic_joints_is_refused_by_name(slider_crank_keys):
-    """No revolute path to the ground: named, with its joints."""
+
+@pytest.mark.parametrize(
+    ("table", "change", "message"),
+    [
+        ("joints", BETWEEN, r"body 5 has no revolute path to the ground \(its joints: Q, R\)"),
+        ("joints", {"A": {"kind": "prismatic", "2": LINE, "3": LINE}}, "body 3 has no revolute path to the ground"),
+        ("reduction", {"4": "P"}, "mass does not pass through the prismatic joint P"),
+        ("reduction", {"4": "A0"}, "joint A0 is not one of its own: C"),
+    ],
+)
+def test_a_tree_that_mass_cannot_take_is_refused_by_name(table, change, message, slider_crank_keys):
+    """A body between slides, an island on slides, a reduction over a slide or at another body's joint."""
     keys = slider_crank_keys
-    keys["links"]["5"] = {"mass": "1 kg", "centre": ["0 m", "0 m"]}
-    line = {"point": ["0 m", "0 m"], "along": "0 deg"}
-    keys["joints"]["Q"] = {"kind": "prismatic", "4": line, "5": line}
-    keys["joints"]["R"] = {"kind": "prismatic", "5": line, "ground": {**line, "along": "90 deg"}}
-    with pytest.raises(ModelError, match=r"body 5 has no revolute path to the ground \(its joints: Q, R\)"):
-        reduction_tree(linkage_from_table(keys, "x"), {})
-
-
-def test_a_bodies_island_on_slides_is_refused(slider_crank_keys):
-    """Two bodies pinned to each other, but to the ground only by slides, are refused too."""
-    keys = slider_crank_keys
-    line = {"point": ["0 m", "0 m"], "along": "0 deg"}
-    keys["joints"]["A"] = {"kind": "prismatic", "2": line, "3": line}
-    with pytest.raises(ModelError, match="body 3 has no revolute path to the ground"):
-        reduction_tree(linkage_from_table(keys, "x"), {})
-
-
-def test_mass_does_not_pass_through_a_prismatic_joint(slider_crank_keys):
-    """A reduction joint that is prismatic is refused."""
-    linkage = linkage_from_table({**slider_crank_keys, "reduction": {"4": "P"}}, "x")
-    with pytest.raises(ModelError, match="mass does not pass through the prismatic joint P"):
-        reduction_tree(linkage, linkage.values)
-
-
-def test_a_foreign_joint_is_refused(slider_crank_keys):
-    """A reduction joint must be one of the body's own."""
-    linkage = linkage_from_table({**slider_crank_keys, "reduction": {"4": "A0"}}, "x")
-    with pytest.raises(ModelError, match="joint A0 is not one of its own: C"):
+    keys[table] = keys.get(table, {}) | change
+    if change is BETWEEN:
+        keys["links"]["5"] = {"mass": "1 kg", "centre": ["0 m", "0 m"]}
+    linkage = linkage_from_table(keys, "x")
+    with pytest.raises(ModelError, match=message):
         reduction_tree(linkage, linkage.values)
 
 

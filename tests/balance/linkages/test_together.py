@@ -7,6 +7,8 @@ from balance.linkages.equivalence_method import balance_linkage
 from balance.linkages.linkage_files import linkage_from_table, load_linkage
 from balance.linkages.verification import verify_linkage
 
+from .conftest import balanced
+
 
 def parallelogram(second="0.1 m"):
     """A parallelogram crank linkage whose coupler only translates, along a circle."""
@@ -39,7 +41,7 @@ def parallelogram(second="0.1 m"):
 
 def test_a_parallelogram_turns_through_where_it_lies_flat():
     """A whole turn, through two positions that are singular without what is known of the coupler."""
-    check = verify_linkage(balance_linkage(linkage_from_table(parallelogram(), "x")), count=72)
+    check = verify_linkage(balanced(parallelogram()), count=72)
     for run in (check.constant, check.varying):
         assert run.residual("complete")["force"] < 1e-12
         assert run.residual("complete")["moment"] < 1e-12

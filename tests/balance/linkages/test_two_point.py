@@ -6,19 +6,8 @@ import pytest
 
 from balance.errors import ModelError, SizingError
 from balance.linkages.equations import linkage_equations
-from balance.linkages.equivalence_method import balance_linkage
-from balance.linkages.linkage_files import linkage_from_table
-from balance.linkages.verification import verify_linkage
 
-
-@pytest.fixture
-def keys(slider_crank_keys):
-    """A slider-crank whose connecting rod is shaped as two point masses, its counter-mass beyond the crank pin."""
-    keys = slider_crank_keys
-    keys["links"]["3"] |= {"counter_mass": {"at": ["20 mm", "30 mm"]}}
-    keys["two_point"] = {"3": {"joints": ["A", "C"], "reshaped": "3"}}
-    del keys["gears"]["z3"]
-    return keys
+from .conftest import balanced, left_over
 
 
 def four_bar(keys):
@@ -36,26 +25,17 @@ def four_bar(keys):
 
 def test_a_two_point_coupler_needs_no_gear(crank_rocker_keys):
     """I = m_A m_B L^2 / (m_A + m_B): balanced at varying speed with gears on crank and rocker alone."""
-    result = balance_linkage(linkage_from_table(four_bar(crank_rocker_keys), "x"))
+    result = balanced(four_bar(crank_rocker_keys))
     shares = result.force["3"].shares
     assert min(shares.values()) > 0
-    assert max(verify_linkage(result, count=60).varying.residual("complete").values()) < 1e-10
-
-
-def test_the_centre_is_brought_onto_the_line(crank_rocker_keys):
-    """The counter-mass balances only what is across the line of the joints."""
-    result = balance_linkage(linkage_from_table(four_bar(crank_rocker_keys), "x"))
-    (counter,) = result.force["3"].counters
-    assert counter.mass == pytest.approx(result.values["m3"] * 12 / 50)
+    assert left_over(result) < 1e-10
 
 
 def test_the_equations_of_a_two_point_body_and_of_a_counter_mass_at_a_radius(crank_rocker_keys):
     """Across the line of the joints in symbols; at a radius with the rule of its inertia."""
     keys = four_bar(crank_rocker_keys)
     keys["links"]["2"]["counter_mass"] = {"radius": "60 mm", "bar": "30 mm"}
-    found = {
-        equation.text: equation.value for equation in linkage_equations(balance_linkage(linkage_from_table(keys, "x")))
-    }
+    found = {equation.text: equation.value for equation in linkage_equations(balanced(keys))}
     assert found["m3* = (m3 n[3]) / -n[m3*], n across the line A B"] == pytest.approx(1.15 * 12 / 50)
     mass = next(value for text, value in found.items() if text.startswith("m2* = |"))
     assert found["I2* = m2* (0.03 m)^2/12"] == pytest.approx(mass * 0.03**2 / 12)
@@ -69,8 +49,8 @@ def test_a_gear_that_rides_on_a_two_point_body_is_in_its_equation(crank_rocker_k
     keys["links"]["5"] |= {"mass": "0.2 kg", "centre": ["0.05 m", "12 mm"]}
     keys["joints"]["D"]["3"] = ["0.12 m", "30 mm"]
     del keys["gears"]["z3"], keys["reduction"]["3"]
-    result = balance_linkage(linkage_from_table(keys, "x"))
-    assert max(verify_linkage(result, count=60).varying.residual("complete").values()) < 1e-10
+    result = balanced(keys)
+    assert left_over(result) < 1e-10
     known, texts = result.results(), [equation.text for equation in linkage_equations(result)]
     (text,) = (text for text in texts if text.startswith("I3 = "))
     assert text.startswith("I3 = (m[3 at B] + m_z[3 at B]) L^2 - ")
@@ -82,31 +62,31 @@ def test_a_gear_that_rides_on_a_two_point_body_is_in_its_equation(crank_rocker_k
     assert gears.startswith("m4z* = |m_z[3 at B] r[3]|")
 
 
-def test_without_a_place_on_the_other_side_it_is_refused(crank_rocker_keys):
-    """A centre off the line is named."""
+@pytest.mark.parametrize(
+    ("link", "change", "message"),
+    [
+        ("3", {"counter_mass": {"at": ["0.16 m", "50 mm"]}}, "two_point of 3: its centre of mass is off the line"),
+        ("3", {"centre": ["0.45 m", "0 m"]}, "two_point of 3: its centre of mass is not between A and B"),
+        (
+            "9",
+            {"fixed_to": "3", "mass": "0.1 kg", "centre": ["0.15 m", "0 m"], "inertia": "1 kg m^2"},
+            "link 3 would need an inertia of -",
+        ),
+    ],
+)
+def test_what_two_point_masses_cannot_replace_is_refused(link, change, message, crank_rocker_keys):
+    """A centre off the line without a place on the other side, one outside the joints, too much inertia elsewhere."""
     keys = four_bar(crank_rocker_keys)
-    keys["links"]["3"]["counter_mass"] = {"at": ["0.16 m", "50 mm"]}
-    with pytest.raises(SizingError, match="two_point of 3: its centre of mass is off the line"):
-        balance_linkage(linkage_from_table(keys, "x"))
+    keys["links"][link] = keys["links"].get(link, {}) | change
+    with pytest.raises(SizingError, match=message):
+        balanced(keys)
 
 
-def test_a_centre_outside_the_two_joints_is_refused(crank_rocker_keys):
-    """One of the point masses would be negative."""
-    keys = four_bar(crank_rocker_keys)
-    keys["links"]["3"]["centre"] = ["0.45 m", "0 m"]
-    with pytest.raises(SizingError, match="two_point of 3: its centre of mass is not between A and B"):
-        balance_linkage(linkage_from_table(keys, "x"))
-
-
-def test_too_much_inertia_elsewhere_is_refused(crank_rocker_keys):
-    """Where other parts alone have more inertia than two point masses may, no shape of the link helps."""
-    keys = four_bar(crank_rocker_keys)
-    keys["links"]["9"] = {"fixed_to": "3", "mass": "0.1 kg", "centre": ["0.15 m", "0 m"], "inertia": "1 kg m^2"}
-    with pytest.raises(SizingError, match="link 3 would need an inertia of -"):
-        balance_linkage(linkage_from_table(keys, "x"))
-
-
-def test_a_slider_is_no_second_joint_of_a_gearless_rod(keys):
+def test_a_slider_is_no_second_joint_of_a_gearless_rod(slider_crank_keys):
     """The rod's second point mass would pass to the slider, which itself is reduced to the rod: in a circle."""
+    keys = slider_crank_keys
+    keys["links"]["3"] |= {"counter_mass": {"at": ["20 mm", "30 mm"]}}
+    keys["two_point"] = {"3": {"joints": ["A", "C"], "reshaped": "3"}}
+    del keys["gears"]["z3"]
     with pytest.raises(ModelError, match="circle"):
-        balance_linkage(linkage_from_table(keys, "x"))
+        balanced(keys)

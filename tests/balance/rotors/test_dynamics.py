@@ -7,10 +7,7 @@ import numpy as np
 import pinocchio
 import pytest
 
-from balance.closure import Closure
-from balance.dynamics.inverse_dynamics import simulate
 from balance.mechanism.mjcf_parser import mechanism_from_text
-from balance.motion import Samples
 from balance.rotors import correction_planes
 from balance.rotors.rotor import Plane, Unbalance
 
@@ -37,21 +34,14 @@ def _rotor(seed):
     return [Unbalance(str(i), complex(*rng.normal(0, 0.05, 2)), float(rng.uniform(-1, 1))) for i in range(4)]
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("places", [(-0.8, 0.9), (-1.0, 0.1, 0.7)])
-def test_no_force_and_no_tilting_moment_is_left(seed, places):
-    """Two planes or three: force and moments across the axis below 1e-10 of before, at varying speed."""
-    unbalances = _rotor(seed)
-    corrected = correction_planes.correct_planes(unbalances, [Plane(f"p{z}", z) for z in places]).after
-    before, after = (_simulated(u) for u in (unbalances, corrected))
-    assert np.abs(after.force).max() < 1e-10 * np.abs(before.force).max()
-    assert np.abs(after.moment[:, :2]).max() < 1e-10 * np.abs(before.moment[:, :2]).max()
+@pytest.mark.parametrize("places", [(-0.5, 0.6), (-1.0, 0.1, 0.7)])
+def test_pinocchio_as_referee(places):
+    """The rate of momentum that Pinocchio finds is that of the unbalances; with the corrections none is left.
 
-
-def test_pinocchio_as_referee():
-    """The rate of momentum that Pinocchio finds is that of the unbalances, and vanishes with the corrections."""
+    Nor of angular momentum across the axis; about it remains the torque of the acceleration.
+    """
     unbalances = _rotor(7)
-    corrected = correction_planes.correct_planes(unbalances, [Plane("a", -0.5), Plane("b", 0.6)]).after
+    corrected = correction_planes.correct_planes(unbalances, [Plane(f"p{z}", z) for z in places]).after
     expected = (sum(u.vector for u in unbalances) * (OMEGA**2 - 1j * ALPHA) * np.exp(1j * THETA)).tolist()
     size = max(abs(f) for f in expected)
     for state, force in ((unbalances, expected), (corrected, [0.0] * len(TIME))):
@@ -61,9 +51,5 @@ def test_pinocchio_as_referee():
             args = (np.array([x]) for x in (q, v, a))
             rate = pinocchio.computeCentroidalMomentumTimeVariation(model, data, *args)
             assert abs(-rate.linear[0] - 1j * rate.linear[1] - f) < 1e-12 * size
-
-
-def _simulated(unbalances):
-    model = mechanism_from_text(_mjcf(unbalances), "rotor")
-    turning = Samples(TIME, THETA[:, None], OMEGA[:, None], ALPHA[:, None], joints=("shaft",))
-    return simulate(model, Closure(model).follow(turning))
+            tilting = np.abs(rate.angular[:2]).max()
+            assert tilting < 1e-12 * size or state is unbalances

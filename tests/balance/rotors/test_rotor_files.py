@@ -1,9 +1,10 @@
 """Rotor sheets and tables: what is missing is named."""
 
+import numpy as np
 import pytest
 
 from balance.errors import DataError
-from balance.rotors.rotor_files import load_rotor, load_unbalances
+from balance.rotors.rotor_files import load_rotor
 
 SHEET = """
 [[planes]]
@@ -37,12 +38,6 @@ def test_sheet_in_si(tmp_path):
     assert [u.at for u in rotor.unbalances] == pytest.approx([0.6, 0.3])
 
 
-def test_a_mass_without_its_angle_is_named(tmp_path):
-    """A sheet with one mass missing its angle is refused, mass and key named."""
-    with pytest.raises(DataError, match=r"rotor.toml: masses\[1\] \(B\)\.angle: missing: expected angle"):
-        load_rotor(_write(tmp_path, SHEET.format(angle="")))
-
-
 @pytest.mark.parametrize("row", ["B,2,80,,300", "B,2,80"])
 def test_a_table_row_without_its_angle_is_named(tmp_path, row):
     """A table with an empty or cut cell is refused, line, mass and column named."""
@@ -69,6 +64,11 @@ def test_shipped_table_is_the_shipped_sheet():
             "name,mass (kg),radius (mm),angle (deg),at (mm)\nA,1,1,nan,1\n",
             "\\(A\\): angle: 'nan deg' is no angle",
         ),
+        (
+            "name,mass (kg),radius (mm),angle (deg),at (mm)\nA,1,-80,20,10",
+            "line 2 \\(A\\): radius: '-80 mm': expected zero",
+        ),
+        ("name,mass (kg),radius (mm),angle (deg),at (mm)\nA,1,80,20,10,7", "6 cells, the header has 5 columns"),
         ("name,mass (kg),radius (mm),angle (deg),at (mm)\n", "holds no masses"),
         ("name,mass (kg),radius (mm),angle (deg),at (mm)\nA,1,1,1,1\nA,1,1,1,1\n", "'A' is there twice"),
     ],
@@ -100,6 +100,8 @@ def test_wrong_tables_are_named(tmp_path, text, message):
             "masses: 'A' is there twice",
         ),
         (("[[planes]]", "[[colours]]\n[[planes]]"), "colours: unknown key: expected name, source, masses"),
+        (('"80 mm"', '"-80 mm"'), r"\(A\).radius: '-80 mm': expected zero or more"),
+        (('angle = "90 deg"', ""), r"rotor.toml: masses\[1\] \(B\)\.angle: missing: expected angle"),
         (('"80 mm"', '"80 kg"'), "radius: '80 kg': 'kg' is not a unit of length"),
         (('mass = "3 kg"', 'mass = "3 kg"\ncolour = "red"'), "colour: unknown key"),
         (("[[planes]]", 'speed = "50 Hz"\n[[planes]]'), "turns or radians"),
@@ -118,27 +120,7 @@ def test_a_linkage_is_no_rotor():
             load_rotor(name)
 
 
-@pytest.mark.parametrize(
-    ("row", "said"),
-    [
-        ("A,1,-80,20,10", "line 2 \\(A\\): radius: '-80 mm': expected zero or more"),
-        ("A,1,80,20,10,7", "6 cells, the header has 5 columns"),
-    ],
-)
-def test_rows_that_are_not_what_they_seem(tmp_path, row, said):
-    """A negative radius, which would turn the mass unseen, and a cell too many, which a comma in a number makes."""
-    path = tmp_path / "masses.csv"
-    path.write_text(f"name,mass (kg),radius (mm),angle (deg),at (mm)\n{row}\n", encoding="utf-8")
-    with pytest.raises(DataError, match=said):
-        load_unbalances(path)
-
-
-def test_a_negative_radius_in_a_sheet_is_refused_and_a_hole_is_not(tmp_path):
-    """A radius has its angle; a hole is a negative mass."""
-    path = tmp_path / "rotor.toml"
-    text = '[[masses]]\nname = "A"\nmass = "{}"\nradius = "{}"\nangle = "0 deg"\nat = "1 mm"\n'
-    path.write_text(text.format("1 kg", "-80 mm"), encoding="utf-8")
-    with pytest.raises(DataError, match=r"\(A\).radius: '-80 mm': expected zero or more"):
-        load_rotor(path)
-    path.write_text(text.format("-1 kg", "80 mm"), encoding="utf-8")
-    assert load_rotor(path).unbalances[0].vector == pytest.approx(-0.08)
+def test_a_hole_is_a_negative_mass(tmp_path):
+    """Its radius has its angle."""
+    text = SHEET.format(angle='angle = "90 deg"').replace('"3 kg"', '"-3 kg"')
+    assert abs(load_rotor(_write(tmp_path, text)).unbalances[0].vector + 0.24 * np.exp(1j * np.pi / 3)) < 1e-15

@@ -70,16 +70,6 @@ def test_stock_weights_are_as_good_as_brute_force(seed):
     assert all(used.count(plate.name) <= plate.quantity for plate in stock)
 
 
-def test_known_discrete_split():
-    """30 at 100 deg from 5, 10, 20, one a hole, three of twelve holes: 0.537 is the least residual."""
-    stock = [Plate(str(m), m, 9) for m in (5.0, 10.0, 20.0)]
-    split = weight_splitting.split_from_stock(
-        _polar(30.0, 100.0), weight_splitting.evenly_spaced(12, 0.0), stock, None, weight_splitting.SplitRules(1, 3)
-    )
-    assert {i: w for i, w in enumerate(split.weights) if w} == {1: 5.0, 3: 10.0, 4: 20.0}
-    assert split.residual() == pytest.approx(0.53695602, abs=1e-8)
-
-
 def test_of_equal_sets_the_lightest():
     """A weight and its opposite twin add nothing: they are left out."""
     split = weight_splitting.split_from_stock(
