@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..results import table
 from . import options
 from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 
@@ -264,15 +265,13 @@ def _print_flywheels(result: dict[str, Any]) -> None:
 
 
 def _print_start_up(result: dict[str, Any]) -> None:
+    from ..drives.time_integration import Turn
+
     for run in result["start_up"]:
-        rows = [
-            [str(t["turn"]), f"{t['end_s']:.4f}", f"{t['fastest_rpm']:.3f}", f"{t['slowest_rpm']:.3f}"]
-            for t in run["turns"]
-        ]
         settled = run["settled_in_turn"]
         note = f"Steady within 0.1 rpm from turn {settled}." if settled else "Not yet steady within 0.1 rpm."
         title = f"Start-up, {', '.join(_setting(run)[:2])}, {_setting(run)[2]} counter-masses"
-        emit_table(title, ["turn", "ends at [s]", "n_max [rpm]", "n_min [rpm]"], rows, note)
+        emit_table(title, *table(Turn, run["turns"]), note)
 
 
 def _print_convergence(result: dict[str, Any]) -> None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..results import table
 from . import options
 from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 from .options import Quantity
@@ -221,6 +222,8 @@ def _unplaced(linkage: "Linkage") -> str:
 
 def _print_balance(document: dict[str, Any], with_equations: bool) -> None:
     """The reduction tree, counter-masses, gears, and the inertia that two-point bodies must have."""
+    from ..linkages.moment_balance import GearResult
+
     rows = [
         [r["body"], r["joint"], " + ".join(f"{share:.4f} at {joint}" for joint, share in r["point_masses_kg"].items())]
         for r in document["reduction"]
@@ -234,17 +237,20 @@ def _print_balance(document: dict[str, Any], with_equations: bool) -> None:
     ]  # fmt: skip
     header = ["counter-mass", "body", "against", "mass [kg]", "x [mm]", "y [mm]", "inertia [kg m2]"]
     emit_table("Counter-masses, from the reduction joint of their body", header, rows)
-    rows = [
-        [g["name"], g["body"], g["joint"], g["carrier"], "{}:{}".format(*g["teeth"]),
-         f"{g['counter_gear_inertia_kgm2']:.4g}",
-         "-" if g["counter_gear_mass_kg"] is None else f"{g['counter_gear_mass_kg']:.4f}",
-         f"{g['gear_mass_kg']:.4f}" if g["gear_mass_kg"] else "-",
-         f"{g['gear_inertia_kgm2']:.4g}" if g["gear_mass_kg"] else "-"]
-        for g in document["gears"]
-    ]  # fmt: skip
     if document["inertias"]:
-        header = ["gear", "body", "at", "carrier", "Z:Z*", "I_z [kg m2]", "m_z* [kg]", "m_z [kg]", "I_m_z [kg m2]"]
-        emit_table("Gears: counter-gear I_z and m_z*, real gear on the body m_z and I_m_z", header, rows)
+        columns = (
+            "name",
+            "body",
+            "joint",
+            "carrier",
+            "teeth",
+            "inertia",
+            "counter_mass",
+            "wheel_mass",
+            "wheel_inertia",
+        )
+        title = "Gears: counter-gear I_z and m_z*, real gear on the body m_z and I_m_z"
+        emit_table(title, *table(GearResult, document["gears"], *columns))
     else:
         click.echo("No gears: the force is balanced, the moment is not.")
     for link, inertia in document["reshaped_inertia_kgm2"].items():

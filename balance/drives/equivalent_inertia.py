@@ -6,6 +6,7 @@ motion is I phi'' + I' phi'^2 / 2 + V' = Q. All of it is computed from the mecha
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from scipy.optimize import brentq
@@ -17,6 +18,7 @@ from ..dynamics.regressor import potential
 from ..errors import ModelError
 from ..mechanism.mechanism import Mechanism
 from ..motion import Samples
+from ..results import Key
 from . import DriveError
 from .fourier_series import Periodic
 
@@ -38,18 +40,18 @@ class EquivalentInertia:
     """
 
     mechanism: Mechanism
-    crank: str
-    direction: int
+    crank: Annotated[str, Key()]
+    direction: Annotated[int, Key()]
     """1, or -1 where the crank turns clockwise (about minus its axis)."""
     functions: Periodic
     """I(u) [kg m2], V(u) [J], then the gains dq_j/du of all coordinates [-, m]."""
     slopes: Periodic
     """Their derivatives by u."""
-    samples: int
+    samples: Annotated[int, Key("closed_positions")]
     """Closed configurations of a turn behind the series."""
-    tail: float
+    tail: Annotated[float, Key("highest_harmonics")]
     """Size of the highest harmonics of the series, relative to the largest."""
-    closure_residual: float
+    closure_residual: Annotated[float, Key("closure_residual_m")]
     """Largest loop residual over the turn [m, rad]."""
 
     def inertia(self, u: Floats | float) -> Floats:

@@ -1,10 +1,12 @@
 """The flywheel that a wanted coefficient of speed fluctuation asks for."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from scipy.optimize import brentq
 
+from ..results import Key
 from . import DriveError
 from .harmonic_balance import steady_rotation
 from .machine import Machine
@@ -14,13 +16,13 @@ from .machine import Machine
 class Flywheel:
     """A flywheel on the crank's or the motor's shaft."""
 
-    inertia: float
+    inertia: Annotated[float, Key("inertia_kgm2")]
     """About its own shaft; zero where none is needed [kg m2]."""
-    side: str
+    side: Annotated[str, Key()]
     """``crank`` or ``motor``."""
-    fluctuation: float
+    fluctuation: Annotated[float, Key()]
     """Coefficient of speed fluctuation with it."""
-    wanted: float
+    wanted: Annotated[float, Key("wanted_fluctuation")]
     """Coefficient of speed fluctuation that was asked for."""
 
 

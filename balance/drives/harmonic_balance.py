@@ -6,10 +6,12 @@ Fourier series of T that satisfies this at as many angles as it has coefficients
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 
 from ..arrays import Floats
+from ..results import Key, rpm
 from . import DriveError
 from .fourier_series import Periodic, differentiation, odd_grid
 from .machine import Machine
@@ -41,13 +43,13 @@ class SteadyRotation:
     machine: Machine
     energy: Periodic
     """Kinetic energy over the travel [J]."""
-    tail: float
+    tail: Annotated[float, Key("highest_harmonics")]
     """Size of the highest harmonics of the energy, relative to the largest."""
     iterations: int
     """Newton steps taken with the last number of harmonics."""
 
     @property
-    def harmonics(self) -> int:
+    def harmonics(self) -> Annotated[int, Key()]:
         """Harmonics of the solution."""
         return self.energy.harmonics
 
@@ -71,24 +73,24 @@ class SteadyRotation:
         return self._extreme(-1.0)
 
     @cached_property
-    def period(self) -> float:
+    def period(self) -> Annotated[float, Key("period_s")]:
         """Time of a turn [s]: the integral of du / u'."""
         return float(2.0 * np.pi * np.mean(1.0 / self._course[1]))
 
     @property
-    def mean_speed(self) -> float:
+    def mean_speed(self) -> Annotated[float, Key("mean_rpm", to=rpm)]:
         """Mean over time [rad/s]."""
         return 2.0 * np.pi / self.period
 
     @cached_property
-    def floquet(self) -> float:
+    def floquet(self) -> Annotated[float, Key("floquet_factor")]:
         """Factor by which a small disturbance of the energy shrinks in a turn: exp of the integral of dQ/dT over u."""
         u, rate = self._course
         per_energy = self.machine.torque_slope(u, rate) / (self.machine.inertia(u) * rate)
         return float(np.exp(min(2.0 * np.pi * float(np.mean(per_energy)), _LARGEST_EXPONENT)))
 
     @property
-    def is_stable(self) -> bool:
+    def is_stable(self) -> Annotated[bool, Key("stable")]:
         """Whether disturbances shrink."""
         return self.floquet < 1.0
 

@@ -4,11 +4,12 @@ A load is a torque or force at a joint, reduced to the crank by the joint's gain
 """
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from ..arrays import Floats
+from ..results import Key, rpm
 from .equivalent_inertia import EquivalentInertia
 from .motors import Motor, Values
 
@@ -73,10 +74,10 @@ READINGS = {
 class Inertia:
     """Inertia that turns with the crank's or with the motor's shaft."""
 
-    name: str
-    value: float
+    name: Annotated[str, Key()]
+    value: Annotated[float, Key("inertia_kgm2")]
     """About its own shaft [kg m2]."""
-    side: str
+    side: Annotated[str, Key()]
     """``crank`` or ``motor``."""
 
 
@@ -88,15 +89,15 @@ class Machine:
     motor: Motor
     ratio: float
     """Turns of the motor per turn of the crank."""
-    reading: str
+    reading: Annotated[str, Key()]
     """One of READINGS."""
-    nominal: float
+    nominal: Annotated[float, Key("nominal_rpm", to=rpm)]
     """Nominal speed of the motor [rad/s]."""
     inertias: tuple[Inertia, ...] = ()
     loads: tuple[Load, ...] = ()
 
     @property
-    def nominal_crank(self) -> float:
+    def nominal_crank(self) -> Annotated[float, Key("nominal_crank_rpm", to=rpm)]:
         """Nominal speed of the crank [rad/s]."""
         return self.nominal / self.ratio
 

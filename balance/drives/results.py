@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..results import document
 from .drive_files import Drive, PublishedSpeeds
 from .equivalent_inertia import inertia_extremes
 from .flywheel import Flywheel, flywheel_estimate
@@ -32,16 +33,11 @@ def inertia_document(machine: Machine) -> dict[str, Any]:
         {"angle_deg": math.degrees(r.direction * at) % 360.0, "inertia_kgm2": value, "kind": kind}
         for at, value, kind in inertia_extremes(r)
     ]
-    return {
-        "crank": r.crank,
-        "direction": r.direction,
+    return document(r) | {
         "constant_inertia_kgm2": machine.constant_inertia,
         "mechanism_inertia_extremes": extremes,
         "potential_swing_J": float(np.ptp(r.potential(u))),
-        "closed_positions": r.samples,
         "harmonics": r.functions.harmonics,
-        "highest_harmonics": r.tail,
-        "closure_residual_m": r.closure_residual,
         "turn": {
             "angle_deg": _DEGREES.tolist(),
             "inertia_kgm2": machine.inertia(u).tolist(),
@@ -59,21 +55,17 @@ def steady_document(
     machine = solution.machine
     u = machine.reduced.direction * np.radians(_DEGREES)
     rate = solution.rate(u)
-    return _setting(machine, balanced) | {
+    return {
+        **_setting(machine, balanced),
+        **document(solution),
         "fastest_rpm": solution.fastest[1] / RPM,
         "fastest_at_deg": math.degrees(solution.angle(solution.fastest[0])),
         "slowest_rpm": solution.slowest[1] / RPM,
         "slowest_at_deg": math.degrees(solution.angle(solution.slowest[0])),
-        "mean_rpm": solution.mean_speed / RPM,
-        "period_s": solution.period,
         "fluctuation": {name: solution.fluctuation(name) for name in DEFINITIONS},
-        "floquet_factor": solution.floquet,
         "turns_to_1e-8": solution.turns_to(1e-8) if solution.is_stable else None,
-        "stable": solution.is_stable,
         "reached_from_rest": is_reached,
         "periodicity": periodicity(solution) if solution.is_stable else None,
-        "harmonics": solution.harmonics,
-        "highest_harmonics": solution.tail,
         "equation_residual": solution.residual(),
         "printed": None
         if published is None
@@ -161,10 +153,7 @@ def start_up_document(
     settled = solution and run.settled(solution.fastest[1], solution.slowest[1], 0.1 * RPM)
     thin = slice(None, None, 12)
     return _setting(machine, balanced) | {
-        "turns": [
-            {"turn": t.number, "end_s": t.end, "fastest_rpm": t.fastest / RPM, "slowest_rpm": t.slowest / RPM}
-            for t in run.turns
-        ],
+        "turns": run.turns,
         "settled_in_turn": settled,
         "course": {
             "time_s": run.time[thin].tolist(),
@@ -177,10 +166,7 @@ def start_up_document(
 def flywheel_document(machine: Machine, wheel: Flywheel, balanced: bool) -> dict[str, Any]:
     """A flywheel for a wanted fluctuation, and the textbook's estimate of the whole inertia."""
     return _setting(machine, balanced) | {
-        "wanted_fluctuation": wheel.wanted,
-        "side": wheel.side,
-        "inertia_kgm2": wheel.inertia,
-        "fluctuation": wheel.fluctuation,
+        **document(wheel),
         "estimate_of_whole_inertia_kgm2": flywheel_estimate(machine, wheel.wanted),
     }
 
@@ -194,16 +180,7 @@ def solvers_document(solution: SteadyRotation, turns: int, balanced: bool) -> di
         "converged_fluctuation": truth,
         "turns_integrated": turns,
         "loose_solver_scatter_percent": 100.0 * solver_scatter(loose, truth),
-        "trials": [
-            {
-                "solver": t.solver,
-                "setting": t.setting,
-                "fluctuation": t.fluctuation,
-                "off_percent": 100.0 * (t.fluctuation / truth - 1.0),
-                "evaluations": t.evaluations,
-            }
-            for t in trials
-        ],
+        "trials": [document(t) | {"off_percent": 100.0 * (t.fluctuation / truth - 1.0)} for t in trials],
     }
 
 
@@ -214,16 +191,11 @@ def document_head(drive: Drive, machines: Sequence[Machine]) -> dict[str, Any]:
         "drive": drive.name,
         "mechanism": machine.reduced.mechanism.name,
         "gear_ratio": machine.ratio,
-        "inertias": [{"name": i.name, "inertia_kgm2": i.value, "side": i.side} for i in machine.inertias],
+        "inertias": machine.inertias,
         "readings": {reading: READINGS[reading] for reading in dict.fromkeys(m.reading for m in machines)},
         "definitions": DEFINITIONS,
     }
 
 
 def _setting(machine: Machine, balanced: bool) -> dict[str, Any]:
-    return {
-        "nominal_rpm": machine.nominal / RPM,
-        "nominal_crank_rpm": machine.nominal_crank / RPM,
-        "reading": machine.reading,
-        "counter_masses": balanced,
-    }
+    return document(machine) | {"counter_masses": balanced}

@@ -6,12 +6,13 @@ depends on harmonics and tolerances is shown by solving with several of them.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
 from ..arrays import Floats
+from ..results import Key, rpm
 from . import DriveError
 from .harmonic_balance import SteadyRotation, steady_rotation
 from .machine import Machine
@@ -101,12 +102,12 @@ def floquet(solution: SteadyRotation, share: float = 1e-4) -> float:
 class Turn:
     """One turn of the crank."""
 
-    number: int
-    end: float
+    number: Annotated[int, Key("turn", "turn", "d")]
+    end: Annotated[float, Key("end_s", "ends at [s]", ".4f")]
     """Time at which it ends [s]."""
-    fastest: float
+    fastest: Annotated[float, Key("fastest_rpm", "n_max [rpm]", ".3f", to=rpm)]
     """Largest speed in it [rad/s]."""
-    slowest: float
+    slowest: Annotated[float, Key("slowest_rpm", "n_min [rpm]", ".3f", to=rpm)]
     """Smallest speed in it [rad/s]."""
 
 
@@ -126,10 +127,8 @@ class StartUp:
 
     def settled(self, fastest: float, slowest: float, within: float) -> int | None:
         """First turn whose extremes are within ``within`` [rad/s] of those of the steady state; None if none is."""
-        for turn in self.turns:
-            if max(abs(turn.fastest - fastest), abs(turn.slowest - slowest)) <= within:
-                return turn.number
-        return None
+        near = (t for t in self.turns if max(abs(t.fastest - fastest), abs(t.slowest - slowest)) <= within)
+        return next((turn.number for turn in near), None)
 
 
 def start_up(

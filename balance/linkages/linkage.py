@@ -2,8 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Annotated
 
 from ..errors import ModelError
+from ..results import Key
 from .expressions import Expression, Point, Symbol
 
 GROUND = "ground"
@@ -127,11 +129,11 @@ class Gear:
     On the ground the pair is fixed; on a carrier, the body across the joint, the counter-gear is a planet.
     """
 
-    name: str
-    body: str
+    name: Annotated[str, Key("", "gear", "s")]
+    body: Annotated[str, Key("", "body", "s")]
     joint: str | None
     """The revolute joint that it sits at; None for the body's reduction joint."""
-    teeth: tuple[int, int]
+    teeth: Annotated[tuple[int, int], Key("", "Z:Z*", lambda teeth: "{}:{}".format(*teeth))]
     """Z on the body, Z* of the counter-gear."""
     wheel: Wheel | None
     """The real gear on the body; None for one without mass."""
@@ -164,8 +166,8 @@ class TwoPoint:
 class Contradiction:
     """Where a source contradicts itself: about which number or stage, and why."""
 
-    about: str
-    why: str
+    about: Annotated[str, Key()]
+    why: Annotated[str, Key()]
     omit: Mapping[str, Sequence[str]]
     """Terms that it omits from the inertia of bodies."""
 

@@ -8,12 +8,15 @@ with it. A real gear as a disc has the pitch diameter 2 a Z / (Z + Z*), a the di
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from graphlib import CycleError, TopologicalSorter
+from typing import Annotated
 
 import numpy as np
 
 from ..arrays import Floats
 from ..errors import ModelError, SizingError
+from ..results import INLINE, NO_VALUE, Key
 from .expressions import Point
 from .force_balance import (
     CounterMass,
@@ -118,9 +121,9 @@ def wheel_inertia(
 class Term:
     """One term of a body's inertia."""
 
-    text: str
+    text: Annotated[str, Key("term")]
     """In symbols."""
-    value: float
+    value: Annotated[float, Key("inertia_kgm2")]
     """[kg m2]."""
 
 
@@ -139,20 +142,24 @@ class BodyMoment:
         return sum(term.value for term in self.terms)
 
 
+def _unless_zero(form: str, value: float) -> str:
+    return format(value, form) if value else NO_VALUE
+
+
 @dataclass(frozen=True)
 class GearResult:
     """A gear pair, sized."""
 
-    gear: Gear
-    joint: str
-    carrier: str
-    inertia: float
+    gear: Annotated[Gear, INLINE]
+    joint: Annotated[str, Key("", "at", "s")]
+    carrier: Annotated[str, Key("", "carrier", "s")]
+    inertia: Annotated[float, Key("counter_gear_inertia_kgm2", "I_z [kg m2]", ".4g")]
     """Of the counter-gear, I_z = (Z*/Z) I [kg m2]."""
-    wheel_mass: float
+    wheel_mass: Annotated[float, Key("gear_mass_kg", "m_z [kg]", partial(_unless_zero, ".4f"))]
     """Of the real gear on the body [kg]."""
-    wheel_inertia: float
+    wheel_inertia: Annotated[float, Key("gear_inertia_kgm2", "I_m_z [kg m2]", partial(_unless_zero, ".4g"))]
     """About its own axis [kg m2]."""
-    counter_mass: float | None
+    counter_mass: Annotated[float | None, Key("counter_gear_mass_kg", "m_z* [kg]", ".4f")]
     """Of the counter-gear [kg]; None where it is not given and its pivot is fixed."""
 
     def centres(self, linkage: Linkage, tree: Mapping[str, str], values: Mapping[str, float]) -> tuple[Floats, Floats]:

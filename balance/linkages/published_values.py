@@ -2,8 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
+from typing import Annotated
 
 from ..errors import DataError
+from ..results import Key
 from .equivalence_method import LinkageBalance, balance_linkage, rounding_intervals
 from .expressions import Symbol, symbol
 from .linkage import Contradiction
@@ -18,16 +21,16 @@ STAGES = ("before", "force", "complete")
 class PublishedRow:
     """One published number and ours."""
 
-    name: str
+    name: Annotated[str, Key("symbol")]
     """Symbol, such as m2* or I_z1."""
-    published: Symbol
-    computed: float
+    published: Annotated[Symbol, Key("printed_{0.unit}", to=attrgetter("value"))]
+    computed: Annotated[float, Key("computed_{0.unit}")]
     """From the published inputs [kg, kg m2]."""
-    interval: tuple[float, float]
+    interval: Annotated[tuple[float, float], Key("rounding_interval_{0.unit}")]
     """By the rounding of the published inputs [kg, kg m2]."""
-    why: str = ""
+    why: Annotated[str, Key(to=lambda why: why or None)] = ""
     """Why it differs, where the source contradicts itself or its own equations."""
-    explained: float | None = None
+    explained: Annotated[float | None, Key("computed_as_the_source_did_{0.unit}")] = None
     """What the method gives without the terms that the source omits [kg, kg m2]."""
     explained_interval: tuple[float, float] | None = None
     """The same by the rounding of the published inputs [kg, kg m2]."""
@@ -48,7 +51,12 @@ class PublishedRow:
         return self.explained_interval is not None and self._reached(self.explained_interval, 1.0)
 
     @property
-    def verdict(self) -> str:
+    def unit(self) -> str:
+        """Of its values, as in keys."""
+        return "kg" if self.name.startswith("m") else "kgm2"
+
+    @property
+    def verdict(self) -> Annotated[str, Key()]:
         """``agrees``, ``agrees, cut off`` or ``differs``."""
         return "agrees" if self.agrees else "agrees, cut off" if self.cut else "differs"
 
@@ -61,12 +69,12 @@ class PublishedRow:
 class Comparison:
     """All that a source publishes for a linkage, compared."""
 
-    rows: tuple[PublishedRow, ...]
-    rms: Mapping[str, Mapping[str, float]]
+    rows: Annotated[tuple[PublishedRow, ...], Key("values")]
+    rms: Annotated[Mapping[str, Mapping[str, float]], Key()]
     """Published RMS values by stage and column, [N, N m]."""
-    restored: Mapping[str, str]
+    restored: Annotated[Mapping[str, str], Key()]
     """What had to be restored in the published copy."""
-    contradictions: tuple[Contradiction, ...]
+    contradictions: Annotated[tuple[Contradiction, ...], Key()]
 
 
 def compare_published(result: LinkageBalance) -> Comparison | None:

@@ -12,7 +12,7 @@ from .bearing_forces import BearingForces
 from .equations import Equation, linkage_equations
 from .equivalence_method import LinkageBalance
 from .linkage import GROUND
-from .published_values import Comparison, PublishedRow
+from .published_values import Comparison
 from .verification import SimulatedLinkage, Verification
 
 HEAVY = 100.0
@@ -36,7 +36,7 @@ def linkage_document(
         ],
         "residual_first_moment_kgm": result.residual(),
         "counter_masses": _counter_masses(result),
-        "gears": _gears(result),
+        "gears": list(result.moment.gears.values()) if result.moment else [],
         "inertias": _inertias(result),
         "reshaped_inertia_kgm2": dict(result.moment.reshaped) if result.moment else {},
         "built": {name: text if isinstance(text, str) else list(text) for name, text in built.items()},
@@ -54,14 +54,7 @@ def linkage_document(
             "moving_mass_kg": dict(check.mass),
             "multiple_of_before": {stage: check.penalty(stage) for stage in check.constant.responses},
         },
-        "printed": None
-        if comparison is None
-        else {
-            "values": [_row(row) for row in comparison.rows],
-            "rms": {stage: dict(values) for stage, values in comparison.rms.items()},
-            "restored": dict(comparison.restored),
-            "contradictions": [{"about": c.about, "why": c.why} for c in comparison.contradictions],
-        },
+        "printed": comparison,
     }
 
 
@@ -118,29 +111,12 @@ def _counter_masses(result: LinkageBalance) -> list[dict[str, Any]]:
     ]
 
 
-def _gears(result: LinkageBalance) -> list[dict[str, Any]]:
-    return [
-        {
-            "name": name,
-            "body": gear.gear.body,
-            "joint": gear.joint,
-            "carrier": gear.carrier,
-            "teeth": list(gear.gear.teeth),
-            "counter_gear_inertia_kgm2": gear.inertia,
-            "counter_gear_mass_kg": gear.counter_mass,
-            "gear_mass_kg": gear.wheel_mass,
-            "gear_inertia_kgm2": gear.wheel_inertia,
-        }
-        for name, gear in (result.moment.gears.items() if result.moment else ())
-    ]
-
-
 def _inertias(result: LinkageBalance) -> list[dict[str, Any]]:
     return [
         {
             "body": name,
             "inertia_about_joint_kgm2": body.inertia,
-            "terms": [{"term": term.text, "inertia_kgm2": term.value} for term in body.terms],
+            "terms": body.terms,
         }
         for name, body in (result.moment.bodies.items() if result.moment else ())
         if body.terms
@@ -165,17 +141,4 @@ def _run(run: SimulatedLinkage) -> dict[str, Any]:
 def _bearings(forces: BearingForces) -> dict[str, Any]:
     return {f"largest_{name}_N": of for name, of in forces.peaks().items()} | {
         "undetermined_gears": list(forces.undetermined)
-    }
-
-
-def _row(row: PublishedRow) -> dict[str, Any]:
-    unit = "kg" if row.name.startswith("m") else "kgm2"
-    return {
-        "symbol": row.name,
-        f"printed_{unit}": row.published.value,
-        f"computed_{unit}": row.computed,
-        f"rounding_interval_{unit}": list(row.interval),
-        "verdict": row.verdict,
-        "why": row.why or None,
-        f"computed_as_the_source_did_{unit}": row.explained,
     }
