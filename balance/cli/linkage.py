@@ -17,12 +17,7 @@ if TYPE_CHECKING:
     from ..linkages.published_values import Comparison
     from ..linkages.verification import SimulatedLinkage, Verification
 
-_STAGE = {
-    "before": "before",
-    "force": "counter-masses",
-    "complete": "counter-masses and gears",
-    "built": "as built",
-}
+_STAGE = {"before": "before", "force": "counter-masses", "complete": "counter-masses and gears", "built": "as built"}
 _TORQUES = ("torque_constant_speed", "torque_varying_speed")
 
 
@@ -238,19 +233,9 @@ def _print_balance(document: dict[str, Any], with_equations: bool) -> None:
     header = ["counter-mass", "body", "against", "mass [kg]", "x [mm]", "y [mm]", "inertia [kg m2]"]
     emit_table("Counter-masses, from the reduction joint of their body", header, rows)
     if document["inertias"]:
-        columns = (
-            "name",
-            "body",
-            "joint",
-            "carrier",
-            "teeth",
-            "inertia",
-            "counter_mass",
-            "wheel_mass",
-            "wheel_inertia",
-        )
+        own, sized = ("name", "body", "joint", "carrier", "teeth"), ("inertia", "counter_mass", "wheel_mass")
         title = "Gears: counter-gear I_z and m_z*, real gear on the body m_z and I_m_z"
-        emit_table(title, *table(GearResult, document["gears"], *columns))
+        emit_table(title, *table(GearResult, document["gears"], *own, *sized, "wheel_inertia"))
     else:
         click.echo("No gears: the force is balanced, the moment is not.")
     for link, inertia in document["reshaped_inertia_kgm2"].items():

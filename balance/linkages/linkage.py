@@ -1,14 +1,21 @@
 """A planar linkage as described: bodies of rigidly joined links, joints, places for counter-masses, gears."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field
 
 from ..errors import ModelError
+from ..input_files import Quantity, Table, Text
 from ..results import Key
 from .expressions import Expression, Point, Symbol
 
 GROUND = "ground"
+Force = Annotated[float, Quantity("force")]
+Moment = Annotated[float, Quantity("moment")]
+Name = Annotated[Text, BeforeValidator(lambda value: str(value) if type(value) is int else value)]
+"""Name of a link, joint or body; links are often numbered."""
 
 
 @dataclass(frozen=True)
@@ -152,37 +159,37 @@ class Gear:
         return self.teeth[0] / self.teeth[1]
 
 
-@dataclass(frozen=True)
-class TwoPoint:
+class TwoPoint(Table):
     """A body shaped so that two point masses at two of its joints replace it: I = m_A m_B L^2 / (m_A + m_B)."""
 
-    joints: tuple[str, str]
-    """The first is the body's reduction joint."""
-    reshaped: str
+    joints: tuple[Name, Name]
+    """The two joints; the first is the body's reduction joint."""
+    reshaped: Name
     """Link whose own inertia is made to satisfy the condition."""
 
 
-@dataclass(frozen=True)
-class Contradiction:
-    """Where a source contradicts itself: about which number or stage, and why."""
+class Contradiction(Table):
+    """Where a source contradicts itself."""
 
-    about: Annotated[str, Key()]
-    why: Annotated[str, Key()]
-    omit: Mapping[str, Sequence[str]]
-    """Terms that it omits from the inertia of bodies."""
+    about: Text
+    """Which of its numbers, or which stage."""
+    why: str
+    """What is wrong with it."""
+    omit: dict[str, list[str]] = Field(default_factory=dict)
+    """Terms that it omits from the inertia of bodies, by link."""
 
 
-@dataclass(frozen=True)
-class Published:
-    """What a source publishes for a linkage."""
+class Published(Table):
+    """What a source publishes for the linkage, to be compared with and never returned as a result."""
 
-    values: Mapping[str, str]
-    """Masses and inertias as published, with their units, by symbol."""
-    rms: Mapping[str, Sequence[float]]
-    """RMS values by stage: force along x and y, moment, drive torque [N, N m]."""
-    restored: Mapping[str, str]
-    """What had to be restored in the published copy."""
-    contradictions: tuple[Contradiction, ...]
+    values: dict[str, Text] = Field(default_factory=dict)
+    """Masses and inertias by symbol, such as ``"m2*" = "1.451 kg"``, as published [kg, kg m2]."""
+    rms: dict[Literal["before", "force", "complete"], tuple[Force, Force, Moment, Moment]] = Field(default_factory=dict)
+    """RMS values by stage, [FX, FY, M, torque] [N, N m]."""
+    restored: dict[str, str] = Field(default_factory=dict)
+    """What had to be restored in the published copy, by symbol."""
+    contradiction: tuple[Contradiction, ...] = ()
+    """Where the source contradicts itself."""
 
 
 @dataclass(frozen=True)

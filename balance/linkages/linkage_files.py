@@ -13,7 +13,7 @@ from ..input_files import Count, FromText, OneOrMore, Quantity, Table, Text, in_
 from ..units import parse
 from . import expressions
 from .expressions import ORIGIN, Expression, Point, Symbol
-from .linkage import GROUND, Body, Contradiction, End, Gear, Joint, Linkage, Part, Place, Published, TwoPoint, Wheel
+from .linkage import GROUND, Body, End, Gear, Joint, Linkage, Name, Part, Place, Published, TwoPoint, Wheel
 
 RESERVED = {GROUND: "the ground needs no description", "base": "the name of the frame of the base"}
 """Names that no link can have, and why."""
@@ -70,15 +70,11 @@ Lengths = Annotated[dict[str, Annotated[Symbol, _Stated("length")]], AfterValida
 PlanePoint = tuple[Length, Length]
 Angle = Annotated[float, Quantity("angle")]
 Acceleration = Annotated[float, Quantity("acceleration")]
-Force = Annotated[float, Quantity("force")]
-Moment = Annotated[float, Quantity("moment")]
 PositiveMass = Annotated[float, Quantity("mass", above=0.0)]
 PositiveLength = Annotated[float, Quantity("length", above=0.0)]
 PositiveInertia = Annotated[float, Quantity("inertia", above=0.0)]
 StatedInertia = Annotated[Symbol, _Stated("inertia", at_least=0.0)]
 Teeth = tuple[Annotated[Count, Field(gt=0)], Annotated[Count, Field(gt=0)]]
-Name = Annotated[Text, BeforeValidator(lambda value: str(value) if type(value) is int else value)]
-"""Name of a link, joint or body; links are often numbered."""
 
 
 class PlaceTable(Table):
@@ -248,39 +244,6 @@ class GearTable(Table):
         return None if self.wheel is None else Wheel(self.wheel.mass, self.wheel.inertia)
 
 
-class TwoPointTable(Table):
-    """A body shaped so that two point masses at two of its joints replace it."""
-
-    joints: tuple[Name, Name]
-    """The two joints; the first is the body's reduction joint."""
-    reshaped: Name
-    """Link whose own inertia is made to satisfy the condition."""
-
-
-class ContradictionTable(Table):
-    """Where a source contradicts itself."""
-
-    about: Text
-    """Which of its numbers, or which stage."""
-    why: str
-    """What is wrong with it."""
-    omit: dict[str, list[str]] = Field(default_factory=dict)
-    """Terms that it omits from the inertia of bodies, by link."""
-
-
-class PublishedTable(Table):
-    """What a source publishes for the linkage, to be compared with and never returned as a result."""
-
-    values: dict[str, Text] = Field(default_factory=dict)
-    """Masses and inertias by symbol, such as ``"m2*" = "1.451 kg"``, as published [kg, kg m2]."""
-    rms: dict[Literal["before", "force", "complete"], tuple[Force, Force, Moment, Moment]] = Field(default_factory=dict)
-    """RMS values by stage, [FX, FY, M, torque] [N, N m]."""
-    restored: dict[str, str] = Field(default_factory=dict)
-    """What had to be restored in the published copy, by symbol."""
-    contradiction: tuple[ContradictionTable, ...] = ()
-    """Where the source contradicts itself."""
-
-
 class LinkageTable(Table):
     """A planar linkage and what may be done to balance it."""
 
@@ -306,7 +269,7 @@ class LinkageTable(Table):
     """Gear pairs by name."""
     reduction: dict[str, Name] = Field(default_factory=dict)
     """Reduction joint of bodies, by one of their links."""
-    two_point: dict[str, TwoPointTable] = Field(default_factory=dict)
+    two_point: dict[str, TwoPoint] = Field(default_factory=dict)
     """Bodies that two point masses replace, by one of their links."""
     turns_with: tuple[tuple[Name, Name], ...] = ()
     """Pairs of links that always turn together without a prismatic joint, as in a parallelogram."""
@@ -314,7 +277,7 @@ class LinkageTable(Table):
     """Approximate angle of every body in one position, which chooses the assembly branch [rad]."""
     built: dict[str, Text | Teeth] = Field(default_factory=dict)
     """Masses and inertias as built, by symbol such as ``"m2*"``, and teeth of stock gears, [Z, Z*] [kg, kg m2]."""
-    printed: PublishedTable = PublishedTable()
+    printed: Published = Published()
     """What a source publishes for it."""
 
     def _check(self) -> None:
@@ -389,7 +352,7 @@ class _Builder:
             speed=table.speed,
             swing=table.swing,
             gravity=table.gravity,
-            published=_published(table.printed),
+            published=None if table.printed == Published() else table.printed,
             built=table.built,
         )
 
@@ -488,13 +451,6 @@ def _check_distinct(places: Mapping[str, list[Place]]) -> None:
             seen[place.name] = body
 
 
-def _published(table: PublishedTable) -> Published | None:
-    if table == PublishedTable():
-        return None
-    contradictions = tuple(Contradiction(each.about, each.why, each.omit) for each in table.contradiction)
-    return Published(table.values, {str(k): v for k, v in table.rms.items()}, table.restored, contradictions)
-
-
 def _with_bodies_named(linkage: Linkage, table: LinkageTable) -> Linkage:
     """Fill in what refers to bodies by the name of one of their links."""
 
@@ -506,7 +462,7 @@ def _with_bodies_named(linkage: Linkage, table: LinkageTable) -> Linkage:
         with in_file(key):
             return linkage.joint(name).name
 
-    two_point = {named("two_point", link): _two_point(linkage, link, each) for link, each in table.two_point.items()}
+    two_point = {named("two_point", link): _checked(linkage, link, each) for link, each in table.two_point.items()}
     reduction = {named("reduction", link): joint("reduction", each) for link, each in table.reduction.items()}
     if table.drive is not None:
         joint("drive", table.drive)
@@ -522,10 +478,11 @@ def _with_bodies_named(linkage: Linkage, table: LinkageTable) -> Linkage:
     )
 
 
-def _two_point(linkage: Linkage, link: str, table: TwoPointTable) -> TwoPoint:
+def _checked(linkage: Linkage, link: str, shaped: TwoPoint) -> TwoPoint:
     with in_file(f"two_point.{link}"):
-        first, second = (linkage.joint(name).name for name in table.joints)
+        for name in shaped.joints:
+            linkage.joint(name)
         body = linkage.body(link)
-        if table.reshaped not in (part.link for part in body.parts):
-            raise DataError(f"reshaped is {table.reshaped!r}: expected a link of {body.name}")
-    return TwoPoint((first, second), table.reshaped)
+        if shaped.reshaped not in (part.link for part in body.parts):
+            raise DataError(f"reshaped is {shaped.reshaped!r}: expected a link of {body.name}")
+    return shaped

@@ -7,7 +7,7 @@ with it. A real gear as a disc has the pitch diameter 2 a Z / (Z + Z*), a the di
 """
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from graphlib import CycleError, TopologicalSorter
 from typing import Annotated
@@ -94,29 +94,6 @@ def _passes_to(linkage: Linkage, own: Mapping[str, Gear], carrier: Mapping[str, 
     return passes_to
 
 
-def wheel_inertia(
-    linkage: Linkage, tree: Mapping[str, str], values: Mapping[str, float], gear: Gear, joint: str, carrier: str
-) -> tuple[float, float]:
-    """Mass [kg] and inertia [kg m2] of the gear on the body: m d^2 / 8 of a disc; zero where nothing is given."""
-    wheel = gear.wheel
-    if wheel is None:
-        return 0.0, 0.0
-    if wheel.diameter is None:
-        return wheel.mass, wheel.inertia
-    if carrier == GROUND and gear.pivot is None:
-        raise ModelError(
-            f"gear {gear.name}: a disc on the ground needs the pivot of its counter-gear: "
-            "counter = { on = 'ground', at = [...] }"
-        )
-    pivot = gear.pivot if gear.pivot is not None else joint_point(linkage, tree[carrier], carrier)
-    distance = float(np.linalg.norm(pivot.plus(joint_point(linkage, joint, carrier), -1.0).at(values)))
-    if not distance > 0:
-        raise ModelError(f"gear {gear.name}: both gears would be on one axis: give its counter-gear another pivot")
-    diameter = 2.0 * distance * gear.teeth[0] / sum(gear.teeth)
-    mass = wheel.mass * (diameter / wheel.diameter) ** 2
-    return mass, mass * diameter**2 / 8.0
-
-
 @dataclass(frozen=True)
 class Term:
     """One term of a body's inertia."""
@@ -199,25 +176,22 @@ def moment_balance(
     return MomentBalance(step.bodies, step.gears, step.reshaped)
 
 
+@dataclass
 class _Step:
     """Visits bodies one by one, each after all that it depends on."""
 
-    def __init__(
-        self,
-        linkage: Linkage,
-        tree: Mapping[str, str],
-        values: Mapping[str, float],
-        force: Mapping[str, ForceBalance],
-        omit: Mapping[str, Collection[str]],
-        pairs: Gearing,
-    ) -> None:
-        self.linkage, self.tree, self.values, self.force, self.omit, self.pairs = (
-            linkage, tree, values, force, omit, pairs,
-        )  # fmt: skip
-        self.bodies: dict[str, BodyMoment] = {}
-        self.gears: dict[str, GearResult] = {}
-        self.reshaped: dict[str, float] = {}
-        self.translating = translating_bodies(linkage)
+    linkage: Linkage
+    tree: Mapping[str, str]
+    values: Mapping[str, float]
+    force: Mapping[str, ForceBalance]
+    omit: Mapping[str, Collection[str]]
+    pairs: Gearing
+    bodies: dict[str, BodyMoment] = field(default_factory=dict)
+    gears: dict[str, GearResult] = field(default_factory=dict)
+    reshaped: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.translating = translating_bodies(self.linkage)
 
     def order(self) -> Iterable[str]:
         """Bodies after those that they carry, whose gears they carry, or whose inertia passes to them."""
@@ -329,8 +303,24 @@ class _Step:
         self.gears[gear.name] = GearResult(gear, joint, carrier, inertia, mass, own, weight)
 
     def _wheel(self, gear: Gear) -> tuple[float, float]:
-        joint, carrier = self.pairs.joint[gear.name], self.pairs.carrier[gear.name]
-        return wheel_inertia(self.linkage, self.tree, self.values, gear, joint, carrier)
+        """Mass [kg] and inertia [kg m2] of the gear on the body: m d^2 / 8 of a disc; zero where nothing is given."""
+        wheel, joint, carrier = gear.wheel, self.pairs.joint[gear.name], self.pairs.carrier[gear.name]
+        if wheel is None:
+            return 0.0, 0.0
+        if wheel.diameter is None:
+            return wheel.mass, wheel.inertia
+        if carrier == GROUND and gear.pivot is None:
+            raise ModelError(
+                f"gear {gear.name}: a disc on the ground needs the pivot of its counter-gear: "
+                "counter = { on = 'ground', at = [...] }"
+            )
+        pivot = gear.pivot if gear.pivot is not None else joint_point(self.linkage, self.tree[carrier], carrier)
+        distance = float(np.linalg.norm(pivot.plus(joint_point(self.linkage, joint, carrier), -1.0).at(self.values)))
+        if not distance > 0:
+            raise ModelError(f"gear {gear.name}: both gears would be on one axis: give its counter-gear another pivot")
+        diameter = 2.0 * distance * gear.teeth[0] / sum(gear.teeth)
+        mass = wheel.mass * (diameter / wheel.diameter) ** 2
+        return mass, mass * diameter**2 / 8.0
 
     def _reshaped(self, body: str, link: str, joints: tuple[str, str]) -> float:
         """Own inertia of the link that makes the body's I about A equal to m_B L^2."""

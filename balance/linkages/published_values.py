@@ -74,7 +74,7 @@ class Comparison:
     """Published RMS values by stage and column, [N, N m]."""
     restored: Annotated[Mapping[str, str], Key()]
     """What had to be restored in the published copy."""
-    contradictions: Annotated[tuple[Contradiction, ...], Key()]
+    contradictions: Annotated[tuple[Contradiction, ...], Key(to=lambda one: one.model_dump(include={"about", "why"}))]
 
 
 def compare_published(result: LinkageBalance) -> Comparison | None:
@@ -83,10 +83,10 @@ def compare_published(result: LinkageBalance) -> Comparison | None:
     if published is None:
         return None
     bounds, ours = rounding_intervals(result), result.results()
-    reasons = {entry.about: entry for entry in published.contradictions}
+    reasons = {entry.about: entry for entry in published.contradiction}
     rows = tuple(_row(result, name, text, ours, bounds, reasons.get(name)) for name, text in published.values.items())
-    rms = {stage: dict(zip(COLUMNS, values, strict=True)) for stage, values in published.rms.items()}
-    return Comparison(rows, rms, published.restored, published.contradictions)
+    rms = {str(stage): dict(zip(COLUMNS, values, strict=True)) for stage, values in published.rms.items()}
+    return Comparison(rows, rms, published.restored, published.contradiction)
 
 
 def _row(

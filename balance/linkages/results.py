@@ -113,11 +113,7 @@ def _counter_masses(result: LinkageBalance) -> list[dict[str, Any]]:
 
 def _inertias(result: LinkageBalance) -> list[dict[str, Any]]:
     return [
-        {
-            "body": name,
-            "inertia_about_joint_kgm2": body.inertia,
-            "terms": body.terms,
-        }
+        {"body": name, "inertia_about_joint_kgm2": body.inertia, "terms": body.terms}
         for name, body in (result.moment.bodies.items() if result.moment else ())
         if body.terms
     ]

@@ -10,15 +10,7 @@ from ..units import G0
 from .correction_planes import Correction, correct_planes, correction_findings, mass_and_radius, polygons
 from .correction_uncertainty import CorrectionUncertainty, PolarInterval
 from .influence_coefficients import Solution
-from .rotor import (
-    Rotor,
-    angle_deg,
-    bearing_loads,
-    bearing_weights,
-    unbalance_couple,
-    unbalance_force,
-    vector_document,
-)
+from .rotor import Rotor, angle_deg, bearing_loads, bearing_weights, unbalance_couple, unbalance_force, vector_document
 from .trial_runs import TrialRuns
 from .weight_splitting import Split, hole_directions
 
@@ -68,10 +60,7 @@ def correction_document(rotor: Rotor, correction: Correction) -> dict[str, Any]:
             couple: vector_document(unbalance_couple(rotor.unbalances, about.at), "kgmm2", 1e6),
         },
         "corrections": planes,
-        "after": {
-            "force": in_kgmm(correction.force()),
-            couple: vector_document(correction.couple(), "kgmm2", 1e6),
-        },
+        "after": {"force": in_kgmm(correction.force()), couple: vector_document(correction.couple(), "kgmm2", 1e6)},
         "residual_kgmm": 1e3 * correction.residual(),
         "findings": correction_findings(rotor, correction),
         "speed_rad_per_s": rotor.speed,

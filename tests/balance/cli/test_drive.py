@@ -113,10 +113,7 @@ def test_a_speed_of_zero_is_a_wrong_command_line(balance):
 
 @pytest.mark.parametrize(
     ("speed", "message"),
-    [
-        ("4000rpm", "1.33 times the motor's speed without load at full voltage, 3000 rpm"),
-        ("2900rpm", None),
-    ],
+    [("4000rpm", "1.33 times the motor's speed without load at full voltage, 3000 rpm"), ("2900rpm", None)],
 )
 def test_a_speed_beyond_the_direct_current_motor_is_a_finding(speed, message):
     """The nominal speed sets the voltage: beyond the speed without load at full voltage there is none."""

@@ -195,10 +195,7 @@ def test_firing_intervals(name, intervals):
         ('throws = ["0 deg"]\nfiring_order = [2]', r"firing_order: \[2\]: expected the cylinders"),
         ('throws = ["0 deg"]\nstrokes = 3', "expected 2 or 4"),
         ('throws = ["0 deg"]\ncolour = "red"', "colour: unknown key"),
-        (
-            'throws = ["0 deg"]\n[slider_crank]\ncrank_radius = "1 m"\nrod_length = "3 m"',
-            "piston_mass: missing",
-        ),
+        ('throws = ["0 deg"]\n[slider_crank]\ncrank_radius = "1 m"\nrod_length = "3 m"', "piston_mass: missing"),
         (
             'throws = ["0 deg"]\n[slider_crank]\ncrank_radius = "1 m"\nrod_length = "3 m"\npiston_mass = "1 kg"\n'
             'rod_mass = "1 kg"',

@@ -54,11 +54,7 @@ def changed(keys, where, value):
         ("gears/z3/counter", {"at": ["0 m", "0 m"]}, "gears.z3.counter: at is given and on is missing"),
         ("gears/z3/counter", {"on": "2"}, "gears.z3.counter: on is given and at is missing"),
         ("gears/z3/counter", {"at": ["0 m", "0 m"], "on": "7"}, "gears.z3.counter.on: '7': no such link"),
-        (
-            "links/2/counter_mass",
-            {"radius": "0 m"},
-            "links.2.counter_mass.radius: '0 m' is 0 m: expected more",
-        ),
+        ("links/2/counter_mass", {"radius": "0 m"}, "links.2.counter_mass.radius: '0 m' is 0 m: expected more"),
         ("links/2/counter_mass", {"radius": "-5 mm"}, "links.2.counter_mass.radius: '-5 mm' is -0.005 m"),
         ("links/2/counter_mass", {"radius": 5}, "links.2.counter_mass.radius: 5 has no unit: expected a text"),
         ("links/2/counter_mass", {"radius": "5 mm", "bar": "-1 mm"}, "links.2.counter_mass.bar: '-1 mm' is -0.001 m"),

@@ -46,8 +46,7 @@ def test_what_is_out_of_scope_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("mass", "rpm", "radius", "planes", "grams"),
-    [(40, 3000, 0.1, 1, 3.9758432), (250, 1500, 0.3, 2, 16.566014)],
+    ("mass", "rpm", "radius", "planes", "grams"), [(40, 3000, 0.1, 1, 3.9758432), (250, 1500, 0.3, 2, 16.566014)]
 )
 def test_trial_mass_rule(mass, rpm, radius, planes, grams):
     """A centrifugal force of 10 % of the weight on the plane."""

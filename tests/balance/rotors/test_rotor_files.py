@@ -60,10 +60,7 @@ def test_shipped_table_is_the_shipped_sheet():
         ("name,mass (kg),radius (kg),angle (deg),at (mm)\nA,1,1,1,1\n", "not a unit of length"),
         ("mass (kg),radius (mm),angle (deg),at (mm),colour (deg)\n1,1,1,1,1\n", "'colour"),
         ("name,mass (kg),radius (mm),angle (deg),at (mm)\nA,1,1,x,1\n", "line 2 \\(A\\): angle: 'x deg' is no angle"),
-        (
-            "name,mass (kg),radius (mm),angle (deg),at (mm)\nA,1,1,nan,1\n",
-            "\\(A\\): angle: 'nan deg' is no angle",
-        ),
+        ("name,mass (kg),radius (mm),angle (deg),at (mm)\nA,1,1,nan,1\n", "\\(A\\): angle: 'nan deg' is no angle"),
         (
             "name,mass (kg),radius (mm),angle (deg),at (mm)\nA,1,-80,20,10",
             "line 2 \\(A\\): radius: '-80 mm': expected zero",
@@ -85,16 +82,10 @@ def test_wrong_tables_are_named(tmp_path, text, message):
         (('at = "0 mm"', 'at = "0 mm"\nradius = "1 mm"\nmass = "1 kg"'), "both radius and mass"),
         (('"3 kg"', "3"), "mass: 3 has no unit: expected a text with a unit"),
         (('"3 kg"', '"mm"'), r"masses\[0\] \(A\).mass: 'mm' is no mass: expected a number and a unit, such as '1 kg'"),
-        (
-            ('"3 kg"', '"3 mm"'),
-            r"masses\[0\] \(A\).mass: '3 mm': 'mm' is not a unit of mass: expected one",
-        ),
+        (('"3 kg"', '"3 mm"'), r"masses\[0\] \(A\).mass: '3 mm': 'mm' is not a unit of mass: expected one"),
         (('"60 deg"', '"60"'), r"angle: '60' has no unit: write for example '60 deg'"),
         (("[[planes]]", '[[planes]]\nname = "L"\nat = "7 mm"\n[[planes]]'), "planes: 'L' is there twice"),
-        (
-            ("[[planes]]", 'bearings = ["5 mm", "5 mm"]\n[[planes]]'),
-            "rotor.toml: bearings: .*: expected two, in",
-        ),
+        (("[[planes]]", 'bearings = ["5 mm", "5 mm"]\n[[planes]]'), "rotor.toml: bearings: .*: expected two, in"),
         (
             ("[[masses]]", '[[masses]]\nname = "A"\nunbalance = "1 kg mm"\nangle = "0 deg"\nat = "0 mm"\n[[masses]]'),
             "masses: 'A' is there twice",

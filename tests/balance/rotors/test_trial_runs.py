@@ -102,11 +102,7 @@ def test_a_trial_weight_with_too_little_effect_is_named(tmp_path):
         ('weights = { fan = "5 g @ 20 deg" }', 'weights = { fan = "0 g @ 20 deg" }', "trial weight above zero"),
         ('"3000 rpm" = { A = "10', '"fast" = { A = "10', "readings.fast: 'fast' is no angular velocity"),
         ('name = "trial"', 'name = "as found"', "runs: 'as found' is there twice"),
-        (
-            'phase = "lead"',
-            'phase = "lead"\namplitude = "mean"',
-            "amplitude: 'mean': expected 'peak', 'peak_to_peak'",
-        ),
+        ('phase = "lead"', 'phase = "lead"\namplitude = "mean"', "amplitude: 'mean': expected 'peak', 'peak_to_peak'"),
         ('phase = "lead"', 'phase = "lead"\nleast_effect = -1', "least_effect: -1: expected more than zero"),
     ],
 )
