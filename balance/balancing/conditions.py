@@ -109,17 +109,26 @@ class Conditions:
         """Number of independent conditions."""
         return len(self.matrix)
 
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each condition, that of its pivot: kg m; kg of masses alone; kg m2 of inertias alone, (rank,)."""
+        blocks = self.matrix.reshape(self.rank, -1, len(PARAMETERS)) != 0.0
+        moments, masses = blocks[:, :, 1:4].any(axis=(1, 2)), blocks[:, :, 0].any(axis=1)
+        return tuple(
+            "kg m" if moment else "kg" if mass else "kg m2" for moment, mass in zip(moments, masses, strict=True)
+        )
+
     def values(self, mechanism: Mechanism | None = None) -> Floats:
-        """Left-hand sides for a mechanism of the same kind with other masses, (rank,) [kg m]."""
+        """Left-hand sides for a mechanism of the same kind with other masses, (rank,) [``units``]."""
         return self.matrix @ (mechanism or self.mechanism).pi
 
-    def residual(self, mechanism: Mechanism | None = None) -> float:
-        """First-moment residual: the largest absolute value of the conditions [kg m]."""
-        return float(np.abs(self.values(mechanism)).max(initial=0.0))
+    def residual(self, mechanism: Mechanism | None = None, unit: str = "kg m") -> float:
+        """Largest absolute value of the conditions of one ``unit``; by default the first-moment residual [kg m]."""
+        return float(np.abs(self.values(mechanism)[[one == unit for one in self.units]]).max(initial=0.0))
 
     def is_balanced(self, tol: float, mechanism: Mechanism | None = None) -> bool:
-        """Whether the first-moment residual is at most ``tol`` [kg m]."""
-        return self.residual(mechanism) <= tol
+        """Whether no condition is off by more than ``tol`` [kg m, kg, kg m2]."""
+        return float(np.abs(self.values(mechanism)).max(initial=0.0)) <= tol
 
     @cached_property
     def weights(self) -> Floats:

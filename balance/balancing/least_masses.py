@@ -15,6 +15,8 @@ from ..errors import SizingError
 _DEPENDENT = 1e-10
 """Singular value of the sites' columns, each of length 1, below which sites are equivalent."""
 _ROUNDING = 1e-14
+_AT_BOUND = 1e-12
+"""Distance from a bound, in effect and relative to the target, that is rounding of the solver: the mass is at it."""
 _TIES = 1e-5
 """Weight of squares relative to masses: sites whose levers differ by more are not equivalent."""
 
@@ -50,7 +52,7 @@ def distribute_masses(
     masses = np.linalg.lstsq(unit, target, rcond=_DEPENDENT)[0] / size
     if not removable and not ((masses >= 0.0) & (masses <= most)).all():
         masses = _bounded(unit, target, most * size) / size
-        masses = np.where(masses >= most * (1.0 - _ROUNDING), most, np.where(masses <= 0.0, 0.0, masses))
+        masses = np.where(masses >= most * (1.0 - _ROUNDING), most, masses)
     unique = np.linalg.matrix_rank(unit, rtol=_DEPENDENT) == count
     if not unique:
         masses = _lightest(columns, columns @ masses, least, most)
@@ -78,18 +80,27 @@ def _gap(unit: Floats, target: Floats, x: Floats, low: NDArray[np.bool_], high: 
     return float(np.sum((np.linalg.pinv(unit.T, rcond=_DEPENDENT) @ wrong) ** 2)) / 4.0
 
 
-def _bounded(columns: Floats, target: Floats, upper: Floats) -> Floats:
-    """Least squares with masses between zero and ``upper``."""
+def bounded_least_squares(columns: Floats, target: Floats, lower: float | Floats, upper: float | Floats) -> Floats:
+    """x (n,) of least |columns x - target|^2 between bounds; columns of like length, ``lower`` below ``upper``.
+
+    Raises SizingError where the active set does not settle.
+    """
     from scipy.optimize import lsq_linear  # late: conditions are found without it
 
+    iterations = 100 + 10 * columns.shape[1]  # scipy's own, n, are too few where bounds are met and left again
+    found = lsq_linear(columns, target, bounds=(lower, upper), method="bvls", tol=1e-15, max_iter=iterations)
+    if not found.success:
+        raise SizingError(f"counter-masses did not converge: {found.message}")
+    return np.asarray(found.x, dtype=float)
+
+
+def _bounded(columns: Floats, target: Floats, upper: Floats) -> Floats:
+    """Least squares with masses between zero and ``upper``; columns of length 1."""
     free, masses = upper > 0.0, np.zeros(len(upper))
-    if not free.any():
-        return masses
-    solution = lsq_linear(columns[:, free], target, bounds=(0.0, upper[free]), method="bvls", tol=1e-15)
-    if not solution.success:
-        raise SizingError(f"counter-masses did not converge: {solution.message}")
-    masses[free] = solution.x
-    return masses
+    if free.any():
+        masses[free] = bounded_least_squares(columns[:, free], target, 0.0, upper[free])
+    near = _AT_BOUND * float(np.linalg.norm(target))
+    return np.where(masses <= near, 0.0, np.where(masses >= upper - near, upper, masses))
 
 
 def _lightest(columns: Floats, made: Floats, least: Floats, most: Floats) -> Floats:

@@ -7,6 +7,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..mechanism.mechanism import PARAMETERS, Mechanism
+from .least_masses import bounded_least_squares
 from .sizing import COMPLETE, Sizing
 
 STEPS = 0.05
@@ -33,7 +34,7 @@ def remaining_directions(before: Floats, after: Floats) -> tuple[RemainingDirect
     sizes, axes = np.linalg.eigh(after.T @ after / len(after))
     found = []
     for size, axis in zip(sizes[::-1], axes.T[::-1], strict=True):
-        axis = axis * np.sign(axis[np.argmax(np.abs(axis))])
+        axis = np.where(np.abs(axis) > 1e-6, axis, 0.0) * np.sign(axis[np.argmax(np.abs(axis))]) + 0.0
         found.append(
             RemainingDirection(axis, float(np.sqrt(np.mean((before @ axis) ** 2))), float(max(size, 0.0) ** 0.5))
         )
@@ -55,6 +56,7 @@ def needed_sites(sizing: Sizing) -> tuple[NeededSite, ...]:
     """Bodies where a counter-mass of any mass at any place would lessen what is left, the most helpful first.
 
     Each with those before it, besides those at the sizing's sites of any mass, until nothing is left or nothing helps.
+    Of bodies that would do as well the first by name, so that the order of the file does not matter.
     """
     mechanism, objective = sizing.before, sizing.objective
     assert objective is not None
@@ -64,32 +66,28 @@ def needed_sites(sizing: Sizing) -> tuple[NeededSite, ...]:
     chosen, bounds = columns, np.zeros(columns.shape[1])
     while left > COMPLETE * before and len(found) < len(mechanism.bodies):
         trials = []
-        for body in mechanism.bodies:
-            if body in [one.body for one in found]:
-                continue
+        for body in sorted(set(mechanism.bodies) - {one.body for one in found}):
             first = len(PARAMETERS) * mechanism.body_index(body)
             added = np.hstack([chosen, objective.factor[:, first : first + 4]])
             least = np.concatenate([bounds, [0.0], np.full(3, -np.inf)])
             trials.append((_left(added, target, least), body, added, least))
-        after, body, added, least = min(trials, key=lambda trial: trial[0])
-        if not after < (1.0 - _LESS) * left:
+        smallest = min(size for size, *_ in trials)
+        if not smallest < (1.0 - _LESS) * left:
             break
-        left, chosen, bounds = after, added, least
-        others = tuple(name for size, name, *_ in trials if name != body and size <= after + COMPLETE * before)
-        found.append(NeededSite(body, after if after > COMPLETE * before else 0.0, others))
+        (left, body, chosen, bounds), *others = (one for one in trials if one[0] <= smallest + COMPLETE * before)
+        alternatives = tuple(name for _, name, *_ in others)
+        found.append(NeededSite(body, left if left > COMPLETE * before else 0.0, alternatives))
     return tuple(found)
 
 
 def _left(columns: Floats, target: Floats, least: Floats) -> float:
     """Root of the least square error with unknowns of at least ``least``."""
-    from scipy.optimize import lsq_linear  # late: conditions are found without it
-
     size = np.linalg.norm(columns, axis=0)
     used = size > 1e-12 * size.max(initial=0.0)
     if not used.any():
         return float(np.linalg.norm(target))
     unit = columns[:, used] / size[used]
-    return float(np.sqrt(2.0 * lsq_linear(unit, target, (least[used], np.inf), method="bvls", tol=1e-14).cost))
+    return float(np.linalg.norm(unit @ bounded_least_squares(unit, target, least[used], np.inf) - target))
 
 
 @dataclass(frozen=True)
@@ -108,7 +106,8 @@ class Verdict:
     directions: tuple[RemainingDirection, ...]
     """Empty where it is balanced, or where not the force alone is made small."""
     needed: tuple[NeededSite, ...]
-    """Empty where masses of any size at these sites would do."""
+    """Empty where masses of any size at these sites would do, or where not the force alone is made small: inertia of
+    what is mounted adds to moment and torque by the place, which is open here."""
 
     @property
     def has_finding(self) -> bool:
@@ -126,6 +125,6 @@ def verdict_of(found: Sizing, any_mass: Sizing, samples: Callable[[Mechanism], F
     directions = (
         () if balanced or samples is None else remaining_directions(samples(found.before), samples(found.after))
     )
-    needed = () if attainable else needed_sites(any_mass)
+    needed = () if attainable or samples is None else needed_sites(any_mass)
     least = after if found.bound is None else min(found.bound**0.5, after)
     return Verdict(balanced, attainable, before, after, least, directions, needed)

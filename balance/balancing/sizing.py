@@ -11,7 +11,7 @@ import numpy as np
 
 from ..arrays import Floats, Indices
 from ..errors import SizingError
-from ..mechanism.mechanism import PARAMETERS, Mechanism, Site
+from ..mechanism.mechanism import Mechanism, Site
 from .conditions import Conditions
 from .least_masses import distribute_masses
 from .objective import Objective, workspace_objective
@@ -73,6 +73,11 @@ class Sizing:
         before, after = self.root_mean_squares()
         return after <= COMPLETE * before
 
+    def remaining_percent(self) -> float | None:
+        """Root mean square that is left, in per cent of that without counter-masses; None where that is zero."""
+        before, after = self.root_mean_squares()
+        return 100.0 * after / before if before > 0.0 else None
+
     @property
     def after(self) -> Mechanism:
         """The mechanism with the counter-masses mounted, each with its own inertia."""
@@ -92,20 +97,16 @@ class Sizing:
 
         A number of the conditions as they are listed, not what is made small; conditions on masses alone are left out.
         """
-        return self._residual(self.after)
-
-    def _residual(self, mechanism: Mechanism) -> float:
-        first_moments = self.conditions.matrix.reshape(self.conditions.rank, -1, len(PARAMETERS))[:, :, 1:4]
-        return float(np.abs(self.conditions.values(mechanism)[first_moments.any(axis=(1, 2))]).max(initial=0.0))
+        return self.conditions.residual(self.after)
 
     def residual_percent(self) -> float | None:
         """Residual in per cent of that without counter-masses; None where there is nothing to balance."""
-        whole = self._residual(self.before)
+        whole = self.conditions.residual(self.before)
         return 100.0 * self.residual() / whole if whole > 0.0 else None
 
     def is_balanced(self, tol: float) -> bool:
-        """Whether the first-moment residual is at most ``tol`` [kg m]."""
-        return self.residual() <= tol
+        """Whether no condition is off by more than ``tol`` [kg m, kg]."""
+        return self.conditions.is_balanced(tol, self.after)
 
     @property
     def added_mass(self) -> float:

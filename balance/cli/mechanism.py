@@ -134,6 +134,10 @@ def _write(
         write_parquet(parquet, columns, {"origin": "simulated"})
 
 
+_BRANCHES = 8
+"""Columns of a table of closed configurations that fit a line."""
+
+
 @click.command(
     epilog="""\b
 Examples:
@@ -171,13 +175,15 @@ def assemble(mechanism: str, as_json: bool) -> None:
             }
         )
         return
-    rows = [
-        [joint, "rad" if elementary.revolute else "m", *(f"{one.q[i]:.6g}" for one in found)]
-        for i, (joint, elementary) in enumerate(zip(model.coordinates, model.tree.joints, strict=True))
-    ]
-    rows.append(["largest residual", "m, rad", *(f"{one.residual:.2g}" for one in found)])
-    header = ["joint", "unit", *(one.branch for one in found)]
-    emit_table(f"Closed configurations of {model.name}", header, rows)
+    for start in range(0, len(found), _BRANCHES):
+        part = found[start : start + _BRANCHES]
+        rows = []
+        for i, (joint, elementary) in enumerate(zip(model.coordinates, model.tree.joints, strict=True)):
+            unit, rounding = ("rad", 1e-9) if elementary.revolute else ("m", 1e-9 * closure.length)
+            rows.append([joint, unit, *(f"{one.q[i] if abs(one.q[i]) > rounding else 0.0:.6g}" for one in part)])
+        rows.append(["largest residual", "m, rad", *(f"{one.residual:.2g}" for one in part)])
+        title = f"Closed configurations of {model.name}"
+        emit_table(title, ["joint", "unit", *(one.branch for one in part)], rows)
     click.echo(
         f"Degrees of freedom: {closure.dof}; loops: {len(model.loops)}; A is found from {model.branch!r}. "
         f"Closed means a residual of at most {tolerance:.2g} m or rad.\n"
@@ -259,14 +265,15 @@ def conditions(
     click.echo(
         f"{model.name}: {found.dof} degree{'s' * (found.dof != 1)} of freedom, {found.rank} conditions "
         f"on {momentum} momentum (singular values kept down to {kept:.3g}, dropped from {dropped:.3g})\n"
-        f"{model.total_mass:.6g} kg move; {len(model.loops)} loops, closed to {found.closure_residual:.2g} m or rad "
-        f"from {model.branch!r}\n"
+        f"{model.total_mass:.6g} kg move; {len(model.loops)} loop{'s' * (len(model.loops) != 1)}, "
+        f"closed to {found.closure_residual:.2g} m or rad from {model.branch!r}\n"
     )
-    for i, value in enumerate(values):
-        click.echo(f"  {found.text(i):<70}  now {value:+.6g} kg m")
+    for i, (value, unit) in enumerate(zip(values, found.units, strict=True)):
+        click.echo(f"  {found.text(i):<70}  now {value:+.6g} {unit}")
+    largest = ", ".join(f"{found.residual(unit=unit):.4g} {unit}" for unit in sorted({"kg m", *found.units}))
     click.echo(
-        f"\n{'Balanced' if found.is_balanced(BALANCED_KGM) else 'Not balanced'}: largest first-moment residual "
-        f"{found.residual():.4g} kg m (balanced means at most {BALANCED_KGM:g} kg m)."
+        f"\n{'Balanced' if found.is_balanced(BALANCED_KGM) else 'Not balanced'}: largest residual {largest} "
+        f"(balanced means at most {BALANCED_KGM:g} of each)."
     )
     if possible:
         _print_feasibility(possible)
@@ -287,10 +294,10 @@ def _print_feasibility(possible: "Feasibility") -> None:
 
 
 def conditions_document(found: "Conditions", model: "Mechanism") -> list[dict[str, Any]]:
-    """Conditions for JSON, each with its value for a mechanism."""
+    """Conditions for JSON, each with its value for a mechanism: ``value_kgm``, of masses alone ``value_kg``."""
     return [
-        {"coefficients": found.coefficients(i), "value_kgm": float(value)}
-        for i, value in enumerate(found.values(model))
+        {"coefficients": found.coefficients(i), f"value_{unit.replace(' ', '')}": float(value)}
+        for i, (value, unit) in enumerate(zip(found.values(model), found.units, strict=True))
     ]
 
 
@@ -306,36 +313,54 @@ Examples:
 def check(
     mechanism: str, payload: tuple[tuple[str, float], ...], counter: tuple[tuple[str, float], ...], as_json: bool
 ) -> None:
-    """Residual imbalance of MECH with given counter-masses, and the payload that they would balance."""
+    """Residual imbalance of MECH with given counter-masses, and the payload that they would balance.
+
+    The first line states how much of the momentum remains: its RMS over the workspace, as balance size measures it.
+    """
     if not counter:
         raise click.UsageError("missing counter-masses to check: give --counter SITE=M")
     from ..balancing import balanced_payload, sizing_of_given
     from ..balancing.conditions import balance_conditions
+    from ..balancing.objective import workspace_objective
     from ..dynamics.inverse_dynamics import shaking_force_per_acceleration
+    from ..errors import ModelError
     from ..units import G0
 
     model = options.load_mechanism_option(mechanism, payload)
     found = balance_conditions(model)
-    result = sizing_of_given(found, model, options.distinct(counter, "--counter"))
+    counters = options.distinct(counter, "--counter")
+    try:
+        result = sizing_of_given(found, model, counters, objective=workspace_objective(model))
+        balanced, remaining = result.is_complete(), result.remaining_percent()
+    except ModelError:  # massless bodies move alone: the momentum has no measure, the conditions have
+        result, remaining = sizing_of_given(found, model, counters), None
+        balanced = result.is_balanced(BALANCED_KGM)
     bodies = options.payload_bodies(model, payload)
-    balanced = {body: balanced_payload(found, result.after, body) for body in bodies}
+    payloads = {body: balanced_payload(found, result.after, body) for body in bodies}
     force = [shaking_force_per_acceleration(state, bodies[0]) if bodies else None for state in (model, result.after)]
     before, after = (None if value is None else value * G0 for value in force)
     if as_json:
         emit_json(
             {
                 "mechanism": model.name,
+                "balanced": balanced,
+                "remaining_percent": remaining,
                 "residual_first_moment_kgm": result.residual(),
                 "residual_percent": result.residual_percent(),
                 "conditions": conditions_document(found, result.after),
-                "balanced_payload_kg": balanced,
+                "balanced_payload_kg": payloads,
                 "shaking_force_N_per_g": after,
                 "shaking_force_without_counter_masses_N_per_g": before,
                 "g0_m_per_s2": G0,
             }
         )
         return
-    _print_check(result, balanced)
+    click.echo(
+        "Balanced completely over the workspace."
+        if balanced
+        else f"Not balanced completely: {per_cent(remaining)} of the RMS momentum remains over the workspace."
+    )
+    _print_check(result, payloads)
     if before is not None and after is not None:
         click.echo(
             f"Shaking force          {after:.4g} N per g0 of {bodies[0]} acceleration, "
@@ -348,8 +373,11 @@ def _print_check(result: "Sizing", balanced: dict[str, float | None]) -> None:
     model, found = result.before, result.conditions
     rows = [[c.site, mass(c.mass), f"{c.position[0] * 1e3:.2f}"] for c in result.counter_masses]
     emit_table(f"Counter-masses of {model.name}", ["site", "mass [kg]", "x in its body [mm]"], rows)
-    rows = [[found.text(i), f"{value:+.6g}"] for i, value in enumerate(found.values(result.after))]
-    emit_table("Conditions", ["condition", "left-hand side [kg m]"], rows)
+    rows = [
+        [found.text(i), f"{value:+.6g}", unit]
+        for i, (value, unit) in enumerate(zip(found.values(result.after), found.units, strict=True))
+    ]
+    emit_table("Conditions", ["condition", "left-hand side", "unit"], rows)
     click.echo(
         f"First-moment residual  {first_moment(result.residual())}  ({per_cent(result.residual_percent())} of that "
         f"without counter-masses, {first_moment(found.residual(model))})"

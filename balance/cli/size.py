@@ -39,7 +39,7 @@ def _size_growing(
     models = [options.load_mechanism_option(mechanism, payload) for payload in payloads]
     sets = [
         {"payload_kg": dict(payload), **sizing_document(sized), "increments_kg": increments}
-        | {"balanced": sized.is_complete(), "remaining_percent": _remaining(sized)}
+        | {"balanced": sized.is_complete(), "remaining_percent": sized.remaining_percent()}
         | {"proven": sized.bound is not None}
         for payload, (sized, increments) in zip(
             payloads, _size_nested(models, payloads, sites, stock, objective), strict=True
@@ -51,7 +51,12 @@ def _size_growing(
         emit_json({"mechanism": models[0].name, "stock": stock, "sets": sets, **published})
     else:
         left = ", ".join(per_cent(one["remaining_percent"]) for one in sets)
-        click.echo("Balanced completely." if complete else f"Not balanced completely: {left} remain.")
+        what = "momentum" if objective[0] is None else " and ".join(_MADE_SMALL[name] for name in objective[1])
+        click.echo(
+            "Balanced completely with each payload."
+            if complete
+            else f"Not balanced completely: {left} of the RMS {what} remains with the payloads below."
+        )
         _print_nested(models[0].name, sets, stock)
     if published and not as_json:
         _print_published(published["published"])
@@ -258,8 +263,8 @@ def size(
             _document(result, verdict, motion, weights, sets) | {n: response_summary(r) for n, r in responses.items()}
         )
     else:
-        _print_verdict(verdict, result, motion, bool(stock))
-        _print_sizing(result, stock)
+        _print_verdict(verdict, result, motion, weights, bool(stock))
+        _print_sizing(result, stock, verdict.attainable)
         _print_sets(sets[1:])
         if responses:
             print_responses(responses)
@@ -316,12 +321,6 @@ def _sites(model: "Mechanism", sites: tuple[str, ...], without: tuple[str, ...])
     return [name for name in names if name not in without]
 
 
-def _remaining(result: "Sizing") -> float | None:
-    """What counter-masses leave of what they make small, in per cent of its root mean square without them."""
-    before, after = result.root_mean_squares()
-    return 100.0 * after / before if before > 0.0 else None
-
-
 def _document(
     result: "Sizing", verdict: "Verdict", motion: str | None, weights: dict[str, float], sets: "Sequence[Sizing]"
 ) -> dict[str, Any]:
@@ -335,7 +334,7 @@ def _document(
         f"rms_before{unit}": verdict.before,
         f"rms{unit}": verdict.after,
         f"rms_bound{unit}": verdict.least,
-        "remaining_percent": _remaining(result),
+        "remaining_percent": result.remaining_percent(),
         "remaining_directions": [
             {"direction": one.direction.tolist(), f"rms_before{unit}": one.before, f"rms{unit}": one.after}
             for one in verdict.directions
@@ -347,61 +346,70 @@ def _document(
     }
     if len(sets) > 1:
         document["sets"] = [
-            {"counter_masses": sizing_document(one)["counter_masses"], "remaining_percent": _remaining(one)}
+            {"counter_masses": sizing_document(one)["counter_masses"], "remaining_percent": one.remaining_percent()}
             for one in sets
         ]
     return sizing_document(result) | document
 
 
-def _print_verdict(verdict: "Verdict", result: "Sizing", motion: str | None, stock: bool) -> None:
+def _print_verdict(
+    verdict: "Verdict", result: "Sizing", motion: str | None, weights: dict[str, float], stock: bool
+) -> None:
     """First whether it balances; then what remains, and what would remove it."""
-    unit = {"N": "N", "Nm": "N m"}.get(result.objective.unit if result.objective else "", "")
-    what = "of what is made small" if not unit else "RMS shaking force" if unit == "N" else "RMS"
     where = "over the workspace" if motion is None else f"in motion {motion}"
-    if motion is None:
-        what = "of the momentum"
     if verdict.balanced:
         click.echo(f"Balanced completely {where}.")
         return
-    share = (
-        f"{verdict.after / verdict.before:.3g} of {what}"
-        if not unit
-        else (
-            f"{verdict.after:.4g} {unit} {what} of {verdict.before:.4g} {unit} ({verdict.after / verdict.before:.1%})"
-        )
+    unit = {"N": "N", "Nm": "N m"}.get(result.objective.unit if result.objective else "", "")
+    what = "momentum" if motion is None else " and ".join(_MADE_SMALL[name] for name in weights)
+    sizes = f" ({verdict.after:.4g} {unit} of {verdict.before:.4g} {unit})" if unit else ""
+    click.echo(
+        f"Not balanced completely: {_share(verdict.after, verdict)} of the RMS {what} remains {where}{sizes}; "
+        f"{_proof(verdict, stock)}"
     )
-    click.echo(f"Not balanced completely: {share} remain {where}; {_proof(verdict)}")
     for one in verdict.directions:
         if one.after > 1e-6 * verdict.before:
-            along = ", ".join(f"{x:.3g}" for x in one.direction + 0.0)
-            click.echo(f"  along ({along}): {one.after:.4g} of {one.before:.4g} {unit or 'root of kg'}")
+            along = ", ".join(f"{x:.3g}" for x in one.direction)
+            after, before = (f"{x:.4g} {unit}" if unit else _share(x, verdict) for x in (one.after, one.before))
+            click.echo(f"  along ({along}): {after}, without counter-masses {before}")
     if stock and verdict.attainable:
         click.echo("Other masses at these sites would balance it completely.")
     for k, site in enumerate(verdict.needed):
-        also, bodies = "also " if k else "", " or ".join([site.body, *site.alternatives])
-        left = f"{site.after / verdict.before:.3g} of it" if site.after else "nothing"
-        click.echo(f"A site on body {bodies}, at the right place, would {also}be needed: it would leave {left}.")
-    if not verdict.attainable and not verdict.needed:
+        bodies = " or ".join([site.body, *site.alternatives])
+        left = f"{_share(site.after, verdict)} would" if site.after else "nothing would"
+        start = f"With a site on body {bodies} as well" if k else f"With a site on body {bodies}, at the right place"
+        click.echo(f"{start}: {left} remain.")
+    if verdict.directions and not verdict.attainable and not verdict.needed:
         click.echo("No counter-mass on any body would lessen it.")
 
 
-def _proof(verdict: "Verdict") -> str:
+_MADE_SMALL = {"force": "shaking force", "moment": "shaking moment", "torque": "drive torque"}
+
+
+def _share(value: float, verdict: "Verdict") -> str:
+    """Part of what is made small without counter-masses."""
+    return per_cent(100.0 * value / verdict.before)
+
+
+def _proof(verdict: "Verdict", stock: bool) -> str:
     """How near the masses are to the best."""
+    what = "choice of these plates leaves" if stock else "masses at these sites leave"
     if verdict.after <= verdict.least * (1.0 + 1e-6):
-        return "no masses that are allowed leave less."
-    return f"not proven: no masses leave less than {verdict.least / verdict.before:.4g} of it."
+        return f"no other {what} less."
+    return f"not proven to be the least, which is above {_share(verdict.least, verdict)}."
 
 
 def _print_sets(sets: "Sequence[Sizing]") -> None:
     if sets:
         rows = [
-            [str(k), " / ".join(f"{mass(c.mass)}" for c in one.counter_masses), per_cent(_remaining(one))]
+            [str(k), " / ".join(f"{mass(c.mass)}" for c in one.counter_masses), per_cent(one.remaining_percent())]
             for k, one in enumerate(sets, 2)
         ]
         emit_table("Next best sets", ["", "masses [kg]", "remain"], rows)
 
 
-def _print_sizing(result: "Sizing", stock: str | None) -> None:
+def _print_sizing(result: "Sizing", stock: str | None, attainable: bool) -> None:
+    """Masses by site; the conditions' residual where masses can meet them."""
     rows = [
         [c.site, mass(c.mass), f"{c.position[0] * 1e3:.2f}", f"{c.first_moment[0]:.5f}", " + ".join(c.plates) or "-"]
         for c in result.counter_masses
@@ -411,10 +419,11 @@ def _print_sizing(result: "Sizing", stock: str | None) -> None:
         ["site", "mass [kg]", "x in its body [mm]", "first moment [kg m]", "plates"],
         rows,
     )
-    click.echo(
-        f"First-moment residual  {first_moment(result.residual())}  ({per_cent(result.residual_percent())} of that "
-        "without counter-masses)"
-    )
+    if attainable:
+        click.echo(
+            f"First-moment residual  {first_moment(result.residual())}  ({per_cent(result.residual_percent())} of that "
+            "without counter-masses)"
+        )
     for body, value in result.balanced_payloads().items():
         click.echo(f"Balanced payload       {body} = {'none' if value is None else mass(value) + ' kg'}")
     click.echo(f"Added                  {result.added_mass:.4f} kg, {result.added_inertia:.5f} kg m2 about the joints")

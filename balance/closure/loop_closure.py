@@ -152,8 +152,11 @@ class Closure:
         """The closed configurations with the driven coordinates as at home, or as many others that leave no freedom."""
         mechanism = self.mechanism
         fixed = np.array([mechanism.coordinate_index(name) for name in mechanism.driven], dtype=np.intp)
+        turning = np.array([joint.revolute for joint in mechanism.tree.joints])
         free = _null_space(self.engine.constraint_jacobian(self.home)[self.rows])
-        if len(independent_rows(free[fixed])) != self.dof or len(fixed) != self.dof:
+        free /= np.where(turning, 1.0, self.length)[:, None]
+        rates = np.linalg.svd(free[fixed], compute_uv=False)
+        if len(fixed) != self.dof or not (rates > RANK_LIMIT * np.linalg.norm(free, axis=1).max(initial=0.0)).all():
             fixed = independent_rows(free)
         return configurations(self.engine, mechanism, self.home, self.length, fixed)
 

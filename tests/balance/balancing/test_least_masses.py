@@ -41,6 +41,16 @@ def test_masses_change_with_the_target_as_stated():
     assert after.masses - before.masses == pytest.approx(before.per_target @ change, abs=1e-9)
 
 
+@pytest.mark.parametrize("seed", [0, 63, 258, 570, 2892])
+def test_sites_that_act_alike_settle(seed):
+    """Eight sites of like effect, all limited: bounds are met and left often; those that hold leave no gap."""
+    rng = np.random.default_rng(seed)
+    columns = rng.standard_normal((8, 1)) + 0.3 * rng.standard_normal((8, 8))
+    target, upper = rng.standard_normal(8), rng.uniform(0.1, 1.0, 8)
+    found = distribute_masses(columns / np.linalg.norm(columns, axis=0), target, upper)
+    assert found.gap < 1e-20  # rounding of the gradient, 1e-16, squared, times a condition number squared, up to 2e4
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_optimality(seed):
     """Bounds, scales over six decades: the Karush-Kuhn-Tucker conditions hold, and the gap is as small."""

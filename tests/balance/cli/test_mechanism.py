@@ -138,6 +138,16 @@ def test_json_of_conditions(balance):
     assert document["conditions"][0]["coefficients"]["mcx[A0A]"] == 1.0
 
 
+def test_a_condition_on_masses_alone_is_in_kilograms(balance):
+    """The masses that the legs of a hexapod lift, 6.4 kg: no first moment, in text and JSON; it holds for no masses."""
+    found = json.loads(balance("conditions", "stewart", "--json").out)["conditions"]
+    assert [name for c in found for name in c.keys() - {"coefficients"}] == ["value_kgm"] * 21 + ["value_kg"]
+    assert found[-1]["value_kg"] == pytest.approx(6.4)
+    out = balance("conditions", "stewart").out
+    assert "now +6.4 kg\n" in out
+    assert "Not balanced: largest residual 6.4 kg, 0.032 kg m" in out
+
+
 def test_people_read_equations(balance):
     """Each condition as an equation with its value now, and the verdict."""
     code, out, _ = balance("conditions", "parallelogram-6bar")
@@ -203,6 +213,7 @@ def test_json_of_check(balance):
     } <= document.keys()  # fmt: skip
     assert document["residual_first_moment_kgm"] == pytest.approx(3.081e-2, abs=5e-6)
     assert document["residual_percent"] == pytest.approx(4.576, abs=5e-4)
+    assert (document["balanced"], document["remaining_percent"]) == (False, pytest.approx(4.576, abs=5e-4))
     assert document["balanced_payload_kg"]["platform"] == pytest.approx(3.2062, abs=5e-5)
     assert [set(c) for c in document["conditions"]] == [{"coefficients", "value_kgm"}] * 4
 
@@ -219,6 +230,7 @@ def test_people_read_the_verdict(balance):
     """Residual with per cent, balanced and asked payload, force per g0; finding a residual is exit 0."""
     code, out, _ = balance("check", "parallelogram-6bar", *BUILT)
     assert code == 0
+    assert out.startswith("Not balanced completely: 4.58 % of the RMS momentum remains over the workspace.")
     for text in ("0.03081 kg m", "4.58 %", "3.2062 kg", "asked: 3.4116 kg", "N per g0"):
         assert text in out
 

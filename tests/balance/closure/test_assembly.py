@@ -87,3 +87,17 @@ def test_a_start_from_which_no_step_leads_is_not_chosen_for() -> None:
     found = Closure(models.model(text), search=True).configurations()
     assert len(found) >= 2
     assert max(one.residual for one in found) < 1e-14
+
+
+def test_a_motor_that_cannot_move_tells_no_branch() -> None:
+    """A rigid triangle whose motor is held, and a wheel on it that turns freely: two ways, not one for each angle."""
+    bars = models.link(models.link('<site name="end" pos="0.4 0 0"/>', "b", place='pos="0.3 0 0"'), "a")
+    text = models.mjcf(
+        bars + models.link("", "wheel") + '<site name="fixed" pos="0.25 0 0"/>',
+        '<equality><connect name="pin" site1="end" site2="fixed"/></equality>'
+        + models.motors("a")
+        + models.key([1.2, -1.9, 0.3]),
+    )
+    found = closed(text).configurations()
+    assert [one.branch for one in found] == ["A", "B"]
+    assert len({round(float(one.q[2]), 9) for one in found}) == 1
