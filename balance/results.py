@@ -63,9 +63,19 @@ def rpm(speed: Any) -> Any:  # noqa: ANN401
     return speed / (math.pi / 30.0)
 
 
+def given(text: str) -> str | None:
+    """A text, or None for an empty one."""
+    return text or None
+
+
 def milli(value: Any) -> Any:  # noqa: ANN401
     """A value, or array of values (...,) [SI], in thousandths of its unit: metres in mm, kilograms in g."""
     return 1e3 * value
+
+
+def micro(value: Any) -> Any:  # noqa: ANN401
+    """A value, or array of values (...,) [SI], in millionths of its unit: metres in um, kg m in g mm."""
+    return 1e6 * value
 
 
 def finite(number: float) -> float | None:

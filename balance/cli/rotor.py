@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..results import document as document_of
 from . import options
 from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 from .options import NamedQuantity, Quantity, speed_option
@@ -195,12 +196,8 @@ def tolerance(
     shares = allowed.in_planes(*to_bearings) if to_bearings else None
     document: dict[str, Any] = {
         "scope": SCOPE,
-        "grade_mm_per_s": 1e3 * allowed.grade,
+        **document_of(allowed),
         "standard_grade": any(abs(1e3 * allowed.grade - known) < 1e-9 * known for known in GRADES),
-        "mass_kg": mass,
-        "speed_rad_per_s": speed,
-        "e_per_um": 1e6 * allowed.eccentricity,
-        "U_per_gmm": 1e6 * allowed.unbalance,
         "U_per_bearing_planes_gmm": None if shares is None else [1e6 * share for share in shares],
         "residual_gmm": None if residual is None else 1e6 * residual,
         "grade_reached_mm_per_s": None if residual is None else 1e3 * allowed.reached(residual),

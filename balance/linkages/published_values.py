@@ -6,7 +6,7 @@ from operator import attrgetter
 from typing import Annotated
 
 from ..errors import DataError
-from ..results import Key
+from ..results import Key, given
 from .equivalence_method import LinkageBalance, balance_linkage, rounding_intervals
 from .expressions import Symbol, symbol
 from .linkage import Contradiction
@@ -28,7 +28,7 @@ class PublishedRow:
     """From the published inputs [kg, kg m2]."""
     interval: Annotated[tuple[float, float], Key("rounding_interval_{0.unit}")]
     """By the rounding of the published inputs [kg, kg m2]."""
-    why: Annotated[str, Key(to=lambda why: why or None)] = ""
+    why: Annotated[str, Key(to=given)] = ""
     """Why it differs, where the source contradicts itself or its own equations."""
     explained: Annotated[float | None, Key("computed_as_the_source_did_{0.unit}")] = None
     """What the method gives without the terms that the source omits [kg, kg m2]."""

@@ -9,6 +9,7 @@ the coefficients of all rows together. Intervals are of 95 %. Units: [r] of read
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from ..estimation.estimate import (
     joint_coverage_factor,
     standard_deviation_within,
 )
+from ..results import INLINE, Key, finite
 from .influence_coefficients import Coefficients, Solution, design_matrix
 
 DRAWS = 100
@@ -48,11 +50,11 @@ class CoefficientCovariance:
 
     covariance: Floats
     """Of each row's (Re v0, Re alpha_1, ..., Im v0, Im alpha_1, ...), (rows, 2 planes + 2, 2 planes + 2) [r, r/w]."""
-    degrees_of_freedom: float
+    degrees_of_freedom: Annotated[float, Key("degrees_of_freedom_a_row", to=finite)]
     """Of each row's covariance; infinite where the errors of readings are stated."""
-    source: str
+    source: Annotated[str, Key("from")]
     """Where it comes from: ``stated`` or ``repeats``."""
-    widened: float = 1.0
+    widened: Annotated[float, Key("stated_errors_widened_by")] = 1.0
     """Factor on the stated errors, above one where runs scatter more than they allow."""
     modes: Floats | None = None
     """Change of each row's coefficients by each common-mode error, (modes, rows, 2 planes + 2) [r, r/w]."""
@@ -62,14 +64,14 @@ class CoefficientCovariance:
 class CorrectionUncertainty:
     """Intervals of correction weights and of the residual readings."""
 
-    coefficients: CoefficientCovariance
+    coefficients: Annotated[CoefficientCovariance, INLINE]
     total: Complexes
     """The weights, (planes,) [w]."""
     covariance: Floats
     """Of the weight in each plane, components at 0 and 90 degrees, (planes, 2, 2) [w2]."""
     after: Floats
     """Distance from the predicted reading within which the true one is with 95 %, (rows,) [r]."""
-    draws: int | None
+    draws: Annotated[int | None, Key()]
     """How many solutions were drawn; None where the weights were differentiated."""
     degrees_of_freedom: tuple[float, ...]
     """Of each plane's covariance."""

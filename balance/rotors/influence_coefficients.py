@@ -11,12 +11,14 @@ dual proves how far they can be from the optimum.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from scipy.sparse import csc_matrix
 
 from ..arrays import Complexes, Floats
 from ..errors import SizingError
+from ..results import INLINE, Key
 
 METHODS = ("least-squares", "robust", "min-max")
 """Least sum of squares; least sum of moduli, which a single wrong reading moves little; least largest modulus."""
@@ -47,7 +49,7 @@ class Coefficients:
     """Root mean square of the residual of the runs [r]; zero where they are just as many as needed."""
 
     @property
-    def condition(self) -> float:
+    def condition(self) -> Annotated[float, Key()]:
         """Condition number of the coefficients, columns as they are: large where planes have nearly the same effect."""
         return float(np.linalg.cond(self.matrix))
 
@@ -56,13 +58,13 @@ class Coefficients:
 class Solution:
     """Correction weights, their residual, and how far from the optimum they may be."""
 
-    coefficients: Coefficients
+    coefficients: Annotated[Coefficients, INLINE]
     weights: Complexes
     """All weights in each plane, with no other weight on, (planes,) [w]."""
-    method: str
+    method: Annotated[str, Key()]
     factors: Floats
     """Factor of each row's reading in the cost, (rows,) [-]."""
-    bound: float
+    bound: Annotated[float, Key("cost_lower_bound_SI")]
     """Proven lower bound of the cost [r]."""
     is_free: bool = False
     """Whether the weights are those of least squares and no limit is active: then they can be differentiated."""
@@ -73,7 +75,7 @@ class Solution:
         return self.coefficients.initial + self.coefficients.matrix @ self.weights
 
     @property
-    def cost(self) -> float:
+    def cost(self) -> Annotated[float, Key("cost_SI")]:
         """Root of the sum of squares, sum, or largest of the residual readings times their factors [r]."""
         return _cost(self.residual * self.factors, self.method)
 

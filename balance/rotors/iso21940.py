@@ -6,8 +6,10 @@ linkages, whose shaking force does not turn with a shaft, and not for flexible r
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 from ..errors import DataError
+from ..results import Key, micro, milli
 from ..units import G0
 
 GRADES = (0.4, 1.0, 2.5, 6.3, 16.0, 40.0, 100.0, 250.0, 630.0, 1600.0, 4000.0)
@@ -23,20 +25,20 @@ LEAST_SHARE, LARGEST_SHARE = 0.3, 0.7
 class Permissible:
     """Permissible residual unbalance of a rigid rotor."""
 
-    grade: float
+    grade: Annotated[float, Key("grade_mm_per_s", to=milli)]
     """Balance quality grade: e_per omega [m/s]."""
-    mass: float
+    mass: Annotated[float, Key("mass_kg")]
     """Mass of the rotor [kg]."""
-    speed: float
+    speed: Annotated[float, Key("speed_rad_per_s")]
     """Largest service speed [rad/s]."""
 
     @property
-    def eccentricity(self) -> float:
+    def eccentricity(self) -> Annotated[float, Key("e_per_um", to=micro)]:
         """Permissible specific unbalance e_per = G / omega [m]."""
         return self.grade / self.speed
 
     @property
-    def unbalance(self) -> float:
+    def unbalance(self) -> Annotated[float, Key("U_per_gmm", to=micro)]:
         """U_per = m G / omega [kg m]; in g mm it is 9549.3 G m / n."""
         return self.mass * self.eccentricity
 

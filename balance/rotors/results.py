@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Complexes
+from ..results import document, finite
 from ..units import G0
 from .correction_planes import Correction, correct_planes, correction_findings, mass_and_radius, polygons
 from .correction_uncertainty import CorrectionUncertainty, PolarInterval
@@ -117,27 +118,19 @@ def trial_runs_document(runs: TrialRuns, solution: Solution) -> dict[str, Any]:
     uncertainty = runs.uncertainty(solution)
     before, after = solution.coefficients.initial, predicted_residual(solution)
     return {
-        "name": runs.name,
-        "source": runs.source or None,
-        "note": runs.note or None,
-        "phase": runs.phase,
-        "angles": runs.angles,
-        "amplitude": runs.amplitude,
-        "method": solution.method,
+        **document(runs),
+        **document(solution),
         "trial_weights": {
-            name: {"stayed_on": run.stayed_on, "largest_effect": _finite(effect)}
+            name: {"stayed_on": run.stayed_on, "largest_effect": finite(effect)}
             for name, effect in runs.effects().items()
             for run in runs.runs
             if run.name == name
         },
         "planes": _planes(runs, solution, uncertainty),
         "readings": _readings(runs, solution, uncertainty),
-        "intervals": None if uncertainty is None else _intervals(uncertainty),
+        "intervals": None if uncertainty is None else {"level": "95 %", **document(uncertainty)},
         f"rms_before_{reading}": _rms(before) * r,
         f"rms_after_{reading}": _rms(after) * r,
-        "cost_SI": solution.cost,
-        "cost_lower_bound_SI": solution.bound,
-        "condition": solution.coefficients.condition,
         f"misfit_of_runs_{reading}": solution.coefficients.misfit * r,
         "findings": _findings(runs, solution, uncertainty),
     }
@@ -207,17 +200,6 @@ def _readings(runs: TrialRuns, solution: Solution, uncertainty: CorrectionUncert
     ]
 
 
-def _intervals(uncertainty: CorrectionUncertainty) -> dict[str, Any]:
-    covariance = uncertainty.coefficients
-    return {
-        "level": "95 %",
-        "from": covariance.source,
-        "degrees_of_freedom_a_row": _finite(covariance.degrees_of_freedom),
-        "stated_errors_widened_by": covariance.widened,
-        "draws": uncertainty.draws,
-    }
-
-
 def _findings(runs: TrialRuns, solution: Solution, uncertainty: CorrectionUncertainty | None) -> list[str]:
     findings = []
     condition = solution.coefficients.condition
@@ -243,10 +225,6 @@ def _findings(runs: TrialRuns, solution: Solution, uncertainty: CorrectionUncert
                 "larger trial weights, more runs, or leave the plane out"
             )
     return findings
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None
 
 
 def _rms(readings: Complexes) -> float:

@@ -6,11 +6,13 @@ Here phase counts as lead of the vibration and weight angles with the sense of r
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
 from ..arrays import Complexes, Floats
 from ..errors import DataError
+from ..results import Key, given
 from .correction_uncertainty import (
     CoefficientCovariance,
     CorrectionUncertainty,
@@ -53,13 +55,13 @@ class TrialRun:
 class TrialRuns:
     """The trial runs of a file, in the sense of lead and with rotation."""
 
-    name: str
-    source: str
-    phase: str
+    name: Annotated[str, Key()]
+    source: Annotated[str, Key(to=given)]
+    phase: Annotated[str, Key()]
     """What the phases of the file count: ``lead`` or ``lag``."""
-    angles: str
+    angles: Annotated[str, Key()]
     """How the file counts weight angles: ``with rotation`` or ``against rotation``."""
-    amplitude: str
+    amplitude: Annotated[str, Key()]
     """Metric of the readings, such as ``peak_to_peak``."""
     planes: tuple[TrialPlane, ...]
     rows: tuple[tuple[str, str], ...]
@@ -77,7 +79,7 @@ class TrialRuns:
     least_effect: float
     published: Mapping[str, complex]
     """Weights by plane that the source publishes, in the sense of the file [kg or kg m]."""
-    note: str
+    note: Annotated[str, Key(to=given)]
     stated_errors: Floats | None = None
     """Covariances of stated readings and coefficients, (planes + 1, rows, 2, 2), where intervals are stated."""
 

@@ -98,17 +98,19 @@ def test_two_steady_speeds_are_both_listed(tmp_path):
     assert "ends at 672.89 rpm of the motor; it keeps 2689.5 rpm too" in finding
 
 
-def test_wrong_command_lines():
-    """A share that is none, a number of turns that is none."""
-    assert run("inverted-slider-crank", "--flywheel-for", "none")[0] == 2
-    assert run("inverted-slider-crank", "--start-up", "0")[0] == 2
-
-
-def test_a_speed_of_zero_is_a_wrong_command_line(balance):
-    """Nothing rotates; the reason is not sought in the motor."""
-    code, _, err = balance("drive", "inverted-slider-crank", "--speed", "0rpm")
+@pytest.mark.parametrize(
+    ("option", "value", "message"),
+    [
+        ("--flywheel-for", "none", "expected a share above zero"),
+        ("--start-up", "0", "--start-up"),
+        ("--speed", "0rpm", "more than zero"),
+    ],
+)
+def test_wrong_command_lines(option, value, message):
+    """A share that is none, a number of turns that is none, a speed at which nothing rotates."""
+    code, output = run("inverted-slider-crank", option, value)
     assert code == 2
-    assert "more than zero" in err
+    assert message in output
 
 
 @pytest.mark.parametrize(

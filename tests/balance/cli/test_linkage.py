@@ -137,24 +137,3 @@ def test_nothing_is_written_where_nothing_is_simulated(tmp_path):
     with pytest.raises(CounterpoiseError, match="nothing to draw or write"):
         run("dwell", "--figure", tmp_path / "x.png")
     assert not list(tmp_path.iterdir())
-
-
-def test_a_linkage_that_the_method_cannot_balance_is_refused_by_name(tmp_path):
-    """A body between slides only."""
-    path = tmp_path / "slides.toml"
-    path.write_text(
-        """
-        drive = "A0"
-        [links]
-        2 = { mass = "1 kg", centre = ["0 m", "0 m"], inertia = "1 kg m^2" }
-        3 = { mass = "1 kg", centre = ["0 m", "0 m"], inertia = "1 kg m^2" }
-        [joints]
-        A0 = { ground = ["0 m", "0 m"], 2 = ["0 m", "0 m"] }
-        P.kind = "prismatic"
-        P.2 = { point = ["0 m", "0 m"], along = "0 deg" }
-        P.3 = { point = ["0 m", "0 m"], along = "0 deg" }
-        """,
-        encoding="utf-8",
-    )
-    with pytest.raises(CounterpoiseError, match="body 3 has no revolute path to the ground"):
-        run(path)
