@@ -120,11 +120,11 @@ def _from_stock(
     from ..rotors import weight_splitting
 
     try:
-        return weight_splitting.split_from_stock(masses, free, plates, None, rules)
+        return weight_splitting.split_from_stock(masses, free, plates, rules)
     except weight_splitting.NotProvenError:
         if not may_widen:
             raise
-    widened = weight_splitting.split_from_stock(masses, free, plates, None, replace(rules, resolution=_WIDER))
+    widened = weight_splitting.split_from_stock(masses, free, plates, replace(rules, resolution=_WIDER))
     findings.append(
         f"the least residual of all sets could not be proven in {weight_splitting.TIME_LIMIT_S:g} s; "
         f"this is the lightest set with a residual of at most {100 * _WIDER:g} %, proven: see --within, --most-holes"

@@ -142,7 +142,13 @@ def start_up(
     state, time, done, evaluations = np.array([start, 0.0]), 0.0, [], 0
     pieces: list[tuple[Floats, Floats]] = []
     for number in range(1, turns + 1):
-        turn = _one_turn(machine, time, state, start + 2.0 * np.pi * number, rtol, method)
+        turn = run_to(machine, time, state, start + 2.0 * np.pi * number, rtol, method)
+        if turn.outcome != "arrived":
+            angle = np.degrees(machine.reduced.direction * float(turn.state[0])) % 360.0
+            raise DriveError(
+                f"{machine.reduced.mechanism.name} does not come round in its start-up: the crank {turn.outcome} at "
+                f"{angle:.1f} deg after {turn.time:.3g} s; the motor is too weak or starts in the wrong place"
+            )
         instants = np.linspace(time, turn.time, _SAMPLES + 1)
         course = turn.course(instants)
         evaluations += turn.evaluations
@@ -162,17 +168,6 @@ def reached_from_rest(solutions: Sequence[SteadyRotation], start: float = 0.0) -
     """
     start_up(solutions[0].machine, 1, start, _COARSE)
     return solutions[-1] if solutions[-1].is_stable else None
-
-
-def _one_turn(machine: Machine, time: float, state: Floats, target: float, rtol: float, method: Solver) -> Segment:
-    end = run_to(machine, time, state, target, rtol, method)
-    if end.outcome != "arrived":
-        angle = np.degrees(machine.reduced.direction * float(end.state[0])) % 360.0
-        raise DriveError(
-            f"{machine.reduced.mechanism.name} does not come round in its start-up: the crank {end.outcome} at "
-            f"{angle:.1f} deg after {end.time:.3g} s; the motor is too weak or starts in the wrong place"
-        )
-    return end
 
 
 def _refuse_stall(machine: Machine, start: float) -> None:

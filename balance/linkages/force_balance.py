@@ -209,10 +209,21 @@ def two_point_balance(
     arm = span_vector(linkage, values, body.name)
     length = float(np.linalg.norm(arm))
     across = np.array([-arm[1], arm[0]]) / length
+    counters: tuple[CounterMass, ...] = ()
     origin = joint_point(linkage, tree[body.name], body.name)
-    counters = _onto_line(places, origin, values, across, first, total * length, body.name)
-    first = first + sum((c.mass * c.position for c in counters), np.zeros(2))
-    total += sum(c.mass for c in counters)
+    off = float(across @ first)
+    if abs(off) > ROUNDING * total * length:
+        at = [(place, place.point.plus(origin, -1.0).at(values)) for place in places if place.point is not None]
+        fit = [(-off / float(across @ x), place, x) for place, x in at if across @ x * off < 0]
+        if not fit:
+            raise SizingError(
+                f"two_point of {body.name}: its centre of mass is off the line of the two joints (first moment "
+                f"{off:.4g} kg m); two point masses can only replace a body whose centre is on that line: give a "
+                "counter_mass place on the other side"
+            )
+        mass, place, position = min(fit, key=lambda found: found[0])
+        counters = (CounterMass(place, mass, position, place.inertia(mass, values)),)
+        first, total = first + mass * position, total + mass
     share = float(first @ arm) / length**2
     if total and not 0.0 < share < total:
         raise SizingError(
@@ -235,35 +246,6 @@ def span_vector(linkage: Linkage, values: Mapping[str, float], body: str) -> Flo
             f"two_point of {body}: joints {' and '.join(joints)} are in one point: give two that are apart"
         )
     return arm
-
-
-def _onto_line(
-    places: Sequence[Place],
-    origin: Point,
-    values: Mapping[str, float],
-    across: Floats,
-    first: Floats,
-    scale: float,
-    body: str,
-) -> tuple[CounterMass, ...]:
-    """The lightest counter-mass against the first moment across the line of the joints."""
-    off = float(across @ first)
-    if abs(off) <= 1e-13 * scale:
-        return ()
-    at = [p.point.plus(origin, -1.0).at(values) if p.point is not None else None for p in places]
-    fit = [
-        (-off / float(across @ x), p, x)
-        for p, x in zip(places, at, strict=True)
-        if x is not None and across @ x * off < 0
-    ]
-    if not fit:
-        raise SizingError(
-            f"two_point of {body}: its centre of mass is off the line of the two joints (first moment {off:.4g} "
-            "kg m); two point masses can only replace a body whose centre is on that line: give a counter_mass place "
-            "on the other side"
-        )
-    mass, place, position = min(fit, key=lambda found: found[0])
-    return (CounterMass(place, mass, position, place.inertia(mass, values)),)
 
 
 def force_balance(linkage: Linkage, tree: Mapping[str, str], values: Mapping[str, float]) -> dict[str, ForceBalance]:

@@ -55,55 +55,33 @@ def assemble(linkage: Linkage, values: Mapping[str, float]) -> Assembly:
     """
     from scipy.optimize import least_squares
 
-    closing = _Closing(linkage, values)
-    guess = closing.guess()
-    places = np.array([k for k in range(len(guess)) if k % 3 != 2])
+    pins = {j.name: tuple(_pin(linkage, j, k, values) for k in (0, 1)) for j in linkage.joints.values()}
+    angles, driven = _angles(linkage), _driven_body(linkage)
 
-    def placed(p: Floats) -> Floats:
-        full = guess.copy()
-        full[places] = p
-        return closing.gaps(full)
-
-    guess[places] = least_squares(placed, guess[places]).x
-    found = least_squares(closing.gaps, guess, xtol=1e-15, ftol=1e-15, gtol=1e-15)
-    if not np.abs(found.fun).max() < 1e-7 * closing.size():
-        raise ClosureError(
-            f"{linkage.name} cannot be closed near the angles under [start]: {np.abs(found.fun).max():.3g} m stays open"
-        )
-    return closing.state(found.x)
-
-
-class _Closing:
-    """Gaps of all joints as a function of the positions: x, y and angle of each body in turn."""
-
-    def __init__(self, linkage: Linkage, values: Mapping[str, float]) -> None:
-        self.linkage = linkage
-        self.names = list(linkage.bodies)
-        self.pins = {j.name: tuple(_pin(linkage, j, k, values) for k in (0, 1)) for j in linkage.joints.values()}
-        self.angles, self.driven = _angles(linkage), _driven_body(linkage)
-
-    def guess(self) -> Floats:
-        """All bodies at the origin, at their angles under [start], (3 bodies,) [m, rad]."""
-        return np.array([[0.0, 0.0, self.angles[name]] for name in self.names]).ravel()
-
-    def state(self, x: Floats) -> Assembly:
-        """Positions from x, y and angle of each body, (3 bodies,) [m, rad]."""
-        parts = dict(zip(self.names, x.reshape(-1, 3), strict=True))
+    def state(x: Floats) -> Assembly:  # of x, y and angle of each body in turn
+        parts = dict(zip(linkage.bodies, x.reshape(-1, 3), strict=True))
         origin = {GROUND: np.zeros(2)} | {name: part[:2] for name, part in parts.items()}
         return Assembly(origin, {GROUND: 0.0} | {name: float(part[2]) for name, part in parts.items()})
 
-    def gaps(self, x: Floats) -> Floats:
-        """Of all joints [m, -], then the driven body's angle off its one under [start] [rad]: (gaps + 1,).
+    def gaps(x: Floats) -> Floats:
+        at = state(x)
+        rows = [row for joint in linkage.joints.values() for row in _gaps(joint, at, *pins[joint.name])]
+        return np.array([*rows, at.angle[driven] - angles[driven]])
 
-        At positions (3 bodies,) [m, rad].
-        """
-        at = self.state(x)
-        rows = [row for joint in self.linkage.joints.values() for row in _gaps(joint, at, *self.pins[joint.name])]
-        return np.array([*rows, at.angle[self.driven] - self.angles[self.driven]])
+    turned = np.array([[angles[name]] for name in linkage.bodies])
 
-    def size(self) -> float:
-        """Of the linkage [m]."""
-        return max([1e-3, *(float(np.abs(p).max()) for pair in self.pins.values() for p in pair)])
+    def placed(p: Floats) -> Floats:  # at the angles under [start]
+        return gaps(np.hstack([p.reshape(-1, 2), turned]).ravel())
+
+    places = least_squares(placed, np.zeros(2 * len(turned))).x
+    guess = np.hstack([places.reshape(-1, 2), turned]).ravel()
+    found = least_squares(gaps, guess, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    size = max([1e-3, *(float(np.abs(p).max()) for pair in pins.values() for p in pair)])
+    if not np.abs(found.fun).max() < 1e-7 * size:
+        raise ClosureError(
+            f"{linkage.name} cannot be closed near the angles under [start]: {np.abs(found.fun).max():.3g} m stays open"
+        )
+    return state(found.x)
 
 
 def _angles(linkage: Linkage) -> dict[str, float]:

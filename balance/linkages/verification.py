@@ -150,7 +150,13 @@ def verify_linkage(
     paths = [
         _followed(closure, linkage, turn_samples(linkage, speed, share, start, count)) for share in (0.0, variation)
     ]
-    runs = [{stage: _extended(made, path, models, stage) for stage, made in stages.items()} for path in paths]
+    runs = [
+        {
+            stage: Couplings.of(made).extend(path, models["before"], models[stage]) if kind == "complete" else path
+            for stage, (made, kind) in stages.items()
+        }
+        for path in paths
+    ]
     responses = [{stage: simulate(models[stage], path) for stage, path in run.items()} for run in runs]
     largest = [_largest(response) for run in responses for response in run.values()]
     noise = {name: ROUNDING * max(each[name] for each in largest) for name in largest[0]}
@@ -163,14 +169,6 @@ def verify_linkage(
     )  # fmt: skip
     mass = {stage: moving_mass(*made) for stage, made in stages.items()}
     return Verification(constant, varying, mass, speed, variation, linkage.swing is not None)
-
-
-def _extended(
-    made: tuple[LinkageBalance, str], path: Trajectory, models: Mapping[str, Mechanism], stage: str
-) -> Trajectory:
-    """The trajectory of a stage, with its counter-gears."""
-    result, kind = made
-    return Couplings.of(result).extend(path, models["before"], models[stage]) if kind == "complete" else path
 
 
 def _bearings(result: LinkageBalance, model: Mechanism, path: Trajectory) -> BearingForces | None:

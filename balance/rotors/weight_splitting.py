@@ -126,17 +126,13 @@ class SplitRules:
 
 
 def split_from_stock(
-    target: complex,
-    holes: Sequence[Hole],
-    stock: Sequence[Plate],
-    radius: float | None,
-    rules: SplitRules | None = None,
+    target: complex, holes: Sequence[Hole], stock: Sequence[Plate], rules: SplitRules | None = None
 ) -> Split:
-    """The stock weights that come nearest to a correction [kg m with ``radius`` in m, kg with None].
+    """The stock weights that come nearest to a correction [kg].
 
     Raises NotProvenError where the optimum cannot be proven.
     """
-    sizes = np.array([plate.mass for plate in stock]) * (1.0 if radius is None else radius)
+    sizes = np.array([plate.mass for plate in stock])
     programme = _Programme(target, hole_directions(holes), sizes, stock, rules or SplitRules())
     least, bound = programme.solve(None)
     lightest, _ = programme.solve(max(programme.residual(least) * (1.0 + 1e-9), programme.finest) + 1e-6)

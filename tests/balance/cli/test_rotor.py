@@ -148,10 +148,10 @@ def test_a_split_too_large_to_prove_is_widened_with_a_finding(monkeypatch):
 
     solve = weight_splitting.split_from_stock
 
-    def hurried(target, holes, stock, radius, rules):
+    def hurried(target, holes, stock, rules):
         if rules.resolution < 1e-3:
             raise weight_splitting.NotProvenError("out of time")
-        return solve(target, holes, stock, radius, rules)
+        return solve(target, holes, stock, rules)
 
     monkeypatch.setattr(weight_splitting, "split_from_stock", hurried)
     arguments = ["split", "30 g @ 100 deg", "--holes", "24", "--weight", "5g", "--weight", "20g", "--most-holes", "4"]

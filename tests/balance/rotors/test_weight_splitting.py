@@ -62,7 +62,7 @@ def test_stock_weights_are_as_good_as_brute_force(seed):
     sizes, quantity = rng.uniform(1, 10, 3), rng.integers(1, 4, 3)
     most, target = int(rng.integers(2, 7)), complex(_polar(rng.uniform(3, 20), rng.uniform(0, 360)))
     stock = [Plate(str(i), float(s), int(q)) for i, (s, q) in enumerate(zip(sizes, quantity, strict=True))]
-    split = weight_splitting.split_from_stock(target, holes, stock, None, weight_splitting.SplitRules(1, most))
+    split = weight_splitting.split_from_stock(target, holes, stock, weight_splitting.SplitRules(1, most))
     assert split.residual() == pytest.approx(_brute(target, holes, sizes, quantity, most), rel=1e-6)
     assert split.is_optimal(1e-6)
     assert sum(len(p) > 0 for p in split.pieces) <= most
@@ -76,7 +76,6 @@ def test_of_equal_sets_the_lightest():
         10.0 + 0j,
         weight_splitting.evenly_spaced(4, 0.0),
         [Plate("ten", 10.0, 4)],
-        None,
         weight_splitting.SplitRules(1, None),
     )
     assert split.weights == (10.0, 0.0, 0.0, 0.0)
@@ -86,20 +85,10 @@ def test_a_small_enough_residual_gives_the_lightest_set():
     """With a residual that is small enough, the lightest set within it, against brute force."""
     holes, sizes, target = weight_splitting.evenly_spaced(6, 0.2), (2.0, 3.0, 5.0), complex(_polar(9.0, 70.0))
     stock = [Plate(str(m), m, 9) for m in sizes]
-    split = weight_splitting.split_from_stock(target, holes, stock, None, weight_splitting.SplitRules(1, None, 0.2))
+    split = weight_splitting.split_from_stock(target, holes, stock, weight_splitting.SplitRules(1, None, 0.2))
     unit, lightest = weight_splitting.hole_directions(holes), np.inf
     for filling in product((0.0, *sizes), repeat=6):
         if abs(target - np.array(filling) @ unit) <= 1.8:
             lightest = min(lightest, sum(filling))
     assert split.residual() <= 1.8 * (1 + 1e-6)
     assert sum(split.weights) == pytest.approx(lightest)
-
-
-def test_radius_turns_weights_into_unbalance():
-    """With a radius the correction is mass times radius."""
-    stock = [Plate("w", 0.01, 5)]
-    split = weight_splitting.split_from_stock(
-        0.002 + 0j, weight_splitting.evenly_spaced(4, 0.0), stock, 0.1, weight_splitting.SplitRules(2, None)
-    )
-    assert split.pieces == (("w", "w"), (), (), ())
-    assert split.residual() < 1e-12
