@@ -113,14 +113,22 @@ def _moment_rows(mechanism: Mechanism, trajectory: Trajectory) -> Iterator[Float
         yield with_constant(wrench_regressor(mechanism, q, v, a)[:, 3:])
 
 
+def turning_drives(mechanism: Mechanism) -> list[str]:
+    """Driven joints that turn: ``torque`` is of these; forces [N] of sliding ones have no sum with torques [N m]."""
+    motors = mechanism.driven or ([] if mechanism.loops else mechanism.coordinates)
+    return [joint for joint in motors if mechanism.tree.joints[mechanism.coordinate_index(joint)].revolute]
+
+
 def _torque_rows(mechanism: Mechanism, trajectory: Trajectory) -> Iterator[Floats]:
-    """Of the motors; friction and the motors' own inertia are constant."""
-    torque = np.array(list(simulate(mechanism, trajectory).torque.values())).T
-    if not torque.size:
-        raise ModelError(f"{mechanism.name}: its file names no motors in <actuator>: there is no torque to make small")
-    motors = mechanism.driven or mechanism.coordinates
+    """Of the motors that turn; friction and the motors' own inertia are constant."""
+    if not (turning := turning_drives(mechanism)):
+        raise ModelError(f"{mechanism.name}: no motor in <actuator> turns a joint: there is no torque to make small")
+    response, motors = simulate(mechanism, trajectory), mechanism.driven or mechanism.coordinates
+    torque = np.array([response.torque[joint] for joint in turning]).T
+    chosen = [motors.index(joint) for joint in turning]
     for part, q, v, a in _parts(trajectory):
-        rows = driven_torque_regressor(mechanism, q, v, a, driven_rates(mechanism, trajectory.per_drive[part], motors))
+        rates = driven_rates(mechanism, trajectory.per_drive[part], motors)
+        rows = driven_torque_regressor(mechanism, q, v, a, rates)[:, chosen]
         yield with_constant(rows, torque[part] - rows @ mechanism.pi)
 
 

@@ -193,7 +193,9 @@ def _plate(row: dict[str, str], where: str, densities: Mapping[str, float]) -> P
     except (TypeError, ValueError, AttributeError) as error:
         raise DataError(f"{where}: expected a name, a mass in kg and a whole quantity, found {row}") from error
     if not plate.name or not 0 < plate.mass < 1e6 or not 0 <= plate.quantity < 10_000:
-        raise DataError(f"{where}: expected a name, a mass above zero and a quantity of zero or more, found {row}")
+        raise DataError(
+            f"{where}: expected a name, a mass above zero and below 1e6 kg, and a quantity from 0 to 9999, found {row}"
+        )
     return plate
 
 

@@ -114,6 +114,11 @@ def _with_error(problem: Problem, tolerance: Tolerance, error: float) -> Problem
     if tolerance.part != "mass":
         return problem.with_points({(name, tolerance.part): problem.place(name, tolerance.part) + error})
     if name not in mechanism.sites:
+        if not mechanism.mass(name) + error > 0.0:
+            raise ModelError(
+                f"the mass of {name!r} is {mechanism.mass(name):g} kg with a tolerance of {abs(error):g} kg: expected "
+                "more than its tolerance"
+            )
         return replace(problem, mechanism=mechanism.with_payload({name: mechanism.mass(name) + error}))
     if counters.get(name, 0.0) + error < 0.0:
         raise ModelError(

@@ -15,7 +15,7 @@ from ..closure import Trajectory
 from ..mechanism.mechanism import Mechanism
 from ..results import Key
 from .least_masses import distribute_masses
-from .objective import QUANTITIES, motion_objective
+from .objective import QUANTITIES, motion_objective, turning_drives
 from .sizing import chosen_sites, upper_limits
 
 _SAME = 1e-9
@@ -31,7 +31,7 @@ class FrontPoint:
     force: Annotated[float, Key("rms_force_N", "force RMS [N]", ".4g")]
     moment: Annotated[float, Key("rms_moment_Nm", "moment RMS [N m]", ".4g")]
     torque: Annotated[float | None, Key("rms_torque_Nm", "torque RMS [N m]", ".4g")]
-    """Of all motors; None where the file names none."""
+    """Of all motors that turn; None where the file names none."""
     added_mass: Annotated[float, Key("added_mass_kg", "added [kg]", ".4f")]
     masses: Annotated[Mapping[str, float], Key("counter_masses_kg", "masses [kg]", lambda m: _listed(m))]
     """By site [kg]."""
@@ -54,16 +54,18 @@ def tradeoff_front(
     """
     names = chosen_sites(mechanism, sites)
     upper = upper_limits(names, limits)
-    quantities = [name for name in QUANTITIES if name != "torque" or mechanism.driven or not mechanism.loops]
+    quantities = [name for name in QUANTITIES if name != "torque" or turning_drives(mechanism)]
     systems = [
         _reduced(*motion_objective(mechanism, trajectory, {name: 1.0}).system(mechanism, names)) for name in quantities
     ]
     scales = [float(np.linalg.norm(target)) or 1.0 for _, target in systems]
-    heaviest = float(distribute_masses(*systems[0], upper).masses.sum()) or 1.0
+    found = [np.zeros(len(names)), *(distribute_masses(*system, upper).masses for system in systems)]
+    heaviest = float(found[1].sum()) or 1.0
     systems.append((np.ones((1, len(names))), np.zeros(1)))
     scales.append(heaviest)
-    found = []
     for weights in _lattice(len(systems), points):
+        if weights.max() == 1.0:
+            continue  # the ends, which are there: each exactly, and of equals the lightest
         parts = [
             (np.sqrt(max(weight, _FAINT)) / scale * columns, np.sqrt(max(weight, _FAINT)) / scale * target)
             for weight, scale, (columns, target) in zip(weights, scales, systems, strict=True)

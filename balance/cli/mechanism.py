@@ -142,7 +142,7 @@ _BRANCHES = 8
     epilog="""\b
 Examples:
   balance assemble four-bar
-  balance assemble robot.urdf --json"""
+  balance assemble five-bar --json"""
 )
 @options.mechanism_argument
 @json_option
@@ -201,7 +201,7 @@ BALANCED_KGM = 1e-6
     epilog="""\b
 Examples:
   balance conditions parallelogram-6bar
-  balance conditions four-bar.xml --counter counter_A0A=1.074kg --json
+  balance conditions four-bar --counter counter_A0A=1.074kg --json
   balance conditions parallelogram-6bar-full --momentum planar
   balance conditions four-bar --moment"""
 )

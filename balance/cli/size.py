@@ -187,8 +187,8 @@ Exit code 3: no masses at these sites balance it completely, or plates leave mor
     "--objective",
     multiple=True,
     metavar="NAME=WEIGHT",
-    help="What is made small: force, moment or torque of the motion; of several the sum of weight times (RMS / RMS "
-    "without)^2 [default: force].",
+    help="What is made small: force, moment or torque (of the drives that turn) of the motion; of several the sum of "
+    "weight times (RMS / RMS without)^2 [default: force].",
 )
 @click.option("--closed-form", is_flag=True, help="parallelogram-6bar by its published formula, without Pinocchio.")
 @options.figure_option
@@ -263,9 +263,13 @@ def size(
             _document(result, verdict, motion, weights, sets) | {n: response_summary(r) for n, r in responses.items()}
         )
     else:
-        _print_verdict(verdict, result, motion, weights, bool(stock))
+        _print_verdict(verdict, result, any_mass if stock else None, motion, weights)
         _print_sizing(result, stock, verdict.attainable)
         _print_sets(sets[1:])
+        if len(sets) < best:
+            click.echo(
+                f"{len(sets)} of {best} sets: there are no others, or plates of so many kinds that one is sought."
+            )
         if responses:
             print_responses(responses)
     sys.exit(EXIT_WITH_FINDINGS if verdict.has_finding else 0)
@@ -353,9 +357,12 @@ def _document(
 
 
 def _print_verdict(
-    verdict: "Verdict", result: "Sizing", motion: str | None, weights: dict[str, float], stock: bool
+    verdict: "Verdict", result: "Sizing", any_mass: "Sizing | None", motion: str | None, weights: dict[str, float]
 ) -> None:
-    """First whether it balances; then what remains, and what would remove it."""
+    """First whether it balances; then what remains, and what would remove it.
+
+    ``any_mass`` are the best masses of any size, where plates are asked for.
+    """
     where = "over the workspace" if motion is None else f"in motion {motion}"
     if verdict.balanced:
         click.echo(f"Balanced completely {where}.")
@@ -365,15 +372,16 @@ def _print_verdict(
     sizes = f" ({verdict.after:.4g} {unit} of {verdict.before:.4g} {unit})" if unit else ""
     click.echo(
         f"Not balanced completely: {_share(verdict.after, verdict)} of the RMS {what} remains {where}{sizes}; "
-        f"{_proof(verdict, stock)}"
+        f"{_proof(verdict, any_mass is not None)}"
     )
     for one in verdict.directions:
         if one.after > 1e-6 * verdict.before:
             along = ", ".join(f"{x:.3g}" for x in one.direction)
             after, before = (f"{x:.4g} {unit}" if unit else _share(x, verdict) for x in (one.after, one.before))
             click.echo(f"  along ({along}): {after}, without counter-masses {before}")
-    if stock and verdict.attainable:
-        click.echo("Other masses at these sites would balance it completely.")
+    if any_mass:
+        least = "balance it completely" if verdict.attainable else f"leave {per_cent(any_mass.remaining_percent())}"
+        click.echo(f"Masses of other sizes at these sites would {least}.")
     for k, site in enumerate(verdict.needed):
         bodies = " or ".join([site.body, *site.alternatives])
         left = f"{_share(site.after, verdict)} would" if site.after else "nothing would"

@@ -1,7 +1,5 @@
 """``balance tradeoff``: the front of shaking force, shaking moment, drive torque and added mass."""
 
-from itertools import islice
-
 import click
 
 from . import options
@@ -17,8 +15,9 @@ Examples:
   balance tradeoff four-bar --motion four-bar --limit counter_A0A=3kg --points 300 --figure front.svg --json
 
 \b
-Root mean squares over the motion, of force and moment as vectors, of all motors' torques together; the moment is about
-the base frame's origin. No point of the front is bettered in one of the four without a loss in another."""
+Root mean squares over the motion, of force and moment as vectors, of the torques of all motors that turn together; the
+moment is about the base frame's origin. No point of the front is bettered in one of the four without a loss in
+another."""
 )
 @options.mechanism_argument
 @click.option("--motion", required=True, metavar="TOML", help="The motion.")
@@ -64,9 +63,10 @@ def tradeoff(
     lightest = min(front, key=lambda one: one.added_mass)
     click.echo(
         f"From {front[0].force:.4g} N of force with {front[0].added_mass:.4g} kg to {lightest.force:.4g} N with "
-        f"{lightest.added_mass:.4g} kg: {len(front)} points of the front."
+        f"{lightest.added_mass:.4g} kg: {len(front)} point{'s' * (len(front) != 1)} of the front."
     )
-    step = max(1, -(-len(front) // _SHOWN))
-    header, rows = table(FrontPoint, islice(front, 0, None, step))
-    note = f"Every {step}th point; all are in --json." if step > 1 else ""
+    count = min(len(front), _SHOWN)
+    shown = [front[k * (len(front) - 1) // max(count - 1, 1)] for k in range(count)]
+    header, rows = table(FrontPoint, shown)
+    note = f"{count} of {len(front)} points; all are in --json." if count < len(front) else ""
     emit_table(f"{model.name}, motion {motion}: masses at {', '.join(front[0].masses)}", header, rows, note)

@@ -36,7 +36,7 @@ WRONG = {
     "negative mass": ("name,mass_kg,quantity\nM1,-5,2\n", "a mass above zero"),
     "no mass": ("name,mass_kg,quantity\nM1,nan,2\n", "a mass above zero"),
     "grams": ("name,mass_kg,quantity\nM1,5027 g,2\n", "a mass in kg"),
-    "negative quantity": ("name,mass_kg,quantity\nM1,5,-2\n", "a quantity of zero or more"),
+    "negative quantity": ("name,mass_kg,quantity\nM1,5,-2\n", "a quantity from 0 to 9999"),
     "nameless": ("name,mass_kg,quantity\n ,5,2\n", "expected a name"),
     "short row": ("name,mass_kg,quantity\nM1,5\n", "plate 1"),
     "long row": ("name,mass_kg,quantity\nM1,5,2,7\n", "plate 1"),

@@ -77,8 +77,15 @@ def test_too_wide_a_tolerance_is_doubtful():
     ]
 
 
-def test_a_counter_mass_below_its_tolerance_is_refused():
+@pytest.mark.parametrize(
+    ("name", "size", "message"),
+    [
+        ("counter_A0A", 0.1, "'counter_A0A' is 0 kg with a tolerance of 0.1 kg"),
+        ("AB", 5.0, "the mass of 'AB' is .* kg with a tolerance of 5 kg"),
+    ],
+)
+def test_a_mass_below_its_tolerance_is_refused(name, size, message):
     """A mass cannot be negative: --counter is missing or the tolerance is too wide."""
     problem = Problem(load("four-bar"), load_motion("four-bar").sample(300.0))
-    with pytest.raises(ModelError, match=r"'counter_A0A' is 0 kg with a tolerance of 0.1 kg"):
-        analyze_tolerances(problem, [Tolerance("counter_A0A", "mass", 0.1)], 1000, 1)
+    with pytest.raises(ModelError, match=message):
+        analyze_tolerances(problem, [Tolerance(name, "mass", size)], 1000, 1)
