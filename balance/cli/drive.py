@@ -6,7 +6,7 @@ import click
 
 from ..results import table
 from . import options
-from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from .framework import emit_result, emit_table, json_option
 
 if TYPE_CHECKING:
     from ..drives.drive_files import Drive
@@ -78,9 +78,7 @@ Examples:
 @click.option("--convergence", is_flag=True, help="Also the answer of looser and tighter solvers.")
 @options.figure_option
 @json_option
-@click.pass_context
 def drive(
-    ctx: click.Context,
     drive: str,
     payload: tuple[tuple[str, float], ...],
     counter: tuple[tuple[str, float], ...],
@@ -116,9 +114,7 @@ def drive(
         from ..figures.rotating import draw_drive
 
         save(draw_drive(result), figure)
-    emit_json(result) if as_json else _print_study(result)
-    if result["findings"]:
-        ctx.exit(EXIT_WITH_FINDINGS)
+    emit_result(result, as_json, lambda: _print_study(result))
 
 
 def _study(drive: str, speeds: tuple[str, ...], reading: str | None) -> tuple["Drive", tuple[float, ...]]:
@@ -201,8 +197,6 @@ def _print_study(result: dict[str, Any]) -> None:
     _print_flywheels(result)
     _print_start_up(result)
     _print_convergence(result)
-    for finding in result["findings"]:
-        click.echo(f"Finding: {finding}")
 
 
 def _print_reduced(result: dict[str, Any]) -> None:

@@ -9,7 +9,7 @@ import click
 
 from ..results import table as table_of
 from . import options
-from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from .framework import emit_json, emit_result, emit_table, json_option
 from .options import Quantity, speed_option
 
 if TYPE_CHECKING:
@@ -98,20 +98,11 @@ def single(
 
         save(draw_polar(crank, cases, omega), figure)
     document = cylinder_document(model, cases, omega, radius, mass)
-    if as_json:
-        emit_json(document)
-    else:
-        _print_single(document, rod_replacements(crank))
-        if model.counterweights:
-            names = ", ".join(weight.name for weight in model.counterweights)
-            click.echo(f"The file's own counterweights ({names}) are not included here: see balance engine free.")
-        for finding in document["findings"]:
-            click.echo(f"Finding: {finding}")
-    if document["findings"]:
-        raise click.exceptions.Exit(EXIT_WITH_FINDINGS)
+    own = ", ".join(weight.name for weight in model.counterweights)
+    emit_result(document, as_json, lambda: _print_single(document, rod_replacements(crank), own))
 
 
-def _print_single(document: dict[str, Any], rod: "list[Replacement]") -> None:
+def _print_single(document: dict[str, Any], rod: "list[Replacement]", own: str) -> None:
     if rod:
         note = "places from the crank pin; with no inertia missing (third condition) force and moment are both true"
         emit_table("Connecting rod as point masses", *table_of(type(rod[0]), rod), note)
@@ -134,6 +125,8 @@ def _print_single(document: dict[str, Any], rod: "list[Replacement]") -> None:
         f"Orders 1 and 2 are off the exact force by at most {document['second_order_error_largest_N']:.4g} N, "
         f"{document['second_order_error_of_first_order_percent']:.3g} % of m r omega^2."
     )
+    if own:
+        click.echo(f"The file's own counterweights ({own}) are not included here: see balance engine free.")
 
 
 _CASE: dict[str, Callable[[dict[str, Any]], str]] = {

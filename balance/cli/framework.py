@@ -5,7 +5,7 @@ import os
 import re
 import sys
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import Any, NoReturn
 
@@ -117,6 +117,19 @@ def json_text(document: dict[str, Any]) -> str:
 def emit_json(document: dict[str, Any]) -> None:
     """Print the one JSON document of a command."""
     click.echo(json_text(document))
+
+
+def emit_result(document: dict[str, Any], as_json: bool, show: Callable[[], None]) -> None:
+    """Print a result as JSON, or as ``show`` prints it for people and then its findings; with findings exit code 3."""
+    findings = document["findings"]
+    if as_json:
+        emit_json(document)
+    else:
+        show()
+        for finding in findings:
+            click.echo(f"Finding: {finding}")
+    if findings:
+        raise click.exceptions.Exit(EXIT_WITH_FINDINGS)
 
 
 def emit_table(title: str, header: list[str], rows: list[list[str]], note: str = "") -> None:

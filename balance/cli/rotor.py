@@ -6,7 +6,7 @@ import click
 
 from ..results import document as document_of
 from . import options
-from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from .framework import emit_json, emit_result, emit_table, json_option
 from .options import NamedQuantity, Quantity, speed_option
 from .rotor_splitting import split
 from .rotor_trial_runs import influence, vector_text
@@ -83,14 +83,8 @@ def correct(
 
         save(draw_polygons(polygons(correction)), figure)
     document = correction_document(model, correction)
-    if as_json:
-        emit_json(document)
-    else:
-        _print_correction(document)
-        if len(correction.planes) == 1 and not correction.is_balanced(1e-9):
-            click.echo("One plane balances the force only: the couple remains. Give a second plane to remove it.")
-    if document["findings"]:
-        raise click.exceptions.Exit(EXIT_WITH_FINDINGS)
+    couple_remains = len(correction.planes) == 1 and not correction.is_balanced(1e-9)
+    emit_result(document, as_json, lambda: _print_correction(document, couple_remains))
 
 
 def _model(
@@ -113,7 +107,7 @@ def _model(
     return replace(model, speed=speed) if speed is not None else model
 
 
-def _print_correction(document: dict[str, Any]) -> None:
+def _print_correction(document: dict[str, Any], couple_remains: bool) -> None:
     rows = [
         [p["plane"], f"{p['at_mm']:g}", f"{p['magnitude_kgmm']:.6g}", f"{p['angle_deg']:.3f}",
          "-" if p["mass_kg"] is None else f"{p['mass_kg']:.5g}",
@@ -138,8 +132,8 @@ def _print_correction(document: dict[str, Any]) -> None:
         click.echo("Bearing loads need a speed: --speed.")
     if weight := document["weight_on_bearings_N"]:
         click.echo(f"Weight on the bearings at rest: {weight[0]:.4g} N and {weight[1]:.4g} N (g0 = 9.81 m/s2).")
-    for finding in document["findings"]:
-        click.echo(f"Finding: {finding}")
+    if couple_remains:
+        click.echo("One plane balances the force only: the couple remains. Give a second plane to remove it.")
 
 
 @rotor.command(

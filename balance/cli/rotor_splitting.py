@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from .framework import emit_result, emit_table, json_option
 from .options import Quantity
 
 if TYPE_CHECKING:
@@ -48,9 +48,7 @@ Stock weights: --stock CSV with the columns name,mass_kg,quantity, or --weight M
 @click.option("--within", metavar="PERCENT", help="Residual that is small enough; the lightest such set is taken.")
 @click.option("--remove", is_flag=True, help="Correct by removing material: opposite the added mass.")
 @json_option
-@click.pass_context
 def split(
-    ctx: click.Context,
     correction: str,
     holes: int | None,
     first: float,
@@ -98,12 +96,8 @@ def split(
     else:
         weighted = split_freely(masses, free, float("inf") if limit is None else limit)
     document = split_document(weighted, radius) | {"findings": findings}
-    if as_json:
-        emit_json(document)
-    else:
-        _print(document, weighted, bool(plates), "to remove" if remove else "to mount")
-    if findings:
-        ctx.exit(EXIT_WITH_FINDINGS)
+    purpose = "to remove" if remove else "to mount"
+    emit_result(document, as_json, lambda: _print(document, weighted, bool(plates), purpose))
 
 
 def _from_stock(
@@ -204,5 +198,3 @@ def _print(document: dict[str, Any], weighted: "Split", stocked: bool, purpose: 
         click.echo(f"Lightest set with a residual of at most {least:.4g} g: proven.")
     elif stocked:
         click.echo(f"No set of these weights has a residual below {least:.4g} g, none with it is lighter: proven.")
-    for finding in document["findings"]:
-        click.echo(f"Finding: {finding}")

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from . import options
-from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from .framework import emit_result, emit_table, json_option
 
 if TYPE_CHECKING:
     from ..rotors.trial_runs import TrialRuns
@@ -50,8 +50,7 @@ In place of runs: per = "g", initial and coefficients, by speed and sensor, a li
 )
 @options.figure_option
 @json_option
-@click.pass_context
-def influence(ctx: click.Context, runs: str, method: str, figure: str | None, as_json: bool) -> None:
+def influence(runs: str, method: str, figure: str | None, as_json: bool) -> None:
     """Correction weights from trial runs in RUNS, a file (TOML) or a shipped one.
 
     A trial weight that changed no reading enough is refused by name. Whether each trial weight stayed on must be
@@ -70,12 +69,7 @@ def influence(ctx: click.Context, runs: str, method: str, figure: str | None, as
         (reading, _, r), (weight, _, w) = READING[trial_runs.reading], WEIGHT[trial_runs.weight]
         uncertainty = trial_runs.uncertainty(solution)
         save(draw_readings(trial_runs, solution, (reading, r), (weight, w), uncertainty), figure)
-    if as_json:
-        emit_json(document)
-    else:
-        _print(trial_runs, document)
-    if document["findings"]:
-        ctx.exit(EXIT_WITH_FINDINGS)
+    emit_result(document, as_json, lambda: _print(trial_runs, document))
 
 
 def _print(runs: "TrialRuns", document: dict[str, Any]) -> None:
@@ -111,8 +105,6 @@ def _print(runs: "TrialRuns", document: dict[str, Any]) -> None:
         click.echo(f"Source: {document['source']}")
     if document["note"]:
         click.echo(f"Note: {document['note']}")
-    for finding in document["findings"]:
-        click.echo(f"Finding: {finding}")
 
 
 def _origin(intervals: dict[str, Any]) -> str:
