@@ -116,17 +116,23 @@ def slider_crank_keys():
     return slider_crank()
 
 
-def _on_free_base(text, gravity):
-    """The same MJCF on a base that may slide and turn in the plane: its three forces are those on the base."""
+def free_base(text):
+    """The same MJCF, parsed, on a base of 1 kg that may slide and turn in the plane."""
     root = ElementTree.fromstring(text)
-    if not gravity:
-        root.find("option").set("gravity", "0 0 0")
     base = root.find("worldbody/body")
-    for element in root.findall("keyframe") + root.findall("equality"):
-        root.remove(element)
     for name, kind, axis in (("bz", "hinge", "0 0 1"), ("by", "slide", "0 1 0"), ("bx", "slide", "1 0 0")):
         base.insert(0, ElementTree.Element("joint", name=name, type=kind, axis=axis))
     base.insert(3, ElementTree.Element("inertial", pos="0 0 0", mass="1", diaginertia="1 1 1"))
+    return root
+
+
+def _on_free_base(text, gravity):
+    """On a free base without its loops: the three forces of the base are those on it."""
+    root = free_base(text)
+    if not gravity:
+        root.find("option").set("gravity", "0 0 0")
+    for element in root.findall("keyframe") + root.findall("equality"):
+        root.remove(element)
     return ElementTree.tostring(root, encoding="unicode")
 
 

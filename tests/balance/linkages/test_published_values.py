@@ -33,12 +33,7 @@ def test_what_the_published_inputs_determine_agrees_within_their_rounding(name, 
             assert row.verdict == "agrees, cut off"
         else:
             assert row.verdict == "agrees", row
-
-
-@pytest.mark.parametrize("name", SIX)
-def test_agreement_is_close_too(name, comparisons):
-    """Nominal values are within 2 % of published ones that have three digits or more: wide intervals hide nothing."""
-    for row in comparisons[name].rows:
+        # nominal values are within 2 % of published ones that have three digits or more: wide intervals hide nothing
         if row.verdict == "agrees" and row.explained is None and row.published.half_unit < 0.003 * row.published.value:
             assert row.computed == pytest.approx(row.published.value, rel=0.02), row
 
@@ -51,12 +46,8 @@ def test_terms_that_the_source_omits_account_for_its_numbers(comparisons):
         assert row.is_explained
         assert row.explained == pytest.approx(row.published.value, rel=0.006)
         assert row.computed > 1.03 * row.published.value
-
-
-def test_carrier_factor_of_the_pantograph(comparisons):
-    """Its own equation, 1 + Z/Z* = 2, gives 1.98 where 1.378 is published."""
-    row = next(row for row in comparisons["pantograph"].rows if row.name == "I_z1")
-    assert row.computed == pytest.approx(1.98, abs=0.005)
+    carrier = next(row for row in comparisons["pantograph"].rows if row.name == "I_z1")
+    assert carrier.computed == pytest.approx(1.98, abs=0.005)  # by its own 1 + Z/Z* = 2, where 1.378 is published
 
 
 def test_two_point_coupler_needs_five_times_its_inertia():

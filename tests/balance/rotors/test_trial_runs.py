@@ -75,12 +75,6 @@ def test_phase_and_angle_senses(tmp_path):
     assert not np.allclose(wrong, lead)
 
 
-def test_whether_the_trial_stayed_on_must_be_stated(tmp_path):
-    """A run with a trial weight and without stayed_on is refused by name."""
-    with pytest.raises(DataError, match=r"runs\[1\] \(trial\): stayed_on is missing"):
-        _load(tmp_path, stayed="")
-
-
 def test_a_trial_weight_with_too_little_effect_is_named(tmp_path):
     """A trial that changes no reading by a quarter is refused by run; a file may state a smaller effect."""
     runs = _load(tmp_path, size=10.8, c=32)
@@ -93,6 +87,7 @@ def test_a_trial_weight_with_too_little_effect_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
+        ("stayed_on = false", "", r"runs\[1\] \(trial\): stayed_on is missing"),
         ('phase = "lead"', "", "phase: missing"),
         ('phase = "lead"', 'phase = "left"', "expected 'lead' or 'lag'"),
         ("fan =", "pump =", "pump is no plane"),
