@@ -263,8 +263,9 @@ def conditions(
         sys.exit(EXIT_WITH_FINDINGS if possible and possible.status != "possible" else 0)
     kept, dropped = found.singular_values
     click.echo(
-        f"{model.name}: {found.dof} degree{'s' * (found.dof != 1)} of freedom, {found.rank} conditions "
-        f"on {momentum} momentum (singular values kept down to {kept:.3g}, dropped from {dropped:.3g})\n"
+        f"{model.name}: {found.dof} degree{'s' * (found.dof != 1)} of freedom, "
+        f"{found.rank} condition{'s' * (found.rank != 1)} on {momentum} momentum "
+        f"(singular values kept down to {kept:.3g}, dropped from {dropped:.3g})\n"
         f"{model.total_mass:.6g} kg move; {len(model.loops)} loop{'s' * (len(model.loops) != 1)}, "
         f"closed to {found.closure_residual:.2g} m or rad from {model.branch!r}\n"
     )

@@ -98,7 +98,8 @@ def methods(
         from ..figures.mechanism import save
 
         save(draw_methods(result), figure)
-    emit_json(result) if as_json else _print_methods(result)
+    sliding = {j for j, one in zip(model.coordinates, model.tree.joints, strict=True) if not one.revolute}
+    emit_json(result) if as_json else _print_methods(result, sliding)
 
 
 def _own_motion(mechanism: str) -> str:
@@ -113,18 +114,19 @@ def _own_motion(mechanism: str) -> str:
     return mechanism
 
 
-def _print_methods(result: dict[str, Any]) -> None:
+def _print_methods(result: dict[str, Any], sliding: set[str]) -> None:
     rows = [
         [row["method"], f"{row['added_mass_kg']:.3f}", f"{row['added_inertia_kgm2']:.4f}", _value(row["force_rms_N"]),
          _value(row["force_peak_N"]), _value(row["moment_rms_Nm"]), _value(row["moment_peak_Nm"]),
-         ", ".join(f"{joint} {value:.3g}" for joint, value in row["torque_rms_Nm"].items())]
+         ", ".join(f"{j} {value:.3g}{' N' * (j in sliding)}" for j, value in row["torque_rms_Nm"].items())]
         for row in result["methods"]
     ]  # fmt: skip
     emit_table(
         f"{result['mechanism']}, motion {result['motion']}, simulated",
         ["method", "added [kg]", "added [kg m2]", "F RMS [N]", "F peak", "M RMS [N m]", "M peak", "torque RMS [N m]"],
         rows,
-        "F and M: residual on the base, weight excluded; torque: of each motor, with all that it drives.",
+        "F and M: residual on the base, weight excluded; torque: of each motor, with all that it drives, a force in N "
+        "where it slides.",
     )
     for row in result["methods"]:
         if row["note"]:

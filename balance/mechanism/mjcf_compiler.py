@@ -29,6 +29,8 @@ MEMORY_LIMIT = 1_500_000_000
 """Memory that compiling may take beyond what is in use [bytes]."""
 MASSLESS = 2e-15
 """What a body without mass is given for MuJoCo, which takes none below 1e-15, and rid of after [kg, kg m2]."""
+_NEGLIGIBLE = 1e-9
+"""Inertia, relative to the largest of the file, that may be lost."""
 
 _TAG = re.compile(r"<(?P<close>/?)(?P<tag>[\w:.-]+)(?P<rest>(?:[^>\"']++|\"[^\"]*+\"|'[^']*+')*+)>")
 """A tag; its parts are possessive, so that no text takes longer than its length."""
@@ -124,11 +126,24 @@ def compile_spec(spec: Any, text: str, name: str, folder: Path | None) -> Any:  
     for values, bound in zip((model.body_mass, model.body_inertia), bounds.values(), strict=True):
         if not bound:
             values[values == MASSLESS] = 0.0
+    _refuse_lost_inertia(spec, float(model.body_inertia.max()), name)
     numbers = {part: getattr(model, part) for part in _FINITE} | {"gravity": model.opt.gravity}
     for part, values in numbers.items():
         if not np.isfinite(values).all():
             raise ModelError(f"{name}: a number of {part.replace('_', ' ')} is infinite; expected finite numbers")
     return model
+
+
+def _refuse_lost_inertia(spec: Any, largest: float, name: str) -> None:  # noqa: ANN401
+    """Refuse a mechanism so small that what MuJoCo cannot tell from zero counts beside its ``largest`` [kg m2]."""
+    for body in spec.bodies:
+        stated = np.concatenate([body.inertia, body.fullinertia[:3]])
+        lost = stated[(stated > _NEGLIGIBLE * largest) & (stated < MASSLESS)]
+        if body.explicitinertial and len(lost):
+            raise ModelError(
+                f"{name}: body {body.name!r} has an inertia of {lost.max():g} kg m2, which MuJoCo takes for none; "
+                "scale the file, such as to mm and g"
+            )
 
 
 def tags(text: str) -> Iterator[re.Match[str]]:

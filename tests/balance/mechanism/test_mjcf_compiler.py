@@ -132,6 +132,22 @@ def test_a_massless_body_stays_massless() -> None:
     assert fork.total_mass == pytest.approx(1.3)
 
 
+@pytest.mark.parametrize("other", ["1e-18", "1e-7"])
+def test_a_mechanism_too_small_for_mujoco_is_refused(other: str) -> None:
+    """An inertia of 1e-18 kg m2 would be read as zero: refused, unless another is so large that it does not count."""
+    bodies = "".join(
+        f"<body name='{name}'><joint axis='0 0 1'/><inertial pos='1e-4 0 0' mass='1e-9' diaginertia='{i} {i} {i}'/>"
+        "</body>"
+        for name, i in (("small", "1e-18"), ("large", other))
+    )
+    text = f"<mujoco><worldbody>{bodies}</worldbody></mujoco>"
+    if other == "1e-7":
+        assert models.model(text).total_mass == pytest.approx(2e-9)
+    else:
+        with pytest.raises(ModelError, match="body 'small' has an inertia of 1e-18 kg m2, which MuJoCo takes for none"):
+            models.model(text)
+
+
 def test_gears_of_a_file_are_couplings() -> None:
     """A joint equality with a polynomial: MuJoCo's residual and Jacobian, and one freedom less."""
     text = pair('<joint joint1="j" joint2="b" polycoef="0.1 2 0.3 -0.2 0.05"/>', hinge='<joint name="j" ref="0.3"/>')
