@@ -17,6 +17,8 @@ _DEPENDENT = 1e-10
 _ROUNDING = 1e-14
 _AT_BOUND = 1e-12
 """Distance from a bound, in effect and relative to the target, that is rounding of the solver: the mass is at it."""
+_LEVEL = 1e-9
+"""Slope, relative to the target, that holds no mass at its bound: equals are sought among sites without one."""
 _TIES = 1e-5
 """Weight of squares relative to masses: sites whose levers differ by more are not equivalent."""
 
@@ -55,7 +57,11 @@ def distribute_masses(
         masses = np.where(masses >= most * (1.0 - _ROUNDING), most, masses)
     unique = np.linalg.matrix_rank(unit, rtol=_DEPENDENT) == count
     if not unique:
-        masses = _lightest(columns, columns @ masses, least, most)
+        slope = np.abs(unit.T @ (unit @ (masses * size) - target))
+        even = (slope <= _LEVEL * float(np.linalg.norm(target))) | (masses > least) & (masses < most)
+        if np.linalg.matrix_rank(unit[:, even], rtol=_DEPENDENT) < even.sum():
+            made = columns[:, even] @ masses[even]
+            masses[even] = _lightest(columns[:, even], made, least[even], most[even])
     free = (masses > least) & (masses < most) & ((masses != 0.0) | unique)
     per_target = np.zeros(columns.T.shape)
     if unique:

@@ -51,6 +51,16 @@ def test_sites_that_act_alike_settle(seed):
     assert found.gap < 1e-20  # rounding of the gradient, 1e-16, squared, times a condition number squared, up to 2e4
 
 
+def test_sites_that_are_held_stay_while_equals_are_sought():
+    """More sites than rows, but the best is unique: the limited site stays at its limit, and no gap is left."""
+    rng = np.random.default_rng(4)
+    columns, target = rng.standard_normal((4, 6)), 4.0 * rng.standard_normal(4)
+    upper = np.array([np.inf, np.inf, 1.3, np.inf, np.inf, 1.0])
+    found = distribute_masses(columns, target, upper)
+    assert found.gap < 1e-20 * target @ target
+    assert np.sum((columns @ found.masses - target) ** 2) > 0.1  # not balanced: the bounds hold
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_optimality(seed):
     """Bounds, scales over six decades: the Karush-Kuhn-Tucker conditions hold, and the gap is as small."""
