@@ -244,13 +244,18 @@ class Responses:
         The square is a quadratic form of the design at each sample: its largest is found as a product of matrices,
         which near zero is right to half of the digits only; the norm is then computed where that largest is.
         """
-        rows = self.values[members]
+        rows, peak = self.values[members], np.zeros(len(designs))
+        if not rows.any():
+            return peak
         first, second = np.triu_indices(rows.shape[2])
         forms = np.einsum("cnk,cnk->nk", rows[:, :, first], rows[:, :, second]) * np.where(first == second, 1.0, 2.0)
-        peak = np.empty(len(designs))
         block = max(1, _VALUES_AT_ONCE // len(forms))
         for start in range(0, len(designs), block):
             part = designs[start : start + block]
+            if len(members) == 1:
+                values = part @ rows[0].T
+                peak[start : start + block] = np.maximum(values.max(axis=1), -values.min(axis=1))
+                continue
             at = ((part[:, first] * part[:, second]) @ forms.T).argmax(axis=1)
             peak[start : start + block] = np.linalg.norm(np.einsum("cnk,nk->cn", rows[:, at], part), axis=0)
         return peak
