@@ -32,7 +32,8 @@ def refusing(path: Path, what: str, *errors: type[Exception]) -> Iterator[None]:
     try:
         yield
     except errors as error:
-        raise damaged(path, f"{what} cannot be read: {type(error).__name__}: {error}") from error
+        reason = str(error) if type(error) is ValueError else f"{type(error).__name__}: {error}"
+        raise damaged(path, f"{what} cannot be read: {reason}") from error
 
 
 def nothing_to_read(path: Path, findings: Sequence[Finding], otherwise: str) -> Refusal:
