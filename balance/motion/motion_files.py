@@ -78,7 +78,13 @@ class MotionTable(Table):
     """Driven joints."""
     start: list[Place] | None = None
     """Start of each driven coordinate [m or rad]."""
-    peak_acceleration: Acceleration | list[Acceleration] | None = None
+    peak_acceleration: (
+        Annotated[
+            Annotated[Acceleration, Tag("one")] | Annotated[list[Acceleration], Tag("each")],
+            Discriminator(lambda value: "each" if isinstance(value, list) else "one"),
+        ]
+        | None
+    ) = None
     """Along each leg, or one for each driven coordinate [m/s2 or rad/s2]."""
     ramp: Annotated[float, Field(strict=True, ge=0.0, le=0.5)] | None = None
     """Share of each acceleration pulse spent in each of its two ramps; by default 0.25."""
