@@ -38,26 +38,34 @@ class TaskPool:
         if self.client is None:
             yield from ((place, work(task)) for place, task in enumerate(tasks))
             return
-        import cloudpickle
         from distributed import as_completed
 
-        def attempt(pickled: bytes) -> Result:
-            """Travels by value: a worker that cannot import ``work`` says so, where Dask would lose the worker."""
-            import pickle
-
-            work, task = pickle.loads(pickled)  # noqa: S301 - from this client, over its own scheduler
-            return work(task)
-
-        futures = self.client.map(attempt, [cloudpickle.dumps((work, task)) for task in tasks], pure=False)
+        self._refuse_workers_without(getattr(work, "__self__", work))
+        futures = self.client.map(work, tasks, pure=False)
         places = {future.key: place for place, future in enumerate(futures)}
         for future in as_completed(futures):
-            try:
-                yield places[future.key], future.result()
-            except ModuleNotFoundError as error:
-                raise CounterpoiseError(
-                    f"a worker has no module {error.name}: install there what this process runs, with the same versions"
-                ) from None
+            yield places[future.key], future.result()
             future.release()
+
+    def _refuse_workers_without(self, work: object) -> None:
+        """Raise CounterpoiseError where a worker cannot import what runs: Dask would lose the worker without a word."""
+        if "<locals>" in getattr(work, "__qualname__", ""):
+            return  # travels by value
+        name = getattr(work, "__module__", None) or type(work).__module__
+
+        def is_missing() -> bool:  # defined here, so that it travels by value
+            from importlib.util import find_spec
+
+            try:
+                return find_spec(name) is None
+            except ModuleNotFoundError:
+                return True
+
+        assert self.client is not None
+        if without := [worker for worker, missing in self.client.run(is_missing).items() if missing]:
+            raise CounterpoiseError(
+                f"worker {without[0]} has no module {name}: install there what this process runs, in the same versions"
+            )
 
     @property
     def workers(self) -> int:

@@ -6,22 +6,23 @@ import sys
 import time
 from types import FunctionType, ModuleType
 
-import cloudpickle
 import distributed
 import pytest
 
 from balance.errors import CounterpoiseError, DataError
 from balance.task_pool import task_pool
 
-cloudpickle.register_pickle_by_value(sys.modules[__name__])
 
+def squaring():
+    """The square, slowly, and the process that computed it; a function that travels by value."""
 
-def square(number: int) -> tuple[int, int]:
-    """The square, slowly, and the process that computed it."""
-    if number < 0:
-        raise DataError(f"{number}: expected zero or more")
-    time.sleep(0.05)
-    return number**2, os.getpid()
+    def square(number: int) -> tuple[int, int]:
+        if number < 0:
+            raise DataError(f"{number}: expected zero or more")
+        time.sleep(0.05)
+        return number**2, os.getpid()
+
+    return square
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +37,7 @@ def test_one_process_and_two_give_the_same(scheduler):
     """Squares of twelve numbers; the tasks go to both workers."""
     with task_pool(None) as here, task_pool(scheduler) as there:
         assert there.workers == 2
-        alone, shared = dict(here.results(square, range(12))), dict(there.results(square, range(12)))
+        alone, shared = dict(here.results(squaring(), range(12))), dict(there.results(squaring(), range(12)))
     assert [value for value, _ in alone.values()] == [shared[place][0] for place in range(12)]
     assert len({process for _, process in shared.values()}) == 2
 
@@ -45,7 +46,7 @@ def test_a_worker_that_dies_loses_no_task(scheduler):
     """One of both workers is killed after the first result: all forty results come, each once."""
     with task_pool(scheduler) as pool:
         found, killed = {}, None
-        for place, (value, process) in pool.results(square, range(40)):
+        for place, (value, process) in pool.results(squaring(), range(40)):
             if killed is None:
                 killed = process
                 os.kill(killed, signal.SIGKILL)
@@ -58,7 +59,7 @@ def test_an_error_of_a_task_is_raised(scheduler):
     """The error that the task raised, not one of the pool."""
     for address in (None, scheduler):
         with pytest.raises(DataError, match="-1: expected zero"), task_pool(address) as pool:
-            list(pool.results(square, [-1]))
+            list(pool.results(squaring(), [-1]))
 
 
 def test_a_worker_without_a_module_is_named(scheduler, monkeypatch):
@@ -68,7 +69,7 @@ def test_a_worker_without_a_module_is_named(scheduler, monkeypatch):
     module.work.__module__, module.work.__qualname__ = "only_here", "work"
     monkeypatch.setitem(sys.modules, "only_here", module)
     with task_pool(scheduler) as pool:
-        with pytest.raises(CounterpoiseError, match="a worker has no module only_here"):
+        with pytest.raises(CounterpoiseError, match="has no module only_here"):
             list(pool.results(module.work, [1]))
         assert pool.workers == 2
 
