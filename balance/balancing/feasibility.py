@@ -117,7 +117,7 @@ def _no_mass_lowers(y: Floats, by_body: Floats) -> bool:
 
 
 def _length(mechanism: Mechanism) -> float:
-    """A length of the bodies, by which the unknowns are made alike [m]."""
+    """A length of the bodies, that brings the unknowns to one scale [m]."""
     return float(max((np.linalg.norm(joint.position) for joint in mechanism.tree.joints), default=0.0)) or 1.0
 
 
@@ -133,6 +133,6 @@ def _weight_of(row: Floats) -> Floats:
 
 
 def _triangles(matrices: Floats) -> Floats:
-    """Upper triangles (n, 10), column by column, entries beside the diagonal times sqrt(2): the solver's form."""
+    """Upper triangles (n, 10), column by column, off-diagonal entries times sqrt(2): the solver's form."""
     places = [(i, j) for j in range(_SIZE) for i in range(j + 1)]
     return np.array([[one[i, j] * (1.0 if i == j else np.sqrt(2.0)) for i, j in places] for one in matrices])

@@ -3,10 +3,10 @@
 J(pi) = |factor [pi; 1]|^2, pi the inertial parameters, of which every mass at a site is a multiple. ``factor`` is the
 triangle of a QR decomposition: no square of a condition number enters.
 
-Over a motion, J is the mean of Fx^2 + Fy^2 + Fz^2 over its samples, all alike, weight excluded [N2]. Without a motion,
-over the workspace, J is the mean of p' p / (2 T) over closed states and over all directions of motion there, p the
-linear momentum and T the kinetic energy of the mechanism as its file has it: tr(P M^-1 P') / dof [kg], where p = P u
-and 2 T = u' M u. Neither depends on the base frame, nor on names, order or scale of coordinates.
+Over a motion, J is the mean of Fx^2 + Fy^2 + Fz^2 over its samples, equally weighted, gravity excluded [N2]. Without
+a motion, over the workspace, J is the mean of p' p / (2 T) over closed states and over all directions of motion
+there, p the linear momentum and T the kinetic energy of the mechanism as its file has it: tr(P M^-1 P') / dof [kg],
+where p = P u and 2 T = u' M u. Neither depends on the base frame, nor on names, order or scale of coordinates.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from balance.balancing import closed_forms
-from balance.balancing.conditions import GAP, Conditions, balance_conditions, reduced_row_echelon, row_space
+from balance.balancing.conditions import (
+    GAP,
+    Conditions,
+    UndecidedRank,
+    balance_conditions,
+    reduced_row_echelon,
+    row_space,
+)
 from balance.closure import Closure
 from balance.dynamics.inverse_dynamics import momentum
 from balance.dynamics.regressor import momentum_regressor
@@ -243,8 +250,16 @@ EXTENDED = "elimination in extended precision"
     ("off", "rank", "decided_by"), [(0.0, 2, "singular values"), (1e-7, 4, EXTENDED), (3e-10, 4, EXTENDED)]
 )
 def test_a_rank_in_doubt_is_decided_in_extended_precision(off: float, rank: int, decided_by: str) -> None:
-    """A four-bar that is nearly a parallelogram is none, however near: its singular values have two gaps or none."""
-    found = balance_conditions(models.model(models.four_bar(0.3, 0.2, 0.3 + off, 0.2, 1.0)))
+    """A four-bar that is nearly a parallelogram is none, however near: its singular values have two gaps or none.
+
+    On processors whose long double is a double it may be refused, but never answered otherwise.
+    """
+    try:
+        found = balance_conditions(models.model(models.four_bar(0.3, 0.2, 0.3 + off, 0.2, 1.0)))
+    except UndecidedRank:
+        assert decided_by == EXTENDED
+        assert np.finfo(np.longdouble).eps >= np.finfo(float).eps
+        return
     assert (found.rank, found.rank_by) == (rank, decided_by)
 
 
