@@ -92,6 +92,12 @@ class Cases:
         """Whether the axis is not the one that the platform moves along."""
         return self.axis != self.motion
 
+    @property
+    def groups(self) -> Floats:
+        """1 where a number belongs to a group of one payload, motion and axis, else 0, (n, groups)."""
+        of = list(zip(self.payload_kg, self.motion, self.axis, strict=True))
+        return np.array([[float(each == group) for group in dict.fromkeys(of)] for each in of])
+
     def of_payload(self, payload_kg: float) -> "Cases":
         """The entries of one payload."""
         return self.where(self.payload_kg == payload_kg)
@@ -205,6 +211,16 @@ NAMES = tuple(p.name for p in PARAMETERS)
 COMMON = tuple(p for p in PARAMETERS if not p.name.startswith("couple_share"))
 SCATTER = Parameter("scatter", "points", 1.0, 20.0, "standard deviation of a printed number about the model")
 """Calibrated too, but no mechanics; its logarithm counts as equally likely."""
+DISCREPANCY = Parameter(
+    "discrepancy",
+    "points",
+    0.0,
+    20.0,
+    "the model's own error: standard deviation of what the numbers of one payload, motion and axis are off in common",
+)
+"""Calibrated too; every value counts as equally likely, for with few groups a logarithm would favour none at all
+(Gelman 2006, Prior distributions for variance parameters in hierarchical models, Bayesian Analysis 1).
+"""
 
 
 def reductions(values: Mapping[str, Floats | float], cases: Cases) -> Floats:

@@ -12,7 +12,7 @@ from balance.units import G0
 from testbench.figures import style
 
 from .force_slide import Reading
-from .model import AXES, PARAMETERS, SCATTER, Parameter
+from .model import AXES, DISCREPANCY, PARAMETERS, SCATTER, Parameter
 from .validation import BASELINES, Forecast, Form, Group, Score
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def document(forecast: Forecast, forms: Sequence[Form] = ()) -> dict[str, Any]:
     return {
         "published": {"name": forecast.published.name, "source": forecast.published.source},
         "calibrated_on": {"payload_kg": forecast.known.payloads[0], "numbers": len(forecast.known.printed)},
-        "parameters": [_parameter(forecast, p) for p in (*PARAMETERS, SCATTER)],
+        "parameters": [_parameter(forecast, p) for p in (*PARAMETERS, SCATTER, DISCREPANCY)],
         "residual_share_of_what_remains": {"median": middle, "interval": [low, high]},
         "predictions": _predictions(forecast),
         "numbers_predicted": len(forecast.asked.printed),
@@ -166,7 +166,7 @@ def _print_predictions(made: Forecast) -> None:
 
 def _print_parameters(made: Forecast) -> None:
     rows = []
-    for p in (*PARAMETERS, SCATTER):
+    for p in (*PARAMETERS, SCATTER, DISCREPANCY):
         middle, low, high = made.posterior.interval(p.name)
         rows.append([p.key, f"{middle:.3g}", f"{low:.3g} .. {high:.3g}", f"{p.low:g} .. {p.high:g}", p.meaning])
     emit_table("Calibrated", ["parameter", "median", "95 %", "bounds", "meaning"], rows)

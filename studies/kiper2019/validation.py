@@ -17,7 +17,7 @@ from testbench.published_tables import ORIGINAL_LOGS, Published
 
 from .calibration import LEVEL, Fit, Posterior, fit, marginalise
 from .force_slide import Reading, reading
-from .model import AXES, NAMES, PARAMETERS, SCATTER, Cases, cases
+from .model import AXES, DISCREPANCY, NAMES, PARAMETERS, SCATTER, Cases, cases
 
 
 def constant(known: Cases, asked: Cases) -> Floats:
@@ -232,11 +232,11 @@ class Forecast:
     def _calibrated(self) -> str:
         middle, low, high = self.residual_share
         return (
-            f"{len(PARAMETERS) + 1} parameters (the scatter is one) were calibrated on {len(self.known.printed)} "
-            f"numbers of {self.known.payloads[0]:g} kg alone. These leave open of what remains the residual's share "
-            f"(the rest is couples): {middle:.0%}, {low:.0%} to {high:.0%}; the prediction is the median over all "
-            "of that. The predicted numbers are in print and were known: studies/kiper2019/README.md has every choice "
-            "that was made after seeing them."
+            f"{len(PARAMETERS) + 2} parameters (scatter and the law's own error are two) were calibrated on "
+            f"{len(self.known.printed)} numbers of {self.known.payloads[0]:g} kg alone. These leave open of what "
+            f"remains the residual's share (the rest is couples): {middle:.0%}, {low:.0%} to {high:.0%}; the prediction "
+            "is the median over all of that. The predicted numbers are in print and were known: "
+            "studies/kiper2019/README.md has every choice that was made after seeing them."
         )
 
     def _fails(self) -> str:
@@ -247,9 +247,14 @@ class Forecast:
         return f"It fails, off on average by more than the scatter of {scatter:.1f} points, at {', '.join(failing)}."
 
     def _scatter(self) -> str:
+        middle, low, high = self.posterior.interval(DISCREPANCY.name)
+        held, count = round(self.covered * len(self.asked.printed)), len(self.asked.printed)
         return (
-            f"Of the predicted numbers {self.covered:.0%} lie within their intervals of {LEVEL:.0%}: these hold the "
-            "scatter and what is left open within this law, and nothing of the law's own errors."
+            f"Of the predicted numbers {held} of {count} lie within their intervals of {LEVEL:.0%}. These hold the "
+            "scatter, what is left open within this law, and the law's own error: an offset that the numbers of one "
+            f"payload, motion and axis share, by the calibrated numbers alone of {middle:.1f} points (standard "
+            f"deviation, {low:.1f} to {high:.1f}). They leave it open, so its bound, {DISCREPANCY.high:g} points, has a "
+            "part in the width: half of it would make the intervals a tenth narrower."
         )
 
     def _slide(self) -> list[str]:

@@ -33,6 +33,16 @@ def test_error_on_what_was_held_out(made):
     assert 5.0 < document["mean_absolute_error_points"] <= 9.0
 
 
+def test_intervals_hold(made):
+    """At least 49 of 54 printed numbers lie within the intervals called 95 %, and the output counts them."""
+    document = made[0]
+    held = [row["interval_percent"][0] <= row["printed_percent"] <= row["interval_percent"][1]
+            for row in document["predictions"]]  # fmt: skip
+    assert sum(held) >= 49
+    assert document["within_interval_share"] == pytest.approx(sum(held) / 54)
+    assert any(f"{sum(held)} of 54" in note for note in document["notes"])
+
+
 def test_at_most_eight_parameters_from_one_payload(made):
     """Each has bounds, an interval within them and a meaning; the calibration saw 24 numbers of 1.451 kg."""
     document = made[0]
@@ -81,16 +91,29 @@ def test_an_unknown_table():
     assert "kiper2019" in str(result.exception)
 
 
-def test_a_table_without_a_plan(tmp_path):
-    """A table of one's own needs the plan of its tests, and is predicted with it: every number, parameter and error."""
+def test_a_table_without_a_plan_and_nothing_leaks(tmp_path, made):
+    """A table of one's own needs the plan of its tests, and is predicted with it: every number, parameter and error.
+
+    All 54 numbers that are predicted are replaced in it, and no prediction and no interval moves.
+    """
     own = tmp_path / "own.json"
-    own.write_bytes(datasets.find_dataset("kiper2019", "published", ".json").read_bytes())
+    table = json.loads(datasets.find_dataset("kiper2019", "published", ".json").read_text(encoding="utf-8"))
+    rows = table["acceleration_amplitude_reduction_percent"]["rows"]
+    for row in rows:
+        row[3:] = [90.0 - 0.8 * value if row[0] > 2.0 else value for value in row[3:]]
+    own.write_text(json.dumps(table), encoding="utf-8")
     refused = CliRunner().invoke(predict, [str(own)], standalone_mode=False)
     assert isinstance(refused.exception, AnalysisError)
     assert "--plan" in str(refused.exception)
     done = CliRunner().invoke(predict, [str(own), "--plan", "kiper2019"], standalone_mode=False)
-    for text in ("73.1", "residual_mass_kg", "nearest acceleration", "fails", "14.6 %"):
+    for text in ("residual_mass_kg", "nearest acceleration", "fails", "344.2"):
         assert text in done.stdout
+    predictions = made[0]["predictions"]
+    assert sum(row[0] > 2.0 for row in rows) * 3 == len(predictions)
+    for row in predictions:
+        low, high = row["interval_percent"]
+        replaced = 90.0 - 0.8 * row["printed_percent"]
+        assert f"{row['predicted_percent']:.0f} ({low:.0f} .. {high:.0f})  {replaced:.1f}" in done.stdout
 
 
 def test_an_unknown_kind_of_figure(tmp_path, monkeypatch):
