@@ -34,6 +34,9 @@ STUDIES = {
     "encoder_speed": Study("intervals of `testbench speed`", "seeds", 200, 6),
     "identification": Study("intervals of `testbench identify`", "seeds", 50, 1),
     "kiper2019": Study("errors of `testbench predict kiper2019`", "tables", 1, 1),
+    "laboratories": Study(
+        "intervals of `testbench analyze` in laboratories drawn at random", "campaigns a family", 200, 2
+    ),
     "order_vectors": Study("intervals of `testbench vectors`", "seeds", 200, 6),
     "reader_faults": Study("damaged files are read to their end or refused", "copies a file", 200, 4),
     "reductions": Study("intervals of `testbench analyze`", "seeds", 200, 3),

@@ -1,0 +1,471 @@
+"""Coverage of the intervals of ``testbench analyze`` in laboratories drawn at random, through ingest and analysis.
+
+A laboratory is a rig, a motion back and forth, a base whose modes it shakes, and a family of noise; nothing of it is
+taken from the simulator. The truth is the reduction of the signals without noise, in the metric and band of the
+analysis. An oracle who knows the law of the noise, not its path, reads the same metric: its half widths are the measure
+of those of the analysis.
+"""
+
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from scipy.signal import cont2discrete, lfilter
+from scipy.stats import binomtest
+
+from balance.arrays import Floats
+from testbench.errors import AnalysisError
+from testbench.ingest import Ingest
+from testbench.ingest.run_table import plan_runs
+from testbench.rig import load_rig
+from testbench.signal import METRIC_NAMES, Metric
+from testbench.store import open_campaign
+from testbench.vibration.metrics import Measure
+from testbench.vibration.reduction import Reduction, analyze
+
+from .table import LEVEL, Row, Tally, covered
+
+G0 = 9.81
+FINE = 10_000.0
+"""Rate at which signals without noise are computed [Hz]."""
+HOME = (0.0, 0.212)
+"""Of the platform of the manipulator whose arms' encoders are logged [m]."""
+ENCODER_STEP = 4.8e-5
+"""[rad]"""
+ORACLE_DRAWS = 25
+"""Readings of the oracle: its standard deviation is known to a seventh."""
+Law = Callable[[np.random.Generator, Floats, Floats], Floats]
+"""Noise of one channel at instants (n,) [s] with a share (n,) of the mechanism's top speed: one draw, (n,) [m/s2]."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """Legs of a point-to-point motion, from ``starts`` for ``durations`` by ``distances`` (k,) [s, s, m]."""
+
+    axis: str
+    peak: float
+    """Peak acceleration [m/s2]."""
+    shape: Floats
+    """Of acceleration, speed and place over one leg of length and duration one, (3, m)."""
+    starts: Floats
+    durations: Floats
+    distances: Floats
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator) -> "Course":
+        """Several times there and back, with pulses of sine or trapezoid, with dwells or none."""
+        phase = np.linspace(0.0, 1.0, 2001)
+        sine = np.sin(2 * np.pi * phase)
+        pulse = sine if rng.random() < 0.5 else np.clip(sine / np.sin(2 * np.pi * rng.uniform(0.05, 0.15)), -1.0, 1.0)
+        speed = np.cumsum(pulse) - 0.5 * pulse
+        place = np.cumsum(speed) - 0.5 * speed
+        shape = np.array([pulse * 2000.0**2, speed * 2000.0, place]) / place[-1]
+        span, peak, cycles = rng.uniform(0.02, 0.05), G0 * rng.choice([0.5, 1.0, 2.0, 3.0]), int(rng.integers(1, 5))
+        distances = span * np.array([1.0, *[-2.0, 2.0] * cycles, -1.0])
+        durations = np.sqrt(np.abs(distances) * shape[0].max() / peak)
+        dwells = rng.uniform(0.0, 0.12) * (rng.random() < 0.7)
+        starts = np.concatenate([[0.0], np.cumsum(durations[:-1] + dwells)])
+        return cls(str(rng.choice(["x", "y"])), float(peak), shape, starts, durations, distances)
+
+    @property
+    def end(self) -> float:
+        """End of the last leg [s]."""
+        return float(self.starts[-1] + self.durations[-1])
+
+    def at(self, time: Floats) -> Floats:
+        """Acceleration, speed and place (3, n) at instants (n,) [m/s2, m/s, m]."""
+        found, grid = np.zeros((3, len(time))), np.linspace(0.0, 1.0, self.shape.shape[1])
+        for start, length, distance in zip(self.starts, self.durations, self.distances, strict=True):
+            phase = np.clip((time - start) / length, 0.0, 1.0)
+            for row, (shape, power) in enumerate(zip(self.shape, (2, 1, 0), strict=True)):
+                found[row] += distance / length**power * np.interp(phase, grid, shape)
+        return found
+
+
+@dataclass(frozen=True)
+class Controller:
+    """Logger of the arms' encoders and of the commanded acceleration, where they are logged."""
+
+    logger: str
+    rate: float
+    """[Hz]"""
+    ahead: float
+    """By how much it starts earlier than that of the accelerometer [s]."""
+    encoders: bool
+    target: bool
+
+
+@dataclass(frozen=True)
+class Laboratory:
+    """A rig, a motion, a base, and the law of the noise of each axis of its accelerometer."""
+
+    rng: np.random.Generator
+    rest: float
+    """Before the motion [s]."""
+    course: Course
+    rate: float
+    axes: str
+    step: float
+    """Of the accelerometer's readings [m/s2]."""
+    white: float
+    """Standard deviation of its noise [m/s2]."""
+    sample_jitter: float
+    """Of the sample's clock [sample periods]."""
+    recorded_time: str
+    """``uniform``: none; ``nominal``; ``true``."""
+    late: tuple[Floats, Floats]
+    """By how much the command of each run comes late, with and without counter-masses [s]."""
+    signals: Floats
+    """Without noise, with and without counter-masses, at rate FINE from the end of the rest, (2, axes, n) [m/s2]."""
+    laws: Sequence[Law]
+    """By axis."""
+    position: Floats
+    """Of the accelerometer, (3,) [m]."""
+    step_stated: bool
+    """Whether the rig states the step."""
+    controller: Controller
+    metric: Metric
+
+    @cached_property
+    def time(self) -> Floats:
+        """Nominal instants of the accelerometer's logger, zero where the motion begins, (n,) [s]."""
+        return np.arange(-self.rest, self.signals.shape[2] / FINE, 1.0 / self.rate)
+
+    def seen(self, side: int, axis: int, time: Floats) -> Floats:
+        """The signal without noise at instants (n,) after the command, (n,) [m/s2]."""
+        signal = self.signals[side, axis]
+        return np.interp(time, np.arange(len(signal)) / FINE, signal, left=0.0)
+
+    def read(self, side: int, axis: int, rng: np.random.Generator, true: Floats, late: float = 0.0) -> Floats:
+        """One record of a channel, (n,) [m/s2], sampled at ``true`` (n,) [s] of a command that is ``late`` [s]."""
+        speed = np.abs(self.course.at(self.time - late)[1])
+        noise = self.laws[axis](rng, self.time, speed / speed.max())
+        exact = self.seen(side, axis, true - late) + noise + self.white * rng.standard_normal(len(true))
+        zero = rng.uniform(-0.5, 0.5)  # of the converter, within a step
+        return np.asarray((np.round(exact / self.step + zero)) * self.step)
+
+    def truth(self, axis: int, measure: Measure) -> tuple[float, float]:
+        """Mean amplitudes of the runs without noise, with and without counter-masses [m/s2]."""
+        balanced, bare = (
+            np.mean([measure.amplitude(self.seen(side, axis, self.time - late), self.rate) for late in self.late[side]])
+            for side in (0, 1)
+        )
+        return float(balanced), float(bare)
+
+    def oracle(self, axis: int, measure: Measure) -> float:
+        """Half width of the 95 % interval of the reduction by who knows the law of the noise [%]."""
+        rng, true = np.random.default_rng(axis), self.truth(axis, measure)
+        errors = [
+            np.std([measure.amplitude(self.read(side, axis, rng, self.time), self.rate) for _ in range(ORACLE_DRAWS)])
+            / true[1]
+            / len(self.late[side]) ** 0.5
+            for side in (0, 1)
+        ]
+        return float(196.0 * np.hypot(errors[0], errors[1] * true[0] / true[1]))
+
+
+@dataclass(frozen=True)
+class Family:
+    """How the laboratories of a family of noise differ from quiet ones; amplitudes as shares of the residual."""
+
+    laws: Sequence[Callable[[np.random.Generator, float], Law]] = ()
+    """Each draws a law from the residual's root mean square [m/s2]."""
+    rests: tuple[float, float] = (0.3, 1.2)
+    """Between which a rest lies [s]."""
+    steps: tuple[float, float] = (0.0, 0.0)
+    """Between which the step lies [rms of the residual]; zero: too fine to be seen."""
+    dithered: bool = True
+    """Whether a step drowns in white noise."""
+    jittered: bool = False
+
+
+def log_uniform(rng: np.random.Generator, low: float, high: float, count: int = 1) -> Floats:
+    """Between two limits, their ratios all alike, (count,)."""
+    return np.asarray(np.exp(rng.uniform(np.log(low), np.log(high), count)))
+
+
+def floor(rng: np.random.Generator, residual: float) -> Law:
+    """One to three modes of the floor, stationary and Gaussian."""
+    count = int(rng.integers(1, 4))
+    frequency, damping = rng.uniform(5.0, 40.0, count), log_uniform(rng, 0.005, 0.05, count)
+    shares = rng.dirichlet(np.ones(count)) * (residual * log_uniform(rng, 0.1, 1.0).item()) ** 2
+
+    f = np.fft.rfftfreq(32768, 1.0 / 2000.0)
+    resonance = f**4 / ((frequency[:, None] ** 2 - f**2) ** 2 + (2.0 * (damping * frequency)[:, None] * f) ** 2)
+    density = resonance / (1.0 + (f / 60.0) ** 6)
+    sizes = 32768 * np.sqrt(shares @ (density / density.sum(axis=1, keepdims=True))) / 2.0
+
+    def path(rng: np.random.Generator, time: Floats, moving: Floats) -> Floats:
+        drawn = np.fft.irfft(sizes * (rng.standard_normal((len(f), 2)) @ [1.0, 1.0j]))
+        return np.interp(time - time[0], np.arange(32768) / 2000.0, drawn)
+
+    return path
+
+
+def hum(rng: np.random.Generator, residual: float) -> Law:
+    """The mains with harmonics, off their nominal frequency by a little, at any phase in each run."""
+    mains = rng.choice([50.0, 60.0]) * (1.0 + 1e-3 * rng.uniform(-1.0, 1.0))
+    sizes = residual * rng.uniform(0.1, 2.0) * np.array([1.0, *rng.uniform(0.0, 0.5, 2)])
+
+    def path(rng: np.random.Generator, time: Floats, moving: Floats) -> Floats:
+        waves = np.sin(2 * np.pi * mains * np.outer(np.arange(1, 4), time) + rng.uniform(0.0, 2 * np.pi, (3, 1)))
+        return np.asarray(sizes @ waves)
+
+    return path
+
+
+def drift(rng: np.random.Generator, residual: float) -> Law:
+    """An offset, a slope and a random walk."""
+    offset, slope, walk = residual * np.array([5.0, 1.0, 0.3]) * rng.uniform(0.1, 1.0, 3)
+
+    def path(rng: np.random.Generator, time: Floats, moving: Floats) -> Floats:
+        steps = rng.standard_normal(len(time)) * np.sqrt(time[1] - time[0])
+        return offset * rng.standard_normal() + slope * rng.standard_normal() * time + walk * np.cumsum(steps)
+
+    return path
+
+
+def roughness(rng: np.random.Generator, residual: float) -> Law:
+    """Broadband noise in proportion to the speed of the mechanism."""
+    low, high, size = rng.uniform(5.0, 30.0), rng.uniform(60.0, 180.0), residual * rng.uniform(0.1, 0.8)
+
+    def path(rng: np.random.Generator, time: Floats, moving: Floats) -> Floats:
+        f = np.fft.rfftfreq(len(time), time[1] - time[0])
+        kept = np.fft.irfft(np.fft.rfft(rng.standard_normal(len(time))) * ((f > low) & (f < high)), len(time))
+        return size * moving * kept / kept.std()
+
+    return path
+
+
+FAMILIES = {
+    "white": Family(),
+    "floor": Family([floor]),
+    "hum": Family([hum]),
+    "drift": Family([drift]),
+    "step with dither": Family(steps=(0.05, 0.5)),
+    "step without dither": Family(steps=(0.05, 0.5), dithered=False),
+    "rests of 0.05 to 3 s": Family([floor], rests=(0.05, 3.0)),
+    "in motion only": Family([roughness]),
+    "jitter": Family(jittered=True),
+    "all mixed": Family([floor, hum, drift, roughness], (0.05, 3.0), (0.05, 0.5), True, True),
+}
+"""Families by name."""
+
+
+def responses(rng: np.random.Generator, course: Course, settling: float, axes: int, highest: float) -> Floats:
+    """Acceleration of a base with and without counter-masses at rate FINE from the start of the motion, (2, axes, n).
+
+    Two to four modes up to ``highest`` [Hz] feel the force of the motion, or the share of it that the counter-masses
+    leave and a force of another course; sometimes nothing.
+    """
+    acceleration, speed, _ = course.at(np.arange(0.0, course.end + settling, 1.0 / FINE))
+    centrifugal = speed**2 / (speed**2).max() * np.abs(acceleration).max()
+    share, other = rng.uniform(0.0, 0.6), rng.uniform(-0.3, 0.3) * rng.random()
+    nothing = rng.random() < 0.1
+    forces = np.array([(share * acceleration + other * centrifugal) * (not nothing), acceleration])
+    count = int(rng.integers(2, 5))
+    frequency, damping = log_uniform(rng, 5.0, highest, count), rng.uniform(0.01, 0.08, count)
+    shapes, found = rng.standard_normal((axes, count)), np.zeros((2, axes, len(acceleration)))
+    for f, zeta, shape in zip(2 * np.pi * frequency, damping, shapes.T, strict=True):
+        b, a, _ = cont2discrete((np.array([1.0, 0.0, 0.0]), np.array([1.0, 2.0 * zeta * f, f**2])), 1.0 / FINE, "foh")
+        found += shape[:, None] * lfilter(np.ravel(b), a, forces)[:, None]
+    level = G0 * log_uniform(rng, 0.05, 1.0).item()
+    return found * level / np.sqrt(np.mean(found[1] ** 2, axis=1)).max()
+
+
+def drawn(family: Family, seed: int) -> Laboratory:
+    """The laboratory of a seed."""
+    rng = np.random.default_rng([seed, 1313])
+    rest = log_uniform(rng, *family.rests).item()
+    rate = float(rng.choice([500.0, 1000.0, 2000.0, 5000.0, 10_000.0], p=[0.25, 0.35, 0.25, 0.1, 0.05]))
+    axes = "".join(sorted(rng.choice(list("xyz"), int(rng.integers(1, 4)), replace=False)))
+    course = Course.drawn(rng)
+    signals = responses(rng, course, float(rng.uniform(0.15, 0.6)), len(axes), min(120.0, rate / 7.0))
+    power = np.sqrt(np.mean(signals**2, axis=2)).max(axis=1)
+    residual = float(power[0] or 0.03 * power[1])
+    white = residual * log_uniform(rng, 0.005, 0.2).item()
+    step = residual * float(rng.uniform(*family.steps)) or 0.2 * white
+    if family.steps[1]:
+        white = step * float(rng.uniform(0.5, 1.5) if family.dithered else rng.uniform(0.0, 0.15))
+    laws = [_sum([law(rng, residual) for law in family.laws]) for _ in axes]
+    clock = str(rng.choice(["uniform", "nominal", "true"])) if family.jittered else "uniform"
+    early = rest * (0.4 if family.jittered else 0.1)
+    late = tuple(rng.uniform(-early, early, int(rng.integers(1, 4))) for _ in range(2))
+    return Laboratory(
+        rng, rest, course, rate, axes, step, white, 0.05 * family.jittered, clock, (late[0], late[1]), signals, laws,
+        rng.uniform(-0.3, 0.3, 3), bool(rng.random() < 0.75), _controller(rng, rate),
+        METRIC_NAMES[int(rng.choice(3, p=[0.2, 0.5, 0.3]))],
+    )  # fmt: skip
+
+
+def _controller(rng: np.random.Generator, rate: float) -> Controller:
+    """One logger for all, or two that start together or not."""
+    together, encoders, target, triggered = (bool(one) for one in rng.random(4) < (0.5, 0.6, 0.5, 0.5))
+    own = Controller(
+        "controller", float(rng.choice([500.0, 1000.0])), rng.uniform(0.0, 0.2) * (not triggered), encoders, target
+    )
+    return Controller("daq", rate, 0.0, encoders, target) if together or not (encoders or target) else own
+
+
+def _sum(laws: Sequence[Law]) -> Law:
+    return lambda rng, time, moving: sum((law(rng, time, moving) for law in laws), np.zeros(len(time)))
+
+
+def write_campaign(laboratory: Laboratory, folder: Path) -> None:
+    """Logs of all runs, ``rig.toml`` and ``runs.csv``, as ``testbench ingest`` reads them."""
+    (folder / "rig.toml").write_text(_rig_text(laboratory), encoding="utf-8")
+    rows = ["run,file,origin,payload_kg,counter_masses,motion,peak_acceleration_g,repeat"]
+    for side, lates in enumerate(laboratory.late):
+        for repeat, late in enumerate(lates.tolist(), 1):
+            masses = "" if side else "counter_A0A=17.1105;counter_B0B=17.1105"
+            conditions = f"3.4116,{masses},{laboratory.course.axis},{laboratory.course.peak / G0:g},{repeat}"
+            name = f"{'without' if side else 'with'}{repeat}"
+            rows += [
+                f"{name},{file},simulated,{conditions}" for file in _write_run(laboratory, folder, name, side, late)
+            ]
+    (folder / "runs.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+
+
+def _rig_text(laboratory: Laboratory) -> str:
+    axes, controller = laboratory.axes, laboratory.controller
+    text = [
+        f'name = "{laboratory.rate:g} Hz"\nmechanism = "parallelogram-6bar"',
+        f'[loggers.daq]\nclock = "{"uniform" if laboratory.recorded_time == "uniform" else "recorded"}"',
+        f'rate = "{laboratory.rate:g} Hz"\ndecimals = 6',
+        '[sensors.base_acc]\nkind = "accelerometer"\nlogger = "daq"\nunit = "m/s^2"\nattached_to = "base"',
+        "channels = { " + ", ".join(f'{axis} = "Acc{axis.upper()}"' for axis in axes) + " }",
+        "position = [" + ", ".join(f'"{x:.2f} m"' for x in laboratory.position) + "]",
+        f'noise = "{laboratory.white:.3g} m/s^2"',
+        f'resolution = "{laboratory.step:.6g} m/s^2"' if laboratory.step_stated else "",
+    ]
+    if controller.logger != "daq":
+        text.append(f'[loggers.controller]\nrate = "{controller.rate:g} Hz"\ndecimals = 6')
+    for joint in ("A0", "B0") if controller.encoders else ():
+        text.append(f'[sensors.encoder_{joint}]\nkind = "encoder"\njoint = "{joint}"\nunit = "rad"')
+        text.append(f'logger = "{controller.logger}"\nchannel = "theta_{joint}"\nresolution = "{ENCODER_STEP} rad"')
+    if controller.target:
+        text.append(f'[sensors.target]\nkind = "target"\nlogger = "{controller.logger}"\nunit = "m/s^2"')
+        text.append('channels = { x = "TargetX", y = "TargetY" }')
+    return "\n".join(text)
+
+
+def _write_run(laboratory: Laboratory, folder: Path, name: str, side: int, late: float) -> list[str]:
+    """The logs of one run; the names of their files."""
+    rng, time, controller = laboratory.rng, laboratory.time, laboratory.controller
+    true = time + rng.uniform(-1.0, 1.0, len(time)) * laboratory.sample_jitter / laboratory.rate
+    axes = enumerate(laboratory.axes)
+    daq = {f"Acc{axis.upper()} (m/s^2)": laboratory.read(side, i, rng, true, late) for i, axis in axes}
+    logs = {"daq": ({} if laboratory.recorded_time == "uniform" else {"Time (s)": time - time[0]}, daq)}
+    if laboratory.recorded_time == "true":
+        logs["daq"][0]["Time (s)"] = true - true[0]
+    own = time if controller.logger == "daq" else np.arange(time[0] - controller.ahead, time[-1], 1.0 / controller.rate)
+    if moved := _moved(laboratory, own - late):
+        logs.setdefault(controller.logger, ({"Time (s)": own - own[0]}, {}))[1].update(moved)
+    for logger, (clock, values) in logs.items():
+        columns = clock | values
+        head = (
+            "# origin: simulated\n" + ("" if clock else f"# rate: {laboratory.rate:g} Hz\n") + ",".join(columns) + "\n"
+        )
+        line, flat = ",".join(["%.6f"] * len(columns)) + "\n", np.array(list(columns.values())).T.ravel().tolist()
+        (folder / f"{name}_{logger}.csv").write_text(head + line * len(next(iter(columns.values()))) % tuple(flat))
+    return [f"{name}_{logger}.csv" for logger in logs]
+
+
+def _moved(laboratory: Laboratory, time: Floats) -> dict[str, Floats]:
+    """What the controller logs at instants (n,): angles of both arms, acceleration of the platform, (n,) each."""
+    acceleration, _, place = laboratory.course.at(time)
+    along, found = laboratory.course.axis == "x", {}
+    if laboratory.controller.encoders:
+        x, y = HOME[0] + place * along, HOME[1] + place * (not along)
+        half = np.arccos(np.hypot(x, y) / 0.3)  # each arm is two links of 0.15 m, elbows outwards
+        for joint, angle in (("A0", np.arctan2(y, x) + half), ("B0", np.arctan2(y, x) - half)):
+            shown = angle / ENCODER_STEP + 0.3 * laboratory.rng.standard_normal(len(time))
+            found[f"theta_{joint} (rad)"] = np.round(shown) * ENCODER_STEP
+    if laboratory.controller.target:
+        found |= {"TargetX (m/s^2)": acceleration * along, "TargetY (m/s^2)": acceleration * (not along)}
+    return found
+
+
+def analyzed(folder: Path, measure: Measure) -> list[Reduction]:
+    """What ingest and analysis make of a campaign. Raises AnalysisError where nothing can be compared."""
+    runs = plan_runs(sorted(folder.glob("*_*.csv")), folder / "runs.csv")
+    campaign = folder / "campaign"
+    campaign.mkdir()
+    ingest = Ingest(campaign, load_rig(folder / "rig.toml"))
+    for run in runs:
+        for outcome in ingest.run(run):
+            if outcome.status != "stored":
+                raise AnalysisError(outcome.message)
+    return list(analyze(open_campaign(campaign).runs, measure).reductions)
+
+
+@dataclass
+class FamilyTally:
+    """Statements about a family."""
+
+    two_sided: Tally = field(default_factory=Tally)
+    at_least: Tally = field(default_factory=Tally)
+    withheld: int = 0
+    refused: int = 0
+    widths: list[float] = field(default_factory=list)
+    """Half widths of two-sided intervals [%]."""
+    oracle: list[float] = field(default_factory=list)
+    missed: list[int] = field(default_factory=list)
+    """Seeds of statements that do not hold."""
+
+    def add(self, seed: int, laboratory: Laboratory, found: Sequence[Reduction]) -> None:
+        """Count what is stated about a campaign."""
+        for one in found:
+            axis = laboratory.axes.index(one.axis)
+            balanced, bare = laboratory.truth(axis, one.measure)
+            if one.interval is None or getattr(one, "doubts", None):
+                self.withheld += 1
+                continue
+            low, high = one.interval
+            truth = 100.0 * (1.0 - balanced / bare)
+            hit = low <= truth <= high
+            (self.at_least if one.limit == "at_least" else self.two_sided).add(hit)
+            if not hit:
+                self.missed.append(seed)
+            if one.limit is None:
+                self.widths.append(0.5 * (high - low))
+                self.oracle.append(laboratory.oracle(axis, one.measure))
+
+
+def tally(family: Family, seeds: Sequence[int]) -> FamilyTally:
+    """Over campaigns of several seeds."""
+    found = FamilyTally()
+    for seed in seeds:
+        folder = Path(tempfile.mkdtemp())
+        try:
+            laboratory = drawn(family, seed)
+            write_campaign(laboratory, folder)
+            found.add(seed, laboratory, analyzed(folder, Measure(laboratory.metric)))
+        except AnalysisError:
+            found.refused += 1
+        finally:
+            shutil.rmtree(folder)
+    return found
+
+
+def study(count: int, brief: bool) -> Iterator[Row]:
+    """Two-sided and "at least" statements by family; briefly of three families."""
+    for name in ("white", "hum", "all mixed") if brief else FAMILIES:
+        t = tally(FAMILIES[name], range(count))
+        stated = t.two_sided.count + t.at_least.count
+        note = f"p {_p(t.two_sided):.2g}, withheld {t.withheld} of {stated + t.withheld}"
+        note += f", {t.refused} campaigns refused" * bool(t.refused)
+        if t.widths:
+            note += f", half width {np.median(t.widths):.2g} %, of the oracle {np.median(t.oracle):.2g} %"
+            note += f", ratio {np.median(np.array(t.widths) / np.array(t.oracle)):.2f}"
+        note += f", missed by seeds {' '.join(map(str, sorted(set(t.missed))[:12]))}" * bool(t.missed)
+        yield covered(f"{name}, two-sided", t.two_sided.hits, t.two_sided.count, note)
+        yield covered(f"{name}, at least", t.at_least.hits, t.at_least.count, conservative=True)
+
+
+def _p(t: Tally) -> float:
+    return float(binomtest(t.hits, t.count, LEVEL).pvalue) if t.count else 1.0
