@@ -234,8 +234,8 @@ class Forecast:
         return (
             f"{len(PARAMETERS) + 2} parameters (scatter and the law's own error are two) were calibrated on "
             f"{len(self.known.printed)} numbers of {self.known.payloads[0]:g} kg alone. These leave open of what "
-            f"remains the residual's share (the rest is couples): {middle:.0%}, {low:.0%} to {high:.0%}; the prediction "
-            "is the median over all of that. The predicted numbers are in print and were known: "
+            f"remains the residual's share (the rest is couples): {middle:.0%}, {low:.0%} to {high:.0%}; the "
+            "prediction is the median over all of that. The predicted numbers are in print and were known: "
             "studies/kiper2019/README.md has every choice that was made after seeing them."
         )
 
@@ -253,8 +253,8 @@ class Forecast:
             f"Of the predicted numbers {held} of {count} lie within their intervals of {LEVEL:.0%}. These hold the "
             "scatter, what is left open within this law, and the law's own error: an offset that the numbers of one "
             f"payload, motion and axis share, by the calibrated numbers alone of {middle:.1f} points (standard "
-            f"deviation, {low:.1f} to {high:.1f}). They leave it open, so its bound, {DISCREPANCY.high:g} points, has a "
-            "part in the width: half of it would make the intervals a tenth narrower."
+            f"deviation, {low:.1f} to {high:.1f}). They leave it open, so its bound, {DISCREPANCY.high:g} points, has "
+            "a part in the width: half of it would make the intervals a tenth narrower."
         )
 
     def _slide(self) -> list[str]:
