@@ -122,9 +122,28 @@ class Conditions:
         """Left-hand sides for a mechanism of the same kind with other masses, (rank,) [``units``]."""
         return self.matrix @ (mechanism or self.mechanism).pi
 
-    def residual(self, mechanism: Mechanism | None = None, unit: str = "kg m") -> float:
-        """Largest absolute value of the conditions of one ``unit``; by default the first-moment residual [kg m]."""
-        return float(np.abs(self.values(mechanism)[[one == unit for one in self.units]]).max(initial=0.0))
+    def residual(self, unit: str) -> float:
+        """Largest absolute value of the conditions of one ``unit``, as they are listed."""
+        return float(np.abs(self.values()[[one == unit for one in self.units]]).max(initial=0.0))
+
+    def first_moment_residual(self, mechanism: Mechanism | None = None) -> float:
+        """Largest first moment that a body lacks [kg m]; the same in any order of bodies and in any axes of theirs.
+
+        Of all conditions on a body's first moment, with weight 1, the one is taken whose weights of the other bodies'
+        first moments are least in squares. Conditions on masses alone are left out.
+        """
+        return float(np.linalg.norm(self._lacking @ (mechanism or self.mechanism).pi, axis=1).max(initial=0.0))
+
+    @cached_property
+    def _lacking(self) -> Floats:
+        """L with ``L @ pi`` the first moment that each body lacks, (nb, 3, 10 nb) [-, m]."""
+        masses = np.array([unit == "kg" for unit in self.units], dtype=bool)
+        of_masses, rows = self.matrix[masses], self.matrix[~masses]
+        rows = rows - rows @ np.linalg.pinv(of_masses) @ of_masses
+        weights = rows.reshape(len(rows), -1, len(PARAMETERS))[:, :, 1:4].reshape(len(rows), -1)
+        least = np.linalg.pinv(weights, rcond=_ZERO)
+        blocks = zip(least.reshape(-1, 3, len(rows)), weights.T.reshape(-1, 3, len(rows)), strict=True)
+        return np.array([np.linalg.pinv(own @ weight.T, rcond=_ZERO) @ own @ rows for own, weight in blocks])
 
     def is_balanced(self, tol: float, mechanism: Mechanism | None = None) -> bool:
         """Whether no condition is off by more than ``tol`` [kg m, kg, kg m2]."""

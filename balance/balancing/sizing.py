@@ -93,15 +93,12 @@ class Sizing:
         return replace(self.before, sites={**self.before.sites, **sites}) if sites else self.before
 
     def residual(self) -> float:
-        """First-moment residual: largest absolute value of the conditions that are first moments [kg m].
-
-        A number of the conditions as they are listed, not what is made small; conditions on masses alone are left out.
-        """
-        return self.conditions.residual(self.after)
+        """First-moment residual: largest first moment that a body lacks, not what is made small [kg m]."""
+        return self.conditions.first_moment_residual(self.after)
 
     def residual_percent(self) -> float | None:
         """Residual in per cent of that without counter-masses; None where there is nothing to balance."""
-        whole = self.conditions.residual(self.before)
+        whole = self.conditions.first_moment_residual(self.before)
         return 100.0 * self.residual() / whole if whole > 0.0 else None
 
     def is_balanced(self, tol: float) -> bool:

@@ -271,7 +271,7 @@ def conditions(
     )
     for i, (value, unit) in enumerate(zip(values, found.units, strict=True)):
         click.echo(f"  {found.text(i):<70}  now {value:+.6g} {unit}")
-    largest = ", ".join(f"{found.residual(unit=unit):.4g} {unit}" for unit in sorted({"kg m", *found.units}))
+    largest = ", ".join(f"{found.residual(unit):.4g} {unit}" for unit in sorted({"kg m", *found.units}))
     click.echo(
         f"\n{'Balanced' if found.is_balanced(BALANCED_KGM) else 'Not balanced'}: largest residual {largest} "
         f"(balanced means at most {BALANCED_KGM:g} of each)."
@@ -317,6 +317,7 @@ def check(
     """Residual imbalance of MECH with given counter-masses, and the payload that they would balance.
 
     The first line states how much of the momentum remains: its RMS over the workspace, as balance size measures it.
+    Exit code 3: not balanced completely.
     """
     if not counter:
         raise click.UsageError("missing counter-masses to check: give --counter SITE=M")
@@ -355,7 +356,7 @@ def check(
                 "g0_m_per_s2": G0,
             }
         )
-        return
+        sys.exit(0 if balanced else EXIT_WITH_FINDINGS)
     click.echo(
         "Balanced completely over the workspace."
         if balanced
@@ -367,6 +368,7 @@ def check(
             f"Shaking force          {after:.4g} N per g0 of {bodies[0]} acceleration, "
             f"{before:.4g} N without counter-masses (g0 = {G0} m/s2)"
         )
+    sys.exit(0 if balanced else EXIT_WITH_FINDINGS)
 
 
 def _print_check(result: "Sizing", balanced: dict[str, float | None]) -> None:
@@ -381,7 +383,7 @@ def _print_check(result: "Sizing", balanced: dict[str, float | None]) -> None:
     emit_table("Conditions", ["condition", "left-hand side", "unit"], rows)
     click.echo(
         f"First-moment residual  {first_moment(result.residual())}  ({per_cent(result.residual_percent())} of that "
-        f"without counter-masses, {first_moment(found.residual(model))})"
+        f"without counter-masses, {first_moment(found.first_moment_residual(model))})"
     )
     for body, value in balanced.items():
         click.echo(

@@ -40,7 +40,7 @@ def _size_growing(
     sets = [
         {"payload_kg": dict(payload), **sizing_document(sized), "increments_kg": increments}
         | {"balanced": sized.is_complete(), "remaining_percent": sized.remaining_percent()}
-        | {"proven": sized.bound is not None}
+        | {"attainable_with_any_mass": _is_attainable(sized, sites), "proven": sized.bound is not None}
         for payload, (sized, increments) in zip(
             payloads, _size_nested(models, payloads, sites, stock, objective), strict=True
         )
@@ -62,6 +62,13 @@ def _size_growing(
         _print_published(published["published"])
     largest = max(one["remaining_percent"] or 0.0 for one in sets)
     sys.exit(0 if complete or (stock and largest <= 100.0 * STEPS) else EXIT_WITH_FINDINGS)
+
+
+def _is_attainable(sized: "Sizing", sites: tuple[str, ...]) -> bool:
+    """Whether masses of any size at the sites would balance completely, this payload alone."""
+    from ..balancing import exact_sizing
+
+    return exact_sizing(sized.conditions, sized.before, sites, objective=sized.objective).is_complete()
 
 
 def _size_nested(
@@ -137,8 +144,11 @@ def _print_nested(name: str, sets: list[dict[str, Any]], stock: str | None) -> N
     emit_table(title, [*header, "plates added"] if stock else header, rows)
     for found in sets:
         payload = ", ".join(f"{body} = {mass(value)} kg" for body, value in found["payload_kg"].items())
-        residual = first_moment(found["residual_first_moment_kgm"])
-        click.echo(f"Residual at {payload}  {residual}  ({per_cent(found['residual_percent'])})")
+        if found["attainable_with_any_mass"]:
+            residual = first_moment(found["residual_first_moment_kgm"])
+            click.echo(f"Residual at {payload}  {residual}  ({per_cent(found['residual_percent'])})")
+        else:
+            click.echo(f"At {payload}  no masses at these sites balance completely")
     if stock:
         proof = "proven" if all(one["proven"] for one in sets) else "the best found in the time, not proven"
         click.echo(f"Least in the sum over the payloads of all sets that only grow: {proof}.")

@@ -107,8 +107,8 @@ class Trim:
 
     @property
     def predicted_residual(self) -> float:
-        """First-moment residual with the addition: what the determined conditions keep [kg m]."""
-        return self.addition.residual()
+        """Largest of the determined conditions with the addition [kg m]."""
+        return float(np.abs(self.conditions.values(self.addition.after)).max(initial=0.0))
 
     @property
     def predicted_residual_interval(self) -> tuple[float, float]:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from balance.balancing import closed_forms
 from balance.balancing.conditions import (
@@ -206,7 +207,7 @@ def test_a_mechanism_balanced_by_construction() -> None:
     """Two equal bars turning on one axis, each balanced by its twin on the same link, meet every condition."""
     text = models.load("serial-1r").text.replace('pos="0.14 0 0" mass="1.2"', 'pos="0 0 0" mass="1.2"')
     found = balance_conditions(models.model(text))
-    assert found.residual() == 0.0
+    assert found.first_moment_residual() == 0.0
     assert found.is_balanced(0.0)
     assert not balance_conditions(models.load("serial-1r")).is_balanced(0.1)
 
@@ -233,6 +234,21 @@ def test_values_are_for_the_mechanism_asked() -> None:
     np.testing.assert_allclose(found.matrix, other.matrix, atol=1e-12)
     np.testing.assert_allclose(found.values(models.loaded("parallelogram-6bar")), other.values(), atol=1e-12)
     assert found.text(1) == "mcy[A0A] + mcy[BD] = 0"
+
+
+@pytest.mark.parametrize("name", ["four-bar", "five-bar", "scara-quill", "delta", "slider-crank"])
+def test_the_residual_depends_neither_on_the_order_of_conditions_nor_on_axes(name: str) -> None:
+    """Pivots in any order, and every body's axes turned: the same first moment is lacking, of a size of its own."""
+    found, rng = balance_conditions(models.loaded(name)), np.random.default_rng(6)
+    count = len(found.mechanism.bodies)
+    order = [10 * body + k for block in ((1, 2, 3), (0,)) for body in rng.permutation(count) for k in block]
+    turned, matrix = found.mechanism.parameters.copy(), reduced_row_echelon(found.matrix, order)
+    for body, turn in enumerate(Rotation.random(count, rng=rng).as_matrix()):
+        turned[body, 1:4] = turn @ turned[body, 1:4]
+        matrix[:, 10 * body + 1 : 10 * body + 4] = matrix[:, 10 * body + 1 : 10 * body + 4] @ turn.T
+    other = replace(found, mechanism=replace(found.mechanism, parameters=turned), matrix=matrix)
+    assert other.first_moment_residual() == pytest.approx(found.first_moment_residual(), rel=1e-9)
+    assert found.first_moment_residual() > 1e-3
 
 
 def test_echelon_keeps_the_row_space() -> None:

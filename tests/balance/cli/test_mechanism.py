@@ -207,7 +207,7 @@ def test_json_of_check(balance):
     """Residual, per cent, conditions, balanced payload, and the force per g0."""
     code, out, err = balance("check", "parallelogram-6bar", *BUILT, "--json")
     document = json.loads(out)
-    assert (code, err) == (0, "")
+    assert (code, err) == (3, "")
     assert {
         "residual_first_moment_kgm", "residual_percent", "conditions", "balanced_payload_kg", "shaking_force_N_per_g",
     } <= document.keys()  # fmt: skip
@@ -227,9 +227,9 @@ def test_force_per_g_of_the_unbalanced_machine(balance):
 
 
 def test_people_read_the_verdict(balance):
-    """Residual with per cent, balanced and asked payload, force per g0; finding a residual is exit 0."""
+    """Residual with per cent, balanced and asked payload, force per g0; not balanced is exit 3."""
     code, out, _ = balance("check", "parallelogram-6bar", *BUILT)
-    assert code == 0
+    assert code == 3
     assert out.startswith("Not balanced completely: 4.58 % of the RMS momentum remains over the workspace.")
     for text in ("0.03081 kg m", "4.58 %", "3.2062 kg", "asked: 3.4116 kg", "N per g0"):
         assert text in out
@@ -239,7 +239,15 @@ def test_where_there_is_no_force_per_g(balance):
     """A four-bar has no platform: the number is null, and not made up."""
     document = json.loads(balance("check", "four-bar", "-p", "AB=1kg", "-c", "counter_A0A=1kg", "--json").out)
     assert document["shaking_force_N_per_g"] is None
-    assert balance("check", "serial-2r", "-p", "link_1=2kg", "-c", "counter_link_1=1kg").code == 0
+    assert balance("check", "serial-2r", "-p", "link_1=2kg", "-c", "counter_link_1=1kg").code == 3
+
+
+def test_what_balances_completely_is_exit_0(balance):
+    """Masses as balance size gives them, at full precision."""
+    sized = json.loads(balance("size", "parallelogram-6bar", "--json").out)["counter_masses"]
+    given = [part for one in sized for part in ("-c", f"{one['site']}={one['mass_kg']!r}kg")]
+    code, out, _ = balance("check", "parallelogram-6bar", *given)
+    assert (code, out.splitlines()[0]) == (0, "Balanced completely over the workspace.")
 
 
 def test_something_to_check_is_needed(balance):
