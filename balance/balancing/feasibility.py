@@ -58,15 +58,20 @@ def feasibility(conditions: Conditions) -> Feasibility:
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
     cones = [clarabel.ZeroConeT(1), *[clarabel.PSDTriangleConeT(_SIZE)] * bodies]
     rows = np.concatenate([traces.sum(axis=0)[None], *(-_triangles(of_body).T for of_body in by_body)])
+    identity = np.concatenate([[0.0], *[_triangles(np.eye(_SIZE)[None])[0]] * bodies])
     right = np.concatenate([[1.0], np.zeros(len(rows) - 1)])
-    weights = np.arange(1.0, bodies + 1) / bodies
-    for wanted in (weights @ traces, basis @ (mechanism.pi / per_length)):  # another corner where the first is flat
-        solution = clarabel.DefaultSolver(
-            sparse.csc_matrix((len(basis),) * 2), -wanted, sparse.csc_matrix(rows), right, cones, settings
-        ).solve()
+    weights, zero = np.arange(1.0, bodies + 1) / bodies, np.zeros(len(basis))
+    programmes = [
+        (-(weights @ traces), rows),
+        (-basis @ (mechanism.pi / per_length), rows),  # another corner where the first is flat
+        (np.append(zero, -1.0), np.column_stack([rows, identity])),  # the least eigenvalue: where others have no inside
+    ]
+    for cost, sides in programmes:
+        square = sparse.csc_matrix((len(cost),) * 2)
+        solution = clarabel.DefaultSolver(square, cost, sparse.csc_matrix(sides), right, cones, settings).solve()
         if str(solution.status) in {"PrimalInfeasible", "AlmostPrimalInfeasible"}:
             return Feasibility("possible")
-        y = np.asarray(solution.x)
+        y = np.asarray(solution.x)[: len(basis)]
         if np.isfinite(y).all() and _no_mass_lowers(y, by_body):
             combined = (y @ basis) / per_length
             combined[np.abs(combined * per_length) < _ZERO * np.abs(combined * per_length).max()] = 0.0

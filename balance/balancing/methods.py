@@ -45,7 +45,7 @@ class Outcome:
     moment: Floats
     """Residual shaking moment about the base's origin, weight excluded, (n, 3) [N m]."""
     torque: Mapping[str, Floats]
-    """Torque of each motor, all that it drives included, (n,) [N m]."""
+    """Torque of each motor, all that it drives included; of one that slides its force, (n,) [N m, N]."""
     added_mass: float = 0.0
     """[kg]"""
     added_inertia: float = 0.0
@@ -83,11 +83,11 @@ class Outcome:
         return float(np.linalg.norm(self.moment, axis=1).max())
 
     def torque_rms(self) -> dict[str, float]:
-        """Root mean square of each motor's torque [N m]."""
+        """Root mean square of each motor's torque or force [N m, N]."""
         return {joint: _rms(values) for joint, values in self.torque.items()}
 
     def torque_peak(self) -> dict[str, float]:
-        """Largest size of each motor's torque [N m]."""
+        """Largest size of each motor's torque or force [N m, N]."""
         return {joint: float(np.abs(values).max()) for joint, values in self.torque.items()}
 
 
@@ -319,18 +319,18 @@ def _integral(time: Floats, values: Floats) -> Floats:
 
 
 def methods_document(
-    name: str, motion: str, outcomes: Sequence[Outcome], comparisons: Sequence[ConditionComparison]
+    mechanism: Mechanism, motion: str, outcomes: Sequence[Outcome], comparisons: Sequence[ConditionComparison]
 ) -> dict[str, Any]:
     """Outcomes and published conditions compared with the derived ones, for JSON: units in the keys."""
     return {
-        "mechanism": name,
+        "mechanism": mechanism.name,
         "motion": motion,
-        "methods": [_outcome(outcome) for outcome in outcomes],
+        "methods": [_outcome(outcome, mechanism) for outcome in outcomes],
         "printed_conditions": [_comparison(comparison) for comparison in comparisons],
     }
 
 
-def _outcome(outcome: Outcome) -> dict[str, Any]:
+def _outcome(outcome: Outcome, mechanism: Mechanism) -> dict[str, Any]:
     return {
         "method": outcome.name,
         "added_mass_kg": outcome.added_mass,
@@ -339,8 +339,8 @@ def _outcome(outcome: Outcome) -> dict[str, Any]:
         "force_peak_N": outcome.force_peak,
         "moment_rms_Nm": outcome.moment_rms,
         "moment_peak_Nm": outcome.moment_peak,
-        "torque_rms_Nm": outcome.torque_rms(),
-        "torque_peak_Nm": outcome.torque_peak(),
+        **mechanism.drives_by_unit(outcome.torque_rms(), "torque_rms_Nm", "drive_force_rms_N"),
+        **mechanism.drives_by_unit(outcome.torque_peak(), "torque_peak_Nm", "drive_force_peak_N"),
         "needs": dict(outcome.needs),
         "note": outcome.note,
     }

@@ -184,10 +184,10 @@ def _counter(counter: Sizing, total: Floats, weight: Floats, q: Floats) -> dict[
     }
 
 
-def _balance(total: Floats, weight: Floats, holding: dict[str, float]) -> dict[str, Any]:
+def _balance(total: Floats, weight: Floats, holding: dict[str, dict[str, float]]) -> dict[str, Any]:
     swing, whole = float(np.ptp(total)), float(np.ptp(weight))
     share = swing / whole if whole > 0.0 else None
-    return {"potential_swing_J": swing, "share_of_unbalanced": share, "holding_torque_peak_Nm": holding}
+    return {"potential_swing_J": swing, "share_of_unbalanced": share, **holding}
 
 
 def _springs(found: Springs) -> list[dict[str, Any]]:
@@ -208,11 +208,14 @@ def _springs(found: Springs) -> list[dict[str, Any]]:
     ]
 
 
-def _holding(mechanism: Mechanism, q: Floats, springs: Springs | None) -> dict[str, float]:
-    """Largest torque of each motor that holds the mechanism still; none where motors do not determine it."""
+_HOLDING = ("holding_torque_peak_Nm", "holding_force_peak_N")
+
+
+def _holding(mechanism: Mechanism, q: Floats, springs: Springs | None) -> dict[str, dict[str, float]]:
+    """Largest torque or force of each motor that holds the mechanism still; none where they do not determine it."""
     closure, motors = Closure(mechanism), mechanism.driven or mechanism.coordinates
     if len(motors) != closure.dof:
-        return {}
+        return mechanism.drives_by_unit({}, *_HOLDING)
     position = q[:, [mechanism.coordinate_index(joint) for joint in motors]]
     rest = np.zeros_like(position)
     at = closure.follow(Samples(np.arange(float(len(q))), position, rest, rest, joints=motors))
@@ -221,4 +224,5 @@ def _holding(mechanism: Mechanism, q: Floats, springs: Springs | None) -> dict[s
         needed = joint_torques(mechanism, springs.springs, at.q)
         extra = np.einsum("nij,ni->nj", driven_rates(mechanism, at.per_drive, motors), needed)
         torque = {joint: torque[joint] + extra[:, k] for k, joint in enumerate(motors)}
-    return {joint: float(np.abs(values).max()) for joint, values in torque.items()}
+    largest = {joint: float(np.abs(values).max()) for joint, values in torque.items()}
+    return mechanism.drives_by_unit(largest, *_HOLDING)

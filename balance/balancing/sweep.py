@@ -22,6 +22,7 @@ from ..dynamics.inverse_dynamics import simulate
 from ..errors import DataError, ModelError
 from ..mechanism.loop_constraints import Loop
 from ..mechanism.mechanism import Mechanism
+from ..mechanism.mjcf_compiler import tags
 from ..mechanism.mjcf_parser import mechanism_from_text
 from ..motion import Samples
 from ..task_pool import TaskPool
@@ -90,6 +91,11 @@ class Problem:
         for variable in variables:
             sites = {name for name, site in self.mechanism.sites.items() if site.body >= 0}
             known = sites | (set(self.mechanism.own_mass) if variable.part == "mass" else self._placed)
+            if variable.part != "mass" and not self._is_mjcf:
+                raise ModelError(
+                    f"{variable.name}.{variable.part}: {self.mechanism.name} is a URDF or SDF file; places are varied "
+                    "in MJCF files only, masses in all: write the mechanism as MJCF"
+                )
             if variable.name not in known:
                 what = "site or moving body" if variable.part == "mass" else "site or body with a place"
                 raise ModelError(
@@ -141,11 +147,13 @@ class Problem:
         """The closed motion."""
         return Closure(self.mechanism).follow(self.samples)
 
+    @property
+    def _is_mjcf(self) -> bool:
+        return next(tags(self.mechanism.text))["tag"] == "mujoco"
+
     @cached_property
     def _placed(self) -> set[str]:
-        """Bodies and sites whose place the mechanism's file states, an MJCF file."""
-        if not self.mechanism.text.lstrip("\ufeff").lstrip().startswith("<") or "<mujoco" not in self.mechanism.text:
-            return set()
+        """Bodies and sites whose place the mechanism's MJCF file states."""
         return {e.get("name", "") for e in _points(ElementTree.fromstring(self.mechanism.text))} - {""}
 
     def moves(self, variable: Variable) -> bool:

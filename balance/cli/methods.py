@@ -92,14 +92,13 @@ def methods(
     name = motion or _own_motion(model.name)
     trajectory = options.follow_motion(model, name)
     outcomes = compare_methods(model, trajectory, MethodSettings(site, wheel_ratio, wheel_radius, stroke, turn))
-    result = methods_document(model.name, name, outcomes, compare_conditions(balance_conditions(model)))
+    result = methods_document(model, name, outcomes, compare_conditions(balance_conditions(model)))
     if figure:
         from ..figures.balancing import draw_methods
         from ..figures.mechanism import save
 
         save(draw_methods(result), figure)
-    sliding = {j for j, one in zip(model.coordinates, model.tree.joints, strict=True) if not one.revolute}
-    emit_json(result) if as_json else _print_methods(result, sliding)
+    emit_json(result) if as_json else _print_methods(result)
 
 
 def _own_motion(mechanism: str) -> str:
@@ -114,11 +113,18 @@ def _own_motion(mechanism: str) -> str:
     return mechanism
 
 
-def _print_methods(result: dict[str, Any], sliding: set[str]) -> None:
+def _drives(torques: dict[str, float], forces: dict[str, float]) -> str:
+    """Values of the motors, a force marked as such."""
+    return ", ".join(
+        [f"{j} {value:.3g}" for j, value in torques.items()] + [f"{j} {value:.3g} N" for j, value in forces.items()]
+    )
+
+
+def _print_methods(result: dict[str, Any]) -> None:
     rows = [
         [row["method"], f"{row['added_mass_kg']:.3f}", f"{row['added_inertia_kgm2']:.4f}", _value(row["force_rms_N"]),
          _value(row["force_peak_N"]), _value(row["moment_rms_Nm"]), _value(row["moment_peak_Nm"]),
-         ", ".join(f"{j} {value:.3g}{' N' * (j in sliding)}" for j, value in row["torque_rms_Nm"].items())]
+         _drives(row["torque_rms_Nm"], row["drive_force_rms_N"])]
         for row in result["methods"]
     ]  # fmt: skip
     emit_table(
@@ -280,5 +286,5 @@ def _energies(result: dict[str, Any]) -> None:
 
 def _row(name: str, values: dict[str, Any], mass: float) -> list[str]:
     share = values["share_of_unbalanced"]
-    torque = ", ".join(f"{joint} {value:.3g}" for joint, value in values["holding_torque_peak_Nm"].items())
+    torque = _drives(values["holding_torque_peak_Nm"], values["holding_force_peak_N"])
     return [name, f"{values['potential_swing_J']:.3g}", "-" if share is None else f"{share:.1e}", torque, f"{mass:.3f}"]

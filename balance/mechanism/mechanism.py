@@ -153,6 +153,13 @@ class Mechanism:
             raise ModelError(f"{self.name} has no joint {joint!r}: there are {', '.join(self.coordinates)}")
         return self.coordinates.index(joint)
 
+    def drives_by_unit(self, values: Mapping[str, float], turning: str, sliding: str) -> dict[str, dict[str, float]]:
+        """Values of motors by joint under two keys: ``turning`` [N m] and ``sliding`` [N]."""
+        found: dict[str, dict[str, float]] = {turning: {}, sliding: {}}
+        for joint, value in values.items():
+            found[turning if self.tree.joints[self.coordinate_index(joint)].revolute else sliding][joint] = value
+        return found
+
     def site(self, name: str) -> Site:
         """A site by name. Raises ModelError, listing the sites on moving bodies, if there is none."""
         if name not in self.sites:

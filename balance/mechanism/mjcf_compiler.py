@@ -4,6 +4,7 @@ Included files are put into the text first, from the file's own folder alone. Me
 which no moving body's mass depends are not opened: MuJoCo would only draw them or let them collide.
 """
 
+import json
 import re
 import warnings
 from collections.abc import Iterator
@@ -45,6 +46,8 @@ _REFUSED = {
 _FINITE = ("body_pos", "body_mass", "body_inertia", "jnt_pos", "jnt_axis", "jnt_range", "dof_damping", "dof_armature",
            "dof_frictionloss", "site_pos", "key_qpos", "eq_data")  # fmt: skip
 _EQUALITIES = {"CONNECT", "WELD", "JOINT"}
+_INERTIALS = "counterpoise inertials"
+"""The <text> of a stored mechanism that has, as JSON, the inertials which MuJoCo computed from its meshes."""
 
 
 def read_text(path: Path) -> str:
@@ -120,6 +123,7 @@ def compile_spec(spec: Any, text: str, name: str, folder: Path | None) -> Any:  
     bounds = {key: getattr(spec.compiler, key) for key in ("boundmass", "boundinertia")}
     for key, bound in bounds.items():
         setattr(spec.compiler, key, bound or MASSLESS)
+    _take_inertials(mujoco, spec, name)
     _take_assets(mujoco, spec, name, folder)
     with _bounded(mujoco, text, name):
         model = spec.compile()
@@ -132,6 +136,35 @@ def compile_spec(spec: Any, text: str, name: str, folder: Path | None) -> Any:  
         if not np.isfinite(values).all():
             raise ModelError(f"{name}: a number of {part.replace('_', ' ')} is infinite; expected finite numbers")
     return model
+
+
+def with_inertials(text: str, spec: Any, model: Any) -> str:  # noqa: ANN401
+    """The text, with the compiled inertials in it where they came from meshes: it can be read again without those."""
+    if not spec.assets:
+        return text
+    rows = [
+        [model.body_mass[k], *model.body_ipos[k], *model.body_iquat[k], *model.body_inertia[k]]
+        for k in (body.id for body in spec.bodies[1:])
+    ]
+    *_, end = tags(text)
+    stored = f'<custom><text name="{_INERTIALS}" data="{json.dumps(np.array(rows).tolist())}"/></custom>'
+    return text[: end.start()] + stored + text[end.start() :]
+
+
+def _take_inertials(mujoco: Any, spec: Any, name: str) -> None:  # noqa: ANN401
+    """Inertials that :func:`with_inertials` stored, in the place of those of geometry."""
+    stored, bodies = spec.text(_INERTIALS), spec.bodies[1:]
+    if stored is None:
+        return
+    try:
+        rows = np.array(json.loads(stored.data), dtype=float).reshape(len(bodies), 11)
+    except (ValueError, TypeError) as error:
+        raise ModelError(f"{name}: <text name={_INERTIALS!r}>: expected 11 numbers for each body") from error
+    spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
+    spec.compiler.settotalmass, spec.compiler.balanceinertia = -1.0, False
+    for body, row in zip(bodies, rows, strict=True):
+        body.mass, body.ipos, body.iquat, body.inertia = row[0], row[1:4], row[4:8], row[8:]
+        body.fullinertia, body.explicitinertial = np.full(6, np.nan), True
 
 
 def _refuse_lost_inertia(spec: Any, largest: float, name: str) -> None:  # noqa: ANN401

@@ -6,7 +6,7 @@ from .. import datasets
 from ..errors import ModelError
 from .compiled_model import mechanism_of
 from .mechanism import Mechanism
-from .mjcf_compiler import compile_spec, parse_mjcf, read_text, tags, with_includes
+from .mjcf_compiler import compile_spec, parse_mjcf, read_text, tags, with_includes, with_inertials
 
 
 def load_mechanism(name: str | Path) -> Mechanism:
@@ -35,4 +35,5 @@ def _mechanism(text: str, name: str, file: str, path: Path | None) -> Mechanism:
     else:
         text = with_includes(text, file, folder)
         spec = parse_mjcf(text, file)
-    return mechanism_of(compile_spec(spec, text, file, folder), file, name, text)
+    model = compile_spec(spec, text, file, folder)
+    return mechanism_of(model, file, name, with_inertials(text, spec, model))

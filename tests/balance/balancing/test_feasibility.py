@@ -27,7 +27,7 @@ def test_what_forbids_it_by_hand(case: tuple[str, str]) -> None:
     assert found.value > 0.0
 
 
-@pytest.mark.parametrize("name", ["four-bar", "five-bar", "whitworth", "parallelogram-6bar-full", "3-rrr"])
+@pytest.mark.parametrize("name", ["four-bar", "five-bar", "whitworth", "parallelogram-6bar-full", "3-rrr", "bennett"])
 def test_no_mass_anywhere_lowers_it(name: str) -> None:
     """It is a combination of the conditions, and point masses at random places of every body only raise it."""
     conditions = balance_conditions(models.load(name), "all")

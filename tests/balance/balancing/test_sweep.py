@@ -114,3 +114,15 @@ def test_what_cannot_be_varied_is_refused(variables, refusal):
     """By name, with what there is."""
     with pytest.raises(ModelError, match=refusal):
         swept(problem(), *variables)
+
+
+def test_places_in_a_urdf_are_refused():
+    """Of such a file masses are varied, places are not: it says so."""
+    inertia = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    link = f'<link name="{{}}"><inertial><mass value="1"/>{inertia}</inertial></link>'
+    joint = '<joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint>'
+    arm = mechanism_from_text(f'<robot name="r">{link.format("a")}{link.format("b")}{joint}</robot>', "arm")
+    given = Problem(arm, problem().samples)
+    given.check((Variable("b", "mass", np.ones(1)),))
+    with pytest.raises(ModelError, match=r"b\.x: arm is a URDF or SDF file; places are varied in MJCF files only"):
+        given.check((Variable("b", "x", np.ones(1)),))

@@ -154,3 +154,29 @@ def test_an_end_that_a_spring_file_lacks_is_named_as_missing(tmp_path):
     path.write_text("[[spring]]\nsecond = { body = 'AB', at = ['0.1 m', '0 m', '0 m'] }\n", encoding="utf-8")
     with pytest.raises(DataError, match=r"spring\[0\]\.first: missing: expected one end"):
         CliRunner().invoke(static, ["four-bar", "--springs", str(path)], catch_exceptions=False)
+
+
+CART = """<mujoco><compiler angle="radian"/><option gravity="0 -9.81 0"/><worldbody><body name="cart">
+  <joint name="x" type="slide" axis="1 0 0"/><inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/>
+  <body name="arm"><joint name="turn" axis="0 0 1"/><inertial pos="0.1 0 0" mass="1" diaginertia="0.1 0.1 0.1"/></body>
+</body></worldbody><actuator><motor joint="x"/><motor joint="turn"/></actuator></mujoco>"""
+
+
+def test_forces_of_sliding_drives_are_no_torques(tmp_path):
+    """A motor that slides has a force [N] under a key of its own, one that turns a torque [N m]."""
+    (tmp_path / "cart.xml").write_text(CART, encoding="utf-8")
+    (tmp_path / "m.toml").write_text(
+        'driven = "joints"\njoints = ["x", "turn"]\nstart = ["0 m", "0 rad"]\n'
+        'peak_acceleration = ["1 m/s^2", "1 rad/s^2"]\n'
+        'moves = [ { joint = "x", to = ["0.1 m", "0 m"] } ]\n',
+        encoding="utf-8",
+    )
+    document = json.loads(run(methods, str(tmp_path / "cart.xml"), "--motion", str(tmp_path / "m.toml"), "--json")[1])
+    plain = document["methods"][0]
+    assert {key: list(plain[key]) for key in plain if key.startswith(("torque", "drive"))} == {
+        "torque_rms_Nm": ["turn"], "drive_force_rms_N": ["x"], "torque_peak_Nm": ["turn"], "drive_force_peak_N": ["x"],
+    }  # fmt: skip
+    assert plain["drive_force_peak_N"]["x"] == pytest.approx(3.0, rel=1e-3)
+    held = json.loads(run(static, str(tmp_path / "cart.xml"), "--json")[1])["as_it_is"]
+    assert held["holding_torque_peak_Nm"]["turn"] == pytest.approx(0.981, rel=1e-3)
+    assert held["holding_force_peak_N"]["x"] == pytest.approx(0.0, abs=1e-9)

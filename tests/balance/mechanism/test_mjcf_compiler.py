@@ -329,3 +329,8 @@ def test_a_mesh_file_that_has_mass(tmp_path: Path) -> None:
     tail = "<compiler meshdir='parts'/><asset><mesh file='m.obj' inertia='exact'/></asset>"
     arm = with_files(tmp_path, "<geom type='mesh' mesh='m' density='600'/>", tail)
     assert arm.total_mass == pytest.approx(100.0)
+    again = mechanism_from_text(arm.text, "arm")  # as a run stores it: without its meshes, the same to the last digit
+    np.testing.assert_array_equal(again.parameters, arm.parameters)
+    assert mechanism_from_text(again.text, "arm").text == again.text
+    with pytest.raises(ModelError, match="11 numbers for each body"):
+        mechanism_from_text(arm.text.replace('data="[[', 'data="[[1.0, '), "arm")
