@@ -84,7 +84,7 @@ def with_includes(text: str, name: str, folder: Path | None) -> str:
 
     def included(match: re.Match[str]) -> Iterator[str]:
         file = _attributes(match).get("file", "")
-        path = _located(file, "", folder, name)
+        path = located_file(file, "", folder, name)
         if path in seen:
             raise ModelError(f"{name}: {element_label(match)} includes the file once more; MuJoCo takes each once")
         seen.add(path)
@@ -326,7 +326,7 @@ def _take_assets(mujoco: Any, spec: Any, name: str, folder: Path | None) -> None
             _refuse_missing(mesh.file, mesh_folder, spec, folder, name)
             spec.delete(mesh)
         elif mesh.file:
-            path = _located(_stripped(mesh.file, spec), mesh_folder, folder, name)
+            path = located_file(_stripped(mesh.file, spec), mesh_folder, folder, name)
             mesh.file = f"{len(assets)}{path.suffix}"
             assets[mesh.file] = path.read_bytes() if path.stat().st_size <= ASSET_LIMIT else b""
             if not assets[mesh.file] or sum(map(len, assets.values())) > ASSET_LIMIT:
@@ -363,7 +363,7 @@ def _refuse_missing(file: str, subfolder: str, spec: Any, folder: Path | None, n
         raise ModelError(f"{name}: names the file {file!r}, which is not there; put it there, or remove the element")
 
 
-def _located(file: str, subfolder: str, folder: Path | None, name: str) -> Path:
+def located_file(file: str, subfolder: str, folder: Path | None, name: str) -> Path:
     """The file that is meant. Raises ModelError if it is missing or lies outside ``folder``, links followed."""
     if folder is None:
         raise ModelError(f"{name}: names the file {file!r}, but is itself read from a text without a folder")

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import ModelError
-from .mjcf_compiler import read_text, refuse_tags
+from .mjcf_compiler import located_file, read_text, refuse_tags
 from .robot import Link, Placement, Robot, RobotJoint
 
 _LOOPS_COMMENT = re.compile(r"<!-- counterpoise loops: (.*?) -->", re.S)
@@ -36,13 +36,9 @@ def read_robot(text: str, file: str, path: Path | None) -> tuple[Robot, str]:
     of links or joints; ``type`` of each, 3d or else 6d; ``joint_name`` and ``joint_type`` of joints that are SPHERICAL,
     FIXED or UJOINT_ZY (two letters); ``name_mot``, the motors. Joints that are absent are passed over, as there.
     """
-    refuse_tags(text, file)
-    try:
-        root = ElementTree.fromstring(_without_comments(text).strip())
-    except (ElementTree.ParseError, ValueError) as error:
-        raise ModelError(f"{file}: not well-formed XML: {error}") from error
-    for element in root.iter():
-        element.tag = element.tag.rpartition("}")[2]
+    root = _parsed(text, file)
+    if root.tag == "sdf" and _put_included(root, file, None if path is None else path.parent):
+        text = ElementTree.tostring(root, encoding="unicode")
     robot = _sdf(root, file) if root.tag == "sdf" else _urdf(root, file)
     if not robot.links:
         raise ModelError(f"{file}: has no <link>; expected links and joints")
@@ -51,6 +47,47 @@ def read_robot(text: str, file: str, path: Path | None) -> tuple[Robot, str]:
     if loops and not stored:
         text = f"{text.rstrip()}\n<!-- counterpoise loops: {json.dumps(loops).replace('>', chr(92) + 'u003e')} -->\n"
     return _with_loops(robot, loops), text
+
+
+def _parsed(text: str, file: str) -> Element:
+    """The root, names of elements without their namespaces."""
+    refuse_tags(text, file)
+    try:
+        root = ElementTree.fromstring(_without_comments(text).strip())
+    except (ElementTree.ParseError, ValueError) as error:
+        raise ModelError(f"{file}: not well-formed XML: {error}") from error
+    for element in root.iter():
+        element.tag = element.tag.rpartition("}")[2]
+    return root
+
+
+def _put_included(root: Element, file: str, folder: Path | None) -> bool:
+    """Put the models of <include> in its place, or with ``merge`` what is in them; whether there was one.
+
+    A <uri> is a file, or a folder with a model.sdf, in ``folder``, after model:// or not.
+    """
+    found = False
+    for parent in list(root.iter()):
+        for element in parent.findall("include"):
+            place, found = list(parent).index(element), True
+            uri = element.findtext("uri", "").strip().removeprefix("model://").removeprefix("file://")
+            is_folder = folder is not None and (folder / uri).is_dir()
+            other = located_file(f"{uri}/model.sdf" if is_folder else uri, "", folder, file)
+            models = _parsed(read_text(other), other.name).findall("model")
+            merged, pose = element.get("merge") in ("true", "1"), element.find("pose")
+            if len(models) != 1 or models[0].find(".//include") is not None:
+                raise ModelError(f"{file}: <include> of {uri!r}: expected one <model>, without <include>")
+            if element.find("placement_frame") is not None or (merged and pose is not None):
+                raise ModelError(f"{file}: <include> of {uri!r}: its place is not read; write the model out")
+            model = models[0]
+            if pose is not None:
+                for own in model.findall("pose"):
+                    model.remove(own)
+                model.append(pose)
+            parent.remove(element)
+            for k, one in enumerate([one for one in model if one.tag != "pose"] if merged else [model]):
+                parent.insert(place + k, one)
+    return found
 
 
 def _without_comments(text: str) -> str:
@@ -235,8 +272,8 @@ def _sdf(root: Element, file: str) -> Robot:
     """The one model of an SDF file. Frames are resolved at zero, as SDF 1.7 and later define them."""
     read = _Reader(file)
     models = root.findall(".//model")
-    if len(models) != 1 or root.find(".//include") is not None:
-        raise ModelError(f"{file}: expected one <model> with its links, and no <include>; write it out")
+    if len(models) != 1:
+        raise ModelError(f"{file}: expected one <model> with its links, found {len(models)}; write it out as one")
     model = models[0]
     own_axes = tuple(int(part) for part in root.get("version", "1.7").split(".")[:2]) >= (1, 5)
     world, gravity = root.find("world"), np.array([0.0, 0.0, -9.81])
@@ -299,8 +336,16 @@ def _sdf(root: Element, file: str) -> Robot:
             if frame:
                 direction = at.rotation.T @ placed(frame).rotation @ direction
             axes[f"_{len(axes) + 1}" if len(tags) > 1 else ""] = direction
-            if axis is not None and axis.find("mimic") is not None:
-                raise ModelError(f"{file}: joint {name!r} has <mimic>, which is not read from SDF; use MJCF or URDF")
+            mimic = None if axis is None else axis.find("mimic")
+            if mimic is not None:
+                leader = elements["joint"].get(mimic.get("joint", ""))
+                if len(tags) > 1 or leader is None or leader.get("type") == "universal":
+                    raise ModelError(f"{file}: joint {name!r}: <mimic>: expected two joints of one axis each")
+                ratio, start, zero = (
+                    read.number(mimic, key, default, where)
+                    for key, default in (("multiplier", 1.0), ("offset", 0.0), ("reference", 0.0))
+                )
+                joint = replace(joint, follows=(mimic.get("joint", ""), ratio, start - ratio * zero))
             limit, losses = (None if axis is None else axis.find(part) for part in ("limit", "dynamics"))
             bounds = [read.number(limit, key, math.inf, where) for key in ("lower", "upper")]
             if joint.kind in _BOUNDED and max(map(abs, bounds)) < _INFINITE and bounds[0] < bounds[1]:

@@ -8,6 +8,7 @@ import pinocchio
 import pytest
 
 from balance.balancing.conditions import balance_conditions
+from balance.closure import Closure
 from balance.errors import ModelError
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
@@ -261,14 +262,47 @@ def test_a_loop_of_an_sdf_is_closed(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("</model>", "</model><model name='n'/>", "expected one <model>"),
+        ("</model>", "</model><model name='n'/>", "expected one <model> with its links, found 2"),
+        ("</model>", "</model><include><uri>model://sun</uri></include>", "names the file 'sun', which is not there"),
+        ("</model>", "</model><include><uri>../x.sdf</uri></include>", "outside the folder"),
         ("<link name=\"upper\">", "<link name=\"u\"/><link name=\"upper\">", "links u are joined to nothing"),
         ("relative_to=\"far\"", "relative_to=\"fore\"", "goes round"),
         ('type="revolute"><parent>', 'type="screw"><parent>', "of type 'screw'"),
-        ("<limit>", "<mimic joint='shoulder'/><limit>", "<mimic>"),
+        ("<limit>", "<mimic joint='none'/><limit>", "<mimic>: expected two joints of one axis each"),
     ],
 )  # fmt: skip
 def test_sdf_that_is_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
     """One message that names the file and the element."""
     with pytest.raises(ModelError, match=rf"^arm\.sdf.*{message}"):
         loaded_sdf(tmp_path, SDF.replace(old, new))
+
+
+def test_mimic_in_an_sdf_is_a_gear(tmp_path: Path) -> None:
+    """elbow = 2 (shoulder - 0.1) + 0.3, as the format defines it."""
+    gear = "<mimic joint='shoulder'><multiplier>2</multiplier><offset>0.3</offset><reference>0.1</reference></mimic>"
+    closure = Closure(loaded_sdf(tmp_path, SDF.replace("<limit>", f"{gear}<limit>")))
+    assert closure.dof == 1
+    q = closure.states(5)
+    np.testing.assert_allclose(q[:, 1], 2.0 * (q[:, 0] - 0.1) + 0.3, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("place", "include"),
+    [
+        ("arm/model.sdf", "<world name='w'><include><uri>model://arm</uri></include></world>"),
+        ("own.sdf", "<include><uri>own.sdf</uri><pose>0.1 0 0 0 0 0</pose></include>"),
+        ("own.sdf", "<model name='m'><pose>0.1 0 0 0 0 0</pose><include merge='true'><uri>own.sdf</uri>"
+         "</include></model>"),
+    ],
+)  # fmt: skip
+def test_a_model_that_an_sdf_includes(tmp_path: Path, place: str, include: str) -> None:
+    """As if written there; the text that is stored is whole."""
+    alone = loaded_sdf(tmp_path, SDF)
+    start, end = SDF.index("<model"), SDF.index("</model>")
+    (tmp_path / place).parent.mkdir(exist_ok=True)
+    (tmp_path / place).write_text(f"<sdf version='1.7'>{SDF[start:end]}</model></sdf>", encoding="utf-8")
+    text = f"<sdf version='1.7'>{include}</sdf>"
+    arm = loaded_sdf(tmp_path, text)
+    for one in (arm, mechanism_from_text(arm.text, "arm")):
+        np.testing.assert_array_equal(one.parameters, alone.parameters)
+        np.testing.assert_allclose(one.tree.joints[0].position, [0.1, 0.0, 0.0])
