@@ -75,11 +75,23 @@ def reduced_row_echelon(basis: Floats, order: Sequence[int]) -> Floats:
     return found
 
 
-def text_of(coefficients: Mapping[str, float]) -> str:
-    """A combination as a sum, such as ``mcx[A0A] + 0.15 m[AC]``."""
+def text_of(coefficients: Mapping[str, float], lengths: Mapping[str, float] | None = None) -> str:
+    """A combination as a sum, such as ``mcx[A0A] + 0.15 m[AC]``; with named ``lengths`` [m] ``mcx[A0A] + r m[AC]``.
+
+    A length, or a ratio of two, is written where it alone has the coefficient's value.
+    """
+    named = lengths or {}
+    sizes = {
+        "m": dict(named),
+        "mc": {f"{a}/{b}": x / y for a, x in named.items() for b, y in named.items() if a != b and y},
+    }
     terms: list[str] = []
     for name, value in coefficients.items():
         size = "" if abs(abs(value) - 1.0) < 1e-12 else f"{abs(value):.6g} "
+        known = sizes.get(name.partition("[")[0].rstrip("xyz"), {})
+        equal = [text for text, number in known.items() if abs(abs(value) - number) < 1e-9 * number]
+        if size and len(equal) == 1:
+            size = f"{equal[0]} "
         sign = ("- " if value < 0 else "+ ") if terms else ("-" if value < 0 else "")
         terms.append(f"{sign}{size}{name}")
     return " ".join(terms) or "0"
@@ -162,8 +174,9 @@ class Conditions:
         return {names[k]: float(self.matrix[row, k]) for k in np.flatnonzero(self.matrix[row])}
 
     def text(self, row: int) -> str:
-        """One condition as an equation, such as ``mcx[A0A] + mcx[BD] + 0.15 m[AC] = 0``."""
-        return f"{text_of(self.coefficients(row))} = 0"
+        """One condition as an equation in the lengths that the file names, such as ``mcx[A0A] + r m[AC] = 0``."""
+        lengths = self.mechanism.lengths if self.units[row] == "kg m" else {}
+        return f"{text_of(self.coefficients(row), lengths)} = 0"
 
 
 def balance_conditions(mechanism: Mechanism, momentum: str = "linear") -> Conditions:

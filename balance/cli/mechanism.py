@@ -271,6 +271,8 @@ def conditions(
     )
     for i, (value, unit) in enumerate(zip(values, found.units, strict=True)):
         click.echo(f"  {found.text(i):<70}  now {value:+.6g} {unit}")
+    if model.lengths:
+        click.echo(f"\nwith {', '.join(f'{name} = {length:.6g} m' for name, length in model.lengths.items())}")
     largest = ", ".join(f"{found.residual(unit):.4g} {unit}" for unit in sorted({"kg m", *found.units}))
     click.echo(
         f"\n{'Balanced' if found.is_balanced(BALANCED_KGM) else 'Not balanced'}: largest residual {largest} "

@@ -17,7 +17,7 @@ _CONNECT, _WELD = 0, 1
 _SITE = 6
 _JOINT_DRIVES = (0, 1)
 _LOOPS_OFF, _SPRINGS_OFF, _DAMPERS_OFF, _GRAVITY_OFF = 1 << 0 | 1 << 1, 1 << 5, 1 << 6, 1 << 7
-_RADIUS = ".radius_of_gyration"
+_RADIUS, _LENGTH = ".radius_of_gyration", ".length"
 
 
 def mechanism_of(model: Any, file: str, name: str, text: str) -> Mechanism:  # noqa: ANN401
@@ -86,7 +86,7 @@ class _Parts:
                 f"{self.file}: no moving body has mass; give each an <inertial>, or geometry with a density"
             )
         heads = [next(b for b, r in enumerate(self.row_of) if r == row) for row in range(len(self.rows))]
-        payload, radii = self._payload(), self._radii()
+        payload, radii = self._payload(), self._numerics(_RADIUS)
         sites = {
             name: Site(name, self.row_of[model.site_bodyid[i]], frozen(self._site(i).position), radii.get(name, 0.0))
             for i, name in enumerate(self.names["site"])
@@ -114,6 +114,7 @@ class _Parts:
             coulomb=frozen(model.dof_frictionloss.copy()),
             payload_bodies=payload,
             limits=frozen(np.array(self.limits)),
+            lengths=self._numerics(_LENGTH),
             left_out=(*self._left_out(), *notes),
         )
 
@@ -230,16 +231,16 @@ class _Parts:
                 return tuple(bytes(model.text_data[start : start + model.text_size[k]]).decode().rstrip("\0").split())
         return ()
 
-    def _radii(self) -> dict[str, float]:
-        """Radii of gyration of counter-masses, by site [m], of ``<custom><numeric name="SITE.radius_of_gyration">``."""
-        model, radii = self.model, {}
+    def _numerics(self, ending: str) -> dict[str, float]:
+        """Numbers of ``<custom><numeric name="SITE.radius_of_gyration">`` by what is before the ``ending`` [m]."""
+        model, found = self.model, {}
         for k, name in enumerate(self.names["numeric"]):
-            if name.endswith(_RADIUS):
-                radius = float(model.numeric_data[model.numeric_adr[k]])
-                if model.numeric_size[k] != 1 or not radius >= 0.0:
+            if name.endswith(ending):
+                number = float(model.numeric_data[model.numeric_adr[k]])
+                if model.numeric_size[k] != 1 or not number >= 0.0:
                     raise ModelError(f"{self.file}: {name}: expected one number, zero or more")
-                radii[name.removesuffix(_RADIUS)] = radius
-        return radii
+                found[name.removesuffix(ending)] = number
+        return found
 
     def _drives(self) -> tuple[tuple[str, ...], Floats, list[str]]:
         """Coordinates that a motor drives, the inertia of its rotor reflected to each, and what is left out."""

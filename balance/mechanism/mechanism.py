@@ -1,7 +1,7 @@
 """A mechanism: rigid bodies on a base, joints, loops, and sites where counter-masses may be mounted."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -78,6 +78,8 @@ class Mechanism:
     """Bodies that carry the payload when none is named."""
     limits: Floats
     """Lower and upper limit of each coordinate that the file states, else infinite, (nv, 2) [rad, m]. Not enforced."""
+    lengths: Mapping[str, float] = field(default_factory=dict)
+    """Lengths that the file names [m], for people to read conditions in."""
     left_out: tuple[str, ...] = ()
     """Forces that the file has and no torque computed from it, such as springs; balance does not depend on them."""
 

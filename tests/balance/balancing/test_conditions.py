@@ -236,6 +236,15 @@ def test_values_are_for_the_mechanism_asked() -> None:
     assert found.text(1) == "mcy[A0A] + mcy[BD] = 0"
 
 
+def test_conditions_are_written_in_lengths_of_the_file() -> None:
+    """A length by its name where it is a mass's coefficient, a ratio where a first moment's; not where two fit."""
+    found = balance_conditions(models.load("four-bar"))
+    assert found.text(0) == "mcx[A0A] + crank m[AB] + crank/rocker mcx[B0B] = 0"
+    assert found.text(2) == "mcx[AB] + coupler/rocker mcx[B0B] = 0"
+    other = replace(found, mechanism=replace(found.mechanism, lengths={"a": 0.1, "b": 0.1, "c": 0.2, "zero": 0.0}))
+    assert other.text(0) == "mcx[A0A] + 0.1 m[AB] + 0.5 mcx[B0B] = 0"
+
+
 @pytest.mark.parametrize("name", ["four-bar", "five-bar", "scara-quill", "delta", "slider-crank"])
 def test_the_residual_depends_neither_on_the_order_of_conditions_nor_on_axes(name: str) -> None:
     """Pivots in any order, and every body's axes turned: the same first moment is lacking, of a size of its own."""

@@ -152,7 +152,7 @@ def test_people_read_equations(balance):
     """Each condition as an equation with its value now, and the verdict."""
     code, out, _ = balance("conditions", "parallelogram-6bar")
     assert code == 0
-    assert "mcx[A0A] + 0.15 m[AC] + mcx[BD] + 0.15 m[platform] = 0" in out
+    assert "mcx[A0A] + r m[AC] + mcx[BD] + r m[platform] = 0" in out
     assert "2 degrees of freedom, 4 conditions" in out
     assert "Not balanced" in out
 
