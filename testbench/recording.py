@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from pathlib import Path
-from typing import Annotated, Literal, TypedDict
+from typing import Annotated, Any, Literal, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -242,6 +242,13 @@ class TimeColumn:
 Clock = UniformClock | TimeColumn
 
 
+def clock_from_dict(document: Mapping[str, Any] | None) -> Clock | None:
+    """The clock that ``asdict`` of it describes; None of None."""
+    if document is None:
+        return None
+    return UniformClock(**document) if "rate_hz" in document else TimeColumn(**document)
+
+
 @dataclass(frozen=True)
 class SensorRange:
     """A range from -limit to +limit in ``unit``, digitised to ``bits``; channels of that unit lie within it."""
@@ -261,6 +268,12 @@ class Group:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "name", storable_name(self.name))
+
+
+def group_from_dict(document: Mapping[str, Any]) -> Group:
+    """The group that ``asdict`` of it describes, as pipes and journals carry it."""
+    channels = tuple(Channel(**channel) for channel in document["channels"])
+    return Group(document["name"], channels, clock_from_dict(document["clock"]))
 
 
 def findings_by_group(findings: Iterable[Finding], groups: Sequence[Group], several: bool) -> list[Finding]:

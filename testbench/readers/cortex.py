@@ -20,17 +20,17 @@ _NAMES = "#Sample\t"
 
 def open_forces(path: Path, options: ReadOptions) -> Recording:
     """Read the head of a ``.forces`` file; its rows are read when asked for."""
-    sample = read_first_lines(path, options.encoding)
-    named = next((i for i, line in enumerate(sample.lines) if line.startswith(_NAMES)), None)
+    encoding, lines = read_first_lines(path, options.encoding)
+    named = next((i for i, line in enumerate(lines) if line.startswith(_NAMES)), None)
     if named is None:
         message = f"expected a line of names that begins with {_NAMES.strip()!r}"
         raise Refusal(path.name, Finding("no_data", None, None, message))
-    stated = key_value_pairs(sample.lines[:named])
-    names = sample.lines[named].rstrip("\t").split("\t")
+    stated = key_value_pairs(lines[:named])
+    names = lines[named].rstrip("\t").split("\t")
     rate, declared = _number(path, stated, "SampleRate"), int(_number(path, stated, "NumberOfSamples"))
     group = Group(path.stem, tuple(Channel(name) for name in names), UniformClock(rate))
     form = RowParser(Dialect("\t", "."), len(names))
-    table = Table(path, sample.encoding, form, group, tuple(range(len(names))), named + 2, sample.lines[named])
+    table = Table(path, encoding, form, group, tuple(range(len(names))), named + 2, lines[named])
 
     def read(report: Report) -> Iterator[Block]:
         found = 0

@@ -26,32 +26,27 @@ _SHORTEST_STEP = 2e-5
 """Seconds from one sample to the next that are rather days: 50 kHz, or a sample in two seconds."""
 
 
+_DOUBTS = (
+    (_FORCE, _UNITS_OF_ACCELERATION, "the name says force, the unit acceleration"),
+    (_FORCE, _UNITS_OF_JERK, "the name says force, the unit is of jerk"),
+    (_PURE_FORCE, _UNITS_OF_MASS, "the name says force, the unit is of mass"),
+    (_ACCELERATION, _UNITS_OF_FORCE, "the name says acceleration, the unit force"),
+    (_ACCELERATION, _UNITS_OF_JERK, "the name says acceleration, the unit is of jerk"),
+)
+"""Names, units that do not go with them, and what is said; the first that applies counts."""
+
+
 def unit_findings(channels: Iterable[Channel]) -> list[Finding]:
     """Channels whose name says force and whose unit says acceleration or mass, and the reverse; jerk for either."""
-    return [finding for channel in channels if (finding := _unit_finding(channel)) is not None]
-
-
-def _unit_finding(channel: Channel) -> Finding | None:
-    label = channel.label.strip().replace("İ", "i")
-    if channel.unit is None:
-        return None
-    if _FORCE.fullmatch(label) and _is_one(channel.unit, _UNITS_OF_ACCELERATION):
-        doubt = "the name says force, the unit acceleration"
-    elif _FORCE.fullmatch(label) and _is_one(channel.unit, _UNITS_OF_JERK):
-        doubt = "the name says force, the unit is of jerk"
-    elif _PURE_FORCE.fullmatch(label) and _is_one(channel.unit, _UNITS_OF_MASS):
-        doubt = "the name says force, the unit is of mass"
-    elif _ACCELERATION.fullmatch(label) and _is_one(channel.unit, _UNITS_OF_FORCE):
-        doubt = "the name says acceleration, the unit force"
-    elif _ACCELERATION.fullmatch(label) and _is_one(channel.unit, _UNITS_OF_JERK):
-        doubt = "the name says acceleration, the unit is of jerk"
-    else:
-        return None
-    return Finding("unit_doubtful", channel.name, None, f"{channel.unit!r}: {doubt}; kept as written")
-
-
-def _is_one(unit: str, known: Iterable[str]) -> bool:
-    return any(same_unit(unit, other) for other in known)
+    found = []
+    for channel in channels:
+        label = channel.label.strip().replace("İ", "i")
+        for named, units, doubt in _DOUBTS:
+            if named.fullmatch(label) and any(same_unit(channel.unit, unit) for unit in units):
+                message = f"{channel.unit!r}: {doubt}; kept as written"
+                found.append(Finding("unit_doubtful", channel.name, None, message))
+                break
+    return found
 
 
 def may_be_days(first: float, step: float) -> bool:

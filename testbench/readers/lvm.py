@@ -315,7 +315,7 @@ def open_lvm(path: Path, options: ReadOptions) -> Recording:
 def _encoding(path: Path) -> Encoding:
     with path.open("rb") as stream:
         head = stream.read(1 << 16)
-    return detect_encoding(head.replace(_MAGIC, b"LVM", 1)) or read_first_lines(path).encoding
+    return detect_encoding(head.replace(_MAGIC, b"LVM", 1)) or read_first_lines(path)[0]
 
 
 def _joined_writes(segment: Segment) -> Segment:

@@ -59,14 +59,6 @@ def needs(extra: str) -> str:
     return f"counterpoise[{extra}]"
 
 
-def require(extra: str, path: Path) -> None:
-    """Raise RecordingError where a library of ``extra`` is missing, naming what to install; none is imported."""
-    for name in EXTRAS[extra]:
-        outer_first = accumulate(name.split("."), "{}.{}".format)
-        if any(find_spec(part) is None for part in outer_first):
-            raise RecordingError(f"{path}: reading it needs {name}: pip install '{needs(extra)}'")
-
-
 Open = Callable[[Path, ReadOptions], Recording]
 
 
@@ -79,8 +71,10 @@ def _in_subprocess(module: str, extra: str = "") -> Open:
     """The ``open_library`` of a module in a process of its own; what ``extra`` installs must be there."""
 
     def opened(path: Path, options: ReadOptions) -> Recording:
-        if extra:
-            require(extra, path)
+        for name in EXTRAS.get(extra, ()):  # none is imported
+            outer_first = accumulate(name.split("."), "{}.{}".format)
+            if any(find_spec(part) is None for part in outer_first):
+                raise RecordingError(f"{path}: reading it needs {name}: pip install '{needs(extra)}'")
         return open_in_subprocess(path, f"{__package__}.{module}")
 
     return opened
@@ -90,28 +84,17 @@ def _begins_with(*marks: bytes) -> Callable[[bytes], bool]:
     return lambda head: head.startswith(marks)
 
 
+def _matches(pattern: bytes) -> Callable[[bytes], bool]:
+    compiled = re.compile(pattern)
+    return lambda head: compiled.match(head) is not None
+
+
 def _is_c3d(head: bytes) -> bool:
     """50 (hexadecimal) in the second byte, and the processor's number at the parameters, in blocks of 512 bytes."""
     if len(head) < 512 or head[1] != 0x50 or not head[0]:
         return False
     at = (head[0] - 1) * 512
     return at + 4 > len(head) or head[at + 3] in (84, 85, 86)
-
-
-def _is_endaq(head: bytes) -> bool:
-    return head.startswith(b"\x1aE\xdf\xa3") and b"mide" in head[:64].lower()
-
-
-def _is_lvm(head: bytes) -> bool:
-    return head.removeprefix(b"\xef\xbb\xbf").startswith(b"LabVIEW Measurement")
-
-
-def _is_wav(head: bytes) -> bool:
-    return head[:4] in (b"RIFF", b"RIFX", b"RF64", b"BW64") and head[8:12] == b"WAVE"
-
-
-def _is_matlab_5(head: bytes) -> bool:
-    return head.startswith(b"MATLAB 5.0") or (len(head) >= 128 and head[124:128] == b"\x00\x01IM")
 
 
 def _is_matlab_4(head: bytes) -> bool:
@@ -129,26 +112,26 @@ def _is_matlab_4(head: bytes) -> bool:
     return False
 
 
-def _is_hdf5(head: bytes) -> bool:
-    """HDF5 may begin behind other content."""
-    return any(head.startswith(b"\x89HDF\r\n\x1a\n", at) for at in (0, 512, 1024, 2048))
-
-
 def _is_text(head: bytes) -> bool:
     return import_module("testbench.readers.csv.text_blocks").detect_encoding(head) is not None
 
 
-_UFF = re.compile(rb"\s{0,6}-1[ \t]*\r?\n[ \t]*\d{1,5}[bB]?(?:[ \t][^\n]*)?\r?\n")
+_IS_ENDAQ = _matches(rb"(?s)\x1aE\xdf\xa3.{0,56}(?i:mide)")
+_IS_LVM = _matches(rb"(?:\xef\xbb\xbf)?LabVIEW Measurement")
+_IS_MATLAB_5 = _matches(rb"(?s)MATLAB 5\.0|.{124}\x00\x01IM")
+_IS_HDF5 = _matches(rb"(?s)(?:.{512}|.{1024}|.{2048})?\x89HDF\r\n\x1a\n")  # it may begin behind other content
+_IS_UFF = _matches(rb"\s{0,6}-1[ \t]*\r?\n[ \t]*\d{1,5}[bB]?(?:[ \t][^\n]*)?\r?\n")
+_IS_WAV = _matches(rb"(?s)(?:RIFF|RIFX|RF64|BW64).{4}WAVE")
 _HDF5_EXTENSIONS = (".h5", ".hdf5", ".nxs", ".nc", ".mat")
 _TDMS_NEEDS = f"{needs('tdms')} for scales of thermocouples, bridges and tables"
 BUILT_IN = (
     Reader("Cortex forces", (".forces",), _begins_with(b"[Force Data]"), _in_module("cortex", "open_forces")),
     Reader("C3D", (".c3d",), _is_c3d, _in_module("c3d", "open_c3d")),
-    Reader("enDAQ IDE", (".ide",), _is_endaq, _in_subprocess("endaq_ide", "ide"), needs("ide")),
-    Reader("LabVIEW LVM", (".lvm",), _is_lvm, _in_module("lvm", "open_lvm")),
-    Reader("MATLAB v5", (".mat",), _is_matlab_5, _in_subprocess("matlab_worker")),
+    Reader("enDAQ IDE", (".ide",), _IS_ENDAQ, _in_subprocess("endaq_ide", "ide"), needs("ide")),
+    Reader("LabVIEW LVM", (".lvm",), _IS_LVM, _in_module("lvm", "open_lvm")),
+    Reader("MATLAB v5", (".mat",), _IS_MATLAB_5, _in_subprocess("matlab_worker")),
     Reader("MATLAB v4", (".mat",), _is_matlab_4, _in_subprocess("matlab_worker")),
-    Reader("HDF5, NeXus, netCDF 4, MATLAB v7.3", _HDF5_EXTENSIONS, _is_hdf5, _in_subprocess("hdf5.worker")),
+    Reader("HDF5, NeXus, netCDF 4, MATLAB v7.3", _HDF5_EXTENSIONS, _IS_HDF5, _in_subprocess("hdf5.worker")),
     Reader("ASAM MDF", (".mf4", ".mdf"), _begins_with(b"MDF     ", b"UnFinMF "), _in_module("mdf.reader", "open_mdf")),
     Reader(
         "Parquet",
@@ -162,8 +145,8 @@ BUILT_IN = (
         "ROS 1 bag", (".bag",), _begins_with(b"#ROSBAG V2"), _in_subprocess("rosbag_worker", "rosbag"), needs("rosbag")
     ),
     Reader("NI TDMS", (".tdms",), _begins_with(b"TDSm", b"TDSh"), _in_module("tdms.reader", "open_tdms"), _TDMS_NEEDS),
-    Reader("UFF", (".uff", ".unv"), lambda head: _UFF.match(head) is not None, _in_module("uff", "open_uff")),
-    Reader("WAV", (".wav",), _is_wav, _in_module("wav", "open_wav")),
+    Reader("UFF", (".uff", ".unv"), _IS_UFF, _in_module("uff", "open_uff")),
+    Reader("WAV", (".wav",), _IS_WAV, _in_module("wav", "open_wav")),
     Reader("CSV", (".csv", ".txt", ".tsv", ".dat", ".asc"), _is_text, _in_module("csv.reader", "open_text")),
 )
 """The formats that are read, in the order in which they are asked; any other text is CSV, so that it comes last."""
@@ -189,7 +172,8 @@ def find_reader(path: Path) -> Reader:
             if path.suffix.lower() in reader.extensions:
                 return reader
     formats = ", ".join(reader.name for reader in known)
-    advice = advice_for(kind) or f"can be read: {formats}"
+    packed = (kind or "").endswith(("archive", "-compressed"))
+    advice = "unpack it and give the log inside" if packed else _ADVICE.get(kind, f"can be read: {formats}")
     message = f"the content is {kind or 'of no format that is known'}; {advice}"
     raise Refusal(path.name, Finding("not_text" if kind is None else "other_format", None, None, message))
 
@@ -250,19 +234,11 @@ _MAGIC = {
 
 
 _WORKBOOK = (b"[Content_Types].xml", b"xl/", b"_rels/.rels")
-_ADVICE = {
+_ADVICE: dict[str | None, str] = {
     "an .xlsx workbook": "save its sheet as CSV",
     "an old Office document (perhaps an .xls workbook)": "save its sheet as CSV",
     "netCDF 3": "convert it by `nccopy -k nc4`",
 }
-_PACKED = ("archive", "-compressed")
-
-
-def advice_for(kind: str | None) -> str:
-    """What a person can do with a file of a kind that is not read; empty if nothing is known."""
-    if kind is not None and kind.endswith(_PACKED):
-        return "unpack it and give the log inside"
-    return _ADVICE.get(kind or "", "")
 
 
 def format_name(head: bytes) -> str | None:

@@ -15,7 +15,6 @@ import threading
 import weakref
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any
 
@@ -24,17 +23,13 @@ import numpy as np
 from ..errors import RecordingError
 from ..recording import (
     Block,
-    Channel,
-    Clock,
     Finding,
-    Group,
     Recording,
     Refusal,
     Report,
     Samples,
     SensorRange,
-    TimeColumn,
-    UniformClock,
+    group_from_dict,
 )
 from .format_findings import damaged
 
@@ -73,24 +68,6 @@ def _read_exactly(stream: IO[bytes], count: int) -> bytes:
     if len(data) != count:
         raise BrokenPipe("the pipe ended")
     return data
-
-
-_AS_THEY_ARE = ("format", "reader", "origin", "settings", "metadata", "comments", "stated_rate_hz")
-"""What of a recording is JSON already."""
-
-
-def recording_as_dict(recording: Recording) -> dict[str, Any]:
-    """All of a recording but its data, for the pipe."""
-    parts = {name: [asdict(each) for each in getattr(recording, name)] for name in ("groups", "ranges", "findings")}
-    return {name: getattr(recording, name) for name in _AS_THEY_ARE} | parts
-
-
-def group_from_dict(document: Mapping[str, Any]) -> Group:
-    """A group from the pipe."""
-    clock: Clock | None = None
-    if (stated := document["clock"]) is not None:
-        clock = TimeColumn(**stated) if "index" in stated else UniformClock(**stated)
-    return Group(document["name"], tuple(Channel(**channel) for channel in document["channels"]), clock)
 
 
 def raise_failure(path: Path, document: Mapping[str, Any]) -> None:
@@ -184,49 +161,42 @@ class Process:
         return self._process.stdout
 
 
-class _Waiting:
-    """The one process that has sent its header and waits to be asked for the data, which spares opening twice.
+_WAITING: list[Process] = []
+"""The process that has sent its header and waits to be asked for the data, which spares opening twice.
 
-    It is the last one that was started; where a run has several files, those before are opened again.
-    """
-
-    def __init__(self) -> None:
-        self._process: Process | None = None
-
-    def keep(self, process: Process) -> None:
-        self.end(self._process)
-        self._process = process
-
-    def take(self, process: Process) -> Process | None:
-        """The process, if it still waits; it is then the caller's."""
-        if self._process is not process:
-            return None
-        self._process = None
-        return process
-
-    def end(self, process: Process | None) -> None:
-        if process is not None and self.take(process) is not None:
-            process.end()
+It is the last one that was started; where a run has several files, those before are opened again.
+"""
 
 
-_WAITING = _Waiting()
+def _end_waiting(process: Process) -> None:
+    """End the process if it is the one that waits."""
+    if process in _WAITING:
+        _WAITING.remove(process)
+        process.end()
 
 
 def open_in_subprocess(path: Path, module: str, function: str = "open_library") -> Recording:
     """The recording that ``module.function(path)`` gives, opened and read in a process of its own."""
     process = Process(path, module, function)
     header = process.header()
-    _WAITING.keep(process)
+    for other in [*_WAITING]:
+        _end_waiting(other)
+    _WAITING.append(process)
     groups = tuple(group_from_dict(group) for group in header["groups"])
 
     def read(report: Report) -> Iterator[Block]:
         known = {group.name: group for group in groups}
-        for document, data in (_WAITING.take(process) or _reopened(path, module, function)).data():
+        if process in _WAITING:
+            _WAITING.remove(process)
+            asked = process
+        else:
+            asked = Process(path, module, function)
+            asked.header()
+        for document, data in asked.data():
             if "finding" in document:
                 report(Finding(**document["finding"]))
             elif "group" in document:
-                group = group_from_dict(document["group"])
-                known[group.name] = group
+                known[document["group"]["name"]] = group_from_dict(document["group"])
             elif "block" in document:
                 name, count, start, bytes_read = document["block"]
                 yield Block(known[name], tuple(data.reshape(count, -1)), start, None, bytes_read)
@@ -238,12 +208,5 @@ def open_in_subprocess(path: Path, module: str, function: str = "open_library") 
         "findings": tuple(Finding(**each) for each in header["findings"]),
     }
     recording = Recording(path=path, read=read, **header | lists)
-    weakref.finalize(recording, _WAITING.end, process)
+    weakref.finalize(recording, _end_waiting, process)
     return recording
-
-
-def _reopened(path: Path, module: str, function: str) -> Process:
-    """A process that has opened the file once more."""
-    process = Process(path, module, function)
-    process.header()
-    return process

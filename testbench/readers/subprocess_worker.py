@@ -26,12 +26,19 @@ def main(arguments: list[str]) -> None:
     try:
         opener: Callable[[Path], Recording] = getattr(import_module(module), function)
         recording = opener(Path(path))
-        protocol.write_frame(out, {"recording": protocol.recording_as_dict(recording)})
+        protocol.write_frame(out, {"recording": _header(recording)})
         if sys.stdin.buffer.read(1):
             _send_data(out, recording)
     except Exception as error:  # whatever a library makes of a damaged file
         protocol.write_frame(out, failure(error))
     out.flush()
+
+
+def _header(recording: Recording) -> dict[str, Any]:
+    """All of a recording but its data."""
+    names = ("groups", "ranges", "findings", "format", "reader", "origin", "settings", "metadata", "comments")
+    parts = {name: getattr(recording, name) for name in (*names, "stated_rate_hz")}
+    return parts | {name: [asdict(each) for each in parts[name]] for name in names[:3]}
 
 
 def failure(error: Exception) -> dict[str, Any]:

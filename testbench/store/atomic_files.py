@@ -23,7 +23,7 @@ from types import ModuleType
 from typing import IO, Any, NamedTuple
 
 from ..errors import StoreError
-from ..recording import Channel, Clock, Group, TimeColumn, UniformClock
+from ..recording import Group, group_from_dict
 
 SUFFIX = ".sha256"
 _BLOCK = 1 << 20
@@ -254,11 +254,7 @@ class JournalWriter:
 
     def group(self, number: int, group: Group) -> None:
         """Note a group that begins."""
-        clock: Clock | None = group.clock
-        kind = None if clock is None else "uniform" if isinstance(clock, UniformClock) else "recorded"
-        channels = [asdict(channel) for channel in group.channels]
-        text = {"name": group.name, "channels": channels, "clock": kind, **({} if clock is None else asdict(clock))}
-        self._note({"group": number, "is": text})
+        self._note({"group": number, "is": asdict(group)})
 
     def acknowledge(self, number: int, pieces: Sequence[Sequence[Piece]]) -> None:
         """Note chunks of each channel of a group that are written: from now on they survive this process."""
@@ -299,20 +295,11 @@ def _take(journal: Journal, line: dict[str, Any]) -> None:
     elif "sealed" in line:
         journal.sealed = line["sealed"]
     elif "is" in line:
-        group = _group(line["is"])
+        group = group_from_dict(line["is"])
         journal.groups.append(Kept(group, [[] for _ in group.channels]))
     else:
         for known, more in zip(journal.groups[line["group"]].pieces, line["pieces"], strict=True):
             known.extend(Piece(*piece) for piece in more)
-
-
-def _group(text: dict[str, Any]) -> Group:
-    clock: Clock | None = None
-    if text["clock"] == "uniform":
-        clock = UniformClock(text["rate_hz"], text["start_s"])
-    elif text["clock"] == "recorded":
-        clock = TimeColumn(text["index"], text["seconds_per_unit"], text["assumed"])
-    return Group(text["name"], tuple(Channel(**channel) for channel in text["channels"]), clock)
 
 
 def journals_in(folder: Path) -> Iterator[Path]:

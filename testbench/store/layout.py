@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from ..errors import StoreError
-from ..recording import Channel, Clock, TimeColumn, UniformClock
+from ..recording import Channel
 from . import encodings, safe_hdf5
 from .encodings import Decimals
 
@@ -70,13 +70,6 @@ def read_description(file: "h5py.File") -> dict[str, Any]:
     if not isinstance(known, dict) or known.get("layout") != LAYOUT:
         raise StoreError(f"{file.filename}: not a run stored by this version (layout {LAYOUT})")
     return known
-
-
-def clock(document: Mapping[str, Any] | None) -> Clock | None:
-    """The clock of a group, from its part of the description."""
-    if document is None:
-        return None
-    return UniformClock(**document) if "rate_hz" in document else TimeColumn(**document)
 
 
 def channels(document: Iterable[Mapping[str, Any]]) -> tuple[Channel, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 from balance.results import Key
 
 from ..errors import StoreError
-from ..recording import Conditions, Finding, Group, Origin, Samples, TimeColumn, UniformClock
+from ..recording import Conditions, Finding, Group, Origin, Samples, TimeColumn, UniformClock, clock_from_dict
 from . import atomic_files, layout, safe_hdf5
 from .encodings import Decimals
 
@@ -234,7 +234,7 @@ def _group(file: "h5py.File", known: Mapping[str, Any]) -> StoredGroup:
     group = StoredGroup(
         name=str(known["name"]),
         channels=layout.channels(known["channels"]),
-        clock=layout.clock(known["clock"]),
+        clock=clock_from_dict(known["clock"]),
         samples=int(known["samples"]),
         rate_hz=known["rate_hz"],
         rate_source=known["rate_source"],

@@ -11,6 +11,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -21,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import StoreError
-from ..recording import Channel, Clock, Conditions, Finding, Group, Origin, Samples, TimeColumn, UniformClock
+from ..recording import Channel, Conditions, Finding, Group, Origin, Samples, TimeColumn, UniformClock
 from . import atomic_files, chunk_io, layout
 from .atomic_files import JOURNAL, PART, JournalWriter, Piece, place_with_digest, sync
 from .chunk_io import OutFile
@@ -419,7 +420,7 @@ def _group(writer: GroupWriter) -> dict[str, Any]:
         "samples": writer.samples,
         "rate_hz": writer.rate_hz,
         "rate_source": writer.rate_source,
-        "clock": _clock(writer.group.clock),
+        "clock": writer.group.clock and asdict(writer.group.clock),
         "channels": [
             {"key": key, "name": channel.name, "label": channel.label, "unit": channel.unit, **_form(form)}
             for key, channel, form in zip(writer.keys, writer.group.channels, writer.forms, strict=True)
@@ -429,14 +430,6 @@ def _group(writer: GroupWriter) -> dict[str, Any]:
 
 def _form(form: Form) -> dict[str, Any]:
     return {"whole": form.as_dict()} if isinstance(form, Decimals) else {}
-
-
-def _clock(clock: Clock | None) -> dict[str, Any] | None:
-    if isinstance(clock, UniformClock):
-        return {"rate_hz": clock.rate_hz, "start_s": clock.start_s}
-    if clock is None:
-        return None
-    return {"index": clock.index, "seconds_per_unit": clock.seconds_per_unit, "assumed": clock.assumed}
 
 
 def _journal_of(part: Path) -> Path:

@@ -77,7 +77,8 @@ def _first_data(rows: Sequence[Sequence[str]]) -> int:
 
     Raises LookupError if there is none.
     """
-    data = [i for i, cells in enumerate(rows) if is_data(cells) and not _names_time(cells)]
+    data = [i for i, cells in enumerate(rows) if is_data(cells)]
+    data = [i for i in data if not any(is_time_name(cell) for cell in rows[i] if decimal_mark(cell) is None)]
     lengths = Counter(len(rows[i]) for i in data)
     if not lengths:
         raise LookupError
@@ -89,10 +90,6 @@ def _first_data(rows: Sequence[Sequence[str]]) -> int:
             break
         first -= 1
     return first
-
-
-def _names_time(cells: Sequence[str]) -> bool:
-    return any(is_time_name(cell) for cell in cells if decimal_mark(cell) is None)
 
 
 def _end_of_pairs(rows: Sequence[Sequence[str]], first: int) -> int | None:
@@ -143,13 +140,10 @@ def _full_row_above(rows: Sequence[Sequence[str]], at: int) -> int | None:
     """The nearest row of as many cells above a row of three or more, if all are names: no number, date or pair."""
     for i in range(at - 1, -1, -1) if len(rows[at]) > 2 else ():
         cells = rows[i]
-        if len(cells) == len(rows[at]) and all(cells) and all(map(_may_be_name, cells)):
+        may_be_names = (not is_number_like(c) and read_timestamp(c) is None and "=" not in c for c in cells)
+        if len(cells) == len(rows[at]) and all(cells) and all(may_be_names):
             return i
     return None
-
-
-def _may_be_name(cell: str) -> bool:
-    return not is_number_like(cell) and read_timestamp(cell) is None and "=" not in cell
 
 
 def _are_units(cells: Sequence[str], over: Sequence[str]) -> bool:
@@ -171,13 +165,9 @@ def _are_units(cells: Sequence[str], over: Sequence[str]) -> bool:
         return False
     if all(_BRACKETED.fullmatch(cell.strip()) for cell in cells if cell.strip()):
         return True
-    of_time = any(is_time_name(name) and _is_of_time(text) for name, text in zip(over, texts, strict=True))
+    timed = (text for name, text in zip(over, texts, strict=True) if is_time_name(name))
+    of_time = any(seconds_per(text) is not None or _NOTATION.fullmatch(text) for text in timed)
     return of_time or (2 * known >= given and 2 * sum(map(is_unit, over)) < given)
-
-
-def _is_of_time(text: str) -> bool:
-    """Whether a text is a unit of time, or how times are written, such as ``hh:mm:ss.fff``."""
-    return seconds_per(text) is not None or _NOTATION.fullmatch(text) is not None
 
 
 def _labels(rows: Sequence[Sequence[str]], named: Sequence[int], fields: int) -> tuple[list[str], list[str]]:

@@ -24,7 +24,7 @@ from .header import (
 from .rewritten_columns import NotationColumn, TimeColumns, find_notations, find_time_columns, rounded_numbers
 from .row_parser import RowParser
 from .table import Table, find_multiple_time_columns
-from .text_blocks import FirstLines, read_first_lines, read_last_lines
+from .text_blocks import Encoding, read_first_lines, read_last_lines
 
 _ROWS_AT_END = 100
 
@@ -65,7 +65,7 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
 
 @dataclass(frozen=True)
 class _Text:
-    """A text as understood from its ``first`` lines and its last ones.
+    """A text as understood from its first ``lines`` and its last ones.
 
     ``rows`` and ``ends`` are the cells of its first rows and of its last lines. ``times`` and ``notations`` are the
     columns whose numbers are written in another way.
@@ -73,7 +73,8 @@ class _Text:
 
     path: Path
     options: ReadOptions
-    first: FirstLines
+    encoding: Encoding
+    lines: Sequence[str]
     dialect: Dialect
     header: Header
     rows: Rows
@@ -127,12 +128,12 @@ class _Text:
     def table(self, group: Group, kept: tuple[int, ...]) -> Table:
         """The rows below the header."""
         columns, fields = (*self.times.columns, *self.notations), self.header.fields
-        encoding, lines = self.first.encoding, self.first.lines[self.header.first_data_line - 1 :][:20]
+        lines = self.lines[self.header.first_data_line - 1 :][:20]
         padded = any(line.endswith(" ") or any(text in line for text in (" ,", " ;", " |", " \t")) for line in lines)
-        parser = RowParser(self.dialect, fields, padded, columns, self.times.dates, encoding.name_in_blocks)
+        parser = RowParser(self.dialect, fields, padded, columns, self.times.dates, self.encoding.name_in_blocks)
         names, above = self.header.lines[:1], (*self.header.lines[1:], *self.header.preamble)
         first_line = self.header.first_data_line
-        return Table(self.path, encoding, parser, group, kept, first_line, names[0] if names else None, above)
+        return Table(self.path, self.encoding, parser, group, kept, first_line, names[0] if names else None, above)
 
     def across_midnight(self, read: Read, kept: Sequence[int]) -> Read:
         """``read`` with times of day that go on after midnight; ``kept`` are the fields of the channels."""
@@ -148,7 +149,7 @@ class _Text:
         """How the text was read: as detected or stated; of dates only what a person stated."""
         order = self.options.date_order
         return {
-            "encoding": self.first.encoding.name,
+            "encoding": self.encoding.name,
             "delimiter": self.dialect.delimiter,
             "decimal": self.dialect.decimal,
             "first_data_line": str(self.header.first_data_line),
@@ -161,7 +162,7 @@ class _Text:
     @property
     def findings(self) -> list[Finding]:
         """What was detected, and what of it was inferred; of columns in other notations, how they are read."""
-        encoding, header, row = self.first.encoding, self.header, self._first_row
+        encoding, header, row = self.encoding, self.header, self._first_row
         message = f"{self.dialect}, encoding {encoding.name}, first row of data in {row}"
         if header.named and (unnamed := [c.name for i, c in enumerate(header.channels) if c.name == f"col{i}"]):
             message += f"; columns without a name: {', '.join(unnamed)}"
@@ -195,21 +196,21 @@ class _Text:
 
 def _understood(path: Path, options: ReadOptions) -> _Text:
     """The text at ``path``. Raises Refusal where its first lines have several readings, or hold no rows."""
-    first = read_first_lines(path, options.encoding)
+    encoding, lines = read_first_lines(path, options.encoding)
     try:
-        dialect = detect_dialect(first.lines, options.delimiter, options.decimal)
-        header = read_header(first.lines, dialect, options.header)
+        dialect = detect_dialect(lines, options.delimiter, options.decimal)
+        header = read_header(lines, dialect, options.header)
     except UnclearDialect as error:
         raise Refusal(path.name, Finding("unknown_dialect", None, None, str(error))) from error
     except LookupError as error:
-        written = sum(bool(line.strip()) for line in first.lines)
+        written = sum(bool(line.strip()) for line in lines)
         message = (
             f"no row of numbers in its first {written} {'line' if written == 1 else 'lines'} with text; expected "
             "rows of as many numbers each, under a header or not"
         )
         raise Refusal(path.name, Finding("no_data", None, None, message)) from error
-    rows = [dialect.split(line) for line in first.lines[header.first_data_line - 1 :]]
-    ends = [dialect.split(line) for line in read_last_lines(path, first.encoding)]
+    rows = [dialect.split(line) for line in lines[header.first_data_line - 1 :]]
+    ends = [dialect.split(line) for line in read_last_lines(path, encoding)]
     times = find_time_columns(rows, ends, header, options.date_order or "")
     notations = find_notations(rows, header, dialect.decimal, times.fields)
-    return _Text(path, options, first, dialect, header, rows, ends, times, notations)
+    return _Text(path, options, encoding, lines, dialect, header, rows, ends, times, notations)

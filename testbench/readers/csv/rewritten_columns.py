@@ -60,7 +60,10 @@ def find_notations(
     grouped = []
     for i, numbers in columns.items():
         for mark in _THOUSANDS_MARKS:
-            if mark != decimal and any(mark in cell for cell in numbers) and _is_surely_grouped(numbers, mark, decimal):
+            marked = [cell for cell in numbers if mark in cell]
+            # sure by a mark that is never of decimals, or by one number that has it twice, or has both
+            sure = mark in _NEVER_DECIMAL or any(cell.count(mark) > 1 or decimal in cell for cell in marked)
+            if marked and mark != decimal and sure and all(map(_group_pattern(mark, decimal).fullmatch, numbers)):
                 message = f"every number has {mark!r} between thousands and {decimal!r} before decimals"
                 finding = Finding("thousands_marks", header.channels[i].name, None, message)
                 grouped.append(NotationColumn(i, partial(_ungrouped, mark, decimal), (finding,)))
@@ -80,14 +83,6 @@ def rounded_numbers(rows: Sequence[Sequence[str]], header: Header, passed_over: 
             message = f"holds whole numbers beyond 2**53, such as {first}, which float64 rounds to {float(first):.0f}"
             found.append(Finding("not_exact", channel.name, None, message))
     return found
-
-
-def _is_surely_grouped(numbers: Sequence[str], mark: str, decimal: str) -> bool:
-    """Whether all are grouped by ``mark``, and one by a mark that is never of decimals, or twice, or with both."""
-    pattern = _group_pattern(mark, decimal)
-    return all(pattern.fullmatch(cell) for cell in numbers) and any(
-        mark in cell and (mark in _NEVER_DECIMAL or cell.count(mark) > 1 or decimal in cell) for cell in numbers
-    )
 
 
 def _group_pattern(mark: str, decimal: str) -> "re.Pattern[str]":
@@ -160,10 +155,10 @@ class TimestampColumn(RewrittenColumn):
         One that is written shorter than the first one gets a digit more, so that it is never taken for a whole one.
         """
         time = read_timestamp(cells[self.field])
-        if time is None or (nanoseconds := self._nanoseconds(time, cells)) is None:
+        if time is None or (nanoseconds := self._since_zero(time, cells)) is None:
             return None
         decimals = time.decimals if time.decimals >= self.decimals else self.decimals + 1
-        scaled = (nanoseconds - self.zero) * 10 ** max(0, decimals - 9) // 10 ** max(0, 9 - decimals)
+        scaled = nanoseconds * 10 ** max(0, decimals - 9) // 10 ** max(0, 9 - decimals)
         return _decimal_text(scaled, decimals)
 
     def block(self, plain: bytes, parser: RowParser) -> bytes | None:
@@ -171,25 +166,21 @@ class TimestampColumn(RewrittenColumn):
         from .timestamp_blocks import rewritten_block
 
         fields = [self.field] if self.date_field is None else [self.field, self.date_field]
-        return rewritten_block(plain, parser, fields, self.decimals, self._since_zero)
+        return rewritten_block(plain, parser, fields, self.decimals, self.nanoseconds)
 
     def nanoseconds(self, cells: Cells) -> int | None:
-        """The time in the row of these cells, counted as ``zero`` is; None if there is none."""
+        """The time in the row of these cells since ``zero`` [ns]; None if there is none."""
         time = read_timestamp(cells[self.field])
-        return None if time is None else self._nanoseconds(time, cells)
+        return None if time is None else self._since_zero(time, cells)
 
-    def _since_zero(self, cells: Cells) -> int | None:
-        time = self.nanoseconds(cells)
-        return None if time is None else time - self.zero
-
-    def _nanoseconds(self, time: Timestamp, cells: Cells) -> int | None:
-        """The time with the days of the row's date; None if it is no date, or in another notation."""
+    def _since_zero(self, time: Timestamp, cells: Cells) -> int | None:
+        """The time with the days of the row's date [ns]; None if it is no date, or in another notation."""
         dated = time if self.date_field is None else read_timestamp(cells[self.date_field])
         alone = self.notation if self.date_field is None else TimeNotation("", True, self.notation.zone)
         if dated is None or (time.notation, dated.notation.date) != (alone, self.notation.date):
             return None
         days = dated.days(self.order) if self.only_date is None else 0 if dated.date == self.only_date else None
-        return None if days is None else days * DAY + time.nanoseconds
+        return None if days is None else days * DAY + time.nanoseconds - self.zero
 
 
 @dataclass(frozen=True)

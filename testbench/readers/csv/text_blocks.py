@@ -120,16 +120,11 @@ def _stated_encoding(path: Path, head: bytes, name: str) -> Encoding:
     return Encoding("utf-16-le" if known == "utf-16" else known)
 
 
-@dataclass(frozen=True)
-class FirstLines:
-    """The encoding and the first whole lines of a file, from which dialect and header are detected."""
+def read_first_lines(path: Path, stated_encoding: str | None = None) -> tuple[Encoding, tuple[str, ...]]:
+    """The encoding and the first whole lines of the file at ``path``, from which dialect and header are detected.
 
-    encoding: Encoding
-    lines: tuple[str, ...]
-
-
-def read_first_lines(path: Path, stated_encoding: str | None = None) -> FirstLines:
-    """The first lines of the file at ``path``; a stated encoding is not detected. Raises Refusal if it is no text."""
+    A stated encoding is not detected. Raises Refusal if it is no text.
+    """
     with path.open("rb") as stream:
         head = stream.read(SAMPLE_BYTES)
         more = bool(stream.peek(1)) if len(head) == SAMPLE_BYTES else False
@@ -152,7 +147,7 @@ def read_first_lines(path: Path, stated_encoding: str | None = None) -> FirstLin
         raise _too_long(path, len(lines))
     if more or len(lines) > 2:
         lines.pop()  # it may be cut
-    return FirstLines(encoding, tuple(lines[:_MOST_LINES]))
+    return encoding, tuple(lines[:_MOST_LINES])
 
 
 def read_last_lines(path: Path, encoding: Encoding) -> list[str]:

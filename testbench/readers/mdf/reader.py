@@ -66,7 +66,7 @@ class ColumnSet:
 
     def rows(self) -> Iterator[list[Bytes]]:
         """Successive records of all streams, as many of each; what one has more than another is dropped."""
-        pieces = [(part.rows for part in record_parts(group) if len(part.rows)) for group, _ in self.streams]
+        pieces = [(rows for _, rows in record_parts(group) if len(rows)) for group, _ in self.streams]
         waiting = [next(piece, _NO_ROWS) for piece in pieces]
         while count := min(map(len, waiting)):
             yield [rows[:count] for rows in waiting]
@@ -191,9 +191,13 @@ def _blocks(
             continue
         done: Counter[int] = Counter()
         try:
-            for part in record_parts(data):
-                if (group := groups.get(id(part.records))) is not None:
-                    yield from _part_blocks(part.records, part.rows, group, done, odd)
+            for records, rows in record_parts(data):
+                if (group := groups.get(id(records))) is None:
+                    continue
+                for begin, end in block_spans(len(rows), len(group.channels)):
+                    first = done[id(records)]
+                    yield Block(group, tuple(_columns(records, rows[begin:end], first, odd)), first)
+                    done[id(records)] += end - begin
         except UnknownIdentifier as error:
             raise damaged(path, str(error)) from error
         for records in data.records:
@@ -221,14 +225,6 @@ def _set_blocks(one: ColumnSet, groups: Mapping[int, Group], odd: _Odd, report: 
         listed = ", ".join(sorted(map(str, one.declared)))
         message = f"group {group.name!r}: its columns declare {listed} samples, {start} of all of them are there"
         report(Finding("count_contradiction", None, None, message))
-
-
-def _part_blocks(records: Records, rows: Bytes, group: Group, done: Counter[int], odd: _Odd) -> Iterator[Block]:
-    """Records as blocks of bounded size."""
-    for begin, end in block_spans(len(rows), len(group.channels)):
-        first = done[id(records)]
-        yield Block(group, tuple(_columns(records, rows[begin:end], first, odd)), first)
-        done[id(records)] += end - begin
 
 
 def _columns(records: Records, rows: Bytes, first: int, odd: _Odd) -> Iterator[Samples]:

@@ -6,7 +6,7 @@ file). A channel is a run of bits of each record: gathered from its bytes, shift
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,14 +99,10 @@ def raw_values(member: Member, rows: Bytes, first: int) -> Samples:
     if member.kind == "index":
         return np.arange(first, first + len(rows), dtype=np.float64)
     if member.kind == "f" or (member.bit == 0 and member.bits in _ROUND):
-        return _whole_bytes(rows, np.dtype(f"{member.order}{member.kind}{member.bits // 8}"), member.byte)
+        kind = np.dtype(f"{member.order}{member.kind}{member.bits // 8}")
+        view = np.ndarray((len(rows),), kind, rows, offset=member.byte, strides=(rows.strides[0],))
+        return np.asarray(view.astype(np.float64))
     return _bits(member, rows)
-
-
-def _whole_bytes(rows: Bytes, kind: np.dtype[Any], byte: int) -> Samples:
-    """Numbers of whole bytes."""
-    view = np.ndarray((len(rows),), kind, rows, offset=byte, strides=(rows.strides[0],))
-    return np.asarray(view.astype(np.float64))
 
 
 def _bits(member: Member, rows: Bytes) -> Samples:
@@ -161,27 +157,18 @@ class UnknownIdentifier(Exception):
     """An identifier that no channel group has: from there on nothing can be read."""
 
 
-@dataclass(frozen=True)
-class Part:
-    """Successive records of one kind, (n, size), or (n, 0) where all of it is virtual."""
+def record_parts(group: DataGroup) -> Iterator[tuple[Records, Bytes]]:
+    """Successive records of one kind of a data group, (n, size), or (n, 0) where all of it is virtual.
 
-    records: Records
-    rows: Bytes
-
-
-def record_parts(group: DataGroup) -> Iterator[Part]:
-    """The records of a data group in turn; what is no whole record at its end is dropped."""
-    if not group.identifier_size:
-        yield from _one_kind(group)
-    else:
+    What is no whole record at its end is dropped.
+    """
+    if group.identifier_size:
         yield from _by_identifier(group)
-
-
-def _one_kind(group: DataGroup) -> Iterator[Part]:
+        return
     records = group.records[0]
     if not records.size:
         if records.declared and records.size == 0:
-            yield Part(records, np.empty((records.declared, 0), dtype=np.uint8))
+            yield records, np.empty((records.declared, 0), dtype=np.uint8)
         return
     keep = b""
     for piece in group.pieces():
@@ -189,11 +176,10 @@ def _one_kind(group: DataGroup) -> Iterator[Part]:
         count = len(data) // records.size
         keep = data[count * records.size :]
         if count:
-            rows = np.frombuffer(data, dtype=np.uint8, count=count * records.size)
-            yield Part(records, rows.reshape(count, records.size))
+            yield records, np.frombuffer(data, np.uint8, count * records.size).reshape(count, records.size)
 
 
-def _by_identifier(group: DataGroup) -> Iterator[Part]:
+def _by_identifier(group: DataGroup) -> Iterator[tuple[Records, Bytes]]:
     """Records of several kinds, sorted within each piece of bytes."""
     by_identifier = {records.identifier: records for records in group.records}
     order = "little" if group.order == "<" else "big"
@@ -221,5 +207,4 @@ def _by_identifier(group: DataGroup) -> Iterator[Part]:
         if len(keep) > 64 * BLOCK_BYTES:
             raise UnknownIdentifier(f"a record of more than {64 * BLOCK_BYTES >> 20} MiB")
         for identifier, rows in found.items():
-            records = by_identifier[identifier]
-            yield Part(records, np.frombuffer(b"".join(rows), dtype=np.uint8).reshape(len(rows), -1))
+            yield by_identifier[identifier], np.frombuffer(b"".join(rows), dtype=np.uint8).reshape(len(rows), -1)

@@ -2,7 +2,7 @@
 
 import math
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -19,8 +19,24 @@ from .records import DataGroup, File, Member, Records, fits
 _MOST = 1_000_000
 _TEXT_TYPES = (7, 8)
 _KINDS: tuple[Literal["u", "i", "f"], ...] = ("u", "i", "f", "f")
-_LINEAR, _TABLE, _STEPS, _POLYNOMIAL, _EXPONENTIAL, _LOGARITHMIC = 0, 1, 2, 6, 7, 8
-_RATIONAL, _FORMULA, _TEXTS, _NONE = 9, 10, (11, 12), 0xFFFF
+_FORMULA, _TEXTS, _NONE = 10, (11, 12), 0xFFFF
+
+
+def _polynomial(p: list[float]) -> Conversion | None:
+    is_none = p == [0.0, -1.0, -1.0, 0.0, 0.0, 0.0] or not all(map(math.isfinite, p))
+    return None if is_none else conversions.polynomial(p)
+
+
+_LAWS: Mapping[int, tuple[int, Callable[[list[float]], Conversion | None]]] = {
+    0: (2, lambda p: conversions.linear(p[0], p[1])),
+    1: (0, lambda p: conversions.table(p[::2], p[1::2], interpolate=True)),
+    2: (0, lambda p: conversions.table(p[::2], p[1::2], interpolate=False)),
+    6: (6, _polynomial),
+    7: (7, lambda p: conversions.logarithmic(p, np.log)),
+    8: (7, lambda p: conversions.logarithmic(p, np.exp)),
+    9: (6, conversions.rational),
+}
+"""How many numbers a conversion of each type has (0: as many pairs as it counts), and its law."""
 
 
 class Walk:
@@ -158,34 +174,13 @@ def _conversion(walk: Walk, address: int, name: str) -> tuple[Conversion | None,
         if kind == _FORMULA:
             converted: Conversion | None = conversions.formula(_text(raw[46:]))
         else:
-            values = [float(v) for v in walk.take(f"{_count(kind, count)}d", raw, 46)]
-            converted = _numeric(kind, values)
+            if kind not in _LAWS or not (size := _LAWS[kind][0] or 2 * count):
+                raise ValueError(f"{count} values; it is not known, or empty")
+            converted = _LAWS[kind][1]([float(v) for v in walk.take(f"{size}d", raw, 46)])
     except ValueError as error:
         raise damaged(walk.source.path, f"channel {name!r}: its conversion of type {kind}: {error}") from error
     walk.file.converted += converted is not None
     return converted, unit
-
-
-def _count(kind: int, count: int) -> int:
-    """Numbers that a conversion holds."""
-    sizes = {_LINEAR: 2, _TABLE: 2 * count, _STEPS: 2 * count, _POLYNOMIAL: 6, _EXPONENTIAL: 7, _LOGARITHMIC: 7}
-    sizes[_RATIONAL] = 6
-    if kind not in sizes or sizes[kind] < 2:
-        raise ValueError(f"{count} values; it is not known, or empty")
-    return sizes[kind]
-
-
-def _numeric(kind: int, p: list[float]) -> Conversion | None:
-    if kind == _LINEAR:
-        return conversions.linear(p[0], p[1])
-    if kind in (_TABLE, _STEPS):
-        return conversions.table(p[::2], p[1::2], kind == _TABLE)
-    if kind == _RATIONAL:
-        return conversions.rational(p)
-    if kind == _POLYNOMIAL:
-        is_none = p == [0.0, -1.0, -1.0, 0.0, 0.0, 0.0] or not all(map(math.isfinite, p))
-        return None if is_none else conversions.polynomial(p)
-    return conversions.logarithmic(p, np.log if kind == _EXPONENTIAL else np.exp)
 
 
 def _text(raw: bytes) -> str:

@@ -1,7 +1,7 @@
 """MDF version 4: the data groups of a file, their channel groups, channels and conversions (ASAM MDF 4.2)."""
 
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -175,33 +175,31 @@ def _conversion(
         _keep_meanings(source, block.links[4:], values, file, name, kind)
         return None, unit
     try:
-        conversion = _numeric(source, kind, values, block.links[4:], is_float)
+        conversion = _law(kind, values, lambda: block_text(source, block.links[4]), is_float)
     except (ValueError, IndexError) as error:
         raise damaged(source.path, f"channel {name!r}: its conversion of type {kind}: {error}") from error
     file.converted += conversion is not None
     return conversion, unit
 
 
-def _numeric(
-    source: ByteSource, kind: int, values: Sequence[float], references: Sequence[int], is_float: bool
-) -> Conversion | None:
+def _law(kind: int, p: Sequence[float], formula: Callable[[], str], is_float: bool) -> Conversion | None:
+    """The law of a conversion from its numbers, or from its formula. Raises ValueError for one that is none."""
+    least = {1: 2, 2: 6, 4: 2, 5: 2, 6: 1}.get(kind, 0)
+    if len(p) < least:
+        raise ValueError(f"{len(p)} values, expected {least}")
     if kind == 0:
         return None
     if kind == 1:
-        return conversions.linear(values[0], values[1])
+        return conversions.linear(p[0], p[1])
     if kind == 2:
-        if len(values) < 6:
-            raise ValueError(f"{len(values)} values, expected 6")
-        return conversions.rational(values)
+        return conversions.rational(p)
     if kind == 3:
-        return conversions.formula(block_text(source, references[0]))
+        return conversions.formula(formula())
     if kind in (4, 5):
-        if len(values) < 2:
-            raise ValueError("an empty table")
-        return conversions.table(values[::2], values[1::2], kind == 4)
+        return conversions.table(p[::2], p[1::2], kind == 4)
     if kind == 6:
-        triples = values[: len(values) // 3 * 3]
-        return conversions.ranges(triples[::3], triples[1::3], triples[2::3], values[-1], ends_belong=not is_float)
+        whole = len(p) // 3 * 3
+        return conversions.ranges(p[:whole:3], p[1:whole:3], p[2:whole:3], p[-1], ends_belong=not is_float)
     raise ValueError("it is not known")
 
 
