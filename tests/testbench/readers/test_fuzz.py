@@ -60,7 +60,7 @@ def test_no_cut_is_accepted_in_silence(tmp_path, name):
     """Wherever the file ends, but between two of its parts, it is refused or found cut."""
     path = examples.make(tmp_path, name)
     whole = path.read_bytes()
-    silent = [end for end in range(1, len(whole), max(1, len(whole) // 60)) if not _is_said(path, whole[:end])]
+    silent = [end for end in range(1, len(whole), max(1, len(whole) // 40)) if not _is_said(path, whole[:end])]
     assert len(silent) <= 1, f"{path.name} cut at {silent} is read as if it were whole"
 
 
@@ -84,7 +84,7 @@ def test_memory_stays_bounded(tmp_path, name):
     open_recording(path)
     tracemalloc.start()
     try:
-        for i in range(0, min(len(whole), 400), 36):
+        for i in range(0, min(len(whole), 400), 52):
             path.write_bytes(whole[:i] + b"\xff\xff\xff\x7f" + whole[i + 4 :])
             read_or_refused(path)
         assert tracemalloc.get_traced_memory()[1] < MOST_BYTES

@@ -17,11 +17,12 @@ from .reading import in_process  # noqa: F401
 pytestmark = pytest.mark.usefixtures("in_process")
 
 
-@pytest.fixture
-def stored(tmp_path):
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory):
     """A simulated run of a hundred and fifty channels, so that their units alone take thousands of letters."""
     names = ",".join(f"channel_{i} (m/s^2)" for i in range(150))
     rows = "".join(f"{i / 1000}" + f",{i % 7}.5" * 150 + "\n" for i in range(50))
+    tmp_path = tmp_path_factory.mktemp("stored")
     (tmp_path / "run.csv").write_text(f"# origin: simulated\nTime (s),{names}\n{rows}")
     (outcome,) = Ingest(tmp_path / "c").run(PlannedRun("run", (tmp_path / "run.csv",)))
     return open_run(tmp_path / "c" / outcome.file)

@@ -130,28 +130,6 @@ def test_a_cut_endaq_recording_says_so(tmp_path, share):
     assert "whole blocks of samples come before it" in reading.read(path).message("cut_file")
 
 
-MALFORMED = {
-    "b01_truncated_data.tdms": ("cut_file", ["the file ends at byte 970283", "segment 2586", "Time 12940",
-                                             "Load Cell 4040. 1 12930"]),
-    "b03_cut_mid_row.csv": ("cut_last_row", ["line 1502 has 9 of 21 fields and no line end"]),
-    "b05_header_repeated.csv": ("repeated_header", ["0.00735983"]),
-    "b06_time_not_monotonic.csv": ("time_not_increasing", ["-0.9949996471 s at line 601"]),
-    "b08_cp1254_turkish.csv": ("encoding_inferred", ["cp1254"]),
-    "b18_truncated.mat": ("cut_file", ["inside variable 'Hf_chan_2'", "last whole variable is 'Auto_Correlation_2'"]),
-    "b19_fewer_rows_than_declared.lvm": ("count_contradiction", ["declared 10 samples, found 7"]),
-}  # fmt: skip
-
-
-@pytest.mark.recordings("malformed")
-@pytest.mark.parametrize("name", MALFORMED)
-def test_malformed_recordings_say_what_is_wrong(name):
-    """A finding with counts and places; what is whole is read."""
-    code, parts = MALFORMED[name]
-    found = reading.read(reading.malformed(name))
-    for part in parts:
-        assert part in found.message(code)
-
-
 def _facts(name):
     """A malformed recording, and what is true of it."""
     with reading.malformed("manifest.csv").open(encoding="utf-8", newline="") as stream:

@@ -15,7 +15,7 @@ import testbench
 from testbench import campaign_plan as plans
 from testbench import rig as rigs
 from testbench.cli.align import align
-from testbench.cli.analyze import analyze, compare
+from testbench.cli.analyze import compare
 from testbench.cli.trim import trim
 from testbench.errors import RigError
 from testbench.simulator import campaign
@@ -212,7 +212,6 @@ def analysed(folder: Path) -> list[str]:
     """What the analyses of a campaign say."""
     runs = sorted((folder / "campaign").glob("*.h5"))
     calls = (
-        (analyze, folder / "campaign", "--json"),
         (compare, folder / "campaign", "--published", "kiper2019", "--json"),
         (align, *runs, "--json", "--dry-run"),
         (trim, "parallelogram-6bar", runs[-1], "--json"),
@@ -224,7 +223,7 @@ def analysed(folder: Path) -> list[str]:
 def test_analysis_never_sees_it(deep):
     """With the truth gone, every analysis says the same, byte for byte; so it does when the truth tells lies."""
     before = analysed(deep)
-    assert all("reductions" in text for text in before[:2])
+    assert "reductions" in before[0]
     shutil.move(deep / "logs" / "truth", deep / "elsewhere")
     (deep / "logs" / "truth").mkdir()
     (deep / "logs" / "truth" / "truth.json").write_text("not what happened", encoding="utf-8")

@@ -72,7 +72,7 @@ def test_heavy_base_is_not_coupled():
     """On a base that does not move there is nothing to couple."""
     heavy = {"mass": "1e8 kg", "inertia": "1e8 kg m^2"}
     moving, locked = run(benched(coupling="moving", **heavy)), run(benched(**heavy))
-    assert moving.transmitted_wrench == pytest.approx(locked.wrench, abs=1e-3)
+    np.testing.assert_allclose(moving.transmitted_wrench, locked.wrench, rtol=0, atol=1e-3)
 
 
 def test_rounds_that_do_not_agree(monkeypatch):
@@ -219,9 +219,9 @@ def test_what_supports_carry():
     moved = m.acceleration @ bare.T + m.velocity @ done.base.damping.T + m.displacement @ done.base.stiffness.T
     turned = total - moved
     weight = done.mechanism.total_mass * 9.81
-    assert turned[:, 0] == pytest.approx(-weight * m.displacement[:, 5], abs=1e-9)
+    np.testing.assert_allclose(turned[:, 0], -weight * m.displacement[:, 5], rtol=0, atol=1e-9)
     assert np.abs(turned[:, 0]).max() > 0.1
-    assert turned[:, 1] == pytest.approx(np.zeros(len(turned)), abs=1e-9)
+    np.testing.assert_allclose(turned[:, 1], 0.0, atol=1e-9)
 
 
 def test_tilt_at_rest():
@@ -248,5 +248,5 @@ def test_tilt_by_turning_gravity():
 def test_off_is_off():
     """Without weight and tilt nothing of gravity reaches sensors or base."""
     done = run(RIG)
-    assert done.sensed_acceleration == pytest.approx(done.motion.acceleration, abs=0.0)
+    assert np.array_equal(done.sensed_acceleration, done.motion.acceleration)
     assert not np.any(done.gravity)

@@ -15,6 +15,7 @@ from testbench.errors import RigError
 from testbench.rig import load_rig, rig_from_text
 from testbench.rig.bench import Bench
 from testbench.simulator import campaign, simulated_logs
+from testbench.simulator.run import simulate_run
 from testbench.simulator.sensors import draw_transducers
 
 PLAN = plans.plan_from_text("""
@@ -66,8 +67,6 @@ def test_seeds():
 
 def test_recorded_often():
     """One run without chance serves many recordings: the same as simulated for each."""
-    from testbench.simulator.run import simulate_run
-
     rig, (planned,) = restless(), PLAN.runs()
     run = simulate_run(rig, load_mechanism(rig.mechanism), planned, simulated_logs.lead_s(rig))
     for seed in (8, 9):
@@ -124,14 +123,20 @@ def test_every_effect_shows():
     peak_acceleration = "2 g0"
     """)
 
-    def logs(stand) -> list[np.ndarray]:
-        (run,) = simulated_logs.simulate_logs(planned, stand)
-        return [values for log in run.logs.values() for values in log.columns.values()]
+    (run,) = planned.runs()
+    mechanism, lead = load_mechanism(DEEP.mechanism), simulated_logs.lead_s(DEEP)
 
-    whole = logs(DEEP)
+    def logs(stand, bench) -> list[np.ndarray]:
+        recorded = simulated_logs.record_run(stand, run, bench, draw_transducers(stand, 1), (1, 0))
+        return [values for log in recorded.logs.values() for values in log.columns.values()]
+
+    still = simulate_run(DEEP, mechanism, run, lead)
+    whole = logs(DEEP, still)
     for key in sorted(NEW):
         without = DEEP.bench.model_copy(update={key: getattr(PLAIN.bench, key)})
-        less = logs(DEEP.model_copy(update={"bench": without}))
+        rig = DEEP.model_copy(update={"bench": without})
+        drawn_later = key in ("errors", "floor", "roughness")
+        less = logs(rig, still if drawn_later else simulate_run(rig, mechanism, run, lead))
         assert any(len(a) != len(b) or not np.array_equal(a, b) for a, b in zip(whole, less, strict=True)), key
 
 
