@@ -66,23 +66,30 @@ Exit codes: 0 done, 3 done with findings (no partner, doubtful channels, lower b
 )
 @click.argument("campaign", type=click.Path(path_type=Path))
 @_measure_options
+@options.accept_option
 @figure_option
 @json_option
-def analyze(campaign: Path, metric: "Metric", band: "Band | None", figure: str | None, as_json: bool) -> int:
+def analyze(
+    campaign: Path, metric: "Metric", band: "Band | None", accept: tuple[str, ...], figure: str | None, as_json: bool
+) -> int:
     """By how much counter-masses reduce the vibration amplitude of the base: runs with them against runs without.
 
     Runs of one payload, motion, acceleration and origin are compared. The noise of the rest before the motion is
     subtracted. Intervals (95 %) come from the scatter of the campaign's repeats, pooled over its conditions, else from
     that noise, propagated. Where the residual vibration is not above the noise, the reduction is a lower bound:
     ">= 97.2 < noise".
+
+    Every run is cross-examined first (testbench doctor): a number of which sensors, run table or other runs contradict
+    each other is withheld or marked, until its CODE is accepted.
     """
+    options.refuse_unknown_codes(accept)
     from ..store import open_campaign
     from ..vibration.metrics import Measure
     from ..vibration.reduction import analyze as analyzed
 
     measure = Measure(metric, band)
     runs = open_campaign(campaign).runs
-    analysis = analyzed(runs, measure)
+    analysis = analyzed(runs, measure, accept)
     if figure:
         _draw(analysis, figure)
     if as_json:
@@ -96,7 +103,9 @@ def analyze(campaign: Path, metric: "Metric", band: "Band | None", figure: str |
 def _print_reductions(campaign: Path, analysis: "Analysis") -> None:
     from ..vibration.reduction import Reduction
 
-    columns = (*_place(analysis.reductions), "text", "amplitudes", "noise_floor", "n", "method", "origin", "runs")
+    doubts = ("doubts",) if any(r.doubts for r in analysis.reductions) else ()
+    place = _place(analysis.reductions)
+    columns = (*place, "text", *doubts, "amplitudes", "noise_floor", "n", "method", "origin", "runs")
     title = f"Reduction of the base's vibration, {campaign.name}"
     emit_table(title, *table(Reduction, analysis.reductions, *columns), analysis.definition)
     for note in (_origins_text(analysis.origins), *analysis.notes):
@@ -124,6 +133,7 @@ Exit codes: 0 done, 3 done with findings (runs without a partner, what cannot be
 @click.option("--published", "table", required=True, metavar="NAME", help="A shipped table, kiper2019, or a file.")
 @click.option("--mechanism", metavar="MECH", help="The mechanism, where the stored rig names one that is not shipped.")
 @_measure_options
+@options.accept_option
 @figure_option
 @json_option
 def compare(
@@ -132,6 +142,7 @@ def compare(
     mechanism: str | None,
     metric: "Metric",
     band: "Band | None",
+    accept: tuple[str, ...],
     figure: str | None,
     as_json: bool,
 ) -> int:
@@ -144,10 +155,11 @@ def compare(
     from ..vibration.comparison import compare_campaign
     from ..vibration.metrics import Measure
 
+    options.refuse_unknown_codes(accept)
     published = load_published(table)
     measure = Measure(metric, band)
     runs = open_campaign(campaign).runs
-    comparison = compare_campaign(runs, published, measure, mechanism)
+    comparison = compare_campaign(runs, published, measure, mechanism, accept)
     if figure:
         _draw(comparison, figure)
     if as_json:

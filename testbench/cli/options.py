@@ -53,6 +53,24 @@ class BandText(click.ParamType["Band | None"]):
             self.fail(str(error), param, ctx)
 
 
+def accept_option(command: F) -> F:
+    """Add ``--accept``, several times: codes of contradictions."""
+    return click.option(
+        "--accept",
+        multiple=True,
+        metavar="CODE",
+        help="A contradiction that a person accepts: its numbers are given, marked. Several times.",
+    )(command)
+
+
+def refuse_unknown_codes(accepted: Iterable[str]) -> None:
+    """Fail as a wrong command line for a code that no contradiction has."""
+    from ..cross_examination import SUBJECTS
+
+    if wrong := [code for code in accepted if code not in SUBJECTS]:
+        raise click.UsageError(f"--accept {wrong[0]}: no such contradiction: expected {', '.join(sorted(SUBJECTS))}")
+
+
 def print_findings(findings: Iterable["Finding"]) -> None:
     """Print findings of an analysis, a line each."""
     for finding in findings:

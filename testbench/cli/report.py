@@ -199,6 +199,9 @@ def report(
     the base, its modes from the free decay, its response to the shaking force; force and moment at a point; torques
     against the model. With --output also figures: each run, and runs with counter-masses beside those without.
     """
+    from balance.mechanism.mjcf_parser import load_mechanism
+
+    from ..cross_examination import examine
     from ..report import report as reported
     from ..runs.si_run import SIRun
     from ..vibration.run_pairs import pairs
@@ -206,9 +209,8 @@ def report(
     if not bandwidth > 0.0:
         raise click.UsageError(f"--bandwidth {bandwidth:g}: expected a positive frequency")
     opened, refused = options.openable_runs(runs)
-    found = {}
-    for run in opened:
-        found[run.name] = reported(SIRun.of(run), point, band, bandwidth, mechanism)
+    examination = examine(opened, mechanism=load_mechanism(mechanism) if mechanism else None)
+    found = {run.name: reported(SIRun.of(run), point, band, bandwidth, mechanism, examination) for run in opened}
     compared = [_compared(pair, found) for pair in pairs(opened)[0]]
     document = {
         "runs": [one.as_dict() for one in found.values()],

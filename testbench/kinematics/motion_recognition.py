@@ -123,9 +123,9 @@ def recognized_motions(
 ) -> tuple[dict[Source, list[RecognizedMotion]], dict[Source, str]]:
     """The motions of a run by each source that its rig has, and why another source shows none."""
     sources: dict[Source, Callable[[], tuple[str, list[Leg], Floats]]] = {
-        "command": lambda: _legs_by_command(run),
+        "command": lambda: legs_by_command(run),
         "encoders": lambda: _legs_by_encoders(aligned()),
-        "acceleration": lambda: _legs_by_accelerometer(run),
+        "acceleration": lambda: legs_by_accelerometer(run),
     }
     motions: dict[Source, list[RecognizedMotion]] = {}
     reasons: dict[Source, str] = {}
@@ -210,7 +210,8 @@ def _triangle(places: Floats, tolerance: float) -> str | None:
     return ", ".join("(" + ", ".join(f"{1e3 * v:.0f}" for v in nodes[i][:2]) + ") mm" for i in corners)
 
 
-def _legs_by_command(run: "SIRun") -> tuple[str, list[Leg], Floats]:
+def legs_by_command(run: "SIRun") -> tuple[str, list[Leg], Floats]:
+    """Group, legs and gaps (g, 2) [s] of the commanded acceleration. Raises AnalysisError without one."""
     columns = run.rig.columns_of(Target)
     if not columns:
         raise AnalysisError("the rig has no target")
@@ -263,7 +264,7 @@ def _followed_point(run: "AlignedRun") -> tuple[str, Floats]:
     return body, np.array(mechanism.centre(body))
 
 
-def _legs_by_accelerometer(run: "SIRun") -> tuple[str, list[Leg], Floats]:
+def legs_by_accelerometer(run: "SIRun") -> tuple[str, list[Leg], Floats]:
     """By an accelerometer on a moving body; its axes are taken for the base's, right if it does not turn."""
     for name, sensor in run.rig.of_kind(Accelerometer).items():
         columns = list(sensor.columns(name)) if sensor.attached_to != "base" else []

@@ -7,6 +7,7 @@ small at a tenth of the sampling rate.
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -88,15 +89,22 @@ def bridge_gaps(time: Floats, values: Floats, step: float) -> tuple[Floats, Floa
 
 def low_pass(values: Floats, cutoff: float, rate: float) -> Floats:
     """``values`` (n, ...) [any unit] smoothed along the first axis with zero phase; ``cutoff`` and ``rate`` in Hz."""
-    from scipy.signal import butter, sosfiltfilt
+    from scipy.signal import sosfiltfilt
 
     if not 0.0 < cutoff <= HIGHEST_CUTOFF * rate:
         raise AnalysisError(
             f"a low-pass at {cutoff:g} Hz cannot be run at {rate:g} samples per second: "
             f"expected at most {HIGHEST_CUTOFF * rate:g} Hz"
         )
-    sections = butter(ORDER, cutoff, fs=rate, output="sos")
-    return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=min(len(values) - 1, int(3.0 * rate / cutoff))))
+    padding = min(len(values) - 1, int(3.0 * rate / cutoff))
+    return np.asarray(sosfiltfilt(_sections(cutoff, rate), values, axis=0, padlen=padding))
+
+
+@cache
+def _sections(cutoff: float, rate: float) -> Floats:
+    from scipy.signal import butter
+
+    return np.asarray(butter(ORDER, cutoff, fs=rate, output="sos"))
 
 
 def smoothed_derivatives(position: Floats, cutoff: float, rate: float) -> Rates:
@@ -113,8 +121,8 @@ def noise_gain(cutoff: float, rate: float) -> float:
 
     sigma_a^2 = 2 / rate int_0^(rate/2) (2 pi f)^4 |H|^4 df, the low-pass H run forwards and backwards.
     """
-    from scipy.signal import butter, sosfreqz
+    from scipy.signal import sosfreqz
 
     frequency = np.linspace(0.0, rate / 2.0, 20_001)
-    response = np.abs(sosfreqz(butter(ORDER, cutoff, fs=rate, output="sos"), frequency, fs=rate)[1])
+    response = np.abs(sosfreqz(_sections(cutoff, rate), frequency, fs=rate)[1])
     return float(np.sqrt(2.0 / rate * np.trapezoid((2.0 * np.pi * frequency) ** 4 * response**4, frequency)))

@@ -10,6 +10,7 @@ from balance.errors import CounterpoiseError
 from balance.results import plain
 
 from .. import figures
+from ..cross_examination import Examination, examine
 from ..kinematics import motion_recognition
 from ..kinematics.encoder_motion import encoder_gaps, mechanism_of
 from ..kinematics.gaps import gap_reach
@@ -22,7 +23,6 @@ from ..runs.si_run import SIRun
 from ..vibration.metrics import DEFAULT_BAND
 from ..vibration.run_pairs import Pair, pairs
 from . import sections
-from .force_sign_check import reversed_polarity
 from .sections import Part, attempt_part, base_response
 
 if TYPE_CHECKING:
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from ..store import Run
 
 Point = tuple[float, float, float]
-SIMILAR_SIZE = 2.0
-"""Largest factor between a torque and its model without a finding: friction, an estimated payload."""
 
 
 @dataclass(frozen=True)
@@ -57,10 +55,12 @@ def report(
     band: "Band | None" = DEFAULT_BAND,
     bandwidth_hz: float = command_tracking.BANDWIDTH_HZ,
     given: str | None = None,
+    examination: Examination | None = None,
 ) -> RunReport:
     """Analyse one run: vibration and forces in ``band``, accelerations and torques below ``bandwidth_hz``.
 
     ``given`` is a mechanism in place of the one that the rig names; ``point`` [m] that of the moments.
+    ``examination`` is that of the run's campaign; without one the run is examined by itself.
     """
     aligned = cache(lambda: AlignedRun(run, mechanism_of(run, given)))
     found, reasons = motion_recognition.recognized_motions(run, aligned)
@@ -77,10 +77,10 @@ def report(
         forces = response = {"reason": str(error)}
     torque = attempt_part(lambda: sections.torque_part(aligned(), bandwidth_hz))
     findings += _gaps(run, bandwidth_hz)
-    findings += reversed_polarity(run, aligned)
-    findings += _torque_contradictions(run, torque)
+    examination = examination or examine([run], mechanism=None if given is None else aligned().unloaded)
+    findings += [statement.finding for statement in examination.about(run.name)]
     parts = {
-        "motions": _motions(run, found, reasons, findings),
+        "motions": _motions(found, reasons),
         "command": of_command,
         "vibration": attempt_part(lambda: sections.base_levels(run, band)),
         "modes": attempt_part(lambda: sections.base_modes(run, sections.motion_on_base_clock(run, found, shown))),
@@ -119,36 +119,10 @@ def _gaps(run: "SIRun", bandwidth_hz: float) -> Sequence[Finding]:
     return gaps.findings(run.name, gap_reach(bandwidth_hz))
 
 
-def _torque_contradictions(run: "SIRun", torque: Part) -> list[Finding]:
-    """A finding for each drive whose torque differs from the model's by more than SIMILAR_SIZE."""
-    return [
-        Finding(
-            "torque_contradiction",
-            None,
-            run.name,
-            f"{run.name}: torque of {drive['joint']} is {drive['rms_ratio']:.2g} times the model's (RMS): expected "
-            f"{1.0 / SIMILAR_SIZE:g} to {SIMILAR_SIZE:g}; check units in rig and log, payload and counter-masses in "
-            "the run table",
-        )
-        for drive in torque.get("drives", [])
-        if not 1.0 / SIMILAR_SIZE <= drive["rms_ratio"] <= SIMILAR_SIZE
-    ]
-
-
 def _motions(
-    run: "SIRun",
-    found: "dict[motion_recognition.Source, list[RecognizedMotion]]",
-    reasons: "dict[motion_recognition.Source, str]",
-    findings: list[Finding],
+    found: "dict[motion_recognition.Source, list[RecognizedMotion]]", reasons: "dict[motion_recognition.Source, str]"
 ) -> Part:
-    """The motions by each source; a finding where a source contradicts the run table."""
-    names = {source: [one.name for one in some] for source, some in found.items()}
-    known = {source: some for source, some in names.items() if some and "unknown" not in some}
-    stated = run.conditions.get("motion")
-    for source, some in known.items():
-        if stated is not None and any(name != stated for name in some):
-            message = f"{run.name}: the run table states motion {stated}, by {source} it is {', '.join(some)}"
-            findings.append(Finding("motion_contradiction", None, run.name, message))
+    """The motions by each source."""
     return {
         "found": [one for some in found.values() for one in some],
         "reasons": dict(reasons),

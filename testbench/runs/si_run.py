@@ -54,6 +54,7 @@ class SIRun:
     """Recorded values that are in memory, by group and index."""
     _laws: dict[str, CalibrationLaw | None] = field(default_factory=dict, init=False, repr=False)
     _values: dict[str, Floats] = field(default_factory=dict, init=False, repr=False)
+    _times: dict[str, Floats] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(cls, run: Run, rig: Rig | None = None) -> "SIRun":
@@ -111,7 +112,9 @@ class SIRun:
 
     def time(self, group: str) -> Floats:
         """Instants of a group's samples on its own clock, (n,) [s]."""
-        return self.recorded.time(group)
+        if group not in self._times:
+            self._times[group] = self.recorded.time(group)
+        return self._times[group]
 
     def instants(self, column: Column) -> Floats:
         """Instants of what a channel's samples show, on its logger's clock, (n,) [s].

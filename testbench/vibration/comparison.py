@@ -198,10 +198,14 @@ def _range_text(values: Sequence[float]) -> str:
 
 
 def compare_campaign(
-    runs: Iterable["Run"], published: Published, measure: Measure, mechanism: str | None = None
+    runs: Iterable["Run"],
+    published: Published,
+    measure: Measure,
+    mechanism: str | None = None,
+    accept: Iterable[str] = (),
 ) -> Comparison:
-    """Compare every reduction of a campaign with its simulation and with the published one."""
-    analysis = analyze(runs, measure)
+    """Compare every reduction of a campaign with its simulation and with the published one; ``accept``: see analyze."""
+    analysis = analyze(runs, measure, accept, load_mechanism(mechanism) if mechanism else None)
     findings = list(analysis.findings)
     predictions: dict[str, Prediction] = {}
     rows: list[Row] = []

@@ -5,7 +5,7 @@ An interval comes from the scatter of the campaign's repeats or, without repeats
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 from balance.estimation.estimate import LEVEL
 from balance.results import INLINE, Key
 
+from ..cross_examination import Examination, examine
 from ..errors import AnalysisError
 from ..published_tables import MANIPULATOR, NO_ORIGINALS
 from ..recording import Finding
@@ -24,6 +25,8 @@ from .metrics import Measure
 from .run_pairs import ConditionKey, Pair, pairs
 
 if TYPE_CHECKING:
+    from balance.mechanism.mechanism import Mechanism
+
     from ..store import Run
 
 Method = Literal["repeats", "propagation"]
@@ -72,6 +75,8 @@ class Reduction:
     n: Annotated[tuple[int, int], Key("", "n", lambda n: f"{n[0]}/{n[1]}", parts=SIDES)]
     """Number of runs with and without counter-masses."""
     runs: Annotated[tuple[str, ...], Key("", "runs", " ".join)]
+    doubts: Annotated[tuple[str, ...], Key("", "doubts", " ".join)] = ()
+    """Codes of contradictions about these runs and this channel; after some the number is withheld."""
 
     @property
     def at_least(self) -> Annotated[float | None, Key("at_least_percent")]:
@@ -89,6 +94,8 @@ class Reduction:
         if self.limit == "at_least" and self.at_least is not None:
             return f">= {self.at_least:.1f} {'< noise' if self.below_noise else 'clipped'}"
         value = "-" if self.percent is None else f"{self.percent:.1f}"
+        if self.doubts and self.interval is None:
+            return f"withheld ({value})"
         if self.limit == "at_most":
             return f"<= {value} clipped"
         return value if self.interval is None else f"{value} [{self.interval[0]:.1f}, {self.interval[1]:.1f}]"
@@ -122,9 +129,18 @@ class Analysis:
         return [NO_ORIGINALS] if shown else []
 
 
-def analyze(runs: Iterable["Run"], measure: Measure) -> Analysis:
-    """Every reduction of a campaign. Raises AnalysisError, naming what each run lacks, if there is none."""
-    found, findings = pairs(runs)
+def analyze(
+    runs: Iterable["Run"], measure: Measure, accept: Iterable[str] = (), mechanism: "Mechanism | None" = None
+) -> Analysis:
+    """Every reduction of a campaign. Raises AnalysisError, naming what each run lacks, if there is none.
+
+    What contradicts the run table or the other runs is a doubt of the numbers that it concerns, and withholds those
+    that it spoils, unless its code is among those to ``accept``. ``mechanism`` takes the place of the rig's.
+    """
+    runs = list(runs)
+    examination = examine(runs, accept, mechanism)
+    found, findings = pairs(run for run in runs if run.name not in examination.copied)
+    findings += examination.findings
     if not found:
         raise AnalysisError("no two runs can be compared:\n" + "\n".join(f"  {f.message}" for f in findings))
     conditions = _conditions(found, measure, findings)
@@ -133,9 +149,16 @@ def analyze(runs: Iterable["Run"], measure: Measure) -> Analysis:
         some = _reductions(condition, scatter)
         findings += [*condition.findings, *reduction_findings(condition, some)]
         findings += [*scatter_findings(condition, scatter), *condition.doubts]
-        reductions += some
+        reductions += _doubted(condition.pair, some, examination)
     found_pairs = tuple(condition.pair for condition in conditions)
     return Analysis(found_pairs, tuple(reductions), tuple(dict.fromkeys(findings)), measure)
+
+
+def _doubted(pair: Pair, reductions: Sequence[Reduction], examination: Examination) -> list[Reduction]:
+    """Reductions of a pair with their doubts; without a number where these spoil it."""
+    channels = {(c.sensor, c.component): c.channel for c in SIRun.of(pair.runs[0]).rig.base_columns}
+    marked = [replace(r, doubts=examination.doubts(r.runs, channels[r.sensor, r.axis])) for r in reductions]
+    return [replace(r, interval=None, method=None) if examination.withheld(r.doubts) else r for r in marked]
 
 
 def _conditions(found: Sequence[Pair], measure: Measure, findings: list[Finding]) -> list[Condition]:

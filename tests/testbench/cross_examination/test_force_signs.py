@@ -66,6 +66,6 @@ def test_the_finding_of_the_command(brief, tmp_path):
     (finding,) = json.loads(done.stdout)["runs"][0]["findings"]
     assert (finding["code"], finding["channel"]) == ("force_sign", "Fx1")
     assert (
-        "r002: Fx1: reversed polarity: it opposes the load Fx that the motion puts on k6d40: correlation -0.9"
+        "reversed polarity: it opposes the load Fx that the motion puts on k6d40: correlation -0.9"
         in finding["message"]
     )

@@ -1,0 +1,157 @@
+"""Payload, counter-masses, peak acceleration and motion of each run: the run table against what the run shows."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from balance.estimation.estimate import coverage_factor
+from balance.units import G0
+
+from .observation import Observation
+from .statement import Statement
+from .torque_balance import TorqueBalance, torque_balance
+
+REJECTED = 5.0
+"""Standard uncertainties at which a stated value is contradicted: with eight blocks and hundreds of statements, fewer
+than one campaign in twenty."""
+PAYLOAD_SHARE, PAYLOAD_KG = 0.06, 0.06
+"""Error of a payload by torques that the model's errors leave: twice the largest of honest simulated campaigns."""
+CAMPAIGN_DEVIATIONS = 6.0
+"""Robust standard deviations of witnessed less stated values over the campaign within which a run agrees."""
+ACCELERATION_SHARE = {"command": 0.05, "encoders": 0.15}
+"""Share by which a peak acceleration may differ: rounded in the run table, smoothed by the encoders' low-pass."""
+NAMED_MOTIONS = frozenset({"x", "y", "z", "triangle"})
+TORQUE_FACTOR = 2.0
+"""Largest factor between a torque and its model without a finding, where the payload does not explain it."""
+
+
+def accelerations(seen: Observation) -> list[Statement]:
+    """The peak acceleration by the command, else by the encoders."""
+    stated = seen.conditions.get("peak_acceleration_g")
+    found = []
+    for witness, name in (("command", "the target channel"), ("encoders", "the encoders")):
+        value = seen.peak_acceleration.get(witness)
+        if stated is None or value is None or (witness == "command" and not value > 0.0):
+            continue
+        ratio = value / (stated * G0)
+        wrong = abs(ratio - 1.0) > ACCELERATION_SHARE[witness]
+        found.append(
+            Statement(
+                seen.name, "acceleration", None, f"peak {stated:g} g0 = {stated * G0:.4g} m/s2 by the run table",
+                f"{value / G0:.3g} g0 = {value:.4g} m/s2", name, "acceleration_contradiction" if wrong else None,
+            )
+        )  # fmt: skip
+    return found
+
+
+def motions(seen: Observation) -> list[Statement]:
+    """The motion by the command and by the encoders."""
+    stated = seen.conditions.get("motion")
+    if stated not in NAMED_MOTIONS:
+        return []
+    witnesses = {name: some for name, some in seen.motions.items() if some and "unknown" not in some}
+    return [
+        Statement(
+            seen.name, "axis", None, f"motion {stated} by the run table", f"motion {', '.join(dict.fromkeys(some))}",
+            f"the {name}", None if set(some) == {stated} else "motion_contradiction",
+        )
+        for name, some in witnesses.items()
+    ]  # fmt: skip
+
+
+def mounted(observations: Sequence[Observation]) -> tuple[list[Statement], dict[str, Mapping[str, float]]]:
+    """Statements on counter-masses and torques, and the counter-masses that explain each run's torques.
+
+    A run whose torques are in no relation to the model's has none. With the wrong counter-masses torques ask for a
+    negative scale and a negative payload: a counter-mass carries weight on the other side of its arm.
+    """
+    sets = [dict(s) for s in {tuple(sorted(o.counter_masses.items())): None for o in observations} if s]
+    statements: list[Statement] = []
+    found: dict[str, Mapping[str, float]] = {}
+    for seen in observations:
+        if seen.torque is None or "payload_kg" not in seen.conditions:
+            continue
+        stated = _alone(seen, seen.counter_masses)
+        gross = _gross_torques(seen, stated)
+        statements += gross
+        if gross:
+            continue
+        found[seen.name] = masses = _fitting_masses(seen, stated, [{}] if seen.counter_masses else sets)
+        if sets:
+            wrong = "counter_mass_contradiction" if masses != seen.counter_masses else None
+            statements.append(
+                Statement(seen.name, "counter-masses", None, f"{_masses(seen.counter_masses)} by the run table",
+                          _masses(masses), "the drives' torques", wrong)
+            )  # fmt: skip
+    return statements, found
+
+
+def _fitting_masses(
+    seen: Observation, stated: TorqueBalance, alternatives: Sequence[Mapping[str, float]]
+) -> Mapping[str, float]:
+    """The stated counter-masses, or those alternative ones with which the torques make sense."""
+    if not _unphysical(stated):
+        return seen.counter_masses
+    solved = [(masses, _alone(seen, masses)) for masses in alternatives]
+    physical = [(masses, one) for masses, one in solved if (one.scale > 0.0).all() and one.payload[0] > 0.0]
+    expected = seen.conditions["payload_kg"]
+    return min(physical, key=lambda o: abs(float(o[1].payload[0]) - expected), default=(seen.counter_masses, stated))[0]
+
+
+def _gross_torques(seen: Observation, alone: TorqueBalance) -> list[Statement]:
+    """Torques that are more than TORQUE_FACTOR times the model's, or less, whatever the payload."""
+    found = []
+    for joint, scale, error in zip(alone.joints, alone.scale, alone.scale_deviation, strict=True):
+        apart = not 1.0 / TORQUE_FACTOR <= abs(scale) <= TORQUE_FACTOR
+        if apart and abs(abs(scale) - 1.0) > REJECTED * error and alone.payload[0] > 0.0:
+            witnessed = f"{scale:.2g} times the model's, expected {1.0 / TORQUE_FACTOR:g} to {TORQUE_FACTOR:g}"
+            stated = f"torque of {joint} by the model"
+            found.append(Statement(seen.name, "gain", None, stated, witnessed, "its readings", "torque_contradiction"))
+    return found
+
+
+def _alone(seen: Observation, masses: Mapping[str, float]) -> TorqueBalance:
+    assert seen.torque is not None
+    return torque_balance({seen.name: seen.torque}, {seen.name: seen.conditions["payload_kg"]}, {seen.name: masses})
+
+
+def _unphysical(one: TorqueBalance) -> bool:
+    """Whether scales and payload are all negative beyond doubt."""
+    wrong = bool((one.scale < -REJECTED * one.scale_deviation).all())
+    return wrong and bool((one.payload < -REJECTED * one.deviation).all())
+
+
+def _masses(masses: Mapping[str, float]) -> str:
+    return " and ".join(f"{mass:g} kg at {site}" for site, mass in masses.items()) or "no counter-masses"
+
+
+def payloads(
+    observations: Sequence[Observation], masses: Mapping[str, Mapping[str, float]]
+) -> tuple[list[Statement], TorqueBalance | None]:
+    """Payloads by the torques of the campaign, with counter-masses ``masses`` [kg] by run, and the torques' scale."""
+    used = {o.name: o for o in observations if o.name in masses}
+    joints = [o.torque.joints for o in used.values() if o.torque is not None]
+    used = {name: o for name, o in used.items() if o.torque is not None and o.torque.joints == joints[0]}
+    if not used:
+        return [], None
+    stated = {name: o.conditions["payload_kg"] for name, o in used.items()}
+    solved = torque_balance(
+        {name: o.torque for name, o in used.items() if o.torque is not None},
+        stated,
+        {name: masses[name] for name in used},
+    )
+    difference = solved.payload - np.array(list(stated.values()))
+    centre = float(np.median(difference)) if len(used) > 4 else 0.0
+    scatter = 1.4826 * float(np.median(np.abs(difference - centre))) if len(used) > 4 else 0.0
+    statements = []
+    for i, name in enumerate(used):
+        value, error, table = float(solved.payload[i]), float(solved.deviation[i]), stated[name]
+        least = max(PAYLOAD_SHARE * table + PAYLOAD_KG, REJECTED * error, CAMPAIGN_DEVIATIONS * scatter)
+        wrong = abs(value - table) > least
+        half = coverage_factor() * float(np.hypot(error, 0.5 * (PAYLOAD_SHARE * table + PAYLOAD_KG)))
+        interval = f"{value:.2f} kg [{value - half:.2f}, {value + half:.2f}]"
+        code = "payload_contradiction" if wrong else None
+        statements.append(
+            Statement(name, "payload", None, f"{table:g} kg by the run table", interval, "the drives' torques", code)
+        )
+    return statements, solved

@@ -1,0 +1,124 @@
+"""Runs that are copies of another: the same noise, whatever their names, their timestamps, their units and their cut.
+
+Two repeats of a run vibrate alike, but their noise is not the same. So runs are compared in what no motion repeats: the
+phases of a band of high frequencies, at any lag (generalised cross-correlation with phase transform, Knapp & Carter
+1976). Where these agree, a copy must also leave nothing: less of the difference than a quarter of the noise in the
+quiet spans of the record.
+"""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .observation import SPANS, ChannelRecord, Observation
+from .statement import Statement
+
+Complexes = NDArray[np.complexfloating]
+LOW_SHARE, HIGH_SHARE = 0.15, 0.45
+"""The band, as shares of the lowest rate of the campaign: above the motions, below the loggers' filters."""
+MOST_BINS = 1024
+"""Frequencies of the band that are used."""
+LEAST_BINS = 24
+"""Frequencies below which nothing is compared."""
+SIMILAR = 0.3
+"""Correlation of the phases from which two records are compared in full; of independent noise below 0.15."""
+REMAINDER = 0.25
+"""Share of the noise that the difference of two records may have to be one: 2 of independent noise, 0 of copies."""
+
+
+@dataclass(frozen=True)
+class _Signature:
+    """A band of the start of one channel, of one length in all runs."""
+
+    band: Complexes
+    """Complex spectrum in the band, (k,)."""
+    phases: Complexes
+    """The same with magnitudes of one."""
+
+
+def copies(observations: Sequence[Observation]) -> list[Statement]:
+    """A statement for each run whose noise is that of an earlier one."""
+    by_channel: dict[str, list[tuple[int, ChannelRecord]]] = defaultdict(list)
+    for i, seen in enumerate(observations):
+        for record in _noisy(seen):
+            by_channel[record.column.channel].append((i, record))
+    found: dict[tuple[int, int], list[str]] = defaultdict(list)
+    for channel, records in by_channel.items():
+        for pair in _equal(records):
+            found[pair].append(channel)
+    source: dict[int, int] = {}
+    statements = []
+    for (first, second), channels in sorted(found.items()):
+        if second in source:
+            continue
+        source[second] = source.get(first, first)
+        one, other = observations[second].name, observations[source[second]].name
+        shared = ", ".join(channels)
+        statements.append(
+            Statement(
+                one, "copy", None, "a run of its own by the run table", f"a copy of {other}: noise of {shared}",
+                "its recorded channels", "copied_run", (other,),
+            )
+        )  # fmt: skip
+    return statements
+
+
+def _noisy(seen: Observation) -> list[ChannelRecord]:
+    """The first channel of each sensor that has noise of its own, which encoders and commands have not.
+
+    None of a run with a channel that cannot be read: it is not analysed.
+    """
+    sensors: dict[str, ChannelRecord] = {}
+    if any(column.channel in seen.reasons for column in seen.rig.columns()):
+        return []
+    for record in seen.records.values():
+        if not record.dead and record.noise > 0.0 and record.column.dimensions[0] != "length":
+            sensors.setdefault(record.column.sensor, record)
+    return list(sensors.values())
+
+
+def _equal(records: list[tuple[int, ChannelRecord]]) -> list[tuple[int, int]]:
+    """Pairs of runs whose records of one channel are the same."""
+    if len(records) < 2:
+        return []
+    seconds = min(len(record.start) / record.rate_hz for _, record in records)
+    rate = min(record.rate_hz for _, record in records)
+    first, last = int(LOW_SHARE * rate * seconds), int(HIGH_SHARE * rate * seconds)
+    last = min(last, first + MOST_BINS)
+    if last - first < LEAST_BINS:
+        return []
+    signatures = [_signature(record, seconds, first, last) for _, record in records]
+    phases = np.stack([one.phases for one in signatures])
+    pairs = []
+    for i in range(len(records) - 1):
+        both = np.fft.ifft(phases[i] * phases[i + 1 :].conj(), 2 * (last - first), axis=1)
+        peaks = 2.0 * np.abs(both).max(axis=1)
+        for j in np.flatnonzero(peaks > SIMILAR) + i + 1:
+            if _difference(signatures[i].band, signatures[j].band) < REMAINDER:
+                pairs.append((records[i][0], records[j][0]))
+    return pairs
+
+
+def _signature(record: ChannelRecord, seconds: float, first: int, last: int) -> _Signature:
+    values = record.start[: round(seconds * record.rate_hz)].astype(float)
+    band = np.fft.rfft(values - values.mean())[first:last] / len(values)
+    size = np.abs(band)
+    return _Signature(band, (band / np.maximum(size, 1e-300)).astype(np.complex64))
+
+
+def _difference(one: Complexes, other: Complexes) -> float:
+    """Power of the difference at the best lag and gain over the quiet spans' noise, in the median span [-]."""
+    count = len(one)
+    fine = np.fft.ifft(one * other.conj(), 16 * count)
+    lag = int(np.argmax(np.abs(fine))) / (16.0 * count)
+    moved = other * np.exp(2j * np.pi * lag * np.arange(count))
+    a, b = np.fft.ifft(one), np.fft.ifft(moved)
+    gain = np.vdot(b, a) / max(float(np.vdot(b, b).real), 1e-300)
+    rest = np.abs(a - gain * b) ** 2
+    spans = np.array_split(np.arange(count), min(SPANS, count // 8))
+    noise = np.quantile([float(np.mean(np.abs(a[s]) ** 2)) for s in spans], 0.2)
+    inside = [float(np.mean(rest[s])) for s in spans]
+    return float(np.median(inside) / max(float(noise), 1e-300))

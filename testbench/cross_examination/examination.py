@@ -1,0 +1,120 @@
+"""All witnesses of a campaign heard: what contradicts the run table, the rig or the other runs, and what nobody saw."""
+
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from balance.errors import CounterpoiseError
+from balance.mechanism.mechanism import Mechanism
+
+from ..errors import AnalysisError
+from ..kinematics.encoder_motion import mechanism_of
+from ..recording import Finding
+from ..runs.si_run import SIRun
+from .conditions import accelerations, motions, mounted, payloads
+from .copies import copies
+from .observation import Observation, observe
+from .sensors import examined_sensors, levels
+from .statement import WITHHOLDING, Statement
+
+if TYPE_CHECKING:
+    from ..store import Run
+    from .torque_balance import TorqueBalance
+
+CONDITIONS = frozenset({"payload_contradiction", "counter_mass_contradiction"})
+"""Contradictions after which a run is no witness of its sensors' gains: the model was that of other masses."""
+WITNESSED = ("payload", "counter-masses", "acceleration", "axis", "gain", "sign", "rest", "copy")
+"""Subjects of which a run should have a witness."""
+
+
+@dataclass(frozen=True)
+class Examination:
+    """What a campaign's witnesses state."""
+
+    runs: tuple[str, ...]
+    statements: tuple[Statement, ...]
+    reasons: dict[str, dict[str, str]]
+    """By run and witness, why it is silent."""
+    torque: "TorqueBalance | None" = None
+    """Payloads and scales of the torques that explain all runs together."""
+    accepted: frozenset[str] = field(default=frozenset())
+    """Codes that a person accepts."""
+
+    @cached_property
+    def contradictions(self) -> tuple[Statement, ...]:
+        """Those statements that contradict."""
+        return tuple(s for s in self.statements if s.code is not None)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """A finding for each contradiction."""
+        return tuple(dict.fromkeys(s.finding for s in self.contradictions))
+
+    def about(self, run: str) -> list[Statement]:
+        """The contradictions of a run."""
+        return [s for s in self.contradictions if s.run == run]
+
+    def doubts(self, runs: Collection[str], channel: str | None = None) -> tuple[str, ...]:
+        """Codes that make a number doubtful which was made of ``runs``, and of a ``channel`` where it is of one."""
+        codes = (s.code for s in self.contradictions if s.run in runs and s.channel in {None, channel})
+        return tuple(sorted({code for code in codes if code is not None}))
+
+    def withheld(self, doubts: Iterable[str]) -> bool:
+        """Whether a number with these doubts is withheld: they spoil it, and nobody accepted them."""
+        return any(code in WITHHOLDING and code not in self.accepted for code in doubts)
+
+    @property
+    def copied(self) -> frozenset[str]:
+        """Runs that are copies of another and count as none, unless that is accepted."""
+        if "copied_run" in self.accepted:
+            return frozenset()
+        return frozenset(s.run for s in self.contradictions if s.code == "copied_run")
+
+    def unwitnessed(self, run: str) -> list[str]:
+        """Subjects on which nothing witnesses a run."""
+        heard = {s.subject for s in self.statements if s.run == run}
+        return [subject for subject in WITNESSED if subject not in heard and (subject != "copy" or len(self.runs) < 2)]
+
+
+def examine(
+    runs: "Iterable[Run | SIRun]", accepted: Iterable[str] = (), mechanism: Mechanism | None = None
+) -> Examination:
+    """Hear every witness of runs of one campaign; ``mechanism`` takes the place of the one that the rigs name."""
+    known: dict[str, Mechanism] = {}
+    observations = [_observed(run, known, mechanism) for run in runs]
+    return hear([one for one in observations if one is not None], accepted)
+
+
+def hear(seen: Sequence[Observation], accepted: Iterable[str] = ()) -> Examination:
+    """What the observations of runs of one campaign state, each for itself and against the others."""
+    statements = copies(seen)
+    for one in seen:
+        statements += [*levels(one), *accelerations(one), *motions(one)]
+    about_masses, masses = mounted(seen)
+    about_payload, torque = payloads(seen, masses)
+    statements += [*about_masses, *about_payload]
+    unsure = frozenset(s.run for s in statements if s.code in CONDITIONS)
+    statements += examined_sensors(seen, unsure)
+    reasons = {one.name: one.reasons for one in seen}
+    return Examination(tuple(reasons), tuple(statements), reasons, torque, frozenset(accepted))
+
+
+def _observed(run: "Run | SIRun", known: dict[str, Mechanism], given: Mechanism | None) -> Observation | None:
+    """What a run shows; None for a run without a rig, of which nothing is known."""
+    try:
+        bound = run if isinstance(run, SIRun) else SIRun.of(run)
+    except CounterpoiseError:
+        return None
+
+    def mechanism() -> Mechanism:
+        if given is not None:
+            return given
+        name = bound.rig.mechanism
+        if name == "none":
+            raise AnalysisError("the rig names no mechanism")
+        if name not in known:
+            known[name] = mechanism_of(bound, None)
+        return known[name]
+
+    return observe(bound, mechanism)

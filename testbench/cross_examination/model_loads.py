@@ -1,0 +1,180 @@
+"""What the model of the mechanism says a run's sensors should show, along the motion of its encoders.
+
+Everything is on one coarse grid (RATE_HZ), below BAND_HZ: the motions excite little above, and the bodies' path is
+closed once a run. The base is the rig's ``[bench]`` under the mechanism's shaking wrench, the mechanism locked at its
+start; sensors between mechanism and base share that wrench by their stiffnesses.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from balance.arrays import Floats
+from balance.closure import Closure, Trajectory
+from balance.dynamics.inverse_dynamics import simulate
+from balance.dynamics.moving_base import BaseMotion, acceleration_in_body, locked_inertia
+from balance.dynamics.regressor import driven_torque_regressor
+from balance.mechanism import forward_kinematics
+from balance.mechanism.mechanism import Mechanism
+from balance.mechanism.sparse_components import dense
+from balance.motion import Samples
+
+from ..errors import AnalysisError
+from ..kinematics.encoder_motion import encoder_gaps, group_of_encoders, loaded_mechanism
+from ..kinematics.gaps import gap_reach
+from ..kinematics.smoothing_and_derivatives import (
+    HIGHEST_CUTOFF,
+    Grid,
+    bridge_gaps,
+    grid_of,
+    low_pass,
+    on_grid,
+    smoothed_derivatives,
+)
+from ..rig.sensors import AXES, Accelerometer, Encoder
+from ..rig.support_loads import elastic_base, support_wrenches
+from ..runs.si_run import Mask, SIRun
+
+if TYPE_CHECKING:
+    from ..rig import Column
+
+RATE_HZ = 250.0
+"""Of the grid: six samples a period of BAND_HZ."""
+BAND_HZ = 40.0
+"""Low pass of readings and expectations [Hz]."""
+POSITION_HZ = 80.0
+"""Of the positions that the expectations are made of: twice the band, which leaves the band undistorted [Hz]."""
+EDGE_S = 0.04
+"""Left out at both ends, where low-passes start up [s]."""
+COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+
+
+@dataclass(frozen=True, eq=False)
+class ModelledRun:
+    """A run's motion by its encoders, and the mechanism as the run table states it."""
+
+    run: SIRun
+    unloaded: Mechanism
+    mechanism: Mechanism
+    """With the stated payload and counter-masses."""
+    group: str
+    """The group of the encoders, whose clock counts."""
+    grid: Grid
+    path: Trajectory
+    valid: Mask
+    """Samples that neither gaps nor the ends touch, (n,) [-]."""
+
+    @classmethod
+    def of(cls, run: SIRun, unloaded: Mechanism) -> "ModelledRun":
+        """From a run's encoders. Raises AnalysisError where it has none, or the loops do not close."""
+        columns, group = run.rig.columns_of(Encoder), group_of_encoders(run)
+        time = run.instants(columns[0])
+        fine, gaps = grid_of(time, f"{run.name}: encoders", bridged=True), encoder_gaps(run)
+        coarse = coarse_grid(fine)
+        cutoff = min(POSITION_HZ, HIGHEST_CUTOFF * fine.rate, HIGHEST_CUTOFF * coarse.rate)
+        if cutoff < BAND_HZ:
+            raise AnalysisError(
+                f"{run.name}: encoders at {fine.rate:.4g} samples per second do not show {BAND_HZ:g} Hz"
+            )
+        whole = bridge_gaps(time, run.stacked(columns), fine.step)
+        position = np.column_stack(
+            [np.interp(coarse.time, fine.time, v) for v in low_pass(on_grid(*whole, fine), cutoff, fine.rate).T]
+        )
+        moved = smoothed_derivatives(position, cutoff, coarse.rate)
+        samples = Samples(coarse.time, moved.q, moved.v, moved.a, tuple(column.component for column in columns))
+        mechanism = loaded_mechanism(run, unloaded)
+        path = Closure(unloaded).follow(samples)
+        valid = gaps.valid_samples(coarse, gap_reach(BAND_HZ))
+        edge = round(EDGE_S * coarse.rate)
+        valid[:edge] = valid[len(valid) - edge :] = False
+        return cls(run, unloaded, mechanism, group, coarse, path, valid)
+
+    def smooth(self, values: Floats) -> Floats:
+        """Values (n, ...) on the grid below BAND_HZ, (n, ...)."""
+        return low_pass(values, BAND_HZ, self.grid.rate)
+
+    def place(self) -> Floats:
+        """Path of the payload's centre, base axes, (n, 3) [m]. Raises AnalysisError without one payload body."""
+        if len(self.unloaded.payload_bodies) != 1:
+            raise AnalysisError(
+                f"{self.unloaded.name} has {len(self.unloaded.payload_bodies)} payload bodies: expected one"
+            )
+        body = self.unloaded.payload_bodies[0]
+        at = forward_kinematics.pose(self.unloaded.tree, np.ascontiguousarray(self.path.q.T))
+        joint = self.unloaded.tree.bodies[self.unloaded.body_index(body)]
+        return dense(at.point(joint, self.unloaded.centre(body)), at.count).T
+
+    def torque_columns(self, base: Floats | None) -> tuple[dict[str, Floats], tuple[str, ...]]:
+        """Torques of the driven joints (n, joints) [N m, N] per what is mounted, and the joints.
+
+        ``model``: links and what else the file holds, without payload; ``payload``: per kg of it; by site: per kg of a
+        counter-mass; ``base``: what all that the run table states adds as the base accelerates, ``base`` (n, 3) [m/s2].
+        """
+        mechanism, path = self.unloaded, self.path
+        driven = mechanism.driven
+        rows = [mechanism.coordinate_index(joint) for joint in driven]
+        rates = np.einsum("nij,njk->nik", path.per_drive, np.linalg.inv(path.per_drive[:, rows]))
+        body = mechanism.payload_bodies[0]
+        masses = {"payload": mechanism.with_payload({body: 2.0}).pi - mechanism.with_payload({body: 1.0}).pi}
+        masses |= {s: mechanism.with_counter_mass({s: 1.0}).pi - mechanism.pi for s in mechanism.counter_sites}
+        masses["model"] = mechanism.with_payload({body: 1.0}).pi - masses["payload"]
+        pi = np.column_stack(list(masses.values()))
+        torque = driven_torque_regressor(mechanism, path.q, path.v, path.a, rates) @ pi
+        found, still = dict(zip(masses, np.moveaxis(torque, 2, 0), strict=True)), np.zeros_like(path.v)
+        found["base"] = np.zeros(torque.shape[:2])
+        for axis, moved in enumerate(() if base is None else base.T):
+            pull = replace(mechanism, gravity=np.eye(3)[axis])
+            weight = driven_torque_regressor(pull, path.q, still, still, rates) @ self.mechanism.pi
+            found["base"] -= moved[:, None] * weight
+        return found, driven
+
+    @cached_property
+    def wrench(self) -> Floats:
+        """Shaking wrench about the base frame's origin, (n, 6) [N, N m]."""
+        found = simulate(self.mechanism, self.path)
+        return np.hstack([found.force, found.moment])
+
+    @cached_property
+    def base(self) -> BaseMotion:
+        """Motion of the base as the rig's ``[bench]`` describes it."""
+        stand = elastic_base(self.run.rig.bench, locked_inertia(self.mechanism, self.path.q[0]))
+        return stand.respond(self.wrench, self.grid.step)
+
+    def expected_readings(self, group: str) -> "list[tuple[list[Column], Floats]]":
+        """What the sensors of a group should show: the channels of each and their expected values (n, k) [SI]."""
+        run, found = self.run, []
+        rig, wrench = run.rig, self.wrench
+        for name, sensor in rig.of_kind(Accelerometer).items():
+            columns = _recorded(run, list(sensor.columns(name)), group)
+            if not columns:
+                continue
+            point = np.array(sensor.position)
+            if sensor.attached_to != "base":
+                still = np.zeros((self.grid.count, 6))
+                values = acceleration_in_body(self.unloaded, self.path, still, sensor.attached_to, point)
+            elif "bench" in rig.model_fields_set:
+                values = self.base.acceleration_at(point)
+            else:
+                continue
+            found.append((columns, values[:, [AXES.index(c.component) for c in columns]]))
+        for name, share in support_wrenches(rig.supports).items():
+            support = rig.supports[name]
+            columns = _recorded(run, list(support.columns(name)), group)
+            if len(columns) == len(support.measured):
+                loads = (wrench @ share.T)[:, [COMPONENTS.index(m) for m in support.measured]]
+                if support.crosstalk is not None and not run.has_matrix(columns[0]):
+                    loads = loads @ np.array(support.crosstalk).T
+                found.append((columns, loads))
+        return [(columns, self.smooth(values)) for columns, values in found]
+
+
+def coarse_grid(fine: Grid) -> Grid:
+    """The grid of RATE_HZ, or the finer one where that has fewer samples, over the same time."""
+    step = max(1.0 / RATE_HZ, fine.step)
+    return Grid(fine.start, step, int((fine.count - 1) * fine.step / step + 1e-9) + 1)
+
+
+def _recorded(run: SIRun, columns: "list[Column]", group: str) -> "list[Column]":
+    return columns if all(run.holds(column, group) for column in columns) else []

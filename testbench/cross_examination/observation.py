@@ -1,0 +1,292 @@
+"""One run as its channels show it: reduced in one pass, so that a campaign of hundreds of runs fits into memory."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from balance.arrays import Floats
+from balance.errors import CounterpoiseError
+from balance.mechanism.mechanism import Mechanism
+
+from ..errors import AnalysisError
+from ..kinematics.encoder_motion import encoder_gaps
+from ..kinematics.motion_recognition import (
+    NO_GAP,
+    REST_SHARE,
+    legs_by_accelerometer,
+    legs_by_command,
+    legs_of_path,
+    name_motions,
+)
+from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF, grid_of, low_pass
+from ..quality.clipping import is_dead
+from ..rig.sensors import Encoder, Target, Torque
+from ..runs.si_run import SIRun
+from .model_loads import BAND_HZ, ModelledRun
+
+if TYPE_CHECKING:
+    from ..recording import Conditions
+    from ..rig import Column, Rig
+
+BLOCKS = 8
+"""Blocks of a run, for the block jackknife."""
+RECORD_S = 2.0
+"""Start of a record that is kept to compare runs [s]."""
+SPANS = 40
+"""Spans of a record of which the quietest tenth shows the noise."""
+EDGE_S = 0.04
+"""Left out at both ends of readings, where their low-pass starts up [s]."""
+DRIVE_TERMS = ("offset", "armature", "viscous", "coulomb")
+"""Of a drive, beyond what the mechanism's bodies need."""
+COULOMB_SPEED = 0.05
+"""Speed at which dry friction has reached 76 % of its value [rad/s, m/s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelRecord:
+    """One channel of a run."""
+
+    column: "Column"
+    group: str
+    start: Floats
+    """First RECORD_S of it, (n,) float32 [SI]."""
+    rate_hz: float
+    dead: bool
+    """Whether it shows one value only."""
+    clipped: bool
+    """Whether it reached the end of its range, or seems to have."""
+    noise: float
+    """Standard deviation of what no motion causes: third differences in the quietest spans [SI]."""
+    drift: float
+    """Change of its level over the record, by a straight line [SI]."""
+    span: float
+    """Largest less smallest value, that line taken off [SI]."""
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueEquations:
+    """Torques of a run's drives as sums of columns, as products of columns: block by block, drive by drive."""
+
+    joints: tuple[str, ...]
+    names: tuple[str, ...]
+    """``torque``, ``model``, ``payload``, sites of counter-masses, then DRIVE_TERMS."""
+    products: Floats
+    """(blocks, joints, columns, columns)."""
+    samples: int
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """Readings y of a sensor's channels against what the model expects of them, p, as mean products."""
+
+    columns: "tuple[Column, ...]"
+    yy: Floats
+    """By block, (blocks, k, k)."""
+    yp: Floats
+    pp: Floats
+    lag: float
+    """Clock of the readings less that of the encoders [s]."""
+
+
+@dataclass(eq=False)
+class Observation:
+    """What one run shows."""
+
+    name: str
+    conditions: "Conditions"
+    rig: "Rig"
+    records: dict[str, ChannelRecord] = field(default_factory=dict)
+    """By channel."""
+    peak_acceleration: dict[str, float] = field(default_factory=dict)
+    """Of what is driven, by ``command`` and ``encoders`` [m/s2]."""
+    motions: dict[str, list[str]] = field(default_factory=dict)
+    """Names of motions, by ``command``, ``encoders`` and ``acceleration``."""
+    torque: TorqueEquations | None = None
+    responses: list[Response] = field(default_factory=list)
+    reasons: dict[str, str] = field(default_factory=dict)
+    """Why a witness is silent, by its name."""
+    moves: bool = False
+    """Whether the encoders or the command move."""
+
+    @property
+    def counter_masses(self) -> dict[str, float]:
+        """Counter-masses above zero by site, by the run table [kg]."""
+        return {site: mass for site, mass in self.conditions.get("counter_masses", {}).items() if mass > 0.0}
+
+
+def observe(run: SIRun, mechanism: Callable[[], Mechanism]) -> Observation:
+    """Read a run once; ``mechanism`` is that of its rig, unloaded. A witness that fails leaves its reason."""
+    seen = Observation(run.name, run.conditions, run.rig)
+    columns = [column for column in run.rig.columns() if run.holds(column)]
+    run = run.preloaded(columns)
+    for column in columns:
+        if not column.commanded and "angle" not in column.dimensions:
+            _attempt(seen, column.channel, partial(_keep_record, seen, run, column))
+    _attempt(seen, "command", partial(_by_command, seen, run))
+    _attempt(seen, "acceleration", partial(_by_acceleration, seen, run))
+    _attempt(seen, "encoders", partial(_by_model, seen, run, mechanism))
+    return seen
+
+
+def _by_model(seen: Observation, run: SIRun, mechanism: Callable[[], Mechanism]) -> None:
+    if not run.rig.columns_of(Encoder):
+        raise AnalysisError("the rig has no encoder")
+    modelled = ModelledRun.of(run, mechanism())
+    _by_encoders(seen, modelled)
+    readings = _Readings(modelled)
+    for group in dict.fromkeys(record.group for record in seen.records.values()):
+        _attempt(seen, f"model of {group}", partial(_keep_responses, seen, readings, group))
+    _attempt(seen, "torque", partial(_keep_torques, seen, modelled, readings))
+
+
+def _keep_record(seen: Observation, run: SIRun, column: "Column") -> None:
+    seen.records[column.channel] = _record(run, column)
+
+
+def _keep_responses(seen: Observation, readings: "_Readings", group: str) -> None:
+    seen.responses += readings.responses(group)
+
+
+def _keep_torques(seen: Observation, run: ModelledRun, readings: "_Readings") -> None:
+    seen.torque = _torque_equations(run, readings)
+
+
+def _attempt(seen: Observation, witness: str, work: Callable[[], None]) -> None:
+    try:
+        work()
+    except CounterpoiseError as error:
+        seen.reasons[witness] = str(error)
+
+
+def _record(run: SIRun, column: "Column") -> ChannelRecord:
+    values, rate = run.signal(column)
+    count = len(values)
+    rough = np.diff(values, 3) if count > 3 else np.zeros(1)
+    parts = np.array_split(rough, min(SPANS, max(len(rough) // 16, 1)))
+    noise = float(np.quantile([part.std() for part in parts], 0.1)) / 20.0**0.5
+    x = np.linspace(-0.5, 0.5, count)
+    slope = float(x @ values) / max(float(x @ x), 1e-300)
+    kept = np.asarray(values[: round(RECORD_S * rate)], dtype=np.float32)
+    span = float(np.ptp(values - slope * x))
+    clipped = column.dimensions[0] == "acceleration" and run.saturation(column) is not None
+    return ChannelRecord(column, run.group_of(column), kept, rate, is_dead(values), clipped, noise, slope, span)
+
+
+def _by_command(seen: Observation, run: SIRun) -> None:
+    columns = run.rig.columns_of(Target)
+    if not columns:
+        raise AnalysisError("the rig has no target")
+    seen.peak_acceleration["command"] = float(np.linalg.norm(run.stacked(columns), axis=1).max())
+    seen.moves |= seen.peak_acceleration["command"] > 0.0
+    group, legs, gaps = legs_by_command(run)
+    seen.motions["command"] = [one.name for one in name_motions(legs, "command", group, gaps)]
+
+
+def _by_acceleration(seen: Observation, run: SIRun) -> None:
+    group, legs, gaps = legs_by_accelerometer(run)
+    seen.motions["acceleration"] = [one.name for one in name_motions(legs, "acceleration", group, gaps)]
+
+
+def _by_encoders(seen: Observation, run: ModelledRun) -> None:
+    place, grid = run.place(), run.grid
+    speed = np.gradient(place, grid.step, axis=0)
+    seen.moves |= bool(np.ptp(place, axis=0).max() > 1e-3)
+    acceleration = np.linalg.norm(np.gradient(speed, grid.step, axis=0), axis=1)
+    seen.peak_acceleration["encoders"] = float(acceleration[run.valid].max(initial=0.0))
+    legs = legs_of_path(grid.time, place, np.linalg.norm(speed, axis=1), REST_SHARE["encoders"])
+    gaps = next(iter(encoder_gaps(run.run).spans.values()), NO_GAP)
+    seen.motions["encoders"] = [one.name for one in name_motions(legs, "encoders", run.group, gaps)]
+
+
+class _Readings:
+    """Readings of a run brought to the clock of its encoders, group by group."""
+
+    def __init__(self, run: ModelledRun) -> None:
+        self.run = run
+        self.base: Floats | None = None
+        """Acceleration of the base on the grid, (n, 3) [m/s2], where a group of it was aligned."""
+
+    def responses(self, group: str) -> list[Response]:
+        """Readings against expectations, for all sensors of a group."""
+        run, found = self.run, []
+        expected = run.expected_readings(group)
+        if not expected:
+            return []
+        smooth = [_smooth(run.run, columns, run.grid.step) for columns, _ in expected]
+        lag = 0.0 if group == run.group else _lag(smooth, [p for _, p in expected], run.grid.step)
+        for (columns, wanted), (time, values) in zip(expected, smooth, strict=True):
+            at = run.grid.time if group == run.group else run.grid.time - run.grid.start + lag + time[0]
+            inside = run.valid & (at >= time[0] + EDGE_S) & (at <= time[-1] - EDGE_S)
+            if np.count_nonzero(inside) < 8 * BLOCKS:
+                continue
+            y = np.column_stack([np.interp(at, time, v) for v in values.T])
+            if columns[0].sensor in run.run.rig.base_accelerometers and len(columns) == 3:
+                self.base = np.where(inside[:, None], y - np.median(y, axis=0), 0.0)
+            y, p = y[inside], wanted[inside]
+            y, p = y - y.mean(axis=0), p - p.mean(axis=0)
+            parts = [slice(i[0], i[-1] + 1) for i in np.array_split(np.arange(len(y)), BLOCKS)]
+            yy, yp, pp = (np.stack([a[s].T @ b[s] / len(y) for s in parts]) for a, b in ((y, y), (y, p), (p, p)))
+            found.append(Response(tuple(columns), yy, yp, pp, lag))
+        return found
+
+
+def _smooth(run: SIRun, columns: "list[Column]", step: float) -> tuple[Floats, Floats]:
+    """Instants (n,) [s] and readings (n, k) [SI] below BAND_HZ, on a grid of their clock near ``step`` [s]."""
+    values, time = run.stacked(columns), run.instants(columns[0])
+    grid = grid_of(time, f"{run.name}: {columns[0].channel}")
+    smooth = low_pass(values, min(BAND_HZ, HIGHEST_CUTOFF * grid.rate), grid.rate)
+    every = max(int(step / grid.step), 1)
+    return time[::every], smooth[::every]
+
+
+def _lag(readings: list[tuple[Floats, Floats]], expected: list[Floats], step: float) -> float:
+    """Time in the record at which the grid of the expectations starts, by correlation of either sign [s].
+
+    Every channel of a sensor is compared with every expectation of it: exchanged channels and signs do not matter.
+    """
+    from scipy.signal import correlate
+
+    count = max(int((time[-1] - time[0]) / step) for time, _ in readings)
+    total: Floats | float = 0.0
+    for (time, values), wanted in zip(readings, expected, strict=True):
+        at = time[0] + step * np.arange(count)
+        even = np.column_stack([np.interp(at, time, v) for v in values.T])
+        even, wanted = even - np.median(even, axis=0), wanted - np.median(wanted, axis=0)
+        scale = float(np.linalg.norm(even) * np.linalg.norm(wanted))
+        if not scale > 0.0:
+            continue
+        pairs = ((y, p) for y in even.T for p in wanted.T)
+        total = total + sum(correlate(y, p, method="fft") ** 2 for y, p in pairs) / scale**2
+    if not isinstance(total, np.ndarray):
+        return 0.0
+    k = int(np.argmax(total))
+    shift = float(k - (len(expected[0]) - 1))
+    if 0 < k < len(total) - 1:
+        left, top, right = total[k - 1 : k + 2]
+        shift += float(0.5 * (left - right) / (left - 2.0 * top + right)) if left - 2.0 * top + right < 0.0 else 0.0
+    return shift * step
+
+
+def _torque_equations(run: ModelledRun, readings: _Readings) -> TorqueEquations:
+    """Of the driven joints that have a torque sensor on the encoders' logger."""
+    rig, grid = run.run.rig, run.grid
+    columns = {column.component: column for column in rig.columns_of(Torque)}
+    by_mass, driven = run.torque_columns(readings.base)
+    joints = tuple(j for j in driven if j in columns and run.run.group_of(columns[j]) == run.group)
+    if not joints:
+        raise AnalysisError("no torque sensor of a driven joint is on the encoders' logger")
+    names = ("torque", *by_mass, *DRIVE_TERMS)
+    parts = np.array_split(np.flatnonzero(run.valid), BLOCKS)
+    products = np.zeros((BLOCKS, len(joints), len(names), len(names)))
+    for j, joint in enumerate(joints):
+        time, values = _smooth(run.run, [columns[joint]], grid.step)
+        k, i = run.unloaded.coordinate_index(joint), driven.index(joint)
+        v, a = run.path.v[:, k], run.path.a[:, k]
+        terms = (np.ones(grid.count), *run.smooth(np.column_stack([a, v, np.tanh(v / COULOMB_SPEED)])).T)
+        modelled = run.smooth(np.column_stack([by_mass[name][:, i] for name in by_mass]))
+        whole = np.column_stack([np.interp(grid.time, time, values[:, 0]), modelled, *terms])
+        products[:, j] = [whole[part].T @ whole[part] for part in parts]
+    return TorqueEquations(joints, names, products, int(np.count_nonzero(run.valid)))

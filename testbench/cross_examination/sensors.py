@@ -1,0 +1,229 @@
+"""Sign, gain and axis of each sensor, channels that are dead or drift: against the model and the other runs."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+
+from balance.arrays import Floats
+
+from ..rig.sensors import Accelerometer
+from .observation import BLOCKS, Observation, Response
+from .statement import Statement
+
+ABOVE_NOISE = 4.0
+"""Expected reading over the channel's noise from which the model is a witness [-]."""
+FOLLOWS = 0.85
+"""Correlation with the expected reading from which a channel's gain is known."""
+REVERSED = -0.8
+"""Correlation with the expected reading below which a channel is reversed."""
+LARGE = 0.1
+"""Least expected load of a force channel over the largest of its kind."""
+SIMILAR_SIZE = 2.0
+"""Largest factor, either way, between readings and load of a force channel that is checked."""
+LEAST_EXPLAINED = 0.8
+"""Mean square of the correlations from which the model explains the forces."""
+GAIN_FACTOR = 1.4
+"""Least factor between gains of two runs that is a contradiction: the base's model is not the base."""
+GAIN_DEVIATIONS = 6.0
+"""Robust standard deviations of the logarithm of a channel's gains over the campaign within which a run agrees."""
+NOISE_FACTOR = 1.5
+"""Least factor between noises of a channel in two runs that is a contradiction."""
+FLAT = 0.1
+"""Share of the expected reading below which a channel is flat."""
+EXCHANGED = 0.35
+"""Remainder with two axes exchanged over that without from which they are exchanged."""
+DRIFT_SHARE = 0.25
+"""Least drift over the vibration's span that is a contradiction."""
+
+
+def levels(seen: Observation) -> list[Statement]:
+    """Channels that show one value only while something moves, and levels that drift."""
+    found = []
+    for channel, record in seen.records.items():
+        if record.dead and seen.moves and isinstance(seen.rig.sensors[record.column.sensor], Accelerometer):
+            found.append(
+                Statement(seen.name, "dead", channel, "a sensor that vibrates by the rig", "one value all the time",
+                          "encoders and command move", "flat_channel")
+            )  # fmt: skip
+        elif record.column.dimensions[0] == "acceleration":
+            drifts = abs(record.drift) > max(DRIFT_SHARE * record.span, 10.0 * record.noise)
+            found.append(
+                Statement(seen.name, "rest", channel, "a level that rests",
+                          f"it drifts by {record.drift:.3g} m/s2, beneath a vibration of {record.span:.3g} m/s2",
+                          "a line through the record", "level_drift" if drifts else None)
+            )  # fmt: skip
+    return found
+
+
+class Gains:
+    """Gains of one response against the model."""
+
+    def __init__(self, response: Response, noise: Floats) -> None:
+        self.columns = response.columns
+        yy, yp, pp = (m.sum(axis=0) for m in (response.yy, response.yp, response.pp))
+        y, p = np.sqrt(np.diag(yy)), np.sqrt(np.diag(pp))
+        self.readings, self.expected = y, p
+        self.yy, self.yp, self.pp = yy, yp, pp
+        self.correlation = np.diag(yp) / np.maximum(y * p, 1e-300)
+        self.gain = np.diag(yp) / np.maximum(p**2, 1e-300)
+        self.witnessed = (p > ABOVE_NOISE * noise) & (p > 0.0)
+        """Channels of which the model expects more than noise, (k,)."""
+        without = [
+            (response.yp.sum(axis=0) - response.yp[b], response.pp.sum(axis=0) - response.pp[b]) for b in range(BLOCKS)
+        ]
+        each = np.array([np.diag(a) / np.maximum(np.diag(b), 1e-300) for a, b in without])
+        self.deviation = np.sqrt((BLOCKS - 1.0) / BLOCKS * np.sum((each - each.mean(axis=0)) ** 2, axis=0))
+
+    @property
+    def follows(self) -> np.ndarray:
+        """Channels whose gain is known, (k,)."""
+        return self.witnessed & (self.correlation > FOLLOWS)
+
+    def remainder(self, of: int, by: int, scale: float) -> float:
+        """What expectation ``by`` leaves of channel ``of``, over the power of both: 0 all, 1 unrelated, 2 opposed."""
+        power = self.yy[of, of] + scale**2 * self.pp[by, by]
+        return float((power - 2.0 * scale * self.yp[of, by]) / max(power, 1e-300))
+
+
+def examined_sensors(observations: Sequence[Observation], unsure: frozenset[str]) -> list[Statement]:
+    """Axis, sign and gain of every sensor of every run; the model of runs of ``unsure`` masses is no witness."""
+    statements: list[Statement] = []
+    gains: dict[str, dict[str, tuple[float, float]]] = defaultdict(dict)
+    for seen in observations:
+        for response in seen.responses:
+            if seen.name in unsure and response.columns[0].sensor in seen.rig.base_accelerometers:
+                continue
+            one = Gains(response, np.array([seen.records[c.channel].noise for c in response.columns]))
+            acceleration = response.columns[0].dimensions[0] == "acceleration"
+            if acceleration:
+                wrong = _exchanged(seen, one)
+                statements += wrong
+                if any(s.code for s in wrong):
+                    continue
+                witnessed = [int(i) for i in np.flatnonzero(one.witnessed)]
+                statements += [_sign(seen, one, i) for i in witnessed]
+                still = [i for i in witnessed if one.readings[i] < FLAT * one.expected[i]]
+                statements += [_flat(seen, one, i) for i in still if not seen.records[one.columns[i].channel].dead]
+            for i in np.flatnonzero(one.follows):
+                if acceleration and not seen.records[one.columns[i].channel].clipped:
+                    gains[one.columns[i].channel][seen.name] = (float(one.gain[i]), float(one.deviation[i]))
+        statements += [] if seen.name in unsure else _forces(seen)
+    flat = {(s.run, s.channel) for s in statements if s.code == "flat_channel"}
+    for channel, by_run in gains.items():
+        statements += _gain_statements(channel, by_run)
+    known = {(s.run, s.channel) for s in statements if s.subject == "gain"}
+    return statements + [s for s in _noises(observations) if (s.run, s.channel) not in known | flat]
+
+
+def _exchanged(seen: Observation, one: Gains) -> list[Statement]:
+    """Pairs of axes of a sensor of which each follows what the other should show."""
+    found = []
+    for i, k in combinations(range(len(one.columns)), 2):
+        if not (one.witnessed[i] or one.witnessed[k]):
+            continue
+        remainders = []
+        for a, b in ((i, k), (k, i)):
+            fitting = one.yp[i, a] + one.yp[k, b]
+            scale = fitting / max(one.pp[a, a] + one.pp[b, b], 1e-300)
+            remainders.append(one.remainder(i, a, scale) + one.remainder(k, b, scale) if scale > 0.0 else 4.0)
+        names = [one.columns[n].channel for n in (i, k)]
+        wrong = remainders[0] > 1.0 and remainders[1] < EXCHANGED * remainders[0]
+        found.append(
+            Statement(seen.name, "axis", names[0], f"{names[0]} is axis {one.columns[i].component}, {names[1]} axis "
+                      f"{one.columns[k].component} by the rig",
+                      "axes exchanged: each follows what the other should show" if wrong else "as the rig states",
+                      "the model of the motion", "axis_contradiction" if wrong else None)
+        )  # fmt: skip
+    return found
+
+
+def _sign(seen: Observation, one: Gains, i: int) -> Statement:
+    wrong = bool(one.correlation[i] < REVERSED)
+    return Statement(
+        seen.name, "sign", one.columns[i].channel, "sign as in the rig",
+        f"{'reversed: ' if wrong else ''}correlation {one.correlation[i]:.2f} with the model, expected near 1",
+        "the model of the motion", "sign_contradiction" if wrong else None,
+    )  # fmt: skip
+
+
+def _flat(seen: Observation, one: Gains, i: int) -> Statement:
+    return Statement(
+        seen.name, "dead", one.columns[i].channel, f"{one.expected[i]:.3g} m/s2 RMS by the model",
+        f"{one.readings[i]:.3g} m/s2 RMS, flat", "its readings", "flat_channel",
+    )  # fmt: skip
+
+
+def _forces(seen: Observation) -> list[Statement]:
+    """Signs of force channels with a large load, where the model explains the forces of the run."""
+    forces = [
+        (g, i)
+        for r in seen.responses
+        if r.columns[0].dimensions[0] != "acceleration"
+        for g in [Gains(r, np.zeros(len(r.columns)))]
+        for i in range(len(r.columns))
+    ]
+    largest: dict[str, float] = defaultdict(float)
+    for g, i in forces:
+        kind = g.columns[i].dimensions[0]
+        largest[kind] = max(largest[kind], float(g.expected[i]))
+    loaded = [(g, i) for g, i in forces if g.expected[i] > LARGE * largest[g.columns[i].dimensions[0]] > 0.0]
+    similar = [(g, i) for g, i in loaded if 1.0 / SIMILAR_SIZE < g.readings[i] / g.expected[i] < SIMILAR_SIZE]
+    if not similar or np.mean([g.correlation[i] ** 2 for g, i in similar]) < LEAST_EXPLAINED:
+        return []
+    found = []
+    for g, i in similar:
+        column, correlation = g.columns[i], g.correlation[i]
+        wrong = bool(correlation < REVERSED)
+        witnessed = (
+            f"{'reversed polarity: it opposes' if wrong else 'it follows'} the load {column.component} that the "
+        )
+        witnessed += f"motion puts on {column.sensor}: correlation {correlation:.2f}, expected near 1"
+        code = "force_sign" if wrong else None
+        found.append(Statement(seen.name, "sign", column.channel, "sign by the rig", witnessed, "the model", code))
+    return found
+
+
+def _gain_statements(channel: str, by_run: dict[str, tuple[float, float]]) -> list[Statement]:
+    """Gain of a channel in each run against the median of the other runs; of a lone run against the model."""
+    logs = {run: float(np.log(value)) for run, (value, _) in by_run.items()}
+    found = []
+    for run, own in logs.items():
+        others = np.array([value for name, value in logs.items() if name != run])
+        centre = float(np.median(others)) if others.size > 1 else 0.0
+        scatter = 1.4826 * float(np.median(np.abs(others - centre))) if others.size > 2 else 0.0
+        error = by_run[run][1] / by_run[run][0]
+        wrong = abs(own - centre) > max(np.log(GAIN_FACTOR), GAIN_DEVIATIONS * max(scatter, error))
+        if others.size == 1:
+            wrong = wrong and abs(own - others[0]) > np.log(GAIN_FACTOR)
+        wrong = wrong and others.size > 0
+        stated = f"{np.exp(centre):.3g} times the model in the other runs" if others.size > 1 else "once the model"
+        found.append(
+            Statement(run, "gain", channel, stated, f"{by_run[run][0]:.3g} times the model, standard uncertainty "
+                      f"{by_run[run][1]:.2g}", "its readings", "gain_contradiction" if wrong else None)
+        )  # fmt: skip
+    return found
+
+
+def _noises(observations: Sequence[Observation]) -> list[Statement]:
+    """Gain by the noise: of a channel that shows no motion, its noise in one run against that in the others."""
+    by_channel: dict[str, dict[str, float]] = defaultdict(dict)
+    for seen in observations:
+        for channel, record in seen.records.items():
+            if record.column.dimensions[0] == "acceleration" and not (record.dead or record.clipped):
+                by_channel[channel][seen.name] = record.noise
+    found = []
+    for channel, by_run in by_channel.items():
+        for run, own in by_run.items():
+            others = np.array([value for name, value in by_run.items() if name != run])
+            centre = float(np.median(others)) if others.size else 0.0
+            if others.size < 2 or not centre > 0.0 or np.ptp(others) > centre * (NOISE_FACTOR - 1.0):
+                continue
+            ratio = own / centre
+            code = None if 1.0 / NOISE_FACTOR < ratio < NOISE_FACTOR else "gain_contradiction"
+            found.append(
+                Statement(run, "gain", channel, f"noise of {centre:.3g} m/s2 in the other runs", f"{own:.3g} m/s2",
+                          "what no motion causes", "flat_channel" if ratio < 0.1 else code)
+            )  # fmt: skip
+    return found
