@@ -48,7 +48,7 @@ LAYERS: tuple[str, ...] = (
     "testbench.cross_examination",
     "testbench.identification testbench.trim testbench.vibration.reduction",
     "testbench.simulator",
-    "testbench.vibration.comparison",
+    "testbench.vibration.comparison testbench.next_run",
     "testbench.figures",
     "testbench.report",
     "testbench",

@@ -120,7 +120,7 @@ class Imbalance:
 
         Raises NotIdentifiable if it is not determined.
         """
-        own = self._coordinates(combination, self.excited.shape[1])
+        own = self.coordinates(combination, self.excited.shape[1])
         outside = own - self.excited.T @ (self.excited @ own)
         if np.abs(outside).max() > _OUTSIDE * np.abs(combination).max(initial=0.0):
             raise NotIdentifiable("what balances is not determined by this record: the motion does not excite it")
@@ -143,7 +143,7 @@ class Imbalance:
         """
         if self.regression is None:
             return self.constant_degrees_of_freedom
-        own = self._coordinates(combination, len(self.regression.values))
+        own = self.coordinates(combination, len(self.regression.values))
         estimated = float(own @ self.regression.covariance @ own)
         added = float(combination @ self.covariance @ combination) / max(estimated, 1e-300)
         return min(self.regression.degrees_of_freedom(own) * max(added, 1.0) ** 2, 1e6)
@@ -164,7 +164,8 @@ class Imbalance:
             for site, lever, row in zip(sites, levers, rows, strict=True)
         ]
 
-    def _coordinates(self, combination: Floats, count: int) -> Floats:
+    def coordinates(self, combination: Floats, count: int) -> Floats:
+        """A combination (rank,) of the conditions' values in the regression's unknowns, (count,) [-]."""
         own = self.subspace.directions @ combination
         return np.pad(own, (0, count - len(own)))
 

@@ -19,7 +19,7 @@ Technol. 22, 2014).
 """
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -131,13 +131,14 @@ class _RecordSums:
             self.left, self.left_vector = _sums(left, design, readings, parts)
             self.left_square = _sums(left, left, readings, parts)[0]
 
-    def reduced(self, skip: int | None = None) -> tuple[Floats, Floats]:
-        """Equations of the unknowns alone, the nuisances solved for, one block left out."""
+    def reduced(self, skip: int | None = None, weights: Floats | None = None) -> tuple[Floats, Floats]:
+        """Equations of the unknowns alone, the nuisances solved for, one block left out; ``weights`` (rows,) or own."""
         kept = np.ones(len(self.labels))
         if skip is not None:
             kept[skip] = 0.0
-        matrix = np.einsum("b,j,bjik->ik", kept, self.weights, self.left)
-        vector = np.einsum("b,j,bji->i", kept, self.weights, self.left_vector)
+        own = self.weights if weights is None else weights
+        matrix = np.einsum("b,j,bjik->ik", kept, own, self.left)
+        vector = np.einsum("b,j,bji->i", kept, own, self.left_vector)
         k = self.size
         share = _least_norm(matrix[k:, k:], np.column_stack([matrix[k:, :k], vector[k:]]))
         return matrix[:k, :k] - matrix[:k, k:] @ share[:, :k], vector[:k] - matrix[:k, k:] @ share[:, k]
@@ -226,10 +227,40 @@ class RegressionFit:
     def degrees_of_freedom(self, combination: Floats) -> float:
         """Of the variance of a combination (p,) [-]: Satterthwaite's, at most blocks - conditions, at least one."""
         gain = combination @ self._inverse
-        part = np.einsum("i,bij,j->b", gain, self._contributions, gain)
-        squares = float(np.sum(part**2))
-        effective = float(part.sum()) ** 2 / squares - 1.0 if squares > 0.0 else 1.0
-        return max(min(effective, float(self.blocks - self.conditions)), 1.0)
+        return _satterthwaite(np.einsum("i,bij,j->b", gain, self._contributions, gain), self.conditions)
+
+    @property
+    def excess_variance(self) -> float:
+        """What the jackknife finds of the excited unknowns' variance, as a multiple of what white noise leaves [-].
+
+        Its mean over directions that white noise leaves equally uncertain.
+        """
+        information = np.linalg.pinv(self._inverse, hermitian=True)
+        return float(np.trace(self.covariance @ information)) / max(len(self.excited), 1)
+
+    def designed_estimate(
+        self, combination: Floats, records: Collection[int], residual_rms: Mapping[str, float]
+    ) -> Estimate:
+        """Of zero, as uncertain as a combination (p,) by some of the records, were noise white with an rms by row.
+
+        Of the readings nothing is used, so that a record may be of a run that was not made. Raises NotIdentifiable
+        where these records do not determine it.
+        """
+        sums, scale = {r: self._equations.sums[r] for r in records}, self._equations.scale
+        weights = [np.array([residual_rms[row] for row in one.record.rows]) ** -2.0 for one in sums.values()]
+        parts = [one.reduced(weights=own)[0] for one, own in zip(sums.values(), weights, strict=True)]
+        matrix = np.sum(parts, axis=0) + np.diag(self._equations.prior)
+        sizes, turned = np.linalg.eigh(matrix / np.outer(scale, scale))
+        own, kept = turned.T @ (combination / scale), sizes > RANK_LIMIT**2 * sizes[-1]
+        if np.abs(own[~kept]).max(initial=0.0) > _OUTSIDE * np.abs(own).max():
+            raise NotIdentifiable("these records do not determine it: their motions do not excite it")
+        gain = (turned[:, kept] @ (own[kept] / sizes[kept])) / scale
+        shares: dict[tuple[str | int, int], float] = defaultdict(float)
+        for r, one in sums.items():
+            for label, block in zip(one.labels, one.contributions(), strict=True):
+                shares[one.record.motion or r, int(label)] += float(gain @ block @ gain)
+        freedom = _satterthwaite(np.array(list(shares.values())), self.conditions)
+        return Estimate.single(0.0, float(np.sqrt(np.sum(own[kept] ** 2 / sizes[kept]))), freedom)
 
     def gains(self, combinations: Floats) -> list[Floats]:
         """By record: how much combinations (c, p) [-] rise by what a reading is more, weights fixed, (n, rows, c)."""
@@ -288,6 +319,13 @@ def fit(
         found.inverse,
         contributions,
     )
+
+
+def _satterthwaite(shares: Floats, conditions: int) -> float:
+    """Degrees of freedom of a variance to which blocks contribute shares (blocks,), at least one."""
+    squares = float(np.sum(shares**2))
+    effective = float(shares.sum()) ** 2 / squares - 1.0 if squares > 0.0 else 1.0
+    return max(min(effective, float(len(shares) - conditions)), 1.0)
 
 
 def least_squares(record: RegressionRecord) -> Floats:

@@ -3,6 +3,7 @@
 from balance.cli.framework import LazyGroup, run
 
 COMMANDS = {
+    "plan": ("plan", "Which run to make next: what narrows most what is asked."),
     "simulate": ("simulate", "Make the logs that a test bench would write, marked as simulated."),
     "info": ("logs", "What a log file holds, and what is odd in it."),
     "formats": ("logs", "Which formats can be read."),

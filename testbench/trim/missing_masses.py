@@ -34,15 +34,8 @@ def trim_runs(
     determine it; else the base's vibration; trial masses where mountings differ. Raises AnalysisError or
     NotIdentifiable where the runs cannot tell.
     """
-    mechanism, mounted = runs[0].unloaded, runs[0].mechanism
-    names = list(dict.fromkeys(sites)) or mechanism.counter_sites
-    if not names:
-        raise AnalysisError(
-            f"{mechanism.name} has no site named counter...: name sites, there are "
-            f"{', '.join(mechanism.sites) or 'none'}"
-        )
-    mounted.with_counter_mass(dict.fromkeys(names, 0.0))
-    problem = TrimProblem(runs, conditions.balance_conditions(mounted), names, cutoff)
+    problem = trim_problem(runs, sites, cutoff)
+    mechanism, mounted, names = problem.mechanism, problem.mounted, problem.sites
     named = [source] if isinstance(source, str) else list(dict.fromkeys(source or ()))
     wanted = _checked(problem, named) if named else _present(problem)
     found, failed = _estimated(problem, wanted, bool(named))
@@ -70,6 +63,19 @@ def trim_runs(
         tuple(plates),
         tuple(finding for one in found for finding in one.findings),
     )
+
+
+def trim_problem(runs: Sequence[AlignedRun], sites: Sequence[str], cutoff: float | None) -> TrimProblem:
+    """What is asked of runs of one mechanism. Raises AnalysisError without a site, ModelError for an unknown one."""
+    mechanism, mounted = runs[0].unloaded, runs[0].mechanism
+    names = list(dict.fromkeys(sites)) or mechanism.counter_sites
+    if not names:
+        raise AnalysisError(
+            f"{mechanism.name} has no site named counter...: name sites, there are "
+            f"{', '.join(mechanism.sites) or 'none'}"
+        )
+    mounted.with_counter_mass(dict.fromkeys(names, 0.0))
+    return TrimProblem(runs, conditions.balance_conditions(mounted), names, cutoff)
 
 
 def _checked(problem: TrimProblem, wanted: list[Source]) -> list[Source]:
@@ -136,7 +142,7 @@ def _refuse_wide(estimate: SourceEstimate, problem: TrimProblem) -> None:
         missing = estimate.imbalance.missing(problem.mounted, problem.sites)
     except NotIdentifiable as error:
         raise AnalysisError(f"{problem.names}: {error}; {hint}") from error
-    largest = max((abs(value) for value in _lacking(problem)), default=0.0)
+    largest = max((abs(value) for value in lacking(problem)), default=0.0)
     for one in missing:
         half = one.first_moment.half_width()
         if half > RESOLUTION * largest:
@@ -147,7 +153,7 @@ def _refuse_wide(estimate: SourceEstimate, problem: TrimProblem) -> None:
             )
 
 
-def _lacking(problem: TrimProblem) -> list[float]:
+def lacking(problem: TrimProblem) -> list[float]:
     """What each site lacks without counter-masses, by the model [kg m]."""
     payload = problem.runs[0].conditions.get("payload_kg")
     bare = problem.mechanism
