@@ -67,11 +67,40 @@ class Matrix(Table):
     """Unit of the result, for all components or for each."""
 
 
+class Uncertainty(Table):
+    """Of the sensitivity, or of the whole law: relative (``0.5 %``) or in the unit of the sensitivity (``0.05 mV/g``).
+
+    One error for all readings since the calibration: it does not average out, and cancels in ratios.
+    """
+
+    standard: PerComponent | None = None
+    """Standard uncertainty, for all channels or for each."""
+    expanded: PerComponent | None = None
+    """Expanded uncertainty, as certificates state it; with its coverage factor."""
+    coverage_factor: float | None = Field(default=None, gt=0.0, allow_inf_nan=False)
+    """k: expanded = k x standard."""
+    degrees_of_freedom: float | None = Field(default=None, ge=1.0)
+    """Of the standard uncertainty; none: it is taken as known."""
+
+    @model_validator(mode="after")
+    def _one_form(self) -> "Uncertainty":
+        if (self.standard is None) == (self.expanded is None):
+            raise ValueError("expected one of standard, expanded")
+        if (self.expanded is None) != (self.coverage_factor is None):
+            raise ValueError("expanded and coverage_factor go together, such as expanded = '1 %', coverage_factor = 2")
+        return self
+
+    def __str__(self) -> str:
+        """On one line, as written."""
+        factor = "" if self.coverage_factor is None else f" (k = {self.coverage_factor:g})"
+        return f"{_each(self.standard, 'standard uncertainty {}')}{_each(self.expanded, 'uncertainty {}')}{factor}"
+
+
 class Calibration(Table):
     """From a sensor's readings to what it measures.
 
-    physical = (raw - offset) / (sensitivity x amplifier), or a polynomial, or a matrix of all channels; or an offset
-    alone, where the log is in physical units already.
+    physical = (raw - offset) / (sensitivity x amplifier), or a polynomial, or a matrix of all channels; or an offset or
+    an uncertainty alone, where the log is in physical units already.
     """
 
     sensitivity: PerComponent | None = None
@@ -86,6 +115,8 @@ class Calibration(Table):
     """In place of a sensitivity, for all channels together."""
     unit: str | None = None
     """In which the logger writes, where neither the log nor the sensor's ``unit`` states it."""
+    uncertainty: Uncertainty | None = None
+    """Of the sensitivity, amplifier included."""
     date: Day | None = None
     """When it was calibrated."""
     reference: str = ""
@@ -96,13 +127,18 @@ class Calibration(Table):
         given = [n for n in ("sensitivity", "polynomial", "matrix") if getattr(self, n) is not None]
         if len(given) > 1:
             raise ValueError(f"{given[0]} and {given[1]}: expected one of sensitivity, polynomial, matrix")
-        if not given and self.offset is None:
-            raise ValueError("expected one of sensitivity, polynomial, matrix, offset")
+        if not given and self.offset is None and self.uncertainty is None:
+            raise ValueError("expected one of sensitivity, polynomial, matrix, offset, uncertainty")
         if self.amplifier is not None and self.sensitivity is None:
             raise ValueError("amplifier: goes with a sensitivity, such as '3.9 pC/N'")
         if self.offset is not None and self.polynomial is not None:
             raise ValueError("offset: is the first coefficient of a polynomial; expected one of the two")
         return self
+
+    @property
+    def scales(self) -> bool:
+        """Whether it turns readings into another unit; else they are in the unit of the kind of sensor already."""
+        return (self.sensitivity, self.polynomial, self.matrix) != (None, None, None)
 
     def document(self) -> dict[str, Any]:
         """As it is stored; what is not given is left out."""
@@ -116,6 +152,7 @@ class Calibration(Table):
             _polynomials(self.polynomial),
             "" if self.matrix is None else _size(self.matrix),
             _each(self.offset, "offset {}"),
+            str(self.uncertainty or ""),
             f"calibrated {self.date}" if self.date else "",
             self.reference,
         ]

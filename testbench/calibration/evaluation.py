@@ -93,16 +93,48 @@ def check_law(calibration: Calibration, channels: Sequence[Channel]) -> None:
     """Raise UnitError for keys that name no component, or a matrix of another size."""
     components = [channel.component for channel in channels]
     known = {name for component in components for name in component_keys(component)}
-    for field in ("sensitivity", "amplifier", "offset", "polynomial"):
-        given = getattr(calibration, field)
+    stated = calibration.uncertainty
+    texts = {name: getattr(calibration, name) for name in ("sensitivity", "amplifier", "offset", "polynomial")}
+    texts["uncertainty"] = None if stated is None else stated.standard or stated.expanded
+    for field, given in texts.items():
         if not isinstance(given, dict):
             continue
         if wrong := [name for name in given if name not in known]:
             raise UnitError(f"{field}: the sensor has no component {wrong[0]!r}: expected {', '.join(components)}")
-        if field != "offset" and (missing := [c for c in components if entry_of_component(given, c) is None]):
+        missing = [c for c in components if entry_of_component(given, c) is None]
+        if field not in ("offset", "uncertainty") and missing:
             raise UnitError(f"{field}: is missing for {missing[0]}")
     if calibration.matrix is not None:
         _check_matrix(calibration.matrix.rows, components)
+    if calibration.uncertainty is not None:
+        for channel in channels:
+            relative_uncertainty(calibration, channel)
+
+
+def relative_uncertainty(calibration: Calibration, channel: Channel) -> float | None:
+    """Standard uncertainty of a channel's sensitivity, as a share of it; None where none is stated for it.
+
+    Raises UnitError for one that is neither a share nor in the unit of the sensitivity.
+    """
+    stated = calibration.uncertainty
+    if stated is None:
+        return None
+    text = entry_of_component(stated.standard or stated.expanded, channel.component)
+    if text is None:
+        return None
+    size = si_amount(text, channel.dimensions)
+    sensitivity = entry_of_component(calibration.sensitivity, channel.component)
+    whole = si_unit("V/V", ()) if sensitivity is None else si_amount(sensitivity, channel.dimensions)
+    share = size if size.units == si_unit("V/V", ()).units else size / whole
+    if share.units != si_unit("V/V", ()).units:
+        raise UnitError(
+            f"uncertainty {text!r} of {channel.component}: expected a share such as '0.5 %'"
+            + ("" if sensitivity is None else f", or the unit of the sensitivity {sensitivity!r}")
+        )
+    relative = abs(share.value) / (stated.coverage_factor or 1.0)
+    if not relative < 1.0:
+        raise UnitError(f"uncertainty {text!r} of {channel.component}: expected less than the sensitivity itself")
+    return relative
 
 
 def _check_matrix(rows: Sequence[Sequence[float]], components: Sequence[str]) -> None:
@@ -144,8 +176,7 @@ def _unit_of_log(channel: Channel, calibration: Calibration, written: str | None
             raise UnitError(f"channel {channel.channel!r} is in {found}: correct one")
     if given:
         return given[0][1]
-    scaled = (calibration.sensitivity, calibration.polynomial, calibration.matrix) != (None, None, None)
-    if channel.unit and not scaled:
+    if channel.unit and not calibration.scales:
         return channel.unit  # an offset alone leaves the usual unit of the kind
     raise UnitError(
         f"channel {channel.channel!r} has no unit, neither in its log nor in the rig: state "

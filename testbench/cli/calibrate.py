@@ -28,6 +28,8 @@ And for logs in volts or mV/V:
   testbench calibrate campaign/r001.h5 acc --sensitivity "x=10.2 mV/g" --sensitivity "y=9.9 mV/g" --reason "..."
   testbench calibrate campaign force --sensitivity "3.9 pC/N" --amplifier "100 pC/V" --reason "range was 100 pC/V"
   testbench calibrate campaign six_axis --matrix cross.csv --raw mV/V --physical "F=N" --physical "M=N m" --reason "..."
+  testbench calibrate campaign acc --certificate x=dcc-x.xml --certificate y=dcc-y.xml --frequency 16 --reason "..."
+  testbench calibrate campaign acc --sensitivity "10.2 mV/g" --uncertainty "1 %" --coverage-factor 2 --reason "..."
   testbench calibrate campaign load --polynomial 0,250,1.3 --raw V --physical N --reason "dead weights, 5 points"
 \b
 Exit codes: 0 done, 3 done but for runs that are damaged, 1 refused (nothing recorded): no such sensor, units that do
@@ -43,6 +45,13 @@ not lead to what it measures, every run damaged."""
 )
 @click.option("--raw", metavar="UNIT", help="The unit that a polynomial or matrix takes.")
 @click.option("--physical", multiple=True, metavar="[AXIS=]UNIT", help="The unit that it gives.")
+@click.option(
+    "--certificate", multiple=True, metavar="[AXIS=]FILE", help="A digital calibration certificate (DCC, XML)."
+)
+@click.option("--quantity", multiple=True, metavar="[AXIS=]TEXT", help="In the name of the certificate's sensitivity.")
+@click.option("--frequency", type=float, metavar="HZ", help="Of a certificate with several: that of the vibration.")
+@click.option("--uncertainty", multiple=True, metavar="[AXIS=]TEXT", help="Of the sensitivity: '1 %' or '0.1 mV/g'.")
+@click.option("--coverage-factor", type=float, metavar="K", help="Of --uncertainty, as certificates state it: 2.")
 @click.option("--unit", metavar="UNIT", help="In which the logger wrote, where neither log nor rig states it.")
 @click.option("--date", metavar="YYYY-MM-DD", help="When the sensor was calibrated.")
 @click.option("--reference", metavar="TEXT", default="", help="Certificate, laboratory.")
@@ -65,11 +74,15 @@ def calibrate(words: tuple[str, ...], listed: bool, reason: str | None, as_json:
         raise click.UsageError("expected CAMPAIGN or RUN..., then SENSOR; or --list")
     if not reason or not reason.strip():
         raise click.UsageError("--reason is missing: a correction is recorded with why it was made")
-    calibration = _calibration(given)
+    files, quantity, frequency = (given.pop(name) for name in ("certificate", "quantity", "frequency"))
+    if (files and given["sensitivity"]) or (not files and (quantity or frequency)):
+        raise click.UsageError("--certificate gives the sensitivity; --quantity and --frequency go with it")
+    typed = None if files else _calibration(given)
     runs, damaged = _runs(words[:-1])
     if not runs:
         _report_damaged(damaged)
         return EXIT_REFUSED
+    calibration = typed or _calibration(given | _certified(files, quantity, frequency, runs[0], words[-1]))
     from ..runs.recalibrate import calibrate as correct
     from .options import NotOpened
 
@@ -133,6 +146,13 @@ def _calibration(given: dict[str, Any]) -> "Calibration":
 
     table: dict[str, Any] = {name: _each(given[name], name) for name in ("sensitivity", "amplifier", "offset")}
     table |= {name: given[name] for name in ("unit", "date", "reference")}
+    if stated := _each(given["uncertainty"], "uncertainty"):
+        factor = given["coverage_factor"]
+        table["uncertainty"] = (
+            {"standard": stated} if factor is None else {"expanded": stated, "coverage_factor": factor}
+        )
+    elif given["coverage_factor"] is not None:
+        raise click.UsageError("--coverage-factor goes with --uncertainty")
     units = {"raw": given["raw"], "physical": _each(given["physical"], "physical")}
     if (given["matrix"] or given["polynomial"]) and None in units.values():
         raise click.UsageError("--matrix and --polynomial need --raw and --physical: the units that they take and give")
@@ -150,6 +170,39 @@ def _calibration(given: dict[str, Any]) -> "Calibration":
         found = error.errors(include_url=False)[0]
         place = " ".join(f"--{part}" for part in found["loc"][:1])
         raise click.UsageError(f"{place} {found['msg'].removeprefix('Value error, ')}".strip()) from error
+
+
+def _certified(
+    files: tuple[str, ...], quantity: tuple[str, ...], frequency: float | None, run: "Run", sensor: str
+) -> dict[str, Any]:
+    """What certificates say of a sensor, as options; AXIS=FILE where each axis has one of its own."""
+    from ..errors import RigError
+    from ..runs.recalibrate import certified
+
+    each, names = _each(files, "certificate"), _each(quantity, "quantity") or ""
+    axes = each if isinstance(each, dict) else {"": each or ""}
+    found = {}
+    for axis, file in axes.items():
+        name = names if isinstance(names, str) else names.get(axis, "")
+        found[axis] = certified(run, sensor, Path(file), frequency, name)
+    factors = {one.get("uncertainty", {}).get("coverage_factor") for one in found.values()}
+    if len(factors) > 1:
+        raise RigError("the certificates state uncertainties of different kinds or coverage factors: give one by one")
+
+    def texts(key: str) -> tuple[str, ...]:
+        stated = {
+            axis: one.get("uncertainty", {}).get(key) if key != "sensitivity" else one[key]
+            for axis, one in found.items()
+        }
+        return tuple(f"{axis}={text}" if axis else text for axis, text in stated.items() if text)
+
+    return {
+        "sensitivity": texts("sensitivity"),
+        "uncertainty": texts("expanded") or texts("standard"),
+        "coverage_factor": factors.pop(),
+        "date": max(one.get("date", "") for one in found.values()) or None,
+        "reference": "; ".join(dict.fromkeys(one["reference"] for one in found.values())),
+    }
 
 
 def _each(texts: tuple[str, ...], option: str) -> str | dict[str, str] | None:

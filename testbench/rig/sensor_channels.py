@@ -132,7 +132,7 @@ class LoggedSensor(Table, ABC):
         """The unit of the log and whether the rig states it; raw values are not in the usual unit of a kind."""
         if "unit" in self.model_fields_set:
             return unit or "", bool(unit)
-        return ("", False) if self.calibration is not None else (unit or "", False)
+        return ("", False) if self.calibration is not None and self.calibration.scales else (unit or "", False)
 
     @model_validator(mode="after")
     def _calibrated(self) -> Self:

@@ -3,11 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from balance.errors import UnitError
 from balance.input_files import suggestion
 
+from ..calibration import certificate
 from ..calibration.definition import Calibration
 from ..calibration.evaluation import bind_sensor
 from ..errors import RigError, StoreError
@@ -69,6 +70,23 @@ def calibrate(runs: "Sequence[Run]", sensor: str, calibration: Calibration, reas
         folders.pop(), [run.path for run in calibrated], sensor, calibration, reason.strip()
     )
     return Corrected(record, tuple(run.name for run in calibrated), tuple(without), left_out)
+
+
+def certified(run: "Run", sensor: str, file: Path, frequency_hz: float | None, quantity: str) -> dict[str, Any]:
+    """Keys of a calibration of ``sensor`` by a digital calibration certificate (see ``certificate``).
+
+    Raises RigError where the certificate does not say it, or is of another serial number than the sensor's data sheet.
+    """
+    si = SIRun.of(run)
+    columns = _columns(si, sensor)
+    found = certificate.read_certificate(file)
+    sheet = si.rig.sensors[sensor].teds
+    if sheet is not None and sheet.serial and found.serials and sheet.serial not in found.serials:
+        raise RigError(
+            f"{file.name}: is of serial number {' or '.join(found.serials)}, sensors.{sensor}.teds.serial is "
+            f"{sheet.serial}: give the certificate of this sensor"
+        )
+    return found.calibration(columns[0].dimensions, frequency_hz, quantity)
 
 
 def _columns(run: SIRun, sensor: str) -> "list[Column]":

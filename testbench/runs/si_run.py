@@ -19,7 +19,7 @@ from balance.units import SI_UNITS, factor_to_si
 
 from .. import units
 from ..calibration.definition import is_electrical
-from ..calibration.evaluation import CalibrationLaw, bind_sensor
+from ..calibration.evaluation import CalibrationLaw, bind_sensor, relative_uncertainty
 from ..errors import AnalysisError
 from ..quality.clipping import flat_tops, is_dead
 from ..recording import Channel, Finding, Severity
@@ -38,6 +38,19 @@ AT_RANGE = 1.0 - 1e-4
 """Share of its range from which a sensor counts as saturated."""
 RESOLVED_BY_CALIBRATION = frozenset({"uncalibrated", "calibration_contradiction"})
 """Findings that a later calibration resolves; until then reading the channel is refused."""
+
+
+@dataclass(frozen=True)
+class SensitivityUncertainty:
+    """Of a channel in one run: one error since the calibration, the same in all runs that share it."""
+
+    relative: float
+    """Standard uncertainty, as a share of the sensitivity [-]."""
+    degrees_of_freedom: float
+    source: str
+    """Certificate, record or rig that states it."""
+    calibration: object
+    """What states it: runs of one sensor for which this is equal share the error."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,6 +241,23 @@ class SIRun:
         if column.calibration is not None:
             return calibration_history.CalibrationInForce(column.sensor, column.calibration, "rig", runs=(self.name,))
         return None
+
+    def sensitivity_uncertainty(self, column: Column) -> "SensitivityUncertainty | None":
+        """How well a channel's sensitivity is known; None where neither its calibration nor the rig states it.
+
+        By the calibration in force, else by the errors that the rig's bench states of its sensors.
+        """
+        found = self.calibration(column)
+        relative = None if found is None else relative_uncertainty(found.calibration, column)
+        if found is not None and relative is not None:
+            assert found.calibration.uncertainty is not None
+            freedom = found.calibration.uncertainty.degrees_of_freedom
+            return SensitivityUncertainty(relative, freedom or np.inf, found.calibration.reference or found.source,
+                                          found.calibration)  # fmt: skip
+        errors = self.rig.bench.errors.get(column.sensor)
+        if errors is None or not errors.sensitivity:
+            return None
+        return SensitivityUncertainty(errors.sensitivity, np.inf, "rig, bench.errors", errors)
 
     @property
     def calibrations(self) -> "list[CalibrationInForce]":

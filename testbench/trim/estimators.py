@@ -102,7 +102,7 @@ class _Equations:
         names = ", ".join(dict.fromkeys(name for name, *_ in self.entries))
         return (
             replace(found.imbalance, covariance=found.imbalance.covariance + more),
-            [f"the errors of calibration and cross-talk that the rig states of {names}"],
+            [f"the errors of calibration and cross-talk that rig and calibration state of {names}"],
         )
 
 
@@ -198,7 +198,7 @@ def present_sources(problem: TrimProblem, one_mounting: bool) -> list[Source]:
 
 
 def _deviations(problem: TrimProblem) -> dict[Entry, float]:
-    return sensor_errors.stated_deviations(run.rig for run in problem.runs)
+    return sensor_errors.stated_deviations(run.run for run in problem.runs)
 
 
 def _each(

@@ -43,7 +43,7 @@ def force_regression(run: AlignedRun, conditions: Conditions, cutoff: float = CU
     valid = ValidSamples.of(run, loads.groups, bandwidth)
     valid.refuse_no_motion(path)
     nuisance = [loads.projected(valid.rates(loads.forces))]
-    deviations = stated_deviations([run.rig])
+    deviations = stated_deviations([run.run])
     effects = {entry: loads.projected(change) for entry, change in force_effects(run, deviations, axes).items()}
     if run.base is not None and loads.inertial is not None:
         nuisance.append(loads.base_projected(valid.rates(loads.inertial)))

@@ -1,10 +1,10 @@
 """What the sensors' stated errors leave open: one value a campaign, the same in all blocks, so that none shows it.
 
-A sensor shows A s of what it is exposed to, A near one: where the rig states how far its entries scatter
-(``bench.errors``: sensitivity, cross-talk), each entry changes the readings by what it is exposed to. It is an unknown
-of which that scatter is known: jointly estimated, as near to zero as the scatter says. What of it the fit does not see
-goes by the gain of the least squares into what is found; entries are independent, their variances add (JCGM 100,
-5.1.2).
+A sensor shows A s of what it is exposed to, A near one: where its calibration states the uncertainty of its
+sensitivity, or the rig how far its entries scatter (``bench.errors``: sensitivity, cross-talk), each entry changes the
+readings by what it is exposed to. It is an unknown of which that scatter is known: jointly estimated, as near to zero
+as the scatter says. What of it the fit does not see goes by the gain of the least squares into what is found; entries
+are independent, their variances add (JCGM 100, 5.1.2).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -22,17 +22,21 @@ from ..runs.aligned_run import AlignedRun
 from .problem import Effects, Entry
 
 if TYPE_CHECKING:
-    from ..rig import Column, Rig
+    from ..rig import Column
+    from ..runs.si_run import SIRun
 
 
-def stated_deviations(rigs: "Iterable[Rig]") -> dict[Entry, float]:
-    """Standard deviations of the entries that rigs state, zero ones left out."""
+def stated_deviations(runs: "Iterable[SIRun]") -> dict[Entry, float]:
+    """Standard deviations of the entries that calibrations and rigs state, zero ones left out."""
     found: dict[Entry, float] = {}
-    for rig in rigs:
-        for name, errors in rig.bench.errors.items():
-            if name in rig.sensors:
-                sizes = sensitivity_scatter(name, list(rig.sensors[name].columns(name)), errors)
+    for run in runs:
+        for name, errors in run.rig.bench.errors.items():
+            if name in run.rig.sensors:
+                sizes = sensitivity_scatter(name, list(run.rig.sensors[name].columns(name)), errors)
                 found |= {(name, int(j), int(k)): float(sizes[j, k]) for j, k in np.argwhere(sizes > 0.0)}
+        for column in run.rig.columns():
+            if run.holds(column) and (stated := run.sensitivity_uncertainty(column)) is not None:
+                found[column.sensor, column.index, column.index] = stated.relative
     return found
 
 

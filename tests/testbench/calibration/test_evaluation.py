@@ -7,7 +7,7 @@ import pytest
 
 from balance.errors import UnitError
 from testbench.calibration.definition import Calibration
-from testbench.calibration.evaluation import bind_law
+from testbench.calibration.evaluation import bind_law, check_law, relative_uncertainty
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,31 @@ def value(calibration, channel, unit, written):
 def test_one_channel(calibration, channel, unit, written, expected):
     """Sensitivity, amplifier either way round, offsets on either side, polynomials, in any unit of the same kind."""
     assert value(calibration, channel, unit, written) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("uncertainty", "relative"),
+    [
+        ({"standard": "0.5 %"}, 0.005),
+        ({"expanded": "1 %", "coverage_factor": 2}, 0.005),
+        ({"expanded": "0.204 mV/g", "coverage_factor": 2}, 0.01),
+        ({"standard": {"x": "0.0102 mV/g"}}, 0.001),
+        ({"standard": "1 V/N"}, "expected a share such as '0.5 %', or the unit of the sensitivity '10.2 mV/g'"),
+        ({"standard": "120 %"}, "expected less than the sensitivity"),
+        ({"standard": {"y": "1 %"}}, "no component 'y'"),
+        ({"expanded": "1 %"}, "expanded and coverage_factor go together"),
+        ({"standard": "1 %", "expanded": "1 %", "coverage_factor": 2}, "expected one of standard, expanded"),
+    ],
+)
+def test_uncertainty_of_a_sensitivity(uncertainty, relative):
+    """Standard or expanded, a share or in the unit of the sensitivity; else what was expected is said."""
+    if isinstance(relative, float):
+        calibration = Calibration.model_validate({"sensitivity": "10.2 mV/g", "uncertainty": uncertainty})
+        assert relative_uncertainty(calibration, ACC) == pytest.approx(relative)
+        assert bind_law(calibration, [ACC], ["V"]).component(0, lambda i: np.array([0.0102])) == pytest.approx(9.81)
+        return
+    with pytest.raises((UnitError, ValueError), match=relative):
+        check_law(Calibration.model_validate({"sensitivity": "10.2 mV/g", "uncertainty": uncertainty}), [ACC])
 
 
 @pytest.mark.parametrize(

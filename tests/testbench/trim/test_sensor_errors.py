@@ -8,6 +8,7 @@ from studies import simulated_runs as memory
 from studies.trim import BENCHES, campaign
 from testbench import rig as rigs
 from testbench.rig.sensor_channels import sensitivity_scatter
+from testbench.runs.si_run import SIRun
 from testbench.trim import sensor_errors, trim_runs
 from testbench.trim.result import trim_document
 
@@ -31,7 +32,10 @@ def test_the_deep_bench(manipulator, deep):
     found = trim_runs(memory.aligned(deep, manipulator), source="wrench")
     assert all(m.interval[0] < MISSING < m.interval[1] for m in found.missing)
     assert all(np.ptp(m.interval) < MISSING for m in found.missing)
-    assert any("calibration and cross-talk that the rig states of base_acc, k6d40, kistler" in a for a in found.about)
+    assert any(
+        "calibration and cross-talk that rig and calibration state of base_acc, k6d40, kistler" in a
+        for a in found.about
+    )
 
 
 def test_what_is_not_stated_is_not_in_the_interval(manipulator, deep):
@@ -46,10 +50,16 @@ def test_what_is_not_stated_is_not_in_the_interval(manipulator, deep):
     assert trim_document(unstated)["interval_level"] is None
 
 
-def test_a_stated_error_of_one_channel(manipulator):
-    """Only what is stated counts: an encoder's rig as shipped states nothing, and no entry is fitted."""
-    assert sensor_errors.stated_deviations([rigs.load_rig(memory.MANIPULATOR)]) == {}
-    entries = sensor_errors.stated_deviations([rigs.load_rig("parallelogram-6bar-deep")])
+def test_a_stated_error_of_one_channel(deep):
+    """Only what is stated counts; the uncertainty of a calibration takes the place of what the rig's bench states."""
+    run = SIRun.of(deep[0])
+    assert sensor_errors.stated_deviations([SIRun(deep[0], rigs.load_rig(memory.MANIPULATOR))]) == {}
+    text = run.rig.text.replace("[sensors.kistler]", '[sensors.kistler.calibration.uncertainty]\nexpanded = "6 %"\n'
+                                "coverage_factor = 2\n[sensors.kistler]")  # fmt: skip
+    certified = sensor_errors.stated_deviations([SIRun(deep[0], rigs.rig_from_text(text))])
+    assert certified["kistler", 0, 0] == pytest.approx(0.03)
+    assert certified["kistler", 0, 2] == pytest.approx(0.01)
+    entries = sensor_errors.stated_deviations([run])
     assert entries["kistler", 0, 0] == pytest.approx(0.005)
     assert entries["kistler", 0, 2] == pytest.approx(0.01)
     assert ("futek_1", 0, 0) in entries
