@@ -6,6 +6,7 @@ motion is I phi'' + I' phi'^2 / 2 + V' = Q. All of it is computed from the mecha
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Annotated
 
 import numpy as np
@@ -53,6 +54,11 @@ class EquivalentInertia:
     """Size of the highest harmonics of the series, relative to the largest."""
     closure_residual: Annotated[float, Key("closure_residual_m")]
     """Largest loop residual over the turn [m, rad]."""
+
+    @cached_property
+    def motion(self) -> Periodic:
+        """What the equation of motion asks for at once: I, V, the gains, dI/du and dV/du."""
+        return Periodic(np.vstack([self.functions.coefficients, self.slopes.coefficients[:2]]))
 
     def inertia(self, u: Floats | float) -> Floats:
         """Reduced inertia at travel u, scalar or (n,) [rad], drive inertias of the joints included, [kg m2]."""

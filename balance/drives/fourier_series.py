@@ -34,8 +34,8 @@ class Periodic:
 
     def __call__(self, phi: Floats | float) -> Floats:
         """Values at angles phi of any shape [rad], (functions, *shape of phi) [unit of each function]."""
-        waves: Floats = np.real(np.tensordot(self.coefficients, np.exp(np.multiply.outer(self._orders, phi)), 1))
-        return waves
+        waves = np.exp(np.multiply.outer(self._orders, phi)).reshape(self.harmonics + 1, -1)
+        return np.real(self.coefficients @ waves).reshape(-1, *np.shape(phi))
 
     def slope(self) -> "Periodic":
         """Derivatives by phi."""

@@ -4,6 +4,7 @@ A load is a torque or force at a joint, reduced to the crank by the joint's gain
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
@@ -142,19 +143,15 @@ class Machine:
 
     def acceleration(self, u: float, rate: float) -> float:
         """u'' = (Q - V' - I' u'^2 / 2) / I [rad/s2], at one state."""
-        reduced = self.reduced
-        inertia_slope, potential_slope = reduced.slopes(u)[:2]
-        values = reduced.functions(u)
-        torque = self.torque(u, rate, values[2:])
-        return float(
-            (torque - potential_slope - 0.5 * inertia_slope * rate * rate) / (values[0] + self.constant_inertia)
-        )
+        inertia, _, *gains, inertia_slope, potential_slope = self.reduced.motion(u)
+        torque = self.torque(u, rate, np.array(gains))
+        return float((torque - potential_slope - 0.5 * inertia_slope * rate * rate) / (inertia + self.constant_inertia))
 
     @property
     def _gearing(self) -> float:
         return self.ratio if self.reading == "geared" else 1.0
 
-    @property
+    @cached_property
     def _resisted(self) -> bool:
         model = self.reduced.mechanism
         return bool(self.loads or model.viscous.any() or model.coulomb.any())

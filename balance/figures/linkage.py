@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..arrays import Floats
+from ..linkages.assembly import Assembly
 from ..linkages.equivalence_method import LinkageBalance
 from ..linkages.force_balance import joint_point
 from ..linkages.linkage import GROUND
-from ..linkages.mjcf_writer import Assembly, assemble
 from ..linkages.moment_balance import GearResult
 from .mechanism import COUNTER, LINK, STEEL_KG_PER_M2
 from .mechanism import GROUND as GROUND_COLOUR
@@ -27,8 +27,7 @@ def draw_linkage(result: LinkageBalance) -> "Figure":
     """
     from matplotlib.figure import Figure
 
-    linkage = result.linkage
-    start = assemble(linkage, result.values)
+    linkage, start = result.linkage, result.start
     figure = Figure(figsize=(7.2, 5.6), layout="constrained")
     axes = figure.add_subplot()
     for name, body in linkage.bodies.items():

@@ -6,11 +6,13 @@ made of in a stage of balancing.
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
 
 from ..arrays import Floats
+from .assembly import Assembly, assemble
 from .force_balance import CounterMass, ForceBalance, force_balance, joint_point, reduction_tree
 from .linkage import Linkage
 from .moment_balance import MomentBalance, moment_balance
@@ -30,6 +32,11 @@ class LinkageBalance:
     """Reduction joint of every body."""
     force: Mapping[str, ForceBalance]
     moment: MomentBalance | None
+
+    @cached_property
+    def start(self) -> Assembly:
+        """Its start position. Raises ModelError or ClosureError as ``assemble``."""
+        return assemble(self.linkage, self.values)
 
     def counters(self, stage: str = "complete") -> list[tuple[str, CounterMass]]:
         """Counter-masses with their bodies: those of ``force``, and with ``complete`` those against gears too."""

@@ -18,11 +18,12 @@ import numpy as np
 
 from ..arrays import Floats
 from ..closure import Trajectory
-from ..errors import ClosureError, ModelError
+from ..errors import ModelError
 from ..mechanism.mechanism import Mechanism
+from .assembly import rotated
 from .equivalence_method import CompositeBody, LinkageBalance, composite_bodies, merged_body
 from .expressions import ORIGIN
-from .linkage import GROUND, End, Joint, Linkage, rotation_groups, translating_bodies
+from .linkage import GROUND, End, Joint, translating_bodies
 from .moment_balance import GearResult
 
 Z_AXIS = np.array([0.0, 0.0, 1.0])
@@ -34,99 +35,6 @@ MUJOCO_LEAST = 1e-15
 """Inertia below which MuJoCo refuses a file (its mjMINVAL) [kg m2]."""
 FIXED_GEAR_MASS = 1.0
 """Mass in the model of a counter-gear on a fixed pivot that has none given: it has no effect [kg]."""
-
-
-@dataclass(frozen=True)
-class Assembly:
-    """Positions of the bodies: origin [m] and angle [rad] of every body's frame in the base."""
-
-    origin: Mapping[str, Floats]
-    angle: Mapping[str, float]
-
-    def point(self, body: str, at: Floats) -> Floats:
-        """A point of a body, in its frame (2,) [m], in the base, (2,) [m]."""
-        return self.origin[body] + rotated(self.angle[body], at)
-
-
-def assemble(linkage: Linkage, values: Mapping[str, float]) -> Assembly:
-    """Close all joints near the angles under [start], the driven body at its own.
-
-    Raises ModelError where a place on the ground or an angle is not given, ClosureError where it cannot be closed.
-    """
-    from scipy.optimize import least_squares
-
-    pins = {j.name: tuple(_pin(linkage, j, k, values) for k in (0, 1)) for j in linkage.joints.values()}
-    angles, driven = _angles(linkage), _driven_body(linkage)
-
-    def state(x: Floats) -> Assembly:  # of x, y and angle of each body in turn
-        parts = dict(zip(linkage.bodies, x.reshape(-1, 3), strict=True))
-        origin = {GROUND: np.zeros(2)} | {name: part[:2] for name, part in parts.items()}
-        return Assembly(origin, {GROUND: 0.0} | {name: float(part[2]) for name, part in parts.items()})
-
-    def gaps(x: Floats) -> Floats:
-        at = state(x)
-        rows = [row for joint in linkage.joints.values() for row in _gaps(joint, at, *pins[joint.name])]
-        return np.array([*rows, at.angle[driven] - angles[driven]])
-
-    turned = np.array([[angles[name]] for name in linkage.bodies])
-
-    def placed(p: Floats) -> Floats:  # at the angles under [start]
-        return gaps(np.hstack([p.reshape(-1, 2), turned]).ravel())
-
-    places = least_squares(placed, np.zeros(2 * len(turned))).x
-    guess = np.hstack([places.reshape(-1, 2), turned]).ravel()
-    found = least_squares(gaps, guess, xtol=1e-15, ftol=1e-15, gtol=1e-15)
-    size = max([1e-3, *(float(np.abs(p).max()) for pair in pins.values() for p in pair)])
-    if not np.abs(found.fun).max() < 1e-7 * size:
-        raise ClosureError(
-            f"{linkage.name} cannot be closed near the angles under [start]: {np.abs(found.fun).max():.3g} m stays open"
-        )
-    return state(found.x)
-
-
-def _angles(linkage: Linkage) -> dict[str, float]:
-    """Approximate angle of every body; those that only translate need none."""
-    group = rotation_groups(linkage)
-    angles = dict(linkage.start)
-    for body in linkage.bodies:
-        if body not in angles:
-            if group[body] != group[GROUND]:
-                raise ModelError(f"{linkage.name}: [start] has no angle of body {body}: add it, approximately")
-            angles[body] = 0.0
-    return angles
-
-
-def _driven_body(linkage: Linkage) -> str:
-    if linkage.drive is None:
-        raise ModelError(f"{linkage.name} has no driven joint: add drive = 'JOINT'")
-    joint = linkage.joint(linkage.drive)
-    if not joint.revolute or not joint.joins(GROUND):
-        raise ModelError(f"{linkage.name}: the driven joint {joint.name} must be a revolute joint on the ground")
-    return joint.other(GROUND)
-
-
-def _pin(linkage: Linkage, joint: Joint, side: int, values: Mapping[str, float]) -> Floats:
-    end = joint.ends[side]
-    if end.point is None:
-        raise ModelError(f"{linkage.name} cannot be simulated: where joint {joint.name} is on the ground is not given")
-    return end.point.at(values)
-
-
-def _gaps(joint: Joint, at: Assembly, first: Floats, second: Floats) -> list[float]:
-    """Gaps of a joint: two lengths of a pin; across the line and in direction of a slide."""
-    a, b = joint.ends
-    gap = at.point(a.body, first) - at.point(b.body, second)
-    if joint.revolute:
-        return [float(gap[0]), float(gap[1])]
-    direction = at.angle[a.body] + a.along
-    turn = direction - at.angle[b.body] - b.along
-    return [float(np.cos(direction) * gap[1] - np.sin(direction) * gap[0]), float(np.sin(turn))]
-
-
-def rotated(angle: float, at: Floats) -> Floats:
-    """A vector (2,) turned by an angle [rad], (2,) [its unit]."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([c * at[0] - s * at[1], s * at[0] + c * at[1]])
 
 
 @dataclass(frozen=True)
@@ -239,9 +147,8 @@ def linkage_mjcf(result: LinkageBalance, stage: str, couplings: bool = False, to
 
     ``couplings`` writes the gear ratios as joint equalities.
     """
-    linkage, values, tree = result.linkage, result.values, skeleton(result, together)
-    start = assemble(linkage, values)
-    writer = _Writer(result, stage, tree, start)
+    linkage, tree = result.linkage, skeleton(result, together)
+    writer = _Writer(result, stage, tree)
     root = Element("mujoco", model=linkage.name)
     SubElement(root, "compiler", angle="radian")
     SubElement(root, "option", gravity=_text(*linkage.gravity, 0.0))
@@ -263,8 +170,8 @@ def linkage_mjcf(result: LinkageBalance, stage: str, couplings: bool = False, to
 class _Writer:
     """Writes bodies depth first, and with each joint its position in the start configuration."""
 
-    def __init__(self, result: LinkageBalance, stage: str, tree: Skeleton, start: Assembly) -> None:
-        self.linkage, self.result, self.tree, self.start = result.linkage, result, tree, start
+    def __init__(self, result: LinkageBalance, stage: str, tree: Skeleton) -> None:
+        self.linkage, self.result, self.tree, self.start = result.linkage, result, tree, result.start
         self.pieces = composite_bodies(result, stage)
         self.gears = list(result.moment.gears.values()) if stage == "complete" and result.moment else []
         self.positions: list[float] = []
