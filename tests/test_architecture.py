@@ -13,10 +13,8 @@ from pathlib import Path
 
 import pytest
 
-import balance
-import testbench
+from .source_trees import PACKAGES, ROOT, modules
 
-ROOTS = {package.__name__: Path(package.__path__[0]) for package in (balance, testbench)}
 LAYERS: tuple[str, ...] = (
     "balance.errors balance.arrays",
     "balance.task_pool balance.units balance.datasets balance.results balance.compiled_kernels",
@@ -81,20 +79,9 @@ HEAVY = {
 
 
 @cache
-def sources() -> dict[str, ast.Module]:
-    """The syntax tree of every module of both packages, by name; a package's is that of its ``__init__``."""
-    found = {}
-    for name, root in ROOTS.items():
-        for path in root.rglob("*.py"):
-            parts = (name, *path.relative_to(root).with_suffix("").parts)
-            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = ast.parse(path.read_text("utf-8"))
-    return found
-
-
-@cache
 def packages() -> set[str]:
     """The modules that hold others."""
-    return {name.rpartition(".")[0] for name in sources()}
+    return {name.rpartition(".")[0] for name in modules()}
 
 
 def named(module: str, node: ast.Import | ast.ImportFrom) -> Iterator[str]:
@@ -105,7 +92,7 @@ def named(module: str, node: ast.Import | ast.ImportFrom) -> Iterator[str]:
     above = module.split(".")[: module.count(".") + 1 + (module in packages()) - node.level] if node.level else []
     base = ".".join([*above, *([node.module] if node.module else [])])
     for alias in node.names:
-        yield f"{base}.{alias.name}" if f"{base}.{alias.name}" in sources() else base
+        yield f"{base}.{alias.name}" if f"{base}.{alias.name}" in modules() else base
 
 
 @cache
@@ -119,20 +106,20 @@ def imports() -> dict[str, set[str]]:
             for name in named(module, node)
             if name != module
         }
-        for module, tree in sources().items()
+        for module, tree in modules().items()
     }
 
 
 def own(module: str) -> set[str]:
     """Which modules of both packages a module imports."""
-    return {name for name in imports()[module] if name in sources()}
+    return {name for name in imports()[module] if name in modules()}
 
 
 @cache
 def place(module: str) -> tuple[int, str] | None:
     """Layer of a module and the entry of LAYERS that places it."""
     entries = [(len(entry), i, entry) for i, row in enumerate(LAYERS) for entry in row.split()]
-    fitting = [e for e in entries if module == e[2] or (e[2] not in ROOTS and module.startswith(f"{e[2]}."))]
+    fitting = [e for e in entries if module == e[2] or (e[2] not in PACKAGES and module.startswith(f"{e[2]}."))]
     return max(fitting)[1:] if fitting else None
 
 
@@ -144,13 +131,13 @@ def test_studies_lie_outside() -> None:
 
 def test_every_module_has_a_layer() -> None:
     """A new folder says where it stands."""
-    assert {module for module in sources() if place(module) is None} == set()
+    assert {module for module in modules() if place(module) is None} == set()
 
 
 def test_no_import_leads_upwards() -> None:
     """From a layer to those below it alone."""
     upwards = []
-    for module in sources():
+    for module in modules():
         (layer, entry) = place(module)
         for other in own(module):
             (its_layer, its_entry) = place(other)
@@ -161,7 +148,7 @@ def test_no_import_leads_upwards() -> None:
 
 def test_no_circle_of_imports() -> None:
     """Files can be read one after the other: take away those that import no other one until none is left."""
-    left = {module: own(module) for module in sources()}
+    left = {module: own(module) for module in modules()}
     while free := [module for module, others in left.items() if not others & left.keys()]:
         for module in free:
             del left[module]
@@ -170,26 +157,55 @@ def test_no_circle_of_imports() -> None:
 
 def test_foreign_bytes_are_read_in_another_process() -> None:
     """Modules that import a library for foreign files are imported by one another alone: their process starts them."""
-    readers = [module for module in sources() if module.startswith("testbench.readers")]
+    readers = [module for module in modules() if module.startswith("testbench.readers")]
     walled = {module for module in readers if {name.partition(".")[0] for name in imports()[module]} & FOREIGN}
     assert walled
-    through = {f"{module} -> {other}" for module in sources() if module not in walled for other in own(module) & walled}
+    through = {f"{module} -> {other}" for module in modules() if module not in walled for other in own(module) & walled}
     assert through == set()
 
 
 def test_kernels_alone_import_their_compiler() -> None:
     """A module that imports numba is loaded inside a function, or by its name, where compiled code serves."""
-    kernels = {m for m in sources() if {name.partition(".")[0] for name in imports()[m]} & KERNELS}
+    kernels = {m for m in modules() if {name.partition(".")[0] for name in imports()[m]} & KERNELS}
     assert kernels
     at_once = {
         f"{module} -> {name}"
-        for module, tree in sources().items()
+        for module, tree in modules().items()
         for node in tree.body
         if isinstance(node, ast.Import | ast.ImportFrom)
         for name in named(module, node)
         if name in kernels and module not in kernels
     }
     assert at_once == set()
+
+
+QUANTILES = "balance.estimation.estimate"
+DISTRIBUTIONS = {
+    "stdtr", "stdtrit", "ndtr", "ndtri", "log_ndtr", "chdtr", "chdtrc", "chdtri", "fdtr", "fdtrc", "fdtri", "betainc",
+    "betaincinv", "gammainc", "gammaincc", "gammaincinv", "gammainccinv", "erfinv", "erfcinv", "btdtr", "btdtri",
+}  # fmt: skip
+
+
+def test_quantiles_are_taken_in_one_place() -> None:
+    """No other module imports a distribution or writes the normal quantile out."""
+    taken = {
+        f"{module}: {ast.unparse(node)}"
+        for module, tree in modules().items()
+        for node in ast.walk(tree)
+        if module != QUANTILES and _is_of_a_distribution(node)
+    }
+    assert taken == set()
+
+
+def _is_of_a_distribution(node: ast.AST) -> bool:
+    if isinstance(node, ast.ImportFrom):
+        of_special = node.module == "scipy.special" and any(alias.name in DISTRIBUTIONS for alias in node.names)
+        return of_special or f"{node.module}".startswith("scipy.stats") or "stats" in {a.name for a in node.names}
+    if isinstance(node, ast.Import):
+        return any(alias.name.startswith("scipy.stats") for alias in node.names)
+    if isinstance(node, ast.Attribute):
+        return node.attr in DISTRIBUTIONS
+    return isinstance(node, ast.Constant) and isinstance(node.value, float) and 1.955 < node.value < 1.965
 
 
 def run(code: str, *arguments: str | Path) -> dict:
@@ -218,7 +234,7 @@ print(json.dumps(sorted({name.partition(".")[0] for name in sys.modules})))
 """
 
 
-@pytest.mark.parametrize("package", list(ROOTS))
+@pytest.mark.parametrize("package", PACKAGES)
 def test_help_imports_nothing_heavy(package: str) -> None:
     """``--help`` of every command answers at once."""
     assert HEAVY & set(run(HELP, f"{package}.cli")) == set()
@@ -245,7 +261,7 @@ print(json.dumps({"files": len(seen), "modules": len(own)}))
 
 def walk(*words: str | Path) -> dict:
     """How many files a command's functions are in, and how many modules of ours it imports."""
-    return run(WALK, ";".join(map(str, ROOTS.values())), *words)
+    return run(WALK, ";".join(str(ROOT / package) for package in PACKAGES), *words)
 
 
 def test_ingest_passes_few_files(tmp_path: Path) -> None:
@@ -259,9 +275,9 @@ def test_ingest_passes_few_files(tmp_path: Path) -> None:
 
 def test_identify_imports_few_modules() -> None:
     """All that the command's file imports, late or not: nothing of trim, of aligning clocks, of writing a campaign."""
-    tree = sources()["testbench.cli.identify"]
+    tree = modules()["testbench.cli.identify"]
     statements = [node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)]
-    needed = {name for node in statements for name in named("testbench.cli.identify", node) if name in sources()}
+    needed = {name for node in statements for name in named("testbench.cli.identify", node) if name in modules()}
     needed = {"testbench.cli.identify", *needed} - {name for name in needed if "figure" in name}
     code = (
         "import importlib, json, sys\n"

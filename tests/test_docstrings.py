@@ -2,9 +2,9 @@
 
 import ast
 import re
-from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+from .source_trees import trees
+
 ARRAY = re.compile(r"\b(Floats|Complexes|NDArray)\b")
 UNIT = re.compile(r"\[[^\]\n]{1,40}\]|dimensionless|in SI|per cent")
 SHAPE = re.compile(r"\((\d+|[a-z]\w*|\.\.\.|[\w ]+ [-+*] ?\w+)(, ?[\w .+*-]+)*,?\)|scalar")
@@ -12,12 +12,11 @@ SHAPE = re.compile(r"\((\d+|[a-z]\w*|\.\.\.|[\w ]+ [-+*] ?\w+)(, ?[\w .+*-]+)*,?
 
 def entries():
     """Public functions and methods with arrays in their signature, by file, name and docstring."""
-    for path in sorted(path for package in ("balance", "testbench") for path in (ROOT / package).rglob("*.py")):
-        tree = ast.parse(path.read_text("utf-8"))
+    for path, tree in trees().items():
         public = [node for node in tree.body if isinstance(node, ast.ClassDef) and node.name[0] != "_"]
         for node in [*tree.body, *(inner for owner in public for inner in owner.body)]:
             if isinstance(node, ast.FunctionDef) and node.name[0] != "_" and ARRAY.search(_annotations(node)):
-                yield path.relative_to(ROOT).as_posix(), node.name, ast.get_docstring(node) or ""
+                yield path.as_posix(), node.name, ast.get_docstring(node) or ""
 
 
 def _annotations(node: ast.FunctionDef) -> str:

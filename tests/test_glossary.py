@@ -2,11 +2,11 @@
 
 import ast
 import re
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from .source_trees import ROOT, modules, trees
+
 PAGE = (ROOT / "docs" / "glossary.md").read_text("utf-8")
 COMPATIBLE = {"held_value", "phases_alike", "phases_off_alike_deg_within", "told"}
 """Keys of documents and of input files, and codes, that keep an older word: users' scripts and files have them."""
@@ -14,11 +14,6 @@ BANNED = re.findall(r"^\| ([a-z ]+) \|", PAGE.split("## Words that are not used"
 HELD_OUT = r"(?!held[_ -]out)"
 """Data that a model is tested on and was not fitted to: a term of statistics."""
 WORD = re.compile(rf"(?<![a-z]){HELD_OUT}(?:{'|'.join(BANNED)})(?:es|s)?(?![a-z])", re.IGNORECASE)
-SOURCES = {
-    path.relative_to(ROOT): ast.parse(path.read_text("utf-8"))
-    for package in ("balance", "testbench")
-    for path in sorted((ROOT / package).rglob("*.py"))
-}
 REPORTING = {"Finding", "Refusal", "echo", "emit_table", "secho"}
 
 
@@ -58,20 +53,19 @@ def _reports(call: ast.Call) -> bool:
 @pytest.mark.parametrize("texts", [public_names, keys, messages])
 def test_no_private_words(texts):
     """What users and developers read has the words of the field."""
-    found = {str(path): sorted(filter(WORD.search, texts(tree) - COMPATIBLE)) for path, tree in SOURCES.items()}
+    found = {str(path): sorted(filter(WORD.search, texts(tree) - COMPATIBLE)) for path, tree in trees().items()}
     assert {path: words for path, words in found.items() if words} == {}
 
 
 def test_files_have_names_of_the_field():
     """No folder and no file of the packages has such a word in its name."""
     assert len(BANNED) > 10
-    assert [path for path in SOURCES if WORD.search(str(path))] == []
+    assert [path for path in trees() if WORD.search(str(path))] == []
 
 
 def test_what_the_glossary_names_exists():
     """Every module that the glossary refers to is there."""
     cells = [row.split("|")[3] for row in PAGE.split("## Words that")[0].splitlines() if row.count("|") == 5]
     named = {name for cell in cells for name in re.findall(r"`([a-z_.0-9]+)`", cell)}
-    modules = {".".join(path.with_suffix("").parts).removesuffix(".__init__") for path in SOURCES}
     assert len(named) > 30
-    assert [n for n in sorted(named) if not any(f".{module}".endswith(f".{n}") for module in modules)] == []
+    assert [n for n in sorted(named) if not any(f".{module}".endswith(f".{n}") for module in modules())] == []

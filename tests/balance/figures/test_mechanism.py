@@ -1,5 +1,7 @@
 """The drawing of a mechanism is to scale, and holds what it should."""
 
+from itertools import cycle
+
 import numpy as np
 import pytest
 from matplotlib.patches import Circle
@@ -34,10 +36,9 @@ def test_discs_have_the_area_of_their_mass():
     assert areas[1] == pytest.approx(2 * areas[0])
 
 
-@pytest.mark.parametrize("name", models.BUILT_IN)
-@pytest.mark.parametrize("ending", ["svg", "png", "pdf"])
+@pytest.mark.parametrize(("name", "ending"), [*zip(models.BUILT_IN, cycle(["svg", "png", "pdf"]))])
 def test_every_mechanism_can_be_drawn_and_saved(name, ending, tmp_path):
-    """In each format that is offered."""
+    """Every one of them, each format that is offered twice."""
     path = tmp_path / f"{name}.{ending}"
     save(draw_mechanism(models.load(name)), path)
     assert path.stat().st_size > 2000
