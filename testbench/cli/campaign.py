@@ -15,7 +15,6 @@ from .options import progress
 if TYPE_CHECKING:
     from ..export import Exported
     from ..store import Run
-    from ..store.archive import Archived
     from ..store.campaign import FileState
 
 ARCHIVE_COLUMNS = ("run", "status", "float64_bytes", "sample_bytes", "ratio", "whole_numbers", "channels")
@@ -52,9 +51,19 @@ def export(stored: Path, to: str, output: Path, licence: str | None, physical: b
         runs = options.opened_runs([stored])
         written = _crate(stored, runs, output, licence)
     else:
+        from ..export import export as write
+        from ..runs.si_run import physical as in_si
+
         runs, refused = options.openable_runs([stored])
-        written, failed = _files(runs, to, output, physical)
-        refused += failed
+        with progress("exporting", sum(run.path.stat().st_size for run in runs)) as done:
+
+            def exported(run: "Run") -> "list[Exported]":
+                files = write(in_si(run) if physical else run, to, output)
+                done(run.path.stat().st_size)
+                return files
+
+            each, failed = options.each_run(runs, exported)
+        written, refused = [one for files in each for one in files], [*refused, *failed]
     applied = options.calibrations(runs) if physical else []
     losses = [loss for one in written for loss in one.losses]
     if as_json:
@@ -69,26 +78,6 @@ def export(stored: Path, to: str, output: Path, licence: str | None, physical: b
     if refused:
         return EXIT_REFUSED
     return EXIT_WITH_FINDINGS if losses else 0
-
-
-def _files(
-    runs: "Sequence[Run]", to: str, output: Path, physical: bool
-) -> "tuple[list[Exported], list[options.NotOpened]]":
-    """What was written, and the runs that were refused with the reason."""
-    from balance.errors import CounterpoiseError
-
-    from ..export import export as write
-    from ..runs.si_run import physical as in_si
-
-    written, refused = [], []
-    with progress("exporting", sum(run.path.stat().st_size for run in runs)) as done:
-        for run in runs:
-            try:
-                written += write(in_si(run) if physical else run, to, output)
-            except CounterpoiseError as error:
-                refused.append(options.NotOpened(run.name, str(error)))
-            done(run.path.stat().st_size)
-    return written, refused
 
 
 def _crate(stored: Path, runs: "Sequence[Run]", output: Path, licence: str | None) -> "list[Exported]":
@@ -121,12 +110,15 @@ def archive(stored: tuple[Path, ...], output: Path, as_json: bool) -> int:
     """
     from ..store import append_only_records
     from ..store.archive import Archived
+    from ..store.archive import archive as make
 
     runs, unopened = options.openable_runs(stored)
     for folder in dict.fromkeys(run.path.parent for run in runs):
         # an archive without its records would be calibrated otherwise: none is made then
         append_only_records.read_records(folder)
-    done, failed = _archived(runs, output)
+    total = sum(8 * len(group.channels) * group.samples for run in runs for group in run.groups)
+    with progress("archiving", total) as advance:
+        done, failed = options.each_run(runs, lambda run: make(run, output, advance))
     refused = [*unopened, *failed]
     for folder in dict.fromkeys(run.path.parent for run in runs):
         if done:
@@ -137,22 +129,6 @@ def archive(stored: tuple[Path, ...], output: Path, as_json: bool) -> int:
         emit_table(f"{output.name}: {len(done)} runs", *table(Archived, done, *ARCHIVE_COLUMNS))
         options.complain(*(one.message for one in refused))
     return EXIT_REFUSED if refused else 0
-
-
-def _archived(runs: "Sequence[Run]", output: Path) -> "tuple[list[Archived], list[options.NotOpened]]":
-    """What was archived, and what was refused with the reason."""
-    from ..errors import StoreError
-    from ..store.archive import archive as make
-
-    done, refused = [], []
-    total = sum(8 * len(group.channels) * group.samples for run in runs for group in run.groups)
-    with progress("archiving", total) as advance:
-        for run in runs:
-            try:
-                done.append(make(run, output, advance))
-            except StoreError as error:
-                refused.append(options.NotOpened(run.name, str(error)))
-    return done, refused
 
 
 def _run_table(runs: "Sequence[Run]") -> tuple[list[str], list[list[str]]]:

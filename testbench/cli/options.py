@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ..store import Run
 
 F = TypeVar("F", bound=Callable[..., Any])
+T = TypeVar("T")
 LEAST_PROGRESS = 20 << 20
 """Work from which a progress bar is shown [bytes]."""
 SHOWN_PER_CODE = 5
@@ -216,6 +217,19 @@ def openable_runs(paths: Sequence[Path]) -> "tuple[list[Run], list[NotOpened]]":
             except StoreError as error:
                 refused.append(NotOpened(file.stem, str(error)))
     return runs, refused
+
+
+def each_run(runs: "Iterable[Run]", work: "Callable[[Run], T]") -> "tuple[list[T], list[NotOpened]]":
+    """What ``work`` makes of each run, and the runs that it refused with the reason."""
+    from balance.errors import CounterpoiseError
+
+    done, refused = [], []
+    for run in runs:
+        try:
+            done.append(work(run))
+        except CounterpoiseError as error:
+            refused.append(NotOpened(run.name, str(error)))
+    return done, refused
 
 
 def complain(*messages: str) -> None:

@@ -40,14 +40,6 @@ class Outcome:
     message: str = ""
 
 
-def already_there(source: Source, run: str, differing: Sequence[Finding]) -> Outcome:
-    """The outcome of a log that the campaign holds, in ``run``; ``differing`` is where the run table differs now."""
-    finding = Finding("already_stored", None, None, f"is stored already as {run}; nothing was written")
-    origin = source.recording.origin
-    found = (finding, *differing)
-    return Outcome(run, source.path.name, source.sha256, origin, "already_stored", found, finding.message)
-
-
 def not_stored(planned: PlannedRun, sources: Sequence[Source], error: Exception) -> list[Outcome]:
     """One outcome for each file of a run that was not stored; the reason goes with the file that it names."""
     outcomes = []
@@ -94,7 +86,7 @@ class Ingest:
             if planned.problem:
                 raise RecordingError(planned.problem)
             for path in planned.files:
-                sources.append(Source.opened(path, self.options))
+                sources.append(Source(path, self.options))
                 refuse_stored_run(sources[-1])
                 refuse_too_many(sources[-1], sources[-1].recording.groups)
             for source, recording in zip(sources, distinct_groups([s.recording for s in sources]), strict=True):
@@ -123,8 +115,14 @@ class Ingest:
         if None in known_runs and any(known_runs):
             known = ", ".join(s.path.name for s, run in zip(sources, known_runs, strict=True) if run)
             raise StoreError(f"{known}: stored already, but not with the other files of this run; stored runs stay")
-        runs = zip(sources, known_runs, strict=True)
-        return [already_there(source, run, self._differs(planned, run)) for source, run in runs if run]
+        outcomes = []
+        for source, run in zip(sources, known_runs, strict=True):
+            if run:
+                there = Finding("already_stored", None, None, f"is stored already as {run}; nothing was written")
+                found, origin = (there, *self._differs(planned, run)), source.recording.origin
+                name, sha256 = source.path.name, source.sha256
+                outcomes.append(Outcome(run, name, sha256, origin, "already_stored", found, there.message))
+        return outcomes
 
     def _differs(self, planned: PlannedRun, run: str) -> list[Finding]:
         """Where the run table says something else than what is stored with a run, which never changes."""

@@ -8,7 +8,7 @@ same bytes twice in one run.
 import threading
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,17 +22,21 @@ _AT_ONCE = 16 << 20
 """Bytes between two waits for Python's lock, which whoever runs Python holds for milliseconds."""
 
 
-class FileDigest:
-    """The SHA-256 of a file, computed in a thread from now on; and whether the file changes meanwhile."""
+class Source:
+    """One log file: its recording opened, the findings so far, and its SHA-256, computed in a thread meanwhile."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, options: ReadOptions | None) -> None:
+        if not path.is_file():
+            open_recording(path, options)  # says what is there instead
         self.path, self.sha256 = path, ""
+        self.findings: list[Finding] = []
         self._state = _state(path)
         self._failed: OSError | None = None
-        self._thread = threading.Thread(target=self._compute, daemon=True)
-        self._thread.start()
+        self._thread = threading.Thread(target=self._digest, daemon=True)
+        self._thread.start()  # before the recording is opened, so that no moment of the processors is lost
+        self.recording = open_recording(path, options)
 
-    def _compute(self) -> None:
+    def _digest(self) -> None:
         try:
             self.sha256 = atomic_files.sha256_of(self.path, at_once=_AT_ONCE)
         except OSError as error:
@@ -40,49 +44,17 @@ class FileDigest:
 
     @property
     def size(self) -> int:
-        """Size of the file when this began [bytes]."""
+        """Size of the file when it was opened [bytes]."""
         return self._state[0]
 
-    def result(self) -> str:
-        """The SHA-256. Raises RecordingError if the file has changed since this began."""
+    def digested(self) -> str:
+        """The SHA-256 of the file. Raises RecordingError if the file has changed since it was opened."""
         self._thread.join()
         if self._failed is not None:
             raise self._failed
         if _state(self.path) != self._state:
             raise RecordingError(f"{self.path.name}: changed while it was read; ingest it when its logger is done")
         return self.sha256
-
-
-@dataclass
-class Source:
-    """One log file, its recording opened, its digest under way, and the findings so far."""
-
-    path: Path
-    recording: Recording
-    digest: FileDigest
-    findings: list[Finding] = field(default_factory=list)
-
-    @classmethod
-    def opened(cls, path: Path, options: ReadOptions | None) -> "Source":
-        """Open a log file; its digest begins before that, so that no moment of the processors is lost."""
-        if not path.is_file():
-            open_recording(path, options)  # says what is there instead
-        computed = FileDigest(path)
-        return cls(path, open_recording(path, options), computed)
-
-    @property
-    def size(self) -> int:
-        """Size of the file when it was opened [bytes]."""
-        return self.digest.size
-
-    @property
-    def sha256(self) -> str:
-        """The digest, if it is known already; else empty."""
-        return self.digest.sha256
-
-    def digested(self) -> str:
-        """The SHA-256 of the file, which must not have changed since it was opened."""
-        return self.digest.result()
 
     def provenance(self) -> dict[str, Any]:
         """What is kept of the source: never its folder, which is no business of those who get the run."""

@@ -1,6 +1,6 @@
 """Acknowledged samples of a stopped ingest into a run that says so: checked like any log, never over another run."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from importlib.metadata import version
 from itertools import count, takewhile
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..quality.group_checks import RecordingCheck
-from ..recording import Block, Finding, Recording, Report, findings_by_group
+from ..recording import Block, Finding, Recording, findings_by_group
 from ..store import crash_recovery, open_run
 from ..store.atomic_files import Journal, Leftover, leftovers
 from ..store.campaign import existing
@@ -37,10 +37,11 @@ def save(leftover: Leftover, known: Journal) -> Recovery:
     if (stored := _saved_before(leftover)) is not None:
         return Recovery(leftover.run, "superseded", f"was saved before as {stored}", stored)
     intent = known.intent
-    name = _free_name(leftover)
+    name = next(n for n in _names(leftover) if not leftover.part.with_name(f"{n}.h5").exists())
     findings = [_interrupted(intent, known)]
     with RunWriter(leftover.part.parent, name, {**intent, "run": name}) as writer:
-        recording = _recording(leftover, known)
+        groups = tuple(kept.group for kept in known.groups)
+        recording = Recording(leftover.part, "unfinished run", "recover", groups, lambda _: _blocks(leftover, known))
         check = RecordingCheck(recording)
         for block in recording.blocks(findings.append):
             check.update(block)
@@ -49,7 +50,7 @@ def save(leftover: Leftover, known: Journal) -> Recovery:
             if group.samples:
                 writer.group(group.group).finish(group.rate_hz, group.rate_source)
         findings += [f for f in check.findings() if f.code != "no_data"]
-        findings = findings_by_group(findings, recording.groups, len(recording.groups) > 1)
+        findings = findings_by_group(findings, groups, len(groups) > 1)
         writer.describe(intent["origin"], intent["conditions"], findings, _provenance(leftover, intent), intent["rig"])
         stored = writer.commit().name
     samples = {kept.group.name: kept.samples for kept in known.groups}
@@ -58,10 +59,6 @@ def save(leftover: Leftover, known: Journal) -> Recovery:
 
 def _names(leftover: Leftover) -> Iterator[str]:
     return (f"{leftover.run}{MARK}{'' if n == 1 else f'-{n}'}" for n in count(1))
-
-
-def _free_name(leftover: Leftover) -> str:
-    return next(name for name in _names(leftover) if not leftover.part.with_name(f"{name}.h5").exists())
 
 
 def _saved_before(leftover: Leftover) -> str | None:
@@ -73,14 +70,7 @@ def _saved_before(leftover: Leftover) -> str | None:
     return None
 
 
-def _recording(leftover: Leftover, known: Journal) -> Recording:
-    groups = tuple(kept.group for kept in known.groups)
-    return Recording(
-        leftover.part, "unfinished run", "recover", groups, lambda report: _blocks(leftover, known, report)
-    )
-
-
-def _blocks(leftover: Leftover, known: Journal, report: Report) -> Iterator[Block]:
+def _blocks(leftover: Leftover, known: Journal) -> Iterator[Block]:
     for kept in known.groups:
         start = 0
         for columns in crash_recovery.blocks(leftover.part, kept):
@@ -91,13 +81,9 @@ def _blocks(leftover: Leftover, known: Journal, report: Report) -> Iterator[Bloc
 def _interrupted(intent: dict[str, Any], known: Journal) -> Finding:
     """What is here and what is not, as far as anyone can know."""
     whole = ", ".join(f"the first {kept.samples} samples of {kept.group.name!r}" for kept in known.groups)
-    logs = _listed([source["name"] for source in intent.get("sources", ())])
+    logs = ", ".join(source["name"] for source in intent.get("sources", ())) or "the log"
     message = f"the ingest was stopped: {whole} are here; what {logs} had after them is lost unless the log is at hand"
     return Finding("interrupted", None, None, message)
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names) or "the log"
 
 
 def _provenance(leftover: Leftover, intent: dict[str, Any]) -> dict[str, Any]:

@@ -10,7 +10,7 @@ Without a run table each log is a run of its own, and what another log in the fo
 """
 
 import time
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -104,10 +104,9 @@ class Watch:
 
     def __post_init__(self) -> None:
         self._siblings = SiblingLogs((), self.ingest.options)
-        self.ingest = replace(self.ingest, sibling_log=self._sibling_log)
-
-    def _sibling_log(self, channels: Collection[str]) -> str | None:
-        return self._siblings.holding(channels) if self.run_table is None else None
+        self.ingest = replace(
+            self.ingest, sibling_log=lambda channels: None if self.run_table else self._siblings.holding(channels)
+        )
 
     def once(self) -> Iterator[Outcome]:
         """One pass: what is there and does not grow. Files that still grow are named by ``growing``."""

@@ -79,7 +79,8 @@ def archive(run: Run, folder: Path, progress: Progress = lambda count: None) -> 
             for columns in _blocks(file, group):
                 to.append(columns)
             to.finish(group.rate_hz, group.rate_source)
-        known = {"file": run.path.name, "sha256": original, "channels_sha256": content, **_now()}
+        known = {"file": run.path.name, "sha256": original, "channels_sha256": content}
+        known |= {"written": datetime.now(UTC).isoformat(timespec="seconds"), "counterpoise": version("counterpoise")}
         writer.describe(run.origin, run.conditions, run.findings, {**run.provenance, ARCHIVED_FROM: known}, run.rig)
         writer.seal()
         _check(writer.part, run, content)
@@ -134,7 +135,3 @@ def _check(part: Path, run: Run, content: Mapping[str, Sequence[str]]) -> None:
                 if total.hexdigest() != expected:
                     name = group.channels[index].name
                     raise StoreError(f"{run.path.name}: channel {name!r} does not come back to the bit; not archived")
-
-
-def _now() -> dict[str, str]:
-    return {"written": datetime.now(UTC).isoformat(timespec="seconds"), "counterpoise": version("counterpoise")}

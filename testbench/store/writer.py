@@ -284,7 +284,7 @@ class RunWriter:
         import h5py
 
         self.target.parent.mkdir(parents=True, exist_ok=True)
-        self._journal = JournalWriter(_journal_of(self._part), self._intent)
+        self._journal = JournalWriter(self._part.with_suffix(JOURNAL), self._intent)
         self._out = OutFile(self._part)
         self._file = h5py.File(self._out, "w", libver=("v108", "v110"))
         self._file.attrs.update({"NX_class": "NXroot", "default": layout.ENTRY, "creator": "counterpoise"})
@@ -328,33 +328,26 @@ class RunWriter:
         rig: str | None,
     ) -> None:
         """Write what is known of the run: where it is from, conditions, findings, rig."""
-        with self._writing():
-            self._describe(origin, conditions, findings, provenance, rig)
-
-    def _describe(
-        self,
-        origin: Origin,
-        conditions: Conditions,
-        findings: Iterable[Finding],
-        provenance: Mapping[str, Any],
-        rig: str | None,
-    ) -> None:
         assert self._file is not None
         keys = [writer.key for writer in self._groups.values()]
         default = next((writer.key for writer in self._groups.values() if writer.has_plot), keys[0])
-        self._file[layout.ENTRY].attrs.update({"origin": origin, "groups": keys, "default": default})
-        _write_conditions(self._file, conditions)
-        node = _collection(self._file, layout.PROVENANCE)
-        node.attrs["json"] = json.dumps(provenance, ensure_ascii=False)
-        for number, source in enumerate(provenance["sources"], 1):
-            flat = {k: v for k, v in source.items() if isinstance(v, str | int | float)}
-            _collection(self._file, f"{layout.PROVENANCE}/source_{number}").attrs.update(flat)
-        _collection(self._file, layout.NOTES)
-        known = _description(origin, conditions, provenance, self._groups.values())
-        _write_texts(self._file, layout.DESCRIPTION, [known])
-        texts = [json.dumps(finding.as_dict(), ensure_ascii=False) for finding in findings]
-        _write_texts(self._file, layout.FINDINGS, texts)
-        _write_texts(self._file, layout.RIG, [] if rig is None else [rig])
+        known = {"layout": layout.LAYOUT, "origin": origin, "conditions": conditions, "provenance": provenance,
+                 "groups": [_group(writer) for writer in self._groups.values()]}  # fmt: skip
+        with self._writing():
+            self._file[layout.ENTRY].attrs.update({"origin": origin, "groups": keys, "default": default})
+            node = _collection(self._file, layout.CONDITIONS)
+            node.attrs.update({key: value for key, value in conditions.items() if key != "counter_masses"})
+            if "counter_masses" in conditions:
+                _collection(self._file, layout.COUNTER_MASSES).attrs.update(conditions["counter_masses"])
+            _collection(self._file, layout.PROVENANCE).attrs["json"] = json.dumps(provenance, ensure_ascii=False)
+            for number, source in enumerate(provenance["sources"], 1):
+                flat = {k: v for k, v in source.items() if isinstance(v, str | int | float)}
+                _collection(self._file, f"{layout.PROVENANCE}/source_{number}").attrs.update(flat)
+            _collection(self._file, layout.NOTES)
+            texts = [json.dumps(finding.as_dict(), ensure_ascii=False) for finding in findings]
+            _write_texts(self._file, layout.DESCRIPTION, [json.dumps(known, ensure_ascii=False)])
+            _write_texts(self._file, layout.FINDINGS, texts)
+            _write_texts(self._file, layout.RIG, [] if rig is None else [rig])
 
     def seal(self) -> None:
         """Close the file, wait until it is on the disk, and take its digest: all that takes long before the end."""
@@ -399,20 +392,6 @@ class RunWriter:
                 self.target.parent.rmdir()
 
 
-def _description(
-    origin: Origin, conditions: Conditions, provenance: Mapping[str, Any], groups: Iterable[GroupWriter]
-) -> str:
-    """The description of a run."""
-    document = {
-        "layout": layout.LAYOUT,
-        "origin": origin,
-        "conditions": conditions,
-        "provenance": provenance,
-        "groups": [_group(writer) for writer in groups],
-    }
-    return json.dumps(document, ensure_ascii=False)
-
-
 def _group(writer: GroupWriter) -> dict[str, Any]:
     return {
         "key": writer.key,
@@ -422,18 +401,11 @@ def _group(writer: GroupWriter) -> dict[str, Any]:
         "rate_source": writer.rate_source,
         "clock": writer.group.clock and asdict(writer.group.clock),
         "channels": [
-            {"key": key, "name": channel.name, "label": channel.label, "unit": channel.unit, **_form(form)}
+            {"key": key, "name": channel.name, "label": channel.label, "unit": channel.unit}
+            | ({"whole": form.as_dict()} if isinstance(form, Decimals) else {})
             for key, channel, form in zip(writer.keys, writer.group.channels, writer.forms, strict=True)
         ],
     }
-
-
-def _form(form: Form) -> dict[str, Any]:
-    return {"whole": form.as_dict()} if isinstance(form, Decimals) else {}
-
-
-def _journal_of(part: Path) -> Path:
-    return part.with_name(part.name.removesuffix(PART) + JOURNAL)
 
 
 def _reason(error: OSError | RuntimeError) -> str:
@@ -441,13 +413,6 @@ def _reason(error: OSError | RuntimeError) -> str:
     known = [code for code in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EROFS) if os.strerror(code) in str(error)]
     number = known[0] if known else getattr(error, "errno", None)
     return os.strerror(number) if number else str(error)
-
-
-def _write_conditions(file: "h5py.File", conditions: Conditions) -> None:
-    node = _collection(file, layout.CONDITIONS)
-    node.attrs.update({key: value for key, value in conditions.items() if key != "counter_masses"})
-    if "counter_masses" in conditions:
-        _collection(file, layout.COUNTER_MASSES).attrs.update(conditions["counter_masses"])
 
 
 def _collection(file: "h5py.File", path: str) -> "h5py.Group":
