@@ -182,6 +182,11 @@ class Family:
     """Whether a step drowns in white noise."""
     jittered: bool = False
 
+    def law(self, rng: np.random.Generator, residual: float) -> Law:
+        """The law of one channel's noise, from a residual's root mean square [m/s2]."""
+        laws = [law(rng, residual) for law in self.laws]
+        return lambda rng, time, moving: sum((law(rng, time, moving) for law in laws), np.zeros(len(time)))
+
 
 def log_uniform(rng: np.random.Generator, low: float, high: float, count: int = 1) -> Floats:
     """Between two limits, their ratios all alike, (count,)."""
@@ -194,14 +199,14 @@ def floor(rng: np.random.Generator, residual: float) -> Law:
     frequency, damping = rng.uniform(5.0, 40.0, count), log_uniform(rng, 0.005, 0.05, count)
     shares = rng.dirichlet(np.ones(count)) * (residual * log_uniform(rng, 0.1, 1.0).item()) ** 2
 
-    f = np.fft.rfftfreq(32768, 1.0 / 2000.0)
-    resonance = f**4 / ((frequency[:, None] ** 2 - f**2) ** 2 + (2.0 * (damping * frequency)[:, None] * f) ** 2)
-    density = resonance / (1.0 + (f / 60.0) ** 6)
-    sizes = 32768 * np.sqrt(shares @ (density / density.sum(axis=1, keepdims=True))) / 2.0
-
     def path(rng: np.random.Generator, time: Floats, moving: Floats) -> Floats:
+        size = 2 ** int(np.ceil(np.log2(2000.0 * max(16.0, 1.2 * np.ptp(time)))))
+        f = np.fft.rfftfreq(size, 1.0 / 2000.0)
+        resonance = f**4 / ((frequency[:, None] ** 2 - f**2) ** 2 + (2.0 * (damping * frequency)[:, None] * f) ** 2)
+        density = resonance / (1.0 + (f / 60.0) ** 6)
+        sizes = size * np.sqrt(shares @ (density / density.sum(axis=1, keepdims=True))) / 2.0
         drawn = np.fft.irfft(sizes * (rng.standard_normal((len(f), 2)) @ [1.0, 1.0j]))
-        return np.interp(time - time[0], np.arange(32768) / 2000.0, drawn)
+        return np.interp(time - time[0], np.arange(size) / 2000.0, drawn)
 
     return path
 
@@ -218,15 +223,16 @@ def hum(rng: np.random.Generator, residual: float) -> Law:
     return path
 
 
-def drift(rng: np.random.Generator, residual: float) -> Law:
-    """An offset, a slope and a random walk."""
-    offset, slope, walk = residual * np.array([5.0, 1.0, 0.3]) * rng.uniform(0.1, 1.0, 3)
+def slope(rng: np.random.Generator, residual: float) -> Law:
+    """An offset and a slope."""
+    offset, rise = residual * np.array([5.0, 1.0]) * rng.uniform(0.1, 1.0, 2)
+    return lambda rng, time, moving: offset * rng.standard_normal() + rise * rng.standard_normal() * time
 
-    def path(rng: np.random.Generator, time: Floats, moving: Floats) -> Floats:
-        steps = rng.standard_normal(len(time)) * np.sqrt(time[1] - time[0])
-        return offset * rng.standard_normal() + slope * rng.standard_normal() * time + walk * np.cumsum(steps)
 
-    return path
+def walk(rng: np.random.Generator, residual: float) -> Law:
+    """A random walk."""
+    size = 0.3 * residual * rng.uniform(0.1, 1.0)
+    return lambda rng, time, moving: size * np.cumsum(rng.standard_normal(len(time))) * np.sqrt(time[1] - time[0])
 
 
 def roughness(rng: np.random.Generator, residual: float) -> Law:
@@ -245,13 +251,13 @@ FAMILIES = {
     "white": Family(),
     "floor": Family([floor]),
     "hum": Family([hum]),
-    "drift": Family([drift]),
+    "drift": Family([slope, walk]),
     "step with dither": Family(steps=(0.05, 0.5)),
     "step without dither": Family(steps=(0.05, 0.5), dithered=False),
     "rests of 0.05 to 3 s": Family([floor], rests=(0.05, 3.0)),
     "in motion only": Family([roughness]),
     "jitter": Family(jittered=True),
-    "all mixed": Family([floor, hum, drift, roughness], (0.05, 3.0), (0.05, 0.5), True, True),
+    "all mixed": Family([floor, hum, slope, walk, roughness], (0.05, 3.0), (0.05, 0.5), True, True),
 }
 """Families by name."""
 
@@ -291,7 +297,7 @@ def drawn(family: Family, seed: int) -> Laboratory:
     step = residual * float(rng.uniform(*family.steps)) or 0.2 * white
     if family.steps[1]:
         white = step * float(rng.uniform(0.5, 1.5) if family.dithered else rng.uniform(0.0, 0.15))
-    laws = [_sum([law(rng, residual) for law in family.laws]) for _ in axes]
+    laws = [family.law(rng, residual) for _ in axes]
     clock = str(rng.choice(["uniform", "nominal", "true"])) if family.jittered else "uniform"
     early = rest * (0.4 if family.jittered else 0.1)
     late = tuple(rng.uniform(-early, early, int(rng.integers(1, 4))) for _ in range(2))
@@ -309,10 +315,6 @@ def _controller(rng: np.random.Generator, rate: float) -> Controller:
         "controller", float(rng.choice([500.0, 1000.0])), rng.uniform(0.0, 0.2) * (not triggered), encoders, target
     )
     return Controller("daq", rate, 0.0, encoders, target) if together or not (encoders or target) else own
-
-
-def _sum(laws: Sequence[Law]) -> Law:
-    return lambda rng, time, moving: sum((law(rng, time, moving) for law in laws), np.zeros(len(time)))
 
 
 def write_campaign(laboratory: Laboratory, folder: Path) -> None:

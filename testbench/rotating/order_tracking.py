@@ -21,7 +21,7 @@ from balance.estimation.estimate import coverage_factor
 
 from ..errors import AnalysisError
 from ..signal import Metric
-from .tachometer import STEADY_WITHIN, Turns, steady_turns
+from .tachometer import DITHERED, STEADY_WITHIN, Turns, steady_turns
 
 if TYPE_CHECKING:
     from ..store import Run
@@ -36,6 +36,12 @@ _LEAST_LINES, _MOST_LINES = 4, 24
 """Limits of the lines used for noise on each side; else half the way to the next order."""
 _REFINED = 2
 """Gauss-Newton iterations on the frequency of a tone."""
+_ZEROS = 16
+"""Zeros of a converter within a step, over which rounding errors scatter."""
+_MAINS = (50.0, 60.0, 100.0, 120.0, 150.0, 180.0)
+"""Frequencies of hum [Hz]."""
+_MAINS_WITHIN = 2e-3
+"""Share by which the mains may be off their frequency."""
 _BLOCKS = 1024
 """Blocks of the record that are summed before the transform near the order: many more than lines."""
 _CHUNK = 16_384
@@ -82,11 +88,13 @@ def fit_orders(values: Floats, angle: Floats, turns: int, order: int, orders: in
         tones.append(_Tone(found))
         record.refine(tones)
     value = complex(solved[order], solved[orders + order])
+    rounding = record.rounding(solved, tones)
     near = int(np.clip(turns // 4, _LEAST_LINES, _MOST_LINES))
     noise, spare = _noise(nearby * np.exp(-1j * np.angle(value)), near, order * turns, tones)
     inverse = np.linalg.inv(normal)
     pick = np.ix_([order, orders + order], [order, orders + order])
     covariance = _turned_phase(noise, np.angle(value), (inverse @ spread @ inverse)[pick]) * 2.0 / record.power
+    covariance += rounding * np.eye(2)
     return OrderFit(value, covariance, spare, tuple(t.line for t in tones))
 
 
@@ -144,11 +152,30 @@ class _Record:
                 tone.line += float(np.clip(moved, -0.5, 0.5))
                 tone.cos, tone.sin = float(c), float(s)
 
+    def _explained(self, solved: Floats, tones: list[_Tone]) -> Floats:
+        """What the coefficients (p,) make of the record, (n,) [unit]."""
+        return np.concatenate([columns @ solved for _, columns in self._chunks(tones)])
+
+    def rounding(self, solved: Floats, tones: list[_Tone]) -> float:
+        """Variance of each part of the vector by the steps of the readings [unit^2]; zero where noise is their dither.
+
+        Rounding errors of a steady signal repeat with the turns, so no noise near the order shows them. The converter's
+        zero may lie anywhere within a step: the scatter of the vector over such zeros (Type B).
+        """
+        step = float(np.diff(np.unique(self.values)).min(initial=np.inf))
+        explained = self._explained(solved, tones)
+        noise = float(np.std(self.values - explained)) / step
+        if noise > DITHERED:
+            return 0.0
+        added = np.random.default_rng(0).normal(0.0, max(noise**2 - 1.0 / 12.0, 0.0) ** 0.5, len(explained))
+        exact, turned = explained / step + added, self.window * np.exp(-2j * np.pi * self.order * self.angle)
+        zeros = (np.arange(_ZEROS) + 0.5) / _ZEROS
+        errors = np.array([2.0 * turned @ (np.round(exact + zero) - zero - exact) for zero in zeros])
+        return float(np.mean(np.abs(errors) ** 2)) * (step / self.window.sum()) ** 2 / 2.0
+
     def neighbourhood(self, solved: Floats, tones: list[_Tone]) -> NDArray[np.complex128]:
         """The windowed residual demodulated by the order, summed in blocks of equal length, (blocks,) [unit]."""
-        residual = np.empty(len(self.values))
-        for part, columns in self._chunks(tones):
-            residual[part] = self.values[part] - columns @ solved
+        residual = self.values - self._explained(solved, tones)
         turned = self.window * residual * np.exp(-2j * np.pi * self.order * self.angle)
         edges = np.linspace(0, len(residual), min(_BLOCKS, len(residual)) + 1).astype(int)[:-1]
         return np.asarray(np.add.reduceat(turned, edges))
@@ -242,7 +269,17 @@ class Vectors:
     def findings(self) -> tuple[str, ...]:
         """Findings about the run and each vector."""
         each = (f"{v.sensor}: {text}" for v in self.vectors for text in v.findings(self.order))
-        return (*self._synchronous_sampling(), *each)
+        return (*self._synchronous_sampling(), *self._on_the_mains(), *each)
+
+    def _on_the_mains(self) -> tuple[str, ...]:
+        mains = mains_near(self.turns, self.order)
+        if mains is None:
+            return ()
+        return (
+            f"order {self.order} at {self.order * self.turns.speed:.5g} Hz lies within the record's resolution of "
+            f"{mains:g} Hz, the mains: hum would be part of the vectors, and is in no interval; take a longer record, "
+            "or another speed",
+        )
 
     def _synchronous_sampling(self) -> tuple[str, ...]:
         if not self.turns.is_synchronous:
@@ -253,6 +290,13 @@ class Vectors:
             f"do not average out, and shift all phases by up to {np.degrees(self.common_phase_within):.2g} deg; their "
             "intervals contain it; sample faster, or at a rate that is no multiple of the speed",
         )
+
+
+def mains_near(turns: Turns, order: int) -> float | None:
+    """The frequency of hum that the record does not separate from an order [Hz]; None where there is none."""
+    resolution = _MAIN_LOBE * turns.speed / turns.count
+    at = order * turns.speed
+    return next((f for f in _MAINS if abs(at - f) <= resolution + _MAINS_WITHIN * f), None)
 
 
 UNITS = {"length": "m", "velocity": "m/s", "acceleration": "m/s^2"}

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from balance.arrays import Floats, Indices
-from balance.estimation.estimate import chi_square_tail, coverage_factor
+from balance.estimation.estimate import chi_square_tail, coverage_factor, effective_degrees_of_freedom
 
 from ..errors import AnalysisError
 from .encoder_edges import Edges, require_stated_turn
@@ -24,8 +24,12 @@ _GRID = 1440
 """Angles of a turn among which extremes of the speed are searched."""
 _DITHERED = 0.4
 """Jitter in steps of the clock above which rounding is random from edge to edge; rounding alone is 0.29."""
+_LEAST_PARTS, _MOST_PARTS = 8, 200
+"""Quarter turns, or groups of them, whose means tell a random walk."""
 _SIGNIFICANCE = 0.01
 """Probability below which changes from turn to turn are not jitter."""
+_SUSPECTED = 1.0
+"""Standard deviations by which parts scatter more than neighbours differ, from which they count as a random walk."""
 
 
 def time_regressor(phi: Floats, harmonics: int) -> Floats:
@@ -145,14 +149,14 @@ class TurnChanges:
     """Harmonics of each turn less those of all, (turns, 2 harmonics) [s]."""
     is_significant: bool
     """Whether the shapes differ by more than jitter explains."""
-    wander: float
-    """Variance of the duration of turns beyond jitter [s2]; zero where jitter explains them."""
+    wander: tuple[float, float]
+    """Variance of P by a random walk of the turns beyond jitter [s2], and its degrees of freedom."""
 
 
 def turn_changes(edges: Edges, residual: Floats, harmonics: int, jitter: float) -> TurnChanges:
     """Changes from turn to turn in the residual (n,) [s] of a steady turn; ``jitter`` is that of an instant [s]."""
     number = np.floor(edges.angle / (2.0 * np.pi) + 1e-9).astype(int)
-    offsets, shapes, share, size = [], [], [], 0.0
+    shapes, size = [], 0.0
     for k in np.unique(number):
         here = np.flatnonzero(number == k)
         if len(here) <= 2 * harmonics + 4:
@@ -160,28 +164,41 @@ def turn_changes(edges: Edges, residual: Floats, harmonics: int, jitter: float) 
         rows = np.delete(time_regressor(edges.angle[here], harmonics), 1, axis=1)
         inverse = np.linalg.inv(rows.T @ rows)
         solved = inverse @ (rows.T @ residual[here])
-        offsets.append(solved[0])
         shapes.append(solved[1:])
-        share.append(float(inverse[0, 0]))
         size += float(solved[1:] @ np.linalg.solve(inverse[1:, 1:], solved[1:]))
     shape, turns = np.array(shapes).reshape(len(shapes), 2 * harmonics), len(shapes)
     is_significant = turns > 2 and _beyond(size, jitter, (turns - 1) * 2 * harmonics)
-    variance = jitter**2 * float(np.mean(share or [0.0]))
-    return TurnChanges(shape, is_significant, _wander(np.array(offsets), variance, jitter))
+    return TurnChanges(shape, is_significant, _wander(edges.angle, residual, jitter))
 
 
 def _beyond(squares: float, jitter: float, freedom: int) -> bool:
     return chi_square_tail(squares / max(jitter**2, 1e-40), freedom) < _SIGNIFICANCE
 
 
-def _wander(offsets: Floats, variance: float, jitter: float) -> float:
-    """Variance of the steps between the offsets of turns beyond that of the offsets themselves [s2]."""
-    if len(offsets) < 4 or variance == 0.0:
-        return 0.0
-    off = offsets - offsets.mean()
-    if not _beyond(float((off**2).sum()) * jitter**2 / variance, jitter, len(offsets) - 2):
-        return 0.0
-    return max(0.0, float(np.var(np.diff(offsets), ddof=1)) - 2.0 * variance)
+def _wander(angle: Floats, residual: Floats, jitter: float) -> tuple[float, float]:
+    """Variance of P by a random walk in the residual (n,) [s] at angles (n,) [rad], and its degrees of freedom.
+
+    Means of quarter turns, or of several, that scatter about a line more than neighbours differ are taken for a walk
+    altogether. Degrees of freedom are Satterthwaite's.
+    """
+    quarter = np.floor((angle - angle[0]) / (0.5 * np.pi) + 1e-9)
+    joined = np.floor(quarter / max(1.0, np.ceil(quarter[-1] / _MOST_PARTS))).astype(int)
+    have = np.bincount(joined)
+    if len(have) < _LEAST_PARTS or not have.all():
+        return 0.0, np.inf
+    means, count = np.bincount(joined, residual) / have, len(have)
+    number = np.arange(count)
+    lever = number - number.mean()
+    across = np.eye(count) - 1.0 / count - np.outer(lever, lever) / (lever @ lever)
+    walk = np.minimum.outer(number, number).astype(float)
+    shown = across @ walk @ across
+    scatter, size, change = float(means @ across @ means), float(np.trace(shown)), float(np.mean(np.diff(means) ** 2))
+    own = min(0.5 * change, jitter**2 / float(have.mean()))
+    if scatter <= own * (count - 2) * (1.0 + _SUSPECTED / np.sqrt(count)):  # von Neumann's ratio scatters by as much
+        return 0.0, np.inf
+    freedom = size**2 / float(np.sum(shown**2))
+    parts = 2.0 * np.pi * count / (angle[-1] - angle[0])
+    return scatter / size * float(lever @ walk @ lever) / float(lever @ lever) ** 2 * parts**2, freedom
 
 
 @dataclass(frozen=True)
@@ -268,8 +285,10 @@ class SteadySpeedFit:
     def mean(self) -> SpeedEstimate:
         """Mean speed over time, 2 pi / P [rad/s]."""
         period = self.coefficients[0]
-        variance = self.covariance[0, 0] + self._changes.wander / self.turns + self._rounding
-        half = coverage_factor() * float(np.sqrt(variance))
+        wander, freedom = self._changes.wander
+        variances = np.array([self.covariance[0, 0] + self._rounding, wander])
+        known = effective_degrees_of_freedom(variances, np.array([np.inf, freedom])) if wander else np.inf
+        half = coverage_factor(known) * float(np.sqrt(variances.sum()))
         return _about(2.0 * np.pi / period, half * 2.0 * np.pi / period**2)
 
     def fluctuation(self, nominal: float | None = None) -> SpeedEstimate:

@@ -18,7 +18,7 @@ from testbench.ingest.run_table import PlannedRun
 
 from ..rotating.machine import UNBALANCE, Rotor
 
-OWN = 50.137
+OWN = 46.137
 """Turns a second of which no samples keep step."""
 
 
@@ -70,7 +70,7 @@ def test_table(found: str) -> None:
     code, output = run(found, "--sensor", "B")
     assert code == 0
     assert "lead of the pulse" in output
-    assert "turns at 3008" in output
+    assert "turns at 2768" in output
 
 
 def test_sampling_in_step_is_a_finding_and_in_every_interval(in_step: str) -> None:

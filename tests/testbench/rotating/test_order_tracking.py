@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import binomtest
 
 from testbench.errors import AnalysisError
-from testbench.rotating.order_tracking import OrderVector, order_vector
+from testbench.rotating.order_tracking import OrderVector, Vectors, order_vector
 from testbench.rotating.tachometer import Turns, steady_turns, tacho_pulses
 
 from .machine import Rotor
@@ -100,6 +100,31 @@ def test_foreign_tones_are_found_and_named() -> None:
     (tone,) = vectors_of(Rotor(seed=1, tone=0.8, seconds=1.5))[0].tones
     assert tone == pytest.approx(61.3, abs=0.05)
     assert sum(len(vectors_of(Rotor(seed=seed, tone=0.0, seconds=1.0))[0].tones) for seed in range(8)) <= 1
+
+
+def test_steps_without_dither_are_in_the_interval() -> None:
+    """Readings in steps of a tenth of the amplitude and next to no noise: rounding repeats with the turns."""
+    amplitude = phase = 0
+    truth, time = 4.0 * np.exp(0.7j), np.arange(1500) / 2500.0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        turned = rng.uniform() + 47.3 * time
+        turns = steady_turns("run", time, np.sin(2 * np.pi * turned), None, False, 0.01)
+        exact = np.real(truth * np.exp(2j * np.pi * turned)) + rng.normal(0.0, 0.01, len(time))
+        read = 0.4 * np.round(exact / 0.4 + rng.uniform())
+        vector = order_vector("A", "acceleration", read, turns, time, 1, 8)
+        amplitude += abs(abs(vector.value) - abs(truth)) < vector.amplitude_within
+        phase += abs(np.angle(vector.value / truth)) < vector.phase_within
+    assert min(amplitude, phase) >= 17
+
+
+def test_an_order_on_the_mains_is_named() -> None:
+    """Hum cannot be told from an order within the record's resolution of 50 Hz; from 47.3 Hz it can."""
+    for speed, seconds, named in ((50.3, 3.0, True), (25.0, 3.0, False), (47.3, 3.0, False), (47.3, 0.4, True)):
+        turns = turns_of(Rotor(speed=speed, seconds=seconds))
+        found = " ".join(Vectors(1, turns, ()).findings())
+        assert ("50 Hz, the mains" in found) == named
+    assert "50 Hz, the mains" in " ".join(Vectors(2, turns_of(Rotor(speed=25.0)), ()).findings())
 
 
 @pytest.mark.parametrize(("speed", "in_step"), [(50.0, True), (49.37, False)])

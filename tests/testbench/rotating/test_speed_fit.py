@@ -11,6 +11,7 @@ from testbench.errors import AnalysisError
 from testbench.public_recordings import FOLDER_VARIABLE
 from testbench.rotating import Disc, number_edges, periodic_turn, read_edge_times
 
+from ..coverage import assert_holds
 from . import discs
 
 NOMINAL = 276 * discs.RPM / 3.61
@@ -78,6 +79,17 @@ def test_loads_that_change_from_turn_to_turn_widen_the_interval():
     longer = np.cumsum(np.r_[0.0, 1e-4 * rng.normal(size=12)])
     wandering = found(even + np.interp(phi / (2 * np.pi), np.arange(13), longer), steady_within=0.01)
     assert wandering.mean.high - wandering.mean.low > 20 * (still.mean.high - still.mean.low)
+
+
+def test_the_mean_holds_where_instants_walk_at_random():
+    """A sensor that wanders by 5 us a root second, beside jitter and hum that average out within a turn."""
+    within = 0
+    for seed in range(20):
+        rng, time = np.random.default_rng(seed), discs.turning(jitter=1e-5, clock=0.0, seed=seed)
+        steps = rng.standard_normal(len(time)) * np.sqrt(np.gradient(time))
+        turn = found(time + 5e-6 * np.cumsum(steps) + 5e-5 * np.sin(2 * np.pi * 50.0 * time + seed))
+        within += turn.mean.contains(discs.truth().mean_speed)
+    assert_holds(within, 20)
 
 
 def test_jitter_does_not_push_the_extremes_apart():
