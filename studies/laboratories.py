@@ -200,7 +200,7 @@ def floor(rng: np.random.Generator, residual: float) -> Law:
     shares = rng.dirichlet(np.ones(count)) * (residual * log_uniform(rng, 0.1, 1.0).item()) ** 2
 
     def path(rng: np.random.Generator, time: Floats, moving: Floats) -> Floats:
-        size = 2 ** int(np.ceil(np.log2(2000.0 * max(16.0, 1.2 * np.ptp(time)))))
+        size = 2 ** int(np.ceil(np.log2(2000.0 * max(16.0, 1.2 * float(time[-1] - time[0])))))
         f = np.fft.rfftfreq(size, 1.0 / 2000.0)
         resonance = f**4 / ((frequency[:, None] ** 2 - f**2) ** 2 + (2.0 * (damping * frequency)[:, None] * f) ** 2)
         density = resonance / (1.0 + (f / 60.0) ** 6)

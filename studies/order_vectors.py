@@ -31,7 +31,8 @@ CASES: dict[str, dict[str, Any]] = {
     "short pulses, in step": {"pulses": True},
     "in step, nearly": {"pulses": True, "speed": 50.003},
     "in step, pulses jitter": {"pulses": True, "jitter": 0.1},
-} | {f"{size:g} of {name}": {"family": name, "size": size, "speed": 47.3} for name in NOISES for size in (0.2, 2.0)}
+    **{f"{size:g} of {name}": {"family": name, "size": size, "speed": 47.3} for name in NOISES for size in (0.2, 2.0)},
+}
 
 
 def run(
