@@ -259,18 +259,18 @@ def _depth(value: object) -> int:
 # CSV
 
 
-def read_csv(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """Cells of the header, and line and cells of each row that is not blank."""
+def csv_cells(text: str, source: str) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """Cells of the header, and line and cells of each row that is not blank; ``source`` is what messages call it."""
     try:
-        lines = csv.reader(StringIO(read_text(path).removeprefix("\ufeff"), newline=""), strict=True)
+        lines = csv.reader(StringIO(text.removeprefix("\ufeff"), newline=""), strict=True)
         header = next(lines, [])
         rows = [(lines.line_num, row) for row in lines if any(cell.strip() for cell in row)]
     except csv.Error as wrong:
-        raise DataError(f"{path.name}: not a CSV file: {wrong}") from wrong
+        raise DataError(f"{source}: not a CSV file: {wrong}") from wrong
     for line, row in rows:
         if len(row) > len(header) and any(cell.strip() for cell in row[len(header) :]):
             raise DataError(
-                f"{path.name}, line {line}: {len(row)} cells, the header has {len(header)} columns: is there a comma "
+                f"{source}, line {line}: {len(row)} cells, the header has {len(header)} columns: is there a comma "
                 "in a number?"
             )
     return header, rows
@@ -281,7 +281,7 @@ def csv_rows(model: type[Model], path: Path) -> list[Model]:
 
     Raises DataError, a line for each cell that is wrong.
     """
-    header, rows = read_csv(path)
+    header, rows = csv_cells(read_text(path), path.name)
     columns = [_column(cell) for cell in header]
     names = [name for name, _ in columns]
     for cell, (name, unit) in zip(header, columns, strict=True):
@@ -313,25 +313,25 @@ def csv_rows(model: type[Model], path: Path) -> list[Model]:
         raise DataError(f"{path.name}: {error}") from error
 
 
-def csv_columns(path: Path, dimensions: Mapping[str, tuple[str, ...]]) -> dict[str, Measured[list[float]]]:
+def csv_columns(text: str, source: str, dimensions: Mapping[str, tuple[str, ...]]) -> dict[str, Measured[list[float]]]:
     """Columns of numbers in SI and their dimensions, by name; each is required, in one of its ``dimensions``.
 
-    Raises DataError, naming line and column.
+    Raises DataError, naming line and column of ``source``.
     """
-    header, rows = read_csv(path)
+    header, rows = csv_cells(text, source)
     columns = dict(_column(cell) for cell in header)
     expected = ", ".join(f"{name} ({SI_UNITS[possible[0]]})" for name, possible in dimensions.items())
     if not set(dimensions) <= set(columns) or len(columns) < len(header):
-        raise DataError(f"{path.name}: must hold the columns {expected}: found {', '.join(header) or 'none'}")
+        raise DataError(f"{source}: must hold the columns {expected}: found {', '.join(header) or 'none'}")
     found = {}
     for i, (name, unit) in enumerate(columns.items()):
         if name not in dimensions:
             continue
-        with in_file(path.name, f"column {header[i]!r}"):
+        with in_file(source, f"column {header[i]!r}"):
             if not unit:
                 raise DataError(f"has no unit: write for example '{name} ({example(dimensions[name][0])[2:]})'")
             factor = factor_to_si(unit, *dimensions[name])
-        cells = [_number(row[i] if i < len(row) else "", f"{path.name}, line {line}: {name}") for line, row in rows]
+        cells = [_number(row[i] if i < len(row) else "", f"{source}, line {line}: {name}") for line, row in rows]
         found[name] = Measured([factor * cell for cell in cells], dimension_of(f"1 {unit}", *dimensions[name]))
     return found
 

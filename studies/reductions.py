@@ -182,7 +182,9 @@ def campaigns(seeds: range, repeats: int, metric: Metric) -> dict[tuple[int, str
         for number, (payload, mass, motion, acceleration) in enumerate(CONDITIONS) for balanced in (True, False)
     }  # fmt: skip
     true = {key: _amplitudes(one, measure) for key, one in scenes.items()}
-    numbers = {(payload, motion): n for n, (payload, _, motion, _) in enumerate(CONDITIONS)}
+    numbers: dict[tuple[float | None, str], int] = {
+        (payload, motion): n for n, (payload, _, motion, _) in enumerate(CONDITIONS)
+    }
     found: dict[tuple[int, str], RatioTally] = {}
     for seed in seeds:
         planned = [one for one in scenes.values() for _ in range(repeats)]

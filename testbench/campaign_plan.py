@@ -10,7 +10,7 @@ from pydantic import Field
 
 from balance import datasets
 from balance.errors import DataError
-from balance.input_files import OneOrMore, Table, load_model, model_from_table, toml_tables
+from balance.input_files import Measured, OneOrMore, Table, load_model, model_from_table, toml_tables
 from balance.units import G0
 
 from .errors import RigError
@@ -23,25 +23,28 @@ class PlannedRun:
     """One run, to be set up at the bench or simulated."""
 
     name: str
-    payload: float
-    """Everything that the platform carries, itself included [kg]."""
+    payload: float | None
+    """Everything that the platform carries, itself included [kg]; None for a mechanism that carries none."""
     counter_masses: dict[str, float]
     """Counter-mass by site [kg]; empty without counter-masses."""
     motion: str
-    peak_acceleration: float
-    """Peak acceleration of the motion [m/s2]."""
+    peak_acceleration: float | None
+    """Peak acceleration of the motion [m/s2, or rad/s2 where it is ``turning``]; None: that of the motion's file."""
     repeat: int
+    turning: bool = False
+    """Whether the peak acceleration is one of joints that turn."""
 
     @property
     def conditions(self) -> Conditions:
         """The run's conditions as they are stored with a run."""
-        return Conditions(
-            payload_kg=self.payload,
-            counter_masses=self.counter_masses,
-            motion=self.motion,
-            peak_acceleration_g=round(self.peak_acceleration / G0, 12),
-            repeat=self.repeat,
-        )
+        found = Conditions(counter_masses=self.counter_masses, motion=self.motion, repeat=self.repeat)
+        if self.payload is not None:
+            found["payload_kg"] = self.payload
+        if self.peak_acceleration is not None and self.turning:
+            found["peak_acceleration_rad_s2"] = self.peak_acceleration
+        elif self.peak_acceleration is not None:
+            found["peak_acceleration_g"] = round(self.peak_acceleration / G0, 12)
+        return found
 
 
 _ONE_OR_MORE = (OneOrMore, Field(min_length=1))
@@ -50,21 +53,23 @@ _ONE_OR_MORE = (OneOrMore, Field(min_length=1))
 class Condition(Table):
     """Runs in every combination of what is listed, each also without counter-masses unless the plan says no."""
 
-    payload: Annotated[list[key_types.Mass], *_ONE_OR_MORE]
-    """Everything that the platform carries, itself included; one or several [kg]."""
+    payload: Annotated[list[key_types.Mass], *_ONE_OR_MORE] | None = None
+    """Everything that the platform carries, itself included; one or several [kg]. None: the mechanism as it is."""
     counter_masses: dict[str, key_types.Mass] = Field(default_factory=dict)
     """Counter-masses by site [kg]."""
     motion: Annotated[list[str], *_ONE_OR_MORE]
     """Names of motions, or files; one or several."""
-    peak_acceleration: Annotated[list[key_types.Acceleration], *_ONE_OR_MORE]
-    """Peak acceleration of the motion; one or several [m/s2]."""
+    peak_acceleration: Annotated[list[key_types.PeakAcceleration], *_ONE_OR_MORE] | None = None
+    """Peak acceleration of the motion, one or several [m/s2 or rad/s2]; None: that of the motion's file."""
     also_without: bool = True
     """Whether every run is made without counter-masses too."""
 
-    def combinations(self) -> Iterator[tuple[float, dict[str, float], str, float]]:
-        """Payload [kg], counter-masses [kg], motion, peak acceleration [m/s2]; runs with counter-masses first."""
+    def combinations(self) -> Iterator[tuple[float | None, dict[str, float], str, Measured[float] | None]]:
+        """Payload [kg], counter-masses [kg], motion, peak acceleration; runs with counter-masses first."""
         sets = [self.counter_masses] + [{}] * (self.also_without and bool(self.counter_masses))
-        for payload, motion, acceleration in product(self.payload, self.motion, self.peak_acceleration):
+        payloads: list[float | None] = [*self.payload] if self.payload else [None]
+        peaks: list[Measured[float] | None] = [*self.peak_acceleration] if self.peak_acceleration else [None]
+        for payload, motion, acceleration in product(payloads, self.motion, peaks):
             for masses in sets:
                 yield payload, masses, motion, acceleration
 
@@ -85,14 +90,25 @@ class Plan(Table):
 
     def runs(self) -> list[PlannedRun]:
         """All runs in order, named ``r001``, ``r002``, ...; one that several conditions contain is made once."""
-        distinct: dict[object, tuple[float, dict[str, float], str, float]] = {}
+        distinct: dict[object, tuple[float | None, dict[str, float], str, Measured[float] | None]] = {}
         for condition in self.conditions:
-            for payload, masses, motion, acceleration in condition.combinations():
-                key = (payload, tuple(sorted(masses.items())), motion, acceleration)
-                distinct.setdefault(key, (payload, masses, motion, acceleration))
+            for payload, masses, motion, peak in condition.combinations():
+                key = (payload, tuple(sorted(masses.items())), motion, peak)
+                distinct.setdefault(key, (payload, masses, motion, peak))
         each = [(repeat, run) for run in distinct.values() for repeat in range(1, self.repeats + 1)]
         digits = max(3, len(str(len(each))))
-        return [PlannedRun(f"r{i:0{digits}d}", *run, repeat) for i, (repeat, run) in enumerate(each, 1)]
+        return [
+            PlannedRun(
+                f"r{i:0{digits}d}",
+                payload,
+                masses,
+                motion,
+                peak and peak.value,
+                repeat,
+                peak is not None and peak.dimension == "angular acceleration",
+            )
+            for i, (repeat, (payload, masses, motion, peak)) in enumerate(each, 1)
+        ]
 
 
 def load_plan(name: str | Path) -> Plan:

@@ -86,6 +86,8 @@ _WARNINGS = {
     "cyclic_link": "A link inside the file that leads back to where it comes from; left out.",
     "already_stored": "The campaign holds this recording already; nothing was written.",
     "run_not_opened": "A run of the campaign cannot be opened; whether it holds this recording too is unknown.",
+    "log_missing": "The run table names a log that was not given: its run is not stored yet.",
+    "input_not_stored": "The mechanism or the motion of the run cannot be read, so it is not stored with the run.",
     "conditions_differ": "The run table states other conditions than are stored with the run, which never changes.",
     "rate_contradicts_rig": "A log's rate is not the one that the rig states for its logger; the log's is taken.",
     "sensor_not_recorded": "The rig describes a logger of which no log of the run holds a channel.",
@@ -184,6 +186,7 @@ class Conditions(TypedDict, total=False):
     counter_masses: dict[str, float]
     motion: str
     peak_acceleration_g: float
+    peak_acceleration_rad_s2: float
     repeat: int
 
 

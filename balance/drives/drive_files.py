@@ -11,7 +11,19 @@ from pydantic import Field
 from .. import datasets
 from ..arrays import Floats
 from ..errors import CounterpoiseError, DataError
-from ..input_files import Distinct, Measured, Number, Positive, Quantity, Table, Text, csv_columns, in_file, load_model
+from ..input_files import (
+    Distinct,
+    Measured,
+    Number,
+    Positive,
+    Quantity,
+    Table,
+    Text,
+    csv_columns,
+    in_file,
+    load_model,
+    read_text,
+)
 from ..mechanism.mjcf_parser import load_mechanism
 from . import motors
 from .equivalent_inertia import reduced_to_crank
@@ -195,7 +207,8 @@ class CurveTable(_LoadTable):
             angles, values = self.angle, getattr(self, key)
         else:
             with in_file("file"):
-                columns = csv_columns(folder / self.file, {"angle": ("angle",), key: (dimension,)})
+                path = folder / self.file
+                columns = csv_columns(read_text(path), path.name, {"angle": ("angle",), key: (dimension,)})
             angles, values = columns["angle"].value, columns[key].value
         return Load(self.name or self.kind, self.kind, index, 0.0, _periodic(np.array(angles), np.array(values), key))
 

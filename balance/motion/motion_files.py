@@ -10,7 +10,17 @@ from pydantic import Discriminator, Field, Tag
 from .. import datasets
 from ..arrays import Floats
 from ..errors import DataError
-from ..input_files import Measured, Quantity, Table, Text, csv_columns, in_file, model_from_table, read_toml
+from ..input_files import (
+    Measured,
+    Quantity,
+    Table,
+    Text,
+    csv_columns,
+    in_file,
+    model_from_table,
+    read_text,
+    toml_tables,
+)
 from .motion import Motion, Samples
 
 Acceleration = Annotated[Measured[float], Quantity("acceleration", "angular acceleration", above=0.0)]
@@ -134,11 +144,31 @@ class MotionTable(Table):
 def load_motion(name: str | Path) -> Motion:
     """Load a shipped motion by name, or a TOML file. Raises DataError, naming the key that is wrong."""
     path = datasets.find_dataset(name, "motions", ".toml")
-    return motion_from_table(read_toml(path), path.parent, path.name)
+    return motion_from_texts(path.name, *motion_texts(path))
 
 
-def motion_from_table(content: Mapping[str, Any], folder: Path = Path(), source: str = "motion") -> Motion:
-    """Build a motion from the keys of a motion file; ``folder`` is where a file of samples is looked for.
+def motion_texts(path: Path) -> tuple[str, ...]:
+    """The text of a motion file, and that of its samples where it has some: all that the motion is made of.
+
+    Raises DataError for a file that cannot be read, and for samples outside the motion's folder.
+    """
+    text = read_text(path)
+    samples = toml_tables(text, path.name).get("samples")
+    if not isinstance(samples, str):
+        return (text,)
+    with in_file(path.name, "samples"):
+        if Path(samples).is_absolute() or ".." in Path(samples).parts:
+            raise DataError(f"{samples!r}: expected a file in the motion's folder")
+        return text, read_text(path.parent / samples)
+
+
+def motion_from_texts(source: str, text: str, samples: str | None = None) -> Motion:
+    """A motion from the texts of its files, as :func:`motion_texts` gives them; ``source`` is what messages call it."""
+    return motion_from_table(toml_tables(text, source), source, samples)
+
+
+def motion_from_table(content: Mapping[str, Any], source: str = "motion", samples: str | None = None) -> Motion:
+    """Build a motion from the keys of a motion file; ``samples`` is the text of its CSV, where it has one.
 
     Raises DataError, naming the key that is wrong.
     """
@@ -148,7 +178,7 @@ def motion_from_table(content: Mapping[str, Any], folder: Path = Path(), source:
     with in_file(source):
         if table.samples is not None:
             with in_file("samples"):
-                recorded = _samples(folder / table.samples, joints, table.point, axes)
+                recorded = _samples(samples or "", table.samples, joints, table.point, axes)
             position, sliding = recorded.position[:1], recorded.sliding
             return Motion(position, np.empty(0), 0.25, 0.0, joints, table.point, axes, recorded, sliding)
         points, peak = _waypoints(table)
@@ -157,15 +187,15 @@ def motion_from_table(content: Mapping[str, Any], folder: Path = Path(), source:
     return Motion(points, peak, ramp, table.rest or 0.0, joints, table.point, axes, sliding=sliding)
 
 
-def _samples(path: Path, joints: tuple[str, ...], point: str | None, axes: tuple[str, ...]) -> Samples:
-    """A motion from a CSV; velocity and acceleration are those of the quintic spline through the samples."""
+def _samples(text: str, source: str, joints: tuple[str, ...], point: str | None, axes: tuple[str, ...]) -> Samples:
+    """A motion from the text of a CSV; velocity and acceleration by the quintic spline through the samples."""
     from scipy.interpolate import make_interp_spline
 
     possible = ("angle", "length") if joints else ("length",)
-    columns = csv_columns(path, {"time": ("time",)} | dict.fromkeys(joints or axes, possible))
+    columns = csv_columns(text, source, {"time": ("time",)} | dict.fromkeys(joints or axes, possible))
     time, *coordinates = (np.array(column.value) for column in columns.values())
     if len(time) < _LEAST_SAMPLES or not (np.diff(time) > 0).all():
-        raise DataError(f"{path.name}: expected at least {_LEAST_SAMPLES} rows with increasing time")
+        raise DataError(f"{source}: expected at least {_LEAST_SAMPLES} rows with increasing time")
     position = np.column_stack(coordinates)
     spline = make_interp_spline(time, position, k=5)
     sliding = tuple(columns[name].dimension == "length" for name in joints)

@@ -121,12 +121,13 @@ def cases(published: Published, plan: Plan) -> Cases:
 
     rows = []
     for run in plan.runs():
-        if not run.counter_masses or run.repeat > 1:
+        payload, peak = run.payload, run.peak_acceleration
+        if not run.counter_masses or run.repeat > 1 or payload is None or peak is None:
             continue
-        acceleration_g = run.peak_acceleration / G0
-        values = {axis: published.reduction(run.payload, run.motion, acceleration_g, axis) for axis in AXES}
+        values = {axis: published.reduction(payload, run.motion, peak / G0, axis) for axis in AXES}
         if None not in values.values():
-            loads = _mechanics(mechanism, run, followed(run.motion, run.peak_acceleration))
+            loaded = mechanism.with_payload({payload_body(mechanism): payload})
+            loads = _mechanics(loaded, run.counter_masses, followed(run.motion, peak), peak)
             rows += [(run, axis, value, loads) for axis, value in values.items()]
     if len(rows) != sum(map(len, published.rows.values())):
         raise AnalysisError(
@@ -150,10 +151,9 @@ def _stacked(rows: list[tuple[PlannedRun, str, float | None, Mechanics]]) -> Cas
     )
 
 
-def _mechanics(mechanism: Mechanism, run: PlannedRun, trajectory: Trajectory) -> Mechanics:
-    loaded = mechanism.with_payload({payload_body(mechanism): run.payload})
-    bare, balanced = (simulate(m, trajectory) for m in (loaded, loaded.with_counter_mass(run.counter_masses)))
-    return _by_acceleration(bare, balanced, run.peak_acceleration)
+def _mechanics(loaded: Mechanism, counter_masses: dict[str, float], trajectory: Trajectory, peak: float) -> Mechanics:
+    bare, balanced = (simulate(m, trajectory) for m in (loaded, loaded.with_counter_mass(counter_masses)))
+    return _by_acceleration(bare, balanced, peak)
 
 
 def _by_acceleration(bare: Response, balanced: Response, peak: float) -> Mechanics:

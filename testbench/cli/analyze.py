@@ -114,31 +114,36 @@ def _print_reductions(campaign: Path, analysis: "Analysis") -> None:
 
 
 def _place(reductions: "Sequence[Reduction]") -> tuple[str, ...]:
-    """Columns of condition and place, with the counter-masses where a condition has several sets."""
+    """Columns of place and of what any condition states, with the counter-masses where one has several sets."""
     from ..vibration.reduction import sets_differ
 
+    names = ("payload_kg", "motion", "peak_acceleration_g", "peak_acceleration_rad_s2")
+    stated = [name for name in names if any(getattr(r.key, name) is not None for r in reductions)]
     masses = ("counter_masses",) if sets_differ(reductions) else ()
-    return ("payload_kg", "motion", "peak_acceleration_g", *masses, "sensor", "axis")
+    return (*stated, *masses, "sensor", "axis")
 
 
 @click.command(
     epilog="""\b
 Examples:
+  testbench compare campaign --figure reductions.png
   testbench compare campaign --published kiper2019 --figure reductions.png
   testbench compare campaign --published kiper2019 --metric peak --json
 \b
 Exit codes: 0 done, 3 done with findings (runs without a partner, what cannot be simulated), 1 nothing to compare."""
 )
 @click.argument("campaign", type=click.Path(path_type=Path))
-@click.option("--published", "table", required=True, metavar="NAME", help="A shipped table, kiper2019, or a file.")
-@click.option("--mechanism", metavar="MECH", help="The mechanism, where the stored rig names one that is not shipped.")
+@click.option(
+    "--published", "table", metavar="NAME", help="Published reductions: a shipped table, kiper2019, or a file."
+)
+@click.option("--mechanism", metavar="MECH", help="A mechanism in place of the one that is stored with the runs.")
 @_measure_options
 @options.accept_option
 @figure_option
 @json_option
 def compare(
     campaign: Path,
-    table: str,
+    table: str | None,
     mechanism: str | None,
     metric: "Metric",
     band: "Band | None",
@@ -146,9 +151,10 @@ def compare(
     figure: str | None,
     as_json: bool,
 ) -> int:
-    """Reductions by three sources: analysed from the logs, simulated anew, and published.
+    """Reductions by several sources: analysed from the logs, simulated anew, and published where a table is given.
 
-    The simulation starts from the rig and the conditions that are stored with the runs, without noise.
+    The simulation starts from the rig, the mechanism, the motion and the conditions that are stored with the runs,
+    without noise.
     """
     from ..published_tables import load_published
     from ..store import open_campaign
@@ -156,7 +162,7 @@ def compare(
     from ..vibration.metrics import Measure
 
     options.refuse_unknown_codes(accept)
-    published = load_published(table)
+    published = load_published(table) if table else None
     measure = Measure(metric, band)
     runs = open_campaign(campaign).runs
     comparison = compare_campaign(runs, published, measure, mechanism, accept)
@@ -174,10 +180,15 @@ def _print_comparison(campaign: Path, comparison: "Comparison") -> None:
     from ..vibration.comparison import Row
 
     place = _place([row.analyzed for row in comparison.rows])
-    columns = (*place, "analyzed_text", "simulated", "published", "shaking_force", "origin")
-    title = f"Reduction of the base's vibration, {campaign.name}, and of {comparison.published.name}"
+    table_of = comparison.published
+    columns = (*place, "analyzed_text", "simulated", *(("published",) if table_of else ()), "shaking_force", "origin")
+    title = f"Reduction of the base's vibration, {campaign.name}{f', and of {table_of.name}' if table_of else ''}"
     emit_table(title, *table(Row, comparison.rows, *columns), comparison.definition)
-    printed = f"Published values as printed; amplitudes, according to the source: {comparison.published.definition}."
-    for note in (_origins_text(comparison.origins), printed, *comparison.notes):
+    printed = (
+        [f"Published values as printed; amplitudes, according to the source: {table_of.definition}."]
+        if table_of
+        else []
+    )
+    for note in (_origins_text(comparison.origins), *printed, *comparison.notes):
         click.echo(click.wrap_text(note, 110))
     options.print_findings(comparison.findings)

@@ -11,6 +11,7 @@ from balance.mechanism.mechanism import Mechanism
 from ..errors import AnalysisError
 from ..kinematics.encoder_motion import mechanism_of
 from ..recording import Finding
+from ..rig.rig import NONE
 from ..runs.si_run import SIRun
 from .conditions import accelerations, motions, mounted, payloads
 from .copies import copies
@@ -81,7 +82,7 @@ def examine(
     runs: "Iterable[Run | SIRun]", accepted: Iterable[str] = (), mechanism: Mechanism | None = None
 ) -> Examination:
     """Hear every witness of runs of one campaign; ``mechanism`` takes the place of the one that the rigs name."""
-    known: dict[str, Mechanism] = {}
+    known: dict[object, Mechanism] = {}
     observations = [_observed(run, known, mechanism) for run in runs]
     return hear([one for one in observations if one is not None], accepted)
 
@@ -100,7 +101,7 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = ()) -> Examinati
     return Examination(tuple(reasons), tuple(statements), reasons, torque, frozenset(accepted))
 
 
-def _observed(run: "Run | SIRun", known: dict[str, Mechanism], given: Mechanism | None) -> Observation | None:
+def _observed(run: "Run | SIRun", known: dict[object, Mechanism], given: Mechanism | None) -> Observation | None:
     """What a run shows; None for a run without a rig, of which nothing is known."""
     try:
         bound = run if isinstance(run, SIRun) else SIRun.of(run)
@@ -110,11 +111,11 @@ def _observed(run: "Run | SIRun", known: dict[str, Mechanism], given: Mechanism 
     def mechanism() -> Mechanism:
         if given is not None:
             return given
-        name = bound.rig.mechanism
-        if name == "none":
+        key = (bound.rig.mechanism, bound.recorded.inputs.get("mechanism"))
+        if key[0] == NONE:
             raise AnalysisError("the rig names no mechanism")
-        if name not in known:
-            known[name] = mechanism_of(bound, None)
-        return known[name]
+        if key not in known:
+            known[key] = mechanism_of(bound, None)
+        return known[key]
 
     return observe(bound, mechanism)

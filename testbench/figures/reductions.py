@@ -46,7 +46,8 @@ def reductions(compared: Comparison | Analysis) -> "Figure":
             line[0].set_ylabel("reduction of the amplitude [%]")
         panels[0, 0].set_ylim(min(0.0, *(_lowest(row) - 10.0 for row in rows)), 105.0)
         for panel in panels[-1]:
-            panel.set_xlabel("peak acceleration [g0], by payload")
+            turning = any(row.analyzed.key.peak_acceleration_rad_s2 is not None for row in rows)
+            panel.set_xlabel(f"peak acceleration [{'rad/s2' if turning else 'g0'}], by payload")
         _legend(figure, panels[0, 0], rows, " and ".join(compared.origins))
         measure = rows[0].analyzed.measure
         origin = "Simulated campaign: reduction" if set(compared.origins) == {"simulated"} else "Reduction"
@@ -58,7 +59,7 @@ def reductions(compared: Comparison | Analysis) -> "Figure":
 
 def _originals_note(compared: Comparison | Analysis) -> list[str]:
     """The note that the logs behind published numbers are not available, where those are shown."""
-    notes = compared.published.notes if isinstance(compared, Comparison) else ()
+    notes = compared.published.notes if isinstance(compared, Comparison) and compared.published else ()
     return [note for note in notes if note == ORIGINAL_LOGS]
 
 
@@ -68,7 +69,7 @@ def _place(row: Row) -> tuple[str, str]:
 
 def _panel(panel: "Axes", rows: Sequence[Row]) -> None:
     """Conditions of one motion and axis, payload after payload, a gap between two."""
-    rows = sorted(rows, key=lambda r: (r.analyzed.key.payload_kg, r.analyzed.key.peak_acceleration_g))
+    rows = sorted(rows, key=lambda r: (r.analyzed.key.payload_kg or 0.0, _peak(r)[0]))
     payloads = list(dict.fromkeys(row.analyzed.key.payload_kg for row in rows))
     at = np.array([i + payloads.index(row.analyzed.key.payload_kg) for i, row in enumerate(rows)], dtype=float)
     for name, _, look in _LOOKS:
@@ -79,13 +80,20 @@ def _panel(panel: "Axes", rows: Sequence[Row]) -> None:
             panel.vlines(x, *row.analyzed.interval, color=style.ANALYSED, lw=1.2)
         if row.analyzed.at_least is not None:
             panel.plot(x, row.analyzed.at_least, **_LOWER_BOUND)
-    panel.set_xticks(at, [f"{row.analyzed.key.peak_acceleration_g:g}" for row in rows], fontsize=8)
+    panel.set_xticks(at, [_peak(row)[1] for row in rows], fontsize=8)
     for payload in payloads:
         here = [x for x, row in zip(at, rows, strict=True) if row.analyzed.key.payload_kg == payload]
-        panel.text(float(np.mean(here)), 0.02, f"{payload:g} kg", transform=panel.get_xaxis_transform(), ha="center",
-                   color="#555555")  # fmt: skip
+        label, place = "" if payload is None else f"{payload:g} kg", panel.get_xaxis_transform()
+        panel.text(float(np.mean(here)), 0.02, label, transform=place, ha="center", color="#555555")
     panel.set_xlim(at[0] - _MARGIN, at[-1] + _MARGIN)
     panel.grid(axis="x", visible=False)
+
+
+def _peak(row: Row) -> tuple[float, str]:
+    """Peak acceleration of a condition [g0 or rad/s2], and its text."""
+    key = row.analyzed.key
+    value = key.peak_acceleration_rad_s2 if key.peak_acceleration_g is None else key.peak_acceleration_g
+    return (0.0, "") if value is None else (value, f"{value:g}")
 
 
 def _estimate(row: Row) -> float | None:

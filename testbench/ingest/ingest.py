@@ -25,11 +25,15 @@ from .run_table import PlannedRun
 
 if TYPE_CHECKING:
     from ..rig import Rig
+    from .run_inputs import Inputs
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one log file: ``stored``, ``already_stored``, ``refused``, ``waiting``; and the run's file."""
+    """What became of one log file, and the run's file.
+
+    ``stored``, ``already_stored``, ``refused``, ``waiting``, or ``missing``: the run table names it, nobody gave it.
+    """
 
     file: Annotated[str | None, Key("", "run")]
     source: Annotated[str, Key("", "log")]
@@ -54,6 +58,18 @@ def not_stored(planned: PlannedRun, sources: Sequence[Source], error: Exception)
         origin = "simulated" if simulated else planned.origin or "unstated"
         outcomes.append(Outcome(None, path.name, sha256, origin, "refused", findings, str(error)))
     return outcomes
+
+
+def logs_missing(planned: PlannedRun) -> list[Outcome]:
+    """The outcomes of a run of which logs are not given: these are missing, and the others wait for them."""
+    found = []
+    for name in planned.missing:
+        message = (
+            f"{name}, of run {planned.name}, is named by the run table and was not given: ingest it when it is there"
+        )
+        finding = Finding("log_missing", None, planned.name, message)
+        found.append(Outcome(None, name, None, planned.origin or "unstated", "missing", (finding,), message))
+    return found + not_stored(planned, (), RecordingError(planned.problem))
 
 
 Progress = Callable[[int], None]
@@ -81,6 +97,8 @@ class Ingest:
 
     def run(self, planned: PlannedRun) -> list[Outcome]:
         """Ingest one run; one outcome for each of its files. The run is stored whole or not at all."""
+        if planned.missing:
+            return logs_missing(planned)
         sources: list[Source] = []
         try:
             if planned.problem:
@@ -139,8 +157,10 @@ class Ingest:
 
     def _store(self, planned: PlannedRun, sources: Sequence[Source]) -> list[Outcome]:
         origin = _origin(planned, sources)
+        inputs, lacking = self._inputs(planned)
+        sources[0].findings.extend(lacking)
         chunk_io.CHECKSUM.is_ready(sum(source.size for source in sources))  # made ready while the first lines are read
-        with RunWriter(self.folder, planned.name, self._intent(planned, origin, sources)) as writer:
+        with RunWriter(self.folder, planned.name, self._intent(planned, origin, sources, inputs)) as writer:
             groups = [self._copy(source, writer) for source in sources]
             for source, own in zip(sources, groups, strict=True):
                 source.findings = findings_by_group(source.findings, own, sum(map(len, groups)) > 1)
@@ -157,13 +177,23 @@ class Ingest:
                 raise RecordingError(f"{planned.name}: refused for {codes}; --accept CODE stores it nevertheless")
             refuse_twice([(source.digested(), source.path.name) for source in sources])
             rig = None if self.rig is None else self.rig.text
-            writer.describe(origin, planned.conditions or {}, everything, self._provenance(sources), rig)
+            writer.describe(origin, planned.conditions or {}, everything, self._provenance(sources), rig, inputs)
             writer.seal()
             with atomic_files.one_at_a_time(self.folder):
                 if others := self._already(planned, sources):
                     return others
                 target = writer.commit().name
         return [Outcome(target, s.path.name, s.sha256, origin, "stored", tuple(s.findings)) for s in sources]
+
+    def _inputs(self, planned: PlannedRun) -> "tuple[Inputs, list[Finding]]":
+        """The files that a run was made with: beside the run table, else beside the rig, else shipped ones."""
+        motion = (planned.conditions or {}).get("motion")
+        if self.rig is None and motion is None:
+            return {}, []
+        from .run_inputs import run_inputs  # late: a log alone needs none of it
+
+        folders = [planned.folder, None if self.rig is None else self.rig.folder]
+        return run_inputs(self.rig, motion, [folder for folder in folders if folder is not None])
 
     def _copy(self, source: Source, writer: RunWriter) -> list[Group]:
         """Read one file to its end, checking and writing each block; the groups that it held."""
@@ -186,12 +216,15 @@ class Ingest:
             writer.group(group.group).finish(group.rate_hz, group.rate_source)
         return [group.group for group in check.groups.values()]
 
-    def _intent(self, planned: PlannedRun, origin: Origin, sources: Sequence[Source]) -> dict[str, Any]:
+    def _intent(
+        self, planned: PlannedRun, origin: Origin, sources: Sequence[Source], inputs: "Inputs"
+    ) -> dict[str, Any]:
         """What `testbench recover` must know if this process is killed."""
         return {
             "origin": origin,
             "conditions": planned.conditions or {},
             "rig": None if self.rig is None else self.rig.text,
+            "inputs": inputs,
             "sources": [source.provenance() for source in sources],
         }
 

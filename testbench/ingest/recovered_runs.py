@@ -51,7 +51,14 @@ def save(leftover: Leftover, known: Journal) -> Recovery:
                 writer.group(group.group).finish(group.rate_hz, group.rate_source)
         findings += [f for f in check.findings() if f.code != "no_data"]
         findings = findings_by_group(findings, groups, len(groups) > 1)
-        writer.describe(intent["origin"], intent["conditions"], findings, _provenance(leftover, intent), intent["rig"])
+        writer.describe(
+            intent["origin"],
+            intent["conditions"],
+            findings,
+            _provenance(leftover, intent),
+            intent["rig"],
+            intent.get("inputs", {}),
+        )
         stored = writer.commit().name
     samples = {kept.group.name: kept.samples for kept in known.groups}
     return Recovery(leftover.run, "recovered", findings[0].message, stored, samples)

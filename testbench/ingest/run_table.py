@@ -53,7 +53,9 @@ class RunRow(Table):
     motion: Text | None = None
     """Name of the motion, or its file."""
     peak_acceleration_g: NotNegative | None = None
-    """Peak acceleration of the motion, in g0."""
+    """Peak acceleration of the motion of a point, in g0."""
+    peak_acceleration_rad_s2: NotNegative | None = None
+    """Peak acceleration of the motion of joints that turn [rad/s2]."""
     repeat: Annotated[int, Field(ge=0)] | None = None
     """Which repeat of the same conditions it is."""
 
@@ -65,7 +67,7 @@ class RunRow(Table):
 
 COLUMNS = tuple(RunRow.model_fields)
 """Columns of a run table; ``file`` alone must be there."""
-_NUMBERS = ("payload_kg", "counter_masses", "peak_acceleration_g")
+_NUMBERS = ("payload_kg", "counter_masses", "peak_acceleration_g", "peak_acceleration_rad_s2")
 
 
 @dataclass(frozen=True)
@@ -148,9 +150,9 @@ _NAME = re.compile(r"[\w+(#@][\w+()#@,=~ .-]{0,119}")
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """A run to be: its name, its log files, and what the run table says of it (None: there is no run table).
+    """A run to be: its name, its log files, and what the run table says of it (None: it says nothing).
 
-    ``problem`` is why it cannot be stored under its name; empty if it can.
+    ``problem`` is why it cannot be stored; empty if it can.
     """
 
     name: str
@@ -158,71 +160,52 @@ class PlannedRun:
     origin: Origin | None = None
     conditions: Conditions | None = None
     problem: str = ""
+    folder: Path | None = None
+    """Of the run table."""
+    missing: tuple[str, ...] = ()
+    """Logs that the run table names, and that are not given."""
 
 
 def plan_runs(files: Sequence[Path], run_table: Path | None) -> list[PlannedRun]:
     """Which files make which runs: those that the run table puts together, else each file its own.
 
-    Raises RigError if files and run table do not name the same.
+    Raises RigError for a run table that contradicts itself.
     """
     if run_table is None:
         runs = [PlannedRun(path.stem, (path,)) for path in files]
         problems = _problems(runs)
         return [replace(run, problem=problems.get(run.name, "")) for run in runs]
-    files = [path for path in files if not same_file(path, run_table)]
-    runs = _from_run_table(read_run_table(run_table), files, run_table)
-    _check_names(runs)
-    return runs
+    return plan_rows(read_run_table(run_table), [p for p in files if not same_file(p, run_table)], run_table)
 
 
-@dataclass(frozen=True)
-class Ready:
-    """What a run table makes of the files that are there so far."""
+def plan_rows(rows: Sequence[RunTableRow], files: Sequence[Path], run_table: Path) -> list[PlannedRun]:
+    """The runs of a run table, also those of which logs are missing; then files that it does not name, each as a run.
 
-    runs: tuple[PlannedRun, ...]
-    """Those of which all files are there."""
-    waiting: dict[Path, str]
-    """Files of other runs, and what they wait for."""
-    unnamed: tuple[Path, ...]
-    """Files that the run table does not name."""
-
-
-def ready(rows: Sequence[RunTableRow], files: Sequence[Path], run_table: Path) -> Ready:
-    """The runs of a run table that are complete, of the files that are there so far.
-
-    Raises RigError if rows of one run differ in their conditions, or runs would have one name.
+    Raises RigError if rows of one run differ in their conditions, or runs would have one name, or one row means several
+    files.
     """
-    there = {row.line: path for row in rows for path in files if _means(row, path, run_table)}
+    paths = {row.line: path for row in rows if (path := _given(row, files, run_table)) is not None}
+    named = list(paths.values())
+    for row in rows:
+        if row.line in paths and named.count(paths[row.line]) > 1:
+            raise RigError(f"{run_table.name}, line {row.line}: names {row.file} a second time")
     groups: dict[str, list[RunTableRow]] = {}
     for row in rows:
         groups.setdefault(row.run or PurePath(row.file).stem, []).append(row)
-    runs, waiting = [], {}
-    for name, together in groups.items():
-        missing = [row.file for row in together if row.line not in there]
-        if not missing:
-            runs.append(_run(name, together, there, run_table))
-            continue
-        for row in together:
-            if row.line in there:
-                waiting[there[row.line]] = f"waits for {', '.join(missing)}, of the same run {name!r}"
-    _check_names(runs)
-    return Ready(tuple(runs), waiting, tuple(path for path in files if path not in there.values()))
-
-
-def _means(row: RunTableRow, path: Path, run_table: Path) -> bool:
-    return path.name == row.file or same_file(path, run_table.parent / row.file)
-
-
-def _check_names(runs: Sequence[PlannedRun]) -> None:
+    runs = [_run(name, together, paths, run_table) for name, together in groups.items()]
     for problem in _problems(runs).values():
         raise RigError(problem)
+    unnamed = f"{run_table.name} does not name it: add a row for it, or do not give it"
+    return runs + [
+        PlannedRun(path.stem, (path,), problem=f"{path.name}: {unnamed}") for path in files if path not in named
+    ]
 
 
 def _problems(runs: Sequence[PlannedRun]) -> dict[str, str]:
     """Why runs of these names cannot be stored, by name."""
     files: dict[str, list[str]] = {}
     for run in runs:
-        files.setdefault(run.name, []).append(str(run.files[0]))
+        files.setdefault(run.name, []).append(str([*run.files, run.name][0]))
     found = {}
     for name, same in files.items():
         if _NAME.fullmatch(name) is None:
@@ -237,21 +220,6 @@ def _problems(runs: Sequence[PlannedRun]) -> dict[str, str]:
     return found
 
 
-def _from_run_table(rows: Sequence[RunTableRow], files: Sequence[Path], run_table: Path) -> list[PlannedRun]:
-    """The runs of a run table, after a check that it names the given files, each once, and no others."""
-    paths = {row.line: _given(row, files, run_table) for row in rows}
-    named = list(paths.values())
-    for row in rows:
-        if named.count(paths[row.line]) > 1:
-            raise RigError(f"{run_table.name}, line {row.line}: names {row.file} a second time")
-    if unnamed := [path.name for path in files if path not in named]:
-        raise RigError(f"{run_table.name}: does not name {', '.join(unnamed)}; add a line for it, or do not give it")
-    runs: dict[str, list[RunTableRow]] = {}
-    for row in rows:
-        runs.setdefault(row.run or paths[row.line].stem, []).append(row)
-    return [_run(name, together, paths, run_table) for name, together in runs.items()]
-
-
 def _run(name: str, rows: Sequence[RunTableRow], paths: Mapping[int, Path], run_table: Path) -> PlannedRun:
     first = rows[0]
     for row in rows[1:]:
@@ -261,20 +229,23 @@ def _run(name: str, rows: Sequence[RunTableRow], paths: Mapping[int, Path], run_
             )
         if (row.conditions, row.origin) != (first.conditions, first.origin):
             raise RigError(f"{run_table.name}, line {row.line}: run {name!r} has other conditions in line {first.line}")
-    return PlannedRun(name, tuple(paths[row.line] for row in rows), first.origin, first.conditions)
+    missing = tuple(row.file for row in rows if row.line not in paths)
+    given = tuple(paths[row.line] for row in rows if row.line in paths)
+    problem = f"waits for {', '.join(missing)}, of the same run {name!r}" if missing else ""
+    return PlannedRun(name, given, first.origin, first.conditions, problem, run_table.parent, missing)
 
 
-def _given(row: RunTableRow, files: Iterable[Path], run_table: Path) -> Path:
+def _given(row: RunTableRow, files: Iterable[Path], run_table: Path) -> Path | None:
     """The given file that a row means: the one at that place from the run table, else the only one of that name."""
     place = run_table.parent / row.file
     exact = [path for path in files if same_file(path, place)]
     matches = exact or [path for path in files if path.name == row.file]
-    if len(matches) == 1:
-        return matches[0]
-    problem = "several of the given files have" if matches else "none of the given files has"
-    raise RigError(
-        f"{run_table.name}, line {row.line}: {problem} the name {row.file!r}; give the file, or mend the line"
-    )
+    if len(matches) > 1:
+        raise RigError(
+            f"{run_table.name}, line {row.line}: several of the given files have the name {row.file!r}; write their "
+            "folder too"
+        )
+    return matches[0] if matches else None
 
 
 def same_file(one: Path, other: Path) -> bool:

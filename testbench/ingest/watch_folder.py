@@ -17,7 +17,7 @@ from pathlib import Path
 from ..errors import RecordingError, RigError
 from .ingest import Ingest, Outcome
 from .log_sources import SiblingLogs
-from .run_table import PlannedRun, RunTableRow, plan_runs, read_run_table, ready, same_file
+from .run_table import PlannedRun, RunTableRow, plan_rows, plan_runs, read_run_table, same_file
 
 State = tuple[int, int]
 """Size [bytes] and time of the last change [ns] of a file."""
@@ -159,19 +159,19 @@ class Watch:
             return
         there = [path for path in self._seen if path not in self.growing]
         try:
-            found = ready(self.run_table.rows, there, self.run_table.path)
+            planned = plan_rows(self.run_table.rows, there, self.run_table.path)
         except RigError as error:
             yield from self._wait(dict.fromkeys(settled, f"waits for the run table to be mended: {error}"))
             return
-        unnamed = [path for path in found.unnamed if path in settled]
-        runs = [run for run in found.runs if any(path in settled for path in run.files)]
         if self.store_unnamed:
-            runs += [PlannedRun(path.stem, (path,)) for path in unnamed]
-            unnamed = []
-        reasons = {path: reason for path, reason in found.waiting.items() if path in settled}
-        yield from self._wait(reasons | dict.fromkeys(unnamed, f"waits: {self.run_table.path.name} does not name it"))
-        for run in runs:
-            yield from self._one(run)
+            planned = [run if run.conditions is not None else PlannedRun(run.name, run.files) for run in planned]
+        planned = [run for run in planned if any(path in settled for path in run.files)]
+        yield from self._wait(
+            {path: run.problem for run in planned if run.problem for path in run.files if path in settled}
+        )
+        for run in planned:
+            if not run.problem:
+                yield from self._one(run)
 
     def _wait(self, reasons: dict[Path, str]) -> Iterator[Outcome]:
         before, self.waiting = self.waiting, reasons

@@ -1,10 +1,12 @@
 """Trajectory of a mechanism's joints from the encoders of a run: positions smoothed, loops closed at each sample."""
 
+from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from balance.closure import Closure, Trajectory
 from balance.mechanism.mechanism import Mechanism
-from balance.mechanism.mjcf_parser import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
 from balance.motion import Samples
 
 from ..errors import AnalysisError
@@ -75,15 +77,23 @@ def loaded_mechanism(run: "SIRun", mechanism: Mechanism) -> Mechanism:
 
 
 def mechanism_of(run: "SIRun", given: str | None) -> Mechanism:
-    """The mechanism ``given`` by the user, else the shipped one that the stored rig names: a stored run opens no file.
+    """The mechanism ``given`` by the user, else the one stored with the run, else the shipped one that its rig names.
 
-    Raises AnalysisError where the rig's mechanism is not shipped.
+    Raises AnalysisError where there is none.
     """
     from balance import datasets
 
-    named = run.rig.mechanism
+    named, stored = run.rig.mechanism, run.recorded.inputs.get("mechanism")
+    if given is None and stored is not None:
+        return stored_mechanism(*stored)
     if given is None and named not in datasets.dataset_names("mechanisms", ".xml"):
         raise AnalysisError(
-            f"{run.name}: its rig is for {named!r}, which is not shipped: give its file, --mechanism FILE"
+            f"{run.name}: its rig is for {named!r}, which was not stored with it: give its file, --mechanism FILE"
         )
     return load_mechanism(given or datasets.ROOT / "mechanisms" / f"{named}.xml")
+
+
+@lru_cache(maxsize=8)
+def stored_mechanism(file: str, text: str) -> Mechanism:
+    """A mechanism from its stored text; the runs of a campaign share it."""
+    return mechanism_from_text(text, Path(file).stem)

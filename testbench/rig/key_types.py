@@ -5,7 +5,7 @@ from typing import Annotated
 from pydantic import AfterValidator
 
 from balance.errors import UnitError
-from balance.input_files import OneForAll, Quantity
+from balance.input_files import Measured, OneForAll, Quantity
 from balance.units import factor_to_si
 
 from ..calibration.definition import is_electrical
@@ -42,6 +42,8 @@ Stiffness = Annotated[float, Quantity("stiffness", above=0.0)]
 TurningStiffness = Annotated[float, Quantity("moment", above=0.0)]
 Damping = Annotated[float, Quantity("damping", above=0.0)]
 Acceleration = Annotated[float, Quantity("acceleration", above=0.0)]
+PeakAcceleration = Annotated[Measured[float], Quantity("acceleration", "angular acceleration", above=0.0)]
+"""Of a point, or of joints that turn."""
 Force = Annotated[float, Quantity("force", above=0.0)]
 Moment = Annotated[float, Quantity("moment", above=0.0)]
 Angle = Annotated[float, Quantity("angle", above=0.0)]

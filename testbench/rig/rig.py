@@ -53,7 +53,7 @@ def mechanism_names(name: str, folder: Path | None) -> MechanismNames | None:
     """
     if name == NONE:
         return None
-    path = _mechanism_file(name, folder)
+    path = mechanism_file(name, folder)
     if path is None:
         shipped = datasets.dataset_names("mechanisms", ".xml")
         place = "" if folder is None else f", and no file of that name in the rig's folder {folder}"
@@ -69,7 +69,8 @@ def mechanism_names(name: str, folder: Path | None) -> MechanismNames | None:
     return _names_in(name, root)
 
 
-def _mechanism_file(name: str, folder: Path | None) -> Path | None:
+def mechanism_file(name: str, folder: Path | None) -> Path | None:
+    """The file of a mechanism in the rig's folder, else of the shipped one; None where there is neither."""
     shipped = datasets.ROOT / "mechanisms" / f"{name}.xml"
     own = [] if folder is None else [folder / name, *(folder / f"{name}{suffix}" for suffix in _SUFFIXES)]
     plain = Path(name).name == name and name not in {"", ".", ".."}
@@ -114,6 +115,8 @@ class Rig(Table):
     """The file as written."""
     names: SkipJsonSchema[MechanismNames | None] = Field(default=None, exclude=True)
     """Of the mechanism's parts, where its file was looked for."""
+    folder: SkipJsonSchema[Path | None] = Field(default=None, exclude=True)
+    """Where the rig's file lies, and that of its mechanism; None for a rig from its text."""
 
     @model_validator(mode="after")
     def _filtered(self) -> Self:
@@ -170,7 +173,7 @@ def load_rig(path_or_text: str | Path) -> Rig:
 def rig_from_text(text: str, source: str = "rig") -> Rig:
     """Read a rig from its text; ``source`` names it in messages."""
     table = toml_tables(text, source, RigError)
-    if own := {"text", "names"} & table.keys():
+    if own := {"text", "names", "folder"} & table.keys():
         raise RigError(f"{source}: {min(own)}: unknown key")
     rig = model_from_table(Rig, table | {"text": text}, source, RigError)
     _check_names(source, rig)
@@ -183,14 +186,12 @@ def _with_mechanism_names(rig: Rig, path: Path) -> Rig:
         names = mechanism_names(rig.mechanism, path.parent)
     except RigError as error:
         raise RigError(f"{path.name}: {error}") from error
-    if names is None:
-        return rig
     for sensor, described in rig.sensors.items():
         for key, kind in (("joint", "joint"), ("attached_to", "body")):
             named = getattr(described, key, None)
-            if named not in {None, "base"} and (wrong := names.unknown(kind, str(named))):
+            if names is not None and named not in {None, "base"} and (wrong := names.unknown(kind, str(named))):
                 raise RigError(f"{path.name}: sensors.{sensor}.{key}: {wrong}")
-    return rig.model_copy(update={"names": names})
+    return rig.model_copy(update={"names": names, "folder": path.parent})
 
 
 def _check_names(source: str, rig: Rig) -> None:

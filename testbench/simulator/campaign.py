@@ -17,11 +17,11 @@ import numpy as np
 
 from balance.balancing import conditions
 from balance.mechanism.mechanism import Mechanism
-from balance.mechanism.mjcf_parser import load_mechanism
 from balance.table_files import can_write_parquet, write_csv, write_csv_file, write_parquet
 
 from ..campaign_plan import Plan, PlannedRun
 from ..errors import RigError
+from ..ingest.run_table import COLUMNS
 from ..rig import Column, Rig
 from ..rig.bench import Logger
 from . import simulated_logs
@@ -115,7 +115,6 @@ def write_log(path: Path, logger: Logger, columns: Sequence[Column], log: Log, a
 
 
 RUN_TABLE = "runs.csv"
-_COLUMNS = ("run", "file", "origin", "payload_kg", "counter_masses", "motion", "peak_acceleration_g", "repeat")
 
 
 def simulate_campaign(
@@ -132,8 +131,9 @@ def simulate_campaign(
         )
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise RigError(f"{folder}: exists and is not empty; name a new folder")
-    mechanism = load_mechanism(rig.mechanism)
-    payload_body(mechanism, plan.payload_body)
+    mechanism = simulated_logs.mechanism_of_rig(rig)
+    if plan.payload_body is not None:
+        payload_body(mechanism, plan.payload_body)
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as temporary:
         made = Path(temporary) / "logs"
@@ -158,7 +158,10 @@ def _write_all(
             progress(number, total)
     write_campaign_truth(folder / TRUTH_FOLDER, rig, plan.seed, facts)
     with (folder / RUN_TABLE).open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, _COLUMNS, lineterminator="\n")
+        used = {column for row in table for column in row}
+        writer = csv.DictWriter(
+            file, [name for name in dict.fromkeys(("run", *COLUMNS)) if name in used], lineterminator="\n"
+        )
         writer.writeheader()
         writer.writerows(table)
     return [row["file"] for row in table]
@@ -176,6 +179,7 @@ def _write_logs(folder: Path, rig: Rig, run: SimulatedRun) -> list[str]:
 def _row(planned: PlannedRun, file: str) -> dict[str, str]:
     """A line of the run table, as a person at the bench would keep it."""
     masses = ";".join(f"{site}={mass:.12g}" for site, mass in planned.counter_masses.items())
-    acceleration = f"{planned.conditions['peak_acceleration_g']:.12g}"
-    cells = (planned.name, file, "simulated", f"{planned.payload:.12g}", masses, planned.motion, acceleration)
-    return dict(zip(_COLUMNS, (*cells, str(planned.repeat)), strict=True))
+    stated = {
+        key: f"{value:.12g}" if isinstance(value, float) else str(value) for key, value in planned.conditions.items()
+    }
+    return {"run": planned.name, "file": file, "origin": "simulated", **stated, "counter_masses": masses}

@@ -28,7 +28,7 @@ from balance.dynamics.moving_base import (
 )
 from balance.errors import DataError
 from balance.mechanism.mechanism import Mechanism
-from balance.motion import Samples
+from balance.motion import Motion, Samples
 from balance.motion.motion_files import load_motion
 
 from ..campaign_plan import PlannedRun
@@ -142,18 +142,22 @@ def payload_body(mechanism: Mechanism, named: str | None = None) -> str:
     return own[0]
 
 
-def simulate_run(rig: Rig, mechanism: Mechanism, planned: PlannedRun, lead: float = 0.0) -> BenchRun:
+def simulate_run(
+    rig: Rig, mechanism: Mechanism, planned: PlannedRun, lead: float = 0.0, motion: Motion | None = None
+) -> BenchRun:
     """Simulate a planned run: ``mechanism`` with the payload and the counter-masses of ``planned``.
 
-    ``lead`` [s] is the rest before the motion, at times below zero. Raises RigError for what cannot be simulated.
+    ``lead`` [s] is the rest before the motion, at times below zero. ``motion`` is that of ``planned`` where it is known
+    already, such as one stored with a run; else it is looked for in the rig's folder, and among the shipped ones.
+    Raises RigError for what cannot be simulated.
     """
     bench = rig.bench
     loaded = _loaded(mechanism, bench, planned)
     try:
-        motion = load_motion(planned.motion).with_peak_acceleration(planned.peak_acceleration)
+        planned_motion = _with_peak(motion or _motion(rig, planned.motion), planned)
     except DataError as error:
         raise RigError(f"motion {planned.motion!r} of run {planned.name}: {error}") from error
-    command = _settling(motion.sample(rate_hz(rig)), bench.settling, lead)
+    command = _settling(planned_motion.sample(rate_hz(rig)), bench.settling, lead)
     trajectory = Closure(loaded).follow(command)
     response = _with_rotors(simulate(loaded, trajectory), loaded, bench, trajectory)
     carried = locked_inertia(loaded, trajectory.q[0])
@@ -169,6 +173,22 @@ def simulate_run(rig: Rig, mechanism: Mechanism, planned: PlannedRun, lead: floa
         if bench.modes
         else run
     )
+
+
+def _motion(rig: Rig, name: str) -> Motion:
+    own = [] if rig.folder is None else [rig.folder / name, rig.folder / f"{name}.toml"]
+    return load_motion(next((path for path in own if path.is_file()), name))
+
+
+def _with_peak(motion: Motion, planned: PlannedRun) -> Motion:
+    """The motion with the planned peak acceleration. Raises DataError for one of another kind than the motion's."""
+    if planned.peak_acceleration is None:
+        return motion
+    turning = bool(motion.joints) and not any(motion.sliding)
+    if planned.turning != turning:
+        kind, example = ("joints that turn", "60 rad/s^2") if turning else ("a point or slides", "3 g0")
+        raise DataError(f"moves {kind}: expected a peak acceleration such as {example!r}, or none for the file's own")
+    return motion.with_peak_acceleration(planned.peak_acceleration)
 
 
 def disturbed(run: BenchRun, rig: Rig, seed: tuple[int, int]) -> BenchRun:
@@ -191,7 +211,7 @@ def _loaded(mechanism: Mechanism, bench: Bench, planned: PlannedRun) -> Mechanis
         placed = replace(
             placed, gravity=moving_base_coupling.gravity_in_tilted_axes(mechanism.gravity, np.array(bench.tilt))
         )
-    loaded = placed.with_payload({payload_body(mechanism): planned.payload})
+    loaded = placed if planned.payload is None else placed.with_payload({payload_body(mechanism): planned.payload})
     return loaded.with_counter_mass(planned.counter_masses)
 
 

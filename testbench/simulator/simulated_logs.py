@@ -3,11 +3,13 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism
 
 from ..campaign_plan import Plan, PlannedRun
 from ..rig import Rig
 from ..rig.bench import Logger
+from ..rig.rig import mechanism_file
 from .disturbances import is_disturbed, random_stream
 from .loggers import Log, record_log, start_logger
 from .run import BenchRun, disturbed, simulate_run
@@ -36,10 +38,15 @@ def simulate_logs(plan: Plan, rig: Rig, seed: int | None = None) -> Iterator[Sim
     The same plan, rig and seed give the same runs. Raises RigError where plan or rig cannot be simulated.
     """
     seed = plan.seed if seed is None else seed
-    mechanism, sensors = load_mechanism(rig.mechanism), draw_transducers(rig, seed)
+    mechanism, sensors = mechanism_of_rig(rig), draw_transducers(rig, seed)
     for number, planned in enumerate(plan.runs()):
         run = simulate_run(rig, mechanism, planned, lead_s(rig))
         yield record_run(rig, planned, run, sensors, (seed, number))
+
+
+def mechanism_of_rig(rig: Rig) -> Mechanism:
+    """The mechanism that a rig names: of its folder, or a shipped one."""
+    return load_mechanism(mechanism_file(rig.mechanism, rig.folder) or rig.mechanism)
 
 
 def record_run(

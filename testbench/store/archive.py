@@ -81,7 +81,8 @@ def archive(run: Run, folder: Path, progress: Progress = lambda count: None) -> 
             to.finish(group.rate_hz, group.rate_source)
         known = {"file": run.path.name, "sha256": original, "channels_sha256": content}
         known |= {"written": datetime.now(UTC).isoformat(timespec="seconds"), "counterpoise": version("counterpoise")}
-        writer.describe(run.origin, run.conditions, run.findings, {**run.provenance, ARCHIVED_FROM: known}, run.rig)
+        provenance = {**run.provenance, ARCHIVED_FROM: known}
+        writer.describe(run.origin, run.conditions, run.findings, provenance, run.rig, run.inputs)
         writer.seal()
         _check(writer.part, run, content)
         return _measured(open_run(writer.commit()), original, "archived")

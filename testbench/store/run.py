@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
@@ -89,6 +89,11 @@ class Run:
     rig: str | None
     findings: Annotated[tuple[Finding, ...], Key()]
     provenance: dict[str, Any]
+    inputs: Mapping[str, tuple[str, ...]] = field(default_factory=dict, kw_only=True)
+    """What the run was made with, by ``mechanism`` and ``motion``: name of the file, its text, that of its samples.
+
+    One that was not found when the run was stored is absent.
+    """
 
     @property
     def sources(self) -> Annotated[list[str], Key()]:
@@ -220,6 +225,11 @@ def open_run(path: str | Path) -> Run:
             rig=safe_hdf5.texts(file, layout.RIG, layout.LARGEST)[0] if safe_hdf5.has(file, layout.RIG) else None,
             findings=_findings(file),
             provenance=dict(known["provenance"]),
+            inputs={
+                place.rpartition("/")[2]: tuple(safe_hdf5.texts(file, place, layout.LARGEST))
+                for place in (layout.MECHANISM, layout.MOTION)
+                if safe_hdf5.has(file, place)
+            },
         )
 
 

@@ -14,7 +14,7 @@ from contextlib import AbstractContextManager
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
@@ -326,8 +326,9 @@ class RunWriter:
         findings: Iterable[Finding],
         provenance: Mapping[str, Any],
         rig: str | None,
+        inputs: Mapping[str, Sequence[str]] = MappingProxyType({}),
     ) -> None:
-        """Write what is known of the run: where it is from, conditions, findings, rig."""
+        """Write what is known of the run: where it is from, conditions, findings, rig, ``Run.inputs``."""
         assert self._file is not None
         keys = [writer.key for writer in self._groups.values()]
         default = next((writer.key for writer in self._groups.values() if writer.has_plot), keys[0])
@@ -348,6 +349,8 @@ class RunWriter:
             _write_texts(self._file, layout.DESCRIPTION, [json.dumps(known, ensure_ascii=False)])
             _write_texts(self._file, layout.FINDINGS, texts)
             _write_texts(self._file, layout.RIG, [] if rig is None else [rig])
+            for place in (layout.MECHANISM, layout.MOTION):
+                _write_texts(self._file, place, list(inputs.get(place.rpartition("/")[2], ())))
 
     def seal(self) -> None:
         """Close the file, wait until it is on the disk, and take its digest: all that takes long before the end."""

@@ -14,11 +14,13 @@ from balance.arrays import Floats
 from balance.errors import CounterpoiseError
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism
+from balance.motion.motion_files import motion_from_texts
 from balance.results import INLINE, Key
 from balance.units import G0
 
 from ..campaign_plan import PlannedRun
 from ..errors import AnalysisError
+from ..kinematics.encoder_motion import mechanism_of
 from ..published_tables import Published
 from ..recording import Finding
 from ..runs.si_run import SIRun
@@ -46,18 +48,6 @@ class Prediction:
     measure: Measure
     _simulated: dict[object, tuple[dict[tuple[str, str], float], dict[str, float]]] = field(default_factory=dict)
 
-    @classmethod
-    def of(cls, rig: "Rig", measure: Measure, mechanism: str | None = None) -> "Prediction":
-        """From a stored rig, whose mechanism must be a shipped one: a stored run opens no file.
-
-        ``mechanism`` is a name or file that the user gives instead. Raises AnalysisError for an unknown mechanism.
-        """
-        if mechanism is None and rig.mechanism not in datasets.dataset_names("mechanisms", ".xml"):
-            raise AnalysisError(
-                f"the rig names the mechanism {rig.mechanism!r}, which is not shipped: give its file, --mechanism FILE"
-            )
-        return cls(rig, load_mechanism(mechanism or datasets.ROOT / "mechanisms" / f"{rig.mechanism}.xml"), measure)
-
     def reductions(self, pair: "Pair") -> tuple[dict[tuple[str, str], float | None], dict[str, float | None]]:
         """Reductions [%] of the base's vibration by (sensor, axis), and of the shaking force by axis."""
         with_masses, without = (self._amplitudes(pair, masses) for masses in (pair.counter_masses, {}))
@@ -70,12 +60,19 @@ class Prediction:
     ) -> tuple[dict[tuple[str, str], float], dict[str, float]]:
         key = (pair.key, tuple(masses.items()))
         if key not in self._simulated:
-            if pair.key.motion not in datasets.dataset_names("motions", ".toml"):
-                raise AnalysisError(f"motion {pair.key.motion!r} is not shipped, so it cannot be simulated")
-            planned = PlannedRun(
-                "anew", pair.key.payload_kg, masses, pair.key.motion, pair.key.peak_acceleration_g * G0, 1
+            stored = pair.runs[0].inputs.get("motion")
+            if stored is None and pair.key.motion not in datasets.dataset_names("motions", ".toml"):
+                raise AnalysisError(
+                    f"motion {pair.key.motion!r} is neither stored with {pair.runs[0].name} nor shipped, so it cannot "
+                    f"be simulated: put {pair.key.motion}.toml into the folder of the run table and ingest into a new "
+                    "campaign"
+                )
+            linear, turning = pair.key.peak_acceleration_g, pair.key.peak_acceleration_rad_s2
+            peak = turning if linear is None else linear * G0
+            planned = PlannedRun("anew", pair.key.payload_kg, masses, pair.key.motion, peak, 1, turning is not None)
+            run = simulate_run(
+                self.rig, self.mechanism, planned, motion=None if stored is None else motion_from_texts(*stored)
             )
-            run = simulate_run(self.rig, self.mechanism, planned)
             self._simulated[key] = self._base(run), self._force(run)
         return self._simulated[key]
 
@@ -130,7 +127,7 @@ class Comparison:
     origins: Annotated[dict[str, int], Key("runs_by_origin")]
     """Number of runs by origin."""
     findings: Annotated[tuple[Finding, ...], Key()]
-    published: Annotated[Published, Key()]
+    published: Annotated[Published | None, Key()]
     measure: Measure
 
     @property
@@ -141,7 +138,11 @@ class Comparison:
     @property
     def notes(self) -> Annotated[list[str], Key()]:
         """Notes for who reads the rows."""
-        return [*self.published.notes, *published_difference_note(self.rows), *outside_interval_note(self.rows)]
+        return [
+            *(self.published.notes if self.published else ()),
+            *published_difference_note(self.rows),
+            *outside_interval_note(self.rows),
+        ]
 
 
 def published_difference_note(rows: Sequence[Row]) -> list[str]:
@@ -199,15 +200,18 @@ def _range_text(values: Sequence[float]) -> str:
 
 def compare_campaign(
     runs: Iterable["Run"],
-    published: Published,
+    published: Published | None,
     measure: Measure,
     mechanism: str | None = None,
     accept: Iterable[str] = (),
 ) -> Comparison:
-    """Compare every reduction of a campaign with its simulation and with the published one; ``accept``: see analyze."""
+    """Compare every reduction of a campaign with its simulation, and with ``published`` where it is given.
+
+    ``accept``: see :func:`analyze`.
+    """
     analysis = analyze(runs, measure, accept, load_mechanism(mechanism) if mechanism else None)
     findings = list(analysis.findings)
-    predictions: dict[str, Prediction] = {}
+    predictions: dict[object, Prediction] = {}
     rows: list[Row] = []
     for pair in analysis.pairs:
         simulated, force = _simulated(pair, predictions, measure, mechanism, findings)
@@ -221,26 +225,29 @@ def compare_campaign(
 
 def _simulated(
     pair: Pair,
-    predictions: dict[str, Prediction],
+    predictions: dict[object, Prediction],
     measure: Measure,
     mechanism: str | None,
     findings: list[Finding],
 ) -> tuple[dict[tuple[str, str], float | None], dict[str, float | None]]:
     """The simulated reductions of a pair; none, and a finding, where the bench cannot be simulated."""
-    rig = SIRun.of(pair.runs[0]).rig
+    run = SIRun.of(pair.runs[0])
+    rig, key = run.rig, (run.rig.text, pair.runs[0].inputs.get("mechanism"))
     try:
-        if rig.text not in predictions:
-            predictions[rig.text] = Prediction.of(rig, measure, mechanism)
+        if key not in predictions:
+            predictions[key] = Prediction(rig, mechanism_of(run, mechanism), measure)
         if "bench" not in rig.model_fields_set:
             findings.append(
                 Finding("bench_assumed", None, None, "the rig has no [bench]: an assumed one was simulated")
             )
-        return predictions[rig.text].reductions(pair)
+        return predictions[key].reductions(pair)
     except CounterpoiseError as error:
         findings.append(Finding("not_simulated", None, None, str(error)))
         return {}, {}
 
 
-def _published(published: Published, reduction: Reduction) -> float | None:
+def _published(published: Published | None, reduction: Reduction) -> float | None:
     key = reduction.key
+    if published is None or key.payload_kg is None or key.peak_acceleration_g is None:
+        return None
     return published.reduction(key.payload_kg, key.motion, key.peak_acceleration_g, reduction.axis)

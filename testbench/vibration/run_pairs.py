@@ -12,26 +12,35 @@ from ..recording import Finding
 if TYPE_CHECKING:
     from ..store import Run
 
-_NEEDED = ("payload_kg", "motion", "peak_acceleration_g")
+_COMPARED = ("payload_kg", "motion", "peak_acceleration_g", "peak_acceleration_rad_s2")
+"""Conditions that two runs must share; one that no run of a campaign states is not needed, the motion excepted."""
 
 
 @dataclass(frozen=True)
 class ConditionKey:
     """Conditions that two runs must share to be compared."""
 
-    payload_kg: Annotated[float, Key("", "payload kg", "g")]
+    payload_kg: Annotated[float | None, Key("", "payload kg", "g")]
+    """None where no run states one."""
     motion: Annotated[str, Key("", "motion")]
-    peak_acceleration_g: Annotated[float, Key("", "peak g0", "g")]
+    peak_acceleration_g: Annotated[float | None, Key("", "peak g0", "g")]
+    """Of a point [g0]; None where no run states one."""
     origin: Annotated[str, Key("", "origin")]
+    peak_acceleration_rad_s2: Annotated[float | None, Key("", "peak rad/s2", "g")] = None
+    """Of joints that turn [rad/s2]; None where no run states one."""
 
     @classmethod
     def of(cls, run: "Run") -> "ConditionKey":
         """The key of a run whose conditions are complete."""
         c = run.conditions
-        return cls(c["payload_kg"], c["motion"], round(c["peak_acceleration_g"], 9), run.origin)
+        peaks = (c.get("peak_acceleration_g"), c.get("peak_acceleration_rad_s2"))
+        linear, turning = (None if peak is None else round(peak, 9) for peak in peaks)
+        return cls(c.get("payload_kg"), c["motion"], linear, run.origin, turning)
 
     def __str__(self) -> str:
-        return f"{self.payload_kg:g} kg, motion {self.motion}, {self.peak_acceleration_g:g} g0"
+        stated = {" kg": self.payload_kg, " g0": self.peak_acceleration_g, " rad/s2": self.peak_acceleration_rad_s2}
+        payload, *peaks = ("" if value is None else f"{value:g}{unit}" for unit, value in stated.items())
+        return ", ".join(filter(None, (payload, f"motion {self.motion}", *peaks)))
 
 
 @dataclass(frozen=True)
@@ -58,11 +67,12 @@ def pairs(runs: Iterable["Run"]) -> tuple[list[Pair], list[Finding]]:
     runs = list(runs)
     groups: dict[ConditionKey, dict[tuple[tuple[str, float], ...], list[Run]]] = defaultdict(lambda: defaultdict(list))
     findings: list[Finding] = []
+    needed = [name for name in _COMPARED if name == "motion" or any(name in run.conditions for run in runs)]
     for run in runs:
         if (whole := _fuller_run(runs, run)) is not None:
             twice = f"left out: recovered from a stopped ingest, and {whole.name} holds more of the same logs"
             findings.append(_finding(run, "held_twice", twice))
-        elif missing := [name for name in _NEEDED if name not in run.conditions]:
+        elif missing := [name for name in needed if name not in run.conditions]:
             lack = f"its conditions lack {', '.join(missing)}: add them to the run table and ingest with --runs"
             findings.append(_finding(run, "conditions_missing", lack))
         else:

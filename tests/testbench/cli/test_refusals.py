@@ -34,7 +34,6 @@ WRONG = [
     ("analyze CAMPAIGN --band 0..4000", 1, r"8000 samples a second"),
     ("analyze dir", 1, r"holds no run"),
     ("compare CAMPAIGN --published kiper2020", 1, r"kiper2019"),
-    ("compare CAMPAIGN", 2, r"--published"),
     ("simulate --plan nothing --rig parallelogram-6bar -o c", 1, r"kiper2019-brief"),
     ("simulate --plan kiper2019 --rig parallelogram-6bar -o CAMPAIGN", 1, r"not empty"),
 ]  # fmt: skip

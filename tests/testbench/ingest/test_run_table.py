@@ -66,7 +66,6 @@ def test_files_of_one_name_are_told_apart_by_their_folder(tmp_path):
 @pytest.mark.parametrize(
     ("rows", "message"),
     [
-        ("nope.csv,,,,,,\na.csv,,,,,,\n", r"line 2: none of the given files has the name 'nope.csv'"),
         ("", r"names no file"),
         ("a.csv,,,,,,\na.csv,,,,,,\n", r"names a.csv a second time"),
         ("a.csv,guessed,,,,,\n", r"line 2: origin: 'guessed': expected 'measured', 'simulated' or 'unstated'"),
@@ -88,11 +87,17 @@ def test_a_wrong_sheet_is_refused_by_line_and_column(run_table, rows, message):
         plan_runs(logs, path)
 
 
-def test_a_given_file_that_the_sheet_does_not_name(run_table):
-    """It is refused by name, for its conditions would be unknown."""
-    path, logs = run_table("a.csv,,,,,,\n", "a.csv", "b.csv")
-    with pytest.raises(RigError, match=r"does not name b\.csv"):
-        plan_runs(logs, path)
+def test_rows_without_logs_and_logs_without_rows(run_table):
+    """In the middle of a campaign the complete runs are stored; every other log is named, and what it needs."""
+    rows = "a.csv,r1,,,,,\nb.csv,r2,,,,,\nc.csv,r2,,,,,\nd.csv,r3,,,,,\n"
+    path, logs = run_table(
+        rows, "a.csv", "b.csv", "e.csv", head="file,run,origin,payload_kg,counter_masses,motion,repeat\n"
+    )
+    planned = {run.name: run for run in plan_runs(logs, path)}
+    assert [name for name, run in planned.items() if not run.problem] == ["r1"]
+    assert planned["r2"].problem == "waits for c.csv, of the same run 'r2'"
+    assert (planned["r3"].files, planned["r3"].missing) == ((), ("d.csv",))
+    assert "runs.csv does not name it: add a row" in planned["e"].problem
 
 
 @pytest.mark.parametrize(

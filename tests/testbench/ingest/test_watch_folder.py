@@ -135,7 +135,7 @@ def test_conditions_of_a_sheet_that_goes_on(sheeted, tmp_path):
     assert told(sheeted.once()) == {"a.csv": "stored", "b.csv": "waiting"}
     assert told(sheeted.once()) == {}
     assert {path.name: reason for path, reason in sheeted.waiting.items()} == {
-        "b.csv": "waits: runs.csv does not name it"
+        "b.csv": "b.csv: runs.csv does not name it: add a row for it, or do not give it"
     }
     sheet_of(tmp_path / "in" / "runs.csv", "a.csv,ra,5", "b.csv,rb,3")
     assert told(sheeted.once()) == {"b.csv": "stored"}
@@ -149,7 +149,10 @@ def test_a_run_waits_for_all_its_files(sheeted, tmp_path):
     """Two loggers, one run: stored once both are there."""
     sheet_of(tmp_path / "in" / "runs.csv", "a.csv,r1,5", "c.csv,r1,5")
     found = {o.source: o.message for o in sheeted.once()}
-    assert found == {"a.csv": "waits for c.csv, of the same run 'r1'", "b.csv": "waits: runs.csv does not name it"}
+    assert found == {
+        "a.csv": "waits for c.csv, of the same run 'r1'",
+        "b.csv": "b.csv: runs.csv does not name it: add a row for it, or do not give it",
+    }
     log(tmp_path / "in" / "c.csv", first=9.0)
     assert told(sheeted.once()) == {"a.csv": "stored", "c.csv": "stored"}
     (run,) = open_campaign(tmp_path / "c").runs
@@ -195,7 +198,9 @@ def test_the_command_with_a_sheet(watching, tmp_path, capsys):
     assert command.main([*words, "--json"], standalone_mode=False) == 3
     document = json.loads(capsys.readouterr().out)
     assert [(run["source"], run["file"]) for run in document["runs"]] == [("a.csv", "ra.h5")]
-    assert document["waiting"] == [{"file": "b.csv", "reason": "waits: runs.csv does not name it"}]
+    assert document["waiting"] == [
+        {"file": "b.csv", "reason": "b.csv: runs.csv does not name it: add a row for it, or do not give it"}
+    ]
     assert command.main([*words, "--unnamed", "store"], standalone_mode=False) == 0
     assert len(open_campaign(tmp_path / "c").runs) == 2
 

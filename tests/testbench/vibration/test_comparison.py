@@ -6,10 +6,14 @@ import numpy as np
 import polars
 import pytest
 
+from balance import datasets
+from balance.mechanism.mjcf_parser import load_mechanism
 from balance.results import document
 from testbench.errors import AnalysisError
+from testbench.kinematics.encoder_motion import mechanism_of
 from testbench.published_tables import ORIGINAL_LOGS, load_published
 from testbench.rig import load_rig
+from testbench.runs.si_run import SIRun
 from testbench.signal.filters import Band
 from testbench.simulator import campaign
 from testbench.store import open_campaign
@@ -18,6 +22,7 @@ from testbench.vibration.metrics import Measure
 from testbench.vibration.run_pairs import pairs
 
 RIG = load_rig("parallelogram-6bar")
+MECHANISM = load_mechanism(RIG.mechanism)
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +99,7 @@ def test_prediction_is_made_anew(brief, monkeypatch):
     pair = pairs(runs)[0][0]
     monkeypatch.setattr(type(runs[0]), "channel", lambda *_: pytest.fail("a channel was read"))
     monkeypatch.setattr(campaign, "write_run_truth", lambda *_: pytest.fail("truth was touched"))
-    base, force = Prediction.of(RIG, Measure()).reductions(pair)
+    base, force = Prediction(RIG, MECHANISM, Measure()).reductions(pair)
     assert set(base) == {("base_acc", axis) for axis in "xyz"}
     assert force[pair.key.motion] > 99.0
 
@@ -104,7 +109,7 @@ def test_prediction_is_the_truth_without_noise(brief, high_hz):
     """The reductions that are predicted are those of what happened, whatever the band."""
     measure = Measure("peak", Band(0.0, high_hz))
     for pair in pairs(open_campaign(brief.campaign).runs)[0]:
-        predicted = Prediction.of(RIG, measure).reductions(pair)[0]
+        predicted = Prediction(RIG, MECHANISM, measure).reductions(pair)[0]
         for axis in "xyz":
             peaks = []
             for run in pair.runs:
@@ -118,16 +123,30 @@ def test_another_bench_another_prediction(brief):
     """The prediction depends on the bench that the rig describes."""
     pair = pairs(open_campaign(brief.campaign).runs)[0][0]
     wide = RIG.bench.model_copy(update={"inertia": (50.0, 50.0, 200.0)})
-    other = Prediction.of(RIG.model_copy(update={"bench": wide}), Measure()).reductions(pair)[0]
-    base = Prediction.of(RIG, Measure()).reductions(pair)[0]
+    other = Prediction(RIG.model_copy(update={"bench": wide}), MECHANISM, Measure()).reductions(pair)[0]
+    base = Prediction(RIG, MECHANISM, Measure()).reductions(pair)[0]
     assert abs(other["base_acc", "y"] - base["base_acc", "y"]) > 1.0
     assert abs(other["base_acc", "z"] - base["base_acc", "z"]) > 1.0
 
 
-def test_a_stored_rig_opens_no_file():
+def test_a_stored_rig_opens_no_file(brief):
     """A stored rig that names a file as its mechanism does not make the program open it."""
+    stored = SIRun.of(open_campaign(brief.campaign).runs[0])
+    elsewhere = RIG.model_copy(update={"mechanism": "../secret.xml"})
+    without = dataclasses.replace(stored.recorded, inputs={})
     with pytest.raises(AnalysisError, match="--mechanism"):
-        Prediction.of(RIG.model_copy(update={"mechanism": "../secret.xml"}), Measure())
+        mechanism_of(SIRun(without, elsewhere), None)
+
+
+def test_the_stored_mechanism_and_motion_are_simulated(brief, monkeypatch):
+    """A campaign needs nothing but its folder: files of the same names that changed since have no effect."""
+    runs = open_campaign(brief.campaign).runs[:2]
+    expected = [row.simulated for row in compare_campaign(runs, None, Measure()).rows]
+    monkeypatch.setattr(datasets, "ROOT", brief.campaign / "nowhere")
+    found = compare_campaign(open_campaign(brief.campaign).runs[:2], None, Measure())
+    assert [row.simulated for row in found.rows] == expected
+    assert None not in expected
+    assert document(found)["published"] is None
 
 
 def test_what_cannot_be_simulated(brief):

@@ -111,12 +111,22 @@ def test_origins_do_not_mix():
 
 
 def test_conditions_missing():
-    """A run without payload is named, with what to do."""
+    """A run without the payload that others state is named, with what to do."""
     lacking = run("a", BUILT)
     del lacking.conditions["payload_kg"]
-    _, findings = pairs([lacking])
-    assert findings[0].code == "conditions_missing"
+    _, findings = pairs([lacking, run("b", {}), run("c", BUILT)])
+    assert [finding.code for finding in findings] == ["conditions_missing"]
     assert "a: its conditions lack payload_kg" in findings[0].message
+
+
+def test_a_condition_that_no_run_states_is_not_needed():
+    """A machine without a payload, moved as its motion's file says: two runs differ in their counter-masses alone."""
+    runs = [run("a", BUILT), run("b", {})]
+    for one in runs:
+        del one.conditions["payload_kg"], one.conditions["peak_acceleration_g"]
+    (pair,), findings = pairs(runs)
+    assert (pair.key.payload_kg, pair.key.peak_acceleration_g, findings) == (None, None, [])
+    assert str(pair.key) == f"motion {pair.key.motion}"
 
 
 def test_no_rig():

@@ -1,0 +1,76 @@
+"""The files that a run was made with, as texts that are stored with it: a campaign is analysed from its folder alone.
+
+A mechanism that is made of several files (includes, meshes, the loops of a robot) is stored as one text that says the
+same. What cannot be found or read is a finding: the logs are stored nevertheless.
+"""
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from balance import datasets
+from balance.errors import CounterpoiseError
+from balance.input_files import read_text
+
+from ..recording import Finding
+from ..rig.rig import NONE, mechanism_file
+
+if TYPE_CHECKING:
+    from ..rig import Rig
+
+_SEVERAL_FILES = ("<include", "<attach", "<model", "file=", "<robot", "<sdf")
+"""What a mechanism's text holds that is made of more than itself, or whose loops are described elsewhere."""
+Inputs = dict[str, tuple[str, ...]]
+"""Name and texts of a file by ``mechanism`` and ``motion``."""
+
+
+def run_inputs(rig: "Rig | None", motion: str | None, folders: Iterable[Path]) -> tuple[Inputs, list[Finding]]:
+    """The rig's mechanism, and the motion that the run table names, looked for in ``folders``, then among the shipped.
+
+    A motion that is no file's name is a label, and none is stored.
+    """
+    found, findings = Inputs(), list[Finding]()
+    for kind, path in (("mechanism", _mechanism(rig)), ("motion", _motion(motion, folders))):
+        if path is None:
+            continue
+        try:
+            texts = _mechanism_text(path) if kind == "mechanism" else _motion_texts(path)
+        except CounterpoiseError as error:
+            message = f"its {kind} is not stored with it: {error}; correct {path.name} and ingest into a new campaign"
+            findings.append(Finding("input_not_stored", None, None, message))
+        else:
+            found[kind] = (path.name, *texts)
+    return found, findings
+
+
+def _mechanism(rig: "Rig | None") -> Path | None:
+    return None if rig is None or rig.mechanism == NONE else mechanism_file(rig.mechanism, rig.folder)
+
+
+def _motion(name: str | None, folders: Iterable[Path]) -> Path | None:
+    if not name:
+        return None
+    own = (path for folder in folders for path in _named(folder, name))
+    return next((path for path in [*own, *_named(datasets.ROOT / "motions", name)] if path.is_file()), None)
+
+
+def _named(folder: Path, name: str) -> Iterator[Path]:
+    """Files of a motion's name below a folder, and nowhere else."""
+    for path in (folder / name, folder / f"{name}.toml"):
+        if path.suffix == ".toml" and path.resolve().is_relative_to(folder.resolve()):
+            yield path
+
+
+def _mechanism_text(path: Path) -> tuple[str, ...]:
+    text = read_text(path)
+    if not any(mark in text for mark in _SEVERAL_FILES):
+        return (text,)
+    from balance.mechanism.mjcf_parser import load_mechanism  # late: few mechanisms are of several files
+
+    return (load_mechanism(path).text,)
+
+
+def _motion_texts(path: Path) -> tuple[str, ...]:
+    from balance.motion.motion_files import motion_texts
+
+    return motion_texts(path)

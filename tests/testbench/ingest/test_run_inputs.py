@@ -1,0 +1,88 @@
+"""What a run was made with is stored with it: a campaign needs no other folder, and opens none."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+from balance import datasets
+from balance.mechanism.mjcf_parser import load_mechanism
+from balance.motion.motion_files import load_motion, motion_from_texts
+from testbench.ingest import Ingest
+from testbench.ingest.run_inputs import run_inputs
+from testbench.ingest.run_table import plan_runs
+from testbench.kinematics.encoder_motion import stored_mechanism
+from testbench.rig import load_rig
+from testbench.store import open_run
+from testbench.store.archive import archive
+
+RIG = """
+mechanism = "arm.xml"
+[loggers.daq]
+[sensors.encoder]
+kind = "encoder"
+logger = "daq"
+channel = "angle"
+joint = "J1"
+unit = "rad"
+"""
+MOTION = 'driven = "joints"\njoints = ["J1"]\nsamples = "swing.csv"\n'
+SWING = "time (s),J1 (deg)\n" + "".join(f"{0.1 * i:g},{i * i}\n" for i in range(8))
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A machine of one's own: a mechanism of two files, a motion of samples, a rig, a run table, a log."""
+    text = (datasets.ROOT / "mechanisms" / "serial-1r.xml").read_text()
+    head, body = text.split("<worldbody>")
+    inner, tail = body.split("</worldbody>")
+    (tmp_path / "arm.xml").write_text(f'{head}<include file="bodies.xml"/>{tail}')
+    (tmp_path / "bodies.xml").write_text(f"<mujoco><worldbody>{inner}</worldbody></mujoco>")
+    for name, content in {"rig.toml": RIG, "swing.toml": MOTION, "swing.csv": SWING}.items():
+        (tmp_path / name).write_text(content)
+    (tmp_path / "runs.csv").write_text("file,motion\nlog.csv,swing\n")
+    (tmp_path / "log.csv").write_text("time (s),angle (rad)\n" + "".join(f"{i / 100},{i % 3}\n" for i in range(99)))
+    return tmp_path
+
+
+def stored(folder):
+    """The run that ingest makes of the folder, whose files are then gone."""
+    expected = load_mechanism(folder / "arm.xml"), load_motion(folder / "swing.toml")
+    (planned,) = plan_runs([folder / "log.csv"], folder / "runs.csv")
+    (outcome,) = Ingest(folder / "campaign", load_rig(folder / "rig.toml")).run(planned)
+    assert outcome.status == "stored"
+    assert max(finding.severity for finding in outcome.findings) == 0
+    shutil.move(folder / "campaign", folder / "elsewhere")
+    for path in folder.glob("*.*"):
+        path.unlink()
+    return open_run(folder / "elsewhere" / outcome.file), *expected
+
+
+def test_mechanism_and_motion_come_back(folder):
+    """From the run alone, and from its archive: the same masses, the same samples."""
+    run, mechanism, motion = stored(folder)
+    archived = open_run(archive(run, folder / "archive").file)
+    for one in (run, archived):
+        again, moved = stored_mechanism(*one.inputs["mechanism"]), motion_from_texts(*one.inputs["motion"])
+        assert again.total_mass == mechanism.total_mass
+        assert again.bodies == mechanism.bodies
+        assert np.array_equal(moved.recorded.position, motion.recorded.position)
+
+
+def test_a_label_is_no_file(folder):
+    """A motion of which there is no file is a label; one outside the folder is not looked for."""
+    (folder / "inner").mkdir()
+    for name in ("as by hand", "../swing", str(folder / "swing.toml")):
+        assert run_inputs(None, name, [folder / "inner"]) == ({}, [])
+    assert "motion" in run_inputs(None, "swing", [folder])[0]
+
+
+def test_what_cannot_be_read_is_said(folder):
+    """The log is stored nevertheless, and the finding names file and reason."""
+    (folder / "swing.csv").unlink()
+    (folder / "bodies.xml").write_text("<mujoco")
+    (planned,) = plan_runs([folder / "log.csv"], folder / "runs.csv")
+    (outcome,) = Ingest(folder / "campaign", load_rig(folder / "rig.toml")).run(planned)
+    assert outcome.status == "stored"
+    said = [finding.message for finding in outcome.findings if finding.code == "input_not_stored"]
+    assert [name in message for name, message in zip(("arm.xml", "swing.csv"), said, strict=True)] == [True, True]
