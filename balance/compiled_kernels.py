@@ -34,13 +34,13 @@ class Kernel:
 
     @property
     def source(self) -> Path:
-        """The file of the module, which is not imported to find it: it lies in one of the packages beside this one."""
+        """The file of the module, found without importing it, in one of the packages of this distribution."""
         return Path(__file__).parent.parent.joinpath(*self.module.split(".")).with_suffix(".py")
 
     def loop(self, compiling: Callable[[], None] = lambda: None) -> Callable[..., int] | None:
         """The loop; None if it cannot be had here.
 
-        Where it is not kept, or damaged, it is compiled: some seconds, in another process that gives way to all others;
+        Where it is not kept, or damaged, it is compiled: some seconds, in another process of the lowest priority;
         ``compiling`` is called before.
         """
         if sys.platform == "win32" or sys.byteorder != "little":

@@ -27,7 +27,7 @@ def at_hand() -> bool:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Skip what is marked ``recordings`` where there are none; ``malformed`` ones lie beside a folder of one's own."""
+    """Skip what is marked ``recordings`` where there are none; ``malformed`` ones lie next to a folder of one's own."""
     good = at_hand()
     bad = good and (Path(os.environ[public_recordings.FOLDER_VARIABLE]).parent / "bad").is_dir()
     for item in items:

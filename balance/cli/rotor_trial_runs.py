@@ -80,7 +80,9 @@ def _print(runs: "TrialRuns", document: dict[str, Any]) -> None:
     rows = [[p["plane"], *(vector_text(p[key], w) for key in ("total", "on_now", "add", "published"))]
             for p in document["planes"]]  # fmt: skip
     header = ["plane", f"all weights [{weight}]", "still on", "to add now", "published"]
-    note = document["source"] or "" if intervals is None else f"Intervals of 95 %, {_origin(intervals)}."
+    note = (
+        document["source"] or "" if intervals is None else f"Intervals of {intervals['level']}, {_origin(intervals)}."
+    )
     emit_table(f"Correction weights, {document['name']}, {document['method']}", header, rows, note)
     rows = [
         [row["sensor"], row["speed"], vector_text(row["before"], r), vector_text(row["after"], r)]
@@ -88,7 +90,7 @@ def _print(runs: "TrialRuns", document: dict[str, Any]) -> None:
         for row in document["readings"]
     ]
     header = ["sensor", "speed", f"before [{reading}]", f"predicted after [{reading}]"]
-    emit_table("Readings", header + ([] if intervals is None else [f"± [{reading}], 95 %"]), rows)
+    emit_table("Readings", header + ([] if intervals is None else [f"± [{reading}], {intervals['level']}"]), rows)
     if intervals is None:
         click.echo("No intervals: state those of the readings (170 um ± 2 um @ 112 deg ± 1 deg), or repeat a run.")
     for run, trial in document["trial_weights"].items():

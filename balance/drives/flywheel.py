@@ -58,7 +58,7 @@ def flywheel_for(
 def flywheel_estimate(machine: Machine, wanted: float) -> float:
     """The textbook's whole inertia dE / (omega^2 delta), dE the swing of weight's potential energy alone [kg m2].
 
-    Motor and variable inertia are left out: an estimate to hold beside the solution.
+    Motor and variable inertia are left out: an estimate to compare the solution with.
     """
     energy = machine.reduced.potential(np.linspace(0.0, 2.0 * np.pi, 100_000))
     return float(np.ptp(energy)) / (machine.nominal_crank**2 * wanted)

@@ -188,7 +188,7 @@ def steady_rotation(
 def _solved(machine: Machine, speed: float, harmonics: tuple[int, ...], power: float) -> SteadyRotation:
     """With more and more harmonics, from kinetic energy in proportion to inertia to a ``power``.
 
-    Constant energy (0) is near where the motor gives way, constant speed (1) where it is stiff.
+    Constant energy (0) is near where the motor's speed yields to the torque, constant speed (1) where it hardly does.
     """
     inertia, mean = machine.inertia(odd_grid(harmonics[0])), float(machine.inertia(odd_grid(8)).mean())
     energy = Periodic.through(0.5 * speed**2 * mean * (inertia[None] / mean) ** power)

@@ -8,7 +8,7 @@ Residuals are correlated in time, so intervals do not come from their number: bl
 correlation, are left out in turn, nuisances solved for anew (delete-block jackknife), which also counts what the model
 lacks. Repeats of one motion repeat what is systematic: the same block is left out of all of them. The variance of a
 combination of unknowns has (sum p)^2 / sum p^2 - 1 degrees of freedom, p what each block contributes to it, were the
-noise white (Satterthwaite): few where few blocks determine it, blocks - 1 where all do alike. That is the most that it
+noise white (Satterthwaite): few where few blocks determine it, blocks - 1 where all do equally. That is the most it
 can be: it takes what the blocks say for independent, but every balance condition that is estimated from them ties them
 once, as unknowns do in any least squares. So degrees of freedom are at most blocks - conditions: in doubt the wider
 interval holds.

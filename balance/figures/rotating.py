@@ -15,6 +15,7 @@ from ..engines import partial_balance
 from ..engines.balance_shafts import STAGES, ResidualOverTurn
 from ..engines.free_forces import FreeForces, RotatingVector
 from ..engines.slider_crank import SliderCrank
+from ..estimation.estimate import LEVEL_TEXT
 from ..rotors.correction_planes import Polygon
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def draw_readings(
     _arrows(weights, total * weight[1], [plane.name for plane in runs.planes], ORANGE)
     _grid(readings, before)
     _grid(weights, total)
-    shaded = "" if uncertainty is None else "; shaded: 95 %"
+    shaded = "" if uncertainty is None else f"; shaded: {LEVEL_TEXT}"
     readings.set_title(
         f"Readings [{reading[0]}], phase as {runs.phase}\nblue before, orange predicted after{shaded}", fontsize=9
     )

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Complexes
+from ..estimation.estimate import LEVEL_TEXT
 from ..results import document, finite
 from ..units import G0
 from .correction_planes import Correction, correct_planes, correction_findings, mass_and_radius, polygons
@@ -128,7 +129,7 @@ def trial_runs_document(runs: TrialRuns, solution: Solution) -> dict[str, Any]:
         },
         "planes": _planes(runs, solution, uncertainty),
         "readings": _readings(runs, solution, uncertainty),
-        "intervals": None if uncertainty is None else {"level": "95 %", **document(uncertainty)},
+        "intervals": None if uncertainty is None else {"level": LEVEL_TEXT, **document(uncertainty)},
         f"rms_before_{reading}": _rms(before) * r,
         f"rms_after_{reading}": _rms(after) * r,
         f"misfit_of_runs_{reading}": solution.coefficients.misfit * r,

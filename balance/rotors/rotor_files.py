@@ -73,7 +73,7 @@ class RotorTable(Table):
         | Annotated[Text, Tag("file")],
         Discriminator(lambda value: "file" if isinstance(value, str) else "tables"),
     ]
-    """Masses out of the axis, or the CSV file beside this one that lists them."""
+    """Masses out of the axis, or the CSV file in the same folder that lists them."""
     planes: Annotated[list[PlaneTable], Distinct] = Field(default_factory=list)
     """Planes for correction masses."""
     bearings: list[Length] = Field(default_factory=list)
@@ -85,7 +85,7 @@ class RotorTable(Table):
     centre: Length | None = None
     """Place of its centre of mass along the axis [m]."""
     published: dict[str, Annotated[complex, Vector("first moment")]] = Field(default_factory=dict)
-    """Corrections by plane that the source publishes, to be shown beside ours [kg m]."""
+    """Corrections by plane that the source publishes, for comparison [kg m]."""
 
     def _check(self) -> None:
         if self.bearings and (len(self.bearings) != 2 or self.bearings[0] == self.bearings[1]):

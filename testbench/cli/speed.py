@@ -188,6 +188,8 @@ def _print(result: dict[str, Any]) -> None:
 
 
 def _print_turn(turn: dict[str, Any], model: dict[str, Any] | None) -> None:
+    from balance.estimation.estimate import LEVEL_TEXT
+
     labels = {
         "fastest_rpm": "n_max [rpm]",
         "slowest_rpm": "n_min [rpm]",
@@ -203,7 +205,7 @@ def _print_turn(turn: dict[str, Any], model: dict[str, Any] | None) -> None:
         f"Fluctuation by the {turn['fluctuation_by']}. {turn['harmonics']} harmonics; jitter "
         f"{turn['jitter_us']:.2f} us; {turn['turns_left_out']} turns not steady."
     )
-    header = ["", "from edges", "from", "to (95 %)", "computed"]
+    header = ["", "from edges", "from", f"to ({LEVEL_TEXT})", "computed"]
     emit_table(f"Steady turn of the crank, {turn['turns_used']} turns", header, rows, note)
     if model:
         how = "found by aligning the curves" if model["first_edge_found_by_alignment"] else "as given"

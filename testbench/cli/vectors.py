@@ -174,6 +174,8 @@ def _quoted(text: str) -> str:
 
 
 def _document(run: "Run", found: "Vectors", phase: str, metric: "Metric") -> dict[str, Any]:
+    from balance.estimation.estimate import LEVEL_TEXT
+
     from ..rotating.order_tracking import UNITS
 
     suffix = {"m": "m", "m/s": "m_s", "m/s^2": "m_s2"}
@@ -196,7 +198,7 @@ def _document(run: "Run", found: "Vectors", phase: str, metric: "Metric") -> dic
         "turns": found.turns.count,
         "speed_rpm": 60.0 * found.turns.speed,
         "speed_change_percent": 100.0 * found.turns.change,
-        "interval": "95 %",
+        "interval": LEVEL_TEXT,
         "phases_off_alike_deg_within": math.degrees(found.common_phase_within),
         "findings": list(found.findings()),
         "vectors": rows,

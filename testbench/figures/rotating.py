@@ -4,6 +4,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from balance.estimation.estimate import LEVEL_TEXT
+
 from . import style
 
 if TYPE_CHECKING:
@@ -32,7 +34,7 @@ def draw_vectors(document: dict[str, Any]) -> "Figure":
             _panel(axes, [row for row in rows if row["reading"] == kind], kind, document)
         style.headline(
             figure, f"{document['run']}: order {document['order']} at {document['speed_rpm']:.5g} rev/min\n"
-            f"(origin {document['origin']}; phase as {document['phase']} of the pulse; shaded: 95 %)",
+            f"(origin {document['origin']}; phase as {document['phase']} of the pulse; shaded: {LEVEL_TEXT})",
         )  # fmt: skip
     return figure
 
@@ -67,7 +69,7 @@ def _turn(axes: "Axes", document: dict[str, Any]) -> None:
     turn, model = document["steady"]["turn"], document.get("model")
     angle, speed, half = (np.array(turn[key]) for key in ("angle_deg_from_first_edge", "speed_rpm", "half_width_rpm"))
     axes.plot(angle, speed, color=style.ANALYSED, label="from edges")
-    axes.fill_between(angle, speed - half, speed + half, color=style.ANALYSED, alpha=0.25, lw=0, label="95 %")
+    axes.fill_between(angle, speed - half, speed + half, color=style.ANALYSED, alpha=0.25, lw=0, label=LEVEL_TEXT)
     if model:
         course = model["turn"]
         axes.plot(course["angle_deg_from_first_edge"], course["speed_rpm"], "--", color=style.PUBLISHED,

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from balance.arrays import Floats
-from balance.estimation.estimate import coverage_factor
+from balance.estimation.estimate import LEVEL_TEXT, coverage_factor
 from balance.results import Key
 
 PPM = 1e-6
@@ -65,7 +65,9 @@ class ClockMap:
         return float(self.to_reference(np.zeros(1))[0])
 
     @property
-    def offset_interval(self) -> Annotated[tuple[float, float], Key("offset_interval_s", "95 % interval", _seconds)]:
+    def offset_interval(
+        self,
+    ) -> Annotated[tuple[float, float], Key("offset_interval_s", f"{LEVEL_TEXT} interval", _seconds)]:
         """95 % interval of the offset [s]."""
         half = self.half_width(0.0)
         return self.offset - half, self.offset + half
@@ -73,7 +75,7 @@ class ClockMap:
     @property
     def drift_interval(
         self,
-    ) -> Annotated[tuple[float, float], Key("drift_interval_ppm", "95 % interval", _ends, to=_ppm)]:
+    ) -> Annotated[tuple[float, float], Key("drift_interval_ppm", f"{LEVEL_TEXT} interval", _ends, to=_ppm)]:
         """95 % interval of the drift [-]."""
         half = coverage_factor(self.degrees_of_freedom) * float(np.sqrt(self.covariance[1, 1]))
         return self.drift - half, self.drift + half

@@ -16,7 +16,7 @@ def _json(*arguments):
 
 
 def test_correct_gives_corrections_polygons_and_bearing_loads(tmp_path):
-    """Every number of table and figure is in the document, the published beside ours."""
+    """Every number of table and figure is in the document, the published ones too."""
     picture = tmp_path / "polygons.svg"
     found = _json("correct", "three-masses", "--figure", str(picture))
     left, right = found["corrections"]

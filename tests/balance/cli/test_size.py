@@ -190,7 +190,7 @@ def test_exact_sets_that_grow(balance):
     ],
 )
 def test_options_that_do_not_go_together(balance, arguments):
-    """Said, exit 2; nothing is ignored in silence."""
+    """A message, exit 2; nothing is ignored in silence."""
     code, out, err = balance("size", *arguments)
     assert (code, out) == (2, "")
     assert "--" in err.splitlines()[-1]

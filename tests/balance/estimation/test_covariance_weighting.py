@@ -31,21 +31,21 @@ def test_weights(found):
 
 
 def test_agreement_is_chi_square(found):
-    """Sources that scatter as they say contradict each other as seldom as said; twice the scatter is noticed."""
+    """Sources that scatter as they say contradict each other as seldom as stated; twice the scatter is noticed."""
     rng = np.random.default_rng(3)
     rank = found.rank
     seen = []
     for scatter in (1.0, 4.0):
         draws = rng.normal(0.0, scatter * 0.1, (400, 2, rank))
-        told = [combine([source(found, one, [0.1] * rank) for one in draw]) for draw in draws]
-        assert {one.degrees_of_freedom for one in told} == {rank}
-        seen.append(np.mean([one.probability < 0.05 for one in told]))
+        combined = [combine([source(found, one, [0.1] * rank) for one in draw]) for draw in draws]
+        assert {one.degrees_of_freedom for one in combined} == {rank}
+        seen.append(np.mean([one.probability < 0.05 for one in combined]))
     assert 0.02 < seen[0] < 0.09
     assert seen[1] > 0.7
 
 
 def test_what_a_source_holds_it_does_not_tell(found):
-    """A source that held one condition adds nothing there, whatever it held."""
+    """A source that fixed one condition adds nothing there, whatever its value."""
     rank = found.rank
     unit = np.eye(rank)
     free = Subspace(unit[1:], np.zeros(rank))

@@ -144,7 +144,7 @@ def test_intervals_hold():
 
 
 def test_gains_say_how_readings_move_the_values():
-    """Readings that are more move the values by their gains, nuisances and what else is unknown fitted beside.
+    """Readings that are more move the values by their gains, nuisances and what else is unknown estimated jointly.
 
     One row hardly tells the four conditions apart. Values from normal equations are known to the rounding of those
     times their condition, the square of that of the columns; the change, of the size of the values, no better.
@@ -158,7 +158,7 @@ def test_gains_say_how_readings_move_the_values():
     after = imbalance_fit([record(columns, force + more, nuisance)], found)
     expected = np.einsum("nj,njk->k", more, before.gains()[0])
     sizes = np.linalg.norm(columns[:, 0], axis=0)
-    sizes[: found.rank] = sizes[: found.rank].max()  # as the fit scales them: all conditions alike
+    sizes[: found.rank] = sizes[: found.rank].max()  # as the fit scales them: all conditions equally
     condition = np.linalg.cond(columns[:, 0] / sizes) ** 2
     rounding = 10.0 * np.finfo(float).eps * condition * np.linalg.norm(expected)
     assert rounding < 1e-5 * np.linalg.norm(expected)
@@ -172,9 +172,9 @@ def test_a_prior_holds_what_else_is_unknown():
     also = np.random.default_rng(2).normal(size=(*force.shape, 1))
     both = [record(np.concatenate([columns, also], axis=2), force + 0.5 * also[:, :, 0])]
     free = imbalance_fit(both, found, prior=np.zeros(1))
-    held = imbalance_fit(both, found, prior=np.array([1e12]))
+    fixed = imbalance_fit(both, found, prior=np.array([1e12]))
     assert free.shared == pytest.approx([0.5], abs=1e-6)
-    assert held.shared == pytest.approx([0.0], abs=1e-6)
+    assert fixed.shared == pytest.approx([0.0], abs=1e-6)
 
 
 def test_few_stretches_that_tell_leave_few_degrees_of_freedom():
@@ -196,8 +196,8 @@ def test_few_stretches_that_tell_leave_few_degrees_of_freedom():
 def test_a_site_beside_the_plane_counts_by_its_distance_from_the_axis():
     """0.6 kg at (-0.2, 0, 0.04) m, the joint's axis along z, are 0.1200 kg m: the 40 mm along the axis do not turn."""
     arm = load_mechanism("serial-2r")
-    beside = replace(arm.site("counter_link_1"), position=np.array([-0.2, 0.0, 0.04]))
-    mechanism = replace(arm, sites={**arm.sites, "counter_link_1": beside})
+    aside = replace(arm.site("counter_link_1"), position=np.array([-0.2, 0.0, 0.04]))
+    mechanism = replace(arm, sites={**arm.sites, "counter_link_1": aside})
     found, columns, force = equations(mechanism)
     heavier = mechanism.with_counter_mass({"counter_link_1": 0.6})
     lighter = force - columns @ (found.values(heavier) - found.values(mechanism))
@@ -210,7 +210,7 @@ def test_a_site_beside_the_plane_counts_by_its_distance_from_the_axis():
 
 
 def test_every_condition_takes_a_degree_of_freedom():
-    """Twenty blocks that tell all alike have nineteen degrees of freedom by Satterthwaite: four conditions leave 16."""
+    """20 blocks that determine all equally have 19 degrees of freedom by Satterthwaite: four conditions leave 16."""
     found, columns, force = equations(load_mechanism("four-bar"))
     noise = np.random.default_rng(4).normal(size=force.shape)
     equal = np.tile(columns[:20], (20, 1, 1))

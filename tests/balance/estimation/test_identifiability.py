@@ -87,10 +87,10 @@ def test_unknown_parameter_is_refused(arm):
 
 
 def test_a_joint_that_never_moves_leaves_its_sum_alone():
-    """With the elbow held straight, the arm is one body: one first moment along it, not two."""
+    """With the elbow fixed straight, the arm is one body: one first moment along it, not two."""
     mechanism = models.load("serial-2r")
-    held = STATES * [1.0, 0.0]
-    found = identifiability(torque_regressor(mechanism, *held)[:, :1], mechanism.parameter_names)
+    straight = STATES * [1.0, 0.0]
+    found = identifiability(torque_regressor(mechanism, *straight)[:, :1], mechanism.parameter_names)
     assert found.rank == 3
     whole = found.vector({"mcx[link_1]": 1.0, "mcx[link_2]": 1.0, "m[link_2]": 0.3})
     assert found.is_identifiable(whole)

@@ -34,7 +34,7 @@ def torques():
 
 
 def test_identified_and_trimmed_first_moments_are_equal():
-    """From one record of torques: by base parameters, and by conditions with what else is unknown beside them."""
+    """From one record of torques: by base parameters, and by conditions with what else is unknown as nuisances."""
     columns, names, torque = torques()
     found = conditions.balance_conditions(ARM)
     seen = identifiability(columns, names)

@@ -88,7 +88,7 @@ def test_counting_samples_would_be_dishonest():
 
 
 def test_a_noisy_joint_counts_less():
-    """With a joint ten times noisier, weighting halves the scatter at least against treating both alike."""
+    """With a joint ten times noisier, weighting halves the scatter at least against weighting both equally."""
     regressor = torque_regressor(MECHANISM, *states(2))
     seen = identifiability(regressor, MECHANISM.parameter_names)
     columns = regressor[:, :, list(seen.pivots)].reshape(-1, seen.rank)

@@ -24,7 +24,7 @@ MASS = 150.0
 
 
 def rung(pushes, hertz, damping):
-    """Acceleration of a base on its mounts, exactly at the samples for pushes that are held between them."""
+    """Acceleration of a base on its mounts, exactly at the samples for pushes that are constant between them."""
     w = 2.0 * np.pi * hertz
     decay, turn = np.exp(-damping * w / RATE), w * np.sqrt(1.0 - damping**2) / RATE
     poles = np.array([1.0, -2.0 * decay * np.cos(turn), decay**2])
@@ -85,14 +85,14 @@ def test_intervals_hold(found):
 
 
 def test_widths_are_those_of_the_errors(found):
-    """Stated deviations and errors, rms over campaigns, are alike within what six of them tell."""
+    """Stated deviations and errors, rms over campaigns, agree within what six of them show."""
     errors = np.sqrt(np.mean([np.mean((one.values - TRUTH) ** 2) for one in found]))
     stated = np.sqrt(np.mean([np.mean(np.diag(one.covariance)) for one in found]))
     assert 0.6 * errors < stated < 2.0 * errors
 
 
 def test_noise_that_both_share_counts_once():
-    """Two memories that say the same, moved alike by noise: the mean is no surer, nor less sure, than either."""
+    """Two memories of one answer, moved in the same way by noise: the mean is no surer, nor less sure, than either."""
     by = np.random.default_rng(0).normal(size=(50, 2))
     same = np.array([0.3, -0.1])
     assert trials.mean_covariance(same, same, by, by) == pytest.approx(by.T @ by)

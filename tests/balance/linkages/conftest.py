@@ -1,4 +1,4 @@
-"""Linkages that are in no data file, and the independent dynamics that judge them."""
+"""Linkages that are in no data file, and the independent dynamics that check them."""
 
 import xml.etree.ElementTree as ElementTree
 

@@ -1,4 +1,4 @@
-"""Complete balance, judged by the dynamics of the core, of Pinocchio and of MuJoCo."""
+"""Complete balance by the dynamics of the core, of Pinocchio and of MuJoCo."""
 
 from dataclasses import replace
 

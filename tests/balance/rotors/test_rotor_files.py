@@ -6,7 +6,7 @@ import pytest
 from balance.errors import DataError
 from balance.rotors.rotor_files import load_rotor
 
-SHEET = """
+KEYS = """
 [[planes]]
 name = "L"
 at = "0 mm"
@@ -32,7 +32,7 @@ def _write(tmp_path, text, name="rotor.toml"):
 
 def test_sheet_in_si(tmp_path):
     """Masses times radii and products of them come in kg m, places in m."""
-    rotor = load_rotor(_write(tmp_path, SHEET.format(angle='angle = "90 deg"')))
+    rotor = load_rotor(_write(tmp_path, KEYS.format(angle='angle = "90 deg"')))
     assert abs(rotor.unbalances[0].vector) == pytest.approx(0.24)
     assert rotor.unbalances[1].vector == pytest.approx(160e-6j)
     assert [u.at for u in rotor.unbalances] == pytest.approx([0.6, 0.3])
@@ -48,8 +48,8 @@ def test_a_table_row_without_its_angle_is_named(tmp_path, row):
 
 def test_shipped_table_is_the_shipped_sheet():
     """The same three masses as TOML and as CSV."""
-    sheet, table = load_rotor("three-masses"), load_rotor("three-masses-table")
-    assert [u.vector for u in table.unbalances] == pytest.approx([u.vector for u in sheet.unbalances])
+    toml, table = load_rotor("three-masses"), load_rotor("three-masses-table")
+    assert [u.vector for u in table.unbalances] == pytest.approx([u.vector for u in toml.unbalances])
 
 
 @pytest.mark.parametrize(
@@ -101,7 +101,7 @@ def test_wrong_tables_are_named(tmp_path, text, message):
 def test_wrong_sheets_are_named(tmp_path, change, message):
     """Keys, units and unknown names are refused where they stand."""
     with pytest.raises(DataError, match=message):
-        load_rotor(_write(tmp_path, SHEET.format(angle='angle = "90 deg"').replace(*change, 1)))
+        load_rotor(_write(tmp_path, KEYS.format(angle='angle = "90 deg"').replace(*change, 1)))
 
 
 def test_a_linkage_is_no_rotor():
@@ -113,5 +113,5 @@ def test_a_linkage_is_no_rotor():
 
 def test_a_hole_is_a_negative_mass(tmp_path):
     """Its radius has its angle."""
-    text = SHEET.format(angle='angle = "90 deg"').replace('"3 kg"', '"-3 kg"')
+    text = KEYS.format(angle='angle = "90 deg"').replace('"3 kg"', '"-3 kg"')
     assert abs(load_rotor(_write(tmp_path, text)).unbalances[0].vector + 0.24 * np.exp(1j * np.pi / 3)) < 1e-15
