@@ -7,6 +7,7 @@ import click
 
 from balance.cli.framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 from balance.cli.options import Quantity, figure_option
+from balance.results import document
 
 if TYPE_CHECKING:
     from ..rotating import Disc, Edges, SpeedHistory, SteadySpeedFit
@@ -105,7 +106,7 @@ def _calibrate(edges: "Edges", path: Path, as_json: bool) -> int:
     found = pitch_error.pitch_from_free_run(edges)
     pitch_error.write_pitch_errors(found, path)
     if as_json:
-        emit_json(speed_results.edges_document(edges) | {"pitch": speed_results.pitch_document(found)})
+        emit_json(speed_results.edges_document(edges) | {"pitch": document(found)})
     else:
         click.echo(f"Slots are {100 * found.rms:.3g} % of the pitch out of place (rms); written to {path.name}")
     return 0
@@ -128,9 +129,9 @@ def _study(log: Path, edges: "Edges", disc: "Disc", options: dict[str, Any]) -> 
         result["not_steady"] = str(error)
     course = rotating.speed_history(edges)
     result["findings"] = speed_results.speed_findings(edges, turn)
-    result["course"] = speed_results.speed_history_document(course)
+    result["course"] = document(course)
     if freed:
-        result["pitch"] = speed_results.pitch_document(freed)
+        result["pitch"] = document(freed)
     _against_the_model(result, turn, course, options)
     return result
 

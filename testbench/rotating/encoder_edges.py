@@ -8,10 +8,12 @@ motion then repeats after another number of edges than stated.
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
 from balance.arrays import Floats, Indices
+from balance.results import Key
 
 from ..errors import RecordingError
 
@@ -43,13 +45,13 @@ _CLEAR = 0.35
 class Gap:
     """A place where edges are lost."""
 
-    after: int
+    after: Annotated[int, Key("after_edge")]
     """Index of the edge before it."""
-    time: float
+    time: Annotated[float, Key("time_s")]
     """Instant of that edge [s]."""
-    missing: int
+    missing: Annotated[int, Key()]
     """Number of lost edges."""
-    ratio: float
+    ratio: Annotated[float, Key("interval_ratio")]
     """The interval over the expected one [-]."""
 
     def text(self) -> str:

@@ -6,13 +6,14 @@ has another period than the crank.
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from balance.arrays import Floats
 from balance.errors import DataError
 from balance.estimation.estimate import coverage_factor
+from balance.results import Key, per_cent
 
 from ..errors import AnalysisError
 from .encoder_edges import Edges
@@ -27,13 +28,13 @@ _ROUNDS = 8
 class PitchErrors:
     """Errors of a disc, slot 0 being that of the first edge."""
 
-    ahead: Floats
+    ahead: Annotated[Floats, Key("ahead_deg", to=np.degrees)]
     """Angle by which each slot is ahead of its even place, mean zero, (pulses,) [rad of the encoder's shaft]."""
-    error: Floats
+    error: Annotated[Floats, Key("half_width_deg", to=np.degrees)]
     """Half width of the 95 % interval of each, (pulses,) [rad]."""
 
     @property
-    def rms(self) -> float:
+    def rms(self) -> Annotated[float, Key("rms_percent_of_pitch", to=per_cent)]:
         """Root mean square of the errors over the pitch [-]."""
         return float(np.sqrt(np.mean(self.ahead**2)) * len(self.ahead) / (2.0 * np.pi))
 

@@ -5,16 +5,16 @@ The speed edge by edge, start-up included, is the slope of local cubics of time 
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
 from balance.arrays import Floats, Indices
 from balance.estimation.estimate import coverage_factor
+from balance.results import Key, plain, rpm
 
 from ..errors import AnalysisError
 from .encoder_edges import Edges, repetition
-from .pitch_error import PitchErrors
 from .speed_fit import SpeedEstimate, SteadySpeedFit
 
 if TYPE_CHECKING:
@@ -39,13 +39,13 @@ _DEGREES = np.arange(361.0)
 class SpeedHistory:
     """Speed of the crank at edges, except at the ends of the log and next to gaps."""
 
-    time: Floats
+    time: Annotated[Floats, Key("time_s")]
     """Instants of the edges, (n,) [s]."""
-    angle: Floats
+    angle: Annotated[Floats, Key("angle_deg_from_first_edge", to=np.degrees)]
     """Angle of the crank from the first edge, (n,) [rad]."""
-    speed: Floats
+    speed: Annotated[Floats, Key("speed_rpm", to=rpm)]
     """Speed of the crank, (n,) [rad/s]."""
-    error: Floats
+    error: Annotated[Floats, Key("half_width_rpm", to=rpm)]
     """Half width of the 95 % interval, from the residual of the local cubics, (n,) [rad/s]."""
 
 
@@ -163,10 +163,7 @@ def edges_document(record: Edges) -> dict[str, Any]:
         "crank_turns": float(record.angle[-1] / (2.0 * np.pi)),
         "motion_repeats_every_edges": repetition(record),
         "clock_step_us": None if step is None else step * 1e6,
-        "lost_edges": [
-            {"after_edge": g.after, "time_s": g.time, "missing": g.missing, "interval_ratio": g.ratio}
-            for g in record.gaps
-        ],
+        "lost_edges": plain(record.gaps),
     }
 
 
@@ -217,16 +214,6 @@ def model_document(fit: JointFit, nominal: float) -> dict[str, Any]:
     }
 
 
-def speed_history_document(found: SpeedHistory) -> dict[str, Any]:
-    """Speed edge by edge as JSON."""
-    return {
-        "time_s": found.time.tolist(),
-        "angle_deg_from_first_edge": np.degrees(found.angle).tolist(),
-        "speed_rpm": (found.speed / RPM).tolist(),
-        "half_width_rpm": (found.error / RPM).tolist(),
-    }
-
-
 def start_up_document(computed: "StartUp", later: float) -> dict[str, Any]:
     """The computed start as JSON, shifted by ``later`` [s] so that its first turn ends with the measured one."""
     thin = slice(None, None, 6)
@@ -238,15 +225,6 @@ def start_up_document(computed: "StartUp", later: float) -> dict[str, Any]:
             {"turn": t.number, "end_s": t.end + later, "fastest_rpm": t.fastest / RPM, "slowest_rpm": t.slowest / RPM}
             for t in computed.turns
         ],
-    }
-
-
-def pitch_document(found: PitchErrors) -> dict[str, Any]:
-    """Errors of the disc as JSON."""
-    return {
-        "rms_percent_of_pitch": 100.0 * found.rms,
-        "ahead_deg": np.degrees(found.ahead).tolist(),
-        "half_width_deg": np.degrees(found.error).tolist(),
     }
 
 

@@ -1,8 +1,6 @@
 """``testbench vectors``, and from logs to correction weights."""
 
 import json
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
@@ -10,6 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from balance.cli.rotor_trial_runs import influence
 from testbench.cli.vectors import vectors
 from testbench.errors import AnalysisError, StoreError
 from testbench.figures.rotating import draw_vectors
@@ -183,10 +182,8 @@ def test_from_logs_to_correction_weights(tmp_path: Path, phase: str) -> None:
 
 def _weights(sheet: Path, sense: float) -> np.ndarray:
     """Correction weights of ``balance rotor influence``, with the rotation whatever the sheet counts [g]."""
-    code = f"import sys; sys.argv = ['balance', 'rotor', 'influence', {str(sheet)!r}, '--json']\n"
-    code += "from balance.cli import main\nmain()"
-    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert shown.returncode == 0, shown.stderr
+    shown = CliRunner().invoke(influence, [str(sheet), "--json"], standalone_mode=False, catch_exceptions=False)
+    assert shown.return_value in (0, None), shown.output
     found = json.loads(shown.stdout)
     assert found["intervals"]["from"] == "stated"
     totals = [plane["total"] for plane in found["planes"]]
