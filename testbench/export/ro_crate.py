@@ -80,7 +80,8 @@ def crate_metadata(
         "version": version("counterpoise"),
     }
     form = {"@id": HDF5, "@type": "WebSite", "name": "Hierarchical Data Format 5"}
-    graph = [metadata, root, *parts, software, form, *map(_licence, licences)]
+    stated = [{"@id": _identity(text), "@type": "CreativeWork", "name": text, "description": text} for text in licences]
+    graph = [metadata, root, *parts, software, form, *stated]
     return {"@context": f"{SPECIFICATION}/context", "@graph": list({node["@id"]: node for node in graph}.values())}
 
 
@@ -177,10 +178,6 @@ def _identity(licence: str) -> str:
         return "#licence-unstated"
     short = licence.isascii() and all(c.isalnum() or c in "-.+" for c in licence)
     return f"https://spdx.org/licenses/{licence}" if short else f"#licence-{_uri(licence)}"
-
-
-def _licence(licence: str) -> dict[str, Any]:
-    return {"@id": _identity(licence), "@type": "CreativeWork", "name": licence, "description": licence}
 
 
 @contextmanager

@@ -206,7 +206,8 @@ def _time(members: Sequence[Series]) -> TimeColumn | None:
             name = channel.name.rpartition(".")[2]
             unit = channel.unit or named_channels([name], [""])[0].unit
             clock = TimeColumn(index, seconds_per(unit.split(" since ")[0]) if unit else 1.0, assumed=unit is None)
-            if unit is None and _may_be_days(member):
+            first = member.block(0, min(2, member.length))[0] if unit is None else np.empty(0)
+            if len(first) > 1 and header_claims.may_be_days(float(first[0]), float(first[1] - first[0])):
                 clock = TimeColumn(index, None)
             if member.is_axis:
                 return clock
@@ -224,11 +225,6 @@ def _is_time(member: Series) -> bool:
     if member.is_axis:
         return named or (channel.unit is not None and seconds_per(channel.unit.split(" since ")[0]) is not None)
     return named and _grows(member)
-
-
-def _may_be_days(member: Series) -> bool:
-    first = member.block(0, min(2, member.length))[0]
-    return len(first) > 1 and header_claims.may_be_days(float(first[0]), float(first[1] - first[0]))
 
 
 def _grows(member: Series) -> bool:

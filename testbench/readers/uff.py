@@ -244,11 +244,6 @@ class Function:
             return self.ordinate.unit
         return f"{self.ordinate.unit}/{self.denominator.unit}"
 
-    @property
-    def axis_name(self) -> str:
-        """Name of the abscissa, as labelled, else by its data type."""
-        return self.abscissa.label or _AXES.get(self.abscissa.kind, "Abscissa")
-
 
 def parse_function(source: ByteSource, dataset: Dataset) -> Function:
     """The header of the dataset 58 that ``dataset`` is."""
@@ -468,7 +463,7 @@ def _group(name: str, members: Sequence[Function]) -> Group:
     first = members[0]
     channels = [c for f in members for c in _channels(f)]
     clock = None
-    axis = Channel(first.axis_name, first.abscissa.unit)
+    axis = Channel(first.abscissa.label or _AXES.get(first.abscissa.kind, "Abscissa"), first.abscissa.unit)
     if first.abscissa.kind == TIME:
         clock = recorded_time(0, axis.unit)
         if first.even and (factor := clock.seconds_per_unit) is not None:

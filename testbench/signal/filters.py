@@ -156,7 +156,7 @@ def _both_ways(sections: Floats, settled: Floats, channels: Floats, padding: int
 
 def _lanes(length: int) -> Floats:
     """Buffer for four channels side by side, (length, 4): new pages cost as much as the filter, so it is kept."""
-    buffer: Floats | None = getattr(_buffers, "wide", None)
+    buffer: Floats | None = getattr(_buffers, "lanes", None)
     if buffer is None or len(buffer) < length:
         buffer = np.empty((length, LANES))
         _buffers.lanes = buffer if length <= LARGEST_BUFFER else None

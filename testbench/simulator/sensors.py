@@ -160,10 +160,6 @@ def _accelerometer(sensor: kinds.Accelerometer, run: BenchRun) -> dict[str, Floa
     return dict(zip(kinds.AXES, values.T, strict=True))
 
 
-def _encoder(sensor: kinds.Encoder, run: BenchRun) -> dict[str, Floats]:
-    return {sensor.joint: run.trajectory.q[:, run.mechanism.coordinate_index(sensor.joint)]}
-
-
 def _torque(sensor: kinds.Torque, run: BenchRun) -> dict[str, Floats]:
     torque = run.torque
     if sensor.joint not in torque:
@@ -180,7 +176,9 @@ def _target(sensor: kinds.Target, run: BenchRun) -> dict[str, Floats]:
 
 _LAWS: dict[type, Callable[[Any, BenchRun], dict[str, Floats]]] = {
     kinds.Accelerometer: _accelerometer,
-    kinds.Encoder: _encoder,
+    kinds.Encoder: lambda sensor, run: {
+        sensor.joint: run.trajectory.q[:, run.mechanism.coordinate_index(sensor.joint)]
+    },
     kinds.Torque: _torque,
     kinds.Target: _target,
 }

@@ -91,7 +91,8 @@ def archive(run: Run, folder: Path, progress: Progress = lambda count: None) -> 
 def _measured(run: Run, original: str, status: str) -> Archived:
     channels = [(group, i) for group in run.groups for i in range(len(group.channels))]
     with safe_hdf5.open_for_reading(run.path) as file:
-        size = sum(safe_hdf5.stored_bytes(file, path) for group, i in channels for path in group.places(i))
+        places = (path for group, i in channels for path in group.places(i))
+        size = sum(int(safe_hdf5.member(file, path).id.get_storage_size()) for path in places)
     values = sum(8 * group.samples for group, _ in channels)
     whole = sum(group.whole[i] is not None for group, i in channels)
     return Archived(run.path, status, original, values, size, run.path.stat().st_size, len(channels), whole)

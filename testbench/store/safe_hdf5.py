@@ -95,11 +95,6 @@ def whole_numbers(group: "h5py.Group", path: str, kind: str, begin: int = 0, end
     return np.asarray(dataset[begin:end])
 
 
-def stored_bytes(group: "h5py.Group", path: str) -> int:
-    """What the values of a dataset take in the file [bytes]."""
-    return int(member(group, path).id.get_storage_size())
-
-
 def has(group: "h5py.Group", path: str) -> bool:
     """Whether there is an object at ``path`` below ``group``, without following any link to find out."""
     import h5py

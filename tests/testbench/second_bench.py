@@ -51,9 +51,8 @@ def angles(t: Array) -> tuple[Array, Array, Array]:
 
 def cross(a: Array, b: Array) -> Array:
     """Vector product along the last axis."""
-    x, y, z = a[..., 0], a[..., 1], a[..., 2]
-    u, v, w = b[..., 0], b[..., 1], b[..., 2]
-    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
+    (yzx, zxy), axis = ([1, 2, 0], [2, 0, 1]), -1
+    return a.take(yzx, axis) * b.take(zxy, axis) - a.take(zxy, axis) * b.take(yzx, axis)
 
 
 def skew(a: Array) -> Array:
