@@ -1,16 +1,15 @@
 """Simulated campaigns, each made once a test run, for the tests of what comes after the logs; and the command."""
 
-import contextlib
 import hashlib
-import io
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 from filelock import FileLock
+
+from ..commands import call as call_main
 
 
 class Simulated(NamedTuple):
@@ -102,14 +101,5 @@ def call(*words: object) -> subprocess.CompletedProcess[str]:
     """``testbench`` with words as a process of its own would do it, but in this one."""
     from testbench.cli import main
 
-    out, err, before = io.StringIO(), io.StringIO(), sys.argv
-    sys.argv = ["testbench", *map(str, words)]
-    try:
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-            main()
-        code = 0
-    except SystemExit as stop:
-        code = int(stop.code or 0)
-    finally:
-        sys.argv = before
-    return subprocess.CompletedProcess(list(map(str, words)), code, out.getvalue(), err.getvalue())
+    done = call_main(main, "testbench", *words)
+    return subprocess.CompletedProcess(list(map(str, words)), done.code, done.out, done.err)

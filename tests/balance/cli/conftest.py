@@ -1,31 +1,27 @@
-"""The command as a person calls it, in this process: exit code, standard output, standard error."""
+"""``balance`` with words, in this process."""
 
-import sys
 from collections.abc import Callable
-from typing import NamedTuple
+from functools import partial
+from typing import Any
 
 import pytest
 
 from balance.cli import main
 
+from ...commands import Outcome
+from ...commands import call as call_main
 
-class Outcome(NamedTuple):
-    """What a call of the command left."""
+call = partial(call_main, main, "balance")
 
-    code: int
-    out: str
-    err: str
+
+def json_of(*words: object) -> Any:
+    """The JSON document of a call that ends well."""
+    done = call(*words, "--json")
+    assert done.code == 0, done.err
+    return done.json
 
 
 @pytest.fixture
-def balance(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Outcome]:
-    """Call ``balance`` with arguments."""
-
-    def call(*arguments: object) -> Outcome:
-        monkeypatch.setattr(sys, "argv", ["balance", *map(str, arguments)])
-        with pytest.raises(SystemExit) as caught:
-            main()
-        shown = capsys.readouterr()
-        return Outcome(int(caught.value.code or 0), shown.out, shown.err)
-
+def balance() -> Callable[..., Outcome]:
+    """Call ``balance`` with words."""
     return call

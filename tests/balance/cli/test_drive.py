@@ -1,35 +1,25 @@
 """``balance drive``."""
 
-import json
-
 import pytest
-from click.testing import CliRunner
 
-from balance.cli.drive import drive
-
-
-def run(*arguments: str) -> tuple[int, str]:
-    """Exit code and output of the command."""
-    result = CliRunner().invoke(drive, arguments, catch_exceptions=False)
-    return result.exit_code, result.output
+from .conftest import call, json_of
 
 
 @pytest.fixture(scope="module")
 def document(tmp_path_factory):
     """The JSON of a whole study, and its figure."""
     figure = tmp_path_factory.mktemp("drive") / "drive.svg"
-    code, output = run(
-        "inverted-slider-crank", "-c", "counter_B0C=2.96932kg", "--flywheel-for", "5%", "--start-up", "2",
-        "--reading", "ungeared", "--figure", str(figure), "--json",
+    found = json_of(
+        "drive", "inverted-slider-crank", "-c", "counter_B0C=2.96932kg", "--flywheel-for", "5%", "--start-up", "2",
+        "--reading", "ungeared", "--figure", figure,
     )  # fmt: skip
-    assert code == 0
     assert figure.read_text(encoding="utf-8").count("<path") > 20
-    return json.loads(output)
+    return found
 
 
 def test_both_readings_stand_beside_the_printed_values():
     """0.2232 and 0.1136, 0.0767 and 0.1003, and the published 0.201 and 0.116, each named."""
-    code, output = run("inverted-slider-crank")
+    code, output, _ = call("drive", "inverted-slider-crank")
     assert code == 0
     for text in ("0.2232", "0.1136", "0.0767", "0.1003", "0.201", "0.116", "geared", "ungeared", "n_nominal"):
         assert text in output
@@ -51,9 +41,8 @@ def test_json_holds_every_number(document):
 
 def test_looser_solvers_are_compared():
     """At 828, where a loose tolerance scatters the answer."""
-    code, output = run("inverted-slider-crank", "--speed", "828rpm", "--reading", "ungeared", "--convergence", "--json")
-    assert code == 0
-    assert json.loads(output)["convergence"][0]["loose_solver_scatter_percent"] > 5
+    found = json_of("drive", "inverted-slider-crank", "--speed", "828rpm", "--reading", "ungeared", "--convergence")
+    assert found["convergence"][0]["loose_solver_scatter_percent"] > 5
 
 
 def test_counterweights_are_compared(document):
@@ -72,7 +61,7 @@ def test_what_is_odd_is_listed(tmp_path):
         'no_load_speed = "276 rpm"\n[[inertia]]\ninertia = "3 kg m2"\nside = "crank"\n',
         encoding="utf-8",
     )
-    code, output = run(str(path), "--reading", "geared", "--start-up", "2")
+    code, output, _ = call("drive", path, "--reading", "geared", "--start-up", "2")
     assert code == 3
     assert "does not reach its steady" in output
     assert "does not start at 0 deg" in output
@@ -88,9 +77,9 @@ def test_two_steady_speeds_are_both_listed(tmp_path):
         '[[inertia]]\ninertia = "0.02 kg m2"\nside = "motor"\n',
         encoding="utf-8",
     )
-    code, output = run(str(path), "--json")
-    found = json.loads(output)
-    assert code == 3
+    done = call("drive", path, "--json")
+    assert done.code == 3
+    found = done.json
     assert [round(20 * row["mean_rpm"]) for row in found["steady"]] == [2689, 1326, 673]
     assert [row["stable"] for row in found["steady"]] == [True, False, True]
     assert [row["reached_from_rest"] for row in found["steady"]] == [False, False, True]
@@ -99,33 +88,18 @@ def test_two_steady_speeds_are_both_listed(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("option", "value", "message"),
-    [
-        ("--flywheel-for", "none", "expected a share above zero"),
-        ("--start-up", "0", "--start-up"),
-        ("--speed", "0rpm", "more than zero"),
-    ],
-)
-def test_wrong_command_lines(option, value, message):
-    """A share that is none, a number of turns that is none, a speed at which nothing rotates."""
-    code, output = run("inverted-slider-crank", option, value)
-    assert code == 2
-    assert message in output
-
-
-@pytest.mark.parametrize(
     ("speed", "message"),
     [("4000rpm", "1.33 times the motor's speed without load at full voltage, 3000 rpm"), ("2900rpm", None)],
 )
 def test_a_speed_beyond_the_direct_current_motor_is_a_finding(speed, message):
     """The nominal speed sets the voltage: beyond the speed without load at full voltage there is none."""
-    code, output = run("four-bar-dc", "--speed", speed)
+    code, output, _ = call("drive", "four-bar-dc", "--speed", speed)
     assert code == (3 if message else 0)
     assert message is None or message in " ".join(output.split())
 
 
 def test_a_speed_far_from_the_file_s_is_said():
     """An induction motor has no range of its own: compared with the speeds of its file."""
-    code, output = run("inverted-slider-crank", "--speed", "8280rpm", "--reading", "ungeared")
+    code, output, _ = call("drive", "inverted-slider-crank", "--speed", "8280rpm", "--reading", "ungeared")
     assert code == 3
     assert "10 times the largest speed of the drive's file, 828 rpm" in " ".join(output.split())

@@ -1,27 +1,19 @@
 """``balance engine``: documents, tables, refusals."""
 
-import json
-import re
-
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
+from balance import datasets
 from balance.balancing.conditions import balance_conditions
-from balance.cli.engine import engine
 from balance.mechanism.mjcf_parser import load_mechanism
 
-
-def _json(*arguments):
-    result = CliRunner().invoke(engine, [*arguments, "--json"], catch_exceptions=False)
-    assert result.exit_code == 0, result.output
-    return json.loads(result.output)
+from .conftest import call, json_of
 
 
 def test_single(tmp_path):
     """Masses, forces, cases and best fractions; a chosen radius gives the counterweight's mass."""
     picture = tmp_path / "polar.svg"
-    found = _json("single", "single", "--radius", "60mm", "--fraction", "0.55", "--figure", str(picture))
+    found = json_of("engine", "single", "single", "--radius", "60mm", "--fraction", "0.55", "--figure", str(picture))
     assert found["rotating_mass_at_r_kg"] == pytest.approx(1.34)
     assert found["first_order_force_N"] == pytest.approx(636.04117)
     assert found["second_order_force_N"] == pytest.approx(159.01029)
@@ -31,65 +23,49 @@ def test_single(tmp_path):
     assert half["exact"]["F_max_N"] == pytest.approx(477.03088)
     assert "0.55" in found["cases"]
     assert picture.stat().st_size > 1000
-    assert "third condition" in CliRunner().invoke(engine, ["single", "single"]).output
+    assert "third condition" in call("engine", "single", "single").out
 
 
 def test_an_inertia_that_no_rod_has_is_a_finding(tmp_path):
     """A tenfold one: its radius of gyration is beyond both pins."""
-    from balance import datasets
-
     text = datasets.find_dataset("single", "engines", ".toml").read_text(encoding="utf-8")
     path = tmp_path / "heavy.toml"
     path.write_text(text.replace('"0.0101 kg m^2"', '"0.101 kg m^2"'), encoding="utf-8")
-    result = CliRunner().invoke(engine, ["single", str(path)], catch_exceptions=False)
-    assert result.exit_code == 3
-    assert "means a radius of gyration of 290.1 mm" in " ".join(result.output.split())
+    result = call("engine", "single", str(path))
+    assert result.code == 3
+    assert "means a radius of gyration of 290.1 mm" in " ".join(result.out.split())
 
 
 def test_free(tmp_path):
     """Orders, place, shafts and firing of a layout in m r omega^2, of a file with sizes in newtons."""
-    found = _json("free", "in-line-4", "--orders", "4", "--figure", str(tmp_path / "orders.png"))
+    found = json_of("engine", "free", "in-line-4", "--orders", "4", "--figure", str(tmp_path / "orders.png"))
     second = found["orders"][1]
     assert second["force"]["largest_mrw2"] == pytest.approx(4 * 0.25402504)
     assert second["place_a"] == pytest.approx(1.5)
     assert found["firing"]["even"]
-    sized = _json("free", "v4-72-offset")
+    sized = json_of("engine", "free", "v4-72-offset")
     assert sized["orders"][0]["moment"]["largest_Nm"] > 0.0
     assert sized["over_a_turn_exact"]["force_N"] > 0.0
-    assert "uneven" in CliRunner().invoke(engine, ["free", "v4-72-offset"], catch_exceptions=False).output
+    assert "uneven" in call("engine", "free", "v4-72-offset").out
 
 
 def test_table():
     """A row an engine; an own file may be compared with the shipped ones."""
-    rows = {row["engine"]: row for row in _json("table")["engines"]}
+    rows = {row["engine"]: row for row in json_of("engine", "table")["engines"]}
     assert rows["in-line 3"]["M1_mrw2a"] == pytest.approx(3**0.5)
     assert rows["V2, 90 deg"]["F1_with_counterweights_mrw2"] == pytest.approx(0.0, abs=1e-12)
     assert len(rows) > 15
-    assert [row["engine"] for row in _json("table", "single", "boxer-6")["engines"]] == ["single", "boxer 6"]
+    assert [row["engine"] for row in json_of("engine", "table", "single", "boxer-6")["engines"]] == [
+        "single",
+        "boxer 6",
+    ]
 
 
 def test_mechanism_can_be_used_by_the_other_commands(tmp_path):
     """The written file closes, and has the one condition set of an engine."""
     path = tmp_path / "v4.xml"
-    assert CliRunner().invoke(engine, ["mechanism", "v4-72-offset", "-o", str(path)]).exit_code == 0
+    assert call("engine", "mechanism", "v4-72-offset", "-o", str(path)).code == 0
     assert balance_conditions(load_mechanism(path)).dof == 1
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["single", "in-line-4", "--speed", "100rpm"], "in-line 4 is a layout without sizes"),
-        (["single", "single", "--radius", "1m", "--mass", "1kg"], "either --radius or --mass"),
-        (["single", "single", "--fraction", "nan"], "--fraction"),
-        (["free", "in-line-4", "--speed", "100rpm"], "--speed: in-line 4 has no sizes"),
-        (["free", "v4-72-offset", "--ratio", "0.3"], "--ratio: .* has sizes"),
-    ],
-)
-def test_wrong_command_lines(arguments, message):
-    """What would be ignored, or is no number, is a wrong command line that says why."""
-    result = CliRunner().invoke(engine, arguments)
-    assert result.exit_code == 2
-    assert re.search(message, result.output)
 
 
 ENGINE = """
@@ -117,7 +93,7 @@ def test_residual_with_counterweights_and_shafts_over_a_turn(tmp_path):
     """An odd engine: orders 1 and 2 are gone from the exact force and moment, by their Fourier coefficients."""
     path, picture = tmp_path / "odd.toml", tmp_path / "odd.png"
     path.write_text(ENGINE, encoding="utf-8")
-    left = _json("free", str(path), "--figure", str(picture))["left_over_a_turn"]
+    left = json_of("engine", "free", str(path), "--figure", str(picture))["left_over_a_turn"]
     assert picture.stat().st_size > 10_000
     orders = {}
     for stage in ("before", "counterweights", "shafts"):
@@ -131,11 +107,11 @@ def test_residual_with_counterweights_and_shafts_over_a_turn(tmp_path):
         assert abs(orders["counterweights", what][-1]) == pytest.approx(abs(orders["before", what][-1]))
         assert np.abs(orders["shafts", what][[1, -1, 2, -2]]).max() < 1e-10 * size
         assert abs(orders["shafts", what][4]) == pytest.approx(abs(orders["before", what][4]))
-    boxer = _json("free", "boxer-4")["left_over_a_turn"]["before"]
+    boxer = json_of("engine", "free", "boxer-4")["left_over_a_turn"]["before"]
     assert set(boxer["force_x_mrw2"]) == {0.0}  # no rounding error is shown as a force
     assert boxer["largest_force_mrw2"] == 0.0
-    assert "and the balance shafts" in CliRunner().invoke(engine, ["free", str(path)]).output
+    assert "and the balance shafts" in call("engine", "free", str(path)).out
     # one cylinder of many is called so, and the counterweights of the file, which are not included, are named
-    output = CliRunner().invoke(engine, ["single", str(path)], catch_exceptions=False).output
+    output = call("engine", "single", str(path)).out
     assert "one of its 3 cylinders" in output
     assert "own counterweights (front) are not included" in output

@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 
-from balance.cli.engine import engine
 from balance.drives.drive_files import load_drive
 from balance.drives.harmonic_balance import steady_rotation
 from balance.errors import DataError
+
+from ..cli.conftest import call
 
 RPM = np.pi / 30.0
 R, L = 0.05, 0.2
@@ -37,7 +37,7 @@ LISTS = f"angle = {[f'{a} deg' for a in ANGLES]}\nforce = {[f'{f} kN' for f in G
 
 def turned(folder, load, csv=""):
     """Steady rotation of the shipped single cylinder under a load."""
-    model = CliRunner().invoke(engine, ["mechanism", "single"], catch_exceptions=False).output
+    model = call("engine", "mechanism", "single").out
     (folder / "sc.xml").write_text(model, encoding="utf-8")
     (folder / "gas.csv").write_text(csv, encoding="utf-8")
     (folder / "gas.toml").write_text(HEAD + load, encoding="utf-8")

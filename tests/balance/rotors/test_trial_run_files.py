@@ -1,19 +1,18 @@
 """Intervals in a file of trial runs: how they are stated, what is refused, what the command shows."""
 
-import json
 import tomllib
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from scipy.stats import binomtest
 
-from balance.cli.rotor import rotor
 from balance.errors import DataError, UnitError
 from balance.figures.rotating import draw_readings
 from balance.rotors.trial_run_files import load_trial_runs, trial_runs_from_table
 from balance.units import parse_uncertain
+
+from ..cli.conftest import call, json_of
 
 RUNS = """
 phase = "{phase}"
@@ -108,18 +107,17 @@ def test_lag_and_lead_have_the_same_intervals(file):
 
 def test_the_command_shows_intervals_and_where_they_come_from(file):
     """Stated, from repeats, or none and what to do; JSON with units in the keys; a doubtful weight is a finding."""
-    run = CliRunner().invoke
-    stated = run(rotor, ["influence", str(file(a=" ± 0.2 um", c=" ± 0.2 um"))])
-    assert stated.exit_code == 0
-    assert "from the stated intervals of readings" in stated.output
-    found = json.loads(run(rotor, ["influence", str(file(more=AGAIN)), "--json"]).output)
+    stated = call("rotor", "influence", file(a=" ± 0.2 um", c=" ± 0.2 um"))
+    assert stated.code == 0
+    assert "from the stated intervals of readings" in stated.out
+    found = json_of("rotor", "influence", file(more=AGAIN))
     assert found["intervals"]["from"] == "repeats"
     assert found["planes"][0]["total"]["magnitude_g_within"] > 0.0
     assert found["readings"][0]["after_within_um"] > 0.0
-    assert "No intervals: state those" in run(rotor, ["influence", str(file())]).output
-    doubtful = run(rotor, ["influence", str(file(a=" ± 20 um", c=" ± 20 um"))])
-    assert doubtful.exit_code == 3
-    assert "is not distinguished from zero" in doubtful.output
+    assert "No intervals: state those" in call("rotor", "influence", file()).out
+    doubtful = call("rotor", "influence", file(a=" ± 20 um", c=" ± 20 um"))
+    assert doubtful.code == 3
+    assert "is not distinguished from zero" in doubtful.out
 
 
 def test_trial_weights_that_cancel_what_stayed_on(tmp_path):
@@ -160,7 +158,7 @@ def test_regions_hold_the_true_weight(file):
 def test_the_figure_and_the_document_have_the_regions(file, tmp_path):
     """A shaded ellipse about the weight with the half axes of the document; none without intervals."""
     path = file(a=" ± 1 um", b=" ± 3 deg", c=" ± 0.5 um")
-    found = json.loads(CliRunner().invoke(rotor, ["influence", str(path), "--json"], catch_exceptions=False).output)
+    found = json_of("rotor", "influence", path)
     (plane,) = found["planes"]
     long, short = plane["region"]["half_axes_g"]
     runs = load_trial_runs(path)
