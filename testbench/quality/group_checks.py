@@ -14,8 +14,8 @@ from balance.results import Key, finite
 from ..readers import header_claims
 from ..recording import Block, Channel, Finding, Group, Recording, Samples, SensorRange, TimeColumn, UniformClock
 from ..units import is_unit, same_unit, seconds_per
-from . import time_column
 from .clipping import Clipping
+from .time_column import TimeCheck
 from .time_steps import ClockStats
 
 
@@ -110,18 +110,23 @@ class GroupCheck:
             self.clock.update(block, block.columns[index], all_finite=extremes[index] is not None)
 
     @property
+    def _time(self) -> TimeCheck | None:
+        """The check of its time column, if it has one."""
+        clock = self.group.clock
+        return TimeCheck(self.group, clock, self.clock, self.stated_rate_hz) if isinstance(clock, TimeColumn) else None
+
+    @property
     def rate_hz(self) -> float | None:
         """The sampling rate [Hz]: declared, or that of the steps; None if there is none."""
         if isinstance(self.group.clock, UniformClock):
             return self.group.clock.rate_hz
-        return None if self.group.clock is None else time_column.rate_hz(self.group, self.clock, self.stated_rate_hz)
+        return None if (time := self._time) is None else time.rate_hz
 
     @property
     def rate_source(self) -> str | None:
         """Where the rate comes from."""
-        if isinstance(self.group.clock, TimeColumn):
-            found = time_column.time_column_sampling(self.group, self.clock, self.stated_rate_hz)
-            return None if found is None else found.source
+        if (time := self._time) is not None:
+            return None if time.sampling is None else time.sampling.source
         return None if self.rate_hz is None else "declared"
 
     def findings(self) -> list[Finding]:
@@ -132,8 +137,8 @@ class GroupCheck:
         if _needs_clock(self.group, self.samples):
             message = f"group {self.group.name!r} has neither a time column nor a declared rate: no time"
             found.append(Finding("no_clock", None, None, message))
-        if isinstance(self.group.clock, TimeColumn):
-            found += time_column.time_findings(self.group, self.clock, self.stated_rate_hz)
+        if (time := self._time) is not None:
+            found += time.findings()
         for i, channel in enumerate(self.group.channels):
             if self.stats[i].is_constant:
                 message = f"all {self.samples} samples are {self.stats[i].first:g}: dead, stuck or unused"

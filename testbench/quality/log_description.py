@@ -8,8 +8,8 @@ from balance.results import document
 
 from ..readers import ReadOptions, open_recording
 from ..recording import Finding, Recording, UniformClock, findings_by_group
-from . import time_column
 from .group_checks import GroupCheck, RecordingCheck
+from .time_column import time_in_seconds
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def clock(check: GroupCheck) -> dict[str, float | int | None] | None:
     if declared is None:
         return None
     if not isinstance(declared, UniformClock):
-        return time_column.time_in_seconds(check.group, check.clock)
+        return time_in_seconds(declared, check.clock)
     step = 1.0 / declared.rate_hz if check.samples > 1 else None
     return {
         "t_first_s": declared.start_s,

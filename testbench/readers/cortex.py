@@ -14,7 +14,6 @@ from .csv.table import Table
 from .csv.text_blocks import read_first_lines
 from .registry import ReadOptions
 
-_MARK = "[Force Data]"
 _NAMES = "#Sample\t"
 
 

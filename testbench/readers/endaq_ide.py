@@ -18,7 +18,6 @@ from ..recording import Block, Channel, Finding, Group, Recording, TimeColumn
 from .byte_source import ByteSource, block_spans
 from .format_findings import damaged, nothing_to_read, watch_nonfinite
 
-MAGIC = b"\x1aE\xdf\xa3"
 _DATA_BLOCK = 0xA1
 _WINDOW = 12
 

@@ -75,12 +75,12 @@ class Walk:
             target = f"{plain(link.filename)}:{plain(link.path)}"
             self._found("outside_reference", path, f"is a link to {target} in another file; it is never opened")
         elif isinstance(link, h5py.SoftLink):
-            self._check_soft_link(group, plain(link.path), path)
+            self._check_soft_link(plain(link.path), path)
         else:
             self._found("outside_reference", path, "is a link of a kind that is not known; it is never followed")
         return False
 
-    def _check_soft_link(self, group: h5py.Group, target: str, path: str) -> None:
+    def _check_soft_link(self, target: str, path: str) -> None:
         """A soft link that leads nowhere, or back to where it comes from."""
         absolute = target if target.startswith("/") else f"{path.rpartition('/')[0]}/{target}"
         end = _resolved(self.file, absolute)

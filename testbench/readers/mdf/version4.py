@@ -28,8 +28,7 @@ from .version4_blocks import (
 )
 
 _VLSD, _REMOTE_MASTER = 1, 8
-_FIXED, _MASTER, _VIRTUAL_MASTER, _SYNC, _VIRTUAL = 0, 2, 3, 4, 6
-_TIME, _INDEX = 1, 4
+_MASTER, _VIRTUAL_MASTER, _VIRTUAL, _TIME = 2, 3, 6, 1
 _TEXTS = (6, 7, 8, 9, 17)
 _INVALID_ALL, _INVALID_BIT = 1, 2
 _TO_TEXT = (7, 8, 9, 10, 11)

@@ -17,7 +17,7 @@ from ..byte_source import ByteSource
 from ..format_findings import damaged
 from .segments import INTERLEAVED, METADATA, NEW_LIST, RAW_DATA, Segment, Spans, segments
 
-STRING, BOOLEAN, TIME, DAQMX = 0x20, 0x21, 0x44, 0xFFFFFFFF
+STRING, BOOLEAN, TIME = 0x20, 0x21, 0x44
 _NUMBERS = {
     1: "i1", 2: "i2", 3: "i4", 4: "i8", 5: "u1", 6: "u2", 7: "u4", 8: "u8", 9: "f4", 10: "f8",
     0x19: "f4", 0x1A: "f8", BOOLEAN: "u1", 0x08000C: "c8", 0x10000D: "c16",

@@ -7,7 +7,7 @@ from testbench.readers import endaq_ide
 from testbench.readers.byte_source import ByteSource
 
 NAME = "05_slamstick_SSX66115.IDE"
-HEAD = endaq_ide.MAGIC + b"\x88\x42\x82\x84mide\x00"
+HEAD = b"\x1aE\xdf\xa3\x88\x42\x82\x84mide\x00"
 BLOCK = b"\xa1\x84abcd"
 
 
