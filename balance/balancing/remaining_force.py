@@ -101,8 +101,8 @@ class Verdict:
     """Root of the objective without counter-masses [its unit]."""
     after: float
     """With them."""
-    least: float
-    """What no masses that are allowed are below."""
+    least: float | None
+    """What no masses that are allowed are below; None where that is not known."""
     directions: tuple[RemainingDirection, ...]
     """Empty where it is balanced, or where not the force alone is made small."""
     needed: tuple[NeededSite, ...]
@@ -126,5 +126,5 @@ def verdict_of(found: Sizing, any_mass: Sizing, samples: Callable[[Mechanism], F
         () if balanced or samples is None else remaining_directions(samples(found.before), samples(found.after))
     )
     needed = () if attainable or samples is None else needed_sites(any_mass)
-    least = after if found.bound is None else min(found.bound**0.5, after)
+    least = None if found.bound is None else min(found.bound**0.5, after)
     return Verdict(balanced, attainable, before, after, least, directions, needed)

@@ -161,7 +161,12 @@ Examples:
   balance size parallelogram-6bar --payload platform=3.4116kg --stock kiper2019
   balance size four-bar --motion four-bar --site counter_A0A --limit counter_A0A=2kg
   balance size five-bar --motion five-bar --objective force --objective torque=2 --json
+  balance size parallelogram-6bar -p platform=5kg --motion x --objective vibration --rig parallelogram-6bar
   balance size parallelogram-6bar -p platform=1.451kg -p platform=3.4116kg -p platform=5kg --stock kiper2019
+
+\b
+Vibration: of the base on its mounts as the rig has it, the mechanism locked as the motion starts; RMS of the sum of
+squares of what the accelerometers on the base measure. The masses that are found are the least of all nearby.
 
 \b
 Least is the mean square of the shaking force vector, weight excluded: over the motion given, all samples of a file
@@ -198,8 +203,9 @@ Exit code 3: no masses at these sites balance it completely, or plates leave mor
     multiple=True,
     metavar="NAME=WEIGHT",
     help="What is made small: force, moment or torque (of the drives that turn) of the motion; of several the sum of "
-    "weight times (RMS / RMS without)^2 [default: force].",
+    "weight times (RMS / RMS without)^2; or vibration, alone and with --rig [default: force].",
 )
+@click.option("--rig", metavar="RIG", help="A rig's file, or a shipped one: the base whose vibration is made small.")
 @click.option("--closed-form", is_flag=True, help="parallelogram-6bar by its published formula, without Pinocchio.")
 @options.figure_option
 @json_option
@@ -214,6 +220,7 @@ def size(
     best: int,
     motion: str | None,
     objective: tuple[str, ...],
+    rig: str | None,
     closed_form: bool,
     figure: str | None,
     as_json: bool,
@@ -226,15 +233,17 @@ def size(
     if best > 1 and not stock:
         raise click.UsageError("--best lists sets of plates: give --stock; of any mass one set is the best")
     if closed_form:
-        if site or without or stock or limit or equal or motion or objective or figure:
+        if site or without or stock or limit or equal or motion or objective or rig or figure:
             raise click.UsageError("--closed-form reads no model: give only --payload and --json with it")
         _closed_form(mechanism, payload, as_json)
         return
-    weights = _weights(objective, motion)
+    weights = _weights(objective, motion, rig)
     payloads = options.growing_payloads(payload)
     if len(payloads) > 1:
-        if limit or equal or without or best > 1 or figure:
-            raise click.UsageError("--limit, --equal, --without, --best and --figure are for one payload of a body")
+        if limit or equal or without or best > 1 or rig or figure:
+            raise click.UsageError(
+                "--limit, --equal, --without, --best, --rig and --figure are for one payload of a body"
+            )
         _size_growing(mechanism, payloads, site, stock, (motion, weights), as_json)
         return
     from ..balancing.conditions import balance_conditions
@@ -244,21 +253,41 @@ def size(
 
     model = options.load_mechanism_option(mechanism, payload)
     trajectory = options.follow_motion(model, motion) if motion else None
-    target = _objective(model, trajectory, weights)
     conditions, sites, limits = (
         balance_conditions(model),
         _sites(model, site, without),
         options.distinct(limit, "--limit"),
     )
     groups = [[name.strip() for name in group.split(",")] for group in equal]
-    any_mass = exact_sizing(conditions, model, sites, limits, target, groups)
+
+    def sized(target: "Objective") -> "Sizing":
+        return exact_sizing(conditions, model, sites, limits, target, groups)
+
+    left_out: tuple[str, ...] = ()
+    if rig and trajectory:
+        from ..balancing.base_vibration import least_vibration, load_measured_base, vibration_objective
+
+        measured = load_measured_base(rig)
+        left_out = tuple(f"bench.{key}" for key in measured.left_out)
+        vibration = vibration_objective(model, trajectory, measured)
+        any_mass = least_vibration(conditions, model, sites, vibration, sized)
+    else:
+        any_mass = sized(_objective(model, trajectory, weights))
     sets = [any_mass]
     if stock:
+        from ..balancing.base_vibration import VibrationObjective, least_vibration_from_stock
         from ..balancing.sizing import best_sets_from_stock
         from ..balancing.stock_plates import load_stock
 
         plates = load_stock(stock)
-        sets = list(best_sets_from_stock(conditions, model, plates, sites, limits, target, groups, best))
+
+        def from_stock(target: "Objective | None") -> "Sequence[Sizing]":
+            return best_sets_from_stock(conditions, model, plates, sites, limits, target, groups, best)
+
+        if isinstance(any_mass.objective, VibrationObjective):
+            sets = least_vibration_from_stock(sites, any_mass.objective, from_stock)
+        else:
+            sets = list(from_stock(any_mass.objective))
     result = replace(sets[0], payload_bodies=options.payload_bodies(model, payload))
     verdict = verdict_of(result, any_mass, _samples(trajectory, model) if set(weights) == {"force"} else None)
     responses = (
@@ -270,7 +299,9 @@ def size(
         save(draw_mechanism(result.after, result.counter_masses), figure)
     if as_json:
         emit_json(
-            _document(result, verdict, motion, weights, sets) | {n: response_summary(r) for n, r in responses.items()}
+            _document(result, verdict, motion, weights, sets)
+            | ({"rig": rig, "left_out": list(left_out)} if rig else {})
+            | {n: response_summary(r) for n, r in responses.items()}
         )
     else:
         _print_verdict(verdict, result, any_mass if stock else None, motion, weights)
@@ -282,10 +313,12 @@ def size(
             )
         if responses:
             print_responses(responses)
-    sys.exit(EXIT_WITH_FINDINGS if verdict.has_finding else 0)
+        for key in left_out:
+            click.echo(f"The vibration of the base leaves out {key}, which the rig has.")
+    sys.exit(EXIT_WITH_FINDINGS if verdict.has_finding or left_out else 0)
 
 
-def _weights(texts: Sequence[str], motion: str | None) -> dict[str, float]:
+def _weights(texts: Sequence[str], motion: str | None, rig: str | None) -> dict[str, float]:
     """What is made small, with weights."""
     from ..balancing.objective import QUANTITIES
 
@@ -296,9 +329,12 @@ def _weights(texts: Sequence[str], motion: str | None) -> dict[str, float]:
             weight = float(number or "1")
         except ValueError:
             weight = -1.0
-        if name not in QUANTITIES or name in found or not 0.0 < weight < inf:
-            raise click.UsageError(f"--objective {text!r}: expected {', '.join(QUANTITIES)}, each once, or NAME=WEIGHT")
+        if name not in {*QUANTITIES, "vibration"} or name in found or not 0.0 < weight < inf:
+            names = ", ".join([*QUANTITIES, "vibration"])
+            raise click.UsageError(f"--objective {text!r}: expected {names}, each once, or NAME=WEIGHT")
         found[name] = weight
+    if bool(rig) != ("vibration" in found) or (rig and len(found) > 1):
+        raise click.UsageError("--objective vibration and --rig RIG go together, without other objectives")
     if found and motion is None:
         raise click.UsageError("--objective is of a motion: give --motion")
     return found or {"force": 1.0}
@@ -377,7 +413,7 @@ def _print_verdict(
     if verdict.balanced:
         click.echo(f"Balanced completely {where}.")
         return
-    unit = {"N": "N", "Nm": "N m"}.get(result.objective.unit if result.objective else "", "")
+    unit = {"N": "N", "Nm": "N m", "m_per_s2": "m/s2"}.get(result.objective.unit if result.objective else "", "")
     what = "momentum" if motion is None else " and ".join(_MADE_SMALL[name] for name in weights)
     sizes = f" ({verdict.after:.4g} {unit} of {verdict.before:.4g} {unit})" if unit else ""
     click.echo(
@@ -401,7 +437,12 @@ def _print_verdict(
         click.echo("No counter-mass on any body would lessen it.")
 
 
-_MADE_SMALL = {"force": "shaking force", "moment": "shaking moment", "torque": "drive torque"}
+_MADE_SMALL = {
+    "force": "shaking force",
+    "moment": "shaking moment",
+    "torque": "drive torque",
+    "vibration": "acceleration",
+}
 
 
 def _share(value: float, verdict: "Verdict") -> str:
@@ -412,6 +453,8 @@ def _share(value: float, verdict: "Verdict") -> str:
 def _proof(verdict: "Verdict", stock: bool) -> str:
     """How near the masses are to the best."""
     what = "choice of these plates leaves" if stock else "masses at these sites leave"
+    if verdict.least is None:
+        return f"no other {what} less nearby, where it is linear in the masses; a bound is not known."
     if verdict.after <= verdict.least * (1.0 + 1e-6):
         return f"no other {what} less."
     return f"not proven to be the least, which is above {_share(verdict.least, verdict)}."

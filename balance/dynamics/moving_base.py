@@ -8,11 +8,15 @@ With the mechanism locked to the base and w its shaking wrench about the same or
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from ..arrays import Floats
 from ..closure import Trajectory
+from ..errors import DataError
+from ..input_files import OneForAll, Quantity, Table
 from ..mechanism import forward_kinematics
 from ..mechanism.forward_kinematics import Pose
 from ..mechanism.mechanism import Mechanism
@@ -22,6 +26,14 @@ BLOCK = 128
 """Samples a block: about the square root of the samples of a run."""
 _ROWS = 1024
 """Rows in one product, so few that BLAS stays on one thread: more threads cost more here than they bring."""
+
+_EACH_AXIS = OneForAll(3)
+Length = Annotated[float, Quantity("length")]
+Point = tuple[Length, Length, Length]
+Mass = Annotated[float, Quantity("mass", above=0.0)]
+Inertia = Annotated[float, Quantity("inertia", above=0.0)]
+Stiffness = Annotated[float, Quantity("stiffness", above=0.0)]
+Damping = Annotated[float, Quantity("damping", above=0.0)]
 
 
 def skew(vector: Floats) -> Floats:
@@ -215,3 +227,62 @@ def _propagator(a_bytes: bytes, b_bytes: bytes, size: int, step: float) -> tuple
     full = expm(system)
     slope = full[:size, size + inputs :]
     return full[:size, :size], full[:size, size : size + inputs] - slope, slope
+
+
+class Mount(Table):
+    """A spring and a damper along each axis of the base, at a point of it."""
+
+    position: Point
+    """Point of the base in its own frame [m]."""
+    stiffness: Annotated[tuple[Stiffness, Stiffness, Stiffness], _EACH_AXIS]
+    """Along each axis of the base [N/m]."""
+    damping: Annotated[tuple[Damping, Damping, Damping], _EACH_AXIS]
+    """Along each axis of the base [N s/m]."""
+
+
+def _feet() -> tuple[Mount, ...]:
+    """Rubber feet under the corners of a frame 0.8 m wide and 0.5 m deep, stiffer upright (y) than sideways."""
+    return tuple(
+        Mount.model_validate(
+            {
+                "position": (f"{x} m", "-0.5 m", f"{z} m"),
+                "stiffness": ("250 kN/m", "400 kN/m", "250 kN/m"),
+                "damping": ("400 N s/m", "600 N s/m", "400 N s/m"),
+            }
+        )
+        for x in (-0.4, 0.4)
+        for z in (-0.4, 0.1)
+    )
+
+
+class MountedBase(Table):
+    """The base as a rigid body on mounts, without the mechanism; the defaults are a steel frame on four feet."""
+
+    mass: Mass = 150.0
+    """[kg]"""
+    centre: Point = (0.03, -0.2, -0.12)
+    """Centre of mass in the base frame [m]: below and behind the mechanism, its cabinet to one side."""
+    inertia: Annotated[tuple[Inertia, Inertia, Inertia], _EACH_AXIS] = (13.0, 11.0, 18.0)
+    """About the centre of mass, principal axes along the base frame's [kg m2]: a box of 0.8 x 0.9 x 0.5 m."""
+    mounts: tuple[Mount, ...] = Field(default_factory=_feet, min_length=1)
+    """What the base stands on."""
+
+    def elastic(self, carried: Floats | None = None) -> ElasticBase:
+        """With the inertia ``carried`` (6, 6) [kg, kg m, kg m2] of what it carries.
+
+        Raises DataError if the mounts do not fix it in all six degrees of freedom.
+        """
+        centre = np.array(self.centre)
+        inertia = np.diag(self.inertia) - self.mass * skew(centre) @ skew(centre)
+        mass = rigid_body(self.mass, self.mass * centre, inertia)
+        stiffness, damping = np.zeros((2, 6, 6))
+        for mount in self.mounts:
+            at = displacement_at(np.array(mount.position))
+            stiffness += at.T @ np.diag(mount.stiffness) @ at
+            damping += at.T @ np.diag(mount.damping) @ at
+        if np.linalg.cond(stiffness) > 1e12:
+            raise DataError(
+                f"bench.mounts: {len(self.mounts)} mounts do not fix the base in all six degrees of freedom: "
+                "expected at least three that are not in line"
+            )
+        return ElasticBase(mass if carried is None else mass + carried, damping, stiffness)

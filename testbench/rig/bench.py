@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from balance.dynamics.moving_base import MountedBase
 from balance.input_files import Table
 
 from . import key_types
@@ -134,43 +135,9 @@ class Logger(Table):
         return 0.0 if self.low_pass is None else BUTTERWORTH_DELAY / (2.0 * math.pi * self.low_pass)
 
 
-class Mount(Table):
-    """A spring and a damper along each axis of the base, at a point of it."""
-
-    position: key_types.Point
-    """Point of the base in its own frame [m]."""
-    stiffness: key_types.Stiffnesses
-    """Along each axis of the base [N/m]."""
-    damping: key_types.Dampings
-    """Along each axis of the base [N s/m]."""
-
-
-def _feet() -> tuple[Mount, ...]:
-    """Rubber feet under the corners of a frame 0.8 m wide and 0.5 m deep, stiffer upright (y) than sideways."""
-    return tuple(
-        Mount.model_validate(
-            {
-                "position": (f"{x} m", "-0.5 m", f"{z} m"),
-                "stiffness": ("250 kN/m", "400 kN/m", "250 kN/m"),
-                "damping": ("400 N s/m", "600 N s/m", "400 N s/m"),
-            }
-        )
-        for x in (-0.4, 0.4)
-        for z in (-0.4, 0.1)
-    )
-
-
-class Bench(Table):
+class Bench(MountedBase):
     """The base as a rigid body on mounts, without the mechanism; the defaults are a steel frame on four feet."""
 
-    mass: key_types.Mass = 150.0
-    """[kg]"""
-    centre: key_types.Point = (0.03, -0.2, -0.12)
-    """Centre of mass in the base frame [m]: below and behind the mechanism, its cabinet to one side."""
-    inertia: key_types.Inertias = (13.0, 11.0, 18.0)
-    """About the centre of mass, principal axes along the base frame's [kg m2]: a box of 0.8 x 0.9 x 0.5 m."""
-    mounts: tuple[Mount, ...] = Field(default_factory=_feet, min_length=1)
-    """What the base stands on."""
     settling: key_types.Time = 0.5
     """How long the loggers go on after the motion [s]."""
     coupling: Literal["locked", "moving"] = "locked"

@@ -1,4 +1,4 @@
-"""Supports of a rig: the force sensors that carry the mechanism, and the mounts that carry its base.
+"""Supports of a rig: the force sensors that carry the mechanism.
 
 Mechanism and base are rigid between the supports, each support is a spring along the axes that its sensor measures and
 free along the others. A relative displacement d then loads support i at p_i with f_i = k_i J_i d, and the wrench on the
@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from balance.arrays import Floats
-from balance.dynamics.moving_base import ElasticBase, displacement_at, rigid_body, skew
+from balance.dynamics.moving_base import skew
 
 from ..errors import RigError
 
 if TYPE_CHECKING:
-    from .bench import Bench
     from .sensors import Support
 
 
@@ -43,24 +42,3 @@ def support_wrenches(supports: "Mapping[str, Support]") -> dict[str, Floats]:
             "base: add the supports that are missing, or remove the force sensors"
         )
     return {name: stiffness[name] @ to_origin[name].T @ np.linalg.inv(total) for name in supports}
-
-
-def elastic_base(bench: "Bench", carried: Floats | None = None) -> ElasticBase:
-    """The base of a rig on its mounts; ``carried`` (6, 6) [kg, kg m, kg m2] is the inertia of what it carries.
-
-    Raises RigError if the mounts do not fix it in all six degrees of freedom.
-    """
-    centre = np.array(bench.centre)
-    inertia = np.diag(bench.inertia) - bench.mass * skew(centre) @ skew(centre)
-    mass = rigid_body(bench.mass, bench.mass * centre, inertia)
-    stiffness, damping = np.zeros((2, 6, 6))
-    for mount in bench.mounts:
-        at = displacement_at(np.array(mount.position))
-        stiffness += at.T @ np.diag(mount.stiffness) @ at
-        damping += at.T @ np.diag(mount.damping) @ at
-    if np.linalg.cond(stiffness) > 1e12:
-        raise RigError(
-            f"bench.mounts: {len(bench.mounts)} mounts do not fix the base in all six degrees of freedom: "
-            "expected at least three that are not in line"
-        )
-    return ElasticBase(mass if carried is None else mass + carried, damping, stiffness)

@@ -46,7 +46,7 @@ from ..rig.bench import Rotor
 from .added_bodies import rotor_momentum
 
 if TYPE_CHECKING:
-    from ..rig.bench import Mount
+    from balance.dynamics.moving_base import Mount
 
 ROUNDS = 40
 TOLERANCE = 1e-7

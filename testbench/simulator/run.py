@@ -35,7 +35,6 @@ from ..campaign_plan import PlannedRun
 from ..errors import RigError
 from ..rig import Rig
 from ..rig.bench import Bench, Mode, Rotor
-from ..rig.support_loads import elastic_base
 from . import added_bodies, disturbances, moving_base_coupling
 from .added_bodies import with_planes
 from .moving_base_coupling import Coupling, base_motion_torque
@@ -217,7 +216,7 @@ def _loaded(mechanism: Mechanism, bench: Bench, planned: PlannedRun) -> Mechanis
 
 def _standing(bench: Bench, carried: Floats, mechanism: Mechanism) -> ElasticBase:
     """The base with the inertia of the locked mechanism; with geometric stiffness where the rig states the weight."""
-    base = elastic_base(bench, carried)
+    base = bench.elastic(carried)
     if not bench.weight:
         return base
     added = moving_base_coupling.gravitational_stiffness(bench.mounts, base.stiffness, base.mass, mechanism.gravity)

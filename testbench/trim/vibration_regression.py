@@ -22,7 +22,6 @@ from ..errors import AnalysisError
 from ..kinematics import base_motion
 from ..kinematics.smoothing_and_derivatives import Grid
 from ..loads.shaking_wrench import refuse_clipped_base
-from ..rig.support_loads import elastic_base
 from ..runs.aligned_run import AlignedRun
 from .problem import RunEquations, excited_combinations, motion_name, offset_and_drift, parameter_basis
 from .valid_samples import ValidSamples
@@ -149,6 +148,6 @@ def shaken_base(run: AlignedRun, cutoff: float) -> ShakenBase:
     valid = ValidSamples.of(run, {sensors.group}, bandwidth)
     valid.refuse_no_motion(path)
     readings = run.on_grid(sensors.group, sensors.time, sensors.values)
-    base = elastic_base(rig.bench, locked_inertia(run.mechanism, path.q[0]))
+    base = rig.bench.elastic(locked_inertia(run.mechanism, path.q[0]))
     used = run.motion_span(bandwidth, RINGING_S)
     return ShakenBase(run.mechanism, run.grid, path, base, sensors, readings, used, cutoff, motion_name(run), valid)

@@ -6,6 +6,8 @@ import sys
 
 import pytest
 
+from balance import datasets
+
 KEYS = {
     "counter_masses", "residual_first_moment_kgm", "residual_percent", "balanced_payload_kg", "added_mass_kg",
     "added_inertia_kgm2",
@@ -207,3 +209,20 @@ def test_the_front_of_force_moment_torque_and_mass(balance, tmp_path):
     assert document["points"][0].keys() == {
         "rms_force_N", "rms_moment_Nm", "rms_torque_Nm", "added_mass_kg", "counter_masses_kg",
     }  # fmt: skip
+
+
+def test_least_vibration_of_a_base(balance, tmp_path):
+    """The verdict first, in m/s2; it states that no bound is known, and what of the rig it leaves out."""
+    given = ("size", "four-bar", "--motion", "four-bar", "--objective", "vibration")
+    code, out, _ = balance(*given, "--rig", "parallelogram-6bar")
+    assert code == 3
+    assert out.startswith("Not balanced completely: 5.68 % of the RMS acceleration remains in motion four-bar")
+    assert "a bound is not known" in out
+    text = datasets.find_dataset("parallelogram-6bar", "rigs", ".toml").read_text(encoding="utf-8")
+    (tmp_path / "r.toml").write_text(text.replace("[bench]", "[bench]\nweight = true"), encoding="utf-8")
+    document = json.loads(balance(*given, "--rig", str(tmp_path / "r.toml"), "--json").out)
+    assert document["rms_m_per_s2"] == pytest.approx(2.922e-3, rel=1e-3)
+    assert (document["rms_bound_m_per_s2"], document["left_out"]) == (None, ["bench.weight"])
+    for wrong in (given, (*given, "--objective", "force", "--rig", "r"), (*given[:-2], "--rig", "r")):
+        code, _, err = balance(*wrong)
+        assert (code, "--objective vibration and --rig RIG go together" in err) == (2, True)

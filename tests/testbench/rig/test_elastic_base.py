@@ -4,16 +4,15 @@ import numpy as np
 import pytest
 
 from balance.dynamics.moving_base import ElasticBase, displacement_at, skew
-from testbench.errors import RigError
+from balance.errors import DataError
 from testbench.rig.bench import Bench
-from testbench.rig.support_loads import elastic_base
 
 RATE = 10_000.0
 
 
 def base() -> ElasticBase:
     """The default frame on four feet: no symmetry, all six degrees of freedom coupled."""
-    return elastic_base(Bench())
+    return Bench().elastic()
 
 
 def pulse(count: int, seed: int = 1) -> np.ndarray:
@@ -127,8 +126,8 @@ def test_mounts_in_line():
     """Mounts in one line do not hold the base, and it is said."""
     text = {"stiffness": "1 kN/m", "damping": "1 N s/m"}
     mounts = [{"position": [f"{x} m", "0 m", "0 m"], **text} for x in (0, 1, 2)]
-    with pytest.raises(RigError, match=r"bench\.mounts"):
-        elastic_base(Bench.model_validate({"mounts": mounts}))
+    with pytest.raises(DataError, match=r"bench\.mounts"):
+        Bench.model_validate({"mounts": mounts}).elastic()
 
 
 def test_skew():

@@ -6,7 +6,6 @@ import pytest
 from testbench.errors import RigError
 from testbench.rig import load_rig, rig_from_text
 from testbench.rig.bench import Bench
-from testbench.rig.support_loads import elastic_base
 from testbench.simulator.disturbances import (
     FLOOR_VELOCITY,
     draw_disturbance,
@@ -21,7 +20,7 @@ STEP, COUNT = 1e-3, 60_000
 def drawn(seed: int = 1, **settings):
     """A minute of the default bench."""
     bench = Bench.model_validate(settings)
-    return elastic_base(bench), draw_disturbance(bench, elastic_base(bench), COUNT, STEP, (7, seed))
+    return bench.elastic(), draw_disturbance(bench, bench.elastic(), COUNT, STEP, (7, seed))
 
 
 def density(signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

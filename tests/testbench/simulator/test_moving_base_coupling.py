@@ -10,7 +10,6 @@ from testbench.campaign_plan import PlannedRun
 from testbench.errors import RigError
 from testbench.rig import Rig
 from testbench.rig.bench import Bench
-from testbench.rig.support_loads import elastic_base
 from testbench.simulator import moving_base_coupling
 from testbench.simulator import run as runs
 from testbench.simulator.moving_base_coupling import second_moment, velocity_cross_product
@@ -27,7 +26,7 @@ ROTORS = {"A0": {"inertia": "2e-4 kg m^2", "ratio": 30.0}, "B0": {"inertia": "2e
 def missing(rig: Rig, done, masses, gravity=(0.0, 0.0, 0.0)) -> np.ndarray:
     """What mounts must give and do not at the motion found, to first order, as a share of the wrench, (6,)."""
     samples = np.arange(0, len(done.time), 97)
-    referee, bare = FreeBase(rig, done, 5.0, masses, gravity), elastic_base(rig.bench)
+    referee, bare = FreeBase(rig, done, 5.0, masses, gravity), rig.bench.elastic()
     asked = referee.linear(samples)[0]
     given = -(done.motion.displacement @ bare.stiffness.T + done.motion.velocity @ bare.damping.T)[samples]
     at_rest = referee.loads(samples[:1], 0.0)[0]
@@ -178,7 +177,7 @@ def test_wandering_against_mujoco():
     samples = np.arange(0, len(done.time), 97)
     referee = FreeBase(rig, done, 5.0, {}, G)
     asked = referee.linear(samples)[0] - referee.loads(samples[:1], 0.0)[0]
-    bare = elastic_base(rig.bench, done.mechanism_inertia)
+    bare = rig.bench.elastic(done.mechanism_inertia)
     sunk = np.linalg.solve(bare.stiffness, np.r_[bare.mass[0, 0] * G, np.cross(first_moment(bare.mass), G)])
     given = np.zeros((len(samples), 6))
     for mount in rig.bench.mounts:
@@ -202,7 +201,7 @@ def test_a_pendulum_upside_down():
         for z in (-0.2, 0.2)
     ]
     frame = {"mass": "100 kg", "centre": ["0 m", "0 m", "0 m"], "inertia": "1 kg m^2", "mounts": legs}
-    base = elastic_base(Bench.model_validate(frame))
+    base = Bench.model_validate(frame).elastic()
     added = moving_base_coupling.gravitational_stiffness(
         Bench.model_validate(frame).mounts, base.stiffness, base.mass, G
     )

@@ -6,7 +6,6 @@ import pytest
 from testbench.errors import RigError
 from testbench.rig import load_rig
 from testbench.rig.bench import Mode
-from testbench.rig.support_loads import elastic_base
 from testbench.simulator.run import modal_acceleration, mode_acceleration, payload_body
 from testbench.simulator.sensors import base_acceleration, true_signals
 
@@ -19,7 +18,7 @@ HEAVY = benched(mass="1e9 kg", inertia="1e9 kg m^2")
 def test_base_moves_by_what_the_sensors_carry():
     """Newton for the bare base: the sensors' wrench, dampers and springs give its momentum."""
     done = run()
-    bare = elastic_base(RIG.bench)
+    bare = RIG.bench.elastic()
     m = done.motion
     left = m.acceleration @ bare.mass.T + m.velocity @ bare.damping.T + m.displacement @ bare.stiffness.T
     np.testing.assert_allclose(left, supported(done), rtol=0, atol=1e-9 * np.abs(left).max())

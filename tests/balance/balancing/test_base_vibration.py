@@ -1,0 +1,121 @@
+"""Least vibration of the base: what is made small by an integration of its own, the masses by brute force."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import minimize
+
+from balance.balancing.base_vibration import (
+    VibrationObjective,
+    least_vibration,
+    least_vibration_from_stock,
+    load_measured_base,
+    vibration_objective,
+)
+from balance.balancing.conditions import balance_conditions
+from balance.balancing.objective import motion_objective
+from balance.balancing.sizing import Sizing, best_sets_from_stock, exact_sizing
+from balance.balancing.stock_plates import Plate
+from balance.closure import Closure
+from balance.dynamics.inverse_dynamics import simulate
+from balance.dynamics.moving_base import locked_inertia
+from balance.errors import DataError
+from balance.motion.motion_files import load_motion
+
+from .. import models
+
+SITES = ["counter_A0A", "counter_B0B"]
+FOUR_BAR = models.load("four-bar")
+CONDITIONS = balance_conditions(FOUR_BAR)
+
+
+@pytest.fixture(scope="module")
+def vibration() -> VibrationObjective:
+    """The four-bar on the shipped rig's base, in its motion at 1 kHz."""
+    trajectory = Closure(FOUR_BAR).follow(load_motion("four-bar").sample(1000.0))
+    return vibration_objective(FOUR_BAR, trajectory, load_measured_base("parallelogram-6bar"))
+
+
+def sized(objective, limits=None) -> Sizing:
+    """Masses of any size."""
+    return exact_sizing(CONDITIONS, FOUR_BAR, SITES, limits, objective)
+
+
+def test_what_is_made_small_by_an_integration_of_its_own(vibration: VibrationObjective) -> None:
+    """M x'' + C x' + K x = w by Dormand and Prince, w linear between samples; the masses count in M and in w."""
+    loaded = FOUR_BAR.with_counter_mass({"counter_A0A": 2.0, "counter_B0B": 5.0})
+    path = vibration.trajectory
+    base = vibration.measured.base.elastic(locked_inertia(loaded, path.q[0]))
+    response = simulate(loaded, path)
+    wrench = np.hstack([response.force, response.moment])
+
+    def acceleration(t: float, y: np.ndarray) -> np.ndarray:
+        push = np.array([np.interp(t, path.time, column) for column in wrench.T])
+        return np.linalg.solve(base.mass, push - base.damping @ y[6:] - base.stiffness @ y[:6])
+
+    end = path.time[400]
+    found = solve_ivp(lambda t, y: np.append(y[6:], acceleration(t, y)), (0.0, end), np.zeros(12), "DOP853",
+                      path.time[:401], rtol=1e-9, atol=1e-13, max_step=1e-3)  # fmt: skip
+    theirs = np.array([acceleration(t, y) for t, y in zip(found.t, found.y.T, strict=True)])
+    measured = theirs @ vibration.measured.directions.T
+    short = VibrationObjective(vibration.factor, vibration.unit, vibration.measured, part(path, 401))
+    assert short.value(loaded) == pytest.approx(np.mean(np.sum(measured**2, axis=1)), rel=1e-6)
+
+
+def part(path, count):
+    """The first samples of a trajectory."""
+    cut = {f.name: getattr(path, f.name)[:count] for f in fields(path) if np.ndim(getattr(path, f.name))}
+    return replace(path, **cut)
+
+
+@pytest.mark.parametrize("limits", [None, {"counter_A0A": 0.6}])
+def test_masses_by_brute_force(vibration: VibrationObjective, limits) -> None:
+    """As a search finds them that knows neither derivatives nor linear parts; less than masses of least force leave."""
+    found = least_vibration(CONDITIONS, FOUR_BAR, SITES, vibration, lambda objective: sized(objective, limits))
+    ends = [(0.0, (limits or {}).get(site, 50.0)) for site in SITES]
+
+    def value(masses: np.ndarray) -> float:
+        return vibration.value(FOUR_BAR.with_counter_mass(dict(zip(SITES, masses, strict=True))))
+
+    brute = minimize(value, [0.5, 0.5], method="Powell", bounds=ends, options={"xtol": 1e-8, "ftol": 1e-14})
+    assert [c.mass for c in found.counter_masses] == pytest.approx(brute.x, abs=1e-5)
+    least_force = sized(motion_objective(FOUR_BAR, vibration.trajectory), limits)
+    assert found.root_mean_squares()[1] < 0.999 * vibration.value(least_force.after) ** 0.5
+    assert found.bound is None
+
+
+def test_plates_by_brute_force(vibration: VibrationObjective) -> None:
+    """Of all choices of four kinds of plates for two sites, those that leave the least."""
+    plates = [Plate(f"P{k}", mass, 1) for k, mass in enumerate((0.3, 0.5, 0.8, 1.1))]
+
+    def search(objective):
+        return best_sets_from_stock(CONDITIONS, FOUR_BAR, plates, SITES, None, objective, best=2)
+
+    start = least_vibration(CONDITIONS, FOUR_BAR, SITES, vibration, sized).objective
+    assert isinstance(start, VibrationObjective)
+    found = least_vibration_from_stock(SITES, start, search)
+    every = [
+        vibration.value(FOUR_BAR.with_counter_mass({
+            site: sum(plate.mass for plate, where in zip(plates, choice, strict=True) if where == k)
+            for k, site in enumerate(SITES)
+        }))
+        for choice in np.ndindex(3, 3, 3, 3)
+    ]  # fmt: skip
+    assert found[0].root_mean_squares()[1] == pytest.approx(min(every) ** 0.5, rel=1e-12)
+
+
+def test_a_rig_without_an_accelerometer_on_its_base_is_refused(tmp_path) -> None:
+    """And what of a rig's bench is not known here is listed."""
+    rig = tmp_path / "rig.toml"
+    rig.write_text('[bench]\nmass = "90 kg"\nplanes = { AB = "10 mm" }\ncoupling = "locked"\n', encoding="utf-8")
+    with pytest.raises(DataError, match=r"rig\.toml: no accelerometer is attached to the base"):
+        load_measured_base(rig)
+    sensor = (
+        '[sensors.a]\nkind = "accelerometer"\nlogger = "l"\nchannels = { y = "Y" }\nposition = ["1 m", "0 m", "2 m"]\n'
+    )
+    rig.write_text(rig.read_text(encoding="utf-8") + sensor, encoding="utf-8")
+    found = load_measured_base(rig)
+    np.testing.assert_array_equal(found.directions, [[0.0, 1.0, 0.0, -2.0, 0.0, 1.0]])
+    assert (found.base.mass, found.left_out) == (90.0, ("planes",))
