@@ -3,7 +3,6 @@
 import os
 import sys
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
@@ -36,6 +35,8 @@ def parallel_blocks(count: int, work: Callable[[slice], T]) -> Iterator[T]:
     if len(parts) < 2:
         yield from map(work, parts)
         return
+    from concurrent.futures import ThreadPoolExecutor  # late: few samples do without it
+
     with ThreadPoolExecutor(max_workers=min(len(parts), os.cpu_count() or 1)) as pool:
         yield from pool.map(work, parts)
 

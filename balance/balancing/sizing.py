@@ -15,7 +15,6 @@ from ..mechanism.mechanism import Mechanism, Site
 from .conditions import Conditions
 from .least_masses import distribute_masses
 from .objective import Objective, workspace_objective
-from .stock_search import best_plates
 
 if TYPE_CHECKING:
     from .stock_plates import Plate
@@ -316,6 +315,8 @@ def best_sets_from_stock(
 
     A plate's quantity is for all sites together; ``limits`` [kg] and ``equal`` as in ``exact_sizing``.
     """
+    from .stock_search import best_plates  # late: masses of any size are found without it
+
     names = chosen_sites(mechanism, sites)
     objective = objective or workspace_objective(conditions.mechanism)
     columns, target = objective.system(mechanism, names)
@@ -346,6 +347,8 @@ def nested_size_from_stock(
 
     Least is the sum of the objectives, one for each payload; the sets have a ``bound`` where that is proven.
     """
+    from .stock_search import best_plates  # late: masses of any size are found without it
+
     names = chosen_sites(mechanisms[0], sites)
     objectives = objectives or [workspace_objective(mechanism) for mechanism in mechanisms]
     columns, target = nested_system(mechanisms, objectives, names)

@@ -6,8 +6,6 @@ samples, nv that of the joint coordinates.
 
 from dataclasses import dataclass
 
-from numpy.polynomial.polynomial import polyder
-
 from ..arrays import Floats
 from . import forward_kinematics
 from .forward_kinematics import Motion, Pose, Tree
@@ -139,7 +137,10 @@ class Coupling:
 
     def _polynomial(self, q: Entries, order: int) -> Entry:
         """The polynomial, or its derivative of an ``order``, for each configuration."""
-        *others, value = (float(c) for c in polyder(self.coefficients, order))
+        coefficients = self.coefficients.tolist()
+        for _ in range(order):
+            coefficients = [k * c for k, c in enumerate(coefficients)][1:]
+        *others, value = coefficients
         if self.second is None:
             return others[0] if others else value
         from_zero = sub(q[self.second], self.zero[1])
