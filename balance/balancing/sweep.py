@@ -33,7 +33,7 @@ PART = 20_000
 """Designs of one task, and rows of one file of results, at most."""
 GEOMETRIES = 32
 """Geometries of one task, where each has few designs."""
-_VALUES_AT_ONCE = 2**16
+_VALUES_AT_ONCE = 2**15
 """Samples times designs that are looked at together: so few that they stay in the processor's cache."""
 
 
@@ -243,30 +243,26 @@ class Responses:
             factor: Floats = np.linalg.qr(self.values[members].reshape(-1, designs.shape[1])).R
             found[f"rms_{name}"] = np.linalg.norm(designs @ factor.T, axis=1) / np.sqrt(self.values.shape[1])
         if peaks:
-            found |= {f"peak_{name}": self._peak(designs, members) for name, members in groups.items()}
+            vectors = [members for members in groups.values() if len(members) > 1 or members[0] >= 6]
+            largest = {key: peak for members in vectors for key, peak in self._peaks(designs, members).items()}
+            found |= {f"peak_{name}": largest[tuple(members)] for name, members in groups.items()}
         return found
 
-    def _peak(self, designs: Floats, members: list[int]) -> Floats:
-        """Largest norm of some components over the samples, (n,).
-
-        The square is a quadratic form of the design at each sample: its largest is found as a product of matrices,
-        which near zero is right to half of the digits only; the norm is then computed where that largest is.
-        """
-        rows, peak = self.values[members], np.zeros(len(designs))
-        if not rows.any():
-            return peak
-        first, second = np.triu_indices(rows.shape[2])
-        forms = np.einsum("cnk,cnk->nk", rows[:, :, first], rows[:, :, second]) * np.where(first == second, 1.0, 2.0)
-        block = max(1, _VALUES_AT_ONCE // len(forms))
+    def _peaks(self, designs: Floats, members: list[int]) -> dict[tuple[int, ...], Floats]:
+        """Largest absolute value over the samples of each of some components, and largest norm of all, (n,) each."""
+        squares = np.zeros((len(members) + 1, len(designs)))
+        block = max(1, _VALUES_AT_ONCE // self.values.shape[1])
+        rows = [(k, self.values[i].T) for k, i in enumerate(members) if self.values[i].any()]
         for start in range(0, len(designs), block):
-            part = designs[start : start + block]
-            if len(members) == 1:
-                values = part @ rows[0].T
-                peak[start : start + block] = np.maximum(values.max(axis=1), -values.min(axis=1))
-                continue
-            at = ((part[:, first] * part[:, second]) @ forms.T).argmax(axis=1)
-            peak[start : start + block] = np.linalg.norm(np.einsum("cnk,nk->cn", rows[:, at], part), axis=0)
-        return peak
+            part, total = slice(start, start + block), None
+            for k, row in rows:
+                values = designs[part] @ row
+                np.square(values, out=values)
+                squares[k, part] = values.max(axis=1)
+                total = values if total is None else np.add(total, values, out=total)
+            if total is not None:
+                squares[-1, part] = total.max(axis=1)
+        return dict(zip([*((i,) for i in members), tuple(members)], np.sqrt(squares), strict=True))
 
 
 def _one_body(mechanism: Mechanism, row: int, parameters: Floats) -> Floats:
