@@ -7,11 +7,13 @@ stock's whole mass, g the gradient there and R' R = columns' columns (R triangul
 
 so that site after site, in the order of R's rows, only masses near the best for those chosen can do better than what
 has been found (Schnorr and Euchner, Math. Programming 66, 1994). A mass is looked at once, however plates make it;
-which plates remain is carried along, so that no plate is used twice.
+which plates remain is carried along, so that no plate is used twice. Plates of too many kinds for that, weighed to a
+multiple of one unit, make nearly every multiple: whether masses can be made together is then found at the end alone,
+by bits of a number that stand for sums (Bellman, Dynamic programming, 1957).
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -24,15 +26,19 @@ TIME_LIMIT_S = 8.0
 """Longest search [s]; then the best that was found is given with its gap."""
 _ROUNDING = 1e-9
 """Masses that differ by less, relative to all plates, are one."""
-_MOST_PILES, _MOST_CHOSEN = 2_000_000, 5_000
-"""Piles of plates that are all looked at; of more, as many at a time as the second number."""
-_TURN_S = 1.0
-"""Longest search for one such part of the plates [s]."""
+_MOST_PILES = 2_000_000
+"""Piles of plates that are all looked at."""
 _GOOD = 2e-7
 """Of the bound, by which J may exceed it where the search ends."""
 _MOST_MASSES = 300_000
 _MOST_COMPARED = 300
 """Rows that are compared with each other."""
+_STEP_KG, _STEP_ROUNDING = 1e-6, 1e-3
+"""What masses of plates are multiples of [kg], and how far from that rounding may take them, in such steps."""
+_MOST_BITS = 30_000_000
+"""Largest sum of plates in units, times the number of parcels of them, that is counted by."""
+_TRIES = 20
+"""Orders of plates in which masses are sought to be made before it is left open whether they can be."""
 _TIE = 1e-12
 """Difference of J, relative to J without counter-masses, that is rounding: the lighter is better then."""
 
@@ -82,18 +88,11 @@ def best_plates(
     groups = [[i] for i in range(sites) if not any(i in group for group in equal)] + [list(group) for group in equal]
     most = np.full(sites, np.inf) if limits is None else limits
     used = quantities > 0
-    search = _Search(
-        columns, target, masses[used], quantities[used], most, groups, best, time.monotonic() + TIME_LIMIT_S
-    )
-    piles = float(np.prod(quantities + 1.0))
-    listed = piles <= _MOST_PILES
-    found = [_improved(search, 0.2 if listed else 1.0)] if piles > _MOST_CHOSEN else []
-    if listed:
-        found = search.run(found)
-    value = found[0].value
-    proven = listed and not search.late
+    kind = _Search if np.prod(quantities + 1.0) <= _MOST_PILES else _UnitSearch
+    search = kind(columns, target, masses[used], quantities[used], most, groups, best)
+    found = search.run()
     whole = [Selection(_padded(one.counts, used), one.masses, one.value) for one in found]
-    return StockOptimum(tuple(whole), value if proven else max(min(search.relaxed, value), 0.0))
+    return StockOptimum(tuple(whole), max(min(search.bound, found[0].value), 0.0))
 
 
 def _padded(counts: Indices, used: NDArray[np.bool_]) -> Indices:
@@ -101,52 +100,6 @@ def _padded(counts: Indices, used: NDArray[np.bool_]) -> Indices:
     whole = np.zeros((len(counts), len(used)), dtype=np.intp)
     whole[:, used] = counts
     return whole
-
-
-def _improved(search: "_Search", share: float) -> Selection:
-    """A good selection from many plates, until it is as good as the bound or a ``share`` of the time is up.
-
-    From what is found first, some kinds of plates at a time are distributed anew, to the optimum of those.
-    """
-    best, rng = search.selection(_first_counts(search)), np.random.default_rng(0)
-    by_mass = np.argsort(search.plates, kind="stable")
-    now = time.monotonic()
-    deadline = now + share * (search.deadline - now)
-    while not search.is_good(best.value) and time.monotonic() < deadline:
-        drawn = by_mass[rng.permutation(len(by_mass))]
-        drawn = drawn[np.cumprod(search.quantities[drawn] + 1.0) <= _MOST_CHOSEN]
-        kept = best.counts.copy()
-        kept[:, drawn] = 0
-        made = kept @ search.plates
-        if any(np.ptp(made[list(group)]) > search.edge for group in search.groups):
-            continue
-        part = _Search(
-            search.columns, search.target - search.columns @ made, search.plates[drawn], search.quantities[drawn],
-            np.maximum(search.limits - made, 0.0), search.groups, 1, min(deadline, time.monotonic() + _TURN_S),
-        )  # fmt: skip
-        part.found = [(best.value, 0.0, ())]
-        for found in part.run([]):
-            kept[:, drawn] = found.counts
-            best = search.selection(kept)
-    return best
-
-
-def _first_counts(search: "_Search") -> Indices:
-    """Plates, the heaviest first, each where it makes J least, (sites, kinds)."""
-    counts, rest = np.zeros((search.columns.shape[1], len(search.plates)), dtype=np.intp), search.target.copy()
-    for kind in np.argsort(-search.plates, kind="stable"):
-        steps = search.plates[kind] * search.columns @ search.share
-        for _ in range(search.quantities[kind]):
-            change = np.sum(steps**2, axis=0) - 2.0 * rest @ steps
-            made = counts @ search.plates + search.plates[kind]
-            left = search.quantities[kind] - counts[:, kind].sum()
-            fits = [len(g) <= left and (made[list(g)] <= search.limits[list(g)]).all() for g in search.groups]
-            k = int(np.argmin(np.where(fits, change, 0.0)))
-            if not fits[k] or change[k] >= 0.0:
-                break
-            counts[list(search.groups[k]), kind] += 1
-            rest -= steps[:, k]
-    return counts
 
 
 @dataclass
@@ -160,11 +113,12 @@ class _Search:
     limits: Floats
     groups: Sequence[Sequence[int]]
     best: int
-    deadline: float
     found: list[tuple[float, float, tuple[float, ...]]] = field(default_factory=list)
     """J, mass and masses of the best, best first."""
     late: bool = False
     """Whether time was up before the search was complete."""
+    open_value: float = np.inf
+    """Least J of masses of which it is not known whether plates make them."""
 
     def __post_init__(self) -> None:
         """Find the best of any masses, from which the search goes."""
@@ -188,16 +142,23 @@ class _Search:
         self.triangle: Floats = np.asarray(np.linalg.qr(padded, mode="r"))
         self.weight, self.upper = weight[order], upper[order]
 
-    def run(self, known: Sequence[Selection]) -> list[Selection]:
-        """Search through all masses that piles of plates make; some selections are ``known``."""
+    def run(self) -> list[Selection]:
+        """Search through all masses that piles of plates make."""
         self.sums, self.piles = _piles(self.plates, self.quantities, self.edge)
-        distinct = self.sums[np.concatenate([[True], np.diff(self.sums) > self.edge])]
+        self._search(self.sums[np.concatenate([[True], np.diff(self.sums) > self.edge])], self.quantities[None])
+        return [self._selection(chosen) for _, _, chosen in self.found]
+
+    def _search(self, distinct: Floats, left: Indices) -> None:
+        """Search through the ``distinct`` masses that plates make, rising [kg]; no plates are always a selection."""
         self.reachable = [distinct[distinct <= upper + self.edge] for upper in self.upper]
-        sites = [self.groups[k][0] for k in self.order]
-        for masses in [np.zeros(len(sites)), *(one.masses[sites] for one in known)]:
-            self._offer(masses)
-        self._descend(len(self.order) - 1, np.zeros(len(self.order)), 0.0, self.quantities[None])
-        return [self._selection(chosen) for _, _, chosen in self.found if chosen]
+        self.deadline = time.monotonic() + TIME_LIMIT_S
+        self._offer(np.zeros(len(self.order)))
+        self._descend(len(self.order) - 1, np.zeros(len(self.order)), 0.0, left)
+
+    @property
+    def bound(self) -> float:
+        """J of no selection is less than this, once the search was run."""
+        return self.relaxed if self.late else min(self.found[0][0], self.open_value)
 
     def _selection(self, chosen: tuple[float, ...]) -> Selection:
         counts = self._taken(self.share[:, self.order] @ np.array(chosen), self.quantities)
@@ -303,6 +264,114 @@ class _Search:
         """Piles of plates that have a mass, those of few plates first, (n, kinds)."""
         first, last = np.searchsorted(self.sums, [mass - self.edge, mass + self.edge])
         return self.piles[first:last]
+
+
+@dataclass
+class _UnitSearch(_Search):
+    """Plates as multiples of a unit; of what may remain only the mass is carried along.
+
+    What is found has no proof where plates are rounded, since they are multiples of no unit that can be counted by, or
+    where there are so many that only masses up to about twice what is wanted are looked at.
+    """
+
+    def __post_init__(self) -> None:
+        """Choose the unit and how far is counted."""
+        super().__post_init__()
+        steps, parcels = self.plates / _STEP_KG, sum(int(quantity).bit_length() for quantity in self.quantities)
+        unit = _STEP_KG * float(np.gcd.reduce(np.round(steps).astype(np.intp)))
+        wanted = 2.0 * float(self.weight @ self.centre + self.weight.sum() * self.plates.max())
+        self.rounded, self.reach = bool(np.abs(steps - np.round(steps)).max() > _STEP_ROUNDING), self.total
+        if self.rounded or unit * _MOST_BITS < self.total * parcels:
+            self.reach = min(self.total, wanted)
+            self.rounded = self.rounded or unit * _MOST_BITS < self.reach * parcels
+        self.unit = self.reach * parcels / _MOST_BITS if self.rounded else unit
+        self.units = np.round(self.plates / self.unit).astype(np.intp)
+        self.made: dict[tuple[float, ...], Indices] = {}
+        self.random = np.random.default_rng(0)
+
+    @property
+    def bound(self) -> float:
+        """J of no selection is less than this, once the search was run."""
+        return self.relaxed if self.rounded or self.reach < self.total else super().bound
+
+    def run(self) -> list[Selection]:
+        """Search through all multiples of the unit that some plates make."""
+        whole = round(self.reach / self.unit)
+        parcels = _parcels(self.quantities)
+        bits = _sums(self.units[parcels[:, 0]] * parcels[:, 1], whole)[-1].to_bytes(whole // 8 + 1, "little")
+        distinct = np.flatnonzero(np.unpackbits(np.frombuffer(bits, np.uint8), bitorder="little"))
+        self._search(distinct * self.unit, np.array([[whole]]))
+        return sorted((self.selection(self.made[chosen]) for *_, chosen in self.found), key=lambda one: one.value)
+
+    def _left(self, left: Indices, mass: float, times: int) -> Indices:
+        rest = left - times * round(mass / self.unit)
+        return rest[rest[:, 0] >= 0]
+
+    def _offer(self, masses: Floats) -> None:
+        counts = self._counts(masses)
+        if counts is None:
+            self.open_value = min(self.open_value, self._value(masses))
+            return
+        self.made[tuple(np.abs(masses))] = counts
+        super()._offer(masses)
+
+    def _counts(self, masses: Floats) -> Indices | None:
+        """Plates that make the masses of the groups together, (sites, kinds); None where none are found.
+
+        Plates that are rounded make equal masses only where they are the same.
+        """
+        wanted = np.round(masses / self.unit).astype(np.intp).tolist()
+        parts = [
+            (part, sum_)
+            for k, sum_ in zip(self.order, wanted, strict=True)
+            for part in ([list(self.groups[k])] if self.rounded else [[i] for i in self.groups[k]])
+        ]
+        for _ in range(_TRIES):
+            counts, left = np.zeros((len(self.columns[0]), len(self.plates)), dtype=np.intp), self.quantities.copy()
+            for part, sum_ in parts:
+                parcels = self.random.permutation(_parcels(left // len(part)))
+                chosen = _subset(self.units[parcels[:, 0]] * parcels[:, 1], sum_)
+                if chosen is None:
+                    break
+                taken = np.bincount(parcels[chosen, 0], parcels[chosen, 1], len(self.plates))
+                counts[part] = np.round(taken).astype(np.intp)
+                left -= counts[part].sum(axis=0)
+            else:
+                if (counts @ self.plates <= self.limits + self.edge).all():
+                    return counts
+        return None
+
+
+def _parcels(quantities: Indices) -> Indices:
+    """Kinds and numbers of plates (n, 2), of each kind 1, 2, 4 ... and the rest: some of them make any number."""
+    found = []
+    for kind, quantity in enumerate(quantities.tolist()):
+        size = 1
+        while quantity:
+            size = min(size, quantity)
+            found.append((kind, size))
+            quantity, size = quantity - size, 2 * size
+    return np.array(found, dtype=np.intp).reshape(-1, 2)
+
+
+def _sums(units: Iterable[int], most: int) -> list[int]:
+    """For the first 0, 1, 2 ... plates: bit k tells whether some of them make k, up to ``most``."""
+    found, mask = [1], (1 << (most + 1)) - 1
+    for unit in units:
+        found.append((found[-1] | found[-1] << int(unit)) & mask)
+    return found
+
+
+def _subset(units: Indices, wanted: int) -> NDArray[np.bool_] | None:
+    """Which plates make ``wanted`` [units]; None where none do."""
+    sums, chosen = _sums(units, wanted), np.zeros(len(units), dtype=bool)
+    if not sums[-1] >> wanted & 1:
+        return None
+    for k in range(len(units) - 1, -1, -1):
+        if not sums[k] >> wanted & 1:
+            chosen[k] = True
+            wanted -= int(units[k])
+    return chosen
 
 
 def _relaxed(
