@@ -34,7 +34,7 @@ from ..kinematics.smoothing_and_derivatives import (
     smoothed_derivatives,
 )
 from ..rig.sensors import AXES, Accelerometer, Encoder
-from ..rig.support_loads import elastic_base, support_wrenches
+from ..rig.support_loads import support_wrenches
 from ..runs.si_run import Mask, SIRun
 
 if TYPE_CHECKING:
@@ -139,7 +139,7 @@ class ModelledRun:
     @cached_property
     def base(self) -> BaseMotion:
         """Motion of the base as the rig's ``[bench]`` describes it."""
-        stand = elastic_base(self.run.rig.bench, locked_inertia(self.mechanism, self.path.q[0]))
+        stand = self.run.rig.bench.elastic(locked_inertia(self.mechanism, self.path.q[0]))
         return stand.respond(self.wrench, self.grid.step)
 
     def expected_readings(self, group: str) -> "list[tuple[list[Column], Floats]]":
