@@ -5,7 +5,7 @@ where the rig has them, on the same motion of the same bench.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,11 +22,14 @@ from testbench.simulator.sensors import Transducer, draw_transducers
 from testbench.simulator.simulated_logs import SimulatedRun, lead_s, record_run
 from testbench.synchronization.run_alignment import RunClocks, align_run
 
-from .simulated_runs import edited_rig, stored
+from .laboratories import FAMILIES
+from .simulated_runs import disturbed, edited_rig, stored
 from .table import Row, Tally, covered
 
 DEEP = load_rig("parallelogram-6bar-deep")
 REFERENCE = "controller"
+NOISES, SHARE = ("floor", "hum", "drift", "all mixed"), 0.05
+"""Families of noise, and the residual for them as a share of a channel's standard deviation."""
 
 
 SOFT = edited_rig({  # other mounts, a coarser and slower accelerometer elsewhere, encoders of 15 bit
@@ -48,6 +51,8 @@ class Case:
     motion: str
     acceleration_g: float
     drift: bool = False
+    noise: str = ""
+    """Family of noise that is added to all but the encoders."""
 
     @property
     def planned(self) -> PlannedRun:
@@ -90,11 +95,15 @@ CASES = {
     "deep-x-without": Case(DEEP, 5.0, 0.0, "x", 3.0),
     "deep-y-without": Case(DEEP, 5.0, 0.0, "y", 3.0, drift=True),
 }
+for name in ("plain-x", "soft-x"):
+    CASES |= {f"{name}, {noise}": replace(CASES[name], noise=noise) for noise in NOISES}
 
 
-def aligned(case: Case, made: SimulatedRun) -> RunClocks:
-    """The clocks as ``testbench align`` finds them."""
+def aligned(case: Case, made: SimulatedRun, seed: int = 0) -> RunClocks:
+    """The clocks as ``testbench align`` finds them; ``seed`` is that of the case's noise."""
     run = stored(made, case.rig)
+    if case.noise:
+        run = disturbed(run, FAMILIES[case.noise], SHARE, seed)
     si = SIRun.of(run, case.rig)
     return align_run(si, lambda: loaded_mechanism(si, load_mechanism(case.rig.mechanism)), drift=case.drift)
 
@@ -120,7 +129,7 @@ def tally(case: Case, seeds: range) -> dict[str, ClockTally]:
     found = {name: ClockTally() for name in case.rig.loggers if name != REFERENCE}
     for seed in seeds:
         made = case.recorded(seed)
-        clocks = aligned(case, made)
+        clocks = aligned(case, made, seed)
         for group, sums in found.items():
             if group in clocks.refused:
                 sums.refused += 1

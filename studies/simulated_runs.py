@@ -12,7 +12,8 @@ from balance.units import G0
 from testbench import rig as rigs
 from testbench.campaign_plan import PlannedRun
 from testbench.recording import Channel, TimeColumn, UniformClock
-from testbench.rig import Rig
+from testbench.rig import Rig, rig_from_text
+from testbench.rig.sensors import Accelerometer, ForceSensor, Torque, Wrench
 from testbench.runs.aligned_run import AlignedRun
 from testbench.runs.si_run import SIRun
 from testbench.simulator.loggers import Log, record_log
@@ -20,6 +21,8 @@ from testbench.simulator.run import BenchRun, simulate_run
 from testbench.simulator.sensors import true_signals
 from testbench.simulator.simulated_logs import SimulatedRun
 from testbench.store.run import Run, StoredGroup
+
+from .laboratories import Family
 
 MANIPULATOR = "parallelogram-6bar"
 BUILT = {"counter_A0A": 17.1105, "counter_B0B": 17.1105}
@@ -127,6 +130,22 @@ def with_values(run: MemoryRun, channel: str, values: np.ndarray) -> MemoryRun:
     group, index = run.find(channel)
     data = {**run.provenance["data"], f"{group.path}/{group.keys[index]}": values}
     return replace(run, provenance={"data": data})
+
+
+def disturbed(run: MemoryRun, family: Family, share: float, seed: int) -> MemoryRun:
+    """The same run with noise of a family in all but the encoders; ``share`` of a channel is the residual for it.
+
+    Steps of a family are those of the readings.
+    """
+    rng, rig = np.random.default_rng([seed, 1313]), rig_from_text(run.rig or "")
+    for column in (c for kind in (Accelerometer, Wrench, ForceSensor, Torque) for c in rig.columns_of(kind)):
+        group, index = run.find(column.channel)
+        values = run.channels_at([(group, index)])[0]
+        size, time = share * float(np.std(values)), np.arange(len(values)) / rig.loggers[group.name].rate
+        noisy = values + family.law(rng, size)(rng, time, np.ones(len(values)))
+        step = size * rng.uniform(*family.steps)
+        run = with_values(run, column.channel, np.round(noisy / step) * step if step else noisy)
+    return run
 
 
 def without(run: MemoryRun, name: str, begin: float, end: float) -> MemoryRun:

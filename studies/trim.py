@@ -16,7 +16,19 @@ from testbench.simulator.sensors import draw_transducers
 from testbench.simulator.simulated_logs import lead_s, record_run
 from testbench.trim import trim_runs
 
-from .simulated_runs import BUILT, MANIPULATOR, MemoryRun, Scene, aligned, edited_rig, planned_run, scene, stored
+from .laboratories import FAMILIES
+from .simulated_runs import (
+    BUILT,
+    MANIPULATOR,
+    MemoryRun,
+    Scene,
+    aligned,
+    disturbed,
+    edited_rig,
+    planned_run,
+    scene,
+    stored,
+)
 from .table import Row, covered
 
 Source = Literal["wrench", "torque", "vibration", "trials"]
@@ -33,38 +45,44 @@ BENCHES = {
     }),
     "deep": rigs.load_rig("parallelogram-6bar-deep"),
 }  # fmt: skip
-CASES: tuple[tuple[Source, str], ...] = (
-    ("wrench", "shipped"),
-    ("wrench", "other"),
-    ("wrench", "deep"),
-    ("torque", "shipped"),
-    ("torque", "other"),
-    ("vibration", "shipped"),
-    ("vibration", "other"),
-    ("trials", "shipped"),
-    ("trials", "other"),
+SHARE = 0.02
+"""Of a channel's standard deviation: the residual whose share noise is."""
+SOURCES: tuple[Source, ...] = ("wrench", "torque", "vibration", "trials")
+CASES: tuple[tuple[Source, str, str], ...] = (
+    *((source, bench, "white") for source in SOURCES for bench in ("shipped", "other")),
+    ("wrench", "deep", "white"),
+    *((source, "shipped", noise) for source in SOURCES for noise in ("floor", "hum", "drift", "all mixed")),
 )
-BRIEF: tuple[tuple[Source, str], ...] = (("wrench", "shipped"), ("torque", "other"), ("trials", "shipped"))
+"""Source, bench and what noise is added to that of the sensors."""
+BRIEF: tuple[tuple[Source, str, str], ...] = (
+    ("wrench", "shipped", "white"),
+    ("torque", "other", "hum"),
+    ("trials", "shipped", "floor"),
+)
 
 
 def study(count: int, brief: bool) -> Iterator[Row]:
     """Coverage on the two arms by source and bench; on the deep bench of a hundred campaigns at most."""
-    for source, bench in BRIEF if brief else CASES:
-        found, refused, doubtful = _trimmed(source, bench, range(min(count, 100) if bench == "deep" else count))
+    for source, bench, noise in BRIEF if brief else CASES:
+        found, refused, doubtful = _trimmed(source, bench, noise, range(min(count, 100) if bench == "deep" else count))
         for arm, (value, low, high) in zip(("first", "second"), np.moveaxis(found, 0, 2), strict=True):
             bias, scatter, width = 1e3 * np.array([(value - MISSING).mean(), value.std(), 0.5 * (high - low).mean()])
             note = f"bias {bias:.2f}, scatter {scatter:.2f}, half width {width:.2f} g m"
             note += f", {refused} refused" * bool(refused) + f", {doubtful} doubtful" * bool(doubtful)
             hits = int(((low <= MISSING) & (high >= MISSING)).sum())
-            yield covered(f"{source}, {bench} bench, {arm} arm", hits, len(value), note, conservative=bench == "deep")
+            yield covered(
+                f"{source}, {bench} bench, {noise}, {arm} arm", hits, len(value), note, conservative=bench == "deep"
+            )
 
 
-def _trimmed(source: Source, bench: str, seeds: range) -> tuple[Floats, int, int]:
+def _trimmed(source: Source, bench: str, noise: str, seeds: range) -> tuple[Floats, int, int]:
     """First moments with their intervals, (campaigns, arms, 3) [kg m]; campaigns refused, and doubtful."""
     mechanism, scenes = load_mechanism(MANIPULATOR), campaign(source, BENCHES[bench])
     found, refused, doubtful = [], 0, 0
     for seed in seeds:
         runs = [one.run(1000 * seed + k) for k, one in enumerate(scenes)]
+        if noise != "white":
+            runs = [disturbed(run, FAMILIES[noise], SHARE, 1000 * seed + k) for k, run in enumerate(runs)]
         try:
             trim = trim_runs(aligned(runs, mechanism), source=source)
         except CounterpoiseError:
