@@ -46,7 +46,7 @@ LAYERS: tuple[str, ...] = (
     "testbench.cross_examination",
     "testbench.identification testbench.trim testbench.vibration.reduction",
     "testbench.simulator",
-    "testbench.vibration.comparison testbench.next_run",
+    "testbench.vibration.comparison testbench.next_run testbench.project",
     "testbench.figures",
     "testbench.report",
     "testbench",

@@ -3,6 +3,8 @@
 from balance.cli.framework import LazyGroup, run
 
 COMMANDS = {
+    "new": ("project", "A folder for a test of your own machine: rig, plan, motion, run table, to be edited."),
+    "check": ("project", "What is missing in such a folder, or contradicts, all at once."),
     "plan": ("plan", "Which run to make next: what narrows most what is asked."),
     "simulate": ("simulate", "Make the logs that a test bench would write, marked as simulated."),
     "info": ("logs", "What a log file holds, and what is odd in it."),

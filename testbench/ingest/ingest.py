@@ -62,14 +62,16 @@ def not_stored(planned: PlannedRun, sources: Sequence[Source], error: Exception)
 
 def logs_missing(planned: PlannedRun) -> list[Outcome]:
     """The outcomes of a run of which logs are not given: these are missing, and the others wait for them."""
-    found = []
+    origin, found = planned.origin or "unstated", list[Outcome]()
     for name in planned.missing:
-        message = (
-            f"{name}, of run {planned.name}, is named by the run table and was not given: ingest it when it is there"
-        )
-        finding = Finding("log_missing", None, planned.name, message)
-        found.append(Outcome(None, name, None, planned.origin or "unstated", "missing", (finding,), message))
-    return found + not_stored(planned, (), RecordingError(planned.problem))
+        message = f"{name} of run {planned.name} is in the run table and was not given: ingest it when it is there"
+        finding = Finding("log_missing", None, None, message)
+        found.append(Outcome(None, name, None, origin, "missing", (finding,), message))
+    for path in planned.files:
+        message = f"{path.name}: {planned.problem}"
+        finding = Finding("not_stored", None, None, message)
+        found.append(Outcome(None, path.name, None, origin, "refused", (finding,), message))
+    return found
 
 
 Progress = Callable[[int], None]

@@ -1,13 +1,15 @@
 """The kinds of sensors, and the channels that each writes."""
 
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
-from balance.input_files import Table
+from balance.input_files import Measured, Table
+from balance.units import dimension_of
 
+from ..calibration.definition import is_electrical
 from . import key_types
 from .sensor_channels import Column, LoggedSensor
 
@@ -219,16 +221,21 @@ class Encoder(LoggedSensor):
     """Joint that it measures."""
     unit: key_types.JointUnit = "rad"
     """Unit in which the log is written."""
-    noise: key_types.Angle | None = None
-    """Standard deviation of its noise [rad]."""
-    resolution: key_types.Angle | None = None
-    """Least step of its readings [rad]."""
+    noise: key_types.JointStep | None = None
+    """Standard deviation of its noise [rad or m]."""
+    resolution: key_types.JointStep | None = None
+    """Least step of its readings [rad or m]."""
+
+    @model_validator(mode="after")
+    def _of_one_kind(self) -> Self:
+        _refuse_other_kind(self.unit, ("angle", "length"), noise=self.noise, resolution=self.resolution)
+        return self
 
     def _channels(self, name: str) -> Iterator[Column]:
         """Its one channel."""
         unit, stated = self._unit_of_log(self.unit)
         yield Column(self.channel, name, self.joint, self.logger, unit, ("angle", "length"), None,
-                     self.noise or 0.0, self.resolution or 0.0, stated=stated)  # fmt: skip
+                     _value(self.noise) or 0.0, _value(self.resolution) or 0.0, stated=stated)  # fmt: skip
 
 
 class Torque(LoggedSensor):
@@ -242,18 +249,24 @@ class Torque(LoggedSensor):
     """Joint that the drive acts on."""
     unit: key_types.DriveUnit = "N m"
     """Unit in which the log is written."""
-    range: key_types.Moment | None = None
-    """Measuring range [N m]."""
-    noise: key_types.Moment | None = None
-    """Standard deviation of its noise [N m]."""
-    resolution: key_types.Moment | None = None
-    """Least step of its readings [N m]."""
+    range: key_types.DriveLoad | None = None
+    """Measuring range [N m or N]."""
+    noise: key_types.DriveLoad | None = None
+    """Standard deviation of its noise [N m or N]."""
+    resolution: key_types.DriveLoad | None = None
+    """Least step of its readings [N m or N]."""
+
+    @model_validator(mode="after")
+    def _of_one_kind(self) -> Self:
+        levels = {"range": self.range, "noise": self.noise, "resolution": self.resolution}
+        _refuse_other_kind(self.unit, ("moment", "force"), **levels)
+        return self
 
     def _channels(self, name: str) -> Iterator[Column]:
         """Its one channel."""
         unit, stated = self._unit_of_log(self.unit)
-        yield Column(self.channel, name, self.joint, self.logger, unit, ("moment", "force"), self.range,
-                     self.noise or 0.0, self.resolution or 0.0, stated=stated)  # fmt: skip
+        yield Column(self.channel, name, self.joint, self.logger, unit, ("moment", "force"), _value(self.range),
+                     _value(self.noise) or 0.0, _value(self.resolution) or 0.0, stated=stated)  # fmt: skip
 
 
 class Target(LoggedSensor):
@@ -275,6 +288,20 @@ class Target(LoggedSensor):
 
 Support = Wrench | ForceSensor
 Sensor = Annotated[Accelerometer | Wrench | ForceSensor | Encoder | Torque | Target, Field(discriminator="kind")]
+
+
+def _value(level: Measured[float] | None) -> float | None:
+    return None if level is None else level.value
+
+
+def _refuse_other_kind(unit: str, kinds: tuple[str, str], **levels: Measured[float] | None) -> None:
+    """Raise ValueError for a level of another kind than the sensor's unit; an electrical unit has no kind."""
+    if is_electrical(unit):
+        return
+    kind = dimension_of(f"1 {unit}", *kinds)
+    for key, level in levels.items():
+        if level is not None and level.dimension != kind:
+            raise ValueError(f"{key}: is of {level.dimension}, but the sensor's unit {unit!r} is one of {kind}")
 
 
 def _at(values: tuple[float, float, float] | None, i: int) -> float | None:

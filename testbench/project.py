@@ -1,0 +1,319 @@
+"""A folder with all that a test of one's own machine needs: written anew from a mechanism, and checked whole.
+
+What is written is valid and runs at once on simulated logs; every value that the mechanism does not say is a guess,
+marked so, to be edited.
+"""
+
+import math
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from balance import datasets
+from balance.balancing import exact_sizing
+from balance.balancing.conditions import balance_conditions
+from balance.balancing.objective import motion_objective
+from balance.closure import Closure
+from balance.errors import CounterpoiseError, DataError
+from balance.mechanism.mechanism import Mechanism
+from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
+from balance.motion import Motion
+from balance.motion.motion_files import load_motion, motion_from_table
+from balance.results import Key
+
+from .campaign_plan import Plan, load_plan
+from .errors import RigError
+from .ingest.run_table import read_run_table
+from .rig import Rig, load_rig
+from .rig.rig import mechanism_file
+
+RIG, PLAN, RUNS, MOTION = "rig.toml", "plan.toml", "runs.csv", "motion.toml"
+FREQUENCY_HZ, DAMPING = 12.0, 0.05
+"""Of the guessed bench on its mounts: natural frequency, and share of critical damping."""
+BASE_SHARE = 20.0
+"""Guessed mass of the base over that of the mechanism."""
+_TURN_DEG, _SLIDE_MM, _HALVINGS = 15.0, 20.0, 6
+_PEAK = {True: "10 m/s^2", False: "60 rad/s^2"}
+"""Peak acceleration of a joint that slides, and of one that turns."""
+_RATE_HZ = 1000.0
+README = """# Test of {name}
+
+Everything here is yours to edit. Values marked (guess) are not known from the mechanism: put in those of your bench.
+
+    testbench check .                                         # what is missing or contradicts
+    balance conditions {mechanism}                            # which conditions balance it
+    balance size {mechanism} --motion {motion}                # the counter-masses of {plan}
+    testbench simulate --plan {plan} --rig {rig} -o logs      # simulated logs, to try the way
+    testbench ingest logs/r*.csv --rig {rig} --runs logs/{runs} -o campaign
+    testbench doctor campaign                                 # do logs, run table and rig agree?
+    testbench analyze campaign                                # by how much the vibration is reduced
+    testbench compare campaign                                # measured beside simulated
+    testbench report campaign
+
+With logs of your own: list them in {runs}, correct the channels and units in {rig}, and ingest them with --runs {runs}.
+`testbench schema rig`, `plan`, `run-table` and `balance schema motion` describe every key.
+"""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Something in a project that is missing or contradicts."""
+
+    file: Annotated[str, Key("", "file")]
+    message: Annotated[str, Key("", "what, and what to do")]
+
+
+def new_project(folder: Path, mechanism: str | None, loggers: int = 2) -> list[str]:
+    """Write a project into a new or empty folder, from a mechanism file or a shipped one; names of the files.
+
+    Raises RigError for a folder that is in use, ModelError for a mechanism that cannot be read.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise RigError(f"{folder}: exists and is not empty; name a new folder")
+    path = datasets.find_dataset(mechanism or "parallelogram-6bar", "mechanisms", ".xml")
+    model = load_mechanism(path)
+    suffix = next((s for tag, s in (("<robot", ".urdf"), ("<sdf", ".sdf")) if tag in model.text), ".xml")
+    file = f"{path.stem}{suffix}"
+    moved = _motion_text(model)
+    texts = {
+        file: model.text,
+        MOTION: moved,
+        PLAN: _plan_text(file, model, motion_from_text(moved)),
+        RIG: _rig_text(file, model, loggers),
+        "README.md": README.format(name=model.name, mechanism=file, motion=MOTION, plan=PLAN, rig=RIG, runs=RUNS),
+    }
+    mechanism_from_text(model.text, file)  # what is written can be read
+    made = not folder.exists()
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        for name, text in texts.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        (folder / RUNS).write_text(_run_table_text(load_plan(folder / PLAN), load_rig(folder / RIG)), encoding="utf-8")
+    except BaseException:
+        if made:
+            shutil.rmtree(folder, ignore_errors=True)
+        raise
+    return [*texts, RUNS]
+
+
+def motion_from_text(text: str) -> Motion:
+    """A motion from the text of its file."""
+    from balance.input_files import toml_tables
+
+    return motion_from_table(toml_tables(text, MOTION), MOTION)
+
+
+def _motion_text(model: Mechanism) -> str:
+    """Driven joints there and back one after the other, as far as the mechanism can go; rests of half a second."""
+    joints = model.driven
+    if not joints:
+        raise RigError(f"{model.name} has no driven joint: name actuators in its file, which say what drives it")
+    slides = [not model.tree.joints[model.coordinate_index(joint)].revolute for joint in joints]
+    share = 1.0
+    for _ in range(_HALVINGS):
+        text = _moves_text(model, slides, share)
+        try:
+            Closure(model).follow(motion_from_text(text).sample(_RATE_HZ))
+        except CounterpoiseError:
+            share /= 2.0
+        else:
+            return text
+    raise RigError(f"{model.name}: its driven joints {', '.join(joints)} cannot move from its home configuration")
+
+
+def _moves_text(model: Mechanism, slides: list[bool], share: float) -> str:
+    starts, moves = [], []
+    for joint, slide in zip(model.driven, slides, strict=True):
+        home = float(model.home[model.coordinate_index(joint)])
+        starts.append(f'"{1e3 * home:.9g} mm"' if slide else f'"{math.degrees(home):.9g} deg"')
+        size = f"{share * _SLIDE_MM:g} mm" if slide else f"{share * _TURN_DEG:g} deg"
+        moves.append(f'    {{ joint = "{joint}", to = ["{size}", "-{size}", "0 {size.split()[1]}"] }},')
+    peaks = [f'"{_PEAK[slide]}"' for slide in slides]
+    peak = peaks[0] if len(set(peaks)) == 1 else f"[{', '.join(peaks)}]"
+    return "\n".join(
+        [
+            f"# Motion of {model.name}: each driven joint there and back (guess). `balance schema motion`: all keys.",
+            'driven = "joints"',
+            f"joints = [{', '.join(repr_text(joint) for joint in model.driven)}]",
+            f"start = [{', '.join(starts)}]",
+            f"peak_acceleration = {peak}",
+            'rest = "0.1 s"',
+            "moves = [",
+            *moves,
+            "]",
+            "",
+        ]
+    )
+
+
+def repr_text(name: str) -> str:
+    """A name as a TOML string."""
+    escaped = name.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'
+
+
+def _plan_text(file: str, model: Mechanism, motion: Motion) -> str:
+    """Two repeats with the counter-masses of least shaking force, and without."""
+    masses = {}
+    if model.counter_sites:
+        objective = motion_objective(model, Closure(model).follow(motion.sample(_RATE_HZ)))
+        sized = exact_sizing(balance_conditions(model), model, (), objective=objective)
+        masses = {c.site: c.mass for c in sized.counter_masses if c.mass > 0.0}
+    listed = ", ".join(f'{repr_text(site)} = "{mass:.6g} kg"' for site, mass in masses.items())
+    payload = model.payload_bodies[0] if len(model.payload_bodies) == 1 else None
+    return "\n".join(
+        [
+            f"# Runs of the test of {model.name}. `testbench schema plan` says all keys.",
+            f"mechanism = {repr_text(file)}",
+            "repeats = 2",
+            "seed = 1                                  # of the noise in simulated logs",
+            "",
+            "[[conditions]]",
+            *([f'payload = "{model.mass(payload):.6g} kg"                # all that {payload} carries, itself included']
+              if payload and model.mass(payload) > 0.0 else []),
+            f"counter_masses = {{ {listed} }}" if masses else
+            "# counter_masses: none: name sites counter... in the mechanism's file, where masses can be mounted",
+            'motion = "motion"',
+            "",
+        ]
+    )  # fmt: skip
+
+
+def _rig_text(file: str, model: Mechanism, loggers: int) -> str:
+    base = BASE_SHARE * max(model.total_mass, 0.1)
+    stiffness = base * (2.0 * math.pi * FREQUENCY_HZ) ** 2 / 4.0
+    damping = 2.0 * DAMPING * base * 2.0 * math.pi * FREQUENCY_HZ / 4.0
+    drives = "controller" if loggers > 1 else "daq"
+    lines = [
+        f"# The bench of {model.name}. `testbench schema rig` says all keys. Lengths in the base frame.",
+        f'name = "bench of {model.name}"',
+        f"mechanism = {repr_text(file)}",
+        "",
+        "[loggers.daq]                             # the accelerometer's logger",
+        'rate = "2 kHz"                            # (guess)',
+        'start = "-1 s"                            # a rest of a second shows the noise',
+        *(["", "[loggers.controller]                      # encoders and torques", 'rate = "1 kHz"', 'start = "-0.9 s"']
+          if loggers > 1 else []),
+        "",
+        "[sensors.base_acc]",
+        'kind = "accelerometer"',
+        'logger = "daq"',
+        'channels = { x = "AccX", y = "AccY", z = "AccZ" }',
+        'unit = "g"                                # as the logger writes it',
+        'noise = "0.002 g"                         # (guess)',
+        'resolution = "0.0005 g"                   # (guess)',
+        'position = ["0.2 m", "-0.1 m", "0 m"]     # (guess)',
+        'attached_to = "base"',
+    ]  # fmt: skip
+    for joint in model.driven:
+        slide = not model.tree.joints[model.coordinate_index(joint)].revolute
+        unit, load, fine = ("m", "N", "1e-6 m") if slide else ("rad", "N m", "1e-5 rad")
+        name = "".join(c if c.isalnum() or c == "_" else "_" for c in joint)
+        lines += [
+            "", f"[sensors.encoder_{name}]", 'kind = "encoder"', f'logger = "{drives}"',
+            f"channel = {repr_text(f'q_{joint}')}", f"joint = {repr_text(joint)}", f'unit = "{unit}"',
+            f'resolution = "{fine}"                    # (guess)',
+            "", f"[sensors.drive_{name}]", 'kind = "torque"', f'logger = "{drives}"',
+            f"channel = {repr_text(f'tau_{joint}')}", f"joint = {repr_text(joint)}", f'unit = "{load}"',
+            f'noise = "0.01 {load}"                    # (guess)',
+        ]  # fmt: skip
+    lines += ["", "[bench]                                   # for the simulation alone (guess)"]
+    lines += [f'mass = "{base:.4g} kg"', 'centre = ["0 m", "-0.2 m", "0 m"]']
+    lines += [f'inertia = "{base * 0.1:.4g} kg m^2"']
+    for x in ("-0.4 m", "0.4 m"):
+        for z in ("-0.3 m", "0.3 m"):
+            lines += ["", "[[bench.mounts]]", f'position = ["{x}", "-0.5 m", "{z}"]']
+            lines += [f'stiffness = "{stiffness:.4g} N/m"', f'damping = "{damping:.4g} N s/m"']
+    return "\n".join([*lines, ""])
+
+
+def _run_table_text(plan: Plan, rig: Rig) -> str:
+    """Rows for the logs of the planned runs, one a logger."""
+    rows = ["file,run,origin,payload_kg,counter_masses,motion,repeat"]
+    for run in plan.runs():
+        masses = ";".join(f"{site}={mass:g}" for site, mass in run.counter_masses.items())
+        payload = "" if run.payload is None else f"{run.payload:g}"
+        rows += [
+            f"{run.name}_{logger}.csv,{run.name},measured,{payload},{masses},{run.motion},{run.repeat}"
+            for logger in rig.loggers
+        ]
+    return "\n".join([*rows, ""])
+
+
+def project_problems(folder: Path) -> list[Problem]:
+    """All that is missing in a project's folder, or contradicts, at once."""
+    if not folder.is_dir():
+        raise RigError(f"{folder}: no such folder; `testbench new {folder}` writes one")
+    return list(_problems(folder))
+
+
+def _problems(folder: Path) -> Iterator[Problem]:
+    rig, plan = None, None
+    try:
+        rig = load_rig(folder / RIG)
+    except (CounterpoiseError, OSError) as error:
+        yield Problem(RIG, str(error))
+    try:
+        plan = load_plan(folder / PLAN)
+    except (CounterpoiseError, OSError) as error:
+        yield Problem(PLAN, str(error))
+    if rig is None:
+        return
+    path = mechanism_file(rig.mechanism, rig.folder)
+    try:
+        model = load_mechanism(path or rig.mechanism)
+    except CounterpoiseError as error:
+        yield Problem(rig.mechanism, str(error))
+        return
+    stated = []
+    if plan is not None:
+        if plan.mechanism != rig.mechanism:
+            yield Problem(PLAN, f"mechanism is {plan.mechanism!r}, that of {RIG} {rig.mechanism!r}: make them the same")
+        stated += [(PLAN, run.name, dict(run.conditions)) for run in plan.runs()]
+        if not any(run.counter_masses for run in plan.runs()):
+            sites = ", ".join(model.counter_sites) or "none yet: name sites counter... in its file"
+            yield Problem(PLAN, f"no run has counter-masses, so nothing can be compared: put some on sites ({sites})")
+    if (folder / RUNS).is_file():
+        try:
+            rows = read_run_table(folder / RUNS)
+            stated += [(RUNS, f"line {row.line}", dict(row.conditions)) for row in rows]
+            missing = [row.file for row in rows if not (folder / row.file).is_file()]
+            if missing and len(missing) < len(rows):
+                yield Problem(
+                    RUNS, f"names {', '.join(missing)}, not in the folder: add the logs, or remove their rows"
+                )
+        except CounterpoiseError as error:
+            yield Problem(RUNS, str(error))
+    said = set()
+    for file, where, conditions in stated:
+        for message in _contradictions(folder, model, conditions):
+            if (file, message) not in said:
+                said.add((file, message))
+                yield Problem(file, f"{where}: {message}")
+
+
+def _contradictions(folder: Path, model: Mechanism, conditions: "dict[str, object]") -> Iterator[str]:
+    """What a run's conditions name that the mechanism does not have, or cannot do."""
+    masses = conditions.get("counter_masses")
+    for site in masses if isinstance(masses, dict) else ():
+        try:
+            model.site(site)
+        except CounterpoiseError as error:
+            yield f"counter_masses: {error}"
+    if conditions.get("payload_kg") is not None and len(model.payload_bodies) != 1:
+        yield (
+            f"payload: {model.name} names {len(model.payload_bodies)} payload bodies: leave the payload out, or name "
+            'one by <custom><text name="payload" data="BODY"/></custom> in its file'
+        )
+    if (motion := conditions.get("motion")) is None:
+        return
+    own = folder / f"{motion}.toml"
+    try:
+        moved = load_motion(own if own.is_file() else str(motion))
+        Closure(model).follow(moved.sample(_RATE_HZ))
+    except DataError as error:
+        yield f"motion: {error}"
+    except CounterpoiseError as error:
+        yield f"motion {motion!r}: {model.name} cannot follow it: {error}"
