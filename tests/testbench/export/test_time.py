@@ -10,7 +10,6 @@ import pytest
 from testbench.export import export, sep005
 from testbench.recording import Channel, Group, UniformClock
 from testbench.store import writer
-from testbench.store.archive import archive
 from testbench.store.run import open_run
 from testbench.store.writer import RunWriter
 
@@ -49,15 +48,6 @@ def test_the_last_samples_of_ten_hours(rate_hz):
         assert times[-1] == TEN_HOURS_S
 
 
-def test_adding_up_a_step_would_drift():
-    """What is avoided: a step of 3 ms that is added up over ten hours, off by far more than rounding."""
-    count = round(TEN_HOURS_S * 1000 / 3)
-    added = np.add.accumulate(np.full(count, 3e-3))[-1]
-    ours = UniformClock(1000 / 3).times(count, count + 1)[0]
-    assert abs(ours - count * 0.003) <= np.spacing(float(TEN_HOURS_S))
-    assert abs(added - count * 0.003) > 100 * np.spacing(float(TEN_HOURS_S))
-
-
 def test_in_memory_and_in_the_file(run):
     """time(), pandas, xarray, the dataset that others read, and the archive's."""
     expected = exact(run.rate_hz, SAMPLES - 500, SAMPLES).tobytes()
@@ -82,11 +72,3 @@ def test_in_every_export(run, tmp_path):
     assert content["group_daq"]["channel_time_s"]["data"][-500:].tobytes() == expected.tobytes()
     pyuff = pytest.importorskip("pyuff")
     assert pyuff.UFF(str(files["uff"])).read_sets()["x"][-500:].tobytes() == expected.tobytes()
-
-
-def test_in_the_archive(run, tmp_path):
-    """The clock is kept as rate and start, the time beside it to the bit."""
-    small = open_run(archive(run, tmp_path).file)
-    assert small.time().tobytes() == run.time().tobytes()
-    with h5py.File(small.path) as file:
-        assert file["entry/daq/time"][()].tobytes() == run.time().tobytes()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from testbench.errors import StoreError
-from testbench.recording import Channel, Group, TimeColumn, UniformClock
+from testbench.recording import Channel, Group, TimeColumn
 from testbench.store import open_campaign, open_run, writer
 from testbench.store.writer import RunWriter
 
@@ -62,18 +62,6 @@ def test_a_channel_is_found_with_and_without_its_unit(tmp_path):
         run.channel("AccZ")
     with pytest.raises(StoreError, match="no time column"):
         run.time()
-
-
-def test_a_uniform_clock_does_not_drift(tmp_path):
-    """1/5120 s over 10 hours: the last of 1.8e8 samples is where index / rate puts it, to the bit."""
-    samples = 5120 * 3600 * 10
-    group = Group("log", (Channel("AccX (g)", "g"),), UniformClock(5120.0, 0.25))
-    run = store(tmp_path, group, [np.zeros(writer.CHUNK + 3)])
-    time = run.time()
-    with h5py.File(run.path) as file:
-        assert file["entry/log/time"][()].tobytes() == time.tobytes()
-    assert time[-1] == 0.25 + (writer.CHUNK + 2) / 5120.0
-    assert 0.25 + np.float64(samples - 1) / 5120.0 == 0.25 + 35999.9998046875
 
 
 def test_conditions_rig_and_findings_come_back(tmp_path):
