@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from .equivalence_method import LinkageBalance
 from .expressions import Expression, Point
 from .force_balance import CounterMass, ForceBalance, joint_point
+from .linkage import Disc
 from .moment_balance import BodyMoment, GearResult
 
 
@@ -97,7 +98,7 @@ def _gear(gear: GearResult) -> list[Equation]:
     name, body = gear.gear.name, gear.gear.body
     found = [Equation(body, f"I_{name} = (Z*/Z) I[{body}], Z = {z}, Z* = {z_star}", gear.inertia)]
     wheel = gear.gear.wheel
-    if wheel is not None and wheel.diameter is not None:
+    if isinstance(wheel, Disc):
         disc = f"m_{name} = {wheel.mass:g} kg (d / {wheel.diameter:g} m)^2, d = 2 a Z / (Z + Z*)"
         found.append(Equation(body, disc, gear.wheel_mass))
         found.append(Equation(body, f"I_m_{name} = m_{name} d^2 / 8", gear.wheel_inertia))

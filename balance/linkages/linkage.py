@@ -12,6 +12,8 @@ from ..results import Key
 from .expressions import Expression, Point, Symbol
 
 GROUND = "ground"
+PositiveMass = Annotated[float, Quantity("mass", above=0.0)]
+PositiveLength = Annotated[float, Quantity("length", above=0.0)]
 Force = Annotated[float, Quantity("force")]
 Moment = Annotated[float, Quantity("moment")]
 Name = Annotated[Text, BeforeValidator(lambda value: str(value) if type(value) is int else value)]
@@ -117,16 +119,22 @@ class Joint:
         return body in (self.ends[0].body, self.ends[1].body)
 
 
-@dataclass(frozen=True)
-class Wheel:
-    """A real gear: mass and inertia, or a disc whose mass grows with the square of its diameter."""
+class Disc(Table):
+    """A gear as a disc whose mass grows with the square of its diameter."""
 
-    mass: float
-    """Its mass, or that of a disc of ``diameter`` [kg]."""
-    inertia: float = 0.0
-    """About its own axis, where ``diameter`` is None [kg m2]."""
-    diameter: float | None = None
-    """[m]."""
+    mass: PositiveMass
+    """Mass of a disc of this diameter [kg]."""
+    diameter: PositiveLength
+    """The diameter [m]."""
+
+
+class Wheel(Table):
+    """A gear with mass and inertia."""
+
+    mass: PositiveMass
+    """Mass of the gear on the body [kg]."""
+    inertia: Annotated[float, Quantity("inertia", above=0.0)]
+    """Inertia of the gear on the body about its own axis [kg m2]."""
 
 
 @dataclass(frozen=True)
@@ -142,7 +150,7 @@ class Gear:
     """The revolute joint that it sits at; None for the body's reduction joint."""
     teeth: Annotated[tuple[int, int], Key("", "Z:Z*", lambda teeth: "{}:{}".format(*teeth))]
     """Z on the body, Z* of the counter-gear."""
-    wheel: Wheel | None
+    wheel: Disc | Wheel | None
     """The real gear on the body; None for one without mass."""
     pivot: Point | None
     """Pivot of the counter-gear in the carrier's frame; None for the carrier's own reduction joint."""

@@ -13,7 +13,23 @@ from ..input_files import Count, FromText, OneOrMore, Quantity, Table, Text, in_
 from ..units import parse
 from . import expressions
 from .expressions import ORIGIN, Expression, Point, Symbol
-from .linkage import GROUND, Body, End, Gear, Joint, Linkage, Name, Part, Place, Published, TwoPoint, Wheel
+from .linkage import (
+    GROUND,
+    Body,
+    Disc,
+    End,
+    Gear,
+    Joint,
+    Linkage,
+    Name,
+    Part,
+    Place,
+    PositiveLength,
+    PositiveMass,
+    Published,
+    TwoPoint,
+    Wheel,
+)
 
 RESERVED = {GROUND: "the ground needs no description", "base": "the name of the frame of the base"}
 """Names that no link can have, and why."""
@@ -25,10 +41,6 @@ class _Stated(Quantity):
     def _parse(self, text: str, context: object) -> Symbol:
         super()._parse(text, context)
         return expressions.symbol(text, self.dimensions[0])
-
-
-def _expression(text: str, lengths: Mapping[str, Symbol]) -> Expression:
-    return expressions.read_length(text, lengths)
 
 
 def _size(text: str, lengths: Mapping[str, Symbol]) -> Expression:
@@ -55,7 +67,7 @@ def _without_units(lengths: dict[str, Symbol]) -> dict[str, Symbol]:
     return lengths
 
 
-Length = Annotated[Expression, FromText(_expression, "L2/2 + 10 mm", ("length",))]
+Length = Annotated[Expression, FromText(expressions.read_length, "L2/2 + 10 mm", ("length",))]
 Size = Annotated[Expression, FromText(_size, "L2/2 + 10 mm", ("length",))]
 SizeOrZero = Annotated[Expression, FromText(_size_or_zero, "L2/2 + 10 mm", ("length",))]
 
@@ -70,9 +82,6 @@ Lengths = Annotated[dict[str, Annotated[Symbol, _Stated("length")]], AfterValida
 PlanePoint = tuple[Length, Length]
 Angle = Annotated[float, Quantity("angle")]
 Acceleration = Annotated[float, Quantity("acceleration")]
-PositiveMass = Annotated[float, Quantity("mass", above=0.0)]
-PositiveLength = Annotated[float, Quantity("length", above=0.0)]
-PositiveInertia = Annotated[float, Quantity("inertia", above=0.0)]
 StatedInertia = Annotated[Symbol, _Stated("inertia", at_least=0.0)]
 Teeth = tuple[Annotated[Count, Field(gt=0)], Annotated[Count, Field(gt=0)]]
 
@@ -179,24 +188,6 @@ JointTable = Annotated[
 ]
 
 
-class DiscTable(Table):
-    """A gear as a disc whose mass grows with the square of its diameter."""
-
-    mass: PositiveMass
-    """Mass of a disc of this diameter [kg]."""
-    diameter: PositiveLength
-    """The diameter [m]."""
-
-
-class WheelTable(Table):
-    """A gear with mass and inertia."""
-
-    mass: PositiveMass
-    """Mass of the gear on the body [kg]."""
-    inertia: PositiveInertia
-    """Inertia of the gear on the body about its own axis [kg m2]."""
-
-
 class CounterGearTable(Table):
     """The counter-gear."""
 
@@ -226,9 +217,9 @@ class GearTable(Table):
     """Revolute joint that it sits at; the body's reduction joint where it is left out."""
     teeth: Teeth = (1, 1)
     """Teeth of the body's gear and of the counter-gear, [Z, Z*]."""
-    disc: DiscTable | None = None
+    disc: Disc | None = None
     """The gear on the body as a disc."""
-    wheel: WheelTable | None = None
+    wheel: Wheel | None = None
     """The gear on the body with mass and inertia."""
     counter: CounterGearTable = CounterGearTable()
     """The gear that turns the other way."""
@@ -236,12 +227,6 @@ class GearTable(Table):
     def _check(self) -> None:
         if self.disc is not None and self.wheel is not None:
             raise DataError("expected either disc or wheel, not both")
-
-    def real(self) -> Wheel | None:
-        """The real gear on the body; None where nothing is given."""
-        if self.disc is not None:
-            return Wheel(self.disc.mass, 0.0, self.disc.diameter)
-        return None if self.wheel is None else Wheel(self.wheel.mass, self.wheel.inertia)
 
 
 class LinkageTable(Table):
@@ -433,7 +418,7 @@ class _Builder:
             carrier, frame = self._body(f"gears.{name}.counter.on", counter.on)
             pivot = frame.of(Point(*counter.at))
         return Gear(
-            name, table.body, table.joint, table.teeth, table.real(), pivot, carrier, counter.mass,
+            name, table.body, table.joint, table.teeth, table.disc or table.wheel, pivot, carrier, counter.mass,
             counter.radius_of_gyration,
         )  # fmt: skip
 

@@ -29,7 +29,7 @@ from .force_balance import (
     span_vector,
     tree_parents,
 )
-from .linkage import GROUND, Gear, Linkage, rotation_groups, translating_bodies
+from .linkage import GROUND, Gear, Linkage, Wheel, rotation_groups, translating_bodies
 
 
 @dataclass(frozen=True)
@@ -307,7 +307,7 @@ class _Step:
         wheel, joint, carrier = gear.wheel, self.pairs.joint[gear.name], self.pairs.carrier[gear.name]
         if wheel is None:
             return 0.0, 0.0
-        if wheel.diameter is None:
+        if isinstance(wheel, Wheel):
             return wheel.mass, wheel.inertia
         if carrier == GROUND and gear.pivot is None:
             raise ModelError(

@@ -45,7 +45,8 @@ class Correction:
 
     def residual(self) -> float:
         """The larger of the residual force and the residual couple over the rotor's span [kg m]."""
-        return max(abs(self.force()), abs(self.couple()) / plane_span(self.after))
+        places = [u.at for u in self.after]
+        return max(abs(self.force()), abs(self.couple()) / ((max(places) - min(places)) or 1.0))
 
     def is_balanced(self, tol: float) -> bool:
         """Whether force and couple over the span are at most ``tol`` [kg m]."""
@@ -91,12 +92,6 @@ def correction_findings(rotor: Rotor, correction: Correction) -> list[str]:
         f"the couple they need up to {1e3 * largest:.4g} kg mm each, and any error of these is a couple; take planes "
         "further apart"
     ]
-
-
-def plane_span(unbalances: Sequence[Unbalance]) -> float:
-    """Largest distance along the axis between two of the unbalances [m]; 1 where all are in one plane."""
-    places = [u.at for u in unbalances]
-    return (max(places) - min(places)) or 1.0
 
 
 def mass_and_radius(plane: Plane, vector: complex) -> tuple[float, float] | None:

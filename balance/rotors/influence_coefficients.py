@@ -32,11 +32,6 @@ _SMALL_READING = 0.1
 """Share of the largest reading below which a reading is not compared with itself."""
 
 
-def within_limits(weights: Complexes, limits: Floats) -> Complexes:
-    """The weights (planes,) [w], each shortened to its limit (planes,) [w] where it is larger."""
-    return weights * np.minimum(1.0, limits / np.maximum(np.abs(weights), 1e-300))
-
-
 @dataclass(frozen=True)
 class Coefficients:
     """Influence coefficients and the readings without weights."""
@@ -205,7 +200,8 @@ def _cone_programme(matrix: Complexes, initial: Complexes, limits: Floats, metho
         settings,
     ).solve()
     x = np.asarray(solved.x)
-    weights = within_limits((x[:planes] + 1j * x[planes : 2 * planes]) * scale, limits)
+    weights = (x[:planes] + 1j * x[planes : 2 * planes]) * scale
+    weights = weights * np.minimum(1.0, limits / np.maximum(np.abs(weights), 1e-300))
     reached, bound = _cost(initial + matrix @ weights, method), size * float(solved.obj_val_dual)
     if not reached - bound <= _GAP * size * bounds:
         raise SizingError(f"correction weights: optimum not proven, reached {reached:.6g}, bound {bound:.6g}")

@@ -181,38 +181,21 @@ def test_wrong_files_of_samples(tmp_path: Path, case: str) -> None:
 
 
 WRONG = {
-    "speed": ({"speed": "1 m/s"}, "speed: unknown key: expected driven"),
     "driven": ({"driven": "wheels"}, "driven: 'wheels': expected 'platform' or 'joints'"),
-    "driven by a number": ({"driven": 3}, "driven: 3: expected"),
     "axes": ({"axes": ["x", "w"]}, r"axes\[1\]: 'w': expected 'x', 'y' or 'z'"),
     "axes twice": ({"axes": ["x", "x"]}, r"axes: \['x', 'x'\]: expected each once"),
-    "no start": ({"start": None}, "start: missing"),
     "start too long": ({"start": ["0 m"] * 3}, "start: has 3 values: expected one for each of x, y"),
-    "start without unit": ({"start": ["0", "1 m"]}, "'0' has no unit"),
-    "start in kg": ({"start": ["0 kg", "1 m"]}, "'kg' is not a unit of length"),
-    "start of numbers": ({"start": [0.0, 0.2]}, r"start\[0\]: 0\.0 has no unit: expected a text"),
-    "no acceleration": ({"peak_acceleration": None}, "peak_acceleration: missing"),
     "acceleration zero": ({"peak_acceleration": "0 g0"}, "peak_acceleration: '0 g0': expected more than zero"),
-    "acceleration of words": ({"peak_acceleration": "fast"}, "'fast' is no acceleration"),
     "ramp too long": ({"ramp": 0.6}, "ramp: 0.6: expected 0.5 or less"),
-    "ramp of text": ({"ramp": "0.25"}, "ramp: '0.25': expected a number"),
-    "ramp true": ({"ramp": True}, "ramp: True: expected a number"),
     "rest negative": ({"rest": "-1 s"}, "rest: '-1 s': expected zero or more"),
-    "rest in metres": ({"rest": "1 m"}, "'m' is not a unit of time"),
-    "no moves": ({"moves": None}, "moves: missing"),
     "moves empty": ({"moves": []}, "moves: has 0 values: expected at least 1"),
-    "moves of text": ({"moves": ["x"]}, r"moves\[0\]: 'x': expected a table"),
     "move without end": ({"moves": [{"axis": "x"}]}, r"moves\[0\]\.to: missing: expected ends"),
     "move along z": ({"moves": [{"axis": "z", "to": ["1 mm"]}]}, r"moves\[0\]: axis: 'z': expected one of x, y"),
-    "move of a list": ({"moves": [{"axis": ["x"], "to": ["1 mm"]}]}, r"moves\[0\]\.axis: \['x'\]"),
-    "move with a typo": ({"moves": [{"axis": "x", "too": ["1 mm"]}]}, r"\.too: unknown key; did you mean 'to'"),
     "move nowhere": ({"moves": [{"axis": "x", "to": ["0 mm"]}]}, "nothing moves"),
-    "second move": ({"moves": [{"axis": "x", "to": ["1 mm"]}, {"axis": "x", "to": ["1"]}]}, r"\[1\]\.to\[0\]: '1' has"),
     "polygon of a name": ({"moves": [{"polygon": "hexagon"}]}, r"moves\[0\]\.polygon: 'hexagon': expected 'triangle'"),
     "triangle without height": ({"moves": [{"polygon": "triangle", "width": "1 mm"}]}, "height: missing"),
     "flat polygon": ({"moves": [{"polygon": [["0 m", "0 m"]]}]}, r"moves\[0\]\.polygon: has 1 values"),
     "joint for a platform": ({"moves": [{"joint": "J1", "to": ["1 rad"]}]}, r"moves\[0\]: joint: .*: expected axis"),
-    "point of a number": ({"point": 3}, "point: 3: expected a text"),
     "samples and moves": ({"samples": "path.csv"}, "start: has no effect with samples"),
     "joints for a platform": ({"joints": ["J1"]}, "joints: has no effect with driven = 'platform'"),
 }  # fmt: skip
@@ -228,7 +211,6 @@ def test_every_wrong_value_is_named(case: str) -> None:
 
 WRONG_JOINTS = {
     "joints missing": ({"joints": None}, "joints: missing"),
-    "joints of text": ({"joints": "J1"}, "joints: 'J1': expected a list"),
     "joint twice": ({"joints": ["J1", "J1"]}, r"joints: \['J1', 'J1'\]: expected each once"),
     "point for joints": ({"point": "tip"}, "point: has no effect with driven = 'joints'"),
     "move of another": (

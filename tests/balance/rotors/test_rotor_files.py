@@ -30,7 +30,7 @@ def _write(tmp_path, text, name="rotor.toml"):
     return path
 
 
-def test_sheet_in_si(tmp_path):
+def test_a_file_in_si(tmp_path):
     """Masses times radii and products of them come in kg m, places in m."""
     rotor = load_rotor(_write(tmp_path, KEYS.format(angle='angle = "90 deg"')))
     assert abs(rotor.unbalances[0].vector) == pytest.approx(0.24)
@@ -46,7 +46,7 @@ def test_a_table_row_without_its_angle_is_named(tmp_path, row):
         load_rotor(_write(tmp_path, text, "masses.csv"))
 
 
-def test_shipped_table_is_the_shipped_sheet():
+def test_the_shipped_table_is_the_shipped_file():
     """The same three masses as TOML and as CSV."""
     toml, table = load_rotor("three-masses"), load_rotor("three-masses-table")
     assert [u.vector for u in table.unbalances] == pytest.approx([u.vector for u in toml.unbalances])
@@ -55,23 +55,17 @@ def test_shipped_table_is_the_shipped_sheet():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("name,mass (kg),radius,angle (deg),at (mm)\nA,1,1,1,1\n", "column 'radius': has no unit"),
         ("name,mass (kg),radius (mm),at (mm)\nA,1,1,1\n", "no column 'angle'"),
-        ("name,mass (kg),radius (kg),angle (deg),at (mm)\nA,1,1,1,1\n", "not a unit of length"),
-        ("mass (kg),radius (mm),angle (deg),at (mm),colour (deg)\n1,1,1,1,1\n", "'colour"),
-        ("name,mass (kg),radius (mm),angle (deg),at (mm)\nA,1,1,x,1\n", "line 2 \\(A\\): angle: 'x deg' is no angle"),
-        ("name,mass (kg),radius (mm),angle (deg),at (mm)\nA,1,1,nan,1\n", "\\(A\\): angle: 'nan deg' is no angle"),
         (
             "name,mass (kg),radius (mm),angle (deg),at (mm)\nA,1,-80,20,10",
             "line 2 \\(A\\): radius: '-80 mm': expected zero",
         ),
-        ("name,mass (kg),radius (mm),angle (deg),at (mm)\nA,1,80,20,10,7", "6 cells, the header has 5 columns"),
         ("name,mass (kg),radius (mm),angle (deg),at (mm)\n", "holds no masses"),
         ("name,mass (kg),radius (mm),angle (deg),at (mm)\nA,1,1,1,1\nA,1,1,1,1\n", "'A' is there twice"),
     ],
 )
 def test_wrong_tables_are_named(tmp_path, text, message):
-    """Header and cells that cannot be understood are refused by name."""
+    """A column that is missing, a radius below zero, no mass, one mass twice; other cells as of any table."""
     with pytest.raises(DataError, match=message):
         load_rotor(_write(tmp_path, text, "masses.csv"))
 
@@ -80,26 +74,19 @@ def test_wrong_tables_are_named(tmp_path, text, message):
     ("change", "message"),
     [
         (('at = "0 mm"', 'at = "0 mm"\nradius = "1 mm"\nmass = "1 kg"'), "both radius and mass"),
-        (('"3 kg"', "3"), "mass: 3 has no unit: expected a text with a unit"),
-        (('"3 kg"', '"mm"'), r"masses\[0\] \(A\).mass: 'mm' is no mass: expected a number and a unit, such as '1 kg'"),
-        (('"3 kg"', '"3 mm"'), r"masses\[0\] \(A\).mass: '3 mm': 'mm' is not a unit of mass: expected one"),
-        (('"60 deg"', '"60"'), r"angle: '60' has no unit: write for example '60 deg'"),
         (("[[planes]]", '[[planes]]\nname = "L"\nat = "7 mm"\n[[planes]]'), "planes: 'L' is there twice"),
         (("[[planes]]", 'bearings = ["5 mm", "5 mm"]\n[[planes]]'), "rotor.toml: bearings: .*: expected two, in"),
         (
             ("[[masses]]", '[[masses]]\nname = "A"\nunbalance = "1 kg mm"\nangle = "0 deg"\nat = "0 mm"\n[[masses]]'),
             "masses: 'A' is there twice",
         ),
-        (("[[planes]]", "[[colours]]\n[[planes]]"), "colours: unknown key: expected name, source, masses"),
         (('"80 mm"', '"-80 mm"'), r"\(A\).radius: '-80 mm': expected zero or more"),
         (('angle = "90 deg"', ""), r"rotor.toml: masses\[1\] \(B\)\.angle: missing: expected angle"),
-        (('"80 mm"', '"80 kg"'), "radius: '80 kg': 'kg' is not a unit of length"),
-        (('mass = "3 kg"', 'mass = "3 kg"\ncolour = "red"'), "colour: unknown key"),
         (("[[planes]]", 'speed = "50 Hz"\n[[planes]]'), "turns or radians"),
     ],
 )
-def test_wrong_sheets_are_named(tmp_path, change, message):
-    """Keys, units and unknown names are refused where they stand."""
+def test_wrong_files_are_named(tmp_path, change, message):
+    """What does not go together, or has no bearing, is refused where it is; units and keys as of any input file."""
     with pytest.raises(DataError, match=message):
         load_rotor(_write(tmp_path, KEYS.format(angle='angle = "90 deg"').replace(*change, 1)))
 
