@@ -37,6 +37,7 @@ STUDIES = {
     "laboratories": Study(
         "intervals of `testbench analyze` in laboratories drawn at random", "campaigns a family", 200, 2
     ),
+    "lies": Study("lies about runs are found, honest campaigns are not suspected", "campaigns a bench", 40, 1),
     "order_vectors": Study("intervals of `testbench vectors`", "seeds", 200, 6),
     "reader_faults": Study("damaged files are read to their end or refused", "copies a file", 200, 4),
     "reductions": Study("intervals of `testbench analyze`", "seeds", 200, 3),

@@ -114,7 +114,7 @@ def _difference(one: Complexes, other: Complexes) -> float:
     count = len(one)
     fine = np.fft.ifft(one * other.conj(), 16 * count)
     lag = int(np.argmax(np.abs(fine))) / (16.0 * count)
-    moved = other * np.exp(2j * np.pi * lag * np.arange(count))
+    moved = other * np.exp(-2j * np.pi * lag * np.arange(count))
     a, b = np.fft.ifft(one), np.fft.ifft(moved)
     gain = np.vdot(b, a) / max(float(np.vdot(b, b).real), 1e-300)
     rest = np.abs(a - gain * b) ** 2

@@ -7,6 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from balance.arrays import Floats
+from balance.units import G0
 
 from ..rig.sensors import Accelerometer
 from .observation import BLOCKS, Observation, Response
@@ -36,6 +37,8 @@ EXCHANGED = 0.35
 """Remainder with two axes exchanged over that without from which they are exchanged."""
 DRIFT_SHARE = 0.25
 """Least drift over the vibration's span that is a contradiction."""
+LEAST_DRIFT = 0.25 * G0
+"""Least drift that is a contradiction [m/s2]: what is slower than the band of an analysis is not in it."""
 
 
 def levels(seen: Observation) -> list[Statement]:
@@ -48,7 +51,7 @@ def levels(seen: Observation) -> list[Statement]:
                           "encoders and command move", "flat_channel")
             )  # fmt: skip
         elif record.column.dimensions[0] == "acceleration":
-            drifts = abs(record.drift) > max(DRIFT_SHARE * record.span, 10.0 * record.noise)
+            drifts = abs(record.drift) > max(DRIFT_SHARE * record.span, LEAST_DRIFT)
             found.append(
                 Statement(seen.name, "rest", channel, "a level that rests",
                           f"it drifts by {record.drift:.3g} m/s2, beneath a vibration of {record.span:.3g} m/s2",
@@ -191,19 +194,24 @@ def _gain_statements(channel: str, by_run: dict[str, tuple[float, float]]) -> li
     found = []
     for run, own in logs.items():
         others = np.array([value for name, value in logs.items() if name != run])
-        centre = float(np.median(others)) if others.size > 1 else 0.0
+        centre = _agreed(others)
         scatter = 1.4826 * float(np.median(np.abs(others - centre))) if others.size > 2 else 0.0
         error = by_run[run][1] / by_run[run][0]
         wrong = abs(own - centre) > max(np.log(GAIN_FACTOR), GAIN_DEVIATIONS * max(scatter, error))
-        if others.size == 1:
-            wrong = wrong and abs(own - others[0]) > np.log(GAIN_FACTOR)
-        wrong = wrong and others.size > 0
-        stated = f"{np.exp(centre):.3g} times the model in the other runs" if others.size > 1 else "once the model"
+        wrong = wrong and bool((np.abs(own - others) > np.log(GAIN_FACTOR)).sum() > others.size / 2)
+        stated = f"{np.exp(centre):.3g} times the model in the other runs" if others.size > 1 else "as the model"
         found.append(
             Statement(run, "gain", channel, stated, f"{by_run[run][0]:.3g} times the model, standard uncertainty "
                       f"{by_run[run][1]:.2g}", "its readings", "gain_contradiction" if wrong else None)
         )  # fmt: skip
     return found
+
+
+def _agreed(others: Floats) -> float:
+    """Median of the others' logarithms of gains and of the model's, zero; of two in the middle the model's nearest."""
+    votes = np.sort(np.append(others, 0.0))
+    middle = votes[(len(votes) - 1) // 2 : len(votes) // 2 + 1]
+    return float(middle[np.argmin(np.abs(middle))])
 
 
 def _noises(observations: Sequence[Observation]) -> list[Statement]:

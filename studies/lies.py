@@ -1,0 +1,283 @@
+"""Lies about runs: how often the cross-examination finds each, and how often it suspects an honest campaign.
+
+A campaign is simulated, then one statement about one of its runs is made false, or some recorded values. It is found if
+a contradiction with the right code names a run that lies.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from testbench.campaign_plan import Plan, plan_from_text
+from testbench.cross_examination import Examination, Observation, hear, observe
+from testbench.kinematics.encoder_motion import mechanism_of
+from testbench.recording import UniformClock
+from testbench.rig import Rig, load_rig
+from testbench.runs.si_run import SIRun
+from testbench.simulator.simulated_logs import simulate_logs
+
+from .simulated_runs import MemoryRun, stored, with_values
+from .table import Row
+
+Campaign = list[MemoryRun]
+PLAN = """mechanism = "parallelogram-6bar"
+repeats = {repeats}
+[[conditions]]
+payload = "{payload} kg"
+counter_masses = {{ counter_A0A = "{mass} kg", counter_B0B = "{mass} kg" }}
+motion = {motions}
+peak_acceleration = {peaks}
+"""
+WITHOUT_FORCES_AND_PLATFORM = ("platform_acc", "k6d40", "kistler", "futek_1", "futek_2")
+
+
+def plan(payload: float, mass: float, motions: Sequence[str], peaks: Sequence[float], repeats: int = 1) -> Plan:
+    """A plan of one payload [kg] with counter-masses [kg] on each arm and without, peaks in g0."""
+    listed = str([f"{peak} g0" for peak in peaks]).replace("'", '"')
+    text = PLAN.format(
+        repeats=repeats, payload=payload, mass=mass, motions=str(list(motions)).replace("'", '"'), peaks=listed
+    )
+    return plan_from_text(text)
+
+
+def simulated(rig: Rig, planned: Plan, seed: int) -> Campaign:
+    """The runs of a plan in memory."""
+    made = simulate_logs(planned, rig, seed)
+    return [stored(one, rig, f"{one.planned.name}.h5") for one in made]
+
+
+def slimmed(rig: Rig) -> Rig:
+    """A rig with a base accelerometer, encoders, torques and a target alone."""
+    parts = [
+        p
+        for p in rig.text.split("\n[")
+        if not any(
+            p.startswith(f"sensors.{n}]") or p.startswith(f"bench.errors.{n}]") for n in WITHOUT_FORCES_AND_PLATFORM
+        )
+    ]
+    return load_rig("\n[".join(parts))
+
+
+@dataclass(frozen=True)
+class Lie:
+    """What is made false."""
+
+    tell: Callable[[Campaign, int, np.random.Generator], tuple[Campaign, set[str]]]
+    """Of a campaign and the number of a run: the campaign with the lie, and the runs that it names."""
+    codes: frozenset[str]
+    """Of the findings that find it."""
+
+
+def about(run: MemoryRun, **conditions: Any) -> MemoryRun:  # noqa: ANN401
+    """The run with other conditions in the run table."""
+    return replace(run, conditions={**run.conditions, **conditions})
+
+
+def _one(change: Callable[[MemoryRun, np.random.Generator], MemoryRun]) -> Callable[..., tuple[Campaign, set[str]]]:
+    def tell(runs: Campaign, i: int, rng: np.random.Generator) -> tuple[Campaign, set[str]]:
+        return [*runs[:i], change(runs[i], rng), *runs[i + 1 :]], {runs[i].name}
+
+    return tell
+
+
+def _pair(runs: Campaign, i: int) -> int:
+    """The run that differs from the i-th in the counter-masses alone."""
+    own = {**runs[i].conditions, "counter_masses": None}
+    return next(k for k, run in enumerate(runs) if k != i and {**run.conditions, "counter_masses": None} == own)
+
+
+def _exchange_masses(runs: Campaign, i: int, rng: np.random.Generator) -> tuple[Campaign, set[str]]:
+    k, changed = _pair(runs, i), list(runs)
+    for a, b in ((i, k), (k, i)):
+        changed[a] = about(runs[a], counter_masses=runs[b].conditions["counter_masses"])
+    return changed, {runs[i].name, runs[k].name}
+
+
+def _all(change: Callable[[MemoryRun, np.random.Generator], MemoryRun]) -> Callable[..., tuple[Campaign, set[str]]]:
+    return lambda runs, i, rng: ([change(run, rng) for run in runs], {run.name for run in runs})
+
+
+def other_payload(run: MemoryRun, rng: np.random.Generator) -> MemoryRun:
+    """A payload that is wrong by 1 to 2 kg."""
+    own, off = run.conditions["payload_kg"], float(rng.uniform(1.0, 2.0))
+    return about(run, payload_kg=own - off if own > 2.5 and rng.random() < 0.5 else own + off)
+
+
+def other_peak(run: MemoryRun, rng: np.random.Generator) -> MemoryRun:
+    """A peak acceleration that is another number of half g0."""
+    own = run.conditions["peak_acceleration_g"]
+    return about(run, peak_acceleration_g=float(rng.choice([p for p in (0.5, 1.0, 1.5, 2.0, 3.0, 4.0) if p != own])))
+
+
+def other_motion(run: MemoryRun, rng: np.random.Generator) -> MemoryRun:
+    """The other motion."""
+    return about(run, motion="y" if run.conditions["motion"] == "x" else "x")
+
+
+def exchanged_axes(run: MemoryRun, rng: np.random.Generator) -> MemoryRun:
+    """Two channels of the accelerometer on the base exchanged."""
+    x, y = run.channel("AccX"), run.channel("AccY")
+    return with_values(with_values(run, "AccX", y), "AccY", x)
+
+
+def scaled(run: MemoryRun, factor: float) -> MemoryRun:
+    """All channels of the accelerometer on the base times a factor."""
+    for channel in ("AccX", "AccY", "AccZ"):
+        run = with_values(run, channel, factor * run.channel(channel))
+    return run
+
+
+def flat(run: MemoryRun, rng: np.random.Generator) -> MemoryRun:
+    """Nothing but the noise of the logger, or nothing at all, from the accelerometer on the base."""
+    noise = float(rng.choice([0.0, 1e-4]))
+    for channel in ("AccX", "AccY", "AccZ"):
+        run = with_values(run, channel, np.round(noise * rng.standard_normal(len(run.channel(channel))), 5))
+    return run
+
+
+def ramp(run: MemoryRun, rng: np.random.Generator) -> MemoryRun:
+    """One axis drifts by 1 g over the run."""
+    channel = str(rng.choice(["AccX", "AccY", "AccZ"]))
+    values = run.channel(channel)
+    return with_values(run, channel, values + np.linspace(0.0, 1.0, len(values)))
+
+
+def reversed_sign(run: MemoryRun, rng: np.random.Generator) -> MemoryRun:
+    """The channel along the motion reversed."""
+    channel = "Acc" + run.conditions["motion"].upper()
+    return with_values(run, channel, -run.channel(channel))
+
+
+def turned_force(run: MemoryRun, rng: np.random.Generator) -> MemoryRun:
+    """A force channel along the motion reversed."""
+    channel = f"F{run.conditions['motion']}{rng.integers(1, 3)}"
+    return with_values(run, channel, -run.channel(channel))
+
+
+def copied(runs: Campaign, i: int, rng: np.random.Generator) -> tuple[Campaign, set[str]]:
+    """A run comes again under another name, as it is or written anew: cut, in another unit and resolution, resampled."""
+    copy = replace(runs[i], path=runs[i].path.with_name(f"{runs[i].name}b.h5"))
+    how, data, groups = int(rng.integers(4)), dict(copy.provenance["data"]), []
+    for group in copy.groups:
+        for key in group.keys:
+            values = data[f"{group.path}/{key}"]
+            if how == 1:
+                values = values[rng.integers(1, 60) :] if key != "Time" else values
+            elif how == 2 and key != "Time":
+                values = np.round(1.02 * values, 4)
+            elif how == 3:
+                at = np.linspace(0.0, len(values) - 1.0, round(0.9 * len(values)))
+                values = np.interp(at, np.arange(len(values)), values)
+            data[f"{group.path}/{key}"] = values
+        length = min(len(data[f"{group.path}/{key}"]) for key in group.keys)
+        for key in group.keys:
+            data[f"{group.path}/{key}"] = data[f"{group.path}/{key}"][-length:]
+        rate = (group.rate_hz or 1.0) * (0.9 if how == 3 else 1.0)
+        clock = UniformClock(rate) if isinstance(group.clock, UniformClock) else group.clock
+        groups.append(replace(group, samples=length, rate_hz=rate, clock=clock))
+    copy = replace(copy, groups=tuple(groups), provenance={"data": data}, conditions={**copy.conditions, "repeat": 9})
+    return [*runs, copy], {copy.name}
+
+
+PAYLOAD, COUNTER = frozenset({"payload_contradiction"}), frozenset({"counter_mass_contradiction"})
+GAIN = frozenset({"gain_contradiction"})
+LIES = {
+    "payload of one run": Lie(_one(other_payload), PAYLOAD),
+    "payload of all runs": Lie(
+        _all(lambda run, rng: about(run, payload_kg=run.conditions["payload_kg"] + 1.6)), PAYLOAD
+    ),
+    "peak acceleration of one run": Lie(_one(other_peak), frozenset({"acceleration_contradiction"})),
+    "motion of one run": Lie(_one(other_motion), frozenset({"motion_contradiction"})),
+    "with and without exchanged": Lie(_exchange_masses, COUNTER),
+    "axes exchanged in one run": Lie(_one(exchanged_axes), frozenset({"axis_contradiction"})),
+    "axes exchanged in all runs": Lie(_all(exchanged_axes), frozenset({"axis_contradiction"})),
+    "gain halved in one run": Lie(_one(lambda run, rng: scaled(run, 0.5)), GAIN),
+    "gain doubled in one run": Lie(_one(lambda run, rng: scaled(run, 2.0)), GAIN),
+    "logs copied as repeats": Lie(copied, frozenset({"copied_run"})),
+    "accelerometer flat": Lie(_one(flat), frozenset({"flat_channel"})),
+    "ramp of 1 g on one axis": Lie(_one(ramp), frozenset({"level_drift"})),
+    "sign of an accelerometer": Lie(_one(reversed_sign), frozenset({"sign_contradiction"})),
+    "force channel turned": Lie(_one(turned_force), frozenset({"force_sign"})),
+}
+
+
+class Witnesses:
+    """Observations of runs, each made once."""
+
+    def __init__(self) -> None:
+        self._seen: dict[int, tuple[MemoryRun, Observation]] = {}
+        self._mechanism: Any = None
+
+    def hear(self, runs: Campaign) -> Examination:
+        """The examination of a campaign."""
+        return hear([self._observed(run) for run in runs])
+
+    def _observed(self, run: MemoryRun) -> Observation:
+        if id(run) not in self._seen:
+            self._seen[id(run)] = run, observe(SIRun.of(run), lambda: self._of(run))
+        return self._seen[id(run)][1]
+
+    def _of(self, run: MemoryRun) -> Any:  # noqa: ANN401
+        self._mechanism = self._mechanism or mechanism_of(SIRun.of(run), None)
+        return self._mechanism
+
+
+def is_found(examination: Examination, lie: Lie, liars: set[str]) -> bool:
+    """Whether a finding with a right code names a run that lies."""
+    return any(s.code in lie.codes and {s.run, *s.others} & liars for s in examination.contradictions)
+
+
+def applies(name: str, runs: Campaign) -> bool:
+    """Whether a campaign has what a lie needs."""
+    rig = SIRun.of(runs[0]).rig
+    return "force" not in name or bool(rig.supports)
+
+
+def shaking(runs: Campaign) -> list[int]:
+    """Runs without counter-masses, which shake the base: those with them may show less than its noise."""
+    return [i for i, run in enumerate(runs) if not run.conditions["counter_masses"]]
+
+
+BENCHES: dict[str, Callable[[np.random.Generator], tuple[Rig, Plan]]] = {
+    "shipped": lambda rng: (load_rig("parallelogram-6bar"), drawn_plan(rng)),
+    "deep": lambda rng: (load_rig("parallelogram-6bar-deep"), drawn_plan(rng)),
+    "small": lambda rng: (slimmed(load_rig("parallelogram-6bar")), drawn_plan(rng)),
+}
+
+
+def drawn_plan(rng: np.random.Generator) -> Plan:
+    """One payload with the counter-masses that balance it, both motions, one or two accelerations, up to two repeats."""
+    payload, mass = [(1.451, 10.0917), (3.4116, 17.1105), (5.0, 24.2626)][int(rng.integers(3))]
+    peaks = sorted(rng.choice([1.0, 2.0, 3.0, 4.0 if payload < 2.0 else 2.5], int(rng.integers(1, 3)), replace=False))
+    return plan(payload, mass, ["x", "y"], [float(p) for p in peaks], int(rng.integers(1, 3)))
+
+
+def study(count: int, brief: bool) -> Iterator[Row]:
+    """Share of lies that are found, and of honest campaigns that are suspected, by bench."""
+    for bench, draw in list(BENCHES.items())[: 1 if brief else None]:
+        found: dict[str, list[bool]] = {name: [] for name in LIES}
+        suspected = []
+        for seed in range(count):
+            rng = np.random.default_rng([seed, 913])
+            rig, planned = draw(rng)
+            runs, witnesses = simulated(rig, planned, seed), Witnesses()
+            suspected.append(bool(witnesses.hear(runs).contradictions))
+            for name, lie in LIES.items():
+                if applies(name, runs):
+                    told, liars = lie.tell(runs, int(rng.choice(shaking(runs))), rng)
+                    found[name].append(is_found(witnesses.hear(told), lie, liars))
+        yield Row(
+            f"{bench}: honest campaigns with a finding",
+            sum(suspected) / count,
+            "",
+            None,
+            0.05,
+            f"{sum(suspected)} of {count}",
+        )
+        for name, hits in found.items():
+            if hits:
+                yield Row(
+                    f"{bench}: {name}, found", sum(hits) / len(hits), "", 0.95, None, f"{sum(hits)} of {len(hits)}"
+                )

@@ -1,0 +1,105 @@
+"""Each lie about one run of a simulated campaign is found by its code; the honest campaign has no finding."""
+
+import json
+
+import numpy as np
+import pytest
+
+from studies import lies
+from studies.lies import LIES, Witnesses
+from testbench.rig import load_rig
+from testbench.vibration.metrics import Measure
+from testbench.vibration.reduction import analyze
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    """Four runs of the shipped bench, x and y, with and without counter-masses; observed once."""
+    return lies.simulated(load_rig("parallelogram-6bar"), lies.plan(5.0, 24.2626, ["x", "y"], [2.0]), 3), Witnesses()
+
+
+@pytest.fixture(scope="module")
+def deep():
+    """The same on the deep bench: floor, roughness, tilt, rotors, elastic modes, faults of sensors and loggers."""
+    rig = load_rig("parallelogram-6bar-deep")
+    return lies.simulated(rig, lies.plan(3.4116, 17.1105, ["x", "y"], [2.0]), 4), Witnesses()
+
+
+@pytest.mark.parametrize("bench", ["campaign", "deep"])
+def test_an_honest_campaign_has_no_finding(bench, request):
+    """No contradiction, and every subject that the rig can witness is witnessed without counter-masses."""
+    runs, witnesses = request.getfixturevalue(bench)
+    found = witnesses.hear(runs)
+    assert not found.findings
+    for i in lies.shaking(runs):
+        assert found.unwitnessed(runs[i].name) == []
+
+
+@pytest.mark.parametrize("name", list(LIES))
+@pytest.mark.parametrize("motion", [0, 1])
+def test_a_lie_is_found(campaign, name, motion):
+    """By the right code about the right run; runs that do not lie are not withheld."""
+    runs, witnesses = campaign
+    changed, liars = LIES[name].tell(runs, lies.shaking(runs)[motion], np.random.default_rng(motion))
+    found = witnesses.hear(changed)
+    assert lies.is_found(found, LIES[name], liars)
+    assert {s.run for s in found.contradictions} <= liars
+
+
+@pytest.mark.parametrize("name", ["payload of one run", "with and without exchanged", "axes exchanged in one run"])
+def test_a_lie_is_found_on_the_deep_bench(deep, name):
+    """Among all that the model does not have."""
+    runs, witnesses = deep
+    changed, liars = LIES[name].tell(runs, lies.shaking(runs)[0], np.random.default_rng(2))
+    assert lies.is_found(witnesses.hear(changed), LIES[name], liars)
+
+
+def test_witnessed_payload(campaign):
+    """By the torques, whatever the run table states: 5 kg, within what the model leaves."""
+    runs, witnesses = campaign
+    changed = LIES["payload of all runs"].tell(runs, 0, np.random.default_rng(1))[0]
+    torque = witnesses.hear(changed).torque
+    np.testing.assert_allclose(torque.payload, 5.0, atol=0.1)
+    np.testing.assert_allclose(torque.scale, 1.0, atol=0.03)
+
+
+def test_repeats_are_no_copies():
+    """The same motion and the same bench, with noise of its own; the same runs again are copies, and count as none."""
+    rig = lies.slimmed(load_rig("parallelogram-6bar"))
+    runs, witnesses = lies.simulated(rig, lies.plan(5.0, 24.2626, ["x"], [3.0], repeats=3), 5), Witnesses()
+    assert not witnesses.hear(runs).findings
+    again, names = lies.copied(runs, 1, np.random.default_rng(0))
+    found = witnesses.hear(again)
+    assert found.copied == names
+    assert [s.others for s in found.contradictions] == [(runs[1].name,)]
+
+
+def test_numbers_obey(campaign):
+    """A copy counts once; a payload marks; a gain withholds what it spoils, until it is accepted, and stays marked."""
+    runs, _ = campaign
+    rng = np.random.default_rng(0)
+    pair = runs[:2]
+    (honest,) = {r.n for r in analyze(pair, Measure()).reductions}
+    copied = analyze(lies.copied(pair, 0, rng)[0], Measure())
+    assert {r.n for r in copied.reductions} == {honest}
+    assert "copied_run" in {f.code for f in copied.findings}
+    marked = analyze([lies.about(run, payload_kg=3.4) for run in pair], Measure()).reductions
+    assert all(r.doubts == ("payload_contradiction",) and r.interval for r in marked)
+    halved = [runs[0], lies.scaled(runs[1], 0.5), *runs[2:]]
+    withheld = [r for r in analyze(halved, Measure()).reductions if runs[1].name in r.runs and r.axis == "x"]
+    given = [r for r in analyze(halved, Measure(), ["gain_contradiction"]).reductions if r.runs == withheld[0].runs]
+    assert withheld[0].interval is None
+    assert "withheld" in withheld[0].text
+    assert given[0].interval is not None
+    assert given[0].doubts == withheld[0].doubts == ("gain_contradiction",)
+
+
+def test_doctor(brief, command):
+    """Nothing to say of the brief campaign; a code that nobody knows is a wrong command line."""
+    code, out, _ = command("doctor", brief.campaign, "--json")
+    told = json.loads(out)
+    assert (code, told["findings"]) == (0, [])
+    assert len(told["runs"]) == 8
+    assert all(run["statements"] for run in told["runs"])
+    assert command("doctor", brief.campaign, "r404")[0] == 1
+    assert "no such contradiction" in command("analyze", brief.campaign, "--accept", "nonsense")[2]
