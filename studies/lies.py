@@ -157,7 +157,7 @@ def turned_force(run: MemoryRun, rng: np.random.Generator) -> MemoryRun:
 
 
 def copied(runs: Campaign, i: int, rng: np.random.Generator) -> tuple[Campaign, set[str]]:
-    """A run comes again under another name, as it is or written anew: cut, in another unit and resolution, resampled."""
+    """A run under another name, as it is or written anew: cut, in another unit and resolution, resampled."""
     copy = replace(runs[i], path=runs[i].path.with_name(f"{runs[i].name}b.h5"))
     how, data, groups = int(rng.integers(4)), dict(copy.provenance["data"]), []
     for group in copy.groups:
@@ -240,15 +240,50 @@ def shaking(runs: Campaign) -> list[int]:
     return [i for i, run in enumerate(runs) if not run.conditions["counter_masses"]]
 
 
+def drawn_rig(rng: np.random.Generator) -> Rig:
+    """A small rig on a bench of its own: mass, mounts, place of the accelerometer, rates and starts drawn at random."""
+    rig = slimmed(load_rig("parallelogram-6bar"))
+    mass, stiff, damp = rng.uniform(100.0, 200.0), rng.uniform(0.7, 1.4, 3), rng.uniform(0.7, 1.8, 3)
+    words = {
+        'mass = "150 kg"': f'mass = "{mass:.0f} kg"',
+        'stiffness = ["250 kN/m", "400 kN/m", "250 kN/m"]': "stiffness = "
+        + _listed(np.array([250.0, 400.0, 250.0]) * stiff, "kN/m"),
+        'damping = ["400 N s/m", "600 N s/m", "400 N s/m"]': "damping = "
+        + _listed(np.array([400.0, 600.0, 400.0]) * damp, "N s/m"),
+        'position = ["0.20 m", "-0.10 m", "0 m"]': "position = " + _listed(rng.uniform(-0.2, 0.2, 3), "m"),
+        'rate = "5 kHz"': f'rate = "{rng.choice([1, 2, 5])} kHz"',
+        'rate = "1 kHz"\nstart = "-0.100 s"': f'rate = "{rng.choice([500, 1000])} Hz"\n'
+        f'start = "-{rng.uniform(0.05, 0.3):.3f} s"',
+    }
+    text = rig.text
+    for old, new in words.items():
+        assert old in text, old
+        text = text.replace(old, new)
+    return load_rig(text)
+
+
+def _listed(values: Sequence[float] | np.ndarray, unit: str) -> str:
+    return "[" + ", ".join(f'"{value:.3f} {unit}"' for value in values) + "]"
+
+
+def drawn_pair(rng: np.random.Generator) -> Plan:
+    """A pair of runs of any payload, with counter-masses that nearly balance it, and without."""
+    payload = float(rng.uniform(1.5, 5.0))
+    mass = 10.0917 + (payload - 1.451) * 3.993 * float(rng.uniform(0.9, 1.1))
+    return plan(
+        round(payload, 2), round(mass, 3), [str(rng.choice(["x", "y"]))], [float(rng.choice([1.0, 1.5, 2.0, 3.0]))]
+    )
+
+
 BENCHES: dict[str, Callable[[np.random.Generator], tuple[Rig, Plan]]] = {
     "shipped": lambda rng: (load_rig("parallelogram-6bar"), drawn_plan(rng)),
     "deep": lambda rng: (load_rig("parallelogram-6bar-deep"), drawn_plan(rng)),
-    "small": lambda rng: (slimmed(load_rig("parallelogram-6bar")), drawn_plan(rng)),
+    "random, a pair": lambda rng: (drawn_rig(rng), drawn_pair(rng)),
 }
 
 
 def drawn_plan(rng: np.random.Generator) -> Plan:
-    """One payload with the counter-masses that balance it, both motions, one or two accelerations, up to two repeats."""
+    """One payload, with the counter-masses that balance it and without, both motions, up to two peaks and repeats."""
     payload, mass = [(1.451, 10.0917), (3.4116, 17.1105), (5.0, 24.2626)][int(rng.integers(3))]
     peaks = sorted(rng.choice([1.0, 2.0, 3.0, 4.0 if payload < 2.0 else 2.5], int(rng.integers(1, 3)), replace=False))
     return plan(payload, mass, ["x", "y"], [float(p) for p in peaks], int(rng.integers(1, 3)))

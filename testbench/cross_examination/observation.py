@@ -65,6 +65,11 @@ class ChannelRecord:
     span: float
     """Largest less smallest value, that line taken off [SI]."""
 
+    @property
+    def noise_in_band(self) -> float:
+        """Standard deviation of white noise below BAND_HZ [SI]."""
+        return self.noise * min(2.0 * BAND_HZ / self.rate_hz, 1.0) ** 0.5
+
 
 @dataclass(frozen=True, eq=False)
 class TorqueEquations:

@@ -13,8 +13,8 @@ from ..rig.sensors import Accelerometer
 from .observation import BLOCKS, Observation, Response
 from .statement import Statement
 
-ABOVE_NOISE = 4.0
-"""Expected reading over the channel's noise from which the model is a witness [-]."""
+ABOVE_NOISE = 5.0
+"""Expected reading over the channel's noise in the band from which the model is a witness [-]."""
 FOLLOWS = 0.85
 """Correlation with the expected reading from which a channel's gain is known."""
 REVERSED = -0.8
@@ -60,6 +60,10 @@ def levels(seen: Observation) -> list[Statement]:
     return found
 
 
+Gained = dict[str, dict[str, tuple[float, float]]]
+"""Gain and its standard uncertainty by channel and run."""
+
+
 class Gains:
     """Gains of one response against the model."""
 
@@ -93,12 +97,12 @@ class Gains:
 def examined_sensors(observations: Sequence[Observation], unsure: frozenset[str]) -> list[Statement]:
     """Axis, sign and gain of every sensor of every run; the model of runs of ``unsure`` masses is no witness."""
     statements: list[Statement] = []
-    gains: dict[str, dict[str, tuple[float, float]]] = defaultdict(dict)
+    gains: Gained = defaultdict(dict)
     for seen in observations:
         for response in seen.responses:
             if seen.name in unsure and response.columns[0].sensor in seen.rig.base_accelerometers:
                 continue
-            one = Gains(response, np.array([seen.records[c.channel].noise for c in response.columns]))
+            one = Gains(response, np.array([seen.records[c.channel].noise_in_band for c in response.columns]))
             acceleration = response.columns[0].dimensions[0] == "acceleration"
             if acceleration:
                 wrong = _exchanged(seen, one)
@@ -113,11 +117,10 @@ def examined_sensors(observations: Sequence[Observation], unsure: frozenset[str]
                 if acceleration and not seen.records[one.columns[i].channel].clipped:
                     gains[one.columns[i].channel][seen.name] = (float(one.gain[i]), float(one.deviation[i]))
         statements += [] if seen.name in unsure else _forces(seen)
-    flat = {(s.run, s.channel) for s in statements if s.code == "flat_channel"}
     for channel, by_run in gains.items():
         statements += _gain_statements(channel, by_run)
-    known = {(s.run, s.channel) for s in statements if s.subject == "gain"}
-    return statements + [s for s in _noises(observations) if (s.run, s.channel) not in known | flat]
+    known = {(s.run, s.channel) for s in statements if s.code in {"gain_contradiction", "flat_channel"}}
+    return statements + [s for s in _noises(observations, gains) if (s.run, s.channel) not in known]
 
 
 def _exchanged(seen: Observation, one: Gains) -> list[Statement]:
@@ -214,8 +217,8 @@ def _agreed(others: Floats) -> float:
     return float(middle[np.argmin(np.abs(middle))])
 
 
-def _noises(observations: Sequence[Observation]) -> list[Statement]:
-    """Gain by the noise: of a channel that shows no motion, its noise in one run against that in the others."""
+def _noises(observations: Sequence[Observation], gains: Gained) -> list[Statement]:
+    """Gain by the noise of a channel in one run against that in the others, where the model does not show the gain."""
     by_channel: dict[str, dict[str, float]] = defaultdict(dict)
     for seen in observations:
         for channel, record in seen.records.items():
@@ -225,13 +228,17 @@ def _noises(observations: Sequence[Observation]) -> list[Statement]:
     for channel, by_run in by_channel.items():
         for run, own in by_run.items():
             others = np.array([value for name, value in by_run.items() if name != run])
-            centre = float(np.median(others)) if others.size else 0.0
-            if others.size < 2 or not centre > 0.0 or np.ptp(others) > centre * (NOISE_FACTOR - 1.0):
+            if not others.size or not min(own, others.min()) > 0.0:
+                continue
+            centre = float(np.median(others))
+            if np.ptp(others) > centre * (NOISE_FACTOR - 1.0):
                 continue
             ratio = own / centre
-            code = None if 1.0 / NOISE_FACTOR < ratio < NOISE_FACTOR else "gain_contradiction"
-            found.append(
-                Statement(run, "gain", channel, f"noise of {centre:.3g} m/s2 in the other runs", f"{own:.3g} m/s2",
-                          "what no motion causes", "flat_channel" if ratio < 0.1 else code)
-            )  # fmt: skip
+            right = run in gains[channel] and abs(np.log(gains[channel][run][0])) < np.log(GAIN_FACTOR)
+            code = None if right or 1.0 / NOISE_FACTOR < ratio < NOISE_FACTOR else "gain_contradiction"
+            if code and ratio < FLAT:
+                code = "flat_channel"
+            subject = "dead" if code == "flat_channel" else "gain"
+            stated, witnessed = f"noise of {centre:.3g} m/s2 in the other runs", f"{own:.3g} m/s2"
+            found.append(Statement(run, subject, channel, stated, witnessed, "its noise at rest", code))
     return found
