@@ -6,14 +6,14 @@ a contradiction with the right code names a run that lies.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from testbench.campaign_plan import Plan, plan_from_text
 from testbench.cross_examination import Examination, Observation, hear, observe
 from testbench.kinematics.encoder_motion import mechanism_of
-from testbench.recording import UniformClock
+from testbench.recording import Conditions, UniformClock
 from testbench.rig import Rig, load_rig
 from testbench.runs.si_run import SIRun
 from testbench.simulator.simulated_logs import simulate_logs
@@ -72,7 +72,7 @@ class Lie:
 
 def about(run: MemoryRun, **conditions: Any) -> MemoryRun:  # noqa: ANN401
     """The run with other conditions in the run table."""
-    return replace(run, conditions={**run.conditions, **conditions})
+    return replace(run, conditions=cast("Conditions", {**run.conditions, **conditions}))
 
 
 def _one(change: Callable[[MemoryRun, np.random.Generator], MemoryRun]) -> Callable[..., tuple[Campaign, set[str]]]:

@@ -26,22 +26,26 @@ TORQUE_FACTOR = 2.0
 
 
 def accelerations(seen: Observation) -> list[Statement]:
-    """The peak acceleration by the command, else by the encoders."""
-    stated = seen.conditions.get("peak_acceleration_g")
+    """The peak acceleration by the command and by the encoders, of a point or of joints."""
     found = []
-    for witness, name in (("command", "the target channel"), ("encoders", "the encoders")):
-        value = seen.peak_acceleration.get(witness)
-        if stated is None or value is None or (witness == "command" and not value > 0.0):
-            continue
-        ratio = value / (stated * G0)
-        wrong = abs(ratio - 1.0) > ACCELERATION_SHARE[witness]
-        found.append(
-            Statement(
-                seen.name, "acceleration", None, f"peak {stated:g} g0 = {stated * G0:.4g} m/s2 by the run table",
-                f"{value / G0:.3g} g0 = {value:.4g} m/s2", name, "acceleration_contradiction" if wrong else None,
-            )
-        )  # fmt: skip
+    turning, stated = seen.conditions.get("peak_acceleration_rad_s2"), seen.conditions.get("peak_acceleration_g")
+    if turning and seen.peak_joint_acceleration is not None:
+        found.append(_peak(seen, turning, seen.peak_joint_acceleration, "rad/s2", "encoders"))
+    for witness, value in seen.peak_acceleration.items() if stated else ():
+        of_the_payload = witness == "command" or seen.conditions.get("motion") in NAMED_MOTIONS
+        if stated and of_the_payload and value > 0.0:
+            found.append(_peak(seen, stated * G0, value, "m/s2", witness))
     return found
+
+
+def _peak(seen: Observation, stated: float, value: float, unit: str, witness: str) -> Statement:
+    def text(peak: float) -> str:
+        return f"{peak:.4g} {unit}" + (f" = {peak / G0:.3g} g0" if unit == "m/s2" else "")
+
+    code = "acceleration_contradiction" if abs(value / stated - 1.0) > ACCELERATION_SHARE[witness] else None
+    return Statement(
+        seen.name, "acceleration", None, f"peak {text(stated)} by the run table", text(value), f"the {witness}", code
+    )
 
 
 def motions(seen: Observation) -> list[Statement]:

@@ -113,6 +113,8 @@ class ModelledRun:
         counter-mass; ``base``: what all that the run table states adds as the base accelerates, ``base`` (n, 3) [m/s2].
         """
         mechanism, path = self.unloaded, self.path
+        if len(mechanism.payload_bodies) != 1:
+            raise AnalysisError(f"{mechanism.name} has {len(mechanism.payload_bodies)} payload bodies: expected one")
         driven = mechanism.driven
         rows = [mechanism.coordinate_index(joint) for joint in driven]
         rates = np.einsum("nij,njk->nik", path.per_drive, np.linalg.inv(path.per_drive[:, rows]))

@@ -41,6 +41,8 @@ EDGE_S = 0.04
 """Left out at both ends of readings, where their low-pass starts up [s]."""
 DRIVE_TERMS = ("offset", "armature", "viscous", "coulomb")
 """Of a drive, beyond what the mechanism's bodies need."""
+MOVED = 1e-3
+"""Change of a joint's position from which something moves [rad, m]."""
 COULOMB_SPEED = 0.05
 """Speed at which dry friction has reached 76 % of its value [rad/s, m/s]."""
 
@@ -107,6 +109,8 @@ class Observation:
     """By channel."""
     peak_acceleration: dict[str, float] = field(default_factory=dict)
     """Of what is driven, by ``command`` and ``encoders`` [m/s2]."""
+    peak_joint_acceleration: float | None = None
+    """Of all joints with an encoder, by the encoders [rad/s2, m/s2]."""
     motions: dict[str, list[str]] = field(default_factory=dict)
     """Names of motions, by ``command``, ``encoders`` and ``acceleration``."""
     torque: TorqueEquations | None = None
@@ -140,7 +144,11 @@ def _by_model(seen: Observation, run: SIRun, mechanism: Callable[[], Mechanism])
     if not run.rig.columns_of(Encoder):
         raise AnalysisError("the rig has no encoder")
     modelled = ModelledRun.of(run, mechanism())
-    _by_encoders(seen, modelled)
+    joints = [modelled.unloaded.coordinate_index(column.component) for column in run.rig.columns_of(Encoder)]
+    turning = np.linalg.norm(modelled.path.a[:, joints], axis=1)
+    seen.peak_joint_acceleration = float(turning[modelled.valid].max(initial=0.0))
+    seen.moves |= bool(np.ptp(modelled.path.q, axis=0).max() > MOVED)
+    _attempt(seen, "place", partial(_by_place, seen, modelled))
     readings = _Readings(modelled)
     for group in dict.fromkeys(record.group for record in seen.records.values()):
         _attempt(seen, f"model of {group}", partial(_keep_responses, seen, readings, group))
@@ -195,10 +203,9 @@ def _by_acceleration(seen: Observation, run: SIRun) -> None:
     seen.motions["acceleration"] = [one.name for one in name_motions(legs, "acceleration", group, gaps)]
 
 
-def _by_encoders(seen: Observation, run: ModelledRun) -> None:
+def _by_place(seen: Observation, run: ModelledRun) -> None:
     place, grid = run.place(), run.grid
     speed = np.gradient(place, grid.step, axis=0)
-    seen.moves |= bool(np.ptp(place, axis=0).max() > 1e-3)
     acceleration = np.linalg.norm(np.gradient(speed, grid.step, axis=0), axis=1)
     seen.peak_acceleration["encoders"] = float(acceleration[run.valid].max(initial=0.0))
     legs = legs_of_path(grid.time, place, np.linalg.norm(speed, axis=1), REST_SHARE["encoders"])
