@@ -1,5 +1,6 @@
 """``testbench trim``."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -52,6 +53,7 @@ tell."""
     type=click.Path(path_type=Path),
     help="Draw what is missing and what the plates leave (.png, .svg, .pdf).",
 )
+@options.accept_option
 @json_option
 def trim(
     mechanism: str,
@@ -62,6 +64,7 @@ def trim(
     cutoff: float | None,
     rig: str | None,
     figure: Path | None,
+    accept: tuple[str, ...],
     as_json: bool,
 ) -> int:
     """What first moment is missing on which arm of MECH, and which mass to add there, from measured runs.
@@ -70,17 +73,21 @@ def trim(
     base's motion taken out by its accelerometers, and by motor torques, weighted where both tell, with whether they
     agree; or by the base's vibration, through the mass and mounts that the rig states. Of mountings that differ by
     trial masses: by the base's vibration without any model of the base; what is missing refers to the first run's
-    mounting. Intervals are of 95 %, unless the result says otherwise. Runs that cannot tell are refused.
+    mounting. Intervals are of 95 %, unless the result says otherwise. Runs that cannot tell are refused. A run whose
+    sensors contradict the run table or the other runs (testbench doctor) makes the result doubtful, until its CODE is
+    accepted.
     """
     from balance.balancing import stock_plates as stocks
     from balance.mechanism.mjcf_parser import load_mechanism
 
     from .. import rig as rigs
+    from ..cross_examination import examine
     from ..runs.aligned_run import AlignedRun, recorded_clocks
     from ..runs.si_run import SIRun
     from ..trim import trim_runs
     from ..trim.result import trim_document
 
+    options.refuse_unknown_codes(accept)
     if cutoff is not None and not cutoff > 0.0:
         raise click.UsageError(f"--cutoff {cutoff:g}: expected a positive frequency")
     opened = options.opened_runs(runs)
@@ -90,18 +97,22 @@ def trim(
     model = load_mechanism(mechanism)
     runs_of_it = [AlignedRun(run, model, recorded_clocks(run)) for run in bound]
     result = trim_runs(runs_of_it, site, plates, sources or None, cutoff)
+    examination = examine(bound, accept, model)
+    result = replace(result, findings=(*result.findings, *examination.open_findings))
     if figure:
         from balance.figures.mechanism import save
 
         from ..trim.figure import draw
 
         save(draw(result), figure)
+    accepted = [finding.as_dict() for finding in examination.findings if finding.code in accept]
     if as_json:
-        emit_json({**trim_document(result), "calibrations": options.calibrations(bound)})
+        emit_json({**trim_document(result), "accepted": accepted, "calibrations": options.calibrations(bound)})
     else:
         _print(result, stock)
+        options.print_findings(f for f in examination.findings if f.code in accept)
         options.print_calibrations(options.calibrations(bound))
-    return EXIT_WITH_FINDINGS if result.findings or result.doubts() else 0
+    return EXIT_WITH_FINDINGS if examination.findings or result.findings or result.doubts() else 0
 
 
 def _print(result: "Trim", stock: str | None) -> None:

@@ -36,7 +36,9 @@ class _Signature:
     band: Complexes
     """Complex spectrum in the band, (k,)."""
     phases: Complexes
-    """The same with magnitudes of one."""
+    """The same with magnitudes of one, (k,)."""
+    windowed: Complexes
+    """The band of the windowed start, in which lines do not leak, (k,)."""
 
 
 def copies(observations: Sequence[Observation]) -> list[Statement]:
@@ -97,7 +99,7 @@ def _equal(records: list[tuple[int, ChannelRecord]]) -> list[tuple[int, int]]:
         both = np.fft.ifft(phases[i] * phases[i + 1 :].conj(), 2 * (last - first), axis=1)
         peaks = 2.0 * np.abs(both).max(axis=1)
         for j in np.flatnonzero(peaks > SIMILAR) + i + 1:
-            if _difference(signatures[i].band, signatures[j].band) < REMAINDER:
+            if _difference(signatures[i], signatures[j]) < REMAINDER:
                 pairs.append((records[i][0], records[j][0]))
     return pairs
 
@@ -106,11 +108,17 @@ def _signature(record: ChannelRecord, seconds: float, first: int, last: int) -> 
     values = record.start[: round(seconds * record.rate_hz)].astype(float)
     band = np.fft.rfft(values - values.mean())[first:last] / len(values)
     size = np.abs(band)
-    return _Signature(band, (band / np.maximum(size, 1e-300)).astype(np.complex64))
+    windowed = np.fft.rfft((values - values.mean()) * np.hanning(len(values)))[first:last] / len(values)
+    return _Signature(band, (band / np.maximum(size, 1e-300)).astype(np.complex64), windowed)
 
 
-def _difference(one: Complexes, other: Complexes) -> float:
-    """Power of the difference at the best lag and gain over the quiet spans' noise, in the median span [-]."""
+def _difference(first: _Signature, second: _Signature) -> float:
+    """What the best lag and gain leave: the larger of two shares [-].
+
+    In the median span, the power of the difference over the noise of quiet spans, which repeats of a motion share with
+    nothing; in the median frequency, over the power of both, which repeats in one mains hum do not share.
+    """
+    one, other = first.band, second.band
     count = len(one)
     fine = np.fft.ifft(one * other.conj(), 16 * count)
     lag = int(np.argmax(np.abs(fine))) / (16.0 * count)
@@ -120,5 +128,7 @@ def _difference(one: Complexes, other: Complexes) -> float:
     rest = np.abs(a - gain * b) ** 2
     spans = np.array_split(np.arange(count), min(SPANS, count // 8))
     noise = np.quantile([float(np.mean(np.abs(a[s]) ** 2)) for s in spans], 0.2)
-    inside = [float(np.mean(rest[s])) for s in spans]
-    return float(np.median(inside) / max(float(noise), 1e-300))
+    inside = float(np.median([float(np.mean(rest[s])) for s in spans]) / max(float(noise), 1e-300))
+    turned = gain * np.exp(-2j * np.pi * lag * np.arange(count)) * second.windowed
+    power = np.abs(first.windowed) ** 2 + np.abs(turned) ** 2
+    return max(inside, float(np.median(np.abs(first.windowed - turned) ** 2 / np.maximum(power, 1e-300))))

@@ -52,6 +52,11 @@ class Examination:
         """A finding for each contradiction."""
         return tuple(dict.fromkeys(s.finding for s in self.contradictions))
 
+    @property
+    def open_findings(self) -> tuple[Finding, ...]:
+        """Those that nobody accepted."""
+        return tuple(finding for finding in self.findings if finding.code not in self.accepted)
+
     def about(self, run: str) -> list[Statement]:
         """The contradictions of a run."""
         return [s for s in self.contradictions if s.run == run]
@@ -89,9 +94,9 @@ def examine(
 
 def hear(seen: Sequence[Observation], accepted: Iterable[str] = ()) -> Examination:
     """What the observations of runs of one campaign state, each for itself and against the others."""
-    statements = copies(seen)
+    statements = [*copies(seen), *levels(seen)]
     for one in seen:
-        statements += [*levels(one), *accelerations(one), *motions(one)]
+        statements += [*accelerations(one), *motions(one)]
     about_masses, masses = mounted(seen)
     about_payload, torque = payloads(seen, masses)
     statements += [*about_masses, *about_payload]

@@ -9,7 +9,6 @@ import numpy as np
 from balance.arrays import Floats
 from balance.units import G0
 
-from ..rig.sensors import Accelerometer
 from .observation import BLOCKS, Observation, Response
 from .statement import Statement
 
@@ -41,23 +40,33 @@ LEAST_DRIFT = 0.25 * G0
 """Least drift that is a contradiction [m/s2]: what is slower than the band of an analysis is not in it."""
 
 
-def levels(seen: Observation) -> list[Statement]:
-    """Channels that show one value only while something moves, and levels that drift."""
+def levels(observations: Sequence[Observation]) -> list[Statement]:
+    """Accelerometers that show one value only while something moves, and levels that drift.
+
+    A single axis may rest within the sensor's step: it is dead where it vibrates in another run of that kind.
+    """
     found = []
-    for channel, record in seen.records.items():
-        if record.dead and seen.moves and isinstance(seen.rig.sensors[record.column.sensor], Accelerometer):
-            found.append(
-                Statement(seen.name, "dead", channel, "a sensor that vibrates by the rig", "one value all the time",
-                          "encoders and command move", "flat_channel")
-            )  # fmt: skip
-        elif record.column.dimensions[0] == "acceleration":
+    alive = {(channel, *_kind(seen)) for seen in observations for channel, r in seen.records.items() if not r.dead}
+    for seen in observations:
+        for channel, record in seen.records.items():
+            if record.column.dimensions[0] != "acceleration":
+                continue
+            if record.dead:
+                siblings = [seen.records[c.channel] for c in record.column.siblings if c.channel in seen.records]
+                dead = seen.moves and (all(s.dead for s in siblings) or (channel, *_kind(seen)) in alive)
+                stated, witnessed = "it should vibrate, for encoders or command move", "one value all the time"
+                code = "flat_channel" if dead else None
+                found.append(Statement(seen.name, "dead", channel, stated, witnessed, "its readings", code))
+                continue
             drifts = abs(record.drift) > max(DRIFT_SHARE * record.span, LEAST_DRIFT)
-            found.append(
-                Statement(seen.name, "rest", channel, "a level that rests",
-                          f"it drifts by {record.drift:.3g} m/s2, beneath a vibration of {record.span:.3g} m/s2",
-                          "a line through the record", "level_drift" if drifts else None)
-            )  # fmt: skip
+            witnessed = f"it drifts by {record.drift:.3g} m/s2, beneath a vibration of {record.span:.3g} m/s2"
+            code = "level_drift" if drifts else None
+            found.append(Statement(seen.name, "rest", channel, "its level is at rest", witnessed, "its readings", code))
     return found
+
+
+def _kind(seen: Observation) -> tuple[str | None, bool]:
+    return seen.conditions.get("motion"), bool(seen.counter_masses)
 
 
 Gained = dict[str, dict[str, tuple[float, float]]]
