@@ -7,6 +7,7 @@ import click
 from ..results import table
 from . import options
 from .framework import emit_result, emit_table, json_option
+from .options import Quantity
 
 if TYPE_CHECKING:
     from ..drives.drive_files import Drive
@@ -70,7 +71,14 @@ Examples:
 @click.argument("drive", metavar="DRIVE")
 @options.payload_option
 @options.counter_option
-@click.option("--speed", multiple=True, metavar="N", help="Nominal speed of the motor, such as 828rpm [default: file].")
+@click.option(
+    "--speed",
+    "speeds",
+    type=Quantity("angular velocity", positive=True),
+    multiple=True,
+    metavar="N",
+    help="Nominal speed of the motor, such as 828rpm [default: file].",
+)
 @click.option("--reading", type=click.Choice(["geared", "ungeared"]), help="Whether the gearbox multiplies the torque.")
 @click.option("--flywheel-for", type=Share(), multiple=True, metavar="SHARE", help="Flywheel for this fluctuation.")
 @click.option("--flywheel-side", type=click.Choice(["crank", "motor"]), default="crank", help="Its shaft.")
@@ -82,7 +90,7 @@ def drive(
     drive: str,
     payload: tuple[tuple[str, float], ...],
     counter: tuple[tuple[str, float], ...],
-    speed: tuple[str, ...],
+    speeds: tuple[float, ...],
     reading: str | None,
     flywheel_for: tuple[float, ...],
     flywheel_side: str,
@@ -97,9 +105,13 @@ def drive(
     drive file or a shipped one: inverted-slider-crank, four-bar-dc. The coefficient of speed fluctuation is
     (n_max - n_min) / n_nominal.
     """
-    from ..drives import results as documents
+    from dataclasses import replace
 
-    study, stated = _study(drive, speed, reading)
+    from ..drives import results as documents
+    from ..drives.drive_files import load_drive
+
+    described = load_drive(drive)
+    study = replace(described, reading=reading or described.reading, speeds=speeds or described.speeds)
     machines = _machines(study, options.distinct(payload, "--payload"), options.distinct(counter, "--counter"))
     result = documents.document_head(study, [machine for machine, _ in machines])
     result["reduced"] = documents.inertia_document(machines[0][0])
@@ -107,7 +119,10 @@ def drive(
         result["reduced_with_counter_masses"] = documents.inertia_document(machines[-1][0])
     _fill(result, study, machines, flywheel_for, flywheel_side, start_up, convergence)
     result["findings"] += [
-        text for machine, balanced in machines if not balanced for text in documents.beyond_file(machine, stated)
+        text
+        for machine, balanced in machines
+        if not balanced
+        for text in documents.beyond_file(machine, described.speeds)
     ]
     if figure:
         from ..figures.mechanism import save
@@ -115,25 +130,6 @@ def drive(
 
         save(draw_drive(result), figure)
     emit_result(result, as_json, lambda: _print_study(result))
-
-
-def _study(drive: str, speeds: tuple[str, ...], reading: str | None) -> tuple["Drive", tuple[float, ...]]:
-    """The drive with what the command line replaces, and the nominal speeds that its file states [rad/s]."""
-    from dataclasses import replace
-
-    from ..drives.drive_files import load_drive
-    from ..units import parse
-
-    study = load_drive(drive)
-    stated = study.speeds
-    if reading:
-        study = replace(study, reading=reading)
-    if speeds:
-        replaced = tuple(parse(text, "angular velocity") for text in speeds)
-        if not min(replaced) > 0.0:
-            raise click.UsageError(f"--speed is {', '.join(speeds)}: expected more than zero")
-        study = replace(study, speeds=replaced)
-    return study, stated
 
 
 def _machines(study: "Drive", payload: dict[str, float], counter: dict[str, float]) -> list[tuple["Machine", bool]]:

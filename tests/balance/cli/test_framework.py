@@ -108,6 +108,7 @@ WRONG = {
     "drive inverted-slider-crank --flywheel-for none": "expected a share above zero",
     "drive inverted-slider-crank --start-up 0": "--start-up",
     "drive inverted-slider-crank --speed 0rpm": "more than zero",
+    "drive inverted-slider-crank --speed 828": "'828' has no unit",
     "engine single in-line-4 --speed 100rpm": "in-line 4 is a layout without sizes",
     "engine single single --radius 1m --mass 1kg": "either --radius or --mass",
     "engine single single --fraction nan": "--fraction",

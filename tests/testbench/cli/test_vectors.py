@@ -73,23 +73,23 @@ def test_table(found: str) -> None:
 
 
 def test_sampling_in_step_is_a_finding_and_in_every_interval(in_step: str) -> None:
-    """Half of one of 200 samples a turn, 0.9 deg, in text, document and sheet, whose interval it is."""
+    """Half of one of 200 samples a turn, 0.9 deg, in text, document and file of trial runs, whose interval it is."""
     code, output = run(in_step)
     assert code == 3
     assert "Finding: the sampling is synchronous with the speed (200 samples a turn)" in " ".join(output.split())
     document = json.loads(run(in_step, "--json")[1])
     assert document["phases_off_alike_deg_within"] == pytest.approx(0.9, abs=0.06)
     assert all(row["phase_deg_within"] > 0.8 for row in document["vectors"])
-    sheet = run(in_step, "--speed", "3000rpm", "--toml", "found")[1]
-    (written,) = tomllib.loads(sheet)["runs"]
+    text = run(in_step, "--speed", "3000rpm", "--toml", "found")[1]
+    (written,) = tomllib.loads(text)["runs"]
     shared, own = float(written["phases_alike"]["3000rpm"].removesuffix("deg")), written["readings"]["3000rpm"]
     assert shared == pytest.approx(1.96 * 1.8 / np.sqrt(12.0), rel=0.08)
-    for row, text in zip(document["vectors"], own.values(), strict=True):
-        alone = float(text.split("±")[-1].removesuffix("deg"))
+    for row, reading in zip(document["vectors"], own.values(), strict=True):
+        alone = float(reading.split("±")[-1].removesuffix("deg"))
         assert np.hypot(alone, document["phases_off_alike_deg_within"]) == pytest.approx(
             row["phase_deg_within"], rel=0.01
         )
-    assert "# finding: the sampling is synchronous" in sheet
+    assert "# finding: the sampling is synchronous" in text
 
 
 def test_figure(found: str, tmp_path: Path) -> None:
@@ -157,32 +157,42 @@ def test_options_that_do_not_go_together(found: str, options: tuple[str, ...]) -
     assert "--" in result.output
 
 
-@pytest.mark.parametrize("phase", ["lead", "lag"])
-def test_from_logs_to_correction_weights(tmp_path: Path, phase: str) -> None:
-    """As found and two trial runs, logged, stored, reduced; the weights of the sheet leave 2 % of the vibration."""
-    sense = 1.0 if phase == "lead" else -1.0
-    angles = "with rotation" if phase == "lead" else "against rotation"
-    sheet = [f'phase = "{phase}"', f'angles = "{angles}"', 'amplitude = "peak"']
-    sheet += ["", "[[planes]]", 'name = "1"', "", "[[planes]]", 'name = "2"', ""]
-    trials = {"as found": (None, 0j), "trial 1": ("1", 1.2 * np.exp(0.5j)), "trial 2": ("2", 1.0 * np.exp(2.0j))}
-    for seed, (name, (plane, weight)) in enumerate(trials.items()):
+TRIALS = {"as found": (None, 0j), "trial 1": ("1", 1.2 * np.exp(0.5j)), "trial 2": ("2", 1.0 * np.exp(2.0j))}
+"""Plane and trial weight of each run [g]."""
+
+
+@pytest.fixture(scope="module")
+def trials(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """The runs of TRIALS, stored."""
+    folder, files = tmp_path_factory.mktemp("trials"), []
+    for seed, (plane, weight) in enumerate(TRIALS.values()):
         on = np.array([weight if plane == p else 0.0 for p in ("1", "2")])
-        file = stored(tmp_path, f"run-{seed}", Rotor(weights=on, seed=seed, seconds=2.0))
+        files.append(stored(folder, f"run-{seed}", Rotor(weights=on, seed=seed, seconds=2.0)))
+    return files
+
+
+@pytest.mark.parametrize(("phase", "angles"), [("lead", "with rotation"), ("lag", "against rotation")])
+def test_from_logs_to_correction_weights(trials: list[str], tmp_path: Path, phase: str, angles: str) -> None:
+    """As found and two trial runs, logged, stored, reduced; the weights of the file leave 2 % of the vibration."""
+    sense = 1.0 if phase == "lead" else -1.0
+    lines = [f'phase = "{phase}"', f'angles = "{angles}"', 'amplitude = "peak"']
+    lines += ["", "[[planes]]", 'name = "1"', "", "[[planes]]", 'name = "2"', ""]
+    for file, (name, (plane, weight)) in zip(trials, TRIALS.items(), strict=True):
         arguments = [file, "--speed", "3000 rpm", "--phase", phase, "--toml", name]
         if plane:
             angle = sense * np.degrees(np.angle(weight))
             arguments += ["--weight", f"{plane}={abs(weight):.6f} g @ {angle:.4f} deg", "--came-off"]
-        sheet.append(run(*arguments)[1])
-    (tmp_path / "runs.toml").write_text("\n".join(sheet), encoding="utf-8")
+        lines.append(run(*arguments)[1])
+    (tmp_path / "runs.toml").write_text("\n".join(lines), encoding="utf-8")
     correction = _weights(tmp_path / "runs.toml", sense)
     np.testing.assert_allclose(correction, -UNBALANCE, atol=0.03)
     left = np.abs(Rotor(weights=correction).truth()) / np.abs(Rotor().truth())
     assert left.max() < 0.03
 
 
-def _weights(sheet: Path, sense: float) -> np.ndarray:
-    """Correction weights of ``balance rotor influence``, with the rotation whatever the sheet counts [g]."""
-    shown = CliRunner().invoke(influence, [str(sheet), "--json"], standalone_mode=False, catch_exceptions=False)
+def _weights(runs: Path, sense: float) -> np.ndarray:
+    """Correction weights of ``balance rotor influence``, with the rotation whatever the file counts [g]."""
+    shown = CliRunner().invoke(influence, [str(runs), "--json"], standalone_mode=False, catch_exceptions=False)
     assert shown.return_value in (0, None), shown.output
     found = json.loads(shown.stdout)
     assert found["intervals"]["from"] == "stated"
