@@ -73,6 +73,10 @@ class TaskPool:
         return 1 if self.client is None else max(1, len(self.client.scheduler_info()["workers"]))
 
 
+HERE = TaskPool(None)
+"""One task after the other in this process."""
+
+
 @contextmanager
 def task_pool(scheduler: str | None, processes: int | None = None) -> Iterator[TaskPool]:
     """Tasks in this process (None), in ``processes`` of this machine (LOCAL), or at a scheduler such as tcp://host:8786.
@@ -80,7 +84,7 @@ def task_pool(scheduler: str | None, processes: int | None = None) -> Iterator[T
     Raises CounterpoiseError where Dask is not installed or the scheduler does not answer.
     """
     if scheduler is None:
-        yield TaskPool(None)
+        yield HERE
         return
     try:
         import dask

@@ -6,6 +6,7 @@ is linear in small errors: one mechanism at either end of each tolerance gives t
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Annotated
 
 import numpy as np
@@ -15,6 +16,7 @@ from ..closure import Closure
 from ..dynamics.inverse_dynamics import simulate
 from ..errors import ModelError
 from ..results import Key, per_cent
+from ..task_pool import HERE, TaskPool
 from .sweep import Problem, Variable
 
 PERCENTILES = (50.0, 90.0, 95.0, 99.0)
@@ -70,16 +72,20 @@ class ToleranceAnalysis:
         return tuple(effect for effect in self.effects if effect.curvature > NOT_LINEAR)
 
 
-def analyze_tolerances(problem: Problem, tolerances: Sequence[Tolerance], draws: int, seed: int) -> ToleranceAnalysis:
-    """Draw ``draws`` mechanisms within the tolerances; the same ``seed`` gives the same draws.
+def analyze_tolerances(
+    problem: Problem, tolerances: Sequence[Tolerance], draws: int, seed: int, pool: TaskPool = HERE
+) -> ToleranceAnalysis:
+    """Draw ``draws`` mechanisms within the tolerances; the same ``seed`` gives the same draws. An end is a task.
 
     Raises ModelError for what the mechanism does not have, ClosureError where it cannot move at an end of a tolerance.
     """
     problem.check([Variable(t.name, t.part, np.zeros(1)) for t in tolerances])
     nominal = _force(problem)
     slopes, curvatures = [], []
-    for tolerance in tolerances:
-        upper, lower = (_force(_with_error(problem, tolerance, sign * tolerance.half_width)) for sign in (1.0, -1.0))
+    ends = [(tolerance, sign * tolerance.half_width) for tolerance in tolerances for sign in (1.0, -1.0)]
+    forces = dict(pool.results(partial(_force_at, problem), ends))
+    for k in range(len(tolerances)):
+        upper, lower = forces[2 * k], forces[2 * k + 1]
         slopes.append((upper - lower) / 2.0)
         size = float(np.linalg.norm(slopes[-1]))
         curvatures.append(float(np.linalg.norm(upper + lower - 2.0 * nominal)) / 2.0 / size if size > 0.0 else 0.0)
@@ -126,6 +132,10 @@ def _with_error(problem: Problem, tolerance: Tolerance, error: float) -> Problem
             "expected at least its tolerance; give it with --counter"
         )
     return replace(problem, counter_masses={**counters, name: counters.get(name, 0.0) + error})
+
+
+def _force_at(problem: Problem, end: tuple[Tolerance, float]) -> Floats:
+    return _force(_with_error(problem, *end))
 
 
 def _force(problem: Problem) -> Floats:

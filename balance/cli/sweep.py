@@ -209,6 +209,7 @@ where a tolerance is too wide for that, its curvature is above 0.05 and the exit
 @click.option("--draws", type=click.IntRange(1000, 1_000_000), default=20_000, show_default=True,
               help="Mechanisms that are drawn.")  # fmt: skip
 @click.option("--seed", type=int, default=1, show_default=True, help="Of the draws.")
+@options.scheduler_option
 @json_option
 def tolerance(
     mechanism: str,
@@ -218,6 +219,7 @@ def tolerance(
     counter: tuple[tuple[str, float], ...],
     draws: int,
     seed: int,
+    scheduler: str | None,
     as_json: bool,
 ) -> int:
     """What errors of masses, radii and lengths cost: the shaking force that mechanisms made within tolerances keep."""
@@ -226,10 +228,13 @@ def tolerance(
     from ..motion import DEFAULT_RATE_HZ
     from ..motion.motion_files import load_motion
     from ..results import document, table
+    from ..task_pool import task_pool
 
     model = options.load_mechanism_option(mechanism, payload)
     samples = load_motion(motion).sample(DEFAULT_RATE_HZ)
-    found = analyze_tolerances(Problem(model, samples, options.distinct(counter, "--counter")), tolerances, draws, seed)
+    problem = Problem(model, samples, options.distinct(counter, "--counter"))
+    with task_pool(scheduler) as pool:
+        found = analyze_tolerances(problem, tolerances, draws, seed, pool)
     if as_json:
         emit_json({"mechanism": model.name, "draws": draws, "seed": seed, **document(found)})
     else:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from balance.cli.framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
-from balance.cli.options import figure_option
+from balance.cli.options import figure_option, scheduler_option
 from balance.results import document, table
 
 from ..signal import METRIC_NAMES
@@ -67,10 +67,17 @@ Exit codes: 0 done, 3 done with findings (no partner, doubtful channels, lower b
 @click.argument("campaign", type=click.Path(path_type=Path))
 @_measure_options
 @options.accept_option
+@scheduler_option
 @figure_option
 @json_option
 def analyze(
-    campaign: Path, metric: "Metric", band: "Band | None", accept: tuple[str, ...], figure: str | None, as_json: bool
+    campaign: Path,
+    metric: "Metric",
+    band: "Band | None",
+    accept: tuple[str, ...],
+    scheduler: str | None,
+    figure: str | None,
+    as_json: bool,
 ) -> int:
     """By how much counter-masses reduce the vibration amplitude of the base: runs with them against runs without.
 
@@ -83,13 +90,16 @@ def analyze(
     each other is withheld or marked, until its CODE is accepted.
     """
     options.refuse_unknown_codes(accept)
+    from balance.task_pool import task_pool
+
     from ..store import open_campaign
     from ..vibration.metrics import Measure
     from ..vibration.reduction import analyze as analyzed
 
     measure = Measure(metric, band)
     runs = open_campaign(campaign).runs
-    analysis = analyzed(runs, measure, accept)
+    with task_pool(scheduler) as pool:
+        analysis = analyzed(runs, measure, accept, pool=pool)
     if figure:
         _draw(analysis, figure)
     if as_json:

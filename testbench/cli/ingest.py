@@ -1,12 +1,14 @@
 """``testbench ingest`` and ``testbench watch``: logs into stored runs."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option, plain_text
+from balance.cli.options import scheduler_option
 from balance.results import table
 
 from . import options
@@ -51,6 +53,7 @@ Exit codes: 0 all stored, 3 stored with findings, 1 some file was refused (the o
 @_campaign_option
 @_accept_option
 @options.text_options
+@scheduler_option
 @json_option
 def ingest(
     files: tuple[Path, ...],
@@ -58,6 +61,7 @@ def ingest(
     run_table: Path | None,
     campaign: Path,
     accept: tuple[str, ...],
+    scheduler: str | None,
     as_json: bool,
     **text: Any,  # noqa: ANN401
 ) -> int:
@@ -73,7 +77,8 @@ def ingest(
         options.complain(
             f"{campaign}: {len(own)} of the files given are the campaign's own runs and no logs; they are left alone"
         )
-    outcomes = _ingest([file for file in files if file not in own], _rig(rig), run_table, campaign, accept, text)
+    logs = [file for file in files if file not in own]
+    outcomes = _ingest(logs, _rig(rig), run_table, campaign, accept, text, scheduler)
     if as_json:
         emit_json({"runs": outcomes})
     else:
@@ -99,7 +104,10 @@ def _ingest(
     campaign: Path,
     accept: Sequence[str],
     text: dict[str, Any],
+    scheduler: str | None,
 ) -> "list[Outcome]":
+    from balance.task_pool import HERE, task_pool
+
     from ..ingest import Ingest
     from ..ingest.log_sources import SiblingLogs
     from ..ingest.run_table import plan_runs
@@ -107,9 +115,11 @@ def _ingest(
     runs, form = plan_runs(files, run_table), options.read_options(**text)
     others = SiblingLogs(files if run_table is None else (), form)
     total = sum(path.stat().st_size for run in runs for path in run.files if path.is_file())
-    with progress("reading", total) as done:
-        work = Ingest(campaign, rig, form, frozenset(accept), done, others.holding)
-        return [outcome for run in runs for outcome in work.run(run)]
+    with progress("reading", total) as done, task_pool(scheduler) as pool:
+        work = Ingest(campaign, rig, form, frozenset(accept), sibling_log=others.holding)
+        work = replace(work, progress=done) if pool is HERE else work  # a bar stays in this process
+        found = dict(pool.results(work.run, runs))
+        return [outcome for place in range(len(runs)) for outcome in found[place]]
 
 
 def _print(outcomes: "Sequence[Outcome]") -> None:

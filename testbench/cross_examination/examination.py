@@ -2,11 +2,12 @@
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 from balance.errors import CounterpoiseError
 from balance.mechanism.mechanism import Mechanism
+from balance.task_pool import HERE, TaskPool
 
 from ..errors import AnalysisError
 from ..kinematics.encoder_motion import mechanism_of
@@ -84,11 +85,18 @@ class Examination:
 
 
 def examine(
-    runs: "Iterable[Run | SIRun]", accepted: Iterable[str] = (), mechanism: Mechanism | None = None
+    runs: "Iterable[Run | SIRun]",
+    accepted: Iterable[str] = (),
+    mechanism: Mechanism | None = None,
+    pool: TaskPool = HERE,
 ) -> Examination:
-    """Hear every witness of runs of one campaign; ``mechanism`` takes the place of the one that the rigs name."""
-    known: dict[object, Mechanism] = {}
-    observations = [_observed(run, known, mechanism) for run in runs]
+    """Hear every witness of runs of one campaign; ``mechanism`` takes the place of the one that the rigs name.
+
+    What a run shows is a task of the ``pool``.
+    """
+    tasks, known = list(runs), dict[object, Mechanism]()
+    found = dict(pool.results(partial(_observed, known=known, given=mechanism), tasks))
+    observations = [found[place] for place in range(len(tasks))]
     return hear([one for one in observations if one is not None], accepted)
 
 

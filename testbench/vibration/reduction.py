@@ -12,6 +12,7 @@ import numpy as np
 
 from balance.estimation.estimate import LEVEL
 from balance.results import INLINE, Key
+from balance.task_pool import HERE, TaskPool
 
 from ..cross_examination import Examination, examine
 from ..errors import AnalysisError
@@ -130,15 +131,20 @@ class Analysis:
 
 
 def analyze(
-    runs: Iterable["Run"], measure: Measure, accept: Iterable[str] = (), mechanism: "Mechanism | None" = None
+    runs: Iterable["Run"],
+    measure: Measure,
+    accept: Iterable[str] = (),
+    mechanism: "Mechanism | None" = None,
+    pool: TaskPool = HERE,
 ) -> Analysis:
     """Every reduction of a campaign. Raises AnalysisError, naming what each run lacks, if there is none.
 
     What contradicts the run table or the other runs is a doubt of the numbers that it concerns, and withholds those
     that it spoils, unless its code is among those to ``accept``. ``mechanism`` takes the place of the rig's.
+    To examine a run is a task of the ``pool``.
     """
     runs = list(runs)
-    examination = examine(runs, accept, mechanism)
+    examination = examine(runs, accept, mechanism, pool)
     found, findings = pairs(run for run in runs if run.name not in examination.copied)
     findings += examination.findings
     if not found:

@@ -10,7 +10,9 @@ from balance.dynamics.inverse_dynamics import simulate
 from balance.errors import ModelError
 from balance.mechanism.mjcf_parser import mechanism_from_text
 from balance.motion.motion_files import load_motion
+from balance.task_pool import HERE
 from tests.balance.models import load
+from tests.other_process import OtherProcess
 
 COUNTERS = {"counter_A0A": 24.2761, "counter_B0B": 24.2761}
 TOLERANCES = (
@@ -89,3 +91,9 @@ def test_a_mass_below_its_tolerance_is_refused(name, size, message):
     problem = Problem(load("four-bar"), load_motion("four-bar").sample(300.0))
     with pytest.raises(ModelError, match=message):
         analyze_tolerances(problem, [Tolerance(name, "mass", size)], 1000, 1)
+
+
+def test_in_other_processes_it_is_the_same():
+    """Each end of a tolerance is a task: they travel, and come back in any order."""
+    here, there = (analyze_tolerances(manipulator(), TOLERANCES, 1000, 1, pool) for pool in (HERE, OtherProcess(None)))
+    assert here == there
