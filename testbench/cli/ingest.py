@@ -106,8 +106,6 @@ def _ingest(
     text: dict[str, Any],
     scheduler: str | None,
 ) -> "list[Outcome]":
-    from balance.task_pool import HERE, task_pool
-
     from ..ingest import Ingest
     from ..ingest.log_sources import SiblingLogs
     from ..ingest.run_table import plan_runs
@@ -115,11 +113,16 @@ def _ingest(
     runs, form = plan_runs(files, run_table), options.read_options(**text)
     others = SiblingLogs(files if run_table is None else (), form)
     total = sum(path.stat().st_size for run in runs for path in run.files if path.is_file())
-    with progress("reading", total) as done, task_pool(scheduler) as pool:
-        work = Ingest(campaign, rig, form, frozenset(accept), sibling_log=others.holding)
-        work = replace(work, progress=done) if pool is HERE else work  # a bar stays in this process
+    work = Ingest(campaign, rig, form, frozenset(accept), sibling_log=others.holding)
+    if scheduler is None:
+        with progress("reading", total) as done:
+            work = replace(work, progress=done)
+            return [outcome for run in runs for outcome in work.run(run)]
+    from balance.task_pool import task_pool
+
+    with task_pool(scheduler) as pool:
         found = dict(pool.results(work.run, runs))
-        return [outcome for place in range(len(runs)) for outcome in found[place]]
+    return [outcome for place in range(len(runs)) for outcome in found[place]]
 
 
 def _print(outcomes: "Sequence[Outcome]") -> None:
