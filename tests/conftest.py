@@ -7,8 +7,12 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: a second thread costs many times what it brings
 
 import pytest
+from hypothesis import settings
 
 from testbench import public_recordings
+
+settings.register_profile("repeatable", derandomize=True, deadline=None, database=None)
+settings.load_profile("repeatable")
 
 WAITS = "waits for real recordings"
 

@@ -1,7 +1,7 @@
 """Lengths in symbols, and the rounding of their digits."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from balance.errors import UnitError
@@ -37,7 +37,6 @@ def test_anything_else_is_refused(text):
         read_length(text, LENGTHS)
 
 
-@settings(deadline=None)
 @given(st.floats(-10, 10), st.floats(-1, 1), st.floats(-1, 1))
 def test_turning_keeps_lengths(angle, x, y):
     """A turned point is as far away."""

@@ -48,7 +48,7 @@ def test_one_plane_is_static_balancing():
     assert not result.is_balanced(1e-3)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(rotors, st.lists(st.integers(-30, 30), min_size=2, max_size=5, unique=True))
 def test_two_planes_or_more_remove_force_and_couple(unbalances, places):
     """Any rotor, any planes: neither sum nor couple is left, and so no load on any two bearings."""
