@@ -290,10 +290,8 @@ def open_lvm(path: Path, options: ReadOptions) -> Recording:
     dialect, metadata = text_settings(path, found[0])
     if len(found) == 1:
         raise damaged(path, "the header of the file stands alone: no segment with channels below it")
-    names, x_columns = (
-        [path.stem, *(f"{path.stem} segment {i}" for i in range(2, len(found)))],
-        metadata.get("X_Columns", "No"),
-    )
+    names = [path.stem, *(f"{path.stem} segment {i}" for i in range(2, len(found)))]
+    x_columns = metadata.get("X_Columns", "No")
     written = [read_segment(path, h, dialect, x_columns, name) for h, name in zip(found[1:], names, strict=True)]
     for i, each in enumerate(written, 1):
         metadata |= {key if len(written) == 1 else f"segment {i}: {key}": text for key, text in each.pairs.items()}
