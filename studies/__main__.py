@@ -33,6 +33,7 @@ STUDIES = {
     "clocks": Study("intervals of `testbench align`", "seeds", 200, 4),
     "encoder_speed": Study("intervals of `testbench speed`", "seeds", 200, 6),
     "identification": Study("intervals of `testbench identify`", "seeds", 50, 1),
+    "joint_records": Study("verdicts of `testbench identify`", "records of either kind", 1000, 16),
     "kiper2019": Study("errors of `testbench predict kiper2019`", "tables", 1, 1),
     "laboratories": Study(
         "intervals of `testbench analyze` in laboratories drawn at random", "campaigns a family", 200, 2

@@ -46,6 +46,11 @@ class BaseParameters:
         """(r, r) [SI]"""
         return self.fit.covariance
 
+    @property
+    def determines_all(self) -> bool:
+        """Whether the solve determined every base parameter."""
+        return len(self.fit.excited) == self.identifiability.rank
+
     def estimate(self, combination: Mapping[str, float] | Floats) -> Estimate:
         """Any identifiable combination, by names or as a vector over all parameters (p,) [-].
 
@@ -146,12 +151,20 @@ class _Problem:
 
     def solve(self, rows: Floats, wanted: Floats, weight: float) -> Floats:
         """The optimum, (p,)."""
-        import clarabel
-        from scipy import sparse
-
         distance, from_file = self._distance()
         matrix = np.concatenate([rows * self.scale, np.sqrt(weight) * distance])
         target = np.concatenate([wanted, np.sqrt(weight) * from_file])
+        try:
+            return self._optimum(matrix, target)
+        except DataError:
+            size = np.abs(matrix).max()  # very sure records: the solver's tolerances are of numbers near one
+            return self._optimum(matrix / size, target / size)
+
+    def _optimum(self, matrix: Floats, target: Floats) -> Floats:
+        """Parameters (p,) of the least |matrix x - target|. Raises DataError where that is not proven."""
+        import clarabel
+        from scipy import sparse
+
         cone_rows, cone_right, cones = self._cones()
         count, slack = matrix.shape[1], matrix.shape[0]
         # min |s|^2 with s = matrix x - target as unknowns of their own: far better conditioned than matrix' matrix

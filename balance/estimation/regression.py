@@ -131,17 +131,26 @@ class _RecordSums:
             self.left, self.left_vector = _sums(left, design, readings, parts)
             self.left_square = _sums(left, left, readings, parts)[0]
 
-    def reduced(self, skip: int | None = None, weights: Floats | None = None) -> tuple[Floats, Floats]:
-        """Equations of the unknowns alone, the nuisances solved for, one block left out; ``weights`` (rows,) or own."""
-        kept = np.ones(len(self.labels))
-        if skip is not None:
-            kept[skip] = 0.0
+    def reduced(
+        self, left_out: Sequence[int | None] = (None,), weights: Floats | None = None
+    ) -> tuple[Floats, Floats]:
+        """Equations of the unknowns alone, the nuisances solved for, without each block in turn, or with all (None).
+
+        (choices, p, p) and (choices, p); ``weights`` (rows,) or own.
+        """
         own = self.weights if weights is None else weights
-        matrix = np.einsum("b,j,bjik->ik", kept, own, self.left)
-        vector = np.einsum("b,j,bji->i", kept, own, self.left_vector)
+        matrix = np.einsum("j,bjik->bik", own, self.left)
+        vector = np.einsum("j,bji->bi", own, self.left_vector)
+        places = np.array([-1 if block is None else block for block in left_out])
+        lost = np.where(places < 0, 0.0, 1.0)
+        matrix = matrix.sum(axis=0) - lost[:, None, None] * matrix[places]
+        vector = vector.sum(axis=0) - lost[:, None] * vector[places]
         k = self.size
-        share = _least_norm(matrix[k:, k:], np.column_stack([matrix[k:, :k], vector[k:]]))
-        return matrix[:k, :k] - matrix[:k, k:] @ share[:, :k], vector[:k] - matrix[:k, k:] @ share[:, k]
+        if matrix.shape[1] == k:
+            return matrix, vector
+        share = _pseudo_inverse(matrix[:, k:, k:]) @ np.concatenate([matrix[:, k:, :k], vector[:, k:, None]], axis=2)
+        across = matrix[:, :k, k:]
+        return matrix[:, :k, :k] - across @ share[:, :, :k], vector[:, :k] - (across @ share[:, :, k:])[:, :, 0]
 
     def lengths(self) -> Floats:
         """Weighted squared lengths of the unknowns' columns, (p,)."""
@@ -248,7 +257,7 @@ class RegressionFit:
         """
         sums, scale = {r: self._equations.sums[r] for r in records}, self._equations.scale
         weights = [np.array([residual_rms[row] for row in one.record.rows]) ** -2.0 for one in sums.values()]
-        parts = [one.reduced(weights=own)[0] for one, own in zip(sums.values(), weights, strict=True)]
+        parts = [one.reduced(weights=own)[0][0] for one, own in zip(sums.values(), weights, strict=True)]
         matrix = np.sum(parts, axis=0) + np.diag(self._equations.prior)
         sizes, turned = np.linalg.eigh(matrix / np.outer(scale, scale))
         own, kept = turned.T @ (combination / scale), sizes > RANK_LIMIT**2 * sizes[-1]
@@ -301,7 +310,7 @@ def fit(
             "longer or more runs"
         )
     found = equations.solve()
-    spread = np.array([equations.solve(skip).values for skip in without]) - found.values
+    spread = equations.solve_each(without).values - found.values
     covariance = (count - 1) / count * spread.T @ spread
     left = equations.residual_squares(found.values)
     whole = sum(one.residual_squares(np.zeros(one.size)).sum() for one in equations.sums)
@@ -337,11 +346,18 @@ def least_squares(record: RegressionRecord) -> Floats:
 
 @dataclass(frozen=True)
 class _Solution:
-    """Equations solved."""
+    """Equations solved, once or for each of several choices of blocks."""
 
     values: Floats
     inverse: Floats
-    excited: Floats
+    kept: "np.typing.NDArray[np.bool_]"
+    """Which of the directions are excited."""
+    directions: Floats
+
+    @property
+    def excited(self) -> Floats:
+        """Orthonormal combinations that are, (excited, p)."""
+        return self.directions[self.kept]
 
 
 class _Equations:
@@ -398,16 +414,21 @@ class _Equations:
                 found[one.record.motion or r, int(label)][r] = place
         return list(found.values())
 
-    def solve(self, skip: Mapping[int, int] | None = None) -> _Solution:
-        """All records together, a block of some left out."""
-        left_out = skip or {}
-        both = [one.reduced(left_out.get(r)) for r, one in enumerate(self.sums)]
-        matrix = np.sum([m for m, _ in both], axis=0) + np.diag(self.prior)
-        vector, scale = np.sum([v for _, v in both], axis=0), self.scale
-        u, sizes, rows = np.linalg.svd(matrix / np.outer(scale, scale))
-        kept = sizes > RANK_LIMIT**2 * sizes[0]
-        inverse = (rows[kept].T / sizes[kept]) @ u[:, kept].T / np.outer(scale, scale)
-        return _Solution(inverse @ vector, inverse, rows[kept])
+    def solve(self) -> _Solution:
+        """All records together."""
+        one = self.solve_each([{}])
+        return _Solution(one.values[0], one.inverse[0], one.kept[0], one.directions[0])
+
+    def solve_each(self, left_out: Sequence[Mapping[int, int]]) -> _Solution:
+        """The same without each choice of blocks by record, (choices, ...)."""
+        both = [one.reduced([skip.get(r) for skip in left_out]) for r, one in enumerate(self.sums)]
+        unit = np.outer(self.scale, self.scale)
+        u, sizes, rows = np.linalg.svd((np.sum([m for m, _ in both], axis=0) + np.diag(self.prior)) / unit)
+        kept = sizes > RANK_LIMIT**2 * sizes[:, :1]
+        per_size = np.where(kept, 1.0 / np.where(kept, sizes, 1.0), 0.0)
+        inverse = (rows.transpose(0, 2, 1) * per_size[:, None]) @ u.transpose(0, 2, 1) / unit
+        vector = np.sum([v for _, v in both], axis=0)
+        return _Solution((inverse @ vector[:, :, None])[:, :, 0], inverse, kept, rows)
 
     def contributions(self, without: Sequence[Mapping[int, int]]) -> Floats:
         """Of what is left out in turn to the covariance of the equations' vector, (blocks, p, p)."""
@@ -424,6 +445,9 @@ def _sums(left: Floats, right: Floats, readings: Floats, parts: Sequence[Indices
 
 def _least_norm(matrix: Floats, right: Floats) -> Floats:
     """Least squares of nuisances, which may repeat each other, (k, c)."""
-    if not len(matrix):
-        return np.zeros((0, right.shape[1]))
-    return np.asarray(np.linalg.lstsq(matrix, right, rcond=RANK_LIMIT**2)[0])
+    return _pseudo_inverse(matrix) @ right
+
+
+def _pseudo_inverse(matrix: Floats) -> Floats:
+    """Of equations of nuisances, (..., k, k)."""
+    return np.asarray(np.linalg.pinv(matrix, rcond=RANK_LIMIT**2))

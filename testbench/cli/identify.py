@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ..identification.result import Validation
 
 
+SCALED = "usable up to a torque scale"
 VALUE_COLUMNS = ("name", "value", "unit", "interval", "in_file")
 COUNTER_MASS_COLUMNS = ("site", "position", "mass", "mass_interval", "first_moment", "first_moment_interval")
 
@@ -29,6 +30,7 @@ def print_result(
     """The tables for people."""
     from ..identification.result import CounterMassValue, Value
 
+    click.echo("\n".join(_verdict(result, validation)))
     about = f"{result.mechanism.name} from {', '.join(result.runs)} (origin {result.origin})"
     emit_table(f"Identified: {about}", *table(Value, result.base_values(), *VALUE_COLUMNS))
     terms = "Friction, drives and offsets" if result.joints else "Offsets"
@@ -40,8 +42,10 @@ def print_result(
     emit_table("Methods on held-out blocks", header, [_method(result, one, moments) for one in result.comparison])
     if result.mechanism.counter_sites and not result.undetermined_moments():
         title = "Counter-masses that would balance it, beyond what the first run mounted"
+        if result.verdict != "usable":
+            title += f": {result.verdict}"
         emit_table(title, *table(CounterMassValue, result.counter_masses(), *COUNTER_MASS_COLUMNS))
-    click.echo("\n".join([*_notes(result, moments), *left_out, *_verdict(result, validation)]))
+    click.echo("\n".join([*_notes(result, moments), *left_out, *_separate(result, validation)]))
 
 
 def _method(result: "Identification", one: "MethodErrors", moments: "Sequence[Value]") -> list[str]:
@@ -94,9 +98,9 @@ def _torque_notes(result: "Identification", moments: "Sequence[Value]") -> list[
     """A scale of all torques, where masses that are known to differ determine it; and what is often done instead."""
     from balance.estimation.estimate import LEVEL_TEXT
 
-    from ..identification.diagnostics import SCALE_UNKNOWN, Explanation
+    from ..identification.diagnostics import SCALE_UNKNOWN
 
-    scale, text = Explanation(result).scale_of_all, f"The scale of the torques is not checked: {SCALE_UNKNOWN}."
+    scale, text = result.tests.scale, f"The scale of the torques is not checked: {SCALE_UNKNOWN}."
     if scale is not None:
         low, high = scale.interval()
         text = (
@@ -123,13 +127,26 @@ def _bodies(result: "Identification") -> str:
     )
 
 
-def _verdict(result: "Identification", validation: "Validation | None") -> list[str]:
-    doubts, lost, lines = result.doubts(), [*result.left_out], []
+def _separate(result: "Identification", validation: "Validation | None") -> list[str]:
+    """What gaps took, and how separate runs are predicted."""
+    lost, lines = [*result.left_out], []
     if validation is not None:
         lines = _unexplained(result, validation, f"in {', '.join(validation.runs)}")
-        doubts, lost = [*doubts, *validation.doubts()], [*lost, *validation.equations.left_out]
-    lines += [f"Finding: {text}." for text in lost]
-    return [*lines, f"Verdict: {'doubtful' if doubts else 'usable'}", *(f"  {doubt}" for doubt in doubts)]
+        lost = [*lost, *validation.equations.left_out]
+    return [*lines, *(f"Finding: {text}." for text in lost)]
+
+
+def _verdict(result: "Identification", validation: "Validation | None") -> list[str]:
+    """The verdict, then every reason against it."""
+    doubts = [*result.doubts, *(validation.doubts if validation else [])]
+    verdict = result.verdict_with(validation.doubts if validation else ())
+    lines = [f"Verdict: {verdict}", *(f"  {doubt.code}: {doubt.text}" for doubt in doubts)]
+    if verdict == SCALED:
+        lines.append(
+            "  the torques' scale is not checked: ratios of first moments hold, first moments and counter-masses are "
+            "wrong by as much as the torques read wrong; it takes runs that differ by a mass that is known"
+        )
+    return lines
 
 
 @click.command(
@@ -210,14 +227,14 @@ def identify(mechanism: str, runs: tuple[Path, ...], figure: Path | None, as_jso
 
         save(draw(result), figure)
     if as_json:
-        from ..identification.document import identification_document
+        from ..identification.diagnostics import identification_document
 
         found = {**identification_document(result, validation), "by": taken.by, "left_out": list(taken.notes)}
         emit_json({**found, "calibrations": calibrations.calibrations(run.run for run in bound)})
     else:
         print_result(result, validation, taken.notes)
         calibrations.print_calibrations(calibrations.calibrations(run.run for run in bound))
-    odd = result.left_out or result.doubts()
+    odd = result.left_out or result.doubts
     if validation is not None:
-        odd = odd or validation.equations.left_out or validation.doubts()
+        odd = odd or validation.equations.left_out or validation.doubts
     return EXIT_WITH_FINDINGS if odd else 0

@@ -21,14 +21,15 @@ from balance.arrays import Floats, Indices
 from balance.dynamics.forward_dynamics import refuse_loops, simulate_forward
 from balance.dynamics.regressor import JOINT_TERMS, joint_friction_regressor, torque_regressor
 from balance.errors import ModelError
-from balance.estimation.identifiability import Identifiability
+from balance.estimation.base_parameters import BaseParameters
+from balance.estimation.identifiability import RANK_LIMIT, Identifiability
 from balance.mechanism.mechanism import Mechanism
 from balance.results import Key
 
 from ..errors import AnalysisError
 from ..kinematics.gaps import gap_reach
 from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF
-from .estimators import NAMES, Method, Methods, allowed
+from .estimators import NAMES, Method, Methods, allowed, simulated
 from .records import LONGEST_DELAY_S, JointRecord
 from .regression_equations import POSITION_BANDWIDTH, RecordEquations, RegressionEquations, regression_equations
 
@@ -43,6 +44,10 @@ MOST_DELAYS = 10
 """Tried either way, evenly."""
 GUARD_PERIODS = 0.25
 """Periods of the cut-off left out about what is held out, over which a low-pass would carry its torque."""
+_REWEIGHTINGS = 5
+"""Of rows in the choice of cut-off and delay."""
+_EXACT = 1e-4
+"""Residual of a row, as a part of its readings' rms, below which it earns no more weight."""
 WINDOW_S = 1.0
 """Longest time that is simulated from a recorded state [s]."""
 RULE = (
@@ -91,14 +96,74 @@ class CrossValidation:
         """Torque of every block, from the parameters that were identified without it, (n, joints) [N m, N]."""
         return np.einsum("njr,nr->nj", columns, parameters[self.fold])
 
-    def error(self, delay: float, common: Floats | float = 1.0) -> float:
-        """Rms over the rows of the torque error on held-out blocks, as a part of the torque's rms, where ``common``.
+    def errors(self, delays: Sequence[float], common: Floats) -> list[float]:
+        """Of least squares at each delay, rms over the rows of the held-out torque error as a part of the torque's rms.
 
-        That is one where samples count, (n, 1) [-].
+        ``common`` is one where samples count, (n, 1) [-]. All delays share the columns' sums, so that one costs little.
         """
-        predicted = self.predict(self.parameters(delay), self.columns)
-        shares = unexplained(self.equations.torque(delay), predicted, self.equations.moving * common)
-        return float(np.sqrt(np.mean(shares**2)))
+        smooth, recorded = (
+            np.stack([of(delay) for delay in delays], axis=2)
+            for of in (self.equations.low_passed_torque, self.equations.torque)
+        )
+        used = self.equations.moving
+        whole = _Sums.of(self.smooth_columns, smooth, used)
+        left, total = 0.0, 0.0
+        for k, training in enumerate(self._training):
+            lost, held = training[:, 0] == 0.0, self.fold == k
+            seen = whole.without(_Sums.of(self.smooth_columns[lost], smooth[lost], used[lost]))
+            counts = (used * common)[held]
+            away = recorded[held] - np.einsum("njr,rc->njc", self.columns[held], seen.solve())
+            left = left + np.einsum("nj,njc->jc", counts, away**2)
+            total = total + np.einsum("nj,njc->jc", counts, recorded[held] ** 2)
+        shares = left / np.maximum(total, np.finfo(float).tiny)
+        return [float(error) for error in np.sqrt(np.mean(shares, axis=0))]
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """Normal equations of each row for several choices of readings."""
+
+    matrix: Floats
+    """(rows, r, r)"""
+    vector: Floats
+    """(rows, r, choices)"""
+    square: Floats
+    """(rows, choices)"""
+    samples: Floats
+    """(rows,)"""
+
+    @classmethod
+    def of(cls, columns: Floats, readings: Floats, used: Floats) -> "_Sums":
+        """Of columns (n, rows, r) and readings (n, rows, choices), where they count (n, rows)."""
+        left = (columns * used[:, :, None]).transpose(1, 2, 0)
+        square = np.einsum("nj,njc->jc", used, readings**2)
+        return cls(left @ columns.transpose(1, 0, 2), left @ readings.transpose(1, 0, 2), square, used.sum(axis=0))
+
+    def without(self, part: "_Sums") -> "_Sums":
+        """Less those of some of the samples."""
+        return _Sums(
+            self.matrix - part.matrix, self.vector - part.vector, self.square - part.square, self.samples - part.samples
+        )
+
+    def residual_squares(self, values: Floats) -> Floats:
+        """Of unknowns (r, choices), (rows, choices)."""
+        made = self.square - 2.0 * np.einsum("jrc,rc->jc", self.vector, values)
+        return np.maximum(made + np.einsum("rc,jrs,sc->jc", values, self.matrix, values), 0.0)
+
+    def solve(self) -> Floats:
+        """Unknowns of each choice by least squares, each row weighted by what it leaves, (r, choices)."""
+        left = self.square
+        for _ in range(_REWEIGHTINGS if len(self.square) > 1 else 1):
+            weights = self.samples[:, None] / np.maximum(
+                left, _EXACT**2 * np.maximum(self.square, np.finfo(float).tiny)
+            )
+            matrix = np.einsum("jc,jrs->crs", weights, self.matrix)
+            scale = np.sqrt(np.maximum(np.einsum("crr->cr", matrix), np.finfo(float).tiny))
+            inverse = np.linalg.pinv(matrix / scale[:, :, None] / scale[:, None], rcond=RANK_LIMIT**2, hermitian=True)
+            right = np.einsum("jc,jrc->cr", weights, self.vector) / scale
+            values = (np.einsum("crs,cs->cr", inverse, right) / scale).T
+            left = self.residual_squares(values)
+        return np.asarray(values)
 
 
 @dataclass(frozen=True)
@@ -109,6 +174,8 @@ class Choice:
     chosen: Candidate
     best_of_each: tuple[Candidate, ...]
     held_out: CrossValidation
+    identified: BaseParameters
+    """By the method, from all that was recorded."""
     predicted: Floats
     """Rows of each block as predicted without it, (n, rows) [N m, N]."""
     predicted_smooth: Floats
@@ -123,7 +190,11 @@ class Choice:
 def choose(
     records: Sequence[JointRecord], mechanism: Mechanism, identifiable: Identifiability, method: Method = "ls"
 ) -> Choice:
-    """Apply the rule, by least squares whatever the method. Raises AnalysisError for records that are too short."""
+    """Apply the rule, by least squares whatever the method.
+
+    The method is least squares too where the one asked for simulates no motion or does not determine all.
+    Raises AnalysisError for records that are too short.
+    """
     cutoffs = possible_cutoffs(records)
     reach = gap_reach(POSITION_BANDWIDTH * min(cutoffs))
     common = np.concatenate([r.valid(reach)[r.edge : r.grid.count - r.edge] for r in records])
@@ -132,12 +203,17 @@ def choose(
     found = []
     for cutoff in cutoffs:
         held_out = CrossValidation(regression_equations(records, mechanism, cutoff), mechanism, identifiable)
-        tried = [Candidate(cutoff, delay, held_out.error(delay, common)) for delay in delays(records)]
-        found.append((min(tried, key=lambda candidate: candidate.error), held_out))
+        tried = zip(delays(records), held_out.errors(delays(records), common), strict=True)
+        best = min((Candidate(cutoff, *one) for one in tried), key=lambda candidate: candidate.error)
+        found.append((best, held_out))
     chosen, held_out = min(found, key=lambda pair: pair[0].error)
-    parameters = held_out.parameters(chosen.delay, method)
+    solved = simulated(partial(held_out.at(chosen.delay).identified, method))
+    parameters = simulated(partial(held_out.parameters, chosen.delay, method))
+    if solved is None or parameters is None or not solved.determines_all:
+        method, parameters = "ls", held_out.parameters(chosen.delay)
+        solved = held_out.at(chosen.delay).identified(method)
     predicted = (held_out.predict(parameters, held_out.columns), held_out.predict(parameters, held_out.smooth_columns))
-    return Choice(method, chosen, tuple(candidate for candidate, _ in found), held_out, *predicted)
+    return Choice(method, chosen, tuple(candidate for candidate, _ in found), held_out, solved, *predicted)
 
 
 def possible_cutoffs(records: Sequence[JointRecord]) -> list[float]:
@@ -285,14 +361,15 @@ class MethodErrors:
 def compare(choice: Choice, mechanism: Mechanism, identifiable: Identifiability) -> list[MethodErrors]:
     """All methods that the records allow, at the choice's cut-off and delay."""
     equations, delay, held_out = choice.equations, choice.chosen.delay, choice.held_out
-    methods = allowed(equations)
-    found = [held_out.parameters(delay, method) for method in methods]
-    simulated = simulation_errors(equations, mechanism, identifiable.pivots, found, delay)
+    tried = {method: simulated(partial(held_out.parameters, delay, method)) for method in allowed(equations)}
+    methods = [method for method, values in tried.items() if values is not None]
+    found = [values for values in tried.values() if values is not None]
+    strayed = simulation_errors(equations, mechanism, identifiable.pivots, found, delay)
     rows, names = equations.torque(delay), equations.records[0].rows(mechanism)
     errors = []
     for k, (method, parameters) in enumerate(zip(methods, found, strict=True)):
         shares = unexplained(rows, held_out.predict(parameters, held_out.columns), equations.moving)
         by_row = dict(zip(names, shares.tolist(), strict=True))
-        angles = None if simulated is None else simulated[k]
+        angles = None if strayed is None else strayed[k]
         errors.append(MethodErrors(method, NAMES[method], float(np.sqrt(np.mean(shares**2))), by_row, angles))
     return errors

@@ -1,4 +1,4 @@
-"""What may explain a difference to values that others give: each shown by a fit of its own.
+"""What may explain a difference to values that others give, each by a fit of its own; and the document of all findings.
 
 * A joint alone: the first moments from each joint's torque by itself. Where they differ, a torque is scaled, or a joint
   has friction that the model lacks.
@@ -19,15 +19,20 @@ from typing import Annotated, Any
 import numpy as np
 
 from balance.arrays import Floats
+from balance.errors import DataError
 from balance.estimation.base_parameters import BaseParameters
-from balance.estimation.estimate import Estimate
+from balance.estimation.estimate import LEVEL, Estimate
 from balance.estimation.identifiability import Identifiability, identifiability
 from balance.estimation.regression import RegressionFit, RegressionRecord, fit
-from balance.results import Key
+from balance.results import Key, document, plain
 
-from .cross_validation import CrossValidation, unexplained
+from ..kinematics.gaps import GAP_FINDING
+from ..recording import Finding
+from .cross_validation import RULE, CrossValidation, unexplained
+from .estimators import NAMES
+from .model_tests import FALSE_ALARM
 from .regression_equations import RegressionEquations, regression_equations
-from .result import Identification
+from .result import Identification, Validation
 
 SCALE_UNKNOWN = (
     "a scale common to all torques and heavier bodies look alike: it takes runs that differ by a mass that is known "
@@ -131,15 +136,6 @@ class Explanation:
         joints = self.result.joints
         return {f"{joint} / {joints[0]}": self._scale(k) for k, joint in enumerate(joints) if k}
 
-    @cached_property
-    def scale_of_all(self) -> Estimate | None:
-        """Scale of all rows by masses that are known to differ between the runs; None where none do."""
-        known = self.equations.joined(lambda part: part.low_passed(part.known))
-        if not np.any(known):
-            return None
-        columns = np.concatenate([self._base, known[:, :, None]], axis=2)
-        return self._fitted(columns, self._rows + known).estimate(np.eye(columns.shape[2])[-1])
-
     @property
     def equations(self) -> RegressionEquations:
         """At the chosen cut-off."""
@@ -221,3 +217,86 @@ def _estimate(found: BaseParameters, row: Mapping[str, float]) -> Estimate | Non
         return None
     vector = found.identifiability.vector(row)
     return found.estimate(vector) if found.identifiability.is_identifiable(vector) else None
+
+
+def identification_document(result: Identification, validation: Validation | None = None) -> dict[str, Any]:
+    """All that was found."""
+    determined = bool(result.mechanism.counter_sites) and not result.undetermined_moments()
+    explained = Explanation(result)
+    doubts = [*result.doubts, *(validation.doubts if validation else [])]
+    lost = (*result.left_out, *(validation.equations.left_out if validation else ()))
+    found = {
+        "mechanism": result.mechanism.name,
+        "runs": list(result.runs),
+        "origin": result.origin,
+        "rows": list(result.rows),
+        "method": {"name": result.method, "what": NAMES[result.method], "compared": result.comparison},
+        "parameters": [
+            {"name": name, "value": one and one.value, "interval": one and one.interval, "observable": one is not None}
+            for name, one in result.parameters()
+        ],
+        "base_parameters": [*result.base_values(), *result.joint_values()],
+        "first_moments": result.first_moments(),
+        "first_moment_ratios": result.moment_ratios(),
+        "counter_masses": result.counter_masses() if determined else None,
+        "consistent": _consistent(result),
+        "identifiability": {**document(result.identified.identifiability), "excitation": result.excitation},
+        "cutoff": {"chosen_Hz": result.chosen.cutoff, "rule": RULE, "held_out_error": result.choice.best_of_each},
+        "torque_delay_s": result.chosen.delay,
+        "interval": {
+            "confidence": LEVEL,
+            "statistical": f"delete-block jackknife over {result.identified.fit.blocks} blocks",
+            "method": f"widened to contain: {', '.join(result.variants)}",
+        },
+        "evidence": {**document(explained), "scale_of_all": scale_document(result.tests.scale)},
+        "model_tests": {
+            "false_alarm_rate": FALSE_ALARM,
+            "laws": result.tests.laws,
+            "free": result.tests.free,
+            "motion": result.tests.motion,
+        },
+        "validation": _validation(result, validation),
+        "verdict": result.verdict_with(validation.doubts if validation else ()),
+        "findings": [Finding(GAP_FINDING, None, text.partition(":")[0], text).as_dict() for text in lost],
+        "doubts": [doubt.text for doubt in doubts],
+        "doubt_codes": [doubt.code for doubt in doubts],
+    }
+    return dict(plain(found))
+
+
+def _consistent(result: Identification) -> dict[str, Any]:
+    """The nearest bodies that can exist, a member of the set that the record determines; or why there are none."""
+    try:
+        found = result.consistent
+    except DataError as error:
+        return {"free_estimate_feasible": None, "reason": str(error)}
+    seen = result.identified.identifiability
+    return {
+        "free_estimate_feasible": found.free_is_feasible,
+        "distance_in_standard_errors": found.distance,
+        "what": "one of those that the record leaves, nearest to the mechanism's file where it does not tell",
+        "parameters": [
+            {"name": name, "value": float(value), "determined": name not in seen.undetermined}
+            for name, value in zip(seen.names, found.parameters, strict=True)
+        ],
+    }
+
+
+def _validation(result: Identification, validation: Validation | None) -> dict[str, Any]:
+    def by_row(shares: Floats) -> dict[str, float]:
+        return dict(zip(result.rows, shares.tolist(), strict=True))
+
+    def ratios(of: Identification | Validation, prefix: str = "") -> dict[str, Any]:
+        below = by_row(of.rms_ratio_in_band)
+        return {f"{prefix}rms_ratio": by_row(of.rms_ratio), f"{prefix}rms_ratio_below_cutoff": below}
+
+    if validation is None:
+        return {"on": "held-out blocks", **ratios(result)}
+    angles = None if validation.angles is None else document(validation.angles)
+    return {
+        "on": "separate runs",
+        "runs": list(validation.runs),
+        **ratios(validation),
+        "simulated_angle_error_rad": angles and {key: angles[key] for key in angles if key != "all_rms"},
+        **ratios(result, "held_out_"),
+    }

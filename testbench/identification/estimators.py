@@ -15,10 +15,10 @@ motion that torque and model make, fit for instruments, and e is the output erro
 IEEE Trans. Control Syst. Technol. 21, 2013, whose pull is the machine's own controller).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -45,8 +45,13 @@ ROUNDS = 2
 """Of parameters -> coefficients of the deviation -> parameters, for the output error."""
 DAMPING = 0.7
 """Of the pull."""
+Solved = TypeVar("Solved")
 _STEP = 1e-5
 """Of differences [rad, m, and their rates]."""
+
+
+class NotSimulated(AnalysisError):
+    """Parameters with which no motion can be simulated: an inertia that is not positive, a deviation without bounds."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +78,15 @@ class Deviation:
         inertia, damping, stiffness = (_slope(part, mechanism, smooth, k) for k in (2, 1, 0))
         return cls(inertia, damping, stiffness, part.record.grid.step)
 
+    def refuse_negative_inertia(self) -> None:
+        """Raise NotSimulated where the inertia is not positive definite."""
+        if not np.linalg.eigvalsh(self.inertia + self.inertia.transpose(0, 2, 1)).min() > 0.0:
+            raise NotSimulated("the inertia that the torques show is not positive: no motion can be simulated with it")
+
+    def segment(self, samples: slice) -> "Deviation":
+        """Of some of the samples."""
+        return Deviation(self.inertia[samples], self.damping[samples], self.stiffness[samples], self.step)
+
     @property
     def least_pull_hz(self) -> float:
         """Frequency of the pull that is stiff enough nine tenths of the time, where the weight would topple it."""
@@ -82,8 +96,33 @@ class Deviation:
     def simulate(self, load: Floats, pull_hz: float) -> Rates:
         """Deviations (samples, joints, k) and their rates for the right-hand sides ``load`` (samples, joints, k).
 
-        From rest, by the trapezoidal rule. ``pull_hz`` is the frequency of the pull [Hz].
+        From rest, by the trapezoidal rule. ``pull_hz`` is the frequency of the pull [Hz]. Raises NotSimulated.
         """
+        system, pushed = self._system(load, pull_hz)
+        with np.errstate(over="ignore", invalid="ignore"):
+            state = _integrated(system, pushed, self.step, np.zeros(pushed.shape[1:]))
+            rates = system @ state + pushed
+        if not np.isfinite(rates).all():
+            raise NotSimulated("a simulation with the parameters that the torques show leaves every bound")
+        joints = load.shape[1]
+        return Rates(state[:, :joints], state[:, joints:], rates[:, joints:])
+
+    def from_any_state(self, load: Floats) -> tuple[Floats, Floats]:
+        """Deviations without a pull, from rest for ``load`` (samples, joints, k), and free ones from unit states.
+
+        (samples, joints, k) and (samples, joints, 2 joints). Raises NotSimulated.
+        """
+        joints, count = load.shape[1], load.shape[2]
+        units = np.eye(2 * joints)
+        system, pushed = self._system(np.pad(load, ((0, 0), (0, 0), (0, 2 * joints))), 0.0)
+        with np.errstate(over="ignore", invalid="ignore"):
+            state = _integrated(system, pushed, self.step, np.hstack([np.zeros((2 * joints, count)), units]))
+        if not np.isfinite(state).all():
+            raise NotSimulated("a simulation with the parameters that the torques show leaves every bound")
+        return state[:, :joints, :count], state[:, :joints, count:]
+
+    def _system(self, load: Floats, pull_hz: float) -> tuple[Floats, Floats]:
+        """A and b of x' = A x + b, x the deviations and their rates."""
         w = 2.0 * np.pi * pull_hz
         joints, count = load.shape[1], load.shape[2]
         inverse = np.linalg.inv(self.inertia)
@@ -93,9 +132,7 @@ class Deviation:
         system[:, joints:, joints:] = -inverse @ self.damping - 2.0 * DAMPING * w * np.eye(joints)
         pushed = np.zeros((len(load), 2 * joints, count))
         pushed[:, joints:] = inverse @ load
-        state = _integrated(system, pushed, self.step)
-        rates = system @ state + pushed
-        return Rates(state[:, :joints], state[:, joints:], rates[:, joints:])
+        return system, pushed
 
 
 def _slope(part: RecordEquations, mechanism: Mechanism, parameters: Floats, of: int) -> Floats:
@@ -115,16 +152,25 @@ def _slope(part: RecordEquations, mechanism: Mechanism, parameters: Floats, of: 
     return np.stack([(torque(unit) - torque(-unit)) / (2.0 * _STEP) for unit in units], axis=2)
 
 
-def _integrated(system: Floats, pushed: Floats, step: float) -> Floats:
-    """x' = A x + b from x = 0: (1 - h A1 / 2) x1 = (1 + h A0 / 2) x0 + h (b0 + b1) / 2."""
+def _integrated(system: Floats, pushed: Floats, step: float, start: Floats) -> Floats:
+    """x' = A x + b from x = ``start``: (1 - h A1 / 2) x1 = (1 + h A0 / 2) x0 + h (b0 + b1) / 2."""
     unit = np.eye(system.shape[1])
     inverse = np.linalg.inv(unit - 0.5 * step * system[1:])
     carried = inverse @ (unit + 0.5 * step * system[:-1])
     added = 0.5 * step * inverse @ (pushed[1:] + pushed[:-1])
     state = np.zeros_like(pushed)
+    state[0] = start
     for i in range(len(carried)):
         state[i + 1] = carried[i] @ state[i] + added[i]
     return state
+
+
+def simulated(of: Callable[[], Solved]) -> Solved | None:
+    """What ``of`` gives; None where that takes a motion which cannot be simulated."""
+    try:
+        return of()
+    except NotSimulated:
+        return None
 
 
 def allowed(equations: RegressionEquations) -> tuple[Method, ...]:
@@ -147,7 +193,10 @@ class Methods:
     """Low-passed base columns where they are at hand, (n, rows, r)."""
 
     def identified(self, method: Method) -> BaseParameters:
-        """Base parameters with intervals. Raises AnalysisError for a method that needs torques where there are none."""
+        """Base parameters with intervals.
+
+        Raises AnalysisError for a method that needs torques where there are none, NotSimulated for one that simulates.
+        """
         blocks = self.equations.blocks(BLOCK_PERIODS[method] / self.equations.cutoff)
         return base_parameters(replace(self._record(method), blocks=blocks), self.identifiable)
 
@@ -233,4 +282,5 @@ def _values(record: RegressionRecord, training: Floats | float = 1.0) -> Floats:
 
 
 def _simulated(part: RecordEquations, model: Deviation, load: Floats) -> Rates:
+    model.refuse_negative_inertia()
     return model.simulate(load, max(PULL * part.cutoff, model.least_pull_hz))

@@ -1,6 +1,7 @@
 """From records to an identification: what is observable, the cut-off and delay, the parameters, other choices."""
 
 from collections.abc import Sequence
+from functools import partial
 
 from balance.estimation.base_parameters import BaseParameters, base_parameters
 from balance.estimation.identifiability import Identifiability, identifiability
@@ -10,7 +11,7 @@ from balance.mechanism.mechanism import Mechanism
 from ..recording import common_origin
 from ..runs.aligned_run import AlignedRun
 from .cross_validation import Choice, choose, possible_cutoffs
-from .estimators import BLOCK_PERIODS, Method, Methods, allowed
+from .estimators import BLOCK_PERIODS, Method, Methods, allowed, simulated
 from .records import JointRecord, assemble
 from .regression_equations import one_sided, regression_equations
 from .result import Identification
@@ -39,21 +40,25 @@ def identify(
     choice = choose(records, mechanism, identifiable, method)
     delay, cutoff = choice.chosen.delay, choice.chosen.cutoff
     at = choice.held_out.at(delay)
-    variants = {}
+    tried: dict[str, tuple[Methods, Method]] = {}
     for label, factor in (("half cut-off", 0.5), ("double cut-off", 2.0)):
         equations = regression_equations(records, mechanism, factor * cutoff)
         other = Methods(equations, mechanism, identifiable, delay)
-        variants[f"{label} ({factor * cutoff:.3g} Hz)"] = other.identified(method)
+        tried[f"{label} ({factor * cutoff:.3g} Hz)"] = other, choice.method
     if delay:
-        variants["no delay"] = choice.held_out.at(0.0).identified(method)
-    variants |= {name: at.identified(name) for name in allowed(choice.equations) if others and name != method}
+        tried["no delay"] = choice.held_out.at(0.0), choice.method
+    tried |= {name: (at, name) for name in allowed(choice.equations) if others and name != choice.method}
+    found = {label: simulated(partial(methods.identified, name)) for label, (methods, name) in tried.items()}
+    variants = {label: one for label, one in found.items() if one is not None and one.determines_all}
+    failed = [label for label in found if label not in variants]
     return Identification(
         mechanism,
         tuple(record.name for record in records),
         common_origin(record.origin for record in records),
         choice,
-        at.identified(method),
+        choice.identified,
         variants,
+        (*([method] if choice.method != method else []), *failed),
         _one_sided(records, mechanism, identifiable, choice),
     )
 

@@ -5,10 +5,10 @@ against what the parameters predict of them.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import attrgetter
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -16,8 +16,9 @@ from balance.arrays import Floats
 from balance.balancing import conditions
 from balance.balancing.conditions import text_of
 from balance.dynamics.regressor import JOINT_TERMS
+from balance.errors import DataError
 from balance.estimation.base_parameters import BaseParameters, Consistent, consistent
-from balance.estimation.estimate import LEVEL_TEXT, Estimate
+from balance.estimation.estimate import LEVEL_TEXT, Estimate, joint_coverage_factor
 from balance.estimation.first_moment_imbalance import masses_per_value
 from balance.estimation.identifiability import NotIdentifiable
 from balance.mechanism.mechanism import Mechanism
@@ -37,6 +38,7 @@ from .cross_validation import (
     unexplained,
 )
 from .estimators import Method
+from .model_tests import FALSE_ALARM, Doubt, ModelTests
 from .records import LONGEST_DELAY_S, JointRecord
 from .regression_equations import RegressionEquations, regression_equations
 
@@ -81,6 +83,15 @@ class Value:
 
 
 @dataclass(frozen=True)
+class Ratio:
+    """A first moment as a part of another, with an interval that contains other choices of method."""
+
+    name: Annotated[str, Key()]
+    value: Annotated[float, Key()]
+    interval: Annotated[tuple[float, float], Key()]
+
+
+@dataclass(frozen=True)
 class CounterMassValue:
     """A counter-mass that would balance the mechanism as identified."""
 
@@ -113,17 +124,20 @@ def unit_of(mechanism: Mechanism, parameter: str) -> str:
     return "kg" if kind == "m" else "kg m" if kind.startswith("mc") else "kg m^2"
 
 
-DOUBTFUL_RATIO = 0.3
-"""Part of the torque, low-passed like the model, that may stay unexplained before a result is doubtful."""
+UNEXPLAINED = 0.3
+"""Part of a force, or of the torque of a separate run, low-passed like the model, that may stay unexplained."""
+Verdict = Literal["usable", "usable up to a torque scale", "doubtful"]
 FAIR_CONDITION = 30.0
 POOR_CONDITION = 100.0
 """Of the base columns, scaled to unit length, from which an excitation is no longer good, and poor (Gautier, Khalil,
 Int. J. Robot. Res. 11, 1992)."""
+DOUBTFUL_WIDTH = 0.5
+"""Half of an interval, as a part of the largest first moment, from which a first moment is doubtful."""
+CLOSED = 0.05
+"""Half width of the interval of the torques' scale, as a part of it, up to which known masses close it."""
 OWN_FACTOR = 2.0
 NEGLIGIBLE = 0.05
 """What stays unexplained may be so many times what did on held-out blocks of the identifying runs, or so little."""
-DOUBTFUL_WIDTH = 0.5
-"""Half of an interval, as a part of the largest first moment, from which a first moment is doubtful."""
 
 
 @dataclass(frozen=True)
@@ -138,6 +152,8 @@ class Identification:
     """At the chosen cut-off and delay."""
     variants: Mapping[str, BaseParameters]
     """By other choices that count for the intervals."""
+    failed: tuple[str, ...]
+    """Choices by which no motion can be simulated or not all is determined."""
     one_sided: Mapping[str, BaseParameters]
     """With torque and rates smoothed but positions as recorded: often done, biased, shown for comparison only."""
 
@@ -192,11 +208,16 @@ class Identification:
         identifiable = self.identified.identifiability
         vector = identifiable.vector(combination) if isinstance(combination, Mapping) else combination
         coefficients = {identifiable.names[k]: float(vector[k]) for k in np.flatnonzero(vector)}
+        found = self.identified.estimate(vector)
+        variants = {label: other.estimate(vector).value for label, other in self.variants.items()}
+        for scale in self.tests.scale.interval() if self.closed and self.tests.scale else ():
+            changed = float(identifiable.share(vector) @ self.tests.scaled(scale))
+            variants[f"torque scale {scale:.4g}"] = found.value + changed
         return Value(
             name or text_of(coefficients),
             unit or unit_of(self.mechanism, next(iter(coefficients), "")),
-            self.identified.estimate(vector),
-            {label: other.estimate(vector).value for label, other in self.variants.items()},
+            replace(found, covariance=found.covariance * self._covariance_factor),
+            variants,
             float(vector @ self.in_file),
             {label: other.estimate(vector).value for label, other in self.one_sided.items()},
         )
@@ -253,32 +274,79 @@ class Identification:
             masses.append(CounterMassValue(site, self.mechanism.site(site).position, mass, moment))
         return masses
 
+    def moment_ratios(self) -> list[Ratio]:
+        """First moments as parts of the largest, which no scale common to all torques changes."""
+        moments = [(row, self.value(row, text)) for text, row in self._conditions if self._observable(row)]
+        found = []
+        whole_row, whole = max(moments, key=lambda pair: abs(pair[1].value), default=(None, None))
+        for row, one in moments if whole is not None and all(whole.variants.values()) else ():
+            if one.name != whole.name:
+                ratio = one.value / whole.value
+                away = self.value((row - ratio * whole_row) / whole.value).estimate.shifted(ratio)
+                others = [value / whole.variants[label] for label, value in one.variants.items()]
+                found.append(Ratio(f"{one.name} / {whole.name}", ratio, away.containing(others).interval()))
+        return found
+
     @property
     def left_out(self) -> tuple[str, ...]:
         """What gaps took of the records."""
         return tuple(self.choice.equations.left_out)
 
-    def doubts(self) -> list[str]:
+    @cached_property
+    def tests(self) -> ModelTests:
+        """Whether the torques are those of bodies."""
+        return ModelTests(self.mechanism, self.choice.equations, self.chosen.delay, self.identified)
+
+    @cached_property
+    def closed(self) -> bool:
+        """Whether masses that are known to differ between the runs determine the scale of the torques."""
+        scale = self.tests.scale
+        return scale is not None and scale.half_width() <= CLOSED * scale.value
+
+    @cached_property
+    def doubts(self) -> list[Doubt]:
         """Why the result is doubtful; empty if it is not."""
+        return [*self.tests.doubts, *self._doubts_of_bodies(), *self._doubts_of_answer()]
+
+    def _doubts_of_bodies(self) -> list[Doubt]:
+        """Parameters that no bodies have, or by which some method has no answer."""
+        found = []
+        if self.failed:
+            text = f"no motion can be simulated, or not all is determined, by {', '.join(self.failed)}"
+            found.append(Doubt("no_motion", text))
+        freedom = max(self.identified.fit.blocks - 1.0, 1.0)
+        by_chance = joint_coverage_factor(2 * max(len(self.joints), 1), freedom, 1.0 - FALSE_ALARM)
+        try:
+            distance = self.consistent.distance / np.sqrt(self._covariance_factor)
+        except DataError as error:
+            return [*found, Doubt("bodies_unproven", str(error))]
+        if distance > by_chance:
+            text = f"no bodies have such parameters: the nearest are {distance:.2g} standard errors away"
+            found.append(Doubt("no_such_bodies", f"{text}, {by_chance:.2g} by chance"))
+        return found
+
+    def _doubts_of_answer(self) -> list[Doubt]:
+        """What is poorly excited, at the end of what is tried, not determined or hardly known."""
         found = [
-            f"{ratio:.0%} of {self.named(row)} below {self.chosen.cutoff:.3g} Hz stays unexplained"
+            Doubt("unexplained", f"{ratio:.0%} of {row} below {self.chosen.cutoff:.3g} Hz stays unexplained")
             for row, ratio in zip(self.rows, self.rms_ratio_in_band, strict=True)
-            if ratio > DOUBTFUL_RATIO
+            if row not in self.joints and ratio > UNEXPLAINED
         ]
         seen = self.identified.identifiability
         if seen.condition > POOR_CONDITION:
-            found.append(
-                f"the motion tells the parameters poorly apart: condition {seen.condition:.3g}, expected below "
-                f"{POOR_CONDITION:g}; weakest: {seen.weakest}"
-            )
+            text = f"the motion tells the parameters poorly apart: condition {seen.condition:.3g}, expected below"
+            found.append(Doubt("poor_excitation", f"{text} {POOR_CONDITION:g}; weakest: {seen.weakest}"))
         if abs(self.chosen.delay) > LONGEST_DELAY_S - 0.5 * self.choice.equations.records[0].grid.step:
-            found.append(f"the delay of the torques, {self.chosen.delay * 1e3:.3g} ms, is at the end of what is tried")
-        found += [f"{text} is not determined by this record" for text in self.undetermined_moments()]
-        largest = max((abs(value.value) for value in self.first_moments()), default=0.0)
-        for value in self.first_moments():
-            low, high = value.interval
-            if (high - low) / 2 > DOUBTFUL_WIDTH * largest:
-                found.append(f"{value.name} is known to {(high - low) / 2:.2g} kg m only")
+            text = f"the delay of the torques, {self.chosen.delay * 1e3:.3g} ms, is at the end of what is tried"
+            found.append(Doubt("delay", text))
+        for text in self.undetermined_moments():
+            found.append(Doubt("not_determined", f"{text} is not determined by this record"))
+        moments = self.first_moments()
+        largest = max((abs(value.value) for value in moments), default=0.0)
+        for value in moments:
+            half = float(np.ptp(value.interval)) / 2.0
+            if half > DOUBTFUL_WIDTH * largest:
+                found.append(Doubt("wide", f"{value.name} is known to {half:.2g} kg m only"))
         return found
 
     @property
@@ -288,9 +356,16 @@ class Identification:
         return "poor" if condition > POOR_CONDITION else "fair" if condition > FAIR_CONDITION else "good"
 
     @property
-    def verdict(self) -> str:
-        """``usable`` or ``doubtful``."""
-        return "doubtful" if self.doubts() else "usable"
+    def verdict(self) -> Verdict:
+        """Whether it may be relied on."""
+        return self.verdict_with(())
+
+    def verdict_with(self, further: Sequence[Doubt]) -> Verdict:
+        """The verdict where further doubts count too."""
+        if self.doubts or further:
+            return "doubtful"
+        torques_alone = self.joints and len(self.joints) == len(self.rows)
+        return "usable up to a torque scale" if torques_alone and not self.closed else "usable"
 
     def named(self, row: str) -> str:
         """What a row is called: the torque of a joint, or a component of force or moment."""
@@ -303,6 +378,10 @@ class Identification:
         places = [m.coordinate_index(joint) for joint in self.joints]
         by_term = {"coulomb": m.coulomb, "viscous": m.viscous, "offset": 0.0 * m.viscous, "armature": m.armature}
         return self._padded(np.concatenate([m.pi, [by_term[term][k] for k in places for term in JOINT_TERMS]]))
+
+    @property
+    def _covariance_factor(self) -> float:
+        return 1.0 if self.tests.motion is None else self.tests.motion.factor
 
     @cached_property
     def _balance(self) -> conditions.Conditions:
@@ -351,14 +430,18 @@ class Validation:
         strayed = simulation_errors(self.equations, result.mechanism, pivots, same, result.chosen.delay)
         return None if strayed is None else strayed[0]
 
-    def doubts(self) -> list[str]:
+    @cached_property
+    def doubts(self) -> list[Doubt]:
         """Rows that the parameters do not predict."""
         result = self.result
         return [
-            f"{', '.join(self.runs)}: {ratio:.0%} of {result.named(row)} below the cut-off stays unexplained, "
-            f"{own:.0%} did in the runs identified from"
+            Doubt(
+                "not_predicted",
+                f"{', '.join(self.runs)}: {ratio:.0%} of {result.named(row)} below the cut-off stays unexplained, "
+                f"{own:.0%} did in the runs identified from",
+            )
             for row, ratio, own in zip(result.rows, self.rms_ratio_in_band, result.rms_ratio_in_band, strict=True)
-            if ratio > min(DOUBTFUL_RATIO, max(NEGLIGIBLE, OWN_FACTOR * own))
+            if ratio > min(UNEXPLAINED, max(NEGLIGIBLE, OWN_FACTOR * own))
         ]
 
 

@@ -27,8 +27,8 @@ def run(tmp_path_factory):
 
     folder = tmp_path_factory.mktemp("campaign")
     time = np.arange(0.0, 6.0, 0.005)
-    omega = 2 * np.pi * np.array([0.7, 1.1])
-    wave = np.array([[0.9, 0.5], [0.4, 1.3]])
+    omega = 2 * np.pi * np.array([0.31, 0.7, 1.1, 1.4, 1.73])
+    wave = np.array([[0.3, -0.6], [0.7, 0.2], [0.2, 1.0], [0.4, -0.2], [-0.2, 0.4]])
     q = np.sin(np.outer(time, omega)) @ wave
     v = (np.cos(np.outer(time, omega)) * omega) @ wave
     a = (-np.sin(np.outer(time, omega)) * omega**2) @ wave
@@ -68,26 +68,33 @@ def test_document(found):
     assert set(found["validation"]["rms_ratio"]) == {"J1", "J2"}
     assert found["origin"] == "simulated"
     assert found["counter_masses"][1]["first_moment_kgm"] == pytest.approx(0.1 * found["counter_masses"][1]["mass_kg"])
-    assert found["verdict"] == "usable"
+    assert found["verdict"] == "usable up to a torque scale"
+    assert found["doubt_codes"] == found["doubts"] == []
+    assert found["first_moment_ratios"][1]["name"] == "mcx[link_2] / mcx[link_1] + 0.3 m[link_2]"
+    low, high = found["first_moment_ratios"][1]["interval"]
+    assert low < 0.11106 / 0.34912 < high
     assert "held-out" in found["cutoff"]["rule"]
 
 
 def test_tables_and_figure(run, tmp_path):
-    """People read the combination, its interval, the unexplained torque, the verdict; the figure is written."""
+    """The verdict comes first, then its scale, the combination, its interval, the unexplained torque; and a figure."""
     text = invoke(ARM, run, "--method", "ls", "--figure", tmp_path / "torque.svg")
-    for words in ("mcx[link_1] + 0.3 m[link_2]", "origin simulated", "unexplained on held-out", "Verdict: usable"):
+    for words in ("mcx[link_1] + 0.3 m[link_2]", "origin simulated", "unexplained on held-out", "ratios of first"):
         assert words in text
+    assert text.startswith("Verdict: usable up to a torque scale\n")
+    assert "beyond what the first run mounted: usable up to a torque scale" in " ".join(text.split())
     assert (tmp_path / "torque.svg").read_text("utf-8").startswith("<?xml")
 
 
 def test_doubtful_results_exit_with_3(run, tmp_path):
-    """Torque that the mechanism does not explain is listed as a doubt, and the exit code says so."""
+    """Torques of exchanged joints are no bodies' torques: doubts with codes, and the exit code says so."""
     rig = datasets.find_dataset(ARM, "rigs", ".toml").read_text("utf-8")
     swapped = tmp_path / "swapped.toml"
     swapped.write_text(rig.replace('"tau1"', '"x"').replace('"tau2"', '"tau1"').replace('"x"', '"tau2"'), "utf-8")
     found = json.loads(invoke(ARM, run, "--rig", swapped, "--method", "ls", "--json", expected=3))
     assert found["verdict"] == "doubtful"
-    assert any("stays unexplained" in doubt for doubt in found["doubts"])
+    assert {"no_such_bodies", "slip"} & set(found["doubt_codes"])
+    assert len(found["doubts"]) == len(found["doubt_codes"])
 
 
 def test_a_run_of_another_mechanism_is_refused(run):
@@ -122,7 +129,7 @@ def test_a_gap_is_left_out_and_said(run, found, tmp_path):
     log.write_text("".join([*lines[:2], *(x for x in lines[2:] if not 2.5 <= float(x.split(",")[0]) < 3.0)]), "utf-8")
     assert Ingest(tmp_path, rigs.load_rig(ARM)).run(PlannedRun("paused", (log,)))[0].status == "stored"
     whole, found = found, json.loads(invoke(ARM, tmp_path / "paused.h5", "--json", expected=3))
-    assert found["verdict"] == "usable"
+    assert found["verdict"] == "usable up to a torque scale"
     (finding,) = found["findings"]
     assert finding["code"] == "time_gap"
     assert (

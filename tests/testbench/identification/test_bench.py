@@ -9,7 +9,6 @@ from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
 from testbench.errors import AnalysisError
 from testbench.identification import identify
-from testbench.identification.diagnostics import Explanation
 from testbench.identification.records import assemble
 from testbench.identification.result import validate
 from testbench.store import open_campaign
@@ -64,12 +63,12 @@ def test_weak_excitation_is_said(by_torque):
     assert by_torque.excitation == "poor"
     assert "offset[A0]" in seen.weakest
     assert by_torque.verdict == "doubtful"
-    assert any("poorly apart" in doubt for doubt in by_torque.doubts())
+    assert "poor_excitation" in {doubt.code for doubt in by_torque.doubts}
 
 
 def test_known_masses_tell_the_scale(by_torque):
     """Two payloads that are known tell the scale of the torques: one, to a per cent."""
-    scale = Explanation(by_torque).scale_of_all
+    scale = by_torque.tests.scale
     assert scale.interval()[0] < 1.0 < scale.interval()[1]
     assert scale.half_width() < 0.01
 
@@ -77,7 +76,7 @@ def test_known_masses_tell_the_scale(by_torque):
 def test_a_wrong_scale_is_found(taken):
     """Torques that read 8 % too much are found to, by the payloads that are known."""
     louder = [replace(r, torque=1.08 * r.torque) for r in taken.records]
-    scale = Explanation(identify(louder, taken.mechanism, "ls", others=False)).scale_of_all
+    scale = identify(louder, taken.mechanism, "ls", others=False).tests.scale
     assert scale.value == pytest.approx(1.08, abs=0.01)
 
 
@@ -121,7 +120,7 @@ def test_a_separate_run_is_foretold(separate, by_torque):
     """A run with other counter-masses and another motion is foretold: less than 2 % of its torque stays unexplained."""
     held = validate(by_torque, separate)
     assert (held.rms_ratio_in_band < 0.02).all()
-    assert held.doubts() == []
+    assert held.doubts == []
     assert held.angles is None
 
 
@@ -131,7 +130,7 @@ def test_a_separate_run_with_an_unknown_mass_is_not(separate, by_torque):
     forgotten = type(record)("forgotten", record.origin, record.grid, record.q, record.torque)
     held = validate(by_torque, [forgotten])
     assert (held.rms_ratio_in_band > 0.1).any()
-    assert any("forgotten" in doubt for doubt in held.doubts())
+    assert any("forgotten" in doubt.text for doubt in held.doubts)
 
 
 def test_runs_identified_from_prove_nothing(taken, by_force, by_torque):

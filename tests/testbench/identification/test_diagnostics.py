@@ -42,8 +42,8 @@ def test_a_common_scale_is_not_told(explanation):
     for text in (FIRST, SECOND):
         alone = both.rows_alone[0].first_moments[text]
         assert alone.value == pytest.approx(1.1 * explanation.rows_alone[0].first_moments[text].value, rel=1e-6)
-    assert both.scale_of_all is None
-    assert scale_document(both.scale_of_all) == {"identifiable": False, "reason": SCALE_UNKNOWN}
+    assert both.result.tests.scale is None
+    assert scale_document(both.result.tests.scale) == {"identifiable": False, "reason": SCALE_UNKNOWN}
 
 
 def test_rows_alone(explanation):

@@ -64,7 +64,12 @@ def test_unexplained_torque(result):
     assert (result.rms_ratio_in_band > 0.02).all()
     assert (result.rms_ratio_in_band < result.rms_ratio).all()
     assert (result.rms_ratio < 0.5).all()
-    assert result.verdict == "usable"
+
+
+def test_a_law_would_explain_them_as_well(result):
+    """In five seconds of smooth motion the torque of the first joint is one of all angles and speeds as well."""
+    assert result.verdict == "doubtful"
+    assert "feedback_law" in {doubt.code for doubt in result.doubts}
 
 
 def test_counter_masses(result):

@@ -1,0 +1,416 @@
+"""Whether torques are those of the bodies that were identified from them: tests, each with its rate of false alarms.
+
+All look at the equations tau = W pi at the chosen cut-off and delay. Each asks whether something that bodies do not do
+explains the torques better, or as well, and alarms falsely in FALSE_ALARM of records whose noise is white:
+
+* **A law of position and velocity** (a controller that holds up the weight, or a spring, while a hand moves the joint).
+  tau_j = f(q, v) + s M_j(q) a with f free: s is one where bodies are accelerated and zero where a law makes the torque.
+  In as many terms as a third of what the record has of independent readings, each record with an f of its own. s must
+  lie nearer to one than to zero with a probability of error of FALSE_ALARM: that bounds the laws that pass for bodies.
+* **A torque from outside** (a hand, an obstacle): one that varies freely in time, piecewise linear.
+* **An encoder or a load that slips**: a deviation of each joint's angle that varies freely in time likewise. Both by
+  Fisher's F, with 2 f T independent readings in T seconds below f.
+* **The simulated motion.** What the torque lacks, driven through the joints' dynamics, makes the angles deviate. The
+  intervals take what it lacks for independent from block to block; then the deviation has the mean square of the
+  blocks' own deviations. Where what lacks adds up instead, the deviation is larger: by random signs of the blocks
+  (a wild bootstrap) its probability, by the ratio of the squares the factor that the covariance is multiplied with.
+* **The scale of all torques** where runs differ by masses that are known: tau = s (W pi + W dpi).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Literal
+
+import numpy as np
+
+from balance.arrays import Floats
+from balance.estimation.base_parameters import BaseParameters
+from balance.estimation.estimate import LEVEL_TEXT, Estimate, f_tail, student_quantile
+from balance.estimation.regression import RegressionFit, RegressionRecord, fit
+from balance.mechanism.mechanism import Mechanism
+from balance.results import Key
+
+from .estimators import Deviation, NotSimulated
+from .regression_equations import RecordEquations, RegressionEquations
+
+FALSE_ALARM = 1e-3
+"""Probability with which a test doubts a record of white noise that has nothing of what the test looks for."""
+NEAREST_LAW = 0.5
+"""Of the acceleration's share: halfway from a law of position and velocity, 0, to bodies, 1."""
+LAW_TERMS = (6, 45)
+"""Fewest and most terms of a law."""
+LAW_SHARE = 3.0
+"""Independent readings for each term of a law."""
+KNOT_S, KNOT_PERIODS = 0.8, 2.0
+"""Between points of what varies freely in time: at least so long, and so many periods of the cut-off."""
+SMOOTHING = 0.01
+"""Part of the torques that smoothed positions may distort: free variations that explain less say nothing."""
+OVERSAMPLING = 8.0
+"""Samples of low-passed equations kept for each period of the cut-off."""
+WINDOW_S, WINDOW_BLOCKS = 1.0, 6
+"""What is simulated from a recorded state, of the best: so long, and at least so many blocks of one period."""
+DRAWS = 4000
+"""Of signs of the blocks."""
+JUMP = 6.0
+"""Third difference of an encoder's readings, against that which one in twenty exceeds, or its step: normal noise and
+steps stay below 4."""
+STICTION = 2.0
+"""Dry friction at rest, in that of the motion: more is not friction."""
+REST_SIGMA = 4.0
+"""Standard deviations of what is unexplained in motion, which a torque at rest may exceed that by."""
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """A reason against a result."""
+
+    code: Annotated[str, Key()]
+    text: Annotated[str, Key()]
+
+
+@dataclass(frozen=True)
+class LawTest:
+    """The acceleration's share of a joint's torque beyond any law of position and velocity."""
+
+    joint: Annotated[str, Key()]
+    share: Annotated[Estimate, Key("acceleration_share", to=lambda share: share.value)]
+
+    @property
+    def least(self) -> Annotated[float, Key("acceleration_share_at_least")]:
+        """What the share exceeds but for FALSE_ALARM [-]."""
+        return self.share.value - student_quantile(1.0 - FALSE_ALARM, self.share.degrees_of_freedom) * (
+            self.share.standard_uncertainty
+        )
+
+    @property
+    def doubts(self) -> list[Doubt]:
+        """One where a law explains the torque as well as bodies do."""
+        text = (
+            f"the torque of {self.joint} is as well explained by a law of position and velocity alone, as of a "
+            f"controller while something else moves the joint: beyond such a law the acceleration has "
+            f"{self.share.value:.2f} of its share, at least {self.least:.2f}; expected more than {NEAREST_LAW:g}"
+        )
+        return [] if self.least > NEAREST_LAW else [Doubt("feedback_law", text)]
+
+
+@dataclass(frozen=True)
+class FreeTest:
+    """Whether a torque from outside, or an angle that slips, explains what bodies do not."""
+
+    joint: Annotated[str, Key()]
+    code: Annotated[Literal["outside_torque", "slip"], Key()]
+    share: Annotated[float, Key("explained_rms_ratio")]
+    """What it explains beyond bodies, as a part of the torques' rms [-]."""
+    probability: Annotated[float, Key()]
+    """Of so much by noise alone."""
+
+    @property
+    def doubts(self) -> list[Doubt]:
+        """One where neither noise nor what smoothed positions leave of the torques may be it."""
+        what = {
+            "outside_torque": "a torque from outside, as of a hand or an obstacle,",
+            "slip": "an angle that slips between encoder and body",
+        }[self.code]
+        text = f"{what} explains {self.share:.1%} of the torques that bodies do not (by chance {self.probability:.1g})"
+        passed = self.probability >= FALSE_ALARM or self.share < SMOOTHING
+        return [] if passed else [Doubt(self.code, f"{self.joint}: {text}")]
+
+
+@dataclass(frozen=True)
+class MotionTest:
+    """How far the simulated motion deviates, and how far it would by chance."""
+
+    error: Annotated[float, Key("error_rms")]
+    """Over segments and joints, from the best initial states [rad, m]."""
+    expected: Annotated[float, Key("expected_rms")]
+    """Were what the torques lack independent from block to block [rad, m]."""
+    probability: Annotated[float, Key()]
+    """Of so large an error by chance."""
+
+    @property
+    def factor(self) -> Annotated[float, Key("covariance_factor")]:
+        """By which the motion demands a larger covariance than the blocks show, at least one [-]."""
+        return max(1.0, (self.error / self.expected) ** 2) if self.expected > 0.0 else 1.0
+
+    @property
+    def doubts(self) -> list[Doubt]:
+        """One where what the torques lack adds up."""
+        text = (
+            f"the simulated motion deviates by {self.error:.2g} rms, and would by {self.expected:.2g} if what the "
+            "torques lack were independent from block to block: it adds up"
+        )
+        return [] if self.probability >= FALSE_ALARM else [Doubt("motion_not_followed", text)]
+
+
+@dataclass(frozen=True)
+class ModelTests:
+    """The tests of base parameters that were found from equations, torques ``delay`` [s] late."""
+
+    mechanism: Mechanism
+    equations: RegressionEquations
+    delay: float
+    identified: BaseParameters
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Driven joints whose torques count."""
+        return self.mechanism.driven if self.equations.records[0].torque.shape[1] else ()
+
+    @cached_property
+    def laws(self) -> list[LawTest]:
+        """Of each joint."""
+        return [LawTest(joint, self._law(k)) for k, joint in enumerate(self.joints)]
+
+    @cached_property
+    def free(self) -> list[FreeTest]:
+        """Two of each joint."""
+        return [self._free(k, code) for k in range(len(self.joints)) for code in ("outside_torque", "slip")]
+
+    @cached_property
+    def motion(self) -> MotionTest | None:
+        """None where there are no torques, where no motion can be simulated, or records are too short."""
+        if not self.joints:
+            return None
+        try:
+            sums = [
+                one for pair in zip(self.equations.parts, self._models, strict=True) for one in self._squares(*pair)
+            ]
+        except NotSimulated:
+            return None
+        if not sums:
+            return None
+        products, samples = [one for one, _ in sums], sum(count for _, count in sums)
+        rng, drawn = np.random.default_rng(0), np.zeros(DRAWS)
+        for one in products:
+            signs = rng.choice([-1.0, 1.0], (DRAWS, len(one)))
+            drawn += np.einsum("di,ij,dj->d", signs, one, signs)
+        error = sum(float(one.sum()) for one in products)
+        expected = sum(float(np.trace(one)) for one in products)
+        root = np.sqrt(np.maximum([error, expected], 0.0) / samples)
+        return MotionTest(float(root[0]), float(root[1]), float(np.mean(drawn >= error)))
+
+    @cached_property
+    def scale(self) -> Estimate | None:
+        """Scale of all rows by masses that are known to differ between the runs; None where none do."""
+        if not np.any(self._known):
+            return None
+        columns = np.concatenate([self._base, self._known[:, :, None]], axis=2)
+        found = self._fitted(columns, self._rows + self._known)
+        return found.estimate(np.eye(columns.shape[2])[-1])
+
+    def scaled(self, scale: float) -> Floats:
+        """By how much base parameters (r,) [SI] change where all torques read ``scale`` times what they are."""
+        return self._unscaled * (1.0 / scale - 1.0)
+
+    @cached_property
+    def negative_inertia(self) -> list[str]:
+        """Joints whose own inertia, as their torques show it, is negative."""
+        if not self.joints:
+            return []
+        own = np.concatenate([np.einsum("njj->nj", model.inertia) for model in self._models])
+        return [joint for joint, one in zip(self.joints, np.median(own, axis=0), strict=True) if one < 0.0]
+
+    @cached_property
+    def jumps(self) -> dict[str, float]:
+        """Instants at which positions jump as no motion does, by joint, on their record's clock [s]."""
+        found = {}
+        for record in self.equations.records:
+            third = np.abs(np.diff(record.q, 3, axis=0))
+            third *= record.valid(0.0)[: len(third)] * record.valid(0.0)[3:]
+            for joint, values, positions in zip(self.mechanism.driven, third.T, record.q.T, strict=True):
+                steps = np.diff(np.unique(positions))
+                usual = max(float(np.percentile(values, 95.0)), float(steps[steps > 1e-9].min(initial=np.inf)))
+                worst = int(np.argmax(values))
+                if values[worst] > JUMP * usual:
+                    found.setdefault(joint, float(record.grid.time[worst + 1]))
+        return found
+
+    @cached_property
+    def stalls(self) -> dict[str, tuple[float, float]]:
+        """Seconds at rest under a torque that neither weight nor friction explains, and its rms, by joint."""
+        found = {}
+        friction = np.array([name.startswith("coulomb[") for name in self.equations.names])
+        for k, joint in enumerate(self.joints):
+            at = self.equations.names.index(f"coulomb[{joint}]")
+            dry = 0.0
+            if at in self.identified.identifiability.pivots:
+                one = self.identified.estimate(np.eye(len(friction))[at])
+                dry = max(one.value + one.half_width(), 0.0)
+            columns = self.equations.low_passed_columns(np.flatnonzero(~friction))
+            left = self._rows[:, k] - columns[:, k] @ self._full[~friction]
+            moving = self.equations.moving[:, k] > 0.0
+            resting = (self.equations.valid[:, 0] > 0.0) & ~moving
+            noise = np.sqrt(np.mean(self._residual[moving, k] ** 2)) if moving.any() else 0.0
+            stalled = resting & (np.abs(left) > STICTION * dry + REST_SIGMA * noise)
+            seconds = float(stalled.sum()) * self.equations.records[0].grid.step
+            if seconds > 1.0 / self.equations.cutoff:
+                found[joint] = seconds, float(np.sqrt(np.mean(left[stalled] ** 2)))
+        return found
+
+    @property
+    def doubts(self) -> list[Doubt]:
+        """Of all tests."""
+        found = [doubt for test in (*self.laws, *self.free) for doubt in test.doubts]
+        bodies = {law.joint: law.share.value > NEAREST_LAW for law in self.laws}
+        for joint in self.negative_inertia:
+            text = f"{joint}: the torque shows a negative inertia"
+            turned = Doubt("torque_sign", f"{text}, as it does where its sign is reversed: check the sign in the rig")
+            found.append(turned if bodies[joint] else Doubt("negative_inertia", text))
+        for joint, at in self.jumps.items():
+            found.append(Doubt("encoder_jump", f"{joint}: the position jumps at {at:.4g} s as no motion does"))
+        for joint, (seconds, torque) in self.stalls.items():
+            text = f"{joint} rests for {seconds:.2g} s under {torque:.3g} that neither weight nor friction explains"
+            found.append(Doubt("stall", text))
+        if self.motion is not None:
+            found += self.motion.doubts
+        elif self.joints:
+            found.append(Doubt("no_motion", "no motion can be simulated with what the torques show"))
+        return found + self._doubts_of_scale
+
+    @property
+    def _doubts_of_scale(self) -> list[Doubt]:
+        """Torques that disagree with masses that are known."""
+        if self.scale is None:
+            return []
+        low, high = self.scale.interval(1.0 - FALSE_ALARM)
+        text = f"by masses known to differ between the runs the torques read {self.scale.value:.3f} times what they are"
+        inner = "{:.3f} .. {:.3f}".format(*self.scale.interval())
+        text += f" ({LEVEL_TEXT}: {inner}), or the run table's masses are wrong"
+        return [] if low <= 1.0 <= high else [Doubt("torque_scale", text)]
+
+    def _law(self, joint: int) -> Estimate:
+        """Least squares of the share with the terms of a law as nuisances of each record."""
+        blocks, first, records = self.equations.blocks(1.0 / self.equations.cutoff), 0, []
+        for part, model in zip(self.equations.parts, self._models, strict=True):
+            seconds = float(part.inside(part.moving)[:, joint].sum()) * model.step
+            readings = 2.0 * self.equations.cutoff * seconds
+            count = int(np.clip(readings / LAW_SHARE, *LAW_TERMS))
+            accelerated = np.einsum("nk,nk->n", model.inertia[:, joint], part.motion.a)
+            columns = np.column_stack([accelerated, law_terms(part.motion.q, part.motion.v, joint)[:, :count]])
+            smooth = part.inside(part.low_passed(columns))[:, None]
+            rows = part.inside(part.delayed(part.low_passed(part.record.measured), self.delay))[:, [joint]]
+            used = part.inside(part.moving)[:, [joint]]
+            own = blocks[first : first + len(rows)]
+            first += len(rows)
+            records.append(RegressionRecord.of(smooth[:, :, :1], rows, own, smooth[:, :, 1:], used, rows=("torque",)))
+        return fit(records, conditions=0).estimate(np.ones(1))
+
+    def _free(self, joint: int, code: Literal["outside_torque", "slip"]) -> FreeTest:
+        """By the squares that columns of a torque, or an angle, of a joint that varies in time take off the rest."""
+        joints, cutoff, added, first = len(self.joints), self.equations.cutoff, [], 0
+        used = self.equations.moving[:, :joints]
+        for part, model in zip(self.equations.parts, self._models, strict=True):
+            count = part.record.grid.count
+            points = max(3, int(count * model.step / max(KNOT_S, KNOT_PERIODS / cutoff)))
+            away = np.abs(np.linspace(0.0, points - 1.0, count)[:, None] - np.arange(points))
+            column = model.stiffness[:, :, joint] if code == "slip" else np.tile(np.eye(joints)[joint], (count, 1))
+            free = part.inside(part.low_passed(column[:, :, None] * np.maximum(1.0 - away, 0.0)[:, None]))
+            added.append(np.zeros((len(used), joints, points)))
+            added[-1][first : first + len(free)] = free
+            first += len(free)
+        weights = used / np.sqrt(np.maximum(np.mean(self._residual[:, :joints] ** 2, axis=0), np.finfo(float).tiny))
+        keep = max(1, int(self.equations.records[0].grid.rate / (OVERSAMPLING * cutoff)))
+
+        def stacked(values: Floats) -> Floats:
+            return np.asarray((values[:, :joints] * weights[:, :, None])[::keep].reshape(-1, values.shape[2]))
+
+        columns, rows = stacked(self._base), stacked(self._rows[:, :, None])[:, 0]
+        before, terms = _left(columns, rows)
+        after, more = _left(np.hstack([columns, stacked(np.concatenate(added, axis=2))]), rows)
+        freedom = 2.0 * cutoff * float(used.sum()) * self._models[0].step - more
+        share = float(np.sqrt(max(before - after, 0.0) / max(float(rows @ rows), np.finfo(float).tiny)))
+        by_chance = 1.0
+        if freedom >= 1.0 and more > terms:
+            by_chance = f_tail((before - after) / (more - terms) / (after / freedom), more - terms, freedom)
+        return FreeTest(self.joints[joint], code, share, by_chance)
+
+    def _squares(self, part: RecordEquations, model: Deviation) -> list[tuple[Floats, int]]:
+        """Of each segment of a record, products of the blocks' deviations (blocks, blocks), and samples."""
+        model.refuse_negative_inertia()
+        block = max(1, round(1.0 / self.equations.cutoff / model.step))
+        edge, joints = part.record.edge, len(self.joints)
+        inside = part.record.grid.count - 2 * edge
+        blocks = min(max(WINDOW_BLOCKS, round(WINDOW_S * self.equations.cutoff)), inside // block)
+        left = (part.measured(self.delay) - part.whole @ self._full)[:, :joints]
+        found = []
+        for begin in range(edge, edge + inside - blocks * block + 1, max(blocks * block, 1)):
+            window = slice(begin, begin + blocks * block)
+            if blocks < 2 or not part.valid[window].all():
+                continue
+            load = np.zeros((blocks * block, joints, blocks))
+            for k in range(blocks):
+                load[k * block : (k + 1) * block, :, k] = left[window][k * block : (k + 1) * block]
+            made, free = model.segment(window).from_any_state(load)
+            base = np.linalg.qr(free.reshape(-1, 2 * joints))[0]
+            away = made.reshape(-1, blocks)
+            away = away - base @ (base.T @ away)
+            found.append((away.T @ away, len(away)))
+        return found
+
+    @cached_property
+    def _full(self) -> Floats:
+        """Parameters (p,) that make the same rows as the base parameters."""
+        full = np.zeros(len(self.identified.identifiability.names))
+        full[list(self.identified.identifiability.pivots)] = self.identified.values
+        return full
+
+    @cached_property
+    def _models(self) -> list[Deviation]:
+        """Of each record, about the identified parameters; none where there are no torques."""
+        parts = self.equations.parts if self.joints else ()
+        return [Deviation.of(part, self.mechanism, self._full) for part in parts]
+
+    @cached_property
+    def _base(self) -> Floats:
+        return self.equations.low_passed_columns(self.identified.identifiability.pivots)
+
+    @cached_property
+    def _rows(self) -> Floats:
+        return self.equations.low_passed_torque(self.delay)
+
+    @cached_property
+    def _known(self) -> Floats:
+        return self.equations.joined(lambda part: part.low_passed(part.known))
+
+    @cached_property
+    def _residual(self) -> Floats:
+        return np.asarray((self._rows - self._base @ self.identified.values) * self.equations.moving)
+
+    @cached_property
+    def _unscaled(self) -> Floats:
+        """Base parameters with the known masses in them (r,): what a scale of the torques multiplies."""
+        return self._fitted(self._base, self._rows + self._known).values
+
+    def _fitted(self, columns: Floats, rows: Floats) -> RegressionFit:
+        blocks = self.equations.blocks(1.0 / self.equations.cutoff)
+        return fit([RegressionRecord.of(columns, rows, blocks, used=self.equations.moving)])
+
+
+def law_terms(q: Floats, v: Floats, joint: int) -> Floats:
+    """Terms of a law of positions and velocities (n, joints) [rad, rad/s, m, m/s] for a joint, simplest first, (n, k).
+
+    Products of powers of its own angle and speed, counted from the middle of their range, weights, dry and quadratic
+    friction; of other joints' the first and second powers and products with its own.
+    """
+    x = (q - 0.5 * (q.max(axis=0) + q.min(axis=0))) / np.maximum(0.5 * np.ptp(q, axis=0), 1e-9)
+    w = v / np.maximum(np.abs(v).max(axis=0), 1e-9)
+    own, speed = x[:, joint], w[:, joint]
+    terms = [(float(i + k), own**i * speed**k) for i in range(9) for k in range(min(5, 9 - i))]
+    sine, cosine = np.sin(q[:, joint]), np.cos(q[:, joint])
+    terms += [(0.5, sine), (0.5, cosine), (1.5, np.sign(speed)), (2.5, sine * speed), (2.5, cosine * speed)]
+    terms += [(3.5, np.abs(speed) * speed)]
+    for other in set(range(q.shape[1])) - {joint}:
+        angle, rate, both = x[:, other], w[:, other], q[:, joint] + q[:, other]
+        terms += [(0.6, np.sin(both)), (0.6, np.cos(both)), (1.4, angle), (1.4, rate)]
+        terms += [(2.4, np.sin(q[:, other])), (2.4, np.cos(q[:, other])), (2.4, angle**2), (2.4, rate**2)]
+        terms += [(2.4, one * two) for one in (angle, rate) for two in (own, speed)]
+    return np.stack([values for _, values in sorted(terms, key=lambda term: term[0])], axis=1)
+
+
+def _left(columns: Floats, rows: Floats) -> tuple[float, int]:
+    """Sum of squares that columns (n, k) leave of rows (n,), and how many of them count."""
+    lengths = np.linalg.norm(columns, axis=0)
+    present = lengths > 1e-9 * lengths.max(initial=0.0)
+    directions, sizes, _ = np.linalg.svd(columns[:, present] / lengths[present], full_matrices=False)
+    kept = directions[:, sizes > 1e-6 * sizes[0]]
+    return max(float(rows @ rows - np.sum((kept.T @ rows) ** 2)), np.finfo(float).tiny), kept.shape[1]
