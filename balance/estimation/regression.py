@@ -131,9 +131,7 @@ class _RecordSums:
             self.left, self.left_vector = _sums(left, design, readings, parts)
             self.left_square = _sums(left, left, readings, parts)[0]
 
-    def reduced(
-        self, left_out: Sequence[int | None] = (None,), weights: Floats | None = None
-    ) -> tuple[Floats, Floats]:
+    def reduced(self, left_out: Sequence[int | None] = (None,), weights: Floats | None = None) -> tuple[Floats, Floats]:
         """Equations of the unknowns alone, the nuisances solved for, without each block in turn, or with all (None).
 
         (choices, p, p) and (choices, p); ``weights`` (rows,) or own.

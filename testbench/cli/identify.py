@@ -234,7 +234,7 @@ def identify(mechanism: str, runs: tuple[Path, ...], figure: Path | None, as_jso
     else:
         print_result(result, validation, taken.notes)
         calibrations.print_calibrations(calibrations.calibrations(run.run for run in bound))
-    odd = result.left_out or result.doubts
+    odd = bool(result.left_out or result.doubts)
     if validation is not None:
-        odd = odd or validation.equations.left_out or validation.doubts
+        odd = odd or bool(validation.equations.left_out or validation.doubts)
     return EXIT_WITH_FINDINGS if odd else 0

@@ -46,6 +46,8 @@ ROUNDS = 2
 DAMPING = 0.7
 """Of the pull."""
 Solved = TypeVar("Solved")
+_BOUND = 1e12
+"""Of deviations and their rates [SI], beyond which nothing is simulated."""
 _STEP = 1e-5
 """Of differences [rad, m, and their rates]."""
 
@@ -102,7 +104,7 @@ class Deviation:
         with np.errstate(over="ignore", invalid="ignore"):
             state = _integrated(system, pushed, self.step, np.zeros(pushed.shape[1:]))
             rates = system @ state + pushed
-        if not np.isfinite(rates).all():
+        if not np.abs(rates).max() < _BOUND:
             raise NotSimulated("a simulation with the parameters that the torques show leaves every bound")
         joints = load.shape[1]
         return Rates(state[:, :joints], state[:, joints:], rates[:, joints:])
@@ -117,7 +119,7 @@ class Deviation:
         system, pushed = self._system(np.pad(load, ((0, 0), (0, 0), (0, 2 * joints))), 0.0)
         with np.errstate(over="ignore", invalid="ignore"):
             state = _integrated(system, pushed, self.step, np.hstack([np.zeros((2 * joints, count)), units]))
-        if not np.isfinite(state).all():
+        if not np.abs(state).max() < _BOUND:
             raise NotSimulated("a simulation with the parameters that the torques show leaves every bound")
         return state[:, :joints, :count], state[:, :joints, count:]
 

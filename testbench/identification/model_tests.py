@@ -213,7 +213,7 @@ class ModelTests:
     @cached_property
     def jumps(self) -> dict[str, float]:
         """Instants at which positions jump as no motion does, by joint, on their record's clock [s]."""
-        found = {}
+        found: dict[str, float] = {}
         for record in self.equations.records:
             third = np.abs(np.diff(record.q, 3, axis=0))
             third *= record.valid(0.0)[: len(third)] * record.valid(0.0)[3:]
@@ -236,7 +236,7 @@ class ModelTests:
             if at in self.identified.identifiability.pivots:
                 one = self.identified.estimate(np.eye(len(friction))[at])
                 dry = max(one.value + one.half_width(), 0.0)
-            columns = self.equations.low_passed_columns(np.flatnonzero(~friction))
+            columns = self.equations.low_passed_columns(np.flatnonzero(~friction).tolist())
             left = self._rows[:, k] - columns[:, k] @ self._full[~friction]
             moving = self.equations.moving[:, k] > 0.0
             resting = (self.equations.valid[:, 0] > 0.0) & ~moving
@@ -250,7 +250,8 @@ class ModelTests:
     @property
     def doubts(self) -> list[Doubt]:
         """Of all tests."""
-        found = [doubt for test in (*self.laws, *self.free) for doubt in test.doubts]
+        found = [doubt for law in self.laws for doubt in law.doubts]
+        found += [doubt for free in self.free for doubt in free.doubts]
         bodies = {law.joint: law.share.value > NEAREST_LAW for law in self.laws}
         for joint in self.negative_inertia:
             text = f"{joint}: the torque shows a negative inertia"
@@ -332,7 +333,7 @@ class ModelTests:
         inside = part.record.grid.count - 2 * edge
         blocks = min(max(WINDOW_BLOCKS, round(WINDOW_S * self.equations.cutoff)), inside // block)
         left = (part.measured(self.delay) - part.whole @ self._full)[:, :joints]
-        found = []
+        found: list[tuple[Floats, int]] = []
         for begin in range(edge, edge + inside - blocks * block + 1, max(blocks * block, 1)):
             window = slice(begin, begin + blocks * block)
             if blocks < 2 or not part.valid[window].all():

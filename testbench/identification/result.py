@@ -277,10 +277,12 @@ class Identification:
     def moment_ratios(self) -> list[Ratio]:
         """First moments as parts of the largest, which no scale common to all torques changes."""
         moments = [(row, self.value(row, text)) for text, row in self._conditions if self._observable(row)]
+        if not moments:
+            return []
         found = []
-        whole_row, whole = max(moments, key=lambda pair: abs(pair[1].value), default=(None, None))
-        for row, one in moments if whole is not None and all(whole.variants.values()) else ():
-            if one.name != whole.name:
+        whole_row, whole = max(moments, key=lambda pair: abs(pair[1].value))
+        for row, one in moments:
+            if one.name != whole.name and all(whole.variants.values()):
                 ratio = one.value / whole.value
                 away = self.value((row - ratio * whole_row) / whole.value).estimate.shifted(ratio)
                 others = [value / whole.variants[label] for label, value in one.variants.items()]

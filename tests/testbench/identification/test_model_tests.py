@@ -1,0 +1,104 @@
+"""What deceives is found by the test that looks for it; honest records pass, and their values are right."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from balance.mechanism.mjcf_parser import load_mechanism
+from studies.joint_records import Maker
+from testbench.identification import identify
+from testbench.identification.model_tests import law_terms
+
+from . import arms
+
+MAKER = Maker()
+ARM = load_mechanism("two-joint-arm-a0")
+
+
+def identified(kind: str, seed: int):
+    """Of a drawn case, without the other methods; and the case."""
+    case = MAKER.case(kind, seed)
+    return identify(case.records, case.mechanism, others=False), case
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed", "code"),
+    [
+        ("law", 3, "feedback_law"),
+        ("hand", 2, "outside_torque"),
+        ("lost_counts", 2, "slip"),
+        ("encoder_slip", 5, "encoder_jump"),
+        ("sign", 3, "torque_sign"),
+        ("scale_known", 1, "torque_scale"),
+    ],
+)
+def test_what_deceives_is_named(kind, seed, code):
+    """Each is doubtful for its own reason."""
+    result, _ = identified(kind, seed)
+    assert result.verdict == "doubtful"
+    assert code in {doubt.code for doubt in result.doubts}
+
+
+@pytest.mark.parametrize(("seed", "verdict"), [(4, "usable"), (5, "usable up to a torque scale")])
+def test_honest_records_pass(seed, verdict):
+    """With a known mass the scale is closed, without it is not; the true values lie within."""
+    result, case = identified("honest", seed)
+    assert result.doubts == []
+    assert result.verdict == verdict
+    for names, value in case.truth.values():
+        low, high = result.value(names).interval
+        assert low <= value <= high
+
+
+def test_a_brake_is_a_stall():
+    """A motor that pulls for two seconds at a joint that rests: neither weight nor friction explains its torque."""
+    (record,) = MAKER.case("honest", 5).records
+    q, torque = record.q.copy(), record.torque.copy()
+    begin = 300 + int(np.argmin(np.abs(record.rates(5.0).v[300:-300, 0])))  # where the motion turns
+    end = begin + round(2.0 / record.grid.step)
+    q = np.insert(q, begin, np.repeat(q[begin : begin + 1], end - begin, axis=0), axis=0)
+    torque = np.insert(torque, begin, np.full((end - begin, 1), np.abs(torque).max()), axis=0)
+    held = replace(record, grid=replace(record.grid, count=len(q)), q=q, torque=torque)
+    seconds, pull = identify([held], MAKER.mechanisms[0], others=False).tests.stalls["J1"]
+    assert 0.5 < seconds < 2.5
+    assert pull > 0.2 * np.abs(record.torque).max()
+
+
+def test_a_scale_leaves_ratios_and_verdict():
+    """Torques that read 30 % too much: every first moment is 30 % too large, their ratio and the verdict stay."""
+    record = arms.record(ARM, seed=3)
+    one, other = (identify([replace(record, torque=s * record.torque)], ARM, others=False) for s in (1.0, 1.3))
+    assert one.verdict == other.verdict == "usable up to a torque scale"
+    assert other.first_moments()[0].value == pytest.approx(1.3 * one.first_moments()[0].value, rel=1e-6)
+    for left, right in zip(one.moment_ratios(), other.moment_ratios(), strict=True):
+        assert right.value == pytest.approx(left.value, rel=1e-6, abs=1e-9)
+        assert right.interval == pytest.approx(left.interval, rel=1e-5, abs=1e-9)
+
+
+def test_what_adds_up_widens_the_intervals():
+    """White noise leaves the covariance as it is; the same noise slowed down makes the motion stray, and widens it."""
+    record = arms.record(ARM, seed=5, noise=0.05)
+    slow = np.cumsum(np.random.default_rng(1).normal(0.0, 0.01, record.torque.shape), axis=0)
+    white, drifting = (identify([r], ARM, others=False) for r in (record, replace(record, torque=record.torque + slow)))
+    assert white.tests.motion.factor < 1.5
+    assert white.tests.motion.probability > 0.01
+    assert drifting.tests.motion.factor > 1.5
+    value = drifting.first_moments()[0]
+    plain = drifting.identified.estimate(
+        drifting.identified.identifiability.vector({"mcx[link_1]": 1, "m[link_2]": 0.3})
+    )
+    assert value.estimate.half_width() == pytest.approx(plain.half_width() * drifting.tests.motion.factor**0.5)
+
+
+def test_terms_of_a_law():
+    """Weights, springs and dampers are among the first terms of one joint, those of the others with two."""
+    time = np.arange(0.0, 20.0, 0.01)
+    q = np.column_stack([np.sin(time), 1.3 * np.sin(1.7 * time + 0.4)])
+    v = np.gradient(q, time, axis=0)
+    for joints in (1, 2):
+        x, w = q[:, :joints], v[:, :joints]
+        made = 2.0 * np.sin(x.sum(axis=1)) - 3.0 * (x[:, 0] - 0.2) - 0.4 * w[:, -1]
+        terms = law_terms(x, w, 0)[:, : 6 + 4 * (joints - 1) + 2]
+        left = made - terms @ np.linalg.lstsq(terms, made, rcond=None)[0]
+        assert np.abs(left).max() < 1e-6 * np.abs(made).max()
