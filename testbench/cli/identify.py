@@ -1,6 +1,7 @@
 """``testbench identify``, and its tables."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -182,8 +183,8 @@ Exit codes: 0 done, 3 done with findings (gaps left out) or doubts, which are li
 @click.option(
     "--accept",
     multiple=True,
-    type=click.Choice(["mechanism_differs"]),
-    help="Identify though the rig of the runs is of another mechanism than MECH.",
+    metavar="CODE",
+    help="A contradiction that a person accepts, or mechanism_differs: the rig is of another mechanism than MECH.",
 )
 @click.option("--rig", help="A rig in place of the one stored with the runs.")
 @click.option(
@@ -196,18 +197,20 @@ def identify(mechanism: str, runs: tuple[Path, ...], figure: Path | None, as_jso
     What the runs determine is found before solving, and what they do not is named. MECH comes bare: payload and
     counter-masses are those of the first run's conditions, what other runs mounted beyond them is taken off. Cut-off
     and delay are chosen by the torque error on held-out blocks. Intervals (95 %) contain the answers at half and
-    double that cut-off, without the delay, and by the other methods.
+    double that cut-off, without the delay, and by the other methods. A run whose sensors contradict the run table or
+    the other runs (testbench doctor) makes the result doubtful, until its CODE is accepted.
     """
 
     from balance.mechanism.mjcf_parser import load_mechanism
 
     from .. import rig as rigs
     from ..identification import identify as identified
-    from ..identification.records import assemble
+    from ..identification.records import DIFFERS, assemble
     from ..identification.result import validate
     from ..runs.aligned_run import AlignedRun
     from ..runs.si_run import SIRun
 
+    stored_runs.refuse_unknown_codes(code for code in options["accept"] if code != DIFFERS)
     model = load_mechanism(mechanism)
     described = rigs.load_rig(options["rig"]) if options["rig"] else None
     opened = stored_runs.opened_runs(runs)
@@ -215,6 +218,8 @@ def identify(mechanism: str, runs: tuple[Path, ...], figure: Path | None, as_jso
     taken = assemble(bound, options["by"], options["accept"])
     result = identified(taken.records, taken.mechanism, options["method"])
     others = stored_runs.opened_runs(options["separate"])
+    contradictions = stored_runs.contradictions([run.run for run in bound], options["accept"], model)
+    result = replace(result, contradictions=contradictions)
     validation = None
     if others:
         separate = [AlignedRun(SIRun.of(run, described), model) for run in others]

@@ -14,6 +14,8 @@ import click
 from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, plain_text
 
 if TYPE_CHECKING:
+    from balance.mechanism.mechanism import Mechanism
+
     from ..readers import ReadOptions
     from ..recording import Finding
     from ..runs.calibration_history import CalibrationInForce
@@ -70,6 +72,13 @@ def refuse_unknown_codes(accepted: Iterable[str]) -> None:
 
     if wrong := [code for code in accepted if code not in SUBJECTS]:
         raise click.UsageError(f"--accept {wrong[0]}: no such contradiction: expected {', '.join(sorted(SUBJECTS))}")
+
+
+def contradictions(runs: "Iterable[SIRun]", accepted: Iterable[str], mechanism: "Mechanism") -> "tuple[Finding, ...]":
+    """What the runs' sensors contradict in the run table or in each other, but for codes that a person accepts."""
+    from ..cross_examination import examine
+
+    return examine(runs, accepted, mechanism).open_findings
 
 
 def print_findings(findings: Iterable["Finding"]) -> None:

@@ -257,7 +257,10 @@ def identification_document(result: Identification, validation: Validation | Non
         },
         "validation": _validation(result, validation),
         "verdict": result.verdict_with(validation.doubts if validation else ()),
-        "findings": [Finding(GAP_FINDING, None, text.partition(":")[0], text).as_dict() for text in lost],
+        "findings": [
+            *(Finding(GAP_FINDING, None, text.partition(":")[0], text).as_dict() for text in lost),
+            *(finding.as_dict() for finding in result.contradictions),
+        ],
         "doubts": [doubt.text for doubt in doubts],
         "doubt_codes": [doubt.code for doubt in doubts],
     }

@@ -26,7 +26,7 @@ from balance.results import Key
 
 from ..errors import AnalysisError
 from ..loads.shaking_wrench import COMPONENTS
-from ..recording import Origin
+from ..recording import Finding, Origin
 from .cross_validation import (
     FOLDS,
     Candidate,
@@ -156,6 +156,8 @@ class Identification:
     """Choices by which no motion can be simulated or not all is determined."""
     one_sided: Mapping[str, BaseParameters]
     """With torque and rates smoothed but positions as recorded: often done, biased, shown for comparison only."""
+    contradictions: tuple[Finding, ...] = ()
+    """What the runs' sensors contradict in the run table or in each other."""
 
     @property
     def chosen(self) -> Candidate:
@@ -308,7 +310,8 @@ class Identification:
     @cached_property
     def doubts(self) -> list[Doubt]:
         """Why the result is doubtful; empty if it is not."""
-        return [*self.tests.doubts, *self._doubts_of_bodies(), *self._doubts_of_answer()]
+        contradicted = [Doubt(finding.code, finding.message) for finding in self.contradictions]
+        return [*contradicted, *self.tests.doubts, *self._doubts_of_bodies(), *self._doubts_of_answer()]
 
     def _doubts_of_bodies(self) -> list[Doubt]:
         """Parameters that no bodies have, or by which some method has no answer."""
