@@ -34,6 +34,8 @@ FLAT = 0.1
 """Share of the expected reading below which a channel is flat."""
 EXCHANGED = 0.35
 """Remainder with two axes exchanged over that without from which they are exchanged."""
+MANY_STEPS = 8
+"""Values from which a channel vibrates by more than its step."""
 DRIFT_SHARE = 0.25
 """Least drift over the vibration's span that is a contradiction."""
 LEAST_DRIFT = 0.25 * G0
@@ -46,7 +48,12 @@ def levels(observations: Sequence[Observation]) -> list[Statement]:
     A single axis may rest within the sensor's step: it is dead where it vibrates in another run of that kind.
     """
     found = []
-    alive = {(channel, *_kind(seen)) for seen in observations for channel, r in seen.records.items() if not r.dead}
+    alive = {
+        (channel, *_kind(seen))
+        for seen in observations
+        for channel, record in seen.records.items()
+        if len(np.unique(record.start)) > MANY_STEPS
+    }
     for seen in observations:
         for channel, record in seen.records.items():
             if record.column.dimensions[0] != "acceleration":
