@@ -37,6 +37,10 @@ RECORD_S = 2.0
 """Start of a record that is kept to compare runs [s]."""
 SPANS = 40
 """Spans of a record of which the quietest tenth shows the noise."""
+SPAN_SAMPLES = 512
+"""Most samples of each."""
+THIN_SAMPLES = 20_000
+"""Samples of a record, at least, from which its drift is taken."""
 EDGE_S = 0.04
 """Left out at both ends of readings, where their low-pass starts up [s]."""
 DRIVE_TERMS = ("offset", "armature", "viscous", "coulomb")
@@ -130,14 +134,22 @@ def observe(run: SIRun, mechanism: Callable[[], Mechanism]) -> Observation:
     """Read a run once; ``mechanism`` is that of its rig, unloaded. A witness that fails leaves its reason."""
     seen = Observation(run.name, run.conditions, run.rig)
     columns = [column for column in run.rig.columns() if run.holds(column)]
-    run = run.preloaded(columns)
-    for column in columns:
-        if not column.commanded and "angle" not in column.dimensions:
-            _attempt(seen, column.channel, partial(_keep_record, seen, run, column))
+    recorded = [column for column in columns if _is_recorded(column)]
+    commanded = [column for column in columns if column.commanded]
+    run = run.preloaded(columns if run.rig.columns_of(Encoder) else [*recorded, *commanded])
+    for column in recorded:
+        _attempt(seen, column.channel, partial(_keep_record, seen, run, column))
     _attempt(seen, "command", partial(_by_command, seen, run))
     _attempt(seen, "acceleration", partial(_by_acceleration, seen, run))
     _attempt(seen, "encoders", partial(_by_model, seen, run, mechanism))
     return seen
+
+
+def _is_recorded(column: "Column") -> bool:
+    """Whether a channel is compared between runs: each of an accelerometer, the first of another sensor with noise."""
+    if column.commanded or "angle" in column.dimensions:
+        return False
+    return column.dimensions[0] == "acceleration" or column.index == 0
 
 
 def _by_model(seen: Observation, run: SIRun, mechanism: Callable[[], Mechanism]) -> None:
@@ -177,13 +189,15 @@ def _attempt(seen: Observation, witness: str, work: Callable[[], None]) -> None:
 def _record(run: SIRun, column: "Column") -> ChannelRecord:
     values, rate = run.signal(column)
     count = len(values)
-    rough = np.diff(values, 3) if count > 3 else np.zeros(1)
-    parts = np.array_split(rough, min(SPANS, max(len(rough) // 16, 1)))
-    noise = float(np.quantile([part.std() for part in parts], 0.1)) / 20.0**0.5
-    x = np.linspace(-0.5, 0.5, count)
-    slope = float(x @ values) / max(float(x @ x), 1e-300)
+    length = min(SPAN_SAMPLES, max(count // SPANS, 4), count)
+    starts = np.linspace(0, count - length, SPANS).astype(int)
+    rough = np.diff(values[starts[:, None] + np.arange(length)], min(3, length - 1), axis=1)
+    noise = float(np.quantile(rough.std(axis=1), 0.1)) / 20.0**0.5
+    thin = values[:: max(count // THIN_SAMPLES, 1)]
+    x = np.linspace(-0.5, 0.5, len(thin))
+    slope = float(np.sum(x * thin)) / max(float(np.sum(x * x)), 1e-300)
     kept = np.asarray(values[: round(RECORD_S * rate)], dtype=np.float32)
-    span = float(np.ptp(values - slope * x))
+    span = float(np.ptp(thin - slope * x))
     clipped = column.dimensions[0] == "acceleration" and run.saturation(column) is not None
     return ChannelRecord(column, run.group_of(column), kept, rate, is_dead(values), clipped, noise, slope, span)
 

@@ -3,6 +3,7 @@
 from collections import defaultdict
 from collections.abc import Sequence
 from itertools import combinations
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from balance.units import G0
 
 from .observation import BLOCKS, Observation, Response
 from .statement import Statement
+
+if TYPE_CHECKING:
+    from ..rig import Column
 
 ABOVE_NOISE = 5.0
 """Expected reading over the channel's noise in the band from which the model is a witness [-]."""
@@ -118,7 +122,7 @@ def examined_sensors(observations: Sequence[Observation], unsure: frozenset[str]
         for response in seen.responses:
             if seen.name in unsure and response.columns[0].sensor in seen.rig.base_accelerometers:
                 continue
-            one = Gains(response, np.array([seen.records[c.channel].noise_in_band for c in response.columns]))
+            one = Gains(response, np.array([_noise_in_band(seen, c) for c in response.columns]))
             acceleration = response.columns[0].dimensions[0] == "acceleration"
             if acceleration:
                 wrong = _exchanged(seen, one)
@@ -137,6 +141,12 @@ def examined_sensors(observations: Sequence[Observation], unsure: frozenset[str]
         statements += _gain_statements(channel, by_run)
     known = {(s.run, s.channel) for s in statements if s.code in {"gain_contradiction", "flat_channel"}}
     return statements + [s for s in _noises(observations, gains) if (s.run, s.channel) not in known]
+
+
+def _noise_in_band(seen: Observation, column: "Column") -> float:
+    """Of an accelerometer's channel [m/s2]; zero for others, of which the size of the load decides."""
+    record = seen.records.get(column.channel)
+    return 0.0 if record is None else record.noise_in_band
 
 
 def _exchanged(seen: Observation, one: Gains) -> list[Statement]:
