@@ -81,7 +81,8 @@ class Case:
         """Encoders with their zero anywhere within a step, as encoders are mounted."""
         found = {}
         for name, sensor in self.rig.of_kind(Encoder).items():
-            zero = (sensor.resolution or 0.0) * rng.uniform(-0.5, 0.5, 1)
+            step = 0.0 if sensor.resolution is None else sensor.resolution.value
+            zero = step * rng.uniform(-0.5, 0.5, 1)
             found[name] = Transducer((sensor.channel,), np.eye(1), zero, np.zeros(1), None)
         return found
 
