@@ -24,6 +24,10 @@ from ..mechanism.mechanism import Mechanism
 
 QUANTITIES = {"force": "N", "moment": "Nm", "torque": "Nm"}
 """What can be made small over a motion, and the unit of its root mean square."""
+MADE_SMALL = {
+    "force": "shaking force", "moment": "shaking moment", "torque": "drive torque", "vibration": "acceleration",
+}  # fmt: skip
+"""What people call each, and vibration (``base_vibration``)."""
 _STEP = 0.25
 """Travel of the fastest joint between two states of the workspace [rad, or lengths of the mechanism]."""
 _TRAVEL = np.pi
@@ -53,6 +57,13 @@ class Objective:
         """Columns (k, sites) [unit / kg] and target (k,) [unit] with J = |columns m - target|^2, m the masses [kg]."""
         added = np.array([mechanism.with_counter_mass({name: 1.0}).pi - mechanism.pi for name in sites])
         return self.factor[:, :-1] @ added.T, -self.factor @ np.append(mechanism.pi, 1.0)
+
+
+def objective_of(
+    mechanism: Mechanism, trajectory: Trajectory | None, weights: Mapping[str, float] | None = None
+) -> Objective:
+    """Of the motion of a trajectory, or without one of the workspace."""
+    return workspace_objective(mechanism) if trajectory is None else motion_objective(mechanism, trajectory, weights)
 
 
 def motion_objective(

@@ -3,7 +3,6 @@
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from math import inf
 from typing import TYPE_CHECKING, Any
 
@@ -22,136 +21,6 @@ if TYPE_CHECKING:
     from ..mechanism.mechanism import Mechanism
 
 Payload = tuple[tuple[str, float], ...]
-
-
-def _size_growing(
-    mechanism: str,
-    payloads: Sequence[Payload],
-    sites: tuple[str, ...],
-    stock: str | None,
-    objective: tuple[str | None, dict[str, float]],
-    as_json: bool,
-) -> None:
-    """Size and print a set for each of ``payloads``, which rise."""
-    from ..balancing.remaining_force import STEPS
-    from ..balancing.sizing import sizing_document
-
-    models = [options.load_mechanism_option(mechanism, payload) for payload in payloads]
-    sets = [
-        {"payload_kg": dict(payload), **sizing_document(sized), "increments_kg": increments}
-        | {"balanced": sized.is_complete(), "remaining_percent": sized.remaining_percent()}
-        | {"attainable_with_any_mass": _is_attainable(sized, sites), "proven": sized.bound is not None}
-        for payload, (sized, increments) in zip(
-            payloads, _size_nested(models, payloads, sites, stock, objective), strict=True
-        )
-    ]
-    published = _published(models, payloads) if stock == "kiper2019" and not sites else {}
-    complete = all(one["balanced"] for one in sets)
-    if as_json:
-        emit_json({"mechanism": models[0].name, "stock": stock, "sets": sets, **published})
-    else:
-        left = ", ".join(per_cent(one["remaining_percent"]) for one in sets)
-        what = "momentum" if objective[0] is None else " and ".join(_MADE_SMALL[name] for name in objective[1])
-        click.echo(
-            "Balanced completely with each payload."
-            if complete
-            else f"Not balanced completely: {left} of the RMS {what} remains with the payloads below."
-        )
-        _print_nested(models[0].name, sets, stock)
-    if published and not as_json:
-        _print_published(published["published"])
-    largest = max(one["remaining_percent"] or 0.0 for one in sets)
-    sys.exit(0 if complete or (stock and largest <= 100.0 * STEPS) else EXIT_WITH_FINDINGS)
-
-
-def _is_attainable(sized: "Sizing", sites: tuple[str, ...]) -> bool:
-    """Whether masses of any size at the sites would balance completely, this payload alone."""
-    from ..balancing import exact_sizing
-
-    return exact_sizing(sized.conditions, sized.before, sites, objective=sized.objective).is_complete()
-
-
-def _size_nested(
-    models: "Sequence[Mechanism]",
-    payloads: Sequence[Payload],
-    sites: tuple[str, ...],
-    stock: str | None,
-    objective: tuple[str | None, dict[str, float]],
-) -> "list[tuple[Sizing, dict[str, float]]]":
-    """Each set with what it adds to the one before at each site [kg]."""
-    from ..balancing import nested_exact_sizing, nested_size_from_stock
-    from ..balancing.conditions import balance_conditions
-    from ..balancing.stock_plates import load_stock
-
-    found = balance_conditions(models[0])
-    motion, weights = objective
-    along = options.follow_motion(models[0], motion) if motion else None
-    objectives = [_objective(model, along, weights) for model in models]
-    if stock:
-        sets = nested_size_from_stock(found, models, load_stock(stock), sites, objectives)
-    else:
-        sets = nested_exact_sizing(found, models, sites, objectives)
-    masses = [{c.site: c.mass for c in sized.counter_masses} for sized in sets]
-    before = [dict.fromkeys(masses[0], 0.0), *masses]
-    added = [{site: more[site] - less[site] for site in more} for less, more in pairwise(before)]
-    bodies = [options.payload_bodies(model, payload) for model, payload in zip(models, payloads, strict=True)]
-    return [(replace(s, payload_bodies=b), add) for s, b, add in zip(sets, bodies, added, strict=True)]
-
-
-def _published(models: "Sequence[Mechanism]", payloads: Sequence[Payload]) -> dict[str, Any]:
-    """Sets that the source built, for the source's manipulator with its payloads; else empty."""
-    if not models[0].name.startswith("parallelogram-6bar") or any([n for n, _ in p] != ["platform"] for p in payloads):
-        return {}
-    from ..balancing import closed_forms
-    from ..balancing.conditions import balance_conditions
-
-    found = closed_forms.built_sets(balance_conditions(models[0]), models, [payload[0][1] for payload in payloads])
-    sets = [
-        {"payload_kg": s.payload, "plates": list(s.plates), "mass_kg": s.mass, "residual_first_moment_kgm": s.residual}
-        for s in found
-    ]
-    return {"published": {"sets": sets, "increments_kg": list(closed_forms.published_increments())}} if sets else {}
-
-
-def _print_published(published: dict[str, Any]) -> None:
-    click.echo("Built by the source, and its residual:")
-    for found in published["sets"]:
-        residual = first_moment(found["residual_first_moment_kgm"])
-        click.echo(
-            f"  {mass(found['payload_kg'])} kg  {' + '.join(found['plates'])} = {mass(found['mass_kg'])} kg  {residual}"
-        )
-    increments = " and ".join(f"{value:g}" for value in published["increments_kg"])
-    click.echo(
-        f"Its published increments, {increments} kg, are differences of its published counter-masses, not of plates."
-    )
-
-
-def _print_nested(name: str, sets: list[dict[str, Any]], stock: str | None) -> None:
-    rows, mounted = [], dict[str, list[str]]()
-    for found in sets:
-        payload = ", ".join(f"{body} {mass(value)}" for body, value in found["payload_kg"].items())
-        for counter in found["counter_masses"]:
-            site = counter["site"]
-            row = [payload, site, mass(counter["mass_kg"]), mass(found["increments_kg"][site])]
-            new = list(counter["plates"])
-            for plate in mounted.get(site, []):
-                new.remove(plate)
-            mounted[site] = list(counter["plates"])
-            rows.append([*row, " + ".join(new) or "-"] if stock else row)
-            payload = ""
-    title = f"Counter-masses for {name}" + (f" from {stock}" if stock else "") + ", sets that only grow"
-    header = ["payload [kg]", "site", "mass [kg]", "added [kg]"]
-    emit_table(title, [*header, "plates added"] if stock else header, rows)
-    for found in sets:
-        payload = ", ".join(f"{body} = {mass(value)} kg" for body, value in found["payload_kg"].items())
-        if found["attainable_with_any_mass"]:
-            residual = first_moment(found["residual_first_moment_kgm"])
-            click.echo(f"Residual at {payload}  {residual}  ({per_cent(found['residual_percent'])})")
-        else:
-            click.echo(f"At {payload}  no masses at these sites balance completely")
-    if stock:
-        proof = "proven" if all(one["proven"] for one in sets) else "the best found in the time, not proven"
-        click.echo(f"Least in the sum over the payloads of all sets that only grow: {proof}.")
 
 
 @click.command(
@@ -244,7 +113,9 @@ def size(
             raise click.UsageError(
                 "--limit, --equal, --without, --best, --rig and --figure are for one payload of a body"
             )
-        _size_growing(mechanism, payloads, site, stock, (motion, weights), as_json)
+        from .growing_sets import size_growing
+
+        size_growing(mechanism, payloads, site, stock, (motion, weights), as_json)
         return
     from ..balancing.conditions import balance_conditions
     from ..balancing.remaining_force import verdict_of
@@ -272,7 +143,9 @@ def size(
         vibration = vibration_objective(model, trajectory, measured)
         any_mass = least_vibration(conditions, model, sites, vibration, sized)
     else:
-        any_mass = sized(_objective(model, trajectory, weights))
+        from ..balancing.objective import objective_of
+
+        any_mass = sized(objective_of(model, trajectory, weights))
     sets = [any_mass]
     if stock:
         from ..balancing.base_vibration import VibrationObjective, least_vibration_from_stock
@@ -340,13 +213,6 @@ def _weights(texts: Sequence[str], motion: str | None, rig: str | None) -> dict[
     return found or {"force": 1.0}
 
 
-def _objective(model: "Mechanism", trajectory: "Trajectory | None", weights: dict[str, float]) -> "Objective":
-    """What is made small."""
-    from ..balancing.objective import motion_objective, workspace_objective
-
-    return workspace_objective(model) if trajectory is None else motion_objective(model, trajectory, weights)
-
-
 def _samples(trajectory: "Trajectory | None", model: "Mechanism") -> "Callable[[Mechanism], Floats]":
     """The force along a motion, or the momentum over the workspace, of a mechanism."""
     from ..balancing.objective import workspace_momentum
@@ -409,12 +275,14 @@ def _print_verdict(
 
     ``any_mass`` are the best masses of any size, where plates are asked for.
     """
+    from ..balancing.objective import MADE_SMALL
+
     where = "over the workspace" if motion is None else f"in motion {motion}"
     if verdict.balanced:
         click.echo(f"Balanced completely {where}.")
         return
     unit = {"N": "N", "Nm": "N m", "m_per_s2": "m/s2"}.get(result.objective.unit if result.objective else "", "")
-    what = "momentum" if motion is None else " and ".join(_MADE_SMALL[name] for name in weights)
+    what = "momentum" if motion is None else " and ".join(MADE_SMALL[name] for name in weights)
     sizes = f" ({verdict.after:.4g} {unit} of {verdict.before:.4g} {unit})" if unit else ""
     click.echo(
         f"Not balanced completely: {_share(verdict.after, verdict)} of the RMS {what} remains {where}{sizes}; "
@@ -435,14 +303,6 @@ def _print_verdict(
         click.echo(f"{start}: {left} remain.")
     if verdict.directions and not verdict.attainable and not verdict.needed:
         click.echo("No counter-mass on any body would lessen it.")
-
-
-_MADE_SMALL = {
-    "force": "shaking force",
-    "moment": "shaking moment",
-    "torque": "drive torque",
-    "vibration": "acceleration",
-}
 
 
 def _share(value: float, verdict: "Verdict") -> str:
