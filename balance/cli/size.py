@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache, partial
 from math import inf
 from typing import TYPE_CHECKING, Any
 
@@ -220,8 +221,8 @@ def _samples(trajectory: "Trajectory | None", model: "Mechanism") -> "Callable[[
 
     if trajectory is not None:
         return lambda one: simulate(one, trajectory).force
-    rows = workspace_momentum(model)
-    return lambda one: rows @ one.pi
+    rows = cache(partial(workspace_momentum, model))  # found where something remains
+    return lambda one: rows() @ one.pi
 
 
 def _sites(model: "Mechanism", sites: tuple[str, ...], without: tuple[str, ...]) -> list[str]:
