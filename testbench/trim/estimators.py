@@ -134,8 +134,8 @@ def by_torque(problem: TrimProblem) -> SourceEstimate:
     found, fixed = _all_or_at_sites(equations, problem)
     measured, within = equations.widened(found)
     about = (
-        f"Motor torques and model low-passed alike at {cutoff:g} Hz; inertias, friction, offsets and delays estimated "
-        "with the conditions, the base taken for still.",
+        f"Motor torques and model low-passed alike at {cutoff:g} Hz; inertias, friction, offsets, drifts and delays "
+        "estimated with the conditions, the base taken for still.",
     )
     return SourceEstimate("torque", measured, (*about, *fixed, _jackknife(measured, within)), (), tuple(findings))
 

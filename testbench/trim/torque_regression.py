@@ -2,7 +2,7 @@
 
 Of the torques W pi of the driven joints, loops closed, pi = C^+ c + N z with the conditions C pi = c and N what they
 leave free: the columns of c are W C^+; z (inertias, and what of the first moments balances), friction and the
-drives' own inertia are nuisances, the same in all runs, offsets and delays of the torques run by run.
+drives' own inertia are nuisances, the same in all runs, offsets, drifts and delays of the torques run by run.
 """
 
 from typing import TYPE_CHECKING
@@ -16,7 +16,7 @@ from balance.dynamics.regressor import driven_torque_regressor, joint_friction_r
 from ..errors import AnalysisError
 from ..rig.sensors import Torque
 from ..runs.aligned_run import AlignedRun
-from .problem import RunEquations, motion_name, parameter_basis
+from .problem import RunEquations, motion_name, offset_and_drift, parameter_basis
 from .valid_samples import ValidSamples
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def torque_regression(run: AlignedRun, conditions: Conditions, cutoff: float) ->
         1.0 / (cutoff * run.grid.step),
         smooth[:, :, :-2],
         smooth[:, :, -2],
-        np.concatenate([np.eye(joints)[None] * counts, smooth[:, :, -1:]], axis=2),
+        np.concatenate([offset_and_drift(valid.kept[used], joints) * moving[used], smooth[:, :, -1:]], axis=2),
         counts[:, :, 0].astype(float),
         motion_name(run),
         model.driven,

@@ -52,6 +52,19 @@ def test_motor_torques(manipulator, runs):
     assert any("taken from the mechanism's file" in line for line in found.about)
 
 
+def test_a_torque_that_drifts_tells_the_same(manipulator, runs):
+    """An offset of 3 N m and 2 N m/s in one drive's log are nuisances: equal to rounding, 1e-10 kg m."""
+    rig, found = with_kinds("encoder", "torque"), []
+    for drift in (0.0, 2.0):
+        seen = []
+        for run in runs:
+            values = run.channel("tau1")
+            slow = drift * (1.5 + np.arange(len(values)) / run.find("tau1")[0].rate_hz)
+            seen.append(memory.with_values(run, "tau1", values + slow))
+        found.append([m.first_moment.value for m in trim_runs(memory.aligned(seen, manipulator, rig)).missing])
+    assert found[0] == pytest.approx(found[1], abs=1e-8)
+
+
 def test_torque_scales_with_what_is_missing(manipulator):
     """Two kilograms less on one arm are found by torque, and only there."""
     less = {**memory.BUILT, "counter_A0A": memory.BUILT["counter_A0A"] - 2.0}
